@@ -1,0 +1,1 @@
+"""Calibration: the record, where it is found, and how it is applied."""

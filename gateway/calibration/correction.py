@@ -1,0 +1,106 @@
+"""From raw readings to specific force in the housing frame, with what is known of its error."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.block import DeviceInfo
+from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.messages import CalibrationStatus
+
+UNCALIBRATED_SCALE_U = 0.03
+"""Relative standard uncertainty of a nominal sensitivity where nothing better is known."""
+UNCALIBRATED_OFFSET_G = 0.15
+"""Limit of the zero-g offset of a part whose datasheet limit is not known."""
+RECORDED_NORM_MARGIN_G = 0.01
+"""Permissible norm error of a recording in g that brings no calibration record."""
+
+
+@dataclass(frozen=True, slots=True)
+class Correction:
+    """An affine correction in force: specific_force_g = raw @ gain.T + bias, in the housing frame."""
+
+    status: CalibrationStatus
+    calibration_id: str | None
+    gain: NDArray[np.float64]
+    bias_g: NDArray[np.float64]
+    u_zero_g_offset_g: NDArray[np.float64]
+    """Standard uncertainty per housing axis, shape (3,)."""
+    u_scale_factor: NDArray[np.float64]
+    """Relative, per housing axis, shape (3,)."""
+    permissible_norm_error_g: float
+    """dm of 001 eq. 14."""
+    text: str
+
+    def apply(self, raw: NDArray[np.int32] | NDArray[np.float64]) -> NDArray[np.float64]:
+        """Specific force in the housing frame in g, shape (n, 3)."""
+        return raw @ self.gain.T + self.bias_g
+
+
+def correction_for(info: DeviceInfo, axes: tuple[tuple[int, int], ...], stored: CalibrationRecord | None) -> Correction:
+    """The best that is known of a device: its stored record, its factory record, or the datasheet.
+
+    Raises `CalibrationError` when the record is for another device or another unit of raw input.
+    """
+    turn = np.zeros((3, 3))
+    for housing_axis, (sensor_axis, sign) in enumerate(axes):
+        turn[housing_axis, sensor_axis] = sign
+    if stored is not None:
+        return _from_record("calibrated", stored, info, turn)
+    if info.factory_calibration is not None:
+        return _from_record("factory", CalibrationRecord.model_validate(info.factory_calibration), info, turn)
+    if info.calibrated_source:
+        return _as_recorded(turn)
+    return _nominal(info, turn)
+
+
+def _from_record(
+    status: CalibrationStatus, record: CalibrationRecord, info: DeviceInfo, turn: NDArray[np.float64]
+) -> Correction:
+    if record.device_id != info.device_id:
+        raise CalibrationError(f"calibration {record.id} belongs to {record.device_id}, not to {info.device_id}")
+    if record.unit != info.unit:
+        raise CalibrationError(
+            f"calibration {record.id} is for raw input in {record.unit}, the device gives {info.unit}"
+        )
+    gain = turn @ np.array(record.correction_matrix)
+    source = np.abs(turn)
+    return Correction(
+        status=status,
+        calibration_id=record.id,
+        gain=gain,
+        bias_g=-gain @ np.array(record.offset),
+        u_zero_g_offset_g=source @ record.u_zero_g_offset_g,
+        u_scale_factor=source @ record.u_scale_factor,
+        permissible_norm_error_g=record.prediction_interval_g,
+        text=f"{status}: {record.method} of {record.created_utc} by {record.by}",
+    )
+
+
+def _as_recorded(turn: NDArray[np.float64]) -> Correction:
+    return Correction(
+        status="as_recorded",
+        calibration_id=None,
+        gain=turn,
+        bias_g=np.zeros(3),
+        u_zero_g_offset_g=np.zeros(3),
+        u_scale_factor=np.zeros(3),
+        permissible_norm_error_g=RECORDED_NORM_MARGIN_G,
+        text="as recorded: specific force in g; its calibration is not known here",
+    )
+
+
+def _nominal(info: DeviceInfo, turn: NDArray[np.float64]) -> Correction:
+    offset_limit_g = info.zero_g_offset_g if info.zero_g_offset_g is not None else UNCALIBRATED_OFFSET_G
+    u_offset_g = offset_limit_g / np.sqrt(3)  # a limit is a rectangular distribution (GUM 4.3.7)
+    return Correction(
+        status="uncalibrated",
+        calibration_id=None,
+        gain=turn / info.units_per_g,
+        bias_g=np.zeros(3),
+        u_zero_g_offset_g=np.full(3, u_offset_g),
+        u_scale_factor=np.full(3, UNCALIBRATED_SCALE_U),
+        permissible_norm_error_g=2 * float(np.hypot(u_offset_g, UNCALIBRATED_SCALE_U)),
+        text=f"uncalibrated: datasheet sensitivity, zero-g offset unknown within {offset_limit_g * 1000:.0f} mg",
+    )

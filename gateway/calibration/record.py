@@ -1,0 +1,63 @@
+"""The calibration record: an affine correction with its evidence, immutable, identified by its hash."""
+
+import hashlib
+import json
+from typing import Annotated, Any, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import BaseModel, ConfigDict, Field, model_validator
+
+Row = Annotated[list[float], Field(min_length=3, max_length=3)]
+CovarianceRow = Annotated[list[float], Field(min_length=12, max_length=12)]
+
+
+class CalibrationError(ValueError):
+    """A calibration record cannot be used; the text says why in one line."""
+
+
+class CalibrationRecord(BaseModel):
+    """corrected_g = correction_matrix @ (raw - offset), in the sensor's axes."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
+
+    format: Literal[1]
+    id: str = Field(min_length=1)
+    device_id: str
+    method: str
+    created_utc: str
+    software: str
+    by: str
+    parent: str | None
+    unit: Literal["g", "V", "counts"]
+    offset: Row
+    correction_matrix: Annotated[list[Row], Field(min_length=3, max_length=3)]
+    covariance: Annotated[list[CovarianceRow], Field(min_length=12, max_length=12)]
+    prediction_interval_g: float = Field(gt=0)
+    temperature_c: dict[str, float] | None
+    sha256: str
+
+    @model_validator(mode="after")
+    def _whole(self) -> Self:
+        if self.sha256 != content_hash(self.model_dump(mode="json")):
+            raise ValueError("sha256 does not match the content; the record was changed after it was made")
+        return self
+
+    @property
+    def u_zero_g_offset_g(self) -> NDArray[np.float64]:
+        """Standard uncertainty of each axis' zero-g offset, shape (3,), g."""
+        matrix = np.array(self.correction_matrix)
+        offset_covariance = np.array(self.covariance)[9:, 9:]
+        return np.sqrt(np.diag(matrix @ offset_covariance @ matrix.T))
+
+    @property
+    def u_scale_factor(self) -> NDArray[np.float64]:
+        """Relative standard uncertainty of each axis' scale factor, shape (3,)."""
+        diagonal = np.sqrt(np.diag(np.array(self.covariance)))[[0, 4, 8]]
+        return np.asarray(diagonal / np.abs(np.diag(np.array(self.correction_matrix))))
+
+
+def content_hash(record: dict[str, Any]) -> str:
+    """SHA-256 of the canonical JSON (sorted keys, no blanks) of everything but the hash itself."""
+    content = {key: value for key, value in record.items() if key != "sha256"}
+    return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

@@ -1,0 +1,1 @@
+"""What the gateway is told: TOML file, environment, defaults."""

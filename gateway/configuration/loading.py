@@ -1,0 +1,131 @@
+"""From a TOML file and the environment to a configuration, or to one line that names the key and what would be right."""
+
+import difflib
+import os
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+
+from gateway.configuration.model import DEVICE_KINDS, AnyDevice, Configuration, HousingSection
+
+ENVIRONMENT_PREFIX = "PLUMBLINE_"
+
+
+class ConfigurationError(ValueError):
+    """The configuration cannot be used; the text names file, key and mend in one line."""
+
+
+EMBEDDED_DEFAULT = Configuration(housing=HousingSection(above_load_m=3.0))
+"""What `plumbline run` runs without a file: a simulated crane."""
+
+
+def load(path: Path | None, environment: Mapping[str, str] = os.environ) -> Configuration:
+    """The configuration of a file (None: the embedded default) with the environment's overrides.
+
+    Raises `ConfigurationError`.
+    """
+    table = EMBEDDED_DEFAULT.model_dump(mode="json", exclude_unset=True) if path is None else _read(path)
+    where = str(path) if path else "the embedded default"
+    overridden = _override(table, environment)
+    return validate(table, where + (" with " + ", ".join(overridden) if overridden else ""))
+
+
+def validate(table: dict[str, Any], where: str) -> Configuration:
+    """A configuration from a parsed table; `where` names its place in the error. Raises `ConfigurationError`."""
+    device = table.get("device")
+    if isinstance(device, dict):
+        device.setdefault("kind", "simulated")
+    try:
+        return Configuration.model_validate(table)
+    except ValidationError as error:
+        problems = [_describe(dict(problem), table) for problem in error.errors(include_url=False)]
+        raise ConfigurationError(f"{where}: " + "; ".join(problems)) from error
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError as error:
+        raise ConfigurationError(f"{path}: no such file; `plumbline config show` prints one to start from") from error
+    except OSError as error:
+        raise ConfigurationError(f"{path}: cannot be read ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise ConfigurationError(f"{path}: is not UTF-8 text; a TOML file is needed") from error
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{path}: is not TOML: {error}") from error
+
+
+def _override(table: dict[str, Any], environment: Mapping[str, str]) -> list[str]:
+    """Put PLUMBLINE_<SECTION>__<KEY> into the table; the names used."""
+    used = []
+    for name in sorted(environment):
+        parts = name.removeprefix(ENVIRONMENT_PREFIX).lower().split("__")
+        if not name.startswith(ENVIRONMENT_PREFIX) or len(parts) < 2:
+            continue
+        place = table
+        for part in parts[:-1]:
+            place = place.setdefault(part, {})
+            if not isinstance(place, dict):
+                raise ConfigurationError(f"{name}: {part} is a value, not a section")
+        place[parts[-1]] = _environment_value(environment[name])
+        used.append(name)
+    return used
+
+
+def _environment_value(text: str) -> Any:
+    """A TOML value where the text is one, else the text itself."""
+    try:
+        return tomllib.loads(f"value = {text}")["value"]
+    except tomllib.TOMLDecodeError:
+        return text
+
+
+def _describe(problem: dict[str, Any], table: dict[str, Any]) -> str:
+    """One problem as place, what is wrong, what would be right."""
+    place = [str(part) for part in problem["loc"]]
+    if place[:1] == ["device"] and len(place) > 1 and place[1] in DEVICE_KINDS:
+        del place[1]
+    name = ".".join(place)
+    if problem["type"] == "extra_forbidden":
+        return f"{name}: unknown key{_suggestion(place, table)}"
+    if problem["type"] == "union_tag_invalid":
+        return f"device.kind: {table['device']['kind']!r} is not supported; this version has {', '.join(DEVICE_KINDS)}"
+    if problem["type"] == "missing":
+        return f"{name}: is missing and has no default"
+    text = str(problem["msg"]).removeprefix("Value error, ")
+    given = problem.get("input")
+    shown = f" (given: {given!r})" if name and isinstance(given, str | int | float | bool) else ""
+    return f"{name}: {text}{shown}" if name else text
+
+
+def _suggestion(place: list[str], table: dict[str, Any]) -> str:
+    """The known key that was probably meant."""
+    if len(place) == 1:
+        known = list(Configuration.model_fields)
+    else:
+        kind = table["device"]["kind"] if place[0] == "device" else None
+        section = _section_class(place[0], kind)
+        known = list(_nested(section, place[1:-1]).model_fields)
+    close = difflib.get_close_matches(place[-1], known, n=1, cutoff=0.5)
+    return f"; did you mean {close[0]}?" if close else f"; known are {', '.join(known)}"
+
+
+def _nested(section: type[BaseModel], path: list[str]) -> type[BaseModel]:
+    for name in path:
+        annotation = section.model_fields[name].annotation
+        if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+            section = annotation
+    return section
+
+
+def _section_class(section: str, device_kind: str | None) -> type[BaseModel]:
+    if section == "device":
+        classes: tuple[type[BaseModel], ...] = get_args(get_args(AnyDevice)[0])
+        return classes[DEVICE_KINDS.index(str(device_kind))]
+    annotation = Configuration.model_fields[section].annotation
+    if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
+        raise TypeError(f"{section} is not a section")
+    return annotation

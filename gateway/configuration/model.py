@@ -1,0 +1,269 @@
+"""Everything that can be set: sections, keys, units, defaults and what is impossible."""
+
+import math
+from pathlib import Path
+from typing import Annotated, Literal, Self, get_args
+
+from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+KEY_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+
+
+class Section(BaseModel):
+    """A table of the file: unknown keys are refused, values do not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class GatewaySection(Section):
+    """Who this gateway is: the key of its messages and the place of its data."""
+
+    site: str = Field("demo-site", pattern=KEY_PATTERN, description="first part of the bus key")
+    crane: str = Field("crane-1", pattern=KEY_PATTERN, description="second part of the bus key")
+    sensor: str = Field("hook-1", pattern=KEY_PATTERN, description="third part of the bus key")
+    data_dir: Path = Field(Path("plumbline-data"), description="folder of recordings and calibration records")
+
+    @property
+    def key(self) -> str:
+        """Prefix of every key on the bus."""
+        return f"plumbline/v1/{self.site}/{self.crane}/{self.sensor}"
+
+
+class DeviceSection(Section):
+    """What every device has."""
+
+    axes_map: str = Field("x,y,z", description="sensor axes that are the housing's x, y and z, e.g. '-y,x,z'")
+    block_samples: int | None = Field(
+        None, ge=1, le=1024, description="samples per block; without it 50 ms' worth, at most 32"
+    )
+    serial: str | None = Field(
+        None, pattern=KEY_PATTERN, description="label on the housing, for parts without a number of their own"
+    )
+
+    @field_validator("axes_map")
+    @classmethod
+    def _right_handed(cls, text: str) -> str:
+        axes = [axis.strip() for axis in text.split(",")]
+        if sorted(axis.lstrip("+-") for axis in axes) != ["x", "y", "z"]:
+            raise ValueError(f"axes_map {text!r} must name x, y and z once each, such as '-y,x,z'")
+        if _determinant(axes) < 0:
+            raise ValueError(f"axes_map {text!r} is left-handed (a mirror image); turn one sign")
+        return ",".join(axes)
+
+    @property
+    def axes(self) -> tuple[tuple[int, int], ...]:
+        """(source axis index, sign) of each housing axis."""
+        return tuple(("xyz".index(axis[-1]), -1 if axis.startswith("-") else 1) for axis in self.axes_map.split(","))
+
+
+def _determinant(axes: list[str]) -> int:
+    order = ["xyz".index(axis[-1]) for axis in axes]
+    even = order in ([0, 1, 2], [1, 2, 0], [2, 0, 1])
+    negative = sum(axis.startswith("-") for axis in axes) % 2
+    return (1 if even else -1) * (-1 if negative else 1)
+
+
+class SimulatedDevice(DeviceSection):
+    """A crane that is not there, so that the gateway runs anywhere at once."""
+
+    kind: Literal["simulated"] = "simulated"
+    odr_hz: float = Field(125.0, gt=0, le=4000, description="output data rate")
+    range_g: float = Field(2.0, gt=0, description="full scale")
+    seed: int = Field(1, ge=0, description="of the operator's moves, the wind and the noise")
+
+
+class ReplayDevice(DeviceSection):
+    """A recording, through the same pipeline."""
+
+    kind: Literal["replay"]
+    path: Path = Field(description=".csv or .mcap")
+    speed: float = Field(1.0, ge=0, description="times real time; 0: as fast as it goes")
+    time_column: str | None = Field(None, description="foreign text: name or 1-based number of the column of seconds")
+    axis_columns: list[str] | None = Field(
+        None, min_length=3, max_length=3, description="foreign text: names or numbers of the x, y, z columns"
+    )
+    unit: Literal["g", "m/s2", "counts"] | None = Field(None, description="foreign text: unit of the axes")
+    units_per_g: float | None = Field(None, gt=0, description="foreign text in counts: counts per g")
+    rate_hz: float | None = Field(None, gt=0, description="foreign text without a column of seconds: sample rate")
+
+
+class Adxl355Device(DeviceSection):
+    """Analog Devices ADXL355 over I2C."""
+
+    kind: Literal["adxl355"]
+    bus: int = Field(1, ge=0, description="N of /dev/i2c-N")
+    address: int = Field(0x1D, description="0x1D, or 0x53 with the ASEL pin high")
+    odr_hz: float = Field(125.0, description="output data rate: 4000 Hz halved up to ten times")
+    range_g: Literal[2, 4, 8] = Field(2, description="full scale")
+
+    @field_validator("odr_hz")
+    @classmethod
+    def _halved(cls, odr_hz: float) -> float:
+        rates = [4000.0 / (1 << k) for k in range(11)]
+        nearest = min(rates, key=lambda rate: abs(rate - odr_hz))
+        if abs(nearest - odr_hz) > 1e-3 * nearest:
+            raise ValueError(f"the ADXL355 has no rate of {odr_hz:g} Hz; nearest is {nearest:g}")
+        return nearest
+
+
+class WitMotionDevice(DeviceSection):
+    """WitMotion sensor or radio receiver on a serial port."""
+
+    kind: Literal["witmotion"]
+    port: str = Field(description="such as /dev/serial/by-id/...")
+    baud: int = Field(115200, gt=0, description="as set in the sensor")
+    odr_hz: float = Field(100.0, gt=0, le=1000, description="as set in the sensor")
+
+
+AnyDevice = Annotated[
+    SimulatedDevice | ReplayDevice | Adxl355Device | WitMotionDevice,
+    Field(discriminator="kind", description="where samples come from"),
+]
+DEVICE_KINDS = tuple(get_args(device.model_fields["kind"].annotation)[0] for device in get_args(get_args(AnyDevice)[0]))
+
+
+class RopeSection(Section):
+    """The rope, as believed; the measured period wins."""
+
+    length_m: float = Field(12.0, gt=0, le=500, description="pivot to the load's centre")
+
+
+class HousingSection(Section):
+    """Where the housing is clamped to the rope; one of the two."""
+
+    position_m: float | None = Field(None, ge=0, description="from the pivot, along the rope")
+    above_load_m: float | None = Field(None, ge=0, description="above the load's centre; stays while hoisting")
+
+    @model_validator(mode="after")
+    def _one_place(self) -> Self:
+        if self.position_m is not None and self.above_load_m is not None:
+            raise ValueError("position_m and above_load_m both say where the housing is; keep one")
+        return self
+
+
+class SiteSection(Section):
+    """Gravity: given, or from latitude and altitude."""
+
+    gravity_m_s2: float | None = Field(
+        None, gt=9.7, lt=9.9, description="local gravity; without it, from latitude_deg or the standard 9.80665"
+    )
+    latitude_deg: float | None = Field(None, ge=-90, le=90)
+    altitude_m: float = Field(0.0, ge=-500, le=9000)
+
+    @property
+    def local_gravity_m_s2(self) -> float:
+        """Local gravity: WGS 84 (Somigliana) with the free-air correction, where it is not given."""
+        if self.gravity_m_s2 is not None:
+            return self.gravity_m_s2
+        if self.latitude_deg is None:
+            return 9.80665
+        s2 = math.sin(math.radians(self.latitude_deg)) ** 2
+        normal = 9.7803253359 * (1 + 0.00193185265241 * s2) / math.sqrt(1 - 0.00669437999013 * s2)
+        return normal - 3.086e-6 * self.altitude_m
+
+
+class FilterSection(Section):
+    """The Butterworth low-pass before static tilt and the published formulas."""
+
+    cutoff_hz: float = Field(1.0, gt=0, le=100, description="-3 dB")
+    order: int = Field(2, ge=1, le=8)
+
+
+class AlertsSection(Section):
+    """Limits; the upper end of the swing's 95 % interval is held against them."""
+
+    warn_deg: float = Field(4.0, gt=0, lt=90)
+    trip_deg: float = Field(6.0, gt=0, lt=90)
+    clear_deg: float = Field(3.0, gt=0, lt=90, description="an alert clears below this, after hold_s")
+    hold_s: float = Field(3.0, ge=0, le=600)
+    lean_trip_deg: float = Field(3.0, gt=0, lt=90, description="side pull: the steady part of the rope's angle")
+    stale_s: float = Field(1.0, ge=0.2, le=60, description="without a sample for this long the reading is stale")
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if not self.clear_deg <= self.warn_deg <= self.trip_deg:
+            raise ValueError(
+                f"clear_deg {self.clear_deg:g} <= warn_deg {self.warn_deg:g} <= trip_deg {self.trip_deg:g} must hold"
+            )
+        return self
+
+
+class RecorderSection(Section):
+    """The flight recorder."""
+
+    segment_s: float = Field(600.0, ge=1, le=86400, description="a new file is begun after this")
+    quota_mb: float = Field(16000.0, gt=0, description="the oldest closed files are deleted beyond this")
+    fsync_s: float = Field(1.0, gt=0, le=60, description="what a power cut may cost")
+    pre_event_s: float = Field(60.0, ge=0, description="kept before an alert when the quota deletes")
+    post_event_s: float = Field(120.0, ge=0, description="kept after an alert when the quota deletes")
+
+
+class TlsSection(Section):
+    """Certificates of the bus."""
+
+    ca: Path | None = None
+    certificate: Path | None = None
+    key: Path | None = None
+
+
+class BusSection(Section):
+    """Zenoh."""
+
+    mode: Literal["peer", "client", "router"] = "peer"
+    connect: list[str] = Field(default=[], description="endpoints to connect to, such as tcp/10.0.0.5:7447")
+    listen: list[str] = Field(
+        default=["tcp/127.0.0.1:7447"], description="endpoints to listen on; loopback unless told otherwise"
+    )
+    tls: TlsSection = TlsSection()
+
+
+class PageSection(Section):
+    """The operator's page."""
+
+    enabled: bool = True
+    listen: str = Field("127.0.0.1:8321", pattern=r"^[^:\s]+:\d{1,5}$", description="address:port")
+
+    @property
+    def address(self) -> tuple[str, int]:
+        """Host and port."""
+        host, _, port = self.listen.rpartition(":")
+        return host, int(port)
+
+
+class Configuration(Section):
+    """Everything that can be set."""
+
+    gateway: GatewaySection = GatewaySection()
+    device: AnyDevice = SimulatedDevice()
+    rope: RopeSection = RopeSection()
+    housing: HousingSection = HousingSection()
+    site: SiteSection = SiteSection()
+    filter: FilterSection = FilterSection()
+    alerts: AlertsSection = AlertsSection()
+    recorder: RecorderSection = RecorderSection()
+    bus: BusSection = BusSection()
+    page: PageSection = PageSection()
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        position_m = self.housing.position_m
+        if position_m is not None and position_m > self.rope.length_m:
+            raise ValueError(f"housing.position_m {position_m:g} is beyond rope.length_m {self.rope.length_m:g}")
+        above_m = self.housing.above_load_m
+        if above_m is not None and above_m > self.rope.length_m:
+            raise ValueError(f"housing.above_load_m {above_m:g} is more than rope.length_m {self.rope.length_m:g}")
+        rate_hz = getattr(self.device, "odr_hz", None)
+        if rate_hz is not None and self.filter.cutoff_hz >= 0.4 * rate_hz:
+            raise ValueError(
+                f"filter.cutoff_hz {self.filter.cutoff_hz:g} must stay below {0.4 * rate_hz:g}, 0.4 of device.odr_hz"
+            )
+        return self
+
+    @property
+    def housing_position_m(self) -> float | None:
+        """Pivot to accelerometer along the rope; None when nobody said where the housing is."""
+        if self.housing.position_m is not None:
+            return self.housing.position_m
+        if self.housing.above_load_m is not None:
+            return self.rope.length_m - self.housing.above_load_m
+        return None

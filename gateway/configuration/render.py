@@ -1,0 +1,27 @@
+"""A configuration as commented TOML."""
+
+import tomli_w
+
+from gateway.configuration.model import Configuration, Section
+
+
+def to_toml(configuration: Configuration) -> str:
+    """The whole configuration with its defaults; each key under the comment that says what it is."""
+    parts = []
+    for name in Configuration.model_fields:
+        parts.append(_table([name], getattr(configuration, name)))
+    return "\n".join(parts)
+
+
+def _table(path: list[str], section: Section) -> str:
+    """One table, its keys first, its sub-tables after."""
+    lines, tables = [f"[{'.'.join(path)}]"], []
+    values = section.model_dump(mode="json")
+    for key, field in type(section).model_fields.items():
+        value = getattr(section, key)
+        if isinstance(value, Section):
+            tables.append("\n" + _table([*path, key], value))
+            continue
+        setting = f"# {key} =" if value is None else tomli_w.dumps({key: values[key]}).rstrip()
+        lines.append(setting + (f"  # {field.description}" if field.description else ""))
+    return "\n".join(lines) + "\n" + "".join(tables)

@@ -1,0 +1,1 @@
+"""The stages: pure, told the time, unaware of each other."""

@@ -1,0 +1,72 @@
+"""Alert rules: trip, clear and hold, with the time as an argument. What is not known is an alert level of its own."""
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from gateway.messages import Level
+
+Event = Literal["raised", "changed", "cleared", "standing"]
+RANK: dict[Level, int] = {"normal": 0, "unknown": 1, "warn": 2, "trip": 3}
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """When a rule is raised, and how it clears."""
+
+    trip_rad: float
+    clear_rad: float
+    hold_s: float
+    warn_rad: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RuleState:
+    """A rule as it stands."""
+
+    level: Level = "normal"
+    since_s: float = 0.0
+    below_since_s: float | None = None
+    """Since when the value has been below the clear level."""
+
+
+def judge(state: RuleState, value_rad: float | None, limits: Limits, time_s: float) -> RuleState:
+    """The next state of a rule; `value_rad` is the upper end of what is held against the limits, None when it is not known.
+
+    Raised at once. A standing alert steps down only after the value has stayed below the clear level for hold_s; a value that
+    is not known neither raises nor clears it, and makes a normal rule unknown.
+    """
+    if value_rad is None:
+        if state.level == "normal":
+            return RuleState("unknown", time_s)
+        return replace(state, below_since_s=None)
+    asked = _level_of(value_rad, limits)
+    if RANK[asked] > RANK[state.level] or state.level == "unknown":
+        return RuleState(asked, time_s)
+    if state.level == "normal" or value_rad >= limits.clear_rad:
+        return replace(state, below_since_s=None)
+    below_since_s = time_s if state.below_since_s is None else state.below_since_s
+    if time_s - below_since_s >= limits.hold_s:
+        return RuleState("normal", time_s)
+    return replace(state, below_since_s=below_since_s)
+
+
+def _level_of(value_rad: float, limits: Limits) -> Level:
+    if value_rad >= limits.trip_rad:
+        return "trip"
+    if limits.warn_rad is not None and value_rad >= limits.warn_rad:
+        return "warn"
+    return "normal"
+
+
+def worst(levels: list[Level]) -> Level:
+    """The level that an operator must act on first."""
+    return max(levels, key=lambda level: RANK[level], default="unknown")
+
+
+def event_between(before: RuleState, after: RuleState) -> Event:
+    """What happened to a rule."""
+    if before.level == after.level:
+        return "standing"
+    if after.level == "normal":
+        return "cleared"
+    return "raised" if RANK[after.level] > RANK[before.level] else "changed"

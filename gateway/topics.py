@@ -1,0 +1,70 @@
+"""The topic table: every topic once. Recording, bus, page and docs derive from it."""
+
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+from pydantic import TypeAdapter
+
+from gateway import messages
+
+
+@dataclass(frozen=True, slots=True)
+class Topic:
+    """One row: name, type, the most messages a second, and where they go."""
+
+    name: str
+    type: type[Any]
+    rate: str
+    logged: bool
+    published: bool
+    schema_name: str
+
+    @property
+    def path(self) -> str:
+        """MCAP topic."""
+        return f"/{self.name}"
+
+
+TOPICS: dict[str, Topic] = {
+    name: Topic(name, type_, rate, logged, published, schema_name)
+    for name, type_, rate, logged, published, schema_name in (
+        ("samples", messages.Samples, "each block", True, True, "plumbline.Samples"),
+        ("tilt", messages.Tilt, "10 Hz", True, True, "plumbline.Tilt"),
+        ("swing", messages.Swing, "1 Hz or each half swing", True, True, "plumbline.Swing"),
+        ("condition", messages.Condition, "2 Hz and at each change", True, True, "plumbline.Condition"),
+        ("alert", messages.Alert, "1 Hz and at each change", True, True, "plumbline.Alert"),
+        ("health", messages.Health, "1 Hz", True, True, "plumbline.Health"),
+        (
+            "calibration",
+            messages.Calibration,
+            "at start, change, each segment; 0.1 Hz",
+            True,
+            True,
+            "plumbline.Calibration",
+        ),
+        ("clock", messages.Clock, "1 Hz", True, False, "plumbline.Clock"),
+        ("log", messages.Log, "as written", True, False, "foxglove.Log"),
+    )
+}
+"""By name, in the order of `docs/architecture.md`, which a test holds against this table."""
+
+TOPIC_OF: dict[type[Any], Topic] = {topic.type: topic for topic in TOPICS.values()}
+
+
+@cache
+def adapter(topic: str) -> TypeAdapter[Any]:
+    """Serialiser and validator of a topic's messages."""
+    return TypeAdapter(TOPICS[topic].type)
+
+
+def json_schema(topic: str) -> dict[str, Any]:
+    """JSON Schema of a topic's messages."""
+    schema = adapter(topic).json_schema(mode="serialization")
+    schema["title"] = TOPICS[topic].schema_name
+    return schema
+
+
+def encode(topic: str, message: object) -> bytes:
+    """JSON of a message."""
+    return adapter(topic).dump_json(message)
