@@ -50,5 +50,7 @@ class DeviceInfo:
     """A calibration record that comes with the part (see `gateway.calibration.record`)."""
     calibrated_source: bool = False
     """The readings are specific force in the housing frame already (a recording in g)."""
+    can_wait: bool = False
+    """The source waits for its reader (a recording): blocks are never dropped because somebody is slow."""
     details: dict[str, str] = field(default_factory=dict)
     """Other facts worth showing: revision, bus, port, firmware."""

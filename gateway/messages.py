@@ -7,7 +7,7 @@ Every number that could not be computed is null, never a stand-in; `reasons` say
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, WithJsonSchema
 
 Verdict = Literal["static", "quasi_static", "swinging", "disturbed", "unknown"]
 Level = Literal["normal", "warn", "trip", "unknown"]
@@ -17,6 +17,10 @@ CalibrationStatus = Literal["calibrated", "factory", "as_recorded", "uncalibrate
 Degrees = Annotated[float, Field(description="degrees")]
 Seconds = Annotated[float, Field(description="seconds")]
 Vector = Annotated[list[float], Field(min_length=3, max_length=3, description="x, y, z in the housing frame")]
+Readings = Annotated[
+    list[int] | list[float],  # counts are written as whole numbers
+    WithJsonSchema({"type": "array", "items": {"type": "number"}}),
+]
 Interval = Annotated[list[float], Field(min_length=2, max_length=2, description="[low, high]")]
 
 
@@ -46,9 +50,9 @@ class Samples(Message):
         Literal["difference", "plain"],
         Field(description="difference: the first entry is a value, each other one the change from its predecessor"),
     ]
-    x: list[float]
-    y: list[float]
-    z: list[float]
+    x: Readings
+    y: Readings
+    z: Readings
     temperature_c: float | None
     lost: Annotated[int, Field(description="samples missing just before this block")]
     invalid: Annotated[int, Field(description="samples that came and could not be used")]
@@ -176,7 +180,10 @@ class Calibration(Message):
 
     status: CalibrationStatus
     device_id: str
-    record: dict[str, Any]
+    record: Annotated[dict[str, Any], Field(description="the calibration record; empty where there is none")]
+    in_force: Annotated[
+        dict[str, Any], Field(description="specific_force_g = gain_g_per_unit @ raw + bias_g, in the housing frame")
+    ]
     text: str
 
 

@@ -1,6 +1,7 @@
 """From raw readings to specific force in the housing frame, with what is known of its error."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,10 +33,16 @@ class Correction:
     permissible_norm_error_g: float
     """dm of 001 eq. 14."""
     text: str
+    record: dict[str, Any] | None = None
+    """The calibration record behind it, where there is one."""
 
     def apply(self, raw: NDArray[np.int32] | NDArray[np.float64]) -> NDArray[np.float64]:
         """Specific force in the housing frame in g, shape (n, 3)."""
         return raw @ self.gain.T + self.bias_g
+
+    def u_force_g(self, force_g: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Standard uncertainty per axis of a reading in g, shape (3,), from offset and scale."""
+        return np.hypot(self.u_zero_g_offset_g, self.u_scale_factor * force_g)
 
 
 def correction_for(info: DeviceInfo, axes: tuple[tuple[int, int], ...], stored: CalibrationRecord | None) -> Correction:
@@ -75,6 +82,7 @@ def _from_record(
         u_scale_factor=source @ record.u_scale_factor,
         permissible_norm_error_g=record.prediction_interval_g,
         text=f"{status}: {record.method} of {record.created_utc} by {record.by}",
+        record=record.model_dump(mode="json"),
     )
 
 

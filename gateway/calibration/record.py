@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
+from gateway.errors import InputError
+
 Row = Annotated[list[float], Field(min_length=3, max_length=3)]
 CovarianceRow = Annotated[list[float], Field(min_length=12, max_length=12)]
 
 
-class CalibrationError(ValueError):
+class CalibrationError(InputError):
     """A calibration record cannot be used; the text says why in one line."""
 
 

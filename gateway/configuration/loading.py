@@ -9,12 +9,13 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from gateway.errors import InputError
 from gateway.configuration.model import DEVICE_KINDS, AnyDevice, Configuration, HousingSection
 
 ENVIRONMENT_PREFIX = "PLUMBLINE_"
 
 
-class ConfigurationError(ValueError):
+class ConfigurationError(InputError):
     """The configuration cannot be used; the text names file, key and mend in one line."""
 
 

@@ -205,6 +205,13 @@ class TlsSection(Section):
     certificate: Path | None = None
     key: Path | None = None
 
+    @property
+    def files(self) -> dict[str, Path]:
+        """The files that are given, under the bus library's names."""
+        names = {"root_ca_certificate": self.ca, "listen_certificate": self.certificate, "listen_private_key": self.key}
+        names |= {"connect_certificate": self.certificate, "connect_private_key": self.key}
+        return {name: path for name, path in names.items() if path is not None}
+
 
 class BusSection(Section):
     """Zenoh."""

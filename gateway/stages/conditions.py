@@ -69,6 +69,7 @@ class ConditionWatch:
         self._bins: deque[_Bin] = deque(maxlen=round(WINDOW_S / BIN_S))
         self._open: list[Array] = []
         self._open_since_s: float | None = None
+        self._last_s: float | None = None
         self._clipped = 0
         self._missing = 0
 
@@ -76,10 +77,12 @@ class ConditionWatch:
         """Take a block: times (n,), specific force (n, 3), how many samples were clipped or are missing."""
         self._clipped += clipped
         self._missing += missing
+        if self._last_s is not None and time_s[0] - self._last_s > WINDOW_S:
+            self._bins.clear()  # what was before a gap longer than the window says nothing about now
+            self._open, self._open_since_s = [], None
+        self._last_s = float(time_s[-1])
         if self._open_since_s is None:
             self._open_since_s = float(time_s[0])
-        if time_s[0] - self._open_since_s > WINDOW_S:
-            self._bins.clear()  # a gap longer than the window: what was before says nothing about now
         self._open.append(force_g)
         if time_s[-1] - self._open_since_s >= BIN_S:
             self._close_bin()

@@ -1,0 +1,1 @@
+"""Zenoh: the session, the keys, what is published and what is answered."""

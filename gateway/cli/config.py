@@ -1,0 +1,70 @@
+"""`plumbline config`: what is configured, whether it is possible, and its schema."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+
+def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command with its verbs."""
+    command = commands.add_parser(
+        "config",
+        help="show, check or describe the configuration",
+        epilog="examples: plumbline config show > my.toml | plumbline config check my.toml | plumbline config schema",
+    )
+    verbs = command.add_subparsers(dest="verb", metavar="VERB", required=True)
+    show = verbs.add_parser(
+        "show",
+        help="print the configuration with its defaults, as TOML",
+        epilog="example: plumbline config show my.toml",
+    )
+    show.add_argument("file", type=Path, nargs="?", metavar="FILE", help="without one: the embedded default")
+    show.set_defaults(run=_show)
+    check = verbs.add_parser(
+        "check",
+        help="exit 0 when the file can be used, 2 with the reason",
+        epilog="example: plumbline config check my.toml",
+    )
+    check.add_argument("file", type=Path, metavar="FILE")
+    check.set_defaults(run=_check)
+    schema = verbs.add_parser(
+        "schema",
+        help="print the JSON Schema of the configuration, or of a topic's messages",
+        epilog="example: plumbline config schema --topic swing",
+    )
+    schema.add_argument("--topic", metavar="TOPIC", help="samples, tilt, swing, condition, alert, ...")
+    schema.set_defaults(run=_schema)
+
+
+def _show(arguments: argparse.Namespace) -> int:
+    from gateway.configuration.loading import load
+    from gateway.configuration.render import to_toml
+
+    sys.stdout.write(to_toml(load(arguments.file)))
+    return 0
+
+
+def _check(arguments: argparse.Namespace) -> int:
+    from gateway.configuration.loading import load
+
+    configuration = load(arguments.file)
+    print(f"{arguments.file}: good; {configuration.device.kind} as {configuration.gateway.key}")
+    if configuration.housing_position_m is None:
+        print("note: [housing] position_m or above_load_m is not given; without it no swing estimate can be made")
+    return 0
+
+
+def _schema(arguments: argparse.Namespace) -> int:
+    from gateway.configuration.model import Configuration
+    from gateway.errors import InputError
+    from gateway.topics import TOPICS, json_schema
+
+    if arguments.topic is None:
+        schema = Configuration.model_json_schema()
+    elif arguments.topic in TOPICS:
+        schema = json_schema(arguments.topic)
+    else:
+        raise InputError(f"no topic {arguments.topic!r}; there are {', '.join(TOPICS)}")
+    print(json.dumps(schema, indent=2))
+    return 0

@@ -1,0 +1,43 @@
+"""`plumbline`: finds the command, turns bad input into one line and an exit code."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+
+from devices.errors import DeviceError
+from gateway import __version__
+from gateway.errors import PlumblineError
+
+COMMANDS = ("run", "measure", "record", "remote", "config", "doctor")
+DONE, NEGATIVE, BAD_INPUT, WITH_LOSSES = 0, 1, 2, 3
+
+
+def parser() -> argparse.ArgumentParser:
+    """The whole command line; commands import what they need when they run, so that help is quick."""
+    top = argparse.ArgumentParser(
+        prog="plumbline",
+        description="How far a crane's load swings, and whether the reading can be trusted.",
+        epilog="example: plumbline run    (a simulated crane, no configuration needed)",
+    )
+    top.add_argument("--version", action="version", version=f"plumbline {__version__}")
+    commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
+    for name in COMMANDS:
+        import_module(f"gateway.cli.{name}").add_to(commands)
+    return top
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command; the exit code is 0 done, 1 the answer is no, 2 bad usage or input, 3 done with losses."""
+    chosen = parser().parse_args(arguments)
+    try:
+        code: int = chosen.run(chosen)
+    except (PlumblineError, DeviceError) as error:
+        print(f"plumbline {chosen.command}: {error}", file=sys.stderr)
+        return BAD_INPUT
+    except BrokenPipeError:
+        sys.stderr.close()  # the reader of our output left; nothing more can be said
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        return 130
+    return code

@@ -1,0 +1,75 @@
+"""`plumbline remote`: a gateway, seen from another process or place, over the bus."""
+
+import argparse
+import json
+import sys
+
+ANSWER_S = 2.0
+
+
+def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command with its verbs."""
+    command = commands.add_parser(
+        "remote",
+        help="a gateway over the bus: its state, its messages as they come",
+        epilog="example: plumbline remote watch --topics swing,alert",
+    )
+    verbs = command.add_subparsers(dest="verb", metavar="VERB", required=True)
+    for name, help_text, run in (
+        ("status", "the last message of every topic", _status),
+        ("watch", "print messages as they come, one JSON object a line, until Ctrl-C", _watch),
+    ):
+        verb = verbs.add_parser(name, help=help_text, epilog=f"example: plumbline remote {name}")
+        verb.add_argument(
+            "--gateway",
+            default="plumbline/v1/*/*/*",
+            metavar="KEY",
+            help="plumbline/v1/<site>/<crane>/<sensor>; without it, every gateway on the bus",
+        )
+        verb.add_argument(
+            "--connect", default="tcp/127.0.0.1:7447", metavar="ENDPOINT", help="where the gateway or router listens"
+        )
+        verb.set_defaults(run=run)
+        if name == "watch":
+            verb.add_argument("--topics", default="swing,condition,alert", metavar="LIST", help="comma-separated")
+            verb.add_argument("--count", type=int, metavar="N", help="stop after N messages")
+
+
+def _status(arguments: argparse.Namespace) -> int:
+    from gateway.bus.session import open_session
+    from gateway.errors import InputError
+
+    with open_session("client", [arguments.connect], [], connect_timeout_ms=2000) as session:
+        replies = [reply.ok for reply in session.get(f"{arguments.gateway}/rpc/status", timeout=ANSWER_S) if reply.ok]
+    if not replies:
+        raise InputError(f"no gateway {arguments.gateway} answers at {arguments.connect}")
+    found = {str(reply.key_expr).removesuffix("/rpc/status"): json.loads(reply.payload.to_bytes()) for reply in replies}
+    print(json.dumps(found, indent=1))
+    return 0
+
+
+def _watch(arguments: argparse.Namespace) -> int:
+    import zenoh
+
+    from gateway.bus.session import open_session
+    from gateway.daemon.dropping_queue import DroppingQueue
+    from gateway.errors import InputError
+    from gateway.topics import TOPICS
+
+    topics = [topic.strip() for topic in arguments.topics.split(",")]
+    if unknown := [topic for topic in topics if topic not in TOPICS]:
+        raise InputError(f"no topic {', '.join(unknown)}; there are {', '.join(TOPICS)}")
+    samples: DroppingQueue[zenoh.Sample] = DroppingQueue(10_000)
+    with open_session("client", [arguments.connect], [], connect_timeout_ms=2000) as session:
+        subscribers = [session.declare_subscriber(f"{arguments.gateway}/{topic}", samples.put) for topic in topics]
+        seen = 0
+        while arguments.count is None or seen < arguments.count:
+            sample = samples.get(timeout_s=1.0)
+            if sample is None:
+                continue
+            sys.stdout.write(f'{{"key": "{sample.key_expr}", "message": {sample.payload.to_string()}}}\n')
+            sys.stdout.flush()
+            seen += 1
+        for subscriber in subscribers:
+            subscriber.undeclare()
+    return 0

@@ -1,0 +1,59 @@
+"""`plumbline run`: the gateway."""
+
+import argparse
+import logging
+import signal
+import sys
+import threading
+from pathlib import Path
+from types import FrameType
+
+WITH_LOSSES, FAILED = 3, 1
+
+
+def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "run",
+        help="the gateway: sample, judge, record, publish, show",
+        description="Run the gateway until Ctrl-C or SIGTERM. Without a configuration: a simulated crane.",
+        epilog="examples: plumbline run | plumbline run --config adxl355.toml | plumbline run --duration 30",
+    )
+    command.add_argument("--config", type=Path, metavar="FILE", help="TOML configuration; see plumbline config show")
+    command.add_argument("--duration", type=_seconds, metavar="S", help="stop cleanly after this many seconds")
+    command.add_argument("--quiet", action="store_true", help="warnings and errors only")
+    command.set_defaults(run=run)
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number of seconds")
+    return value
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Run the gateway."""
+    from gateway.configuration.loading import load
+    from gateway.daemon.gateway import Gateway
+    from gateway.daemon.logs import start_logging
+
+    start_logging(logging.WARNING if arguments.quiet else logging.INFO)
+    stopping = threading.Event()
+
+    def on_signal(_signal: int, _frame: FrameType | None) -> None:
+        stopping.set()
+
+    for name in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(name, on_signal)
+    gateway = Gateway(load(arguments.config))
+    if not arguments.quiet:
+        print(gateway.describe(), flush=True)
+    failed = gateway.run(stopping, arguments.duration)
+    if failed is not None:
+        print(f"plumbline run: the {failed} thread failed; see the log above", file=sys.stderr)
+        return FAILED
+    if gateway.samples_not_recorded:
+        print(f"plumbline run: {gateway.samples_not_recorded} samples could not be recorded", file=sys.stderr)
+        return WITH_LOSSES
+    return 0

@@ -1,0 +1,133 @@
+"""What is wrong on this machine, and how to mend it: one finding a line."""
+
+import importlib.util
+import socket
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from devices.clock import HostClock
+from devices.errors import DeviceError
+from gateway.bus.session import open_session
+from gateway.calibration.correction import correction_for
+from gateway.calibration.store import find
+from gateway.configuration.model import Configuration
+from gateway.daemon.device_factory import make_device
+from gateway.daemon.instance import InstanceLock
+from gateway.daemon.page_process import PAGE_MODULES
+from gateway.daemon.resources import disk_free_mb
+from gateway.daemon.wall_clock import WallClockWatch
+from gateway.errors import PlumblineError
+
+Grade = Literal["good", "note", "bad"]
+LOW_DISK_MB = 500.0
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing that was looked at."""
+
+    grade: Grade
+    place: str
+    text: str
+
+
+def examine(configuration: Configuration) -> Iterator[Finding]:
+    """Look at everything that `run` needs; yields as it goes."""
+    version = ".".join(map(str, sys.version_info[:3]))
+    yield Finding("good" if sys.version_info >= (3, 11) else "bad", "python", version)
+    for look in (_data_folder, _device, _bus, _page, _clock, _housing):
+        yield from look(configuration)
+
+
+def _data_folder(configuration: Configuration) -> Iterator[Finding]:
+    folder = configuration.gateway.data_dir
+    try:
+        InstanceLock(folder).release()
+    except PlumblineError as error:
+        yield Finding("bad", "data", str(error))
+        return
+    free_mb = disk_free_mb(folder) or 0.0
+    enough = free_mb > LOW_DISK_MB
+    quota = configuration.recorder.quota_mb
+    yield Finding("good" if enough else "bad", "data", f"{folder}: {free_mb:.0f} MB free")
+    if free_mb < quota:
+        yield Finding(
+            "note", "data", f"recorder.quota_mb {quota:g} is more than is free; recording stops when the disk is full"
+        )
+
+
+def _device(configuration: Configuration) -> Iterator[Finding]:
+    if configuration.device.kind == "adxl355" and not list(Path("/dev").glob("i2c-*")):
+        yield Finding("bad", "device", "this machine has no I2C bus; on a Pi: raspi-config, Interface Options, I2C")
+    try:
+        device = make_device(configuration, HostClock())
+        info = device.open()
+    except DeviceError as error:
+        yield Finding("bad", "device", str(error))
+        return
+    device.close()
+    yield Finding("good", "device", f"{info.kind} {info.device_id} at {info.odr_hz:g} Hz")
+    try:
+        stored = find(configuration.gateway.data_dir, info.device_id)
+        correction = correction_for(info, configuration.device.axes, stored)
+    except PlumblineError as error:
+        yield Finding("bad", "calibration", str(error))
+        return
+    yield Finding("note" if correction.status == "uncalibrated" else "good", "calibration", correction.text)
+
+
+def _bus(configuration: Configuration) -> Iterator[Finding]:
+    bus = configuration.bus
+    try:
+        open_session(bus.mode, bus.connect, bus.listen, bus.tls.files).close()
+    except PlumblineError as error:
+        yield Finding("bad", "bus", str(error))
+        return
+    yield Finding("good", "bus", f"{configuration.gateway.key} at {', '.join([*bus.listen, *bus.connect])}")
+    exposed = [endpoint for endpoint in bus.listen if not _is_loopback(endpoint)]
+    if exposed:
+        yield Finding("note", "bus", f"{', '.join(exposed)}: reachable from the network")
+
+
+def _is_loopback(endpoint: str) -> bool:
+    address = endpoint.split("/", 1)[-1]
+    return address.startswith(("127.", "localhost", "[::1]")) or "unix" in endpoint
+
+
+def _page(configuration: Configuration) -> Iterator[Finding]:
+    if not configuration.page.enabled:
+        yield Finding("note", "page", "off (page.enabled = false)")
+        return
+    missing = [name for name in PAGE_MODULES if importlib.util.find_spec(name) is None]
+    if missing:
+        yield Finding("bad", "page", f"{', '.join(missing)} not installed; install plumbline[page]")
+        return
+    try:
+        socket.create_server(configuration.page.address).close()
+    except OSError as error:
+        yield Finding("bad", "page", f"{configuration.page.listen}: {error.strerror}; choose another page.listen")
+        return
+    yield Finding("good", "page", f"http://{configuration.page.listen}/")
+
+
+def _clock(_configuration: Configuration) -> Iterator[Finding]:
+    quality = WallClockWatch(HostClock()).look().quality
+    if quality == "synchronised":
+        yield Finding("good", "clock", "synchronised")
+    else:
+        yield Finding("note", "clock", "not synchronised; sample times are right among each other, UTC may be off")
+
+
+def _housing(configuration: Configuration) -> Iterator[Finding]:
+    position_m = configuration.housing_position_m
+    if position_m is None:
+        text = "[housing] position_m or above_load_m is not given; without it there is no swing estimate"
+        yield Finding("bad", "housing", text)
+        return
+    length_m = configuration.rope.length_m
+    yield Finding(
+        "good", "housing", f"{position_m:g} m of {length_m:g} m down the rope (rho {position_m / length_m:.2f})"
+    )

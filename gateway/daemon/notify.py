@@ -1,0 +1,31 @@
+"""The service manager's notification socket (sd_notify), without a library: one datagram a message."""
+
+import os
+import socket
+from collections.abc import Mapping
+
+
+class ServiceNotifier:
+    """Tells systemd that the daemon is ready, alive or stopping; does nothing outside a service."""
+
+    def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
+        address = environment.get("NOTIFY_SOCKET", "")
+        self._address = "\0" + address[1:] if address.startswith("@") else address
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) if address else None
+        watchdog_us = environment.get("WATCHDOG_USEC", "")
+        self.watchdog_s = int(watchdog_us) / 1e6 if watchdog_us.isdigit() else None
+
+    def send(self, state: str) -> None:
+        """Send `READY=1`, `WATCHDOG=1`, `STATUS=...`; a manager that does not listen is no reason to stop."""
+        if self._socket is None:
+            return
+        try:
+            self._socket.sendto(state.encode(), self._address)
+        except OSError:
+            return
+
+    def close(self) -> None:
+        """Release the socket."""
+        if self._socket is not None:
+            self._socket.close()
+            self._socket = None

@@ -1,0 +1,86 @@
+"""The operator's page as a process of its own: started with a socket that is already bound, started again when it dies."""
+
+import importlib.util
+import logging
+import socket
+import subprocess
+import time
+
+from gateway.configuration.model import Configuration
+from gateway.errors import PlumblineError
+from gateway.page import launch
+from gateway.page.parameters import Parameters
+
+log = logging.getLogger("plumbline.page")
+PAGE_MODULES = ("starlette", "uvicorn")
+FIRST_PAUSE_S = 1.0
+LONGEST_PAUSE_S = 60.0
+
+
+class PageError(PlumblineError):
+    """The page cannot be served; the text names the address and the mend in one line."""
+
+
+class PageProcess:
+    """Binds the page's address at once, so that an occupied one is known at start; then keeps a page process on it."""
+
+    def __init__(self, configuration: Configuration) -> None:
+        """Raises `PageError`."""
+        missing = [name for name in PAGE_MODULES if importlib.util.find_spec(name) is None]
+        if missing:
+            raise PageError(
+                f"page: {', '.join(missing)} not installed; install plumbline[page], or set page.enabled = false"
+            )
+        self._parameters = page_parameters(configuration)
+        self._socket = _bind(*configuration.page.address)
+        self._process: subprocess.Popen[bytes] | None = None
+        self._pause_s = FIRST_PAUSE_S
+        self._started_s = 0.0
+
+    def watch(self) -> None:
+        """Start the process, or start it again after a pause when it has ended; call about once a second."""
+        now_s = time.monotonic()
+        if self._process is not None and self._process.poll() is None:
+            return
+        if self._process is not None:
+            if now_s - self._started_s < self._pause_s:
+                return
+            log.error("the page's process ended with code %s; starting it again", self._process.returncode)
+            self._pause_s = min(2 * self._pause_s, LONGEST_PAUSE_S)
+        self._started_s = now_s
+        self._process = launch.start(self._parameters, self._socket)
+
+    def stop(self) -> None:
+        """End the process and release the address."""
+        if self._process is not None:
+            launch.stop(self._process)
+        self._socket.close()
+
+
+def page_parameters(configuration: Configuration) -> Parameters:
+    """What the page is told of this gateway."""
+    gateway, alerts = configuration.gateway, configuration.alerts
+    return Parameters(
+        key=gateway.key,
+        connect=connectable(configuration),
+        warn_deg=alerts.warn_deg,
+        trip_deg=alerts.trip_deg,
+        lean_trip_deg=alerts.lean_trip_deg,
+        stale_s=alerts.stale_s,
+        title=f"{gateway.site} / {gateway.crane} / {gateway.sensor}",
+    )
+
+
+def connectable(configuration: Configuration) -> list[str]:
+    """Endpoints at which a process of this machine finds the gateway's bus."""
+    listening = [endpoint.replace("0.0.0.0", "127.0.0.1") for endpoint in configuration.bus.listen]  # noqa: S104
+    return listening or list(configuration.bus.connect)
+
+
+def _bind(host: str, port: int) -> socket.socket:
+    try:
+        return socket.create_server((host, port), backlog=64)
+    except OSError as error:
+        raise PageError(
+            f"page: {host}:{port} cannot be used ({error.strerror}); stop what is there, or choose another page.listen"
+        ) from error

@@ -1,0 +1,118 @@
+"""The processing thread: runs the pipeline over the blocks, adds health and clock, and hands messages to the sinks."""
+
+import logging
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from devices.block import DeviceInfo, SampleBlock
+from gateway.calibration.correction import Correction
+from gateway.configuration.model import Configuration
+from gateway.daemon.publisher import Publisher
+from gateway.daemon.recording_worker import RecordingWorker
+from gateway.daemon.sampler import SamplerItem
+from gateway.daemon.wall_clock import WallClockWatch
+from gateway.daemon.worker import Worker
+from gateway.messages import Clock, Health, Log
+from gateway.pipeline.emission import Emission
+from gateway.pipeline.header import Header, HeaderMaker
+from gateway.pipeline.pipeline import Pipeline
+from gateway.topics import TOPICS
+
+log = logging.getLogger("plumbline.pipeline")
+INBOX = 256
+HEALTH_PERIOD_S = 1.0
+SINK_PATIENCE_S = 0.5
+
+
+@dataclass(slots=True)
+class Counts:
+    """What has passed since start."""
+
+    samples: int = 0
+    lost: int = 0
+    invalid: int = 0
+
+
+class Processor(Worker[SamplerItem]):
+    """Owns the pipeline from start to stop."""
+
+    def __init__(
+        self,
+        configuration: Configuration,
+        info: DeviceInfo,
+        correct: Callable[[DeviceInfo], Correction],
+        watch: WallClockWatch,
+        recording: RecordingWorker,
+        publisher: Publisher,
+    ) -> None:
+        """`correct` finds the correction of a device."""
+        super().__init__("processor", INBOX)
+        self._configuration = configuration
+        self._correct = correct
+        self._watch = watch
+        self._recording = recording
+        self._publisher = publisher
+        self._headers = HeaderMaker()
+        self._next_second_ns = 0
+        self._clock_steps = 0
+        self.counts = Counts()
+        self.health: Callable[[Header], Health] | None = None
+        """Makes the health message; set before the thread starts."""
+        self._open(info)
+
+    def _open(self, info: DeviceInfo) -> None:
+        self.info = info
+        self.correction = self._correct(info)
+        self._pipeline = Pipeline(self._configuration, info, self.correction, self._headers)
+        self._recording.inbox.put(info)
+
+    def handle(self, item: SamplerItem) -> None:
+        """A block, or news of a device that came back."""
+        if isinstance(item, SampleBlock):
+            self.counts.samples += len(item)
+            self.counts.lost += item.lost
+            self.counts.invalid += item.invalid
+            self._hand_on(self._pipeline.process(item, self._watch.state))
+        elif item.info != self.info:
+            self._open(item.info)
+        self._each_second()
+
+    def idle(self) -> None:
+        """No block came for a moment: the reading may have become stale."""
+        self._hand_on(self._pipeline.idle(self._watch.clock.now_ns(), self._watch.state))
+        self._each_second()
+
+    def leave(self) -> None:
+        """Say a last word on health."""
+        self._hand_on(self._seconds_messages(self._watch.clock.now_ns()))
+
+    def write_log(self, message: Log, now_ns: int) -> None:
+        """A line of the log goes into the recording; called by any thread."""
+        self._recording.inbox.put(Emission("log", now_ns, message))
+
+    def _each_second(self) -> None:
+        now_ns = self._watch.clock.now_ns()
+        if now_ns < self._next_second_ns:
+            return
+        self._next_second_ns = now_ns + round(HEALTH_PERIOD_S * 1e9)
+        self._hand_on(self._seconds_messages(now_ns))
+
+    def _seconds_messages(self, now_ns: int) -> Iterable[Emission]:
+        state = self._watch.look()
+        stepped, self._clock_steps = self._watch.steps > self._clock_steps, self._watch.steps
+        header = self._headers.make("clock", now_ns, state, self.correction.calibration_id)
+        clock = Clock(**header, log_time_ns=now_ns, wall_offset_ns=state.wall_offset_ns, stepped=stepped)
+        yield Emission("clock", now_ns, clock)
+        if self.health is not None:
+            header = self._headers.make("health", now_ns, state, self.correction.calibration_id)
+            yield Emission("health", now_ns, self.health(header))
+
+    def _hand_on(self, emissions: Iterable[Emission]) -> None:
+        for emission in emissions:
+            topic = TOPICS[emission.topic]
+            if topic.published:
+                self._publisher.inbox.put(emission)
+            if topic.logged and self.info.can_wait:
+                self._recording.inbox.put_waiting(emission, SINK_PATIENCE_S)
+            elif topic.logged:
+                self._recording.inbox.put(emission)

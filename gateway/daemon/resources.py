@@ -1,0 +1,39 @@
+"""What the process costs and what the disk has left."""
+
+import os
+import shutil
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
+BYTES_PER_MB = 1_000_000
+
+
+def resident_mb() -> float:
+    """Resident memory of this process, in MB."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * PAGE_BYTES / BYTES_PER_MB
+
+
+def disk_free_mb(folder: Path) -> float | None:
+    """Free space where a folder lies, in MB; None where it cannot be asked."""
+    try:
+        return shutil.disk_usage(folder).free / BYTES_PER_MB
+    except OSError:
+        return None
+
+
+@dataclass(slots=True)
+class CpuMeter:
+    """CPU of this process between two looks."""
+
+    _cpu_s: float = field(default_factory=time.process_time)
+    _at_s: float = field(default_factory=time.monotonic)
+
+    def percent(self) -> float | None:
+        """Percent of one core since the last look."""
+        cpu_s, at_s = time.process_time(), time.monotonic()
+        used_s, passed_s = cpu_s - self._cpu_s, at_s - self._at_s
+        self._cpu_s, self._at_s = cpu_s, at_s
+        return 100 * used_s / passed_s if passed_s > 0 else None

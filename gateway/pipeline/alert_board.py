@@ -1,0 +1,96 @@
+"""The alert rules of a gateway side by side, and the one line that an operator reads."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from gateway.configuration.model import AlertsSection
+from gateway.messages import ActiveAlert, Level
+from gateway.stages.alerts import Event, Limits, RuleState, event_between, judge, worst
+
+LEAN_CLEAR_SHARE = 0.8
+"""The lean alert clears below this share of its limit."""
+
+
+@dataclass(frozen=True, slots=True)
+class AlertChange:
+    """A rule that changed, or a heartbeat when `rule` is None; and how everything stands then."""
+
+    rule: str | None
+    event: Event
+    level: Level
+    active: list[ActiveAlert]
+    text: str
+
+
+class AlertBoard:
+    """Holds the rules' states. Angles are the upper ends of their intervals, in radians; None is not known."""
+
+    def __init__(self, limits: AlertsSection) -> None:
+        self._limits = {
+            "swing": Limits(
+                trip_rad=math.radians(limits.trip_deg),
+                clear_rad=math.radians(limits.clear_deg),
+                hold_s=limits.hold_s,
+                warn_rad=math.radians(limits.warn_deg),
+            ),
+            "lean": Limits(
+                trip_rad=math.radians(limits.lean_trip_deg),
+                clear_rad=LEAN_CLEAR_SHARE * math.radians(limits.lean_trip_deg),
+                hold_s=limits.hold_s,
+            ),
+        }
+        # Nothing is known before the first reading: that is not "normal".
+        self._states = dict.fromkeys(self._limits, RuleState("unknown"))
+        self._values_rad: dict[str, float | None] = dict.fromkeys(self._limits)
+        self._why = "no reading yet"
+
+    def judge(
+        self, values_rad: dict[str, float | None], *, trusted: bool, why_unknown: str, time_s: float
+    ) -> Iterator[AlertChange]:
+        """Hold the values against the limits; one change for each rule whose level moved.
+
+        A reading that is not trusted may raise an alert; it never clears one, and below the limits it says nothing.
+        """
+        self._why = why_unknown
+        for rule, limits in self._limits.items():
+            value_rad = values_rad[rule]
+            raises_rad = limits.trip_rad if limits.warn_rad is None else limits.warn_rad
+            if value_rad is not None and not trusted and value_rad < raises_rad:
+                value_rad = None
+            self._values_rad[rule] = value_rad
+            before = self._states[rule]
+            self._states[rule] = judge(before, value_rad, limits, time_s)
+            event = event_between(before, self._states[rule])
+            if event != "standing":
+                yield self._change(rule, event)
+
+    def heartbeat(self) -> AlertChange:
+        """How everything stands."""
+        return self._change(None, "standing")
+
+    def _change(self, rule: str | None, event: Event) -> AlertChange:
+        active = [self._active(name) for name, state in self._states.items() if state.level != "normal"]
+        level = worst([state.level for state in self._states.values()])
+        text = "; ".join(alert.text for alert in active) or "all normal"
+        return AlertChange(rule, event, level, active, text)
+
+    def _active(self, rule: str) -> ActiveAlert:
+        state, limits, value_rad = self._states[rule], self._limits[rule], self._values_rad[rule]
+        limit_rad = limits.warn_rad if state.level == "warn" else limits.trip_rad
+        return ActiveAlert(
+            rule=rule,
+            level=state.level,
+            since_ns=round(state.since_s * 1e9),
+            value_deg=None if value_rad is None else math.degrees(value_rad),
+            limit_deg=None if limit_rad is None else math.degrees(limit_rad),
+            text=_text(rule, state.level, value_rad, limit_rad, self._why),
+        )
+
+
+def _text(rule: str, level: Level, value_rad: float | None, limit_rad: float | None, why_unknown: str) -> str:
+    if level == "unknown":
+        return f"{rule} unknown: {why_unknown}"
+    now = "not known now" if value_rad is None else f"up to {math.degrees(value_rad):.1f} deg now"
+    limit = "" if limit_rad is None else f" (limit {math.degrees(limit_rad):.1f} deg)"
+    return f"{rule} {level}: {now}{limit}"

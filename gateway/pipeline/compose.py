@@ -1,0 +1,71 @@
+"""From the stages' results, in radians, to messages, in degrees."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.block import DeviceInfo
+from gateway.calibration.correction import Correction
+from gateway.messages import Alert, Calibration, Condition, Tilt
+from gateway.pipeline.alert_board import AlertChange
+from gateway.pipeline.header import Header
+from gateway.stages.conditions import ConditionFound
+from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty, fused_tilt, lean_direction
+from gateway.units import degrees, finite
+
+
+def tilt_message(
+    header: Header,
+    lowpassed_g: NDArray[np.float64],
+    u_force_g: NDArray[np.float64],
+    delay_s: float,
+    temperature_c: float | None,
+    trusted: bool,
+) -> Tilt:
+    """Static tilt of one low-passed reading, shape (3,)."""
+    angles = fused_tilt(lowpassed_g)
+    return Tilt(
+        **header,
+        pitch_deg=degrees(float(angles.pitch_rad)),
+        roll_deg=degrees(float(angles.roll_rad)),
+        axial_deg=degrees(float(axial_tilt(lowpassed_g))),
+        u_deg=degrees(axial_tilt_uncertainty(lowpassed_g, u_force_g)),
+        direction_deg=degrees(float(lean_direction(lowpassed_g))),
+        specific_force_g=lowpassed_g.tolist(),
+        temperature_c=temperature_c,
+        delay_s=delay_s,
+        trusted=trusted,
+    )
+
+
+def condition_message(header: Header, found: ConditionFound, correction: Correction) -> Condition:
+    """The verdict with its gates."""
+    return Condition(
+        **header,
+        verdict=found.verdict,
+        trusted=found.trusted,
+        reasons=list(found.reasons),
+        gates=found.gates,
+        norm_g=finite(found.norm_g),
+        permissible_norm_error_g=correction.permissible_norm_error_g,
+        calibration=correction.status,
+    )
+
+
+def alert_message(header: Header, change: AlertChange) -> Alert:
+    """A change of a rule, or the heartbeat."""
+    return Alert(
+        **header, level=change.level, event=change.event, rule=change.rule, active=change.active, text=change.text
+    )
+
+
+def calibration_message(header: Header, correction: Correction, info: DeviceInfo) -> Calibration:
+    """Which calibration makes the numbers; the affine correction in force is given even without a record."""
+    in_force = {"gain_g_per_unit": correction.gain.tolist(), "bias_g": correction.bias_g.tolist(), "unit": info.unit}
+    return Calibration(
+        **header,
+        status=correction.status,
+        device_id=info.device_id,
+        record=correction.record or {},
+        in_force=in_force,
+        text=correction.text,
+    )

@@ -1,0 +1,12 @@
+"""What the pipeline hands to the sinks."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class Emission:
+    """A message on its way: its topic, and when it belongs in gateway time."""
+
+    topic: str
+    log_time_ns: int
+    message: object

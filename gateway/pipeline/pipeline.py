@@ -1,0 +1,162 @@
+"""The pipeline: one sample block in, the messages that follow from it out.
+
+calibration -> low-pass -> static tilt -> swing -> condition -> alerts. Samples and tilt are yielded before the swing fit,
+which costs most, so that nothing waits for it that does not need it. No clock is read: live and replay are the same.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.block import DeviceInfo, SampleBlock
+from gateway.calibration.correction import Correction
+from gateway.configuration.model import Configuration
+from gateway.packing import pack
+from gateway.pipeline import compose
+from gateway.pipeline.alert_board import AlertBoard, AlertChange
+from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.emission import Emission
+from gateway.pipeline.header import Header, HeaderMaker
+from gateway.pipeline.pace import Pace
+from gateway.pipeline.swing_reading import SwingReading
+from gateway.stages.conditions import ConditionFound, ConditionWatch
+from gateway.stages.lowpass import LowPass
+from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty
+
+CLIPPED_SHARE = 0.998
+"""A reading beyond this share of full scale is clipped."""
+LONGEST_BRIDGE_S = 0.05
+"""A gap longer than this restarts the low-pass: bridging it would invent data."""
+NOT_JUDGED = ConditionFound("unknown", False, ("no reading yet",), {}, None)
+
+
+class Pipeline:
+    """The stages of one device under one calibration."""
+
+    def __init__(
+        self, configuration: Configuration, info: DeviceInfo, correction: Correction, headers: HeaderMaker
+    ) -> None:
+        self._info = info
+        self._correction = correction
+        self._headers = headers
+        self._stale_ns = round(configuration.alerts.stale_s * 1e9)
+        self._lowpass = LowPass(configuration.filter.cutoff_hz, configuration.filter.order, info.odr_hz)
+        self._swing = SwingReading(configuration, info, correction, self._lowpass)
+        self._watch = ConditionWatch(info.noise_g, correction.permissible_norm_error_g, self._swing.rho)
+        self._board = AlertBoard(configuration.alerts)
+        self._condition = NOT_JUDGED
+        self._tilt_pace, self._condition_pace = Pace(0.1), Pace(0.5)
+        self._heartbeat_pace, self._calibration_pace = Pace(1.0), Pace(10.0)
+        self._origin_ns: int | None = None
+        self._newest_ns: int | None = None
+        self._lowpassed_g: NDArray[np.float64] | None = None
+
+    def process(self, block: SampleBlock, clock: ClockState) -> Iterator[Emission]:
+        """Everything that follows from a block; to be consumed wholly before the next."""
+        newest_ns = int(block.time_ns[-1])
+        yield Emission("samples", newest_ns, pack(block, **self._header("samples", newest_ns, clock)))
+        if self._calibration_pace.due(newest_ns):
+            yield self.calibration(newest_ns, clock)
+        force_g, lowpassed_g = self._filter(block)
+        time_s = self._time_s(block)
+        self._watch.update(time_s, force_g, self._clipped(block), block.lost + block.invalid)
+        if self._tilt_pace.due(newest_ns):
+            yield self._tilt(block.temperature_c, newest_ns, clock)
+        if self._swing.update(time_s, force_g, lowpassed_g):
+            message = self._swing.message(self._header("swing", newest_ns, clock))
+            yield Emission("swing", newest_ns, message)
+        yield from self._judge_condition(newest_ns, clock)
+        yield from self._judge_alerts(newest_ns, clock)
+
+    def idle(self, now_ns: int, clock: ClockState) -> Iterator[Emission]:
+        """No block has come for a while; `now_ns` is gateway time. Says so once the reading is stale."""
+        silent_ns = 0 if self._newest_ns is None else now_ns - self._newest_ns
+        if self._newest_ns is not None and silent_ns < self._stale_ns:
+            return
+        why = "no sample yet" if self._newest_ns is None else "stale: no samples are coming"
+        first = self._condition.reasons != (why,)
+        self._condition = ConditionFound("unknown", False, (why,), {"fresh": False}, None)
+        if self._condition_pace.due(now_ns) or first:
+            yield Emission("condition", now_ns, self._condition_now(now_ns, clock))
+        yield from self._hold({"swing": None, "lean": None}, why, now_ns, clock)
+
+    def calibration(self, time_ns: int, clock: ClockState) -> Emission:
+        """Which calibration is in force."""
+        header = self._header("calibration", time_ns, clock)
+        return Emission("calibration", time_ns, compose.calibration_message(header, self._correction, self._info))
+
+    def _filter(self, block: SampleBlock) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Specific force in the housing frame, as it is and low-passed."""
+        force_g = self._correction.apply(block.raw)
+        if self._newest_ns is not None and int(block.time_ns[0]) - self._newest_ns > LONGEST_BRIDGE_S * 1e9:
+            self._lowpass.restart()
+        lowpassed_g = self._lowpass.apply(force_g)
+        self._lowpassed_g, self._newest_ns = lowpassed_g[-1], int(block.time_ns[-1])
+        return force_g, lowpassed_g
+
+    def _time_s(self, block: SampleBlock) -> NDArray[np.float64]:
+        """Seconds since the first sample: small numbers keep their nanoseconds."""
+        if self._origin_ns is None:
+            self._origin_ns = int(block.time_ns[0])
+        return (block.time_ns - self._origin_ns) * 1e-9
+
+    def _clipped(self, block: SampleBlock) -> int:
+        """Samples of which an axis reached full scale."""
+        if self._info.full_scale_g is None:
+            return 0
+        limit = CLIPPED_SHARE * self._info.full_scale_g * self._info.units_per_g
+        return int(np.count_nonzero(np.abs(block.raw).max(axis=1) >= limit))
+
+    def _tilt(self, temperature_c: float | None, time_ns: int, clock: ClockState) -> Emission:
+        trusted = self._condition.verdict in ("static", "quasi_static")
+        message = compose.tilt_message(
+            self._header("tilt", time_ns, clock),
+            self._lowpassed(),
+            self._correction.u_force_g(self._lowpassed()),
+            self._lowpass.delay_s(),
+            temperature_c,
+            trusted,
+        )
+        return Emission("tilt", time_ns, message)
+
+    def _judge_condition(self, time_ns: int, clock: ClockState) -> Iterator[Emission]:
+        """At its pace; sent at once when the verdict changed."""
+        if not self._condition_pace.due(time_ns) and "fresh" not in self._condition.gates:
+            return
+        self._condition = self._watch.judge(self._swing.seen(time_ns))
+        yield Emission("condition", time_ns, self._condition_now(time_ns, clock))
+
+    def _condition_now(self, time_ns: int, clock: ClockState) -> object:
+        return compose.condition_message(self._header("condition", time_ns, clock), self._condition, self._correction)
+
+    def _judge_alerts(self, time_ns: int, clock: ClockState) -> Iterator[Emission]:
+        """Hold the upper ends of the intervals against the limits."""
+        swing_rad, lean_rad = self._swing.upper_ends(time_ns)
+        why = "; ".join(self._condition.reasons)
+        if lean_rad is None and self._condition.verdict in ("static", "quasi_static"):
+            lowpassed_g = self._lowpassed()
+            u_rad = axial_tilt_uncertainty(lowpassed_g, self._correction.u_force_g(lowpassed_g))
+            lean_rad = float(axial_tilt(lowpassed_g)) + 2 * u_rad
+        if self._correction.status == "uncalibrated":
+            lean_rad, why = None, f"{why}; the sensor is not calibrated"
+        yield from self._hold({"swing": swing_rad, "lean": lean_rad}, why, time_ns, clock)
+
+    def _hold(
+        self, values_rad: dict[str, float | None], why: str, time_ns: int, clock: ClockState
+    ) -> Iterator[Emission]:
+        changes: list[AlertChange] = list(
+            self._board.judge(values_rad, trusted=self._condition.trusted, why_unknown=why, time_s=time_ns / 1e9)
+        )
+        if self._heartbeat_pace.due(time_ns) and not changes:
+            changes = [self._board.heartbeat()]
+        for change in changes:
+            yield Emission("alert", time_ns, compose.alert_message(self._header("alert", time_ns, clock), change))
+
+    def _lowpassed(self) -> NDArray[np.float64]:
+        if self._lowpassed_g is None:
+            raise ValueError("no block has been processed yet")
+        return self._lowpassed_g
+
+    def _header(self, topic: str, time_ns: int, clock: ClockState) -> Header:
+        return self._headers.make(topic, time_ns, clock, self._correction.calibration_id)

@@ -1,0 +1,115 @@
+"""The configuration: what is accepted, and what the refusal says."""
+
+import tomllib
+
+import pytest
+
+from gateway.configuration.loading import EMBEDDED_DEFAULT, ConfigurationError, load, validate
+from gateway.configuration.model import Configuration
+from gateway.configuration.render import to_toml
+
+REFUSED = {
+    "wrong unit": ({"rope": {"length_mm": 3000}}, "rope.length_mm: unknown key; did you mean length_m?"),
+    "unknown section": ({"ropes": {}}, "ropes: unknown key; did you mean rope?"),
+    "nested key": ({"bus": {"tls": {"cert": "x"}}}, "bus.tls.cert: unknown key; did you mean certificate?"),
+    "unknown device": (
+        {"device": {"kind": "adxl999"}},
+        "device.kind: 'adxl999' is not supported; this version has simulated,",
+    ),
+    "impossible rate": ({"device": {"kind": "adxl355", "odr_hz": 100}}, "no rate of 100 Hz; nearest is 125"),
+    "missing key": ({"device": {"kind": "witmotion"}}, "device.port: is missing"),
+    "text for a number": ({"rope": {"length_m": "12 m"}}, "rope.length_m: Input should be a valid number"),
+    "not a section": ({"rope": 5}, "rope: "),
+    "two places": ({"housing": {"position_m": 1, "above_load_m": 2}}, "keep one"),
+    "beyond the load": ({"housing": {"position_m": 99}}, "housing.position_m 99 is beyond rope.length_m 12"),
+    "mirror image": ({"device": {"axes_map": "x,y,-z"}}, "left-handed"),
+    "limits out of order": ({"alerts": {"clear_deg": 5}}, "clear_deg 5 <= warn_deg 4 <= trip_deg 6 must hold"),
+    "cutoff beyond the rate": (
+        {"device": {"odr_hz": 4}, "filter": {"cutoff_hz": 2}},
+        "filter.cutoff_hz 2 must stay below 1.6",
+    ),
+    "not a number": ({"alerts": {"hold_s": float("nan")}}, "alerts.hold_s"),
+    "a blank in a key": ({"gateway": {"crane": "crane 1"}}, "gateway.crane"),
+    "a wildcard in a key": ({"gateway": {"site": "**"}}, "gateway.site"),
+    "page without a port": ({"page": {"listen": "localhost"}}, "page.listen"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refusal_names_the_key_and_the_mend(case):
+    table, expected = REFUSED[case]
+    with pytest.raises(ConfigurationError) as refused:
+        validate(table, "my.toml")
+    text = str(refused.value)
+    assert text.startswith("my.toml: ")
+    assert expected in text
+    assert "\n" not in text
+
+
+def test_printed_default_is_the_default():
+    assert validate(tomllib.loads(to_toml(EMBEDDED_DEFAULT)), "printed") == EMBEDDED_DEFAULT
+
+
+def test_every_key_of_the_published_interface_exists():
+    keys = {
+        "gateway": "site crane sensor data_dir",
+        "rope": "length_m",
+        "housing": "position_m above_load_m",
+        "site": "gravity_m_s2 latitude_deg altitude_m",
+        "filter": "cutoff_hz order",
+        "alerts": "warn_deg trip_deg clear_deg hold_s lean_trip_deg stale_s",
+        "recorder": "segment_s quota_mb fsync_s pre_event_s post_event_s",
+        "bus": "mode connect listen tls",
+        "page": "enabled listen",
+    }
+    for section, names in keys.items():
+        annotation = Configuration.model_fields[section].annotation
+        assert set(names.split()) <= set(annotation.model_fields)
+
+
+def test_environment_overrides_the_file(tmp_path):
+    path = tmp_path / "my.toml"
+    path.write_text("[rope]\nlength_m = 20\n")
+    environment = {
+        "PLUMBLINE_ROPE__LENGTH_M": "30.5",
+        "PLUMBLINE_GATEWAY__CRANE": "north",
+        "HOME": "/",
+        "PLUMBLINE_X": "1",
+    }
+    configuration = load(path, environment)
+    assert (configuration.rope.length_m, configuration.gateway.crane) == (30.5, "north")
+
+
+def test_a_wrong_environment_is_named():
+    with pytest.raises(ConfigurationError, match="PLUMBLINE_ROPE__LENGTH_M"):
+        load(None, {"PLUMBLINE_ROPE__LENGTH_M": "-1"})
+
+
+@pytest.mark.parametrize(
+    ("content", "expected"),
+    [(b"[rope", "is not TOML"), (b"\xff\xfe\x00", "is not UTF-8"), (None, "no such file")],
+)
+def test_a_file_that_is_none(tmp_path, content, expected):
+    path = tmp_path / "my.toml"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(ConfigurationError, match=expected):
+        load(path, {})
+
+
+def test_gravity_by_latitude():
+    """WGS 84 normal gravity: 9.780325 at the equator, 9.832185 at the pole."""
+    equator = validate({"site": {"latitude_deg": 0}}, "x").site.local_gravity_m_s2
+    pole = validate({"site": {"latitude_deg": 90}}, "x").site.local_gravity_m_s2
+    assert equator == pytest.approx(9.780325, abs=1e-6)
+    assert pole == pytest.approx(9.832185, abs=1e-6)
+
+
+def test_axes_map():
+    assert validate({"device": {"axes_map": "-y, x, z"}}, "x").device.axes == ((1, -1), (0, 1), (2, 1))
+
+
+def test_housing_place_from_either_end():
+    assert validate({"rope": {"length_m": 10}, "housing": {"above_load_m": 3}}, "x").housing_position_m == 7
+    assert validate({"housing": {"position_m": 3}}, "x").housing_position_m == 3
+    assert validate({}, "x").housing_position_m is None
