@@ -18,7 +18,7 @@ _EDGE_S = 1e-6
 
 @dataclass(frozen=True, slots=True)
 class TrolleyMove:
-    """Trolley or bridge: speeds up over `ramp_s`, runs on at `speed_m_s`, slows down over `ramp_s`."""
+    """Trolley or bridge: speeds up over `ramp_s`, runs on at `speed_m_s`, slows down over `ramp_s` (half a second or more)."""
 
     start_s: float
     duration_s: float
@@ -117,10 +117,7 @@ class Schedule:
         found = np.zeros(len(time_s), dtype=bool)
         for event in self._acting(time_s):
             if isinstance(event, kind):
-                found |= (time_s > event.start_s) & (time_s < event.start_s + event.duration_s)
-            if isinstance(event, TrolleyMove) and kind is TrolleyMove:
-                cruise_end_s = event.start_s + event.duration_s - event.ramp_s
-                found &= ~((time_s > event.start_s + event.ramp_s) & (time_s < cruise_end_s))
+                found |= _changing(event, time_s)
         return found
 
     def forget(self, before_s: float) -> None:
@@ -151,6 +148,14 @@ def _trolley_m_s2(move: TrolleyMove, time_s: Array) -> Array:
     speeding = bump(progress(time_s, move.start_s, move.ramp_s))
     slowing = bump(progress(time_s, move.start_s + move.duration_s - move.ramp_s, move.ramp_s))
     return move.speed_m_s / move.ramp_s * (speeding - slowing)
+
+
+def _changing(event: Event, time_s: Array) -> NDArray[np.bool_]:
+    end_s = event.start_s + event.duration_s
+    changing: NDArray[np.bool_] = (time_s > event.start_s) & (time_s < end_s)
+    if isinstance(event, TrolleyMove):
+        changing &= (time_s < event.start_s + event.ramp_s) | (time_s > end_s - event.ramp_s)
+    return changing
 
 
 def _ended(event: Event, time_s: float) -> bool:

@@ -1,0 +1,114 @@
+"""The simulated accelerometer: what a MEMS part makes of the specific force that acts on it. Figures of an ADXL355."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+LARGEST_COUNT = 2**19 - 1
+"""Of 20 bits, two's complement."""
+UNITS_PER_G_AT_2_G = 256000.0
+NOISE_DENSITY_G_PER_RT_HZ = 25e-6
+ZERO_G_OFFSET_LIMIT_G = 0.075
+
+
+@dataclass(frozen=True, slots=True)
+class Ambient:
+    """Temperature at the part: it rises and falls slowly."""
+
+    mean_c: float = 25.0
+    amplitude_c: float = 0.0
+    period_s: float = 1800.0
+    phase_rad: float = 0.0
+
+    def temperature_c(self, time_s: Array) -> Array:
+        """At instants (n,)."""
+        turn = np.mod(time_s, self.period_s) / self.period_s
+        return self.mean_c + self.amplitude_c * np.sin(2 * np.pi * turn + self.phase_rad)
+
+
+@dataclass(frozen=True, slots=True)
+class PlantedErrors:
+    """The part's errors, in its own axes; the truth that a calibration is held against."""
+
+    zero_g_offset_g: Array
+    """At `reference_temperature_c`, shape (3,)."""
+    scale_factor_error: Array
+    """Relative, shape (3,)."""
+    cross_axis_sensitivity: Array
+    """Row: the axis that reads; column: the axis that acts; zero diagonal, shape (3, 3)."""
+    zero_g_offset_g_per_c: Array
+    """Temperature coefficient, shape (3,)."""
+    reference_temperature_c: float
+    sensor_from_housing: Array
+    """R_sensor_from_housing: how the part is mounted, shape (3, 3)."""
+
+    @property
+    def gain(self) -> Array:
+        """Reading by specific force, both in g and in the sensor's axes, shape (3, 3)."""
+        return np.eye(3) + np.diag(self.scale_factor_error) + self.cross_axis_sensitivity
+
+
+def typical_ambient(random: np.random.Generator) -> Ambient:
+    """Half an hour's ups and downs of a machine in a hall."""
+    return Ambient(
+        mean_c=random.uniform(15.0, 30.0),
+        amplitude_c=random.uniform(1.0, 2.0),
+        phase_rad=random.uniform(-np.pi, np.pi),
+    )
+
+
+def no_errors() -> PlantedErrors:
+    """A perfect part in a perfect mount."""
+    return PlantedErrors(np.zeros(3), np.zeros(3), np.zeros((3, 3)), np.zeros(3), 25.0, np.eye(3))
+
+
+def typical_errors(random: np.random.Generator, reference_temperature_c: float) -> PlantedErrors:
+    """A part as it comes, mounted true: within the datasheet's limits."""
+    cross_axis = random.normal(0.0, 0.005, (3, 3))
+    np.fill_diagonal(cross_axis, 0.0)
+    return PlantedErrors(
+        zero_g_offset_g=np.clip(random.normal(0.0, 0.025, 3), -ZERO_G_OFFSET_LIMIT_G, ZERO_G_OFFSET_LIMIT_G),
+        scale_factor_error=random.normal(0.0, 0.008, 3),
+        cross_axis_sensitivity=cross_axis,
+        zero_g_offset_g_per_c=random.uniform(-80e-6, 80e-6, 3),
+        reference_temperature_c=reference_temperature_c,
+        sensor_from_housing=np.eye(3),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Accelerometer:
+    """From specific force to counts."""
+
+    errors: PlantedErrors
+    odr_hz: float
+    range_g: float = 2.0
+
+    @property
+    def units_per_g(self) -> float:
+        """Nominal sensitivity in counts."""
+        return UNITS_PER_G_AT_2_G * 2.0 / self.range_g
+
+    @property
+    def full_scale_g(self) -> float:
+        """The largest reading; at or beyond it the part has clipped."""
+        return LARGEST_COUNT / self.units_per_g
+
+    @property
+    def noise_g(self) -> float:
+        """1 sigma per sample and axis: white up to half the output data rate."""
+        return float(NOISE_DENSITY_G_PER_RT_HZ * np.sqrt(self.odr_hz / 2))
+
+    def counts(self, force_g: Array, temperature_c: Array, random: np.random.Generator) -> NDArray[np.int32]:
+        """Readings, shape (n, 3), of specific force in the housing's axes, shape (n, 3), at temperatures (n,)."""
+        errors = self.errors
+        reading_g = np.einsum("ij,nj->ni", errors.gain @ errors.sensor_from_housing, force_g)
+        warmer_c = (temperature_c - errors.reference_temperature_c)[:, None]
+        reading_g = reading_g + errors.zero_g_offset_g + errors.zero_g_offset_g_per_c * warmer_c
+        reading_g = reading_g + self.noise_g * random.standard_normal(force_g.shape)
+        reading = np.rint(reading_g * self.units_per_g)
+        counts: NDArray[np.int32] = np.clip(reading, -LARGEST_COUNT - 1, LARGEST_COUNT).astype(np.int32)
+        return counts

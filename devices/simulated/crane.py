@@ -1,0 +1,185 @@
+"""The simulated crane: a spherical pendulum under a schedule, and what is true of it at any instant.
+
+Integrated on a fixed grid that starts at time 0, whatever is asked for, and interpolated to the instants that are: the same
+instant has the same answer however the calls are split. The rope's damping is viscous, F/m = -2 zeta w0 L n'.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.simulated import pendulum
+from devices.simulated.schedule import Drive, Event, Gust, Hoist, Schedule, TrolleyMove
+
+Array = NDArray[np.float64]
+
+STEP_S = 1 / 32
+"""Integration step, a power of two so that the grid is exact; the error is some 1e-9 rad at a rope of 2 m."""
+STEPS_AT_ONCE = 16
+HISTORY_STEPS = 2048
+HISTORY_S = HISTORY_STEPS * STEP_S / 2
+"""What can be asked for again: instants at least this young against the newest one asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """What is true of the crane at n instants."""
+
+    rope_angle_rad: Array
+    """Between rope and vertical, shape (n,)."""
+    direction: Array
+    """Unit vector pivot -> load in the world, shape (n, 3)."""
+    up_in_housing: Array
+    """The vertical as the housing sees it, shape (n, 3): (0, 0, 1) when the load hangs straight."""
+    length_m: Array
+    """Pivot to the load's centre, shape (n,)."""
+    position_m: Array
+    """Pivot to the accelerometer, shape (n,)."""
+    trolley: NDArray[np.bool_]
+    """The trolley or the bridge speeds up or slows down, shape (n,)."""
+    gust: NDArray[np.bool_]
+    hoisting: NDArray[np.bool_]
+
+    @property
+    def rho(self) -> Array:
+        """Position of the housing over the rope's length, shape (n,)."""
+        return self.position_m / self.length_m
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Nothing drives the load: it hangs or swings, shape (n,)."""
+        return ~(self.trolley | self.gust | self.hoisting)
+
+
+class Crane:
+    """Advances in time as it is asked; keeps the last `HISTORY_S`."""
+
+    def __init__(
+        self,
+        *,
+        length_m: float,
+        position_m: float,
+        gravity_m_s2: float = pendulum.STANDARD_GRAVITY_M_S2,
+        events: Iterable[Event] = (),
+        motion: Array | None = None,
+        damping_ratio: float = 0.0,
+        wind_m_s2: tuple[float, float] = (0.0, 0.0),
+    ) -> None:
+        """Rope and housing at time 0, events in the order of their starts, the motion to start from (default: hanging)."""
+        if not 0 <= position_m <= length_m:
+            raise ValueError(f"position_m {position_m:g} must lie on the rope of length_m {length_m:g}")
+        self.gravity_m_s2 = gravity_m_s2
+        self._above_load_m = length_m - position_m
+        self._schedule = Schedule(events, length_m, wind_m_s2)
+        self._damping_hz = float(2 * damping_ratio * np.sqrt(gravity_m_s2 / length_m))
+        self._motions = np.empty((HISTORY_STEPS, 3, 3))
+        self._rates = np.empty((HISTORY_STEPS, 3, 3))
+        self._newest = 0
+        self._advance(pendulum.start_motion(0.0, 0.0, 0.0, 0.0) if motion is None else motion)
+
+    def specific_force_m_s2(self, time_s: Array) -> Array:
+        """Specific force at the housing in its own axes, shape (n, 3), at instants (n,) that increase, n >= 1.
+
+        Raises `ValueError` for an instant that is older than the history.
+        """
+        return np.concatenate([self._specific_force_m_s2(part) for part in self._parts(time_s)])
+
+    def truth(self, time_s: Array) -> Truth:
+        """What is true at instants (n,) that increase; raises `ValueError` as `specific_force_m_s2`."""
+        parts = [self._truth(part) for part in self._parts(time_s)]
+        return Truth(*(np.concatenate([getattr(part, name) for part in parts]) for name in Truth.__slots__))
+
+    def _parts(self, time_s: Array) -> list[Array]:
+        """Stretches that fit into the history."""
+        if time_s[-1] - time_s[0] <= HISTORY_S:
+            return [time_s]
+        cuts = np.arange(time_s[0] + HISTORY_S, time_s[-1], HISTORY_S)
+        return [part for part in np.split(time_s, np.searchsorted(time_s, cuts)) if len(part)]
+
+    def _specific_force_m_s2(self, time_s: Array) -> Array:
+        motion, drive = self._motion(time_s), self._schedule.at(time_s)
+        n, n_rate = motion[:, 0], motion[:, 1]
+        acting_m_s2 = self._damped(self._acting(drive), n_rate, drive.length_m)
+        return pendulum.specific_force_m_s2(
+            motion,
+            pendulum.acceleration_of_direction(n, n_rate, acting_m_s2, drive.length_m, drive.length_rate_m_s),
+            drive.pivot_acceleration_m_s2,
+            self.gravity_m_s2,
+            drive.length_m - self._above_load_m,
+            drive.length_rate_m_s,
+            drive.length_acceleration_m_s2,
+        )
+
+    def _truth(self, time_s: Array) -> Truth:
+        motion, schedule = self._motion(time_s), self._schedule
+        n = motion[:, 0]
+        length_m = schedule.at(time_s).length_m[:, 0]
+        return Truth(
+            rope_angle_rad=np.arctan2(np.hypot(n[:, 0], n[:, 1]), -n[:, 2]),
+            direction=n,
+            up_in_housing=pendulum.housing_axes(motion)[:, :, 2],
+            length_m=length_m,
+            position_m=length_m - self._above_load_m,
+            trolley=schedule.acts(TrolleyMove, time_s),
+            gust=schedule.acts(Gust, time_s),
+            hoisting=schedule.acts(Hoist, time_s),
+        )
+
+    def _motion(self, time_s: Array) -> Array:
+        """Cubic Hermite interpolation between grid points, shape (n, 3, 3)."""
+        while self._newest * STEP_S <= time_s[-1]:
+            self._advance(self._motions[self._newest % HISTORY_STEPS])
+        oldest_s = max(0, self._newest - HISTORY_STEPS + 1) * STEP_S
+        if time_s[0] < oldest_s:
+            raise ValueError(f"instant {time_s[0]:g} s is forgotten: the crane keeps {oldest_s:g} s and later")
+        step = np.floor(time_s / STEP_S).astype(np.int64)
+        s = (time_s / STEP_S - step)[:, None, None]
+        before, after = step % HISTORY_STEPS, (step + 1) % HISTORY_STEPS
+        start, end = self._motions[before], self._motions[after]
+        start_slope, end_slope = STEP_S * self._rates[before], STEP_S * self._rates[after]
+        rise = end - start
+        cubic = start_slope + end_slope - 2 * rise
+        motion: Array = start + s * (start_slope + s * (rise - start_slope - cubic + s * cubic))
+        return motion
+
+    def _advance(self, motion: Array) -> None:
+        """Integrate the next `STEPS_AT_ONCE` steps; what acts at all their stages is found in one go."""
+        first = self._newest
+        drive = self._schedule.at((first + np.arange(2 * STEPS_AT_ONCE + 1) / 2) * STEP_S)
+        acting_m_s2 = self._acting(drive)
+
+        def rate_at(half_step: int | slice, motion: Array) -> Array:
+            length_m = drive.length_m[half_step]
+            damped_m_s2 = self._damped(acting_m_s2[half_step], motion[..., 1, :], length_m)
+            return pendulum.motion_rate(motion, damped_m_s2, length_m, drive.length_rate_m_s[half_step])
+
+        def rate(time_s: float, motion: Array) -> Array:
+            return rate_at(round(time_s * 2 / STEP_S), motion)
+
+        motions = [motion]
+        for step in range(STEPS_AT_ONCE):
+            motions.append(pendulum.runge_kutta_step(rate, step * STEP_S, motions[-1], STEP_S))
+        motions[-1] = _onto_sphere(motions[-1])
+        kept = np.arange(first, first + STEPS_AT_ONCE + 1) % HISTORY_STEPS
+        self._motions[kept] = motions
+        self._rates[kept] = rate_at(slice(None, None, 2), np.array(motions))
+        self._newest = first + STEPS_AT_ONCE
+        self._schedule.forget((self._newest - HISTORY_STEPS) * STEP_S)
+
+    def _acting(self, drive: Drive) -> Array:
+        """g - a_p + F/m of what is outside, shape (n, 3)."""
+        gravity_m_s2: Array = np.array([0.0, 0.0, -self.gravity_m_s2])
+        return drive.force_m_s2 - drive.pivot_acceleration_m_s2 + gravity_m_s2
+
+    def _damped(self, acting_m_s2: Array, n_rate: Array, length_m: Array) -> Array:
+        return acting_m_s2 - self._damping_hz * length_m * n_rate
+
+
+def _onto_sphere(motion: Array) -> Array:
+    """The motion with what rounding took it off the unit sphere put back, so that years add up to nothing."""
+    n = motion[0] / np.linalg.norm(motion[0])
+    n_rate = motion[1] - np.dot(n, motion[1]) * n
+    x_axis = motion[2] - np.dot(n, motion[2]) * n
+    return np.array([n, n_rate, x_axis / np.linalg.norm(x_axis)])

@@ -1,0 +1,153 @@
+"""A crane that is not there, as a device: it keeps the protocol of `devices.device` and the pace of a real part."""
+
+from collections import Counter, deque
+from collections.abc import Iterator, Mapping
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.block import DeviceInfo, SampleBlock
+from devices.clock import Clock
+from devices.errors import DeviceError
+from devices.simulated.accelerometer import (
+    ZERO_G_OFFSET_LIMIT_G,
+    Accelerometer,
+    PlantedErrors,
+    typical_ambient,
+    typical_errors,
+)
+from devices.simulated.crane import Crane, Truth
+from devices.simulated.demo import demo_crane
+from devices.simulated.factory import factory_calibration
+from devices.simulated.pendulum import STANDARD_GRAVITY_M_S2
+
+LONGEST_WAIT_S: Final = 0.5
+LONGEST_LAG_S: Final = 1.0
+"""Further behind than this (the host was suspended, or starved) the device skips to now, as a FIFO that ran over."""
+LONGEST_CATCH_UP_S: Final = 30.0
+"""What the crane moves on by, unseen, when samples are skipped; in a longer absence it stands still."""
+AHEAD_S: Final = 0.25
+"""Readings are made for this long at once, however small the blocks: numpy's cost is per call."""
+
+
+class SimulatedCrane:
+    """A simulated accelerometer on the rope of a simulated crane; 1 g is the site's gravity."""
+
+    def __init__(
+        self,
+        *,
+        odr_hz: float,
+        block_samples: int,
+        length_m: float,
+        position_m: float,
+        clock: Clock,
+        range_g: float = 2.0,
+        gravity_m_s2: float = STANDARD_GRAVITY_M_S2,
+        seed: int = 1,
+        crane: Crane | None = None,
+        errors: PlantedErrors | None = None,
+    ) -> None:
+        """The same seed gives the same readings; a `crane` handed in replaces the demonstration, `errors` the part's own."""
+        if odr_hz <= 0 or range_g <= 0 or block_samples < 1:
+            raise ValueError(
+                f"odr_hz {odr_hz:g}, range_g {range_g:g} and block_samples {block_samples} must all be positive"
+            )
+        self.crane = crane or demo_crane(seed, length_m, position_m, gravity_m_s2)
+        part_random, ambient_random, factory_random, self._noise = np.random.default_rng([seed, 1]).spawn(4)
+        self.ambient = typical_ambient(ambient_random)
+        self.part = Accelerometer(errors or typical_errors(part_random, self.ambient.mean_c), odr_hz, range_g)
+        self._device_id = f"simulated-{seed}"
+        self._factory_record = factory_calibration(self._device_id, self.part, factory_random)
+        self._clock = clock
+        self._period_ns = 1e9 / odr_hz
+        self._block_samples = block_samples
+        self._blocks_at_once = max(1, int(AHEAD_S * odr_hz / block_samples))
+        self._faults: Counter[str] = Counter()
+        self._ready: deque[SampleBlock] = deque()
+        self._next = 0
+        self._lost = 0
+        self._opened_ns: int | None = None
+        self._newest_ns: int | None = None
+        self._crane_start_ns = 0
+
+    def open(self) -> DeviceInfo:
+        """Begin a new grid of sample times now; never fails."""
+        now_ns = self._clock.now_ns()
+        if self._newest_ns is None:
+            self._crane_start_ns = now_ns
+        else:
+            self._stand_still(now_ns - self._newest_ns)
+        self._opened_ns, self._next, self._lost = now_ns, 0, 0
+        self._ready.clear()
+        return DeviceInfo(
+            kind="simulated",
+            device_id=self._device_id,
+            unit="counts",
+            odr_hz=self.part.odr_hz,
+            units_per_g=self.part.units_per_g,
+            full_scale_g=self.part.full_scale_g,
+            noise_g=self.part.noise_g,
+            zero_g_offset_g=ZERO_G_OFFSET_LIMIT_G,
+            factory_calibration=self._factory_record,
+            details={"simulated": "nothing here was measured"},
+        )
+
+    def read(self) -> SampleBlock | None:
+        """The next block at the time of its last sample; None when that is more than half a second away."""
+        if self._opened_ns is None:
+            raise DeviceError("simulated crane: read before open, or after close; call open first")
+        if not self._ready:
+            self._ready.extend(self._simulate(self._opened_ns))
+        now_ns = self._clock.now_ns()
+        wait_s = (int(self._ready[0].time_ns[-1]) - now_ns) / 1e9
+        if wait_s < -LONGEST_LAG_S:
+            self._skip(self._opened_ns, now_ns)
+            wait_s = 0.0
+        if wait_s > LONGEST_WAIT_S:
+            self._clock.sleep_s(LONGEST_WAIT_S)
+            return None
+        self._clock.sleep_s(wait_s)
+        self._next += self._block_samples
+        return self._ready.popleft()
+
+    def close(self) -> None:
+        """Stop; the crane goes on when it is opened again."""
+        self._opened_ns = None
+        self._ready.clear()
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """`overrun`: how many times samples were skipped because nobody read for too long."""
+        return self._faults
+
+    def truth(self, time_ns: NDArray[np.int64]) -> Truth:
+        """What is true of the crane at sample times (n,) of the last half minute."""
+        return self.crane.truth((time_ns - self._crane_start_ns) / 1e9)
+
+    def _simulate(self, opened_ns: int) -> Iterator[SampleBlock]:
+        index = self._next + np.arange(self._blocks_at_once * self._block_samples)
+        time_ns = opened_ns + np.rint(index * self._period_ns).astype(np.int64)
+        time_s = (time_ns - self._crane_start_ns) / 1e9
+        temperature_c = self.ambient.temperature_c(time_s)
+        force_g = self.crane.specific_force_m_s2(time_s) / self.crane.gravity_m_s2
+        raw = self.part.counts(force_g, temperature_c, self._noise)
+        self._newest_ns = int(time_ns[-1])
+        for first in range(0, len(index), self._block_samples):
+            block = slice(first, first + self._block_samples)
+            yield SampleBlock(time_ns[block], raw[block], round(float(temperature_c[block][-1]), 2), self._lost)
+            self._lost = 0
+
+    def _skip(self, opened_ns: int, now_ns: int) -> None:
+        """Go on with the newest whole block, and say how many samples were lost before it."""
+        newest = int((now_ns - opened_ns) / self._period_ns) - self._block_samples + 1
+        self._lost = newest - self._next
+        self._next = newest
+        self._faults["overrun"] += 1
+        self._stand_still(now_ns - int(self._ready[-1].time_ns[-1]))
+        self._ready.clear()
+        self._ready.extend(self._simulate(opened_ns))
+
+    def _stand_still(self, absent_ns: int) -> None:
+        """Hold the crane's own time back by all but the last of a long absence: nobody waits for what nobody saw."""
+        self._crane_start_ns += max(0, absent_ns - round(LONGEST_CATCH_UP_S * 1e9))
