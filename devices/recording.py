@@ -1,0 +1,188 @@
+"""A recording in memory, and how the rows of the field become one.
+
+What cannot be used is left out and counted by kind, and the hole that it leaves is known.
+"""
+
+from bisect import bisect_left
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.block import RawUnit
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """Usable samples of one recording, oldest first, with what was lost among them."""
+
+    time_s: Floats
+    """Shape (n,), n >= 2, strictly increasing by at least 1 ns; from any origin, see `origin_ns`."""
+    raw: Floats
+    """Shape (n, 3), finite, in `unit`; whole numbers where that is counts."""
+    unit: RawUnit
+    lost_before: Integers
+    """Samples missing just before each sample, shape (n,)."""
+    unusable_before: Integers
+    """Rows that came just before each sample and were left out, shape (n,); those after the last one are counted with it."""
+    temperature_c: Floats | None = None
+    """Shape (n,), NaN where a row has none."""
+    gyro_dps: Floats | None = None
+    """Angular rate in degrees per second, shape (n, 3), NaN where a row has none."""
+    repeated: int = 0
+    """Rows left out because their time had been there already."""
+    backward: int = 0
+    """Rows left out because their time is out of order."""
+    invalid: int = 0
+    """Rows left out because they hold no numbers, NaN, or too few or too many columns."""
+    blank: int = 0
+    """Blank lines; they stand for no sample."""
+    truncated: int = 0
+    """1 where the last line was cut off and is left out."""
+    origin_ns: int | None = None
+    """UTC of `time_s` = 0 where it is known (an absolute recording)."""
+
+    def __post_init__(self) -> None:
+        n = len(self.time_s)
+        if n < 2 or {len(self.raw), len(self.lost_before), len(self.unusable_before)} != {n}:
+            raise ValueError("a recording has at least two samples, each with a time and its readings")
+        if np.any(np.diff(self.offset_ns()) <= 0):
+            raise ValueError("the times of a recording increase; see recording_from_rows for those that do not")
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def lost(self) -> int:
+        """Samples missing."""
+        return int(self.lost_before.sum())
+
+    @property
+    def rate_hz(self) -> float:
+        """Measured rate, gaps apart."""
+        return 1.0 / typical_interval(self.time_s)
+
+    def offset_ns(self) -> Integers:
+        """Time of each sample after the first, shape (n,)."""
+        return elapsed_ns(self.time_s)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rows:
+    """Rows that hold numbers, as they came; NaN and times out of order among them."""
+
+    place: Integers
+    """Place of each row among all `count` rows that came, shape (m,); the missing places held no numbers."""
+    count: int
+    time_s: Floats
+    raw: Floats
+    temperature_c: Floats | None = None
+    gyro_dps: Floats | None = None
+
+
+def elapsed_ns(time_s: Floats) -> Integers:
+    """Nanoseconds since the first entry."""
+    elapsed: Integers = np.rint((time_s - time_s[0]) * 1e9).astype(np.int64)
+    return elapsed
+
+
+def typical_interval(time: Floats) -> float:
+    """Mean of the intervals within half of their median: gaps do not enter, and coarse time stamps are averaged out."""
+    interval = np.diff(time)
+    median = np.sort(interval)[(len(interval) - 1) // 2]
+    return float(interval[np.abs(interval - median) <= 0.5 * median].mean())
+
+
+def in_order(time_ns: Integers) -> NDArray[np.bool_]:
+    """Mask of the longest strictly increasing sequence: the fewest entries are left out, whatever one wild time says.
+
+    Patience sorting; of equal times the first one stays.
+    """
+    if np.all(np.diff(time_ns) > 0):
+        return np.ones(len(time_ns), dtype=np.bool_)
+    ends: list[int] = []  # smallest last time of a sequence of each length
+    places: list[int] = []
+    predecessor = np.full(len(time_ns), -1)
+    for place, time in enumerate(time_ns.tolist()):
+        length = bisect_left(ends, time)
+        predecessor[place] = places[length - 1] if length else -1
+        if length == len(ends):
+            ends.append(time)
+            places.append(place)
+        elif time < ends[length]:
+            ends[length], places[length] = time, place
+    mask = np.zeros(len(time_ns), dtype=np.bool_)
+    place = places[-1]
+    while place >= 0:
+        mask[place] = True
+        place = int(predecessor[place])
+    return mask
+
+
+def recording_from_rows(rows: Rows, unit: RawUnit, blank: int = 0, truncated: int = 0) -> Recording:
+    """Leave out what cannot be used, count it by kind, and tell the gaps.
+
+    Raises `ValueError` when fewer than two samples are left, or when the times are no order of the rows: less than half of
+    them can be kept, or more than a quarter stand out of order.
+    """
+    usable = np.isfinite(rows.time_s) & np.isfinite(rows.raw).all(axis=1)
+    numbers = np.flatnonzero(usable)
+    if len(numbers) < 2:
+        raise ValueError(f"no two usable samples in {rows.count} rows; check its columns, unit and delimiter")
+    time_ns = elapsed_ns(rows.time_s[numbers])
+    mask = in_order(time_ns)
+    repeated = ~mask & (time_ns == _kept_before(time_ns, mask))
+    backward = ~mask & ~repeated
+    if mask.sum() < max(2, len(numbers) / 2) or backward.sum() > len(numbers) / 4:
+        text = f"time repeats in {repeated.sum()} and goes back in {backward.sum()} of {len(numbers)} rows"
+        raise ValueError(f"{text}; check its time column, and that it is one recording")
+    kept = numbers[mask]
+    unusable_before = np.diff(rows.place[kept], prepend=-1) - 1
+    unusable_before[-1] += rows.count - 1 - rows.place[kept[-1]]
+    return Recording(
+        time_s=rows.time_s[kept],
+        raw=rows.raw[kept],
+        unit=unit,
+        lost_before=_lost_before(rows, kept, out_of_order=numbers[backward], repeated=numbers[repeated]),
+        unusable_before=unusable_before,
+        temperature_c=None if rows.temperature_c is None else rows.temperature_c[kept],
+        gyro_dps=None if rows.gyro_dps is None else rows.gyro_dps[kept],
+        repeated=int(repeated.sum()),
+        backward=int(backward.sum()),
+        invalid=rows.count - len(numbers),
+        blank=blank,
+        truncated=truncated,
+    )
+
+
+def _lost_before(rows: Rows, kept: Integers, out_of_order: Integers, repeated: Integers) -> Integers:
+    """Samples that a gap is wide and that did not come, shape of `kept`.
+
+    A row without numbers stands for one sample of the gap that it came in, a row out of order for one of the gap that its time
+    falls in, or else came in; a repeated row stands for none.
+    """
+    time_s, place = rows.time_s[kept], rows.place[kept]
+    missing = missing_before(time_s)
+    known = np.concatenate([place, rows.place[out_of_order], rows.place[repeated]])
+    came_in = np.searchsorted(place, np.setdiff1d(np.arange(rows.count), known))
+    by_time = np.searchsorted(time_s, rows.time_s[out_of_order])
+    by_place = np.searchsorted(place, rows.place[out_of_order])
+    falls_in = np.where(np.append(missing, 0)[by_time] > 0, by_time, by_place)
+    stand_in = np.bincount(np.concatenate([came_in, falls_in]), minlength=len(kept) + 1)[: len(kept)]
+    lost: Integers = np.maximum(missing - stand_in, 0)
+    return lost
+
+
+def missing_before(time_s: Floats) -> Integers:
+    """How many typical intervals more than one lie before each sample, shape (n,)."""
+    intervals = np.rint(np.diff(time_s) / typical_interval(time_s)).astype(np.int64)
+    return np.concatenate([[0], np.maximum(intervals - 1, 0)])
+
+
+def _kept_before(time_ns: Integers, mask: NDArray[np.bool_]) -> Integers:
+    """For each entry the last one of the mask up to it; an entry before all of them stands for its first."""
+    latest: Integers = time_ns[mask][np.maximum(np.cumsum(mask) - 1, 0)]
+    return latest

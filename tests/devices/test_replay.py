@@ -1,0 +1,261 @@
+import hashlib
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from devices.block import DeviceInfo, SampleBlock
+from devices.device import Device, EndOfRecording
+from devices.errors import RecordingError
+from devices.recording import Recording
+from devices.replay import Replay
+from devices.table import NATIVE, TableLayout, read_table
+
+REAL = Path(__file__).parents[1] / "data" / "real"
+SIX_POSITION = TableLayout(axes=("acc_x", "acc_y", "acc_z"), unit="counts", rate_hz=204.8, units_per_g=2048)
+PHONE = TableLayout(time=1, axes=(2, 3, 4), unit="m/s2", delimiter="\t")
+INFO = DeviceInfo(kind="replay", device_id="recording-test", unit="g", odr_hz=50, units_per_g=1)
+START_NS = 1_700_000_000_000_000_000
+
+
+class SteppedClock:
+    """Time passes in sleep alone."""
+
+    def __init__(self) -> None:
+        self.time_ns = START_NS
+        self.slept_s: list[float] = []
+
+    def now_ns(self) -> int:
+        return self.time_ns
+
+    def sleep_s(self, seconds: float) -> None:
+        self.slept_s.append(seconds)
+        self.time_ns += round(seconds * 1e9)
+
+
+def recording_at(time_s: list[float], **facts: object) -> Recording:
+    n = len(time_s)
+    given = {"unit": "g", "lost_before": np.zeros(n, np.int64), "unusable_before": np.zeros(n, np.int64)} | facts
+    raw = np.column_stack([np.arange(n), np.zeros(n), np.ones(n)]).astype(float)
+    return Recording(time_s=np.array(time_s), raw=given.pop("raw", raw), **given)
+
+
+def even(count: int) -> list[float]:
+    return [0.02 * number for number in range(count)]
+
+
+def play(device: Device) -> list[SampleBlock]:
+    blocks = []
+    while True:
+        try:
+            block = device.read()
+        except EndOfRecording:
+            return blocks
+        if block is not None:
+            blocks.append(block)
+
+
+def test_as_fast_as_it_goes_in_whole_blocks():
+    clock = SteppedClock()
+    for speed in (0, math.inf):
+        device = Replay(recording_at(even(70)), INFO, clock=clock, speed=speed, block_samples=32)
+        assert device.open() is INFO
+        blocks = play(device)
+        assert [len(block) for block in blocks] == [32, 32, 6]
+        assert clock.slept_s == []
+        time_ns = np.concatenate([block.time_ns for block in blocks])
+        np.testing.assert_array_equal(time_ns, START_NS + 20_000_000 * np.arange(70))
+        assert np.concatenate([block.raw for block in blocks])[:, 0].tolist() == list(range(70))
+
+
+@pytest.mark.parametrize("speed", [0.5, 1, 8])
+def test_blocks_come_when_their_last_sample_is_due(speed):
+    clock = SteppedClock()
+    device = Replay(recording_at(even(40)), INFO, clock=clock, speed=speed, block_samples=10)
+    device.open()
+    for number in range(1, 5):
+        while device.read() is None:
+            pass
+        assert clock.time_ns - START_NS == pytest.approx((10 * number - 1) * 20e6 / speed, abs=2)
+    assert max(clock.slept_s) <= 0.5
+    with pytest.raises(EndOfRecording):
+        device.read()
+
+
+def test_a_long_gap_is_waited_out_in_half_seconds():
+    clock = SteppedClock()
+    device = Replay(recording_at([0, 0.02, 3.0, 3.02]), INFO, clock=clock, block_samples=2)
+    device.open()
+    reads = [device.read() for _ in range(7)]
+    assert [None if block is None else len(block) for block in reads] == [2, None, None, None, None, None, 2]
+
+
+def test_what_fell_behind_is_handed_out_at_once():
+    clock = SteppedClock()
+    device = Replay(recording_at(even(100)), INFO, clock=clock, block_samples=10)
+    device.open()
+    clock.time_ns += 1_000_000_000
+    assert [len(device.read()) for _ in range(5)] == [10] * 5
+    assert clock.slept_s == []
+
+
+def test_gaps_stand_between_blocks_and_are_told():
+    lost = np.zeros(20, np.int64)
+    lost[[5, 12]] = [3, 7]
+    unusable = np.zeros(20, np.int64)
+    unusable[[2, 9, 19]] = [1, 2, 4]
+    device = Replay(
+        recording_at(even(20), lost_before=lost, unusable_before=unusable),
+        INFO,
+        clock=SteppedClock(),
+        speed=0,
+        block_samples=6,
+    )
+    device.open()
+    told = [(len(block), block.lost, block.invalid) for block in play(device)]
+    assert told == [(5, 0, 1), (6, 3, 2), (1, 0, 0), (6, 7, 0), (2, 0, 4)]
+
+
+def test_gap_that_left_out_rows_explain_parts_blocks_too():
+    time_s = [*even(5), *(0.2 + time for time in even(5))]
+    device = Replay(recording_at(time_s), INFO, clock=SteppedClock(), speed=0)
+    device.open()
+    assert [len(block) for block in play(device)] == [5, 5]
+
+
+def test_counts_are_integers():
+    raw = np.array([[2**31 - 1, -(2**31) + 1, 0], [1, -2, 3]], dtype=float)
+    device = Replay(
+        recording_at([0, 1], raw=raw, unit="counts"), replace(INFO, unit="counts"), clock=SteppedClock(), speed=0
+    )
+    device.open()
+    block = device.read()
+    assert block.raw.dtype == np.int32
+    np.testing.assert_array_equal(block.raw, raw)
+
+
+def test_temperature_of_a_block_is_the_mean_of_what_is_known():
+    temperature = np.array([20, np.nan, 22, np.nan, np.nan, np.nan])
+    recording = recording_at(even(6), temperature_c=temperature)
+    device = Replay(recording, INFO, clock=SteppedClock(), speed=0, block_samples=3)
+    device.open()
+    assert [block.temperature_c for block in play(device)] == [21, None]
+
+
+def test_absolute_times_are_kept_to_the_nanosecond():
+    offsets_ns = np.array([0, 1, 3, 40_000_000_123_456, 86_400_000_000_001])
+    recording = recording_at((offsets_ns / 1e9).tolist(), origin_ns=1_600_000_000_123_456_789)
+    device = Replay(recording, INFO, clock=SteppedClock(), speed=0)
+    device.open()
+    time_ns = np.concatenate([block.time_ns for block in play(device)])
+    np.testing.assert_array_equal(time_ns, 1_600_000_000_123_456_789 + offsets_ns)
+
+
+def test_opened_again_it_plays_again_and_closed_it_is_over():
+    clock = SteppedClock()
+    device = Replay(recording_at(even(3)), INFO, clock=clock, speed=0)
+    device.open()
+    assert len(play(device)) == 1
+    device.close()
+    device.close()
+    clock.time_ns += 5_000_000_000
+    device.open()
+    assert device.read().time_ns[0] == START_NS + 5_000_000_000
+    device.close()
+    with pytest.raises(EndOfRecording):
+        device.read()
+
+
+@pytest.mark.parametrize("wrong", [{"speed": -1}, {"speed": math.nan}, {"block_samples": 0}])
+def test_impossible_settings_are_refused(wrong):
+    with pytest.raises(ValueError, match="impossible: give"):
+        Replay(recording_at(even(3)), INFO, clock=SteppedClock(), **wrong)
+
+
+@pytest.mark.parametrize("time_s", [[0], [0, 1, 1], [0, 2, 1], [0, 1e-10]])
+def test_recording_whose_times_do_not_increase_is_none(time_s):
+    with pytest.raises(ValueError, match="recording"):
+        recording_at(time_s)
+
+
+def test_table_of_the_field(tmp_path):
+    lines = [f"{0.02 * number:.2f},0.0,0.0,1.0,{20 + number}" for number in range(12)]
+    lines[3], lines[4] = "", "0.08,nan,0.0,1.0,20"
+    del lines[7]
+    path = tmp_path / "crane 7.csv"
+    path.write_text("\n".join(["time_s,ax_g,ay_g,az_g,temperature_c", *lines, "0.22,0.0,0.0,1.0,20", "0.2"]))
+    device = Replay.from_table(path, clock=SteppedClock(), speed=0)
+    info = device.open()
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    assert info.device_id == f"recording-crane 7-{digest[:8]}"
+    assert info.kind == "replay"
+    assert (info.unit, info.units_per_g, info.odr_hz) == ("g", 1, 50)
+    assert info.calibrated_source
+    assert info.can_wait
+    blocks = play(device)
+    assert [(len(block), block.lost, block.invalid) for block in blocks] == [(3, 0, 0), (2, 1, 1), (4, 1, 1)]
+    assert [block.temperature_c for block in blocks] == [21, 25.5, 29.5]
+    assert dict(device.faults) == {"repeated": 1, "backward": 0, "invalid": 1, "blank": 1, "truncated": 1}
+
+
+def test_another_recording_is_another_device(tmp_path):
+    ids = set()
+    for number, reading in enumerate(("0.1", "0.2")):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        path = folder / "log.csv"
+        path.write_text(f"time_s,ax_g,ay_g,az_g\n0,{reading},0,1\n1,0,0,1\n")
+        ids.add(Replay.from_table(path, clock=SteppedClock()).open().device_id)
+    assert len(ids) == 2
+
+
+def test_real_six_position_session_in_counts():
+    device = Replay.from_table(
+        REAL / "six_position_session.csv", SIX_POSITION, clock=SteppedClock(), speed=0, block_samples=50
+    )
+    info = device.open()
+    assert (info.unit, info.units_per_g, info.odr_hz) == ("counts", 2048, 204.8)
+    assert not info.calibrated_source
+    blocks = play(device)
+    assert [block.raw.dtype for block in blocks] == [np.int32] * 6
+    upward = [int(np.abs(block.raw.mean(axis=0)).argmax()) for block in blocks]
+    assert upward == [0, 0, 1, 1, 2, 2]
+
+
+@pytest.mark.parametrize(
+    ("name", "samples", "peak_g"), [("phone_at_rest.txt", 200, 1.01), ("phone_falling.txt", 400, 18.9)]
+)
+def test_real_phone(name, samples, peak_g):
+    device = Replay.from_table(REAL / name, PHONE, clock=SteppedClock(), speed=0)
+    info = device.open()
+    assert info.odr_hz == pytest.approx(198.5, abs=0.5)
+    blocks = play(device)
+    raw = np.concatenate([block.raw for block in blocks])
+    assert len(raw) == samples
+    assert sum(block.lost + block.invalid for block in blocks) == 0
+    assert np.linalg.norm(raw, axis=1).max() == pytest.approx(peak_g, abs=0.02)
+    assert (np.diff(np.concatenate([block.time_ns for block in blocks])) > 0).all()
+
+
+def test_counts_need_a_sensitivity():
+    with pytest.raises(RecordingError, match=r"six_position_session\.csv: .*how many counts are 1 g"):
+        Replay.from_table(
+            REAL / "six_position_session.csv", replace(SIX_POSITION, units_per_g=None), clock=SteppedClock()
+        )
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(RecordingError, match=r"gone\.csv: no such file"):
+        Replay.from_table(tmp_path / "gone.csv", NATIVE, clock=SteppedClock())
+
+
+def test_recording_handed_in_plays_the_same():
+    path = REAL / "phone_at_rest.txt"
+    from_table = Replay.from_table(path, PHONE, clock=SteppedClock(), speed=0)
+    handed_in = Replay(read_table(path, PHONE), from_table.open(), clock=SteppedClock(), speed=0)
+    handed_in.open()
+    for one, other in zip(play(from_table), play(handed_in), strict=True):
+        np.testing.assert_array_equal(one.raw, other.raw)
+        np.testing.assert_array_equal(one.time_ns, other.time_ns)
