@@ -31,14 +31,14 @@ TOPICS: dict[str, Topic] = {
     for name, type_, rate, logged, published, schema_name in (
         ("samples", messages.Samples, "each block", True, True, "plumbline.Samples"),
         ("tilt", messages.Tilt, "10 Hz", True, True, "plumbline.Tilt"),
-        ("swing", messages.Swing, "1 Hz or each half swing", True, True, "plumbline.Swing"),
+        ("swing", messages.Swing, "twice a swing, or 1 Hz", True, True, "plumbline.Swing"),
         ("condition", messages.Condition, "2 Hz and at each change", True, True, "plumbline.Condition"),
         ("alert", messages.Alert, "1 Hz and at each change", True, True, "plumbline.Alert"),
         ("health", messages.Health, "1 Hz", True, True, "plumbline.Health"),
         (
             "calibration",
             messages.Calibration,
-            "at start, change, each segment; 0.1 Hz",
+            "0.1 Hz, and first in each segment",
             True,
             True,
             "plumbline.Calibration",

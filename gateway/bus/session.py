@@ -58,4 +58,4 @@ def _mend(text: str) -> str:
         return "this machine has no such address; correct bus.listen"
     if "Timeout" in text or "Unable to connect" in text:
         return "nobody answers there; is the gateway running, and its bus.listen the same?"
-    return text.split(" at ")[0].strip().rstrip(".")
+    return text.split(" at ", 1)[0].strip().rstrip(".")

@@ -38,11 +38,11 @@ class Correction:
 
     def apply(self, raw: NDArray[np.int32] | NDArray[np.float64]) -> NDArray[np.float64]:
         """Specific force in the housing frame in g, shape (n, 3)."""
-        return raw @ self.gain.T + self.bias_g
+        return np.asarray(raw @ self.gain.T + self.bias_g, dtype=np.float64)
 
     def u_force_g(self, force_g: NDArray[np.float64]) -> NDArray[np.float64]:
         """Standard uncertainty per axis of a reading in g, shape (3,), from offset and scale."""
-        return np.hypot(self.u_zero_g_offset_g, self.u_scale_factor * force_g)
+        return np.asarray(np.hypot(self.u_zero_g_offset_g, self.u_scale_factor * force_g), dtype=np.float64)
 
 
 def correction_for(info: DeviceInfo, axes: tuple[tuple[int, int], ...], stored: CalibrationRecord | None) -> Correction:

@@ -10,8 +10,10 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from gateway.errors import InputError
 
-Row = Annotated[list[float], Field(min_length=3, max_length=3)]
-CovarianceRow = Annotated[list[float], Field(min_length=12, max_length=12)]
+Number = int | float
+"""Kept as it came: 0 must not become 0.0 on its way through, or the hash would no longer match."""
+Row = Annotated[list[Number], Field(min_length=3, max_length=3)]
+CovarianceRow = Annotated[list[Number], Field(min_length=12, max_length=12)]
 
 
 class CalibrationError(InputError):
@@ -35,8 +37,8 @@ class CalibrationRecord(BaseModel):
     offset: Row
     correction_matrix: Annotated[list[Row], Field(min_length=3, max_length=3)]
     covariance: Annotated[list[CovarianceRow], Field(min_length=12, max_length=12)]
-    prediction_interval_g: float = Field(gt=0)
-    temperature_c: dict[str, float] | None
+    prediction_interval_g: Number = Field(gt=0)
+    temperature_c: dict[str, Number] | None
     sha256: str
 
     @model_validator(mode="after")

@@ -1,7 +1,6 @@
 """`plumbline record`: what is in a recording, and what can be saved of a torn one."""
 
 import argparse
-import json
 from pathlib import Path
 
 WITH_LOSSES = 3

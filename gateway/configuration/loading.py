@@ -9,8 +9,8 @@ from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from gateway.configuration.model import DEVICE_KINDS, AnyDevice, Configuration
 from gateway.errors import InputError
-from gateway.configuration.model import DEVICE_KINDS, AnyDevice, Configuration, HousingSection
 
 ENVIRONMENT_PREFIX = "PLUMBLINE_"
 
@@ -19,16 +19,12 @@ class ConfigurationError(InputError):
     """The configuration cannot be used; the text names file, key and mend in one line."""
 
 
-EMBEDDED_DEFAULT = Configuration(housing=HousingSection(above_load_m=3.0))
-"""What `plumbline run` runs without a file: a simulated crane."""
-
-
 def load(path: Path | None, environment: Mapping[str, str] = os.environ) -> Configuration:
-    """The configuration of a file (None: the embedded default) with the environment's overrides.
+    """The configuration of a file (None: the embedded default, a simulated crane) with the environment's overrides.
 
     Raises `ConfigurationError`.
     """
-    table = EMBEDDED_DEFAULT.model_dump(mode="json", exclude_unset=True) if path is None else _read(path)
+    table = {} if path is None else _read(path)
     where = str(path) if path else "the embedded default"
     overridden = _override(table, environment)
     return validate(table, where + (" with " + ", ".join(overridden) if overridden else ""))

@@ -9,6 +9,10 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 KEY_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
 
 
+SIMULATED_RHO = 0.75
+"""Where on its rope a simulated housing hangs that nobody placed, as a share of the rope's length."""
+
+
 class Section(BaseModel):
     """A table of the file: unknown keys are refused, values do not change."""
 
@@ -271,6 +275,12 @@ class Configuration(Section):
         """Pivot to accelerometer along the rope; None when nobody said where the housing is."""
         if self.housing.position_m is not None:
             return self.housing.position_m
-        if self.housing.above_load_m is not None:
-            return self.rope.length_m - self.housing.above_load_m
-        return None
+        above_m = self.housing_above_load_m
+        return None if above_m is None else self.rope.length_m - above_m
+
+    @property
+    def housing_above_load_m(self) -> float | None:
+        """Accelerometer to load along the rope, which stays while hoisting; None where the place is given from the pivot."""
+        if self.housing.above_load_m is not None or self.housing.position_m is not None:
+            return self.housing.above_load_m
+        return (1 - SIMULATED_RHO) * self.rope.length_m if isinstance(self.device, SimulatedDevice) else None

@@ -71,6 +71,7 @@ class HealthReport:
             "device_reopened": self.sampler.reopened,
             "recording_failures": self.recording.failures,
             "samples_not_recorded": self.recording.samples_lost,
+            "messages_not_writable": self.recording.unwritable,
         }
         counted = {**self.device.faults, **own}
         return {name: count for name, count in counted.items() if count}

@@ -31,7 +31,8 @@ class InstanceLock:
             holder = self._file.read().strip()
             self._file.close()
             raise InstanceError(
-                f"{data_dir}: is in use by another gateway (process {holder or 'unknown'}); stop it, or choose another gateway.data_dir"
+                f"{data_dir}: is in use by another gateway (process {holder or 'unknown'}); "
+                "stop it, or choose another gateway.data_dir"
             ) from error
         self._file.truncate(0)
         self._file.write(f"{os.getpid()}\n")

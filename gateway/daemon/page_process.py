@@ -73,7 +73,7 @@ def page_parameters(configuration: Configuration) -> Parameters:
 
 def connectable(configuration: Configuration) -> list[str]:
     """Endpoints at which a process of this machine finds the gateway's bus."""
-    listening = [endpoint.replace("0.0.0.0", "127.0.0.1") for endpoint in configuration.bus.listen]  # noqa: S104
+    listening = [endpoint.replace("0.0.0.0", "127.0.0.1") for endpoint in configuration.bus.listen]
     return listening or list(configuration.bus.connect)
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 
 from devices.block import DeviceInfo
 from gateway.daemon.worker import Worker
-from gateway.messages import Samples
 from gateway.pipeline.emission import Emission
 from gateway.recording.writer import Recorder, RecorderError
 
@@ -26,6 +25,7 @@ class RecordingWorker(Worker[Emission | DeviceInfo]):
         self.error: str | None = None
         self.samples_lost = 0
         self.failures = 0
+        self.unwritable = 0
 
     @property
     def path(self) -> Path | None:
@@ -34,18 +34,19 @@ class RecordingWorker(Worker[Emission | DeviceInfo]):
 
     def handle(self, item: Emission | DeviceInfo) -> None:
         """Write one message, or note which device the next ones are from."""
-        if self.error is not None:
+        if self.error is not None and self._now_ns() >= self._retry_at_ns:
             self._try_again()
         try:
             if isinstance(item, DeviceInfo):
                 self._recorder.set_device(item, self._now_ns())
-            elif self.error is None:
+            else:
                 self._recorder.write(item.topic, item.message, item.log_time_ns)
                 self._recorder.tick(self._now_ns())
-            elif isinstance(item.message, Samples):
-                self.samples_lost += len(item.message.x)
         except RecorderError as error:
             self._fail(error)
+        except ValueError as error:
+            log.error("%s", error)  # a time that no recording can hold: the host's clock is before 1970
+            self.unwritable += 1
 
     def idle(self) -> None:
         """What is buffered reaches the disk on time even when nothing comes."""
@@ -63,19 +64,19 @@ class RecordingWorker(Worker[Emission | DeviceInfo]):
             self._fail(error)
 
     def _fail(self, error: RecorderError) -> None:
+        self.samples_lost += error.lost_samples
+        if self.error is not None:
+            return  # stopped already: this message only adds to what is lost
         log.error("%s; next try in %.0f s", error, RETRY_S)
         self.error = str(error)
         self.failures += 1
-        self.samples_lost += error.lost_samples
         self._retry_at_ns = self._now_ns() + round(RETRY_S * 1e9)
 
     def _try_again(self) -> None:
-        if self._now_ns() < self._retry_at_ns:
-            return
+        self.error = None
         try:
             path = self._recorder.start(self._now_ns())
         except RecorderError as error:
             self._fail(error)
             return
         log.warning("recording again, to %s; %d samples were not recorded", path, self.samples_lost)
-        self.error = None

@@ -1,7 +1,6 @@
 """How gateway time stands to UTC, and whether the kernel believes its own clock."""
 
 import ctypes
-from dataclasses import dataclass
 
 from devices.clock import HostClock
 from gateway.pipeline.clock_state import ClockState
@@ -11,13 +10,13 @@ TIME_ERROR = 5
 """adjtimex: the clock is not synchronised (man 2 adjtimex)."""
 
 
-@dataclass(slots=True)
 class WallClockWatch:
     """Compares the wall clock to gateway time; call about once a second."""
 
-    clock: HostClock
-    state: ClockState = ClockState("free_running", 0)
-    steps: int = 0
+    def __init__(self, clock: HostClock) -> None:
+        self.clock = clock
+        self.state = ClockState("free_running", 0)
+        self.steps = 0
 
     def look(self) -> ClockState:
         """The state now; counts jumps of the wall clock."""
@@ -31,4 +30,5 @@ class WallClockWatch:
 def _kernel_synchronised() -> bool:
     """Whether a time service disciplines the clock: adjtimex in read-only mode."""
     request = ctypes.create_string_buffer(512)  # struct timex, all zero: modes = 0 reads
-    return 0 <= ctypes.CDLL(None).adjtimex(request) < TIME_ERROR
+    state: int = ctypes.CDLL(None).adjtimex(request)
+    return 0 <= state < TIME_ERROR

@@ -42,7 +42,7 @@ class Worker(threading.Thread, Generic[Item]):
     def handle(self, item: Item) -> None:
         """One item of the inbox."""
 
-    def idle(self) -> None:  # noqa: B027  (most workers have nothing to do then)
+    def idle(self) -> None:
         """Nothing came for a moment."""
 
     @abstractmethod

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from gateway.configuration.model import AlertsSection
 from gateway.messages import ActiveAlert, Level
 from gateway.stages.alerts import Event, Limits, RuleState, event_between, judge, worst
+from gateway.units import degrees
 
 LEAN_CLEAR_SHARE = 0.8
 """The lean alert clears below this share of its limit."""
@@ -40,8 +41,7 @@ class AlertBoard:
                 hold_s=limits.hold_s,
             ),
         }
-        # Nothing is known before the first reading: that is not "normal".
-        self._states = dict.fromkeys(self._limits, RuleState("unknown"))
+        self._states: dict[str, RuleState] = {}
         self._values_rad: dict[str, float | None] = dict.fromkeys(self._limits)
         self._why = "no reading yet"
 
@@ -59,7 +59,7 @@ class AlertBoard:
             if value_rad is not None and not trusted and value_rad < raises_rad:
                 value_rad = None
             self._values_rad[rule] = value_rad
-            before = self._states[rule]
+            before = self._states.get(rule, RuleState("unknown", time_s))  # nothing known yet is not "normal"
             self._states[rule] = judge(before, value_rad, limits, time_s)
             event = event_between(before, self._states[rule])
             if event != "standing":
@@ -82,8 +82,8 @@ class AlertBoard:
             rule=rule,
             level=state.level,
             since_ns=round(state.since_s * 1e9),
-            value_deg=None if value_rad is None else math.degrees(value_rad),
-            limit_deg=None if limit_rad is None else math.degrees(limit_rad),
+            value_deg=degrees(value_rad),
+            limit_deg=None if limit_rad is None else round(math.degrees(limit_rad), 9),
             text=_text(rule, state.level, value_rad, limit_rad, self._why),
         )
 

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from gateway.messages import Log, Message
+
 
 @dataclass(frozen=True, slots=True)
 class Emission:
@@ -9,4 +11,4 @@ class Emission:
 
     topic: str
     log_time_ns: int
-    message: object
+    message: Message | Log

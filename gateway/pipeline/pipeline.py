@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
+from gateway.messages import Condition
 from gateway.packing import pack
 from gateway.pipeline import compose
 from gateway.pipeline.alert_board import AlertBoard, AlertChange
@@ -99,7 +100,7 @@ class Pipeline:
         """Seconds since the first sample: small numbers keep their nanoseconds."""
         if self._origin_ns is None:
             self._origin_ns = int(block.time_ns[0])
-        return (block.time_ns - self._origin_ns) * 1e-9
+        return np.asarray((block.time_ns - self._origin_ns) * 1e-9, dtype=np.float64)
 
     def _clipped(self, block: SampleBlock) -> int:
         """Samples of which an axis reached full scale."""
@@ -124,16 +125,16 @@ class Pipeline:
         """At its pace; sent at once when the verdict changed."""
         if not self._condition_pace.due(time_ns) and "fresh" not in self._condition.gates:
             return
-        self._condition = self._watch.judge(self._swing.seen(time_ns))
+        self._condition = self._watch.judge(self._swing.seen())
         yield Emission("condition", time_ns, self._condition_now(time_ns, clock))
 
-    def _condition_now(self, time_ns: int, clock: ClockState) -> object:
+    def _condition_now(self, time_ns: int, clock: ClockState) -> Condition:
         return compose.condition_message(self._header("condition", time_ns, clock), self._condition, self._correction)
 
     def _judge_alerts(self, time_ns: int, clock: ClockState) -> Iterator[Emission]:
         """Hold the upper ends of the intervals against the limits."""
-        swing_rad, lean_rad = self._swing.upper_ends(time_ns)
-        why = "; ".join(self._condition.reasons)
+        swing_rad, lean_rad = self._swing.upper_ends()
+        why = "; ".join(self._swing.why_unknown or self._condition.reasons)
         if lean_rad is None and self._condition.verdict in ("static", "quasi_static"):
             lowpassed_g = self._lowpassed()
             u_rad = axial_tilt_uncertainty(lowpassed_g, self._correction.u_force_g(lowpassed_g))

@@ -64,9 +64,9 @@ def worst(levels: list[Level]) -> Level:
 
 
 def event_between(before: RuleState, after: RuleState) -> Event:
-    """What happened to a rule."""
+    """What happened to a rule: an alert is raised or cleared; between known and unknown it has changed."""
     if before.level == after.level:
         return "standing"
-    if after.level == "normal":
-        return "cleared"
-    return "raised" if RANK[after.level] > RANK[before.level] else "changed"
+    if after.level in ("warn", "trip"):
+        return "raised" if RANK[after.level] > RANK[before.level] else "changed"
+    return "cleared" if after.level == "normal" and before.level in ("warn", "trip") else "changed"

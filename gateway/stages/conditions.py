@@ -26,6 +26,8 @@ ROUGH_FLOOR_G = 0.004
 IMPACT_G = 0.25
 """A single sample this far from its bin's mean is an impact."""
 LOST_SHARE = 0.1
+WIDEST_RAD = np.radians(30.0)
+"""While the swing is not known yet, a hanging load is given as much as this."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +114,8 @@ class ConditionWatch:
         noise_g = self._noise_g if self._noise_g is not None else min(b.scatter_g for b in self._bins)
         per_bin = float(np.mean([b.count for b in self._bins]))
         spread_g = float(np.ptp(means, axis=0).max())
-        span = 1 - np.cos(swing.phi_max_rad or 0.0)
+        widest_rad = WIDEST_RAD if swing.phi_max_rad is None else swing.phi_max_rad
+        span = 1 - np.cos(widest_rad)
         received = sum(b.count for b in self._bins)
         return {
             "enough_data": True,

@@ -54,6 +54,9 @@ def test_nothing_known_is_worse_than_normal_and_less_than_warn():
 
 def test_events():
     assert event_between(RuleState("normal"), RuleState("trip")) == "raised"
-    assert event_between(RuleState("unknown"), RuleState("normal")) == "cleared"
+    assert event_between(RuleState("warn"), RuleState("trip")) == "raised"
+    assert event_between(RuleState("warn"), RuleState("normal")) == "cleared"
+    assert event_between(RuleState("unknown"), RuleState("normal")) == "changed"
+    assert event_between(RuleState("normal"), RuleState("unknown")) == "changed"
     assert event_between(RuleState("trip"), RuleState("trip")) == "standing"
     assert event_between(RuleState("warn"), RuleState("unknown")) == "changed"

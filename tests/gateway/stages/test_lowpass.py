@@ -1,5 +1,7 @@
 """The block filter against scipy's."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.signal import butter, freqz_sos, sosfilt, sosfilt_zi
@@ -17,10 +19,10 @@ def reference(values, cutoff_hz, order, rate_hz):
 
 @pytest.mark.parametrize(("cutoff_hz", "order", "rate_hz"), CASES)
 def test_is_butterworth_however_the_blocks_fall(cutoff_hz, order, rate_hz):
-    values = np.random.default_rng(0).normal(size=(1000, 3)) + [0.0, 0.0, 1.0]
+    values = np.random.default_rng(0).normal([0.0, 0.0, 1.0], 1.0, size=(1000, 3))
     lowpass = LowPass(cutoff_hz, order, rate_hz)
     cuts = [0, 32, 33, 40, 700, 1000]
-    filtered = np.concatenate([lowpass.apply(values[a:b]) for a, b in zip(cuts, cuts[1:], strict=False)])
+    filtered = np.concatenate([lowpass.apply(values[a:b]) for a, b in pairwise(cuts)])
     np.testing.assert_allclose(filtered, reference(values, cutoff_hz, order, rate_hz), atol=1e-9)
 
 

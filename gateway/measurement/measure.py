@@ -1,0 +1,100 @@
+"""The four formulas, the swing estimate, tilt and conditions of a recording."""
+
+from collections import Counter
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.measurement.source import Source
+from gateway.stages.conditions import ConditionWatch, SwingSeen
+from gateway.stages.lowpass import LowPass
+from gateway.stages.swing.estimate import FormulaAngles, SwingEstimate
+from gateway.stages.swing.formulas import extremes, published
+from gateway.stages.swing.recording import estimate_swing
+from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt
+
+BLOCK_S = 0.1
+JUDGE_EVERY = 5
+CLIPPED_SHARE = 0.998
+NO_FORMULAS = FormulaAngles(arccos_min_az=None, arcsin_max_axy=None, arctan_max_axy_min_az=None, arccos_max_az=None)
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """The verdicts of a recording's windows."""
+
+    verdict: str
+    reasons: tuple[str, ...]
+    windows: dict[str, int]
+    """How many windows had each verdict."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """What a recording says; angles in radians."""
+
+    formulas: FormulaAngles
+    swing: SwingEstimate
+    tilt: TiltAngles
+    axial_rad: float
+    conditions: Conditions
+
+
+def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2) -> Measurement:
+    """Measure a recording; where the place of the housing is not known there is no swing estimate."""
+    recording, force_g = source.recording, source.force_g
+    lowpassed_g = LowPass(min(cutoff_hz, 0.4 * recording.rate_hz), order, recording.rate_hz).apply(force_g)
+    found = extremes(lowpassed_g)
+    swing = _swing(source)
+    mean_g = lowpassed_g.mean(axis=0)
+    return Measurement(
+        formulas=NO_FORMULAS if found is None else published(found),
+        swing=swing,
+        tilt=fused_tilt(mean_g),
+        axial_rad=float(axial_tilt(mean_g)),
+        conditions=_conditions(source, swing),
+    )
+
+
+def _swing(source: Source) -> SwingEstimate:
+    time_s = source.recording.time_s
+    if source.housing is None:
+        reason = "where the housing is on the rope is not known: give --rig"
+        return SwingEstimate(from_s=float(time_s[0]), to_s=float(time_s[-1]), swinging=None, reasons=(reason,))
+    return estimate_swing(time_s, source.force_g, rig=source.housing, noise_g=source.noise_g)
+
+
+def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
+    """Windows judged one after the other, as live; the verdict is the most frequent one."""
+    recording, housing = source.recording, source.housing
+    noise_g = None if source.noise_g is None else float(np.max(source.noise_g))
+    rho = None if housing is None else housing.position_at(housing.length_m) / housing.length_m
+    watch = ConditionWatch(noise_g, source.permissible_norm_error_g, rho)
+    seen = SwingSeen(swing.swinging, swing.phi_max_rad, consistent=swing.coverage95_rad is not None)
+    windows: Counter[str] = Counter()
+    reasons: dict[str, tuple[str, ...]] = {}
+    n = max(1, round(BLOCK_S * recording.rate_hz))
+    for index, begin in enumerate(range(0, len(recording), n)):
+        block = slice(begin, begin + n)
+        watch.update(
+            recording.time_s[block],
+            source.force_g[block],
+            clipped_count(source.force_g[block], source.full_scale_g),
+            int(recording.lost_before[block].sum() + recording.unusable_before[block].sum()),
+        )
+        if index % JUDGE_EVERY == JUDGE_EVERY - 1:
+            found = watch.judge(seen)
+            windows[found.verdict] += 1
+            reasons.setdefault(found.verdict, found.reasons)
+    if not windows:
+        return Conditions("unknown", ("less than a second of data",), {})
+    verdict = windows.most_common(1)[0][0]
+    return Conditions(verdict, reasons[verdict], dict(windows))
+
+
+def clipped_count(force_g: NDArray[np.float64], full_scale_g: float | None) -> int:
+    """Samples of which an axis reached full scale."""
+    if full_scale_g is None:
+        return 0
+    return int(np.count_nonzero(np.abs(force_g).max(axis=1) >= CLIPPED_SHARE * full_scale_g))

@@ -1,0 +1,115 @@
+"""A measurement for people and as the published JSON."""
+
+from dataclasses import asdict
+from typing import Any
+
+from devices.recording import Recording
+from gateway.measurement.measure import Measurement
+from gateway.measurement.source import Source
+from gateway.stages.swing.estimate import SwingEstimate
+from gateway.units import degrees
+
+
+def as_json(source: Source, found: Measurement) -> dict[str, Any]:
+    """The published form of `measure --json`."""
+    return {
+        "samples": _samples(source.recording),
+        "calibration": source.calibration,
+        "formulas_deg": {name: degrees(angle_rad) for name, angle_rad in asdict(found.formulas).items()},
+        "swing": _swing(found.swing) if found.swing.swinging else None,
+        "swing_upper_bound_deg": _upper_bound_deg(found.swing),
+        "swing_reasons": list(found.swing.reasons),
+        "swings": [
+            {"time_s": peak.time_s, "phi_max_deg": degrees(peak.phi_max_rad), "u_deg": degrees(peak.u_rad)}
+            for peak in found.swing.swings
+        ],
+        "tilt": {
+            "pitch_deg": degrees(float(found.tilt.pitch_rad)),
+            "roll_deg": degrees(float(found.tilt.roll_rad)),
+            "axial_deg": degrees(found.axial_rad),
+        },
+        "conditions": {
+            "verdict": found.conditions.verdict,
+            "reasons": list(found.conditions.reasons),
+            "windows": found.conditions.windows,
+        },
+    }
+
+
+def _samples(recording: Recording) -> dict[str, float]:
+    return {
+        "count": len(recording),
+        "duration_s": float(recording.time_s[-1] - recording.time_s[0]),
+        "rate_hz": recording.rate_hz,
+        "lost": recording.lost,
+        "repeated": recording.repeated,
+        "backward": recording.backward,
+        "invalid": recording.invalid,
+        "blank": recording.blank,
+        "truncated": recording.truncated,
+    }
+
+
+def _swing(estimate: SwingEstimate) -> dict[str, Any]:
+    coverage = estimate.coverage95_rad
+    return {
+        "phi_max_deg": degrees(estimate.phi_max_rad),
+        "u_deg": degrees(estimate.u_rad),
+        "coverage95_deg": None if coverage is None else [degrees(coverage[0]), degrees(coverage[1])],
+        "period_s": estimate.period_s,
+        "minor_phi_max_deg": degrees(estimate.minor_phi_max_rad),
+        "azimuth_deg": degrees(estimate.azimuth_rad),
+        "lean_deg": degrees(estimate.lean_rad),
+        "lean_u_deg": degrees(estimate.lean_u_rad),
+        "lean_azimuth_deg": degrees(estimate.lean_azimuth_rad),
+        "length_m": estimate.length_m,
+        "length_u_m": estimate.length_u_m,
+        "damping_ratio": estimate.damping_ratio,
+        "reduced_chi_square": estimate.reduced_chi_square,
+    }
+
+
+def _upper_bound_deg(estimate: SwingEstimate) -> float | None:
+    return None if estimate.coverage95_rad is None else degrees(estimate.coverage95_rad[1])
+
+
+def as_text(source: Source, found: Measurement) -> str:
+    """A few lines for the terminal."""
+    recording, formulas = source.recording, found.formulas
+    faults = {
+        "lost": recording.lost,
+        "repeated": recording.repeated,
+        "backward": recording.backward,
+        "unusable": recording.invalid,
+    }
+    wrong = ", ".join(f"{count} {name}" for name, count in faults.items() if count) or "none lost"
+    pitch, roll, axial = (_angle(float(a)) for a in (found.tilt.pitch_rad, found.tilt.roll_rad, found.axial_rad))
+    rows = [
+        ("recording", f"{source.path}, {len(recording)} samples at {recording.rate_hz:.4g} Hz, {wrong}"),
+        ("calibration", source.calibration),
+        ("swing", _swing_text(found.swing)),
+        ("formulas", "  ".join(f"{name} {_angle(angle)}" for name, angle in asdict(formulas).items())),
+        ("tilt", f"pitch {pitch}  roll {roll}  axial {axial}"),
+        ("condition", f"{found.conditions.verdict}: {'; '.join(found.conditions.reasons)}"),
+    ]
+    return "\n".join(f"{label:<12} {text}" for label, text in rows)
+
+
+def _angle(angle_rad: float | None) -> str:
+    value = degrees(angle_rad)
+    return "-" if value is None else f"{value:.3f}°"
+
+
+def _swing_text(estimate: SwingEstimate) -> str:
+    why = f" ({'; '.join(estimate.reasons)})" if estimate.reasons else ""
+    if estimate.swinging is None:
+        return f"unknown{why}"
+    bound = "unknown" if estimate.coverage95_rad is None else _angle(estimate.coverage95_rad[1])
+    if not estimate.swinging:
+        return f"none, below {bound}{why}"
+    if estimate.coverage95_rad is None:
+        return f"{_angle(estimate.phi_max_rad)}, uncertainty unknown{why}"
+    low, high = (_angle(end) for end in estimate.coverage95_rad)
+    period = "" if estimate.period_s is None else f", period {estimate.period_s:.2f} s"
+    lean = f", lean {_angle(estimate.lean_rad)}"
+    return f"{_angle(estimate.phi_max_rad)}, 95 % within {low} to {high}{period}{lean}{why}"

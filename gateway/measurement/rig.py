@@ -1,0 +1,90 @@
+"""`rig.toml`: what is believed of a rig before its recording is looked at."""
+
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+from gateway.errors import InputError
+from gateway.stages.swing.rig import MountedHousing
+
+LONGEST_RHO = 2.0
+Positive = Annotated[float, Field(gt=0)]
+
+
+class RigTable(BaseModel):
+    """A table of the file."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+class RigRope(RigTable):
+    """The rope."""
+
+    length_m: Positive
+
+
+class RigHousing(RigTable):
+    """The housing on it: its place from the pivot, or above the load."""
+
+    position_m: Annotated[float, Field(ge=0)] | None = None
+    above_load_m: Annotated[float, Field(ge=0)] | None = None
+
+
+class RigSensor(RigTable):
+    """The sensor in it."""
+
+    sample_rate_hz: Positive | None = None
+    noise_g: Positive | Annotated[list[Positive], Field(min_length=3, max_length=3)] | None = None
+    full_scale_g: Positive | None = None
+
+
+class RigSite(RigTable):
+    """Where it stands."""
+
+    gravity_m_s2: Annotated[float, Field(gt=9.7, lt=9.9)] = 9.80665
+
+
+class Rig(RigTable):
+    """All that is believed."""
+
+    rope: RigRope
+    housing: RigHousing
+    sensor: RigSensor = RigSensor()
+    site: RigSite = RigSite()
+    model: dict[str, dict[str, Any]] = {}
+
+    @model_validator(mode="after")
+    def _on_the_rope(self) -> "Rig":
+        position_m, length_m = self.housing.position_m, self.rope.length_m
+        if (position_m is None) == (self.housing.above_load_m is None):
+            raise ValueError("[housing] wants either position_m or above_load_m")
+        # The rope's length is a belief that the hook may have left behind, the housing's place was measured.
+        if position_m is not None and position_m > LONGEST_RHO * length_m:
+            raise ValueError(f"housing.position_m {position_m:g} is far beyond rope.length_m {length_m:g}")
+        return self
+
+    def mounted_housing(self) -> MountedHousing:
+        """For the swing stage; the file states the housing's place as measured."""
+        return MountedHousing(
+            length_m=self.rope.length_m,
+            position_m=self.housing.position_m,
+            above_load_m=self.housing.above_load_m,
+            gravity_m_s2=self.site.gravity_m_s2,
+        )
+
+
+def read_rig(path: Path) -> Rig:
+    """The rig of a file. Raises `InputError` with the place and the mend."""
+    try:
+        return Rig.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: is not TOML: {error}") from error
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        place = ".".join(str(part) for part in first["loc"]) or "rig"
+        text = str(first["msg"]).removeprefix("Value error, ")
+        raise InputError(f"{path}: {place}: {text}; needed are [rope] length_m and [housing] position_m") from error

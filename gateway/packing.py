@@ -1,0 +1,126 @@
+"""Sample blocks as messages and back, exactly.
+
+Counts are stored as first differences: neighbouring samples are alike, so the differences are short numbers that compress
+well and stay readable JSON.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.block import SampleBlock
+from gateway.messages import ClockQuality, Samples
+
+Times = NDArray[np.int64]
+LONGEST_PERIOD_NS = 1e12
+"""A thousand seconds: beyond it a period is not one of samples."""
+
+
+def pack(
+    block: SampleBlock, *, time_ns: int, clock: ClockQuality, sequence: int, calibration_id: str | None
+) -> Samples:
+    """The message of a block; `time_ns` is the UTC of its newest sample.
+
+    `int32` readings become differences in counts, `float64` ones stay plain g. Raises `ValueError` for an empty block and
+    for a reading that is not finite.
+    """
+    if not len(block):
+        raise ValueError("a block without samples cannot be packed")
+    counts = block.raw.dtype.kind == "i"
+    x, y, z = _differences(block.raw) if counts else _plain(block.raw)
+    period_ns, offsets_ns = _times(block.time_ns)
+    return Samples(
+        time_ns=time_ns,
+        clock=clock,
+        sequence=sequence,
+        calibration_id=calibration_id,
+        first_log_time_ns=int(block.time_ns[0]),
+        period_ns=period_ns,
+        offsets_ns=offsets_ns,
+        unit="counts" if counts else "g",
+        packing="difference" if counts else "plain",
+        x=x,
+        y=y,
+        z=z,
+        temperature_c=block.temperature_c,
+        lost=block.lost,
+        invalid=block.invalid,
+    )
+
+
+def unpack(samples: Samples) -> SampleBlock:
+    """The block of a message. Raises `ValueError` where its columns or times do not fit together, or no block can hold them."""
+    count = len(samples.x)
+    if not count or len(samples.y) != count or len(samples.z) != count:
+        raise ValueError(f"columns of {count}, {len(samples.y)} and {len(samples.z)} samples")
+    try:
+        time_ns, raw = _times_back(samples, count), _readings(samples)
+    except OverflowError as error:
+        raise ValueError("a time or reading of more than 64 bits") from error
+    return SampleBlock(
+        time_ns=time_ns,
+        raw=raw,
+        temperature_c=samples.temperature_c,
+        lost=samples.lost,
+        invalid=samples.invalid,
+    )
+
+
+def _differences(raw: NDArray[np.int32] | NDArray[np.float64]) -> list[list[int]]:
+    columns = raw.T.astype(np.int64)  # the difference of two int32 may need 33 bits
+    columns[:, 1:] = columns[:, 1:] - columns[:, :-1]
+    differences: list[list[int]] = columns.tolist()
+    return differences
+
+
+def _plain(raw: NDArray[np.int32] | NDArray[np.float64]) -> list[list[float]]:
+    if not np.isfinite(raw).all():
+        raise ValueError("a reading that is not finite cannot be packed; devices count it as invalid and leave it out")
+    columns: list[list[float]] = raw.T.tolist()
+    return columns
+
+
+def _times(time_ns: Times) -> tuple[float | None, list[int] | None]:
+    """(period, None) where sample i is at first + rint(i * period) for a single period, else (None, offsets).
+
+    Sample i bounds the period to offset_i / i -+ 0.5 ns / i; the intersection of these intervals holds all that would do.
+    """
+    offsets_ns = time_ns[1:] - time_ns[0]
+    if not len(offsets_ns):
+        return None, []
+    index, half_width_ns = _bounds(len(offsets_ns))
+    mean_ns = offsets_ns / index
+    period_ns = float((mean_ns - half_width_ns).max() + (mean_ns + half_width_ns).min()) / 2
+    if abs(period_ns) <= LONGEST_PERIOD_NS and (np.rint(index * period_ns) == offsets_ns).all():
+        return period_ns, None
+    return None, offsets_ns.tolist()
+
+
+@lru_cache(maxsize=64)
+def _bounds(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Indices 1 to count and how far each of their samples bounds the period."""
+    index = np.arange(1.0, count + 1)
+    return index, 0.5 / index
+
+
+def _readings(samples: Samples) -> NDArray[np.int32] | NDArray[np.float64]:
+    columns = [samples.x, samples.y, samples.z]
+    if samples.unit == "g":
+        readings_g = np.array(columns, dtype=np.float64).T
+        return np.cumsum(readings_g, axis=0) if samples.packing == "difference" else readings_g
+    counts = np.array(columns, dtype=np.int64).T
+    return (np.cumsum(counts, axis=0) if samples.packing == "difference" else counts).astype(np.int32)
+
+
+def _times_back(samples: Samples, count: int) -> Times:
+    if samples.period_ns is not None:
+        if not abs(samples.period_ns) <= LONGEST_PERIOD_NS:
+            raise ValueError(f"samples {samples.period_ns} ns apart")
+        offsets_ns = np.rint(np.arange(count) * samples.period_ns).astype(np.int64)
+    else:
+        offsets_ns = np.array([0, *(samples.offsets_ns or [])], dtype=np.int64)
+    if len(offsets_ns) != count:
+        raise ValueError(f"{count} samples and {len(offsets_ns)} times")
+    time_ns: Times = samples.first_log_time_ns + offsets_ns
+    return time_ns

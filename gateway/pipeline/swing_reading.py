@@ -1,0 +1,117 @@
+"""The swing stage inside the pipeline: how it is set up, how long its word holds, how it becomes a message."""
+
+from dataclasses import asdict
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.block import DeviceInfo
+from gateway.calibration.correction import Correction
+from gateway.configuration.model import Configuration
+from gateway.messages import Formulas, Swing
+from gateway.pipeline.header import Header
+from gateway.pipeline.mounting import mounted_housing
+from gateway.stages.conditions import SwingSeen
+from gateway.stages.lowpass import LowPass
+from gateway.stages.swing.estimate import SwingEstimate
+from gateway.stages.swing.live import SwingTracker
+from gateway.units import degrees
+
+HOLDS_S = 2.0
+"""An estimate holds for this long, or for one period."""
+K95 = 1.96
+
+
+class SwingReading:
+    """Feeds the tracker and keeps its last word."""
+
+    def __init__(
+        self, configuration: Configuration, info: DeviceInfo, correction: Correction, lowpass: LowPass
+    ) -> None:
+        rig = mounted_housing(configuration, correction)
+        self.rho = None if rig is None else rig.position_at(rig.length_m) / rig.length_m
+        self._tracker = None if rig is None else SwingTracker(rig, noise_g=info.noise_g, lowpass_gain=lowpass.gain)
+        self._estimate: SwingEstimate | None = None
+        self._now_s = 0.0
+
+    def update(
+        self, time_s: NDArray[np.float64], force_g: NDArray[np.float64], lowpassed_g: NDArray[np.float64]
+    ) -> bool:
+        """Take a block; whether there is a new estimate."""
+        self._now_s = float(time_s[-1])
+        if self._tracker is None:
+            return False
+        estimate = self._tracker.update(time_s, force_g, lowpassed_g)
+        if estimate is None:
+            return False
+        self._estimate = estimate
+        return True
+
+    @property
+    def _current(self) -> SwingEstimate | None:
+        """The last estimate while its word holds."""
+        estimate = self._estimate
+        if estimate is None:
+            return None
+        holds_s = max(HOLDS_S, estimate.period_s or 0.0)
+        return estimate if self._now_s - estimate.to_s <= holds_s else None
+
+    def seen(self) -> SwingSeen:
+        """What the condition stage needs to know."""
+        estimate = self._current
+        if estimate is None:
+            return SwingSeen(None, None, consistent=False)
+        return SwingSeen(estimate.swinging, estimate.phi_max_rad, consistent=estimate.coverage95_rad is not None)
+
+    @property
+    def why_unknown(self) -> tuple[str, ...]:
+        """Why there is no interval to hold against a limit; nothing where there is one."""
+        if self._tracker is None:
+            return ("where the housing is on the rope is not configured",)
+        estimate = self._current
+        if estimate is None:
+            return ("not yet a full swing to judge by",)
+        return () if estimate.coverage95_rad is not None else estimate.reasons
+
+    def upper_ends(self) -> tuple[float | None, float | None]:
+        """Upper ends of the 95 % intervals of swing and lean in radians; None where they are not known."""
+        estimate = self._current
+        if estimate is None:
+            return None, None
+        swing_rad = None if estimate.coverage95_rad is None else estimate.coverage95_rad[1]
+        if estimate.prediction is not None and estimate.prediction.u_rad is not None and swing_rad is not None:
+            swing_rad = max(swing_rad, estimate.prediction.phi_max_rad + K95 * estimate.prediction.u_rad)
+        if estimate.lean_rad is None or estimate.lean_u_rad is None:
+            return swing_rad, None
+        return swing_rad, estimate.lean_rad + K95 * estimate.lean_u_rad
+
+    def message(self, header: Header) -> Swing:
+        """The last estimate in degrees."""
+        estimate = self._estimate
+        if estimate is None:
+            raise ValueError("there is no estimate yet")
+        coverage, prediction = estimate.coverage95_rad, estimate.prediction
+        return Swing(
+            **header,
+            swinging=estimate.swinging,
+            phi_max_deg=degrees(estimate.phi_max_rad),
+            u_deg=degrees(estimate.u_rad),
+            coverage95_deg=None if coverage is None else [float(np.degrees(end)) for end in coverage],
+            minor_phi_max_deg=degrees(estimate.minor_phi_max_rad),
+            azimuth_deg=degrees(estimate.azimuth_rad),
+            lean_deg=degrees(estimate.lean_rad),
+            lean_azimuth_deg=degrees(estimate.lean_azimuth_rad),
+            period_s=estimate.period_s,
+            predicted_phi_max_deg=None if prediction is None else degrees(prediction.phi_max_rad),
+            predicted_u_deg=None if prediction is None else degrees(prediction.u_rad),
+            time_to_peak_s=None if prediction is None else prediction.time_to_peak_s,
+            formulas_deg=formulas_message(estimate),
+            reasons=list(estimate.reasons),
+        )
+
+
+def formulas_message(estimate: SwingEstimate) -> Formulas:
+    """The four published formulas over the last swing, in degrees."""
+    if estimate.formulas is None:
+        return Formulas(arccos_min_az=None, arcsin_max_axy=None, arctan_max_axy_min_az=None, arccos_max_az=None)
+    return Formulas(**{name: degrees(angle_rad) for name, angle_rad in asdict(estimate.formulas).items()})

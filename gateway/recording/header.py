@@ -1,0 +1,71 @@
+"""What makes a recording complete in itself, beside its messages."""
+
+import json
+import platform
+from dataclasses import dataclass
+from functools import cache
+
+import mcap
+import numpy as np
+from pydantic import TypeAdapter, ValidationError
+
+from devices.block import DeviceInfo
+
+PROFILE = "plumbline"
+ORIGIN = "plumbline"
+DEVICE = "device"
+RECOVERED = "recovered"
+CONFIGURATION = "configuration.toml"
+CONFIGURATION_MEDIA_TYPE = "application/toml"
+TEXT_FIELDS = frozenset({"kind", "device_id", "unit"})
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingHeader:
+    """Who records, with which software and configuration."""
+
+    software: str
+    site: str
+    crane: str
+    sensor: str
+    boot_id: str
+    configuration_toml: str
+
+    @property
+    def library(self) -> str:
+        """The writer's name in the file's header."""
+        return f"plumbline {self.software}; mcap-python {mcap.__version__}"
+
+    def origin(self) -> dict[str, str]:
+        """Content of the metadata record `plumbline`."""
+        return {
+            "software": self.software,
+            "site": self.site,
+            "crane": self.crane,
+            "sensor": self.sensor,
+            "boot_id": self.boot_id,
+            "python": platform.python_version(),
+            "numpy": np.__version__,
+            "machine": platform.machine(),
+        }
+
+
+@cache
+def _device_adapter() -> TypeAdapter[DeviceInfo]:
+    return TypeAdapter(DeviceInfo)
+
+
+def device_metadata(info: DeviceInfo) -> dict[str, str]:
+    """Content of the metadata record `device`: names as they are, everything else as JSON."""
+    fields = _device_adapter().dump_python(info, mode="json")
+    return {name: value if name in TEXT_FIELDS else json.dumps(value) for name, value in fields.items()}
+
+
+def device_from_metadata(metadata: dict[str, str]) -> DeviceInfo:
+    """The device of a recording. Raises `ValueError` where the record does not describe one."""
+    try:
+        fields = {name: text if name in TEXT_FIELDS else json.loads(text) for name, text in metadata.items()}
+        return _device_adapter().validate_python(fields)
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise ValueError(f"metadata 'device': {first['loc'][0]}: {first['msg']}") from error

@@ -1,0 +1,100 @@
+"""Recordings read back, torn ones as far as they go."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
+from mcap.well_known import MessageEncoding
+from pydantic import ValidationError
+
+from devices.errors import RecordingError
+from gateway.recording.frames import Losses, open_mcap, records
+from gateway.topics import TOPICS, adapter
+
+TOPIC_OF_PATH = {topic.path: topic.name for topic in TOPICS.values()}
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedMessage:
+    """One message as it stands in the file."""
+
+    channel: Channel
+    log_time_ns: int
+    publish_time_ns: int
+    sequence: int
+    data: bytes
+
+    @property
+    def topic(self) -> str:
+        """The channel's topic, with its slash."""
+        return self.channel.topic
+
+
+def open_recording(path: Path | str) -> "RecordingFile":
+    """A recording, torn or not. Raises `RecordingError` where there is no MCAP file of that name."""
+    path = Path(path)
+    open_mcap(path).close()
+    return RecordingFile(path)
+
+
+@dataclass(slots=True)
+class RecordingFile:
+    """A recording; what stands beside the messages fills up while they are read."""
+
+    path: Path
+    header: Header | None = None
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    metadata: dict[str, dict[str, str]] = field(default_factory=dict)
+    attachments: dict[str, Attachment] = field(default_factory=dict)
+    losses: Losses = field(default_factory=Losses)
+
+    def messages(self) -> Iterator[RecordedMessage]:
+        """Every message that can be recovered, in the order of writing. Raises `RecordingError`."""
+        self.losses = Losses()
+        with open_mcap(self.path) as file:
+            try:
+                for record in records(file, self.losses):
+                    if isinstance(record, Message):
+                        yield from self._message(record)
+                    else:
+                        self._keep(record)
+            except OSError as error:
+                raise RecordingError(
+                    f"{self.path}: byte {file.tell()}: {error.strerror}; copy it off this disk with `ddrescue` and try again"
+                ) from error
+
+    def decode(self, message: RecordedMessage) -> Any:
+        """Content of a message of the gateway's own topics; None for another, and for what does not decode: that is counted."""
+        name = TOPIC_OF_PATH.get(message.topic)
+        if name is None or message.channel.message_encoding != MessageEncoding.JSON:
+            return None
+        try:
+            return adapter(name).validate_json(message.data)
+        except ValidationError:
+            self.losses.unreadable_messages += 1
+            return None
+
+    def _message(self, record: Message) -> Iterator[RecordedMessage]:
+        channel = self.channels.get(record.channel_id)
+        if channel is None:
+            self.losses.unreadable_messages += 1
+            return
+        yield RecordedMessage(channel, record.log_time, record.publish_time, record.sequence, record.data)
+
+    def _keep(self, record: object) -> None:
+        match record:
+            case Schema():
+                self.schemas[record.id] = record
+            case Channel():
+                self.channels[record.id] = record
+            case Metadata():
+                self.metadata[record.name] = record.metadata
+            case Attachment():
+                self.attachments[record.name] = record
+            case Header():
+                self.header = record
+            case _:
+                pass

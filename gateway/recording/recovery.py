@@ -1,0 +1,113 @@
+"""A whole file from a torn one."""
+
+import json
+import os
+import tempfile
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from mcap.records import Channel
+from mcap.writer import Writer
+
+from devices.errors import RecordingError
+from gateway.recording.frames import Losses
+from gateway.recording.header import RECOVERED
+from gateway.recording.reader import RecordingFile, open_recording
+from gateway.recording.segment import sync_directory
+
+
+@dataclass(frozen=True, slots=True)
+class Recovered:
+    """What was saved and what was not."""
+
+    messages: int
+    losses: Losses
+
+
+def recover(path: Path | str, out: Path | str) -> Recovered:
+    """Write everything readable of a recording into the new file `out`, indexed and closed properly.
+
+    The source is left as it is, and `out` appears whole or not at all. Raises `RecordingError` where the source holds no
+    message, `out` exists already, or it cannot be written.
+    """
+    out = Path(out)
+    source = open_recording(path)
+    if out.exists():
+        raise RecordingError(f"{out}: exists already; choose another name")
+    try:
+        return _write_aside(source, out)
+    except OSError as error:
+        raise RecordingError(f"{out}: cannot be written: {error.strerror or error}; choose another place") from error
+
+
+def _write_aside(source: RecordingFile, out: Path) -> Recovered:
+    descriptor, name = tempfile.mkstemp(dir=out.parent, prefix=f".{out.name}.", suffix=".part")
+    aside = Path(name)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            messages = _copy(source, Writer(file, enable_data_crcs=True))
+            file.flush()
+            os.fchmod(descriptor, 0o644)
+            os.fsync(descriptor)
+        aside.replace(out)
+        sync_directory(out.parent)
+    finally:
+        aside.unlink(missing_ok=True)
+    return Recovered(messages, source.losses)
+
+
+def _copy(source: RecordingFile, writer: Writer) -> int:
+    """Messages first: what stands beside them is known only when they have been read."""
+    channels = _Channels(source, writer)
+    count = 0
+    for message in source.messages():
+        if not count:
+            profile, library = (source.header.profile, source.header.library) if source.header else ("", "")
+            writer.start(profile=profile, library=library)
+        writer.add_message(
+            channel_id=channels.new_id(message.channel),
+            log_time=message.log_time_ns,
+            data=message.data,
+            publish_time=message.publish_time_ns,
+            sequence=message.sequence,
+        )
+        count += 1
+    if not count:
+        raise RecordingError(f"{source.path}: holds no message that can be read; there is nothing to recover")
+    for channel in source.channels.values():
+        channels.new_id(channel)
+    for attachment in source.attachments.values():
+        writer.add_attachment(**asdict(attachment))
+    losses = {name: json.dumps(value) for name, value in asdict(source.losses).items()}
+    for name, metadata in {**source.metadata, RECOVERED: {"from": source.path.name, **losses}}.items():
+        writer.add_metadata(name, metadata)
+    writer.finish()  # type: ignore[no-untyped-call]
+    return count
+
+
+class _Channels:
+    """Numbers of schemas and channels in the new file, given when they are first needed."""
+
+    def __init__(self, source: RecordingFile, writer: Writer) -> None:
+        self._source = source
+        self._writer = writer
+        self._schema_ids: dict[int, int] = {0: 0}
+        self._channel_ids: dict[int, int] = {}
+
+    def new_id(self, channel: Channel) -> int:
+        if channel.id not in self._channel_ids:
+            self._channel_ids[channel.id] = self._writer.register_channel(
+                topic=channel.topic,
+                message_encoding=channel.message_encoding,
+                schema_id=self._new_schema_id(channel.schema_id),
+                metadata=channel.metadata,
+            )
+        return self._channel_ids[channel.id]
+
+    def _new_schema_id(self, schema_id: int) -> int:
+        if schema_id not in self._schema_ids:
+            schema = self._source.schemas.get(schema_id)
+            if schema is None:  # it was in a damaged chunk: the messages are worth more than their description
+                return 0
+            self._schema_ids[schema_id] = self._writer.register_schema(schema.name, schema.encoding, schema.data)
+        return self._schema_ids[schema_id]

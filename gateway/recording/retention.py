@@ -1,0 +1,86 @@
+"""Names of segments, and which of them have to go when the quota is reached."""
+
+import re
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+BYTES_PER_MB = 1_000_000
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class ClosedSegment:
+    """A recording of this gateway that nobody writes to; sorts oldest first."""
+
+    utc: str
+    copy: int
+    path: Path
+    size_bytes: int
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentNames:
+    """The names of one gateway's segments: `<site>-<crane>-<sensor>-<UTC>[-<copy>].mcap`."""
+
+    site: str
+    crane: str
+    sensor: str
+
+    def unused(self, data_dir: Path, start_ns: int) -> Path:
+        """Path of a segment that starts now; no file has this name yet."""
+        utc = datetime.fromtimestamp(start_ns // 1_000_000_000, tz=UTC).strftime("%Y%m%dT%H%M%SZ")
+        path = data_dir / f"{self._prefix}-{utc}.mcap"
+        copy = 0
+        while path.exists():
+            copy += 1
+            path = data_dir / f"{self._prefix}-{utc}-{copy}.mcap"
+        return path
+
+    def found(self, data_dir: Path) -> list[ClosedSegment]:
+        """This gateway's segments, oldest first, torn ones among them. Raises `OSError`."""
+        pattern = re.compile(re.escape(self._prefix) + r"-(\d{8}T\d{6}Z)(?:-(\d+))?\.mcap")
+        found = []
+        for path in data_dir.iterdir():
+            match = pattern.fullmatch(path.name)
+            if match:
+                with suppress(FileNotFoundError):
+                    found.append(ClosedSegment(match[1], int(match[2] or 0), path, path.stat().st_size))
+        return sorted(found)
+
+    @property
+    def _prefix(self) -> str:
+        return f"{self.site}-{self.crane}-{self.sensor}"
+
+
+class Retention:
+    """Deletes the oldest closed segments beyond the quota; touches no other file and never the open one."""
+
+    def __init__(self, names: SegmentNames, data_dir: Path, quota_mb: float) -> None:
+        self._names = names
+        self._data_dir = data_dir
+        self._quota_bytes = quota_mb * BYTES_PER_MB
+        self._closed: list[ClosedSegment] = []
+        self.undeletable = 0
+
+    def look(self) -> None:
+        """See which segments there are, while none of them is open. Raises `OSError`."""
+        self._closed = self._names.found(self._data_dir)
+
+    def enforce(self, open_bytes: int) -> list[Path]:
+        """Delete until everything together is within the quota; the paths deleted.
+
+        A file that cannot be deleted is counted and left to the next `look`: recording goes on.
+        """
+        deleted = []
+        total_bytes = open_bytes + sum(segment.size_bytes for segment in self._closed)
+        while self._closed and total_bytes > self._quota_bytes:
+            oldest = self._closed.pop(0)
+            try:
+                oldest.path.unlink(missing_ok=True)
+            except OSError:
+                self.undeletable += 1
+                continue
+            total_bytes -= oldest.size_bytes
+            deleted.append(oldest.path)
+        return deleted

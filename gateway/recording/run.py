@@ -1,0 +1,152 @@
+"""The raw samples of a recording with everything that is needed to compute its results again."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.block import DeviceInfo, SampleBlock
+from devices.errors import RecordingError
+from devices.recording import Recording, in_order, missing_before
+from gateway import messages
+from gateway.packing import unpack
+from gateway.recording import header as names
+from gateway.recording.frames import Losses
+from gateway.recording.header import device_from_metadata
+from gateway.recording.reader import RecordingFile, open_recording
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationInForce:
+    """A calibration as it was recorded."""
+
+    log_time_ns: int
+    message: messages.Calibration
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedRun:
+    """What was measured, by which device, under which configuration and calibration."""
+
+    path: Path
+    origin: dict[str, str]
+    """Software, site, crane, sensor and boot of the gateway; empty where another program wrote the file."""
+    device: DeviceInfo
+    blocks: tuple[SampleBlock, ...]
+    """As the device handed them on: times in gateway time, readings in `device.unit`."""
+    configuration_toml: str | None
+    calibrations: tuple[CalibrationInForce, ...]
+    """The one in force at the start and each other one that followed."""
+    losses: Losses
+
+    @property
+    def time_ns(self) -> NDArray[np.int64]:
+        """Gateway time of every sample, shape (n,)."""
+        return np.concatenate([block.time_ns for block in self.blocks])
+
+    def recording(self) -> Recording:
+        """All samples in one, as `measure` takes them; times count from the first sample.
+
+        Samples whose time repeats or goes back are left out and counted. Raises `RecordingError` for fewer than two.
+        """
+        time_ns = self.time_ns
+        raw = np.concatenate([block.raw for block in self.blocks]).astype(np.float64)
+        kept = in_order(time_ns)
+        if kept.sum() < 2:
+            raise RecordingError(f"{self.path}: holds a single sample; choose a longer recording")
+        repeated = np.isin(time_ns[~kept], time_ns[kept])
+        time_s = (time_ns[kept] - time_ns[0]) / 1e9
+        known_lost = self._before([block.lost for block in self.blocks])[kept]
+        return Recording(
+            time_s=time_s,
+            raw=raw[kept],
+            unit=self.device.unit,
+            lost_before=np.maximum(known_lost, missing_before(time_s)),
+            unusable_before=self._before([block.invalid for block in self.blocks])[kept],
+            temperature_c=self._temperature_c()[kept],
+            repeated=int(repeated.sum()),
+            backward=int((~repeated).sum()),
+            invalid=sum(block.invalid for block in self.blocks),
+            origin_ns=int(time_ns[0]),
+        )
+
+    def _before(self, counts: list[int]) -> NDArray[np.int64]:
+        """A count of each block at its first sample, zero at the others, shape (n,)."""
+        lengths = np.array([len(block) for block in self.blocks])
+        spread = np.zeros(lengths.sum(), dtype=np.int64)
+        spread[np.cumsum(lengths) - lengths] = counts
+        return spread
+
+    def _temperature_c(self) -> NDArray[np.float64]:
+        known = [np.nan if block.temperature_c is None else block.temperature_c for block in self.blocks]
+        return np.repeat(np.array(known, dtype=np.float64), [len(block) for block in self.blocks])
+
+
+def read_samples(path: Path | str) -> RecordedRun:
+    """Read a recording of the gateway; raises `RecordingError` where it holds no samples or not what they mean."""
+    file = open_recording(path)
+    blocks: list[SampleBlock] = []
+    calibrations: list[CalibrationInForce] = []
+    units: set[str] = set()
+    for recorded in file.messages():
+        content = file.decode(recorded)
+        if isinstance(content, messages.Samples):
+            _add_block(file, blocks, content)
+            units.add(content.unit)
+        elif isinstance(content, messages.Calibration):
+            _add_calibration(calibrations, recorded.log_time_ns, content)
+    if not blocks:
+        raise RecordingError(_without_samples(file))
+    device = _device(file)
+    if units != {device.unit}:
+        raise RecordingError(
+            f"{file.path}: samples in {' and '.join(sorted(units))} from a device in {device.unit}; it cannot be replayed"
+        )
+    attachment = file.attachments.get(names.CONFIGURATION)
+    return RecordedRun(
+        path=file.path,
+        origin=file.metadata.get(names.ORIGIN, {}),
+        device=device,
+        blocks=tuple(blocks),
+        configuration_toml=None if attachment is None else attachment.data.decode(errors="replace"),
+        calibrations=tuple(calibrations),
+        losses=file.losses,
+    )
+
+
+def _add_block(file: RecordingFile, blocks: list[SampleBlock], samples: messages.Samples) -> None:
+    try:
+        blocks.append(unpack(samples))
+    except ValueError:
+        file.losses.unreadable_messages += 1
+
+
+def _add_calibration(calibrations: list[CalibrationInForce], log_time_ns: int, content: messages.Calibration) -> None:
+    known = calibrations[-1].message if calibrations else None
+    if known is None or _what_applies(known) != _what_applies(content):
+        calibrations.append(CalibrationInForce(log_time_ns, content))
+
+
+def _what_applies(content: messages.Calibration) -> tuple[object, ...]:
+    return content.calibration_id, content.status, content.record, content.in_force
+
+
+def _device(file: RecordingFile) -> DeviceInfo:
+    metadata = file.metadata.get(names.DEVICE)
+    if metadata is None:
+        raise RecordingError(
+            f"{file.path}: has samples and no metadata 'device' that says what they mean; record it with the gateway"
+        )
+    try:
+        return device_from_metadata(metadata)
+    except ValueError as error:
+        raise RecordingError(f"{file.path}: {error}; it was written by another version") from error
+
+
+def _without_samples(file: RecordingFile) -> str:
+    topics = sorted({channel.topic for channel in file.channels.values()})
+    if "/samples" in topics:
+        return f"{file.path}: holds no samples; the gateway was stopped or lost its device before the first one"
+    found = ", ".join(topics[:12]) or "none"
+    return f"{file.path}: has no topic /samples, which a recording of the gateway has; its topics: {found}"

@@ -1,0 +1,159 @@
+"""One MCAP file being written: everything that reached `sync` survives."""
+
+import os
+from collections.abc import Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import IO, cast
+
+from mcap.well_known import MessageEncoding, SchemaEncoding
+from mcap.writer import CompressionType, Writer
+
+from devices.block import DeviceInfo
+from gateway.recording import header as names
+from gateway.recording.header import RecordingHeader, device_metadata
+from gateway.recording.schemas import logged_topics, schema_bytes
+from gateway.topics import TOPICS
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedMessage:
+    """A message as it goes into the file."""
+
+    topic: str
+    data: bytes
+    publish_time_ns: int
+    sequence: int
+
+
+class SyncedFile:
+    """A new file whose writes are whole or not at all: what a full disk let through of a record is cut off again."""
+
+    def __init__(self, path: Path) -> None:
+        """Create the file. Raises `OSError`, `FileExistsError` among them."""
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
+        self._size = 0
+
+    def write(self, data: bytes) -> int:
+        """Append all of `data` at once, without a buffer of its own. Raises `OSError`."""
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[os.write(self._descriptor, rest) :]
+        except OSError:
+            with suppress(OSError):
+                os.ftruncate(self._descriptor, self._size)
+            raise
+        self._size += len(data)
+        return len(data)
+
+    def tell(self) -> int:
+        """Bytes written so far."""
+        return self._size
+
+    def flush(self) -> None:
+        """Nothing is held back."""
+
+    def sync(self) -> None:
+        """Wait until everything written is on the disk. Raises `OSError`."""
+        os.fsync(self._descriptor)
+
+    def close(self) -> None:
+        """Let go of the file, once. Raises `OSError`."""
+        descriptor, self._descriptor = self._descriptor, -1
+        os.close(descriptor)
+
+
+def sync_directory(path: Path) -> None:
+    """Make the names in a folder survive a power cut. Raises `OSError`."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+class Segment:
+    """A recording from its creation to its end, complete in itself. Every method may raise `OSError`."""
+
+    def __init__(
+        self,
+        path: Path,
+        header: RecordingHeader,
+        device: DeviceInfo | None,
+        start_ns: int,
+        standing: Iterable[EncodedMessage],
+    ) -> None:
+        """Create the file with what makes it complete, `standing` messages included, on the disk; or no file at all."""
+        self.path = path
+        self.start_ns = start_ns
+        self._file = SyncedFile(path)
+        try:
+            sync_directory(path.parent)
+            self._writer = Writer(cast(IO[bytes], self._file), compression=CompressionType.ZSTD, enable_data_crcs=True)
+            self._channels = self._begin(header, device)
+            for message in standing:
+                self.write(message, start_ns)
+            self.sync()
+        except OSError:
+            self.abandon()
+            with suppress(OSError):
+                path.unlink()
+            raise
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes in the file; the open chunk is not among them."""
+        return self._file.tell()
+
+    def write(self, message: EncodedMessage, log_time_ns: int) -> None:
+        """Add to the open chunk."""
+        self._writer.add_message(
+            channel_id=self._channels[message.topic],
+            log_time=log_time_ns,
+            data=message.data,
+            publish_time=message.publish_time_ns,
+            sequence=message.sequence,
+        )
+
+    def add_device(self, device: DeviceInfo) -> None:
+        """Say which device the samples come from."""
+        self._writer.add_metadata(names.DEVICE, device_metadata(device))
+
+    def sync(self) -> None:
+        """Close the chunk and wait until it is on the disk."""
+        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._file.sync()
+
+    def close(self) -> None:
+        """Write the summary and close the file."""
+        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._file.sync()
+        self._file.close()
+
+    def abandon(self) -> None:
+        """Let go of a file that can no longer be written; what is on the disk stays readable. Never raises."""
+        with suppress(OSError):
+            self._file.close()
+
+    def _begin(self, header: RecordingHeader, device: DeviceInfo | None) -> dict[str, int]:
+        self._writer.start(profile=names.PROFILE, library=header.library)
+        self._writer.add_metadata(names.ORIGIN, header.origin())
+        self._writer.add_attachment(
+            create_time=self.start_ns,
+            log_time=self.start_ns,
+            name=names.CONFIGURATION,
+            media_type=names.CONFIGURATION_MEDIA_TYPE,
+            data=header.configuration_toml.encode(),
+        )
+        if device is not None:
+            self.add_device(device)
+        return {topic: self._register(topic) for topic in logged_topics()}
+
+    def _register(self, topic: str) -> int:
+        row = TOPICS[topic]
+        schema_id = self._writer.register_schema(
+            name=row.schema_name, encoding=SchemaEncoding.JSONSchema, data=schema_bytes(topic)
+        )
+        return self._writer.register_channel(topic=row.path, message_encoding=MessageEncoding.JSON, schema_id=schema_id)

@@ -1,0 +1,172 @@
+"""The recorder: messages into segments that are complete in themselves, synced on time, within a quota.
+
+Not threaded, and it reads no clock: whoever owns it calls `tick` with the gateway time after each `write` and some times a
+second. What a SIGKILL or a power cut costs is `fsync_s` and the time between two ticks.
+"""
+
+import errno
+from pathlib import Path
+
+from devices.block import DeviceInfo
+from gateway.errors import PlumblineError
+from gateway.messages import Log, Message, Samples
+from gateway.recording.header import RecordingHeader
+from gateway.recording.retention import BYTES_PER_MB, Retention, SegmentNames
+from gateway.recording.segment import EncodedMessage, Segment
+from gateway.topics import encode
+
+STANDING_TOPICS = ("calibration", "clock")
+"""Repeated at the start of each segment, so that it can be read without its predecessor."""
+SEGMENTS_IN_QUOTA = 4
+"""A segment ends before it takes more than this part of the quota: the open one is never deleted."""
+MENDS = {
+    errno.ENOSPC: "free space on the disk, or lower recorder.quota_mb so that old recordings make room",
+    errno.EDQUOT: "the user's disk quota is used up; raise it, or lower recorder.quota_mb",
+    errno.EACCES: "let this user write to gateway.data_dir, or choose another folder",
+    errno.EPERM: "let this user write to gateway.data_dir, or choose another folder",
+    errno.EROFS: "the file system is read-only; mount it writable, or choose another gateway.data_dir",
+    errno.ENOTDIR: "gateway.data_dir is not a folder; choose another",
+    errno.EEXIST: "gateway.data_dir is not a folder; choose another",
+    errno.EIO: "the disk does not take or keep data; replace it",
+}
+LARGEST_TIME_NS = 2**63 - 1
+SEQUENCE_MASK = 0xFFFF_FFFF
+
+
+class RecorderError(PlumblineError):
+    """The recording stopped; what was synced stays readable. One line with the place and the mend.
+
+    `lost_messages` and `lost_samples` were handed over since the last sync and may not be on the disk.
+    """
+
+    def __init__(self, text: str, lost_messages: int = 0, lost_samples: int = 0) -> None:
+        super().__init__(text)
+        self.lost_messages = lost_messages
+        self.lost_samples = lost_samples
+
+
+class Recorder:
+    """Writes segments into a folder. After a `RecorderError` nothing is recorded until `start` succeeds again."""
+
+    def __init__(
+        self, data_dir: Path, header: RecordingHeader, *, segment_s: float, fsync_s: float, quota_mb: float
+    ) -> None:
+        self._data_dir = data_dir
+        self._header = header
+        self._names = SegmentNames(header.site, header.crane, header.sensor)
+        self._retention = Retention(self._names, data_dir, quota_mb)
+        self._segment_ns = round(segment_s * 1e9)
+        self._fsync_ns = round(fsync_s * 1e9)
+        self._largest_segment_bytes = quota_mb * BYTES_PER_MB / SEGMENTS_IN_QUOTA
+        self._device: DeviceInfo | None = None
+        self._segment: Segment | None = None
+        self._synced_ns = 0
+        self._standing: dict[str, EncodedMessage] = {}
+        self._unsynced_messages = 0
+        self._unsynced_samples = 0
+
+    @property
+    def path(self) -> Path | None:
+        """The open segment; None while nothing is recorded."""
+        return self._segment.path if self._segment else None
+
+    @property
+    def undeletable(self) -> int:
+        """How often a segment beyond the quota could not be deleted."""
+        return self._retention.undeletable
+
+    def start(self, now_ns: int) -> Path:
+        """Begin a segment, ending the open one; its path. Raises `RecorderError`."""
+        self.close()
+        try:
+            self._data_dir.mkdir(parents=True, exist_ok=True)
+            self._retention.look()
+            self._segment = self._new_segment(now_ns)
+        except OSError as error:
+            raise self._stopped(error) from error
+        self._retention.enforce(self._segment.size_bytes)
+        self._synced_ns = now_ns
+        return self._segment.path
+
+    def set_device(self, device: DeviceInfo, now_ns: int) -> None:
+        """Say which device the coming samples are from; another one begins a new segment. Raises `RecorderError`."""
+        if device == self._device:
+            return
+        another = self._device is not None
+        self._device = device
+        if self._segment is None:
+            return
+        if another:
+            self.start(now_ns)
+            return
+        try:
+            self._segment.add_device(device)
+        except OSError as error:
+            raise self._stopped(error) from error
+
+    def write(self, topic: str, message: Message | Log, log_time_ns: int) -> None:
+        """Record a message. Raises `RecorderError` when it cannot, `ValueError` for a time that no recording can hold."""
+        encoded = _encoded(topic, message)
+        if not 0 <= log_time_ns <= LARGEST_TIME_NS or not 0 <= encoded.publish_time_ns <= LARGEST_TIME_NS:
+            raise ValueError(f"/{topic}: times {log_time_ns} and {encoded.publish_time_ns} ns are not after 1970")
+        if topic in STANDING_TOPICS:
+            self._standing[topic] = encoded
+        samples = len(message.x) if isinstance(message, Samples) else 0
+        if self._segment is None:
+            raise RecorderError("nothing is recorded until the recording is started again", 1, samples)
+        self._unsynced_messages += 1
+        self._unsynced_samples += samples
+        try:
+            self._segment.write(encoded, log_time_ns)
+        except OSError as error:
+            raise self._stopped(error) from error
+
+    def tick(self, now_ns: int) -> None:
+        """Sync when `fsync_s` has passed, begin a new segment when this one is long or large. Raises `RecorderError`."""
+        if self._segment is None or now_ns - self._synced_ns < self._fsync_ns:
+            return
+        try:
+            self._segment.sync()
+        except OSError as error:
+            raise self._stopped(error) from error
+        self._synced_ns = now_ns
+        self._unsynced_messages = self._unsynced_samples = 0
+        self._retention.enforce(self._segment.size_bytes)
+        too_long = now_ns - self._segment.start_ns >= self._segment_ns
+        if too_long or self._segment.size_bytes >= self._largest_segment_bytes:
+            self.start(now_ns)
+
+    def close(self) -> None:
+        """End the open segment with everything on the disk; may be called twice. Raises `RecorderError`."""
+        if self._segment is None:
+            return
+        try:
+            self._segment.close()
+        except OSError as error:
+            raise self._stopped(error) from error
+        self._segment = None
+        self._unsynced_messages = self._unsynced_samples = 0
+
+    def _new_segment(self, now_ns: int) -> Segment:
+        standing = [self._standing[topic] for topic in STANDING_TOPICS if topic in self._standing]
+        path = self._names.unused(self._data_dir, now_ns)
+        return Segment(path, self._header, self._device, now_ns, standing)
+
+    def _stopped(self, error: OSError) -> RecorderError:
+        """Give the open segment up and say what that costs."""
+        place = self._segment.path if self._segment else self._data_dir
+        mend = MENDS.get(error.errno or 0, "check the disk of gateway.data_dir")
+        text = f"recording to {place} stopped: {error.strerror or error}; {mend}"
+        stopped = RecorderError(text, self._unsynced_messages, self._unsynced_samples)
+        if self._segment is not None:
+            self._segment.abandon()
+        self._segment = None
+        self._unsynced_messages = self._unsynced_samples = 0
+        return stopped
+
+
+def _encoded(topic: str, message: Message | Log) -> EncodedMessage:
+    if isinstance(message, Log):
+        publish_time_ns = message.timestamp.sec * 1_000_000_000 + message.timestamp.nsec
+        return EncodedMessage(topic, encode(topic, message), publish_time_ns, sequence=0)
+    return EncodedMessage(topic, encode(topic, message), message.time_ns, message.sequence & SEQUENCE_MASK)

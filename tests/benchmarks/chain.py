@@ -1,0 +1,137 @@
+"""CPU of the whole chain per sample: decoded block -> calibration .. alerts -> MCAP -> bus, at several block lengths."""
+
+import resource
+import socket
+import tempfile
+import time
+from collections import Counter
+from pathlib import Path
+
+import zenoh
+
+from devices.clock import HostClock
+from devices.simulated.device import SimulatedCrane
+from gateway import __version__
+from gateway.bus.session import open_session
+from gateway.calibration.correction import correction_for
+from gateway.configuration.loading import validate
+from gateway.configuration.render import to_toml
+from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.pipeline import Pipeline
+from gateway.recording.header import RecordingHeader
+from gateway.recording.info import summarise
+from gateway.recording.writer import Recorder
+from gateway.topics import TOPICS, encode
+
+RATE_HZ = 1000
+SECONDS = 60
+BLOCKS = (1, 8, 32, 128)
+CLOCK = ClockState("synchronised", 0)
+
+
+class FastClock(HostClock):
+    """Time that passes as fast as it is slept, so that a minute of samples is made at once."""
+
+    def __init__(self) -> None:
+        self.now = time.time_ns()
+
+    def now_ns(self) -> int:
+        """Gateway time."""
+        return self.now
+
+    def sleep_s(self, seconds: float) -> None:
+        """Let time pass."""
+        self.now += max(0, round(seconds * 1e9))
+
+
+def cpu_s() -> float:
+    """CPU of this process with all its threads."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    return used.ru_utime + used.ru_stime
+
+
+def free_endpoint() -> str:
+    """A loopback endpoint that nobody listens on."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        return f"tcp/127.0.0.1:{server.getsockname()[1]}"
+
+
+def main() -> None:
+    """Print a row per block length."""
+    print(f"chain: us of CPU per sample, {SECONDS} s at {RATE_HZ} Hz; the swing fit is in 'pipeline'")
+    print(f"{'block':>6} {'pipeline':>9} {'encode':>7} {'mcap':>6} {'bus':>6} {'all':>6} {'% core':>7} {'B/sample':>9}")
+    for block in BLOCKS:
+        row = measure(block)
+        total = sum(row[name] for name in ("pipeline", "encode", "mcap", "bus"))
+        parts = " ".join(
+            f"{row[name]:{width}.2f}" for name, width in (("pipeline", 9), ("encode", 7), ("mcap", 6), ("bus", 6))
+        )
+        print(f"{block:6d} {parts} {total:6.2f} {total * RATE_HZ / 1e4:7.3f} {row['bytes']:9.2f}")
+
+
+def measure(block: int) -> dict[str, float]:
+    """Microseconds per sample of each part, and bytes per sample."""
+    configuration = validate({"device": {"odr_hz": RATE_HZ}, "recorder": {"fsync_s": 1.0}}, "benchmark")
+    clock = FastClock()
+    device = SimulatedCrane(odr_hz=RATE_HZ, block_samples=block, length_m=12.0, position_m=9.0, clock=clock)
+    info = device.open()
+    blocks = []
+    while sum(len(b) for b in blocks) < RATE_HZ * SECONDS:
+        read = device.read()
+        if read is not None:
+            blocks.append(read)
+    samples = sum(len(b) for b in blocks)
+    correction = correction_for(info, configuration.device.axes, None)
+    pipeline = Pipeline(configuration, info, correction, HeaderMaker())
+    used = Counter[str]()
+    begin_s = cpu_s()
+    emissions = [emission for b in blocks for emission in pipeline.process(b, CLOCK)]
+    used["pipeline"] = cpu_s() - begin_s
+    begin_s = cpu_s()
+    payloads = [encode(emission.topic, emission.message) for emission in emissions]
+    used["encode"] = cpu_s() - begin_s
+    used["mcap"], size = _record(configuration, info, emissions, used["encode"])
+    used["bus"] = _publish(configuration.gateway.key, [e.topic for e in emissions], payloads)
+    return {name: seconds / samples * 1e6 for name, seconds in used.items()} | {"bytes": size / samples}
+
+
+def _record(configuration, info, emissions, encoding_s):
+    """CPU of recording beyond encoding, and the bytes of the file."""
+    with tempfile.TemporaryDirectory() as folder:
+        header = RecordingHeader(
+            software=__version__,
+            site="s",
+            crane="c",
+            sensor="h",
+            boot_id="b",
+            configuration_toml=to_toml(configuration),
+        )
+        recorder = Recorder(Path(folder), header, segment_s=86400, fsync_s=1.0, quota_mb=16000)
+        recorder.start(emissions[0].log_time_ns)
+        recorder.set_device(info, emissions[0].log_time_ns)
+        begin_s = cpu_s()
+        for emission in emissions:
+            recorder.write(emission.topic, emission.message, emission.log_time_ns)
+            recorder.tick(emission.log_time_ns)
+        path = recorder.path
+        recorder.close()
+        used_s = cpu_s() - begin_s
+        return used_s - encoding_s, summarise(path).size_bytes
+
+
+def _publish(key, topics, payloads):
+    """CPU of putting, unpaced, with a subscriber in this process's own second session."""
+    endpoint = free_endpoint()
+    session = open_session("peer", [], [endpoint])
+    publishers = {
+        name: session.declare_publisher(f"{key}/{name}", congestion_control=zenoh.CongestionControl.DROP)
+        for name, topic in TOPICS.items()
+        if topic.published
+    }
+    begin_s = cpu_s()
+    for topic, payload in zip(topics, payloads, strict=True):
+        publishers[topic].put(payload)
+    used_s = cpu_s() - begin_s
+    session.close()
+    return used_s

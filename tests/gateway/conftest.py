@@ -1,0 +1,51 @@
+"""Sample blocks as an ADXL355 at rest gives them, and their messages."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from devices.block import SampleBlock
+from gateway import messages
+from gateway.packing import pack
+
+START_NS = 1_767_225_600_000_000_000
+"""2026-01-01 00:00:00 UTC."""
+COUNTS_PER_G = 256_000.0
+NOISE_COUNTS = 22.5e-6 * 500**0.5 * COUNTS_PER_G
+"""ADXL355: 22.5 ug/rtHz over the 500 Hz below half of 1 kHz."""
+
+MakeBlock = Callable[..., SampleBlock]
+
+
+@pytest.fixture
+def start_ns() -> int:
+    return START_NS
+
+
+@pytest.fixture
+def make_block() -> MakeBlock:
+    """Block `number` of a run: counts of a resting ADXL355 with its noise, at 1 kHz unless told otherwise."""
+
+    def make(number: int = 0, length: int = 32, period_ns: float = 1_000_123.456, lost: int = 0) -> SampleBlock:
+        rng = np.random.default_rng(number)
+        first = number * length
+        return SampleBlock(
+            time_ns=START_NS + round(first * period_ns) + np.rint(np.arange(length) * period_ns).astype(np.int64),
+            raw=np.rint(rng.normal([1200, -3400, COUNTS_PER_G], NOISE_COUNTS, (length, 3))).astype(np.int32),
+            temperature_c=25.0 + number / 64,
+            lost=lost,
+        )
+
+    return make
+
+
+@pytest.fixture
+def make_samples(make_block: MakeBlock) -> Callable[..., messages.Samples]:
+    """The message of block `number`."""
+
+    def make(number: int = 0, **block: float) -> messages.Samples:
+        made = make_block(number, **block)
+        return pack(made, time_ns=int(made.time_ns[-1]), clock="synchronised", sequence=number, calibration_id="c-1")
+
+    return make

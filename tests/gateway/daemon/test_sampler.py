@@ -1,0 +1,115 @@
+"""The sampling thread with a scripted device: it survives what the device does, counts it, and never waits for others."""
+
+import time
+
+import numpy as np
+import pytest
+
+from devices.block import DeviceInfo, SampleBlock
+from devices.device import EndOfRecording
+from devices.errors import TransferError
+from gateway.daemon.dropping_queue import DroppingQueue
+from gateway.daemon.notify import ServiceNotifier
+from gateway.daemon.sampler import DeviceReopened, Sampler
+
+INFO = DeviceInfo(kind="test", device_id="t-1", unit="counts", odr_hz=100.0, units_per_g=1000.0)
+
+
+def block(n=2):
+    return SampleBlock(time_ns=np.arange(n, dtype=np.int64), raw=np.zeros((n, 3), dtype=np.int32))
+
+
+class Scripted:
+    """Gives what the script says, then ends."""
+
+    def __init__(self, reads, opens=()):
+        self.reads, self.opens, self.closed = list(reads), list(opens), 0
+
+    def open(self):
+        step = self.opens.pop(0)
+        if isinstance(step, Exception):
+            raise step
+        return step
+
+    def read(self):
+        if not self.reads:
+            raise EndOfRecording
+        step = self.reads.pop(0)
+        if isinstance(step, Exception):
+            raise step
+        return step
+
+    def close(self):
+        self.closed += 1
+
+    faults = {}  # noqa: RUF012
+
+
+def run(device, info=INFO, size=64):
+    queue = DroppingQueue(size)
+    sampler = Sampler(device, info, queue, ServiceNotifier({}))
+    sampler.start()
+    assert sampler.ended.wait(10)
+    sampler.join(10)
+    items = []
+    while (item := queue.get(0.0)) is not None:
+        items.append(item)
+    return sampler, items
+
+
+def test_blocks_are_handed_on_in_order_and_the_device_is_closed():
+    blocks = [block(1), block(2), block(3)]
+    device = Scripted([blocks[0], None, blocks[1], blocks[2]])
+    _, items = run(device)
+    assert [len(item) for item in items] == [1, 2, 3]
+    assert device.closed == 1
+
+
+def test_a_lost_device_is_opened_again_until_it_answers():
+    other = DeviceInfo(kind="test", device_id="t-2", unit="counts", odr_hz=100.0, units_per_g=1000.0)
+    device = Scripted([block(), TransferError("gone"), block()], [TransferError("still gone"), other])
+    sampler, items = run(device)
+    assert [type(item) for item in items] == [SampleBlock, DeviceReopened, SampleBlock]
+    assert items[1].info.device_id == "t-2"
+    assert sampler.reopened == 1
+    assert not sampler.recovering
+
+
+def test_a_full_queue_drops_the_newest_and_counts_its_samples():
+    sampler, items = run(Scripted([block(5) for _ in range(10)]), size=4)
+    assert len(items) == 4
+    assert sampler.lost_in_queue == 30
+
+
+def test_a_recording_waits_for_its_reader():
+    queue = DroppingQueue(1)
+    patient = DeviceInfo(kind="t", device_id="t", unit="g", odr_hz=1.0, units_per_g=1.0, can_wait=True)
+    sampler = Sampler(Scripted([block() for _ in range(5)]), patient, queue, ServiceNotifier({}))
+    sampler.start()
+    got = 0
+    while got < 5:
+        time.sleep(0.01)
+        got += queue.get(1.0) is not None
+    sampler.join(10)
+    assert sampler.lost_in_queue == 0
+
+
+def test_stops_while_the_device_is_away():
+    queue = DroppingQueue(4)
+    device = Scripted([TransferError("gone")], [TransferError("gone")] * 1000)
+    sampler = Sampler(device, INFO, queue, ServiceNotifier({}))
+    sampler.start()
+    deadline = time.monotonic() + 10
+    while not sampler.recovering and time.monotonic() < deadline:
+        time.sleep(0.01)
+    sampler.stop()
+    sampler.join(5)
+    assert not sampler.is_alive()
+
+
+@pytest.mark.parametrize("size", [1, 3])
+def test_dropping_queue_counts(size):
+    queue = DroppingQueue(size)
+    assert [queue.put(i) for i in range(5)] == [True] * size + [False] * (5 - size)
+    assert queue.dropped == 5 - size
+    assert [queue.get(0.0) for _ in range(size + 1)] == [*range(size), None]

@@ -1,0 +1,97 @@
+"""What the daemon owes its surroundings: the service manager, the data folder, the clock."""
+
+import os
+import socket
+import subprocess
+import sys
+
+import pytest
+
+from devices.clock import HostClock
+from gateway.daemon.instance import InstanceError, InstanceLock
+from gateway.daemon.notify import ServiceNotifier
+from gateway.daemon.wall_clock import STEP_NS, WallClockWatch
+
+
+def test_notifier_speaks_to_the_managers_socket(tmp_path):
+    path = tmp_path / "notify"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(str(path))
+        manager.settimeout(5)
+        notifier = ServiceNotifier({"NOTIFY_SOCKET": str(path), "WATCHDOG_USEC": "3000000"})
+        notifier.send("WATCHDOG=1")
+        assert manager.recv(100) == b"WATCHDOG=1"
+        assert notifier.watchdog_s == 3.0
+        notifier.close()
+
+
+def test_notifier_takes_abstract_addresses():
+    name = f"plumbline-test-{os.getpid()}"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind("\0" + name)
+        manager.settimeout(5)
+        notifier = ServiceNotifier({"NOTIFY_SOCKET": "@" + name})
+        notifier.send("READY=1")
+        assert manager.recv(100) == b"READY=1"
+        notifier.close()
+
+
+def test_notifier_without_or_with_a_dead_manager_is_silent(tmp_path):
+    ServiceNotifier({}).send("READY=1")
+    notifier = ServiceNotifier({"NOTIFY_SOCKET": str(tmp_path / "nobody")})
+    notifier.send("READY=1")
+    notifier.close()
+
+
+def test_one_gateway_per_data_folder(tmp_path):
+    first = InstanceLock(tmp_path / "data")
+    with pytest.raises(InstanceError, match=rf"in use by another gateway \(process {os.getpid()}\)"):
+        InstanceLock(tmp_path / "data")
+    first.release()
+    InstanceLock(tmp_path / "data").release()
+
+
+def test_the_lock_of_a_killed_process_is_free(tmp_path):
+    code = (
+        "import sys, pathlib; sys.path.insert(0, '.');"
+        "from gateway.daemon.instance import InstanceLock;"
+        "lock = InstanceLock(pathlib.Path(sys.argv[1])); print('held', flush=True); sys.stdin.read()"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    )
+    with process:
+        assert process.stdout.readline() == "held\n"
+        with pytest.raises(InstanceError):
+            InstanceLock(tmp_path)
+        process.kill()
+        process.wait()
+        InstanceLock(tmp_path).release()
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InstanceError, match="cannot be written"):
+        InstanceLock(tmp_path / "file" / "data")
+
+
+class SteppingClock(HostClock):
+    """A host whose wall clock jumps."""
+
+    offset_ns = 0
+
+    def wall_offset_ns(self):
+        return self.offset_ns
+
+
+def test_steps_of_the_wall_clock_are_counted():
+    clock = SteppingClock()
+    watch = WallClockWatch(clock)
+    watch.look()
+    assert watch.steps == 0
+    clock.offset_ns = STEP_NS // 2
+    watch.look()
+    assert watch.steps == 0
+    clock.offset_ns = 3600 * 10**9
+    assert watch.look().wall_offset_ns == 3600 * 10**9
+    assert watch.steps == 1

@@ -1,0 +1,183 @@
+"""Messages of every topic, and a recorder in a folder of its own."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from devices.block import DeviceInfo
+from gateway import messages
+from gateway.recording.header import RecordingHeader
+from gateway.recording.writer import Recorder
+
+START_NS = 1_767_225_600_000_000_000
+"""2026-01-01 00:00:00 UTC."""
+HEAD = {"time_ns": START_NS, "clock": "synchronised", "sequence": 7, "calibration_id": "c-1"}
+COUNTS_PER_G = 256_000.0
+
+MakeRecorder = Callable[..., Recorder]
+
+
+@pytest.fixture
+def device() -> DeviceInfo:
+    return DeviceInfo(
+        kind="adxl355",
+        device_id="adxl355-0x1d-label7",
+        unit="counts",
+        odr_hz=1000.0,
+        units_per_g=COUNTS_PER_G,
+        full_scale_g=2.048,
+        noise_g=5e-4,
+        details={"revision": "1", "bus": "/dev/i2c-1"},
+    )
+
+
+@pytest.fixture
+def header() -> RecordingHeader:
+    return RecordingHeader(
+        software="0.1.0",
+        site="yard",
+        crane="crane-2",
+        sensor="hook",
+        boot_id="b00t",
+        configuration_toml='[gateway]\nsite = "yard"  # größte Halle\n',
+    )
+
+
+@pytest.fixture
+def make_recorder(tmp_path: Path, header: RecordingHeader) -> MakeRecorder:
+    def make(
+        data_dir: Path = tmp_path, segment_s: float = 600.0, fsync_s: float = 1.0, quota_mb: float = 100.0
+    ) -> Recorder:
+        return Recorder(data_dir, header, segment_s=segment_s, fsync_s=fsync_s, quota_mb=quota_mb)
+
+    return make
+
+
+@pytest.fixture
+def every_message(
+    make_samples: Callable[..., messages.Samples],
+    make_tilt: Callable[..., messages.Tilt],
+    make_swing: Callable[..., messages.Swing],
+    make_alert: Callable[..., messages.Alert],
+    make_calibration: Callable[..., messages.Calibration],
+) -> dict[str, messages.Message | messages.Log]:
+    """One message of each topic, null wherever a number may be missing in at least one of them."""
+    return {
+        "samples": make_samples(),
+        "tilt": make_tilt(1.5),
+        "swing": make_swing(None),
+        "condition": messages.Condition(
+            **HEAD,
+            verdict="swinging",
+            trusted=False,
+            reasons=["jerk"],
+            gates={"norm": True, "stationary": False},
+            norm_g=1.0002,
+            permissible_norm_error_g=None,
+            calibration="calibrated",
+        ),
+        "alert": make_alert("raised"),
+        "health": messages.Health(
+            **HEAD,
+            state="running",
+            device_id=None,
+            device_kind="adxl355",
+            boot_id="b00t",
+            software="0.1.0",
+            uptime_s=12.5,
+            measured_rate_hz=999.87,
+            samples=12345,
+            lost=1,
+            invalid=0,
+            faults={"overrun": 1},
+            dropped={},
+            recording="x.mcap",
+            recording_error=None,
+            disk_free_mb=1e4,
+            cpu_percent=0.3,
+            resident_mb=44.0,
+        ),
+        "calibration": make_calibration("c-1"),
+        "clock": messages.Clock(**HEAD, log_time_ns=START_NS, wall_offset_ns=-1500, stepped=False),
+        "log": messages.Log(
+            timestamp=messages.FoxgloveTime(sec=START_NS // 10**9, nsec=5), level=2, message="Größe", name="plumbline"
+        ),
+    }
+
+
+@pytest.fixture
+def make_tilt() -> Callable[..., messages.Tilt]:
+    return _tilt
+
+
+def _tilt(axial_deg: float | None) -> messages.Tilt:
+    return messages.Tilt(
+        **HEAD,
+        pitch_deg=None,
+        roll_deg=0.25,
+        axial_deg=axial_deg,
+        u_deg=0.02,
+        direction_deg=-12.0,
+        specific_force_g=[0.0, 0.1, 0.99],
+        temperature_c=None,
+        delay_s=0.225,
+        trusted=True,
+    )
+
+
+@pytest.fixture
+def make_swing() -> Callable[..., messages.Swing]:
+    return _swing
+
+
+def _swing(phi_max_deg: float | None, time_ns: int = START_NS) -> messages.Swing:
+    return messages.Swing(
+        **{**HEAD, "time_ns": time_ns},
+        swinging=phi_max_deg is not None,
+        phi_max_deg=phi_max_deg,
+        u_deg=0.05,
+        coverage95_deg=[0.1, 0.2],
+        minor_phi_max_deg=0.1,
+        azimuth_deg=45.0,
+        lean_deg=0.3,
+        lean_azimuth_deg=None,
+        period_s=6.9,
+        predicted_phi_max_deg=None,
+        predicted_u_deg=None,
+        time_to_peak_s=None,
+        formulas_deg=messages.Formulas(
+            arccos_min_az=1.0, arcsin_max_axy=None, arctan_max_axy_min_az=1.1, arccos_max_az=1.2
+        ),
+        reasons=[],
+    )
+
+
+@pytest.fixture
+def make_alert() -> Callable[..., messages.Alert]:
+    return _alert
+
+
+def _alert(event: str) -> messages.Alert:
+    standing = messages.ActiveAlert(
+        rule="swing", level="trip", since_ns=START_NS, value_deg=6.2, limit_deg=6.0, text="swing 6.2 deg"
+    )
+    return messages.Alert(
+        **HEAD, level="trip", event=event, rule="swing", active=[standing], text=f"swing 6.2 deg ({event})"
+    )
+
+
+@pytest.fixture
+def make_calibration() -> Callable[..., messages.Calibration]:
+    return _calibration
+
+
+def _calibration(name: str) -> messages.Calibration:
+    return messages.Calibration(
+        **{**HEAD, "calibration_id": name},
+        status="calibrated",
+        device_id="adxl355-0x1d-label7",
+        record={"format": 1, "id": name, "offset": [0.1, 1e-17, -3.5], "thermal": None},
+        in_force={"gain_g_per_unit": [[3.9e-6, 0, 0], [0, 3.9e-6, 0], [0, 0, 3.9e-6]], "bias_g": [0.0, 0.0, 0.0]},
+        text="six-position, 2026-01-01",
+    )

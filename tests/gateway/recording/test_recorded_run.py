@@ -1,0 +1,169 @@
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+
+from devices.block import SampleBlock
+from devices.errors import RecordingError
+from gateway import messages
+from gateway.packing import pack
+from gateway.recording.reader import open_recording
+from gateway.recording.run import read_samples
+
+
+def record(recorder, blocks: list[SampleBlock]) -> Path:
+    path = recorder.start(int(blocks[0].time_ns[0]))
+    for number, block in enumerate(blocks):
+        last_ns = int(block.time_ns[-1])
+        message = pack(block, time_ns=last_ns, clock="synchronised", sequence=number, calibration_id=None)
+        recorder.write("samples", message, last_ns)
+    recorder.close()
+    return path
+
+
+def test_a_run_comes_back_block_by_block_with_all_that_replay_needs(
+    make_recorder, make_block, every_message, device, header, start_ns: int
+) -> None:
+    recorder = make_recorder()
+    recorder.set_device(device, start_ns)
+    recorder.start(start_ns)
+    standing = every_message["calibration"]
+    recorder.write("calibration", standing, start_ns)
+    blocks = [make_block(0), make_block(4, length=8, lost=9), make_block(12, length=5)]
+    path = record(recorder, blocks)
+    run = read_samples(path)
+    assert len(run.blocks) == 3
+    for block, back in zip(blocks, run.blocks, strict=True):
+        np.testing.assert_array_equal(back.time_ns, block.time_ns)
+        np.testing.assert_array_equal(back.raw, block.raw)
+        assert back.raw.dtype == np.int32
+        assert (back.temperature_c, back.lost) == (block.temperature_c, block.lost)
+    assert run.device == device
+    assert run.configuration_toml == header.configuration_toml
+    assert run.origin["boot_id"] == "b00t"
+    assert [calibration.message for calibration in run.calibrations] == [standing]
+    assert run.losses.closed
+
+
+def test_calibrations_are_told_once_each_in_order(
+    make_recorder, make_samples, make_calibration, device, start_ns: int
+) -> None:
+    recorder = make_recorder()
+    recorder.set_device(device, start_ns)
+    path = recorder.start(start_ns)
+    recorder.write("samples", make_samples(0), start_ns)
+    for step, name in enumerate(["a", "a", "b", "a"]):
+        recorder.write("calibration", make_calibration(name), start_ns + step)
+    recorder.close()
+    told = [(found.log_time_ns - start_ns, found.message.calibration_id) for found in read_samples(path).calibrations]
+    assert told == [(0, "a"), (2, "b"), (3, "a")]
+
+
+def test_all_samples_in_one_with_what_was_lost_where(make_recorder, make_block, device, start_ns: int) -> None:
+    recorder = make_recorder()
+    recorder.set_device(device, start_ns)
+    blocks = [make_block(0, period_ns=1e6), make_block(1, period_ns=1e6, lost=2), make_block(4, period_ns=1e6)]
+    path = record(recorder, blocks)
+    recording = read_samples(path).recording()
+    assert (recording.unit, recording.origin_ns) == ("counts", start_ns)
+    assert recording.raw.shape == (96, 3)
+    np.testing.assert_array_equal(recording.raw[32:64], blocks[1].raw)
+    np.testing.assert_allclose(recording.time_s[[0, 1, 31, 64]], [0.0, 0.001, 0.031, 0.128], rtol=0, atol=1e-12)
+    expected = np.zeros(96)
+    expected[[32, 64]] = 2, 64  # told by the device; seen in the times
+    np.testing.assert_array_equal(recording.lost_before, expected)
+    assert recording.temperature_c is not None
+    assert (recording.temperature_c[[0, 31, 32]] == [25.0, 25.0, 25 + 1 / 64]).all()
+
+
+def test_samples_whose_time_repeats_or_goes_back_are_counted(make_recorder, make_block, device, start_ns: int) -> None:
+    recorder = make_recorder()
+    recorder.set_device(device, start_ns)
+    again = make_block(5, length=4, period_ns=1e6)
+    late = replace(again, time_ns=again.time_ns[:3] + 500_000, raw=again.raw[:3])
+    path = record(recorder, [make_block(0, period_ns=1e6), again, late, make_block(1, period_ns=1e6)])
+    recording = read_samples(path).recording()
+    assert (len(recording), recording.repeated, recording.backward) == (64, 4, 3)
+    assert (np.diff(recording.time_s) > 0).all()
+
+
+def test_readings_in_g_come_back_exactly(make_recorder, device, start_ns: int) -> None:
+    recorder = make_recorder()
+    recorder.set_device(type(device)(kind="replay", device_id="r", unit="g", odr_hz=10, units_per_g=1.0), start_ns)
+    rng = np.random.default_rng(1)
+    block = SampleBlock(start_ns + np.arange(5) * 100, rng.normal(size=(5, 3)))
+    (back,) = read_samples(record(recorder, [block])).blocks
+    assert back.raw.tobytes() == block.raw.tobytes()
+
+
+def test_what_is_no_recording_is_named(tmp_path: Path) -> None:
+    cases = {"empty.mcap": b"", "text.mcap": b"time_s,ax_g\n0,0\n", "cut.mcap": b"\x89MCAP"}
+    for name, content in cases.items():
+        (tmp_path / name).write_bytes(content)
+    for name, said in {
+        "missing.mcap": "no such file",
+        "empty.mcap": "is empty",
+        "text.mcap": "is not an MCAP file",
+        "cut.mcap": "is not an MCAP file",
+        ".": "is a directory",
+    }.items():
+        with pytest.raises(RecordingError, match=f"{tmp_path / name}: {said}"):
+            open_recording(tmp_path / name)
+
+
+def test_a_recording_without_samples_is_refused(make_recorder, every_message, start_ns: int) -> None:
+    recorder = make_recorder()
+    path = recorder.start(start_ns)
+    recorder.write("health", every_message["health"], start_ns)
+    recorder.close()
+    with pytest.raises(RecordingError, match="holds no samples; the gateway was stopped or lost its device"):
+        read_samples(path)
+
+
+def test_a_foreign_file_is_told_by_its_topics(tmp_path: Path) -> None:
+    path = tmp_path / "foreign.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        schema = writer.register_schema("sensor_msgs/msg/Imu", "ros2msg", b"")
+        for topic in ("/imu/data", "/odom"):
+            writer.add_message(writer.register_channel(topic, "cdr", schema), 1, b"\x00\x01", 1)
+        writer.finish()
+    with pytest.raises(RecordingError, match=r"has no topic /samples, .* its topics: /imu/data, /odom"):
+        read_samples(path)
+
+
+def test_samples_without_the_device_that_made_them_are_refused(make_recorder, make_samples, start_ns: int) -> None:
+    recorder = make_recorder()
+    path = recorder.start(start_ns)
+    recorder.write("samples", make_samples(0), start_ns)
+    recorder.close()
+    with pytest.raises(RecordingError, match="no metadata 'device'"):
+        read_samples(path)
+
+
+def test_samples_in_another_unit_than_the_device_are_refused(make_recorder, device, start_ns: int) -> None:
+    recorder = make_recorder()
+    recorder.set_device(device, start_ns)
+    path = record(recorder, [SampleBlock(np.array([start_ns]), np.array([[0.0, 0.0, 1.0]]))])
+    with pytest.raises(RecordingError, match="samples in g from a device in counts"):
+        read_samples(path)
+
+
+def test_messages_that_do_not_decode_are_counted(tmp_path: Path, make_samples, make_recorder, device) -> None:
+    path = tmp_path / "odd.mcap"
+    good = messages.Samples.__name__
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("plumbline")
+        schema = writer.register_schema(f"plumbline.{good}", "jsonschema", b"{}")
+        channel = writer.register_channel("/samples", "json", schema)
+        for data in (b"{", json.dumps({"x": [1]}).encode()):
+            writer.add_message(channel, 1, data, 1)
+        writer.finish()
+    file_read = open_recording(path)
+    assert [file_read.decode(message) for message in file_read.messages()] == [None, None]
+    assert file_read.losses.unreadable_messages == 2

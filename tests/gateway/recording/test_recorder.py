@@ -1,0 +1,340 @@
+import errno
+import itertools
+import json
+import os
+import pickle
+import subprocess
+import sys
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+from gateway.recording.reader import open_recording
+from gateway.recording.run import read_samples
+from gateway.recording.writer import RecorderError
+from gateway.topics import TOPICS, adapter, encode
+
+SECOND_NS = 1_000_000_000
+
+
+def contents(path: Path) -> list[tuple[str, dict[str, object]]]:
+    """Topics and contents of a closed file, by the reader of the public package."""
+    with path.open("rb") as file:
+        found = make_reader(file, validate_crcs=True).iter_messages(log_time_order=False)
+        return [(channel.topic, json.loads(message.data)) for _, channel, message in found]
+
+
+def segments(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.mcap"))
+
+
+def record_blocks(recorder, make_samples, numbers: range, start_ns: int, block_s: float = 0.032) -> None:
+    for number in numbers:
+        now_ns = start_ns + round(number * block_s * 1e9)
+        recorder.write("samples", make_samples(number), now_ns)
+        recorder.tick(now_ns)
+
+
+def test_every_topic_comes_back_through_the_public_reader(make_recorder, every_message, start_ns: int) -> None:
+    recorder = make_recorder()
+    path = recorder.start(start_ns)
+    for topic, message in every_message.items():
+        recorder.write(topic, message, start_ns + 99)
+    recorder.close()
+    with path.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        found = {channel.topic: (schema, channel, message) for schema, channel, message in reader.iter_messages()}
+        summary = reader.get_summary()
+    assert set(found) == {topic.path for topic in TOPICS.values() if topic.logged}
+    assert summary is not None
+    assert summary.statistics is not None
+    assert summary.statistics.message_count == len(every_message)
+    for topic, message in every_message.items():
+        schema, channel, recorded = found[f"/{topic}"]
+        assert (schema.encoding, schema.name, channel.message_encoding) == (
+            "jsonschema",
+            TOPICS[topic].schema_name,
+            "json",
+        )
+        assert json.loads(schema.data)["type"] == "object"
+        assert recorded.data == encode(topic, message)
+        assert adapter(topic).validate_json(recorded.data) == message
+        assert recorded.log_time == start_ns + 99
+        assert (recorded.sequence, recorded.publish_time) == ((0, start_ns + 5) if topic == "log" else (
+            message.sequence, message.time_ns
+        ))  # fmt: skip
+
+
+def test_a_file_says_where_it_comes_from(make_recorder, device, header, start_ns: int) -> None:
+    recorder = make_recorder()
+    recorder.set_device(device, start_ns)
+    path = recorder.start(start_ns)
+    recorder.close()
+    assert path.name == "yard-crane-2-hook-20260101T000000Z.mcap"
+    with path.open("rb") as file:
+        reader = make_reader(file)
+        assert reader.get_header().profile == "plumbline"
+        assert "plumbline 0.1.0" in reader.get_header().library
+        metadata = {record.name: record.metadata for record in reader.iter_metadata()}
+        (attachment,) = reader.iter_attachments()
+    assert metadata["plumbline"].items() >= {"software": "0.1.0", "boot_id": "b00t", "crane": "crane-2"}.items()
+    assert metadata["device"].items() >= {"device_id": device.device_id, "units_per_g": "256000.0"}.items()
+    assert (attachment.name, attachment.media_type) == ("configuration.toml", "application/toml")
+    assert tomllib.loads(attachment.data.decode()) == {"gateway": {"site": "yard"}}
+
+
+def test_what_is_written_is_in_the_file_once_fsync_s_has_passed(make_recorder, make_samples, start_ns: int) -> None:
+    recorder = make_recorder(fsync_s=1.0)
+    path = recorder.start(start_ns)
+    recorder.write("samples", make_samples(0), start_ns)
+    recorder.tick(start_ns + SECOND_NS - 1)
+    assert list(open_recording(path).messages()) == []
+    recorder.tick(start_ns + SECOND_NS)
+    assert [message.topic for message in open_recording(path).messages()] == ["/samples"]
+    recorder.close()
+
+
+def test_the_file_and_its_name_are_synced(make_recorder, make_samples, start_ns: int, monkeypatch) -> None:
+    synced: list[str] = []
+    real_fsync = os.fsync
+
+    def noted_fsync(descriptor: int) -> None:
+        synced.append(str(Path(f"/proc/self/fd/{descriptor}").readlink()))
+        real_fsync(descriptor)
+
+    monkeypatch.setattr(os, "fsync", noted_fsync)
+    recorder = make_recorder()
+    path = recorder.start(start_ns)
+    assert set(synced) == {str(path.parent), str(path)}
+    synced.clear()
+    recorder.write("samples", make_samples(0), start_ns)
+    recorder.tick(start_ns + SECOND_NS)
+    assert synced == [str(path)]
+    recorder.close()
+
+
+def test_segments_follow_each_other_without_a_hole_and_each_stands_alone(
+    make_recorder, make_samples, every_message, device, start_ns: int
+) -> None:
+    recorder = make_recorder(segment_s=2.0)
+    recorder.set_device(device, start_ns)
+    folder = recorder.start(start_ns).parent
+    recorder.write("calibration", replace(every_message["calibration"], status="uncalibrated"), start_ns)
+    recorder.write("calibration", every_message["calibration"], start_ns)
+    recorder.write("clock", every_message["clock"], start_ns)
+    record_blocks(recorder, make_samples, range(200), start_ns)
+    recorder.close()
+    files = segments(folder)
+    assert len(files) == 4
+    numbers = []
+    for path in files:
+        found = contents(path)
+        assert {topic for topic, _ in found} == {"/samples", "/calibration", "/clock"}
+        run = read_samples(path)
+        assert (run.device, run.origin["crane"]) == (device, "crane-2")
+        assert run.configuration_toml is not None
+        assert run.calibrations[-1].message == every_message["calibration"]
+        numbers += [content["sequence"] for topic, content in found if topic == "/samples"]
+    assert numbers == list(range(200))
+    assert [topic for topic, _ in contents(files[1])][:2] == ["/calibration", "/clock"]
+
+
+def test_a_segment_ends_before_it_fills_a_quarter_of_the_quota(
+    make_recorder, make_samples, start_ns: int, tmp_path: Path
+) -> None:
+    recorder = make_recorder(quota_mb=1.0)
+    recorder.start(start_ns)
+    record_blocks(recorder, make_samples, range(1200), start_ns)
+    recorder.close()
+    sizes = [path.stat().st_size for path in segments(tmp_path)]
+    assert len(sizes) == 2
+    assert 0.25e6 < sizes[0] < 0.25e6 + 40_000  # a second of samples and the summary come on top
+
+
+def test_the_oldest_closed_segments_go_when_the_quota_is_reached(
+    make_recorder, make_samples, start_ns: int, tmp_path: Path
+) -> None:
+    others = ["yard-crane-2-hook-notes.mcap", "yard-crane-2-hook2-20200101T000000Z.mcap", "readme.txt", "store"]
+    for name in others[:-1]:
+        (tmp_path / name).write_bytes(b"x" * 1_000_000)
+    (tmp_path / "store").mkdir()
+    torn = tmp_path / "yard-crane-2-hook-20251231T235959Z.mcap"
+    torn.write_bytes(b"\x89MCAP0\r\n torn")
+    recorder = make_recorder(quota_mb=0.4)
+    recorder.start(start_ns)
+    record_blocks(recorder, make_samples, range(1500), start_ns)
+    open_path = recorder.path
+    kept = sorted(set(segments(tmp_path)) - {tmp_path / name for name in others})
+    assert open_path in kept
+    assert sum(path.stat().st_size for path in kept) <= 0.4e6
+    recorder.close()
+    assert not torn.exists()
+    assert all((tmp_path / name).exists() for name in others)
+    first_kept = min(content["sequence"] for topic, content in contents(kept[0]) if topic == "/samples")
+    assert first_kept > 0
+    assert contents(kept[-1])[-1][1]["sequence"] == 1499
+
+
+def test_a_torn_file_of_the_last_run_is_left_alone_and_stays_readable(
+    make_recorder, make_samples, start_ns: int, tmp_path: Path
+) -> None:
+    recorder = make_recorder()
+    path = recorder.start(start_ns)
+    record_blocks(recorder, make_samples, range(100), start_ns)
+    torn = path.read_bytes()
+    recorder.close()
+    path.write_bytes(torn[:-1000])
+    second = make_recorder()
+    assert second.start(start_ns).name == "yard-crane-2-hook-20260101T000000Z-1.mcap"
+    second.close()
+    assert path.read_bytes() == torn[:-1000]
+    assert read_samples_of(path) == list(range(65))  # synced with blocks 32, 64 and 96; the last chunk is torn
+
+
+def test_another_device_begins_a_new_segment(make_recorder, make_samples, device, start_ns: int, tmp_path) -> None:
+    recorder = make_recorder()
+    recorder.start(start_ns)
+    recorder.set_device(device, start_ns)
+    recorder.write("samples", make_samples(0), start_ns)
+    recorder.set_device(device, start_ns)  # the same part came back
+    assert len(segments(tmp_path)) == 1
+    other = replace(device, device_id="adxl355-0x53-label8", units_per_g=128_000.0)
+    recorder.set_device(other, start_ns + 5 * SECOND_NS)
+    recorder.write("samples", make_samples(1), start_ns + 5 * SECOND_NS)
+    recorder.close()
+    assert [read_samples(path).device for path in segments(tmp_path)] == [device, other]
+
+
+def test_nothing_is_recorded_before_the_start_and_the_loss_is_told(make_recorder, make_samples, start_ns: int) -> None:
+    recorder = make_recorder()
+    with pytest.raises(RecorderError) as caught:
+        recorder.write("samples", make_samples(0), start_ns)
+    assert (caught.value.lost_messages, caught.value.lost_samples) == (1, 32)
+    recorder.tick(start_ns)
+    recorder.close()
+    assert recorder.path is None
+
+
+def test_a_calibration_that_came_while_nothing_was_recorded_stands_in_the_next_segment(
+    make_recorder, make_calibration, start_ns: int
+) -> None:
+    recorder = make_recorder()
+    with pytest.raises(RecorderError):
+        recorder.write("calibration", make_calibration("c-9"), start_ns)
+    path = recorder.start(start_ns)
+    recorder.close()
+    assert [content["calibration_id"] for _, content in contents(path)] == ["c-9"]
+
+
+@pytest.mark.parametrize("log_time_ns", [-1, 2**63])
+def test_a_time_that_no_recording_can_hold_is_refused_and_harms_nothing(
+    make_recorder, make_samples, start_ns: int, log_time_ns: int
+) -> None:
+    recorder = make_recorder()
+    path = recorder.start(start_ns)
+    recorder.write("samples", make_samples(0), start_ns)
+    with pytest.raises(ValueError, match="/samples"):
+        recorder.write("samples", make_samples(1), log_time_ns)
+    recorder.write("samples", make_samples(2), start_ns)
+    recorder.close()
+    assert [content["sequence"] for _, content in contents(path)] == [0, 2]
+
+
+def test_a_folder_that_cannot_be_one_is_named_with_the_mend(make_recorder, start_ns: int, tmp_path: Path) -> None:
+    blocked = tmp_path / "file"
+    blocked.write_text("not a folder")
+    for data_dir in (blocked, blocked / "below"):
+        with pytest.raises(RecorderError, match=r"gateway\.data_dir is not a folder") as caught:
+            make_recorder(data_dir).start(start_ns)
+        assert str(data_dir) in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_a_disk_that_does_not_keep_data_stops_the_recording_and_it_can_start_again(
+    make_recorder, make_samples, start_ns: int, monkeypatch
+) -> None:
+    recorder = make_recorder()
+    path = recorder.start(start_ns)
+    record_blocks(recorder, make_samples, range(40), start_ns)
+
+    def broken_fsync(descriptor: int) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    with monkeypatch.context() as broken:
+        broken.setattr(os, "fsync", broken_fsync)
+        with pytest.raises(RecorderError, match=f"{path.name} stopped: Input/output error; the disk") as caught:
+            recorder.tick(start_ns + 10 * SECOND_NS)
+        assert recorder.path is None
+        with pytest.raises(RecorderError):
+            recorder.start(start_ns + 11 * SECOND_NS)
+    assert (caught.value.lost_messages, caught.value.lost_samples) == (7, 224)  # block 32 was synced, 39 is the last
+    assert segments(path.parent) == [path]  # the try that failed left no empty file
+    second = recorder.start(start_ns + 12 * SECOND_NS)
+    recorder.write("samples", make_samples(40), start_ns + 12 * SECOND_NS)
+    recorder.close()
+    assert len(read_samples_of(path)) >= 33
+    assert read_samples_of(second) == [40]
+
+
+def read_samples_of(path: Path) -> list[int]:
+    return [message.sequence for message in open_recording(path).messages() if message.topic == "/samples"]
+
+
+FULL_DISK = """
+import pickle, resource, sys
+from gateway.recording.writer import Recorder, RecorderError
+header, made, folder, start_ns = pickle.load(sys.stdin.buffer)
+recorder = Recorder(folder, header, segment_s=600, fsync_s=1.0, quota_mb=100)
+recorder.start(start_ns)
+resource.setrlimit(resource.RLIMIT_FSIZE, (60_000, 60_000))
+lost = 0
+for number, message in enumerate(made):
+    now_ns = start_ns + number * 32_000_000
+    try:
+        recorder.write("samples", message, now_ns)
+        recorder.tick(now_ns)
+    except RecorderError as error:
+        if recorder.path is None and not lost:
+            print(error)
+        lost += error.lost_messages
+print(lost)
+"""
+
+
+def test_a_full_disk_stops_the_recording_and_leaves_whole_chunks(
+    header, make_samples, start_ns: int, tmp_path: Path
+) -> None:
+    made = [make_samples(number) for number in range(700)]
+    done = subprocess.run(
+        [sys.executable, "-c", FULL_DISK],
+        input=pickle.dumps((header, made, tmp_path, start_ns)),
+        capture_output=True,
+        check=True,
+        cwd=Path(__file__).parents[3],
+    )
+    first, last = done.stdout.decode().splitlines()
+    assert "stopped: File too large; check the disk" in first
+    (path,) = segments(tmp_path)
+    file = open_recording(path)
+    numbers = [message.sequence for message in file.messages()]
+    assert numbers == list(range(len(numbers)))
+    assert len(numbers) + int(last) == 700  # every block is in the file or counted as lost
+    assert file.losses.torn_bytes == 0  # what was let through of the last chunk is cut off again
+    assert path.stat().st_size > 40_000
+
+
+def test_bytes_per_sample_of_an_adxl355_at_rest(make_recorder, make_samples, start_ns: int) -> None:
+    recorder = make_recorder()
+    path = recorder.start(start_ns)
+    sizes = [path.stat().st_size]
+    for second in range(3):
+        blocks = range(second * 320, (second + 1) * 320)  # 10.24 s
+        record_blocks(recorder, make_samples, blocks, start_ns)
+        recorder.tick(start_ns + round((second + 1) * 10.24e9) + SECOND_NS)
+        sizes.append(path.stat().st_size)
+    recorder.close()
+    steady = [(after - before) / 10_240 for before, after in itertools.pairwise(sizes[1:])]
+    assert max(steady) <= 8.0

@@ -1,0 +1,122 @@
+import json
+from dataclasses import replace
+
+import pytest
+
+from devices.errors import RecordingError
+from gateway.recording.info import LargestSwing, TopicInfo, summarise
+from gateway.recording.info_text import info_text
+
+SECOND_NS = 1_000_000_000
+
+
+@pytest.fixture
+def recorded(make_recorder, make_samples, make_swing, make_alert, every_message, device, start_ns: int):
+    """Ten seconds at 1 kHz with a hole of 64 ms, three swings and an alert that came and went."""
+    recorder = make_recorder()
+    recorder.set_device(device, start_ns)
+    path = recorder.start(start_ns)
+    recorder.write("calibration", every_message["calibration"], start_ns)
+    for number in (n for n in range(313) if n not in (100, 101)):
+        message = make_samples(number, period_ns=1e6, lost=64 if number == 102 else 0)
+        recorder.write("samples", message, message.time_ns)
+        recorder.tick(message.time_ns)
+    for second, phi_max_deg in enumerate([2.0, 4.25, None, 3.0]):
+        recorder.write("swing", make_swing(phi_max_deg, start_ns + second), start_ns + second * SECOND_NS)
+    for event in ("raised", "standing", "standing", "cleared"):
+        recorder.write("alert", make_alert(event), start_ns + SECOND_NS)
+    clock = replace(every_message["clock"], wall_offset_ns=2 * SECOND_NS, stepped=True)
+    recorder.write("clock", clock, start_ns + SECOND_NS)
+    recorder.close()
+    return path
+
+
+def test_everything_in_a_recording_is_told(recorded, device, start_ns: int) -> None:
+    info = summarise(recorded)
+    assert info.closed
+    assert info.samples.count == 311 * 32
+    assert info.samples.rate_hz == pytest.approx(1000.0)
+    assert (info.samples.lost, info.samples.gaps, info.samples.missing_blocks) == (64, 1, 2)
+    assert info.samples.longest_gap_s == pytest.approx(0.065)
+    assert TopicInfo("/swing", "plumbline.Swing", 4, pytest.approx(4 / info.duration_s)) in info.topics
+    assert info.largest_swing == LargestSwing(start_ns + 1, 4.25, 0.05)
+    assert [event.event for event in info.alerts] == ["raised", "cleared"]
+    assert (info.calibration_id, info.calibration_status) == ("c-1", "calibrated")
+    assert (info.origin["software"], info.device["device_id"]) == ("0.1.0", device.device_id)
+    assert info.configuration
+    assert info.size_bytes == recorded.stat().st_size
+    assert info.bytes_per_sample == info.size_bytes / info.samples.count
+    assert info.duration_s == pytest.approx(313 * 0.032 - 0.001)
+    assert info.from_utc_ns == start_ns + 2 * SECOND_NS
+    assert info.clock is not None
+    assert (info.clock.quality, info.clock.wall_offset_s, info.clock.steps) == ("synchronised", 2.0, 1)
+
+
+def test_the_text_and_the_json_tell_the_same(recorded) -> None:
+    info = summarise(recorded)
+    content = json.loads(json.dumps(info.as_json()))
+    assert content["samples"]["count"] == 9952
+    assert content["losses"]["torn_bytes"] == 0
+    lines = info_text(info).splitlines()
+    labels = [line[:15].strip() for line in lines[: lines.index("")]]
+    assert labels == [
+        "recording",
+        "time",
+        "clock",
+        "gateway",
+        "device",
+        "calibration",
+        "configuration",
+        "samples",
+        "largest swing",
+    ]
+    text = "\n".join(lines)
+    for part in (
+        "closed properly",
+        "2026-01-01 00:00:02.000 UTC to 2026-01-01 00:00:12.015 UTC, 10.0 s",
+        "yard/crane-2/hook, software 0.1.0",
+        "9952 at 1000.000 Hz, 64 lost, 0 invalid, 1 gaps (longest 0.065 s), 2 blocks missing",
+        "4.250 deg (u 0.050 deg)",
+        "alerts: 2",
+        "swing 6.2 deg (raised)",
+    ):
+        assert part in text
+
+
+def test_a_torn_recording_is_told_as_one(recorded) -> None:
+    recorded.write_bytes(recorded.read_bytes()[:-30_000])
+    info = summarise(recorded)
+    assert not info.closed
+    assert 0 < info.samples.count < 9952
+    assert "not closed: torn, or still being written" in info_text(info)
+
+
+def test_blocks_of_one_sample_have_a_rate_and_gaps_too(make_recorder, make_samples, start_ns: int) -> None:
+    recorder = make_recorder()
+    path = recorder.start(start_ns)
+    for number in (0, 1, 2, 3, 7, 8):
+        message = make_samples(number, length=1, period_ns=1e7)
+        recorder.write("samples", message, message.time_ns)
+    recorder.close()
+    samples = summarise(path).samples
+    assert samples.rate_hz == pytest.approx(100.0)
+    assert (samples.gaps, samples.longest_gap_s) == (1, pytest.approx(0.04))
+
+
+def test_a_recording_without_samples_or_facts_is_told_without_them(make_recorder, every_message, start_ns: int) -> None:
+    recorder = make_recorder()
+    path = recorder.start(start_ns)
+    recorder.write("log", every_message["log"], start_ns)
+    recorder.close()
+    text = info_text(summarise(path))
+    assert "samples        none" in text
+    assert "device         not recorded" in text
+    assert "alerts: 0" in text
+
+
+def test_a_recording_without_a_message_is_refused(make_recorder, start_ns: int) -> None:
+    recorder = make_recorder()
+    path = recorder.start(start_ns)
+    recorder.close()
+    with pytest.raises(RecordingError, match="holds no message"):
+        summarise(path)

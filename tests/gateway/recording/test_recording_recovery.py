@@ -1,0 +1,105 @@
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
+
+from devices.errors import RecordingError
+from gateway.recording.info import summarise
+from gateway.recording.info_text import info_text
+from gateway.recording.reader import open_recording
+from gateway.recording.recovery import recover
+from gateway.recording.run import read_samples
+
+
+@pytest.fixture
+def torn(make_recorder, make_samples, every_message, device, start_ns: int) -> Path:
+    """A recording that ends in the middle of its last chunk."""
+    recorder = make_recorder()
+    recorder.set_device(device, start_ns)
+    path = recorder.start(start_ns)
+    for topic in ("calibration", "log"):
+        recorder.write(topic, every_message[topic], start_ns)
+    for number in range(100):
+        now_ns = start_ns + number * 32_000_000
+        recorder.write("samples", make_samples(number), now_ns)
+        recorder.tick(now_ns)
+    recorder.close()
+    path.write_bytes(path.read_bytes()[:-30_000])
+    return path
+
+
+def test_a_torn_recording_becomes_a_whole_one(torn: Path, tmp_path: Path) -> None:
+    before = torn.read_bytes()
+    out = tmp_path / "whole.mcap"
+    recovered = recover(torn, out)
+    assert torn.read_bytes() == before
+    kept = list(open_recording(torn).messages())
+    assert recovered.messages == len(kept)
+    assert recovered.losses.torn_bytes > 0
+    with out.open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        found = [
+            (schema.name, channel.topic, message.data, message.log_time, message.publish_time, message.sequence)
+            for schema, channel, message in reader.iter_messages(log_time_order=False)
+        ]
+        assert {record.name for record in reader.iter_metadata()} == {"plumbline", "device", "recovered"}
+        assert [attachment.name for attachment in reader.iter_attachments()] == ["configuration.toml"]
+        assert reader.get_header().profile == "plumbline"
+    assert [entry[1:] for entry in found] == [
+        (message.topic, message.data, message.log_time_ns, message.publish_time_ns, message.sequence)
+        for message in kept
+    ]
+    run, source = read_samples(out), read_samples(torn)
+    assert (run.device, run.origin, run.configuration_toml) == (source.device, source.origin, source.configuration_toml)
+    np.testing.assert_array_equal(run.time_ns, source.time_ns)
+    assert run.losses.closed
+    assert f"recovered      from {torn.name}, closed false" in info_text(summarise(out))
+
+
+def test_a_foreign_file_keeps_its_channels_and_numbers_of_schemas_do_not_matter(tmp_path: Path) -> None:
+    path, out = tmp_path / "foreign.mcap", tmp_path / "out.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start("ros2")
+        unused = writer.register_schema("unused", "ros2msg", b"u")
+        schema = writer.register_schema("Imu", "ros2msg", b"float64 x")
+        writer.register_channel("/silent", "cdr", unused)
+        imu = writer.register_channel("/imu", "cdr", schema, {"frame": "hook"})
+        plain = writer.register_channel("/plain", "json", 0)
+        for channel in (plain, imu):
+            writer.add_message(channel, 1, b"{}", 1)
+        writer.finish()
+    assert recover(path, out).messages == 2
+    with out.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    told = {
+        channel.topic: (summary.schemas[channel.schema_id].name if channel.schema_id else None, channel.metadata)
+        for channel in summary.channels.values()
+    }
+    assert told == {"/silent": ("unused", {}), "/imu": ("Imu", {"frame": "hook"}), "/plain": (None, {})}
+
+
+def test_an_existing_file_is_never_replaced(torn: Path) -> None:
+    before = torn.read_bytes()
+    with pytest.raises(RecordingError, match="exists already; choose another name"):
+        recover(torn, torn)
+    assert torn.read_bytes() == before
+
+
+def test_nothing_is_left_behind_where_nothing_can_be_recovered(make_recorder, start_ns: int, tmp_path: Path) -> None:
+    recorder = make_recorder()
+    path = recorder.start(start_ns)
+    recorder.close()
+    folder = tmp_path / "out"
+    folder.mkdir()
+    with pytest.raises(RecordingError, match="no message that can be read"):
+        recover(path, folder / "out.mcap")
+    assert list(folder.iterdir()) == []
+
+
+def test_a_place_that_cannot_be_written_is_named(torn: Path, tmp_path: Path) -> None:
+    with pytest.raises(RecordingError, match=r"absent/out\.mcap: cannot be written: No such file"):
+        recover(torn, tmp_path / "absent" / "out.mcap")

@@ -1,0 +1,123 @@
+"""The schemas in a file: true of every message, and read by viewers that know little of JSON Schema."""
+
+import json
+from typing import Any
+
+import pytest
+
+from gateway.recording.schemas import logged_topics, schema_bytes
+from gateway.topics import encode
+
+TYPES: dict[str, tuple[type, ...]] = {
+    "object": (dict,),
+    "array": (list,),
+    "string": (str,),
+    "number": (int, float),
+    "integer": (int,),
+    "boolean": (bool,),
+    "null": (type(None),),
+}
+ANNOTATIONS = {"title", "description", "default"}
+CHECKED = {
+    "type",
+    "properties",
+    "required",
+    "additionalProperties",
+    "items",
+    "minItems",
+    "maxItems",
+    "enum",
+    "anyOf",
+    "allOf",
+}
+
+
+def faults(value: Any, schema: dict[str, Any], path: str = "$") -> list[str]:
+    """Where a value breaks a schema: the part of JSON Schema 2020-12 that these schemas use, and no other word."""
+    assert set(schema) <= CHECKED | ANNOTATIONS, f"{path}: unexpected {set(schema) - CHECKED - ANNOTATIONS}"
+    found: list[str] = []
+    if "type" in schema:
+        wrong_bool = isinstance(value, bool) and schema["type"] != "boolean"
+        if wrong_bool or not isinstance(value, TYPES[schema["type"]]):
+            found.append(f"{path}: {value!r} is no {schema['type']}")
+    if "enum" in schema and value not in schema["enum"]:
+        found.append(f"{path}: {value!r} is not one of {schema['enum']}")
+    if "anyOf" in schema and all(faults(value, option, path) for option in schema["anyOf"]):
+        found.append(f"{path}: {value!r} fits none of {schema['anyOf']}")
+    for part in schema.get("allOf", []):
+        found += faults(value, part, path)
+    if isinstance(value, dict):
+        found += object_faults(value, schema, path)
+    if isinstance(value, list):
+        if not schema.get("minItems", 0) <= len(value) <= schema.get("maxItems", len(value)):
+            found.append(f"{path}: {len(value)} entries")
+        for entry in value:
+            found += faults(entry, schema.get("items", {}), f"{path}[]")
+    return found
+
+
+def object_faults(value: dict[str, Any], schema: dict[str, Any], path: str) -> list[str]:
+    found = [f"{path}: {name} is missing" for name in schema.get("required", []) if name not in value]
+    properties = schema.get("properties", {})
+    others = schema.get("additionalProperties", True)
+    for name, entry in value.items():
+        if name in properties:
+            found += faults(entry, properties[name], f"{path}.{name}")
+        elif isinstance(others, dict):
+            found += faults(entry, others, f"{path}.{name}")
+    return found
+
+
+def viewer_fields(schema: dict[str, Any], path: str = "") -> list[str]:
+    """Fields that Lichtblick's reader of JSON Schemas finds; it gives a topic up where this one fails."""
+    assert schema["type"] == "object", path
+    found = []
+    for name, entry in schema["properties"].items():
+        place = f"{path}.{name}"
+        item = entry["items"] if entry["type"] == "array" else entry
+        assert item["type"] in {"boolean", "string", "number", "integer", "object"}, place
+        found += viewer_fields(item, place) if item["type"] == "object" else [place]
+    return found
+
+
+@pytest.mark.parametrize("topic", logged_topics())
+def test_every_message_keeps_its_schema(every_message, topic: str) -> None:
+    content = json.loads(encode(topic, every_message[topic]))
+    assert faults(content, json.loads(schema_bytes(topic))) == []
+
+
+@pytest.mark.parametrize(
+    ("topic", "change"),
+    [
+        ("tilt", {"axial_deg": "12"}),
+        ("tilt", {"axial_deg": True}),
+        ("tilt", {"specific_force_g": [1.0, 2.0]}),
+        ("samples", {"x": [None]}),
+        ("samples", {"lost": 0.5}),
+        ("samples", {"clock": "late"}),
+        ("condition", {"gates": {"norm": 1}}),
+        ("swing", {"formulas_deg": {"arccos_min_az": 1.0}}),
+        ("alert", {"active": [{"rule": "swing"}]}),
+    ],
+)
+def test_a_wrong_message_breaks_its_schema(every_message, topic: str, change: dict[str, Any]) -> None:
+    content = {**json.loads(encode(topic, every_message[topic])), **change}
+    assert faults(content, json.loads(schema_bytes(topic)))
+
+
+def test_a_missing_field_breaks_its_schema(every_message) -> None:
+    content = json.loads(encode("swing", every_message["swing"]))
+    del content["phi_max_deg"]
+    assert faults(content, json.loads(schema_bytes("swing"))) == ["$: phi_max_deg is missing"]
+
+
+@pytest.mark.parametrize("topic", logged_topics())
+def test_viewers_read_the_schema_of_every_topic(topic: str) -> None:
+    assert viewer_fields(json.loads(schema_bytes(topic)))
+
+
+def test_the_log_is_what_viewers_know_as_foxglove_log() -> None:
+    schema = json.loads(schema_bytes("log"))
+    assert schema["title"] == "foxglove.Log"
+    fields = [".timestamp.sec", ".timestamp.nsec", ".level", ".message", ".name", ".file", ".line"]
+    assert viewer_fields(schema) == fields

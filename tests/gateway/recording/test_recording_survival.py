@@ -1,0 +1,180 @@
+"""What is left of a recording after SIGKILL, a cut at any byte, and damage in the middle."""
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from devices.errors import RecordingError
+from gateway.recording.frames import Losses
+from gateway.recording.info import summarise
+from gateway.recording.info_text import info_text
+from gateway.recording.reader import open_recording
+from gateway.recording.run import read_samples
+from gateway.recording.writer import Recorder
+
+BLOCK = 32
+FSYNC_S = 1.0
+
+RECORD_IN_REAL_TIME = """
+import pickle, sys, time
+from gateway.recording.writer import Recorder
+header, made, folder = pickle.load(sys.stdin.buffer)
+recorder = Recorder(folder, header, segment_s=600, fsync_s=1.0, quota_mb=100)
+first_ns = made[0].first_log_time_ns
+recorder.start(first_ns)
+began_s = time.monotonic()
+for message in made:
+    time.sleep(max(0.0, began_s + (message.time_ns - first_ns) / 1e9 - time.monotonic()))
+    recorder.write("samples", message, message.time_ns)
+    recorder.tick(message.time_ns)
+    print(message.sequence, flush=True)
+"""
+
+
+def recorded_numbers(path: Path) -> list[int]:
+    return [message.sequence for message in open_recording(path).messages() if message.topic == "/samples"]
+
+
+@pytest.fixture
+def small(make_recorder, make_samples, every_message, device, start_ns: int) -> tuple[Path, list[int]]:
+    """A closed file of 12 short blocks and one message of each other topic, and where its syncs ended."""
+    recorder: Recorder = make_recorder()
+    recorder.set_device(device, start_ns)
+    path = recorder.start(start_ns)
+    ends = [path.stat().st_size]
+    for number in range(12):
+        now_ns = start_ns + number * 400_000_000
+        recorder.write("samples", make_samples(number, length=4), now_ns)
+        if number == 1:
+            for topic in set(every_message) - {"samples"}:
+                recorder.write(topic, every_message[topic], now_ns)
+        recorder.tick(now_ns)
+        if path.stat().st_size > ends[-1]:
+            ends.append(path.stat().st_size)
+    recorder.close()
+    return path, ends
+
+
+def test_sigkill_costs_at_most_fsync_s_and_one_block(header, make_samples, tmp_path: Path) -> None:
+    made = [make_samples(number, length=BLOCK, period_ns=1e6) for number in range(200)]
+    command = [sys.executable, "-c", RECORD_IN_REAL_TIME]
+    with subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, cwd=Path(__file__).parents[3]
+    ) as child:
+        assert child.stdin is not None
+        assert child.stdout is not None
+        child.stdin.write(pickle.dumps((header, made, tmp_path)))
+        child.stdin.close()
+        written = -1
+        for line in child.stdout:
+            written = int(line)
+            if written >= 83:  # 2.7 s: two syncs are through, most of a second is not
+                os.kill(child.pid, signal.SIGKILL)
+                break
+        written = max([written, *map(int, child.stdout.read().split())])
+    assert child.returncode == -signal.SIGKILL
+    (path,) = tmp_path.glob("*.mcap")
+    kept = recorded_numbers(path)
+    assert kept == list(range(len(kept)))
+    assert (written + 1 - len(kept)) * BLOCK <= FSYNC_S * 1000 + BLOCK
+    assert not open_recording(path).losses.closed
+    assert summarise(path).samples.count == len(kept) * BLOCK
+
+
+def test_a_cut_at_any_byte_leaves_every_chunk_before_it(small: tuple[Path, list[int]], tmp_path: Path) -> None:
+    path, ends = small
+    whole = path.read_bytes()
+    expected = [recorded_numbers(cut_to(tmp_path, whole, end)) for end in ends]
+    assert [len(numbers) for numbers in expected] == [0, 4, 7, 10]
+    rng = np.random.default_rng(5)
+    sizes = {*range(40), *(end + shift for end in ends for shift in (-1, 0, 1)), *rng.integers(0, len(whole), 200)}
+    for size in sorted(sizes):
+        cut = cut_to(tmp_path, whole, int(size))
+        due = max((numbers for numbers, end in zip(expected, ends, strict=True) if end <= size), key=len, default=[])
+        try:
+            numbers = recorded_numbers(cut)
+        except RecordingError:
+            numbers = []
+        assert numbers == list(range(len(numbers)))
+        assert len(numbers) >= len(due), size
+        read_as_users_do(cut)
+
+
+def cut_to(folder: Path, whole: bytes, size: int) -> Path:
+    cut = folder / "cut.mcap"
+    cut.write_bytes(whole[:size])
+    return cut
+
+
+def read_as_users_do(path: Path) -> None:
+    for read in (read_samples, lambda path: info_text(summarise(path))):
+        try:
+            read(path)
+        except RecordingError as error:
+            text = str(error)
+        else:
+            text = str(path)
+        assert str(path) in text
+        assert "\n" not in text
+
+
+def test_every_chunk_but_the_damaged_one_is_read(small: tuple[Path, list[int]], tmp_path: Path) -> None:
+    path, ends = small
+    whole = bytearray(path.read_bytes())
+    middle = (ends[1] + ends[2]) // 2 - 60  # in the compressed content of the second chunk of samples
+    whole[middle] ^= 0xFF
+    damaged = tmp_path / "damaged.mcap"
+    damaged.write_bytes(whole)
+    assert recorded_numbers(damaged) == [0, 1, 2, 3, 7, 8, 9, 10, 11]
+    info = summarise(damaged)
+    assert (info.losses.damaged_records, info.samples.missing_blocks, info.closed) == (1, 3, True)
+    assert "1 damaged records left out" in info_text(info)
+
+
+def test_a_flipped_bit_anywhere_raises_nothing_but_recording_errors(
+    small: tuple[Path, list[int]], tmp_path: Path
+) -> None:
+    whole = small[0].read_bytes()
+    rng = np.random.default_rng(6)
+    flipped = tmp_path / "flipped.mcap"
+    for place in rng.integers(0, len(whole), 300):
+        changed = bytearray(whole)
+        changed[place] ^= 1 << int(rng.integers(0, 8))
+        flipped.write_bytes(changed)
+        read_as_users_do(flipped)
+
+
+def test_a_changed_fact_about_the_device_is_noticed_in_a_closed_file(
+    small: tuple[Path, list[int]], tmp_path: Path
+) -> None:
+    altered = tmp_path / "altered.mcap"
+    altered.write_bytes(small[0].read_bytes().replace(b"256000.0", b"255000.0"))
+    assert read_samples(altered).losses == Losses(closed=True, altered=True)
+    assert "CHECKSUM WRONG" in info_text(summarise(altered))
+
+
+def test_zeros_that_a_file_system_left_behind_the_data_are_a_tear(
+    small: tuple[Path, list[int]], tmp_path: Path
+) -> None:
+    path, ends = small
+    padded = tmp_path / "padded.mcap"
+    padded.write_bytes(path.read_bytes()[: ends[2]] + bytes(4096))
+    file = open_recording(padded)
+    assert len([message for message in file.messages() if message.topic == "/samples"]) == 7
+    assert (file.losses.closed, file.losses.torn_bytes) == (False, 4096)
+
+
+def test_the_public_reader_agrees_on_a_whole_file(small: tuple[Path, list[int]]) -> None:
+    path, _ = small
+    with path.open("rb") as file:
+        public = [(channel.topic, message.data) for _, channel, message in make_reader(file).iter_messages()]
+    recording = open_recording(path)
+    assert sorted((message.topic, message.data) for message in recording.messages()) == sorted(public)
+    assert recording.losses == Losses(closed=True)

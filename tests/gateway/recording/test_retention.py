@@ -1,0 +1,80 @@
+from pathlib import Path
+
+import pytest
+
+from gateway.recording.retention import Retention, SegmentNames
+
+NAMES = SegmentNames("yard", "crane-2", "hook")
+
+
+def make(folder: Path, *utc: str) -> list[Path]:
+    paths = [folder / f"yard-crane-2-hook-{entry}.mcap" for entry in utc]
+    for path in paths:
+        path.write_bytes(bytes(1000))
+    return paths
+
+
+def test_the_oldest_goes_first_and_no_more_than_needed(tmp_path: Path) -> None:
+    last, first, copy, middle = make(
+        tmp_path, "20260103T000000Z", "20260101T000000Z", "20260101T000000Z-2", "20260102T000000Z"
+    )
+    retention = Retention(NAMES, tmp_path, quota_mb=0.0035)
+    retention.look()
+    assert retention.enforce(open_bytes=0) == [first]
+    assert retention.enforce(open_bytes=1400) == [copy]
+    assert retention.enforce(open_bytes=1500) == []
+    assert sorted(tmp_path.iterdir()) == [middle, last]
+
+
+def test_a_file_that_cannot_be_deleted_is_counted_and_not_tried_for_ever(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    make(tmp_path, "20260101T000000Z", "20260102T000000Z")
+
+    def refused(path: Path, missing_ok: bool = False) -> None:
+        raise PermissionError(1, "Operation not permitted", str(path))
+
+    monkeypatch.setattr(Path, "unlink", refused)
+    retention = Retention(NAMES, tmp_path, quota_mb=0.0001)
+    retention.look()
+    assert [retention.enforce(open_bytes=0) for _ in range(5)] == [[]] * 5
+    assert retention.undeletable == 2
+
+
+def test_a_file_that_somebody_else_deleted_is_no_error(tmp_path: Path) -> None:
+    (gone,) = make(tmp_path, "20260101T000000Z")
+    retention = Retention(NAMES, tmp_path, quota_mb=0.0001)
+    retention.look()
+    gone.unlink()
+    assert retention.enforce(open_bytes=0) == [gone]
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "yard-crane-2-hook-20260101T000000Z.mcap.part",
+        "yard-crane-2-hook-20260101T000000Z-x.mcap",
+        "yard-crane-2-hook-2-20260101T000000Z.mcap",
+        "xyard-crane-2-hook-20260101T000000Z.mcap",
+        "yard-crane-2-hook-20260101.mcap",
+    ],
+)
+def test_a_file_of_another_name_is_never_ours(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(bytes(1000))
+    assert NAMES.found(tmp_path) == []
+
+
+def test_dots_in_names_are_dots(tmp_path: Path) -> None:
+    (tmp_path / "yardXa-c-s-20260101T000000Z.mcap").write_bytes(b"")
+    assert SegmentNames("yard.a", "c", "s").found(tmp_path) == []
+
+
+def test_a_name_that_is_taken_is_counted_up(tmp_path: Path) -> None:
+    start_ns = 1_767_225_600_000_000_000
+    taken = []
+    for _ in range(3):
+        taken.append(NAMES.unused(tmp_path, start_ns))
+        taken[-1].touch()
+    stem = "yard-crane-2-hook-20260101T000000Z"
+    assert [path.name for path in taken] == [f"{stem}.mcap", f"{stem}-1.mcap", f"{stem}-2.mcap"]
+    assert [segment.path for segment in NAMES.found(tmp_path)] == taken

@@ -1,0 +1,117 @@
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as npst
+
+from devices.block import SampleBlock
+from gateway import messages, topics
+from gateway.packing import pack, unpack
+
+
+def packed(block: SampleBlock) -> messages.Samples:
+    return pack(block, time_ns=int(block.time_ns[-1]), clock="replayed", sequence=3, calibration_id=None)
+
+
+def through_json(block: SampleBlock) -> SampleBlock:
+    data = topics.encode("samples", packed(block))
+    return unpack(topics.adapter("samples").validate_json(data))
+
+
+def assert_same(block: SampleBlock, back: SampleBlock) -> None:
+    assert back.time_ns.dtype == np.int64
+    assert back.raw.dtype == block.raw.dtype
+    np.testing.assert_array_equal(back.time_ns, block.time_ns)
+    assert back.raw.tobytes() == np.ascontiguousarray(block.raw).tobytes()  # bits: -0.0 is not 0.0
+    assert (back.temperature_c, back.lost, back.invalid) == (block.temperature_c, block.lost, block.invalid)
+
+
+@st.composite
+def times(draw: st.DrawFn, length: int) -> np.ndarray:
+    first_ns = draw(st.integers(0, 2**62))
+    if draw(st.booleans()):
+        period_ns = draw(st.floats(1, 1e10))
+        return first_ns + np.rint(np.arange(length) * period_ns).astype(np.int64)
+    steps_ns = draw(st.lists(st.integers(1, 10**13), min_size=length - 1, max_size=length - 1))
+    return first_ns + np.cumsum([0, *steps_ns], dtype=np.int64)
+
+
+@st.composite
+def blocks(draw: st.DrawFn) -> SampleBlock:
+    length = draw(st.integers(1, 40))
+    full_range = st.integers(-(2**31), 2**31 - 1)
+    finite = st.floats(allow_nan=False, allow_infinity=False)
+    raw = draw(
+        npst.arrays(np.int32, (length, 3), elements=full_range) | npst.arrays(np.float64, (length, 3), elements=finite)
+    )
+    temperature_c = draw(st.none() | st.floats(-40, 125))
+    return SampleBlock(draw(times(length)), raw, temperature_c, draw(st.integers(0, 10**6)), draw(st.integers(0, 9)))
+
+
+@given(blocks())
+def test_a_block_comes_back_exactly(block: SampleBlock) -> None:
+    assert_same(block, through_json(block))
+
+
+def test_even_times_are_a_period_and_uneven_ones_offsets(make_block) -> None:
+    even = packed(make_block(period_ns=1_000_123.456))
+    assert even.offsets_ns is None
+    assert even.period_ns == pytest.approx(1_000_123.456, abs=0.05)
+    block = make_block()
+    time_ns = block.time_ns.copy()
+    time_ns[5] += 3
+    uneven = packed(SampleBlock(time_ns, block.raw))
+    assert uneven.period_ns is None
+    assert uneven.offsets_ns == (time_ns[1:] - time_ns[0]).tolist()
+
+
+@given(st.floats(2, 1e10), st.integers(2, 200))
+def test_every_even_block_has_the_short_form(period_ns: float, length: int) -> None:
+    time_ns = 10**18 + np.rint(np.arange(length) * period_ns).astype(np.int64)
+    assert packed(SampleBlock(time_ns, np.zeros((length, 3), np.int32))).offsets_ns is None
+
+
+def test_counts_are_written_as_whole_numbers_and_g_with_every_digit() -> None:
+    counts = SampleBlock(np.array([5, 10]), np.array([[1, 2, 256000], [0, 2, 256003]], np.int32))
+    content = json.loads(topics.encode("samples", packed(counts)))
+    assert content["z"] == [256000, 3]
+    assert b'"z":[256000,3]' in topics.encode("samples", packed(counts))
+    readings_g = SampleBlock(np.array([5]), np.array([[0.1 + 0.2, 1.0, -1e-17]]))
+    assert b'"x":[0.30000000000000004],"y":[1.0],"z":[-1e-17]' in topics.encode("samples", packed(readings_g))
+
+
+@pytest.mark.parametrize("reading", [np.nan, np.inf])
+def test_a_reading_that_is_not_finite_is_refused(reading: float) -> None:
+    with pytest.raises(ValueError, match="not finite"):
+        packed(SampleBlock(np.array([5]), np.array([[0.0, reading, 1.0]])))
+
+
+def test_an_empty_block_is_refused() -> None:
+    with pytest.raises(ValueError, match="without samples"):
+        pack(
+            SampleBlock(np.array([], np.int64), np.empty((0, 3), np.int32)),
+            time_ns=0,
+            clock="replayed",
+            sequence=0,
+            calibration_id=None,
+        )
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"y": [1]},
+        {"x": [], "y": [], "z": []},
+        {"period_ns": None, "offsets_ns": [1]},
+        {"period_ns": 1e300},
+        {"period_ns": float("nan")},
+        {"first_log_time_ns": 2**64},
+        {"z": [2**70, 1, 2, 3]},
+    ],
+)
+def test_columns_that_do_not_fit_together_are_refused(make_samples, change: dict[str, object]) -> None:
+    content = {**topics.adapter("samples").dump_python(make_samples(length=4)), **change}
+    with pytest.raises(ValueError, match=r"samples|64 bits"):
+        unpack(messages.Samples(**content))

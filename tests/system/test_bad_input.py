@@ -1,0 +1,136 @@
+"""Bad input: one clear line that names the place and the mend, exit code 2, nothing left behind."""
+
+import json
+import time
+
+import pytest
+
+from gateway.recording.info import summarise
+
+from .conftest import listening_on
+
+
+def one_line(err):
+    lines = err.strip().splitlines()
+    assert len(lines) == 1, err
+    assert "Traceback" not in err
+    return lines[0]
+
+
+REFUSED = {
+    "unknown device": ('[device]\nkind = "adxl999"\n', "device.kind: 'adxl999' is not supported"),
+    "unknown key": ("[rope]\nlength_mm = 5\n", "did you mean length_m?"),
+    "missing port": ('[device]\nkind = "witmotion"\nport = "/dev/ttyUSB-none"\n', "/dev/ttyUSB-none"),
+    "missing bus": ('[device]\nkind = "adxl355"\nbus = 77\n', "/dev/i2c-77"),
+    "missing recording": ('[device]\nkind = "replay"\npath = "/none.csv"\n', "/none.csv"),
+    "not toml": ("[rope\n", "is not TOML"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refused_at_start(start_gateway, case):
+    toml, expected = REFUSED[case]
+    gateway = start_gateway(toml)
+    code, out, err = gateway.wait()
+    assert code == 2
+    assert expected in one_line(err)
+    assert out == ""
+    assert gateway.recordings == []
+
+
+def test_second_instance_on_the_same_data(start_gateway, join_bus):
+    first = start_gateway()
+    join_bus(first.endpoint).wait_for("health")
+    second = start_gateway()
+    code, _, err = second.wait()
+    assert code == 2
+    assert f"in use by another gateway (process {first.process.pid})" in one_line(err)
+    assert first.process.poll() is None
+
+
+def test_occupied_ports(start_gateway, tmp_path):
+    for page in (False, True):
+        gateway = start_gateway(page=page)
+        gateway.process.kill()
+        gateway.process.wait()
+        port = gateway.page_port if page else gateway.bus_port
+        with listening_on(port):
+            environment = {
+                "PLUMBLINE_PAGE__LISTEN": f"127.0.0.1:{gateway.page_port}",
+                "PLUMBLINE_BUS__LISTEN": json.dumps([gateway.endpoint]),
+            }
+            code, _, err = start_gateway(page=page, environment=environment).wait()
+            assert code == 2
+            assert str(port) in one_line(err)
+
+
+def test_a_full_disk_stops_the_recording_and_not_the_gateway(start_gateway, join_bus):
+    """The kernel's limit on file size stands in for a disk without room: writes fail at the outermost call."""
+    gateway = start_gateway(
+        "[device]\nodr_hz = 4000\nblock_samples = 32\n",
+        prefix=("sh", "-c", 'ulimit -f 128; exec "$@"', "sh"),  # blocks of 512 bytes
+    )
+    peer = join_bus(gateway.endpoint)
+    said = peer.wait_for("health", lambda message: message["recording_error"])
+    assert "recording to" in said["recording_error"]
+    later = peer.wait_for("health", lambda message: message["faults"].get("samples_not_recorded", 0) > 0)
+    assert later["state"] == "running"
+    tilts = len(peer.messages("tilt"))
+    time.sleep(1.0)
+    assert len(peer.messages("tilt")) > tilts
+    code, seconds, err = gateway.stop()
+    assert code == 3
+    assert "samples could not be recorded" in err
+    assert seconds < 2.5
+    for path in gateway.recordings:
+        assert summarise(path).samples.count > 0  # what was written stays readable
+
+
+CLI_REFUSED = {
+    "record of nothing": (["record", "info", "none.mcap"], "none.mcap"),
+    "record of text": (["record", "info", "pyproject.toml"], "pyproject.toml"),
+    "measure of nothing": (["measure", "none.csv"], "none.csv"),
+    "measure of other text": (["measure", "README.md"], "README.md"),
+    "rig of nothing": (["measure", "README.md", "--rig", "none.toml"], "README.md"),
+    "check of nothing": (["config", "check", "none.toml"], "none.toml"),
+    "unknown topic": (["config", "schema", "--topic", "nope"], "no topic 'nope'"),
+    "no gateway": (["remote", "status", "--connect", "tcp/127.0.0.1:1"], "nobody answers"),
+}
+
+
+@pytest.mark.parametrize("case", CLI_REFUSED)
+def test_commands_refuse(plumbline, case):
+    arguments, expected = CLI_REFUSED[case]
+    done = plumbline(*arguments)
+    assert done.returncode == 2
+    assert expected in one_line(done.stderr)
+
+
+def test_usage_errors_are_two_as_well(plumbline):
+    assert plumbline("run", "--duration", "-1").returncode == 2
+    assert plumbline("nonsense").returncode == 2
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        [],
+        ["run"],
+        ["measure"],
+        ["record"],
+        ["record", "info"],
+        ["record", "recover"],
+        ["remote"],
+        ["remote", "status"],
+        ["remote", "watch"],
+        ["config"],
+        ["config", "show"],
+        ["config", "check"],
+        ["config", "schema"],
+        ["doctor"],
+    ],
+)
+def test_every_command_has_help_with_an_example(plumbline, command):
+    done = plumbline(*command, "--help")
+    assert done.returncode == 0
+    assert "example" in done.stdout

@@ -1,0 +1,152 @@
+"""`plumbline run` as a process among processes."""
+
+import os
+import signal
+import socket
+import time
+from pathlib import Path
+from urllib.error import URLError
+from urllib.request import urlopen
+
+import pytest
+
+from gateway.recording.info import summarise
+from gateway.recording.run import read_samples
+
+FAST = "[device]\nodr_hz = 1000\n"
+
+
+def test_everything_reaches_a_second_process(start_gateway, join_bus):
+    gateway = start_gateway(FAST)
+    peer = join_bus(gateway.endpoint)
+    for topic in ("samples", "tilt", "condition", "alert", "health", "swing"):
+        message = peer.wait_for(topic)
+        assert message["calibration_id"] == "factory-simulated-1-2g"
+        assert message["clock"] in ("synchronised", "free_running")
+        assert abs(message["time_ns"] - time.time_ns()) < 20e9
+    sequences = [message["sequence"] for message in peer.messages("samples")]
+    assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))
+
+
+def test_is_alive_and_answers_a_status_query(start_gateway, join_bus):
+    gateway = start_gateway()
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("health")
+    alive = [str(reply.ok.key_expr) for reply in peer.session.liveliness().get("plumbline/v1/**")]
+    assert alive == ["plumbline/v1/demo-site/crane-1/hook-1/alive"]
+    replies = [reply.ok for reply in peer.session.get("plumbline/v1/*/*/*/rpc/status")]
+    assert len(replies) == 1
+    assert b'"health"' in replies[0].payload.to_bytes()
+
+
+@pytest.mark.parametrize("name", [signal.SIGTERM, signal.SIGINT])
+def test_stops_cleanly_with_every_sample_on_disk(start_gateway, join_bus, name):
+    gateway = start_gateway(FAST, page=True)
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("health", lambda message: message["samples"] > 1500)
+    code, seconds, err = gateway.stop(name)
+    assert (code, err) == (0, "")
+    assert seconds < 2.0
+    (path,) = gateway.recordings
+    info = summarise(path)
+    assert info.closed
+    assert (info.samples.lost, info.samples.gaps, info.samples.missing_blocks) == (0, 0, 0)
+    heard = peer.messages("health")[-1]
+    assert heard["state"] == "stopping"
+    assert info.samples.count >= heard["samples"]
+
+
+def test_kill_loses_at_most_the_sync_interval(start_gateway, join_bus):
+    gateway = start_gateway(FAST + "[recorder]\nfsync_s = 1.0\n")
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("samples")
+    time.sleep(3.3)
+    last_heard_ns = peer.messages("samples")[-1]["time_ns"]
+    gateway.process.kill()
+    gateway.process.wait()
+    (path,) = gateway.recordings
+    run = read_samples(path)
+    assert (last_heard_ns - int(run.time_ns[-1])) / 1e9 < 1.1
+    assert len(run.time_ns) > 2000
+
+
+def test_duration_ends_it(start_gateway):
+    gateway = start_gateway(arguments=("--duration", "1.5"))
+    code, out, err = gateway.wait()
+    assert (code, err) == (0, "")
+    assert 1.5 <= time.monotonic() - gateway.started_s < 6
+    assert str(gateway.recordings[0]) in out
+    assert gateway.endpoint in out
+
+
+def test_nothing_listens_beyond_loopback(start_gateway, join_bus):
+    gateway = start_gateway(page=True)
+    join_bus(gateway.endpoint).wait_for("health")
+    _wait_for_page(gateway.page_port)
+    pids = [gateway.process.pid, *_children(gateway.process.pid)]
+    addresses = {address for pid in pids for address in _listening_addresses(pid)}
+    assert addresses == {"0100007F"}  # 127.0.0.1
+    gateway.stop()
+
+
+def test_page_ends_with_a_killed_gateway(start_gateway, join_bus):
+    gateway = start_gateway(page=True)
+    join_bus(gateway.endpoint).wait_for("health")
+    _wait_for_page(gateway.page_port)
+    gateway.process.kill()
+    gateway.process.wait()
+    deadline = time.monotonic() + 10
+    while time.monotonic() < deadline:
+        try:
+            socket.create_connection(("127.0.0.1", gateway.page_port), timeout=1).close()
+        except OSError:
+            return
+        time.sleep(0.1)
+    raise AssertionError("the page still listens after its gateway was killed")
+
+
+def test_a_page_that_dies_is_started_again(start_gateway, join_bus):
+    gateway = start_gateway(page=True)
+    join_bus(gateway.endpoint).wait_for("health")
+    _wait_for_page(gateway.page_port)
+    (first,) = _children(gateway.process.pid)
+    os.kill(first, signal.SIGKILL)
+    deadline = time.monotonic() + 20
+    while time.monotonic() < deadline:
+        children = _children(gateway.process.pid)
+        if children and children != [first]:
+            break
+        time.sleep(0.1)
+    assert _children(gateway.process.pid) not in ([first], [])
+    _wait_for_page(gateway.page_port)
+    assert gateway.process.poll() is None
+
+
+def _wait_for_page(port):
+    deadline = time.monotonic() + 20
+    while time.monotonic() < deadline:
+        try:
+            with urlopen(f"http://127.0.0.1:{port}/", timeout=2) as answer:
+                assert answer.status == 200
+                return
+        except (URLError, ConnectionError):
+            time.sleep(0.1)
+    raise AssertionError("the page does not answer")
+
+
+def _children(pid):
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def _listening_addresses(pid):
+    """Local addresses, as the kernel prints them, of the process's listening TCP sockets and bound UDP sockets."""
+    inodes = set()
+    for link in Path(f"/proc/{pid}/fd").iterdir():
+        target = str(link.readlink())
+        if target.startswith("socket:["):
+            inodes.add(target[8:-1])
+    for table, listening in (("tcp", "0A"), ("tcp6", "0A"), ("udp", "07"), ("udp6", "07")):
+        for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]:
+            fields = line.split()
+            if fields[3] == listening and fields[9] in inodes:
+                yield fields[1].split(":")[0]

@@ -1,0 +1,30 @@
+"""The example configurations are accepted, and say what they claim."""
+
+from pathlib import Path
+
+import pytest
+
+from gateway.configuration.loading import load
+from gateway.configuration.model import Configuration
+
+FOLDER = Path(__file__).parents[1] / "config"
+KINDS = {"simulated.toml": "simulated", "adxl355.toml": "adxl355", "witmotion.toml": "witmotion"}
+
+
+def test_there_are_no_others():
+    assert {path.name for path in FOLDER.iterdir()} == set(KINDS)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_is_accepted_and_commented(name):
+    configuration = load(FOLDER / name, {})
+    assert configuration.device.kind == KINDS[name]
+    assert configuration.housing_position_m is not None
+    keys = [line for line in (FOLDER / name).read_text().splitlines() if "=" in line and not line.startswith("#")]
+    assert sum("#" in line for line in keys) >= len(keys) / 3
+
+
+def test_the_simulated_example_is_the_embedded_default():
+    example, embedded = load(FOLDER / "simulated.toml", {}), Configuration()
+    assert example.housing_position_m == embedded.housing_position_m
+    assert example.model_copy(update={"housing": embedded.housing}) == embedded

@@ -1,0 +1,27 @@
+"""The docs say what the code does."""
+
+import re
+from pathlib import Path
+
+from gateway.topics import TOPICS
+
+ROOT = Path(__file__).parents[1]
+
+
+def test_topic_table_is_the_codes():
+    text = (ROOT / "docs" / "architecture.md").read_text()
+    rows = re.findall(
+        r"^\| (\w+) \| ((?:plumbline|foxglove)\.\w+) \| (.+?) \| (yes|no) \| (yes|no) \|$", text, re.MULTILINE
+    )
+    yes = {True: "yes", False: "no"}
+    assert rows == [
+        (topic.name, topic.schema_name, topic.rate, yes[topic.logged], yes[topic.published])
+        for topic in TOPICS.values()
+    ]
+
+
+def test_every_file_that_the_docs_name_exists():
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    for page in pages:
+        named = re.findall(r"\]\(([\w./-]+)\)", page.read_text())
+        assert [name for name in named if not (page.parent / name).exists()] == [], page
