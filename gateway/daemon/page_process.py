@@ -45,7 +45,7 @@ class PageProcess:
         if self._process is not None:
             if now_s - self._started_s < self._pause_s:
                 return
-            log.error("the page's process ended with code %s; starting it again", self._process.returncode)
+            log.error("the page's process ended with code %s; starting it again", launch.stop(self._process))
             self._pause_s = min(2 * self._pause_s, LONGEST_PAUSE_S)
         self._started_s = now_s
         self._process = launch.start(self._parameters, self._socket)

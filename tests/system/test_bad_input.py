@@ -91,7 +91,7 @@ CLI_REFUSED = {
     "record of text": (["record", "info", "pyproject.toml"], "pyproject.toml"),
     "measure of nothing": (["measure", "none.csv"], "none.csv"),
     "measure of other text": (["measure", "README.md"], "README.md"),
-    "rig of nothing": (["measure", "README.md", "--rig", "none.toml"], "README.md"),
+    "rig of nothing": (["measure", "README.md", "--rig", "none.toml"], "none.toml"),
     "check of nothing": (["config", "check", "none.toml"], "none.toml"),
     "unknown topic": (["config", "schema", "--topic", "nope"], "no topic 'nope'"),
     "no gateway": (["remote", "status", "--connect", "tcp/127.0.0.1:1"], "nobody answers"),

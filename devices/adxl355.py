@@ -1,0 +1,339 @@
+"""Analog Devices ADXL355: 20-bit triaxial MEMS accelerometer, read through its FIFO over I2C.
+
+The part has no serial number, and no clock that can be read: see `devices.sample_clock`.
+"""
+
+import math
+from collections import Counter, deque
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+
+from smbus2 import SMBus
+
+from devices.adxl355_fifo import ENTRY_BYTES, FIFO_ENTRIES, Run, decode_counts, split_entries
+from devices.block import DeviceInfo, SampleBlock
+from devices.clock import Clock
+from devices.errors import ConfigurationReadBackError, DeviceError, IdentityError, TransferError
+from devices.i2c import BusOpener, I2cPart
+from devices.sample_clock import SampleClock
+
+DEVID_AD, STATUS, TEMP2, FIFO_DATA = 0x00, 0x04, 0x06, 0x11
+FILTER, FIFO_SAMPLES, RANGE, POWER_CTL, RESET = 0x28, 0x29, 0x2C, 0x2D, 0x2F
+NAMES = {FILTER: "FILTER", FIFO_SAMPLES: "FIFO_SAMPLES", RANGE: "RANGE", POWER_CTL: "POWER_CTL"}
+IDENTITY = b"\xad\x1d\xed"
+KNOWN_IDENTITIES = {0xE5: "an ADXL345"}
+RESET_CODE = 0x52
+STANDBY, MEASURE = 0x01, 0x00
+RANGE_HIGH_SPEED = 0x80
+"""The part's default beside the range: I2C high-speed mode allowed."""
+OVERRUN, NVM_BUSY, STATUS_UNUSED = 0x04, 0x10, 0xE0
+
+RATES_HZ = tuple(4000.0 / (1 << k) for k in range(11))
+"""Output data rates by the code in FILTER."""
+UNITS_PER_G = {2: 256000.0, 4: 128000.0, 8: 64000.0}
+RANGE_CODES = {2: 1, 4: 2, 8: 3}
+NOISE_G_PER_ROOT_HZ = 22.5e-6
+ZERO_G_OFFSET_G = 0.075
+
+ENTRIES_MARGIN = 3
+"""A level may read so many entries beyond the FIFO's size; a higher one is nonsense."""
+MOST_AWAITED = 16
+"""Samples that a read waits for at most: half of the FIFO is left for a host that is late."""
+
+LONGEST_WAIT_NS = 500_000_000
+SILENCE_NS = 2_000_000_000
+CHECK_NS = 1_000_000_000
+"""How often the configuration and the temperature are read and the moment of sampling is looked for."""
+PROBE_NS = 4_000_000
+PROBE_LOOKS = 8
+SETTLED_RATE_U = 1e-4
+"""Relative uncertainty of the rate until which the moment of sampling is looked for at every read."""
+RESET_NS, RESET_POLL_S = 200_000_000, 0.002
+TEMPERATURE_READS = 4
+BURST_FAILURES = 3
+
+
+def temperature_c(raw: int) -> float:
+    """Degrees Celsius from the 12-bit reading: nominally 1885 at 25 C, -9.05 per degree."""
+    return 25.0 + (raw - 1885) / -9.05
+
+
+def noise_g(odr_hz: float) -> float:
+    """Typical noise per sample and axis, 1 sigma: density x root of the noise bandwidth.
+
+    The part's filter is 3 dB down at a quarter of the rate. Its noise bandwidth lies between that (a brick wall) and pi/2 times
+    that (a single pole); the upper end is taken.
+    """
+    return NOISE_G_PER_ROOT_HZ * math.sqrt(math.pi / 2 * odr_hz / 4)
+
+
+@dataclass(frozen=True, slots=True)
+class _Level:
+    """What the FIFO held at a time."""
+
+    entries: int
+    read_ns: int
+
+
+class Adxl355:
+    """An ADXL355 on an I2C bus."""
+
+    def __init__(
+        self,
+        bus: int,
+        address: int = 0x1D,
+        *,
+        clock: Clock,
+        odr_hz: float = 125.0,
+        range_g: float = 2,
+        block_samples: int = 8,
+        serial: str | None = None,
+        open_bus: BusOpener = SMBus,
+    ) -> None:
+        """`block_samples`: samples of a usual block, more than 16 count as 16; `serial`: a label, for the part has no number.
+
+        Raises `ValueError` for a rate or a range that the part does not have.
+        """
+        rate_hz = min(RATES_HZ, key=lambda rate_hz: abs(rate_hz - odr_hz))
+        if not math.isclose(rate_hz, odr_hz, rel_tol=1e-3):
+            rates = ", ".join(f"{rate_hz:g}" for rate_hz in RATES_HZ)
+            raise ValueError(f"the ADXL355 has no output data rate of {odr_hz:g} Hz; it has {rates}")
+        if range_g not in UNITS_PER_G:
+            raise ValueError(f"the ADXL355 has no range of {range_g:g} g; it has 2, 4 and 8")
+        if block_samples < 1:
+            raise ValueError(f"a block of {block_samples} samples is none; 1 to {MOST_AWAITED} is right")
+        self._bus = bus
+        self._address = address
+        self._odr_hz = rate_hz
+        self._range_g = int(range_g)
+        self._awaited = min(block_samples, MOST_AWAITED)
+        self._serial = serial
+        self._clock = clock
+        self._part = I2cPart(bus, address, clock, open_bus)
+        self._sample_clock = SampleClock(rate_hz, usual_delay_s=1 / rate_hz)
+        self._probe_ns = min(round(0.5e9 / rate_hz), PROBE_NS)
+        self._configuration = {
+            RANGE: RANGE_HIGH_SPEED | RANGE_CODES[self._range_g],
+            FILTER: RATES_HZ.index(rate_hz),
+            FIFO_SAMPLES: 3 * self._awaited,
+            POWER_CTL: MEASURE,
+        }
+        self._faults: Counter[str] = Counter()
+        self._begin()
+
+    def open(self) -> DeviceInfo:
+        """Identify, reset and configure the part, and start it.
+
+        Raises `DeviceNotFoundError` or `DeviceAccessError` (bus), `IdentityError`, `ConfigurationReadBackError`, `TransferError`.
+        """
+        self._part.open()
+        try:
+            revision = self._identify()
+            self._reset()
+            self._configure()
+        except DeviceError:
+            self._part.close()
+            raise
+        self._begin()
+        return self._info(revision)
+
+    def read(self) -> SampleBlock | None:
+        """The next block, a new one after each hole.
+
+        Raises `ConfigurationReadBackError` when the part has lost its configuration, `TransferError` when it cannot be read or
+        has been silent for two seconds.
+        """
+        if not self._blocks:
+            self._receive()
+        return self._blocks.popleft() if self._blocks else None
+
+    def close(self) -> None:
+        """Release the bus; the part samples on."""
+        self._part.close()
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Failed transfers by kind, `overrun`, `misaligned`, `nonsense_status`, `configuration_lost` and others."""
+        return {**self._part.faults, **self._faults, "clock_relearned": self._sample_clock.relearned}
+
+    def _begin(self) -> None:
+        """Nothing has been read since the part was started."""
+        self._sample_clock.restart()
+        self._blocks: deque[SampleBlock] = deque()
+        self._tail = b""  # entries of a sample whose rest is still to come
+        self._last_ns: int | None = None
+        self._lost = 0
+        self._lost_at_least: int | None = None  # None while every sample is counted
+        self._burst_failures = 0
+        self._temperature_c: float | None = None
+        self._heard_ns = self._check_due_ns = self._clock.now_ns()
+
+    def _info(self, revision: int) -> DeviceInfo:
+        number = self._serial or f"{revision:02x}-i2c{self._bus}-{self._address:02x}"
+        return DeviceInfo(
+            kind="adxl355",
+            device_id=f"adxl355-{number}",
+            unit="counts",
+            odr_hz=self._odr_hz,
+            units_per_g=UNITS_PER_G[self._range_g],
+            full_scale_g=float(self._range_g),
+            noise_g=noise_g(self._odr_hz),
+            zero_g_offset_g=ZERO_G_OFFSET_G,
+            details={
+                "bus": f"/dev/i2c-{self._bus}",
+                "address": f"{self._address:#04x}",
+                "revision": f"{revision:#04x}",
+                "bandwidth_hz": f"{self._odr_hz / 4:g}",
+            },
+        )
+
+    def _identify(self) -> int:
+        """Revision of the part."""
+        found = self._part.read(DEVID_AD, 4)
+        if found[:3] != IDENTITY:
+            known = KNOWN_IDENTITIES.get(found[0], "another part")
+            raise IdentityError(
+                f"{self._part}: identity reads {found[:3].hex(' ').upper()}, an ADXL355 has {IDENTITY.hex(' ').upper()};"
+                f" this is {known}, name its kind or the right address"
+            )
+        return found[3]
+
+    def _reset(self) -> None:
+        self._part.write(RESET, RESET_CODE)
+        deadline_ns = self._clock.now_ns() + RESET_NS
+        while self._clock.now_ns() < deadline_ns:
+            self._clock.sleep_s(RESET_POLL_S)
+            with suppress(TransferError):  # it may not answer while it is busy
+                if not self._part.read(STATUS, 1)[0] & NVM_BUSY:
+                    return
+        raise TransferError(f"{self._part}: still busy {RESET_NS / 1e9:g} s after reset; power-cycle the sensor")
+
+    def _configure(self) -> None:
+        self._part.write_checked(POWER_CTL, STANDBY, NAMES[POWER_CTL])
+        for register, value in self._configuration.items():  # ends with the start
+            self._part.write_checked(register, value, NAMES[register])
+
+    def _receive(self) -> None:
+        """Wait for a block's worth of samples, at most half a second, and take what there is."""
+        start_ns = self._clock.now_ns()
+        rate_u_hz = self._sample_clock.measured_rate_u_hz
+        probing = rate_u_hz is None or rate_u_hz > SETTLED_RATE_U * self._odr_hz
+        if start_ns >= self._check_due_ns:
+            self._check()
+            self._check_due_ns = start_ns + CHECK_NS
+            probing = True
+        early_ns = self._probe_ns if probing else 0
+        deadline_ns = start_ns + LONGEST_WAIT_NS
+        while not self._blocks:
+            level = self._await_level(deadline_ns, early_ns)
+            self._blocks.extend(self._take(level))
+            if level.read_ns >= deadline_ns:
+                break
+            if not self._blocks:
+                self._clock.sleep_s(1 / self._odr_hz)
+        if self._blocks:
+            self._heard_ns = level.read_ns
+        elif level.read_ns - self._heard_ns > SILENCE_NS:
+            raise TransferError(f"{self._part}: no samples for {SILENCE_NS / 1e9:g} s; power-cycle the sensor")
+
+    def _await_level(self, deadline_ns: int, early_ns: int) -> _Level:
+        """Sleep until the awaited samples should be there and look until they are.
+
+        A host that always comes when it expects a sample never learns that it was there before: now and then it comes
+        `early_ns` earlier, and looks often.
+        """
+        now_ns = soonest_ns = self._clock.now_ns()
+        while True:
+            due_ns = self._sample_clock.due_ns(self._awaited)
+            wake_ns = soonest_ns if due_ns is None else max(soonest_ns, due_ns - early_ns)
+            self._clock.sleep_s((min(wake_ns, deadline_ns) - now_ns) / 1e9)
+            level = self._poll()
+            samples = (len(self._tail) // ENTRY_BYTES + level.entries) // 3
+            now_ns = level.read_ns
+            if samples >= self._awaited or now_ns >= deadline_ns:
+                return level
+            if samples:
+                self._sample_clock.stamp(0, now_ns, behind=samples)
+            soonest_ns = now_ns + self._probe_ns // PROBE_LOOKS
+
+    def _poll(self) -> _Level:
+        """The FIFO's level now. Reading the status clears the overrun bit."""
+        status, entries = self._part.read(STATUS, 2)
+        read_ns = self._clock.now_ns()
+        if status & (NVM_BUSY | STATUS_UNUSED) or entries > FIFO_ENTRIES + ENTRIES_MARGIN:
+            self._faults["nonsense_status"] += 1
+            self._verify()
+            return _Level(0, read_ns)
+        if status & OVERRUN:
+            self._faults["overrun"] += 1
+            self._lose_count(1)
+        return _Level(entries, read_ns)
+
+    def _take(self, level: _Level) -> list[SampleBlock]:
+        """Read so many entries out of the FIFO. A burst that broke off has taken out nobody knows how many."""
+        if not level.entries:
+            return []
+        try:
+            burst = self._part.read(FIFO_DATA, ENTRY_BYTES * level.entries, consuming=True)
+        except TransferError:
+            self._burst_failures += 1
+            if self._burst_failures == BURST_FAILURES:
+                raise
+            self._lose_count(0)
+            return []
+        self._burst_failures = 0
+        runs, self._tail = split_entries(self._tail + burst)
+        return list(self._stamped(runs, level.read_ns))
+
+    def _stamped(self, runs: list[Run], read_ns: int) -> Iterator[SampleBlock]:
+        behind = sum(len(run) + run.lost for run in runs)
+        for run in runs:
+            behind -= len(run) + run.lost
+            self._lost += run.lost
+            self._faults["misaligned"] += run.lost
+            time_ns = self._sample_clock.stamp(len(run), read_ns, lost=run.lost, behind=behind)
+            if len(run):
+                lost = self._lost_before(int(time_ns[0]))
+                yield SampleBlock(time_ns, decode_counts(run.entries), self._temperature_c, lost)
+                self._last_ns, self._lost, self._lost_at_least = int(time_ns[-1]), 0, None
+
+    def _lose_count(self, at_least: int) -> None:
+        """Samples were lost, nobody knows how many: the clock learns its phase anew, and time tells their number."""
+        self._lost_at_least = max(at_least, self._lost_at_least or 0)
+        self._tail = b""
+        self._sample_clock.restart()
+
+    def _lost_before(self, first_ns: int) -> int:
+        if self._lost_at_least is None:
+            return self._lost
+        if self._last_ns is None:
+            return self._lost_at_least
+        rate_hz = self._sample_clock.measured_rate_hz or self._odr_hz
+        return max(round((first_ns - self._last_ns) * rate_hz / 1e9) - 1, self._lost_at_least)
+
+    def _check(self) -> None:
+        """Is the part still as it was configured, and how warm is it?"""
+        self._verify()
+        for _ in range(TEMPERATURE_READS):
+            high, low = self._part.read(TEMP2, 2)  # not latched: they belong together when the high byte has stood
+            if self._part.read(TEMP2, 1)[0] == high:
+                self._temperature_c = temperature_c((high & 0x0F) << 8 | low)
+                return
+        self._faults["unstable_temperature"] += 1
+
+    def _verify(self) -> None:
+        """Raises `ConfigurationReadBackError` when a register has not kept its value, looked at twice."""
+        if self._differing() and (differing := self._differing()):
+            self._faults["configuration_lost"] += 1
+            raise ConfigurationReadBackError(
+                f"{self._part}: {differing}; the part has lost its configuration, check its supply and cable"
+            )
+
+    def _differing(self) -> str:
+        found = self._part.read(FILTER, POWER_CTL - FILTER + 1)
+        return ", ".join(
+            f"register {NAMES[register]} ({register:#04x}) reads {found[register - FILTER]:#04x}, not {value:#04x}"
+            for register, value in self._configuration.items()
+            if found[register - FILTER] != value
+        )

@@ -1,0 +1,138 @@
+"""One part on an I2C bus, through Linux i2c-dev.
+
+Everything goes through `i2c_rdwr`: a register read is one ioctl, write and read joined by a repeated start, of any length
+(SMBus block reads stop at 32 bytes).
+"""
+
+import errno
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Protocol
+
+from smbus2 import SMBus, i2c_msg
+
+from devices.clock import Clock
+from devices.errors import (
+    ConfigurationReadBackError,
+    DeviceAccessError,
+    DeviceError,
+    DeviceNotFoundError,
+    TransferError,
+)
+
+ATTEMPTS = 3
+RETRY_PAUSE_S = 0.001
+RETRY_LIMIT_NS = 250_000_000
+"""No further attempt after this: a time-out of the kernel alone may take a second."""
+ADDRESSES = range(0x08, 0x78)
+"""7-bit addresses that a part may have."""
+
+NO_ACKNOWLEDGE = (errno.EREMOTEIO, errno.ENXIO)
+FAULTS = {
+    errno.EREMOTEIO: ("i2c_no_acknowledge", "no acknowledge; check wiring, supply and address"),
+    errno.ENXIO: ("i2c_no_acknowledge", "no acknowledge; check wiring, supply and address"),
+    errno.ETIMEDOUT: ("i2c_time_out", "time-out, a part holds the bus; check the pull-ups or power-cycle the sensor"),
+    errno.EIO: ("i2c_bus_error", "bus error; shorten the cable or lower the bus speed"),
+    errno.EAGAIN: ("i2c_bus_error", "the bus is taken; check for a second master and the pull-ups"),
+}
+"""By errno: name in `I2cPart.faults`, what it means and the mend."""
+OTHER_FAULT = ("i2c_bus_error", "the transfer failed; reload the bus driver or restart the computer")
+
+
+class Bus(Protocol):
+    """What is asked of a bus: that of `smbus2.SMBus`."""
+
+    def i2c_rdwr(self, *i2c_msgs: i2c_msg) -> None:
+        """One combined transaction; `OSError` when it fails."""
+        ...
+
+    def close(self) -> None:
+        """Release the bus."""
+        ...
+
+
+BusOpener = Callable[[int], Bus]
+
+
+class I2cPart:
+    """Reads and writes registers; every failure is a `DeviceError` that names the bus and the address."""
+
+    def __init__(self, bus: int, address: int, clock: Clock, open_bus: BusOpener = SMBus) -> None:
+        if address not in ADDRESSES:
+            raise ValueError(f"address {address:#04x} is no 7-bit I2C address; name one of 0x08 to 0x77")
+        self._number = bus
+        self._address = address
+        self._clock = clock
+        self._open_bus = open_bus
+        self._bus: Bus | None = None
+        self.faults: Counter[str] = Counter()
+        """Failed transfers by name, those among them that a further attempt made good."""
+
+    def __str__(self) -> str:
+        return f"I2C bus {self._number} address {self._address:#04x}"
+
+    def open(self) -> None:
+        """Open the bus; says nothing about the part. Raises `DeviceNotFoundError`, `DeviceAccessError`."""
+        self.close()
+        path = f"/dev/i2c-{self._number}"
+        try:
+            self._bus = self._open_bus(self._number)
+        except FileNotFoundError as error:
+            raise DeviceNotFoundError(
+                f"{path}: no such bus; enable I2C (raspi-config, Interface Options) or name another bus"
+            ) from error
+        except PermissionError as error:
+            raise DeviceAccessError(
+                f"{path}: may not be opened by this user; add it to the group i2c and log in again"
+            ) from error
+        except OSError as error:
+            raise DeviceError(f"{path}: does not open as an I2C bus ({error.strerror}); name another bus") from error
+
+    def close(self) -> None:
+        """Release the bus; never raises, may be called twice."""
+        if self._bus is not None:
+            with suppress(OSError):
+                self._bus.close()
+            self._bus = None
+
+    def read(self, register: int, length: int, *, consuming: bool = False) -> bytes:
+        """Read `length` bytes from `register` on. Raises `TransferError`.
+
+        `consuming`: reading takes the bytes out of the part (a FIFO), so a read is repeated only when the part did not
+        acknowledge: that is before its first byte.
+        """
+        answer = i2c_msg.read(self._address, length)
+        self._transfer(i2c_msg.write(self._address, (register,)), answer, repeatable=not consuming)
+        return bytes(answer)
+
+    def write(self, register: int, value: int) -> None:
+        """Write one register. Raises `TransferError`."""
+        self._transfer(i2c_msg.write(self._address, (register, value)))
+
+    def write_checked(self, register: int, value: int, name: str) -> None:
+        """Write one register and read it back. Raises `ConfigurationReadBackError`, `TransferError`."""
+        self.write(register, value)
+        found = self.read(register, 1)[0]
+        if found != value:
+            raise ConfigurationReadBackError(
+                f"{self}: register {name} ({register:#04x}) reads {found:#04x} after {value:#04x} was written;"
+                " check supply, cable and part"
+            )
+
+    def _transfer(self, *messages: i2c_msg, repeatable: bool = True) -> None:
+        if self._bus is None:
+            raise TransferError(f"{self}: the bus is not open; open it first")
+        start_ns = self._clock.now_ns()
+        for attempt in range(1, ATTEMPTS + 1):
+            try:
+                self._bus.i2c_rdwr(*messages)
+            except OSError as error:
+                name, mend = FAULTS.get(error.errno or 0, OTHER_FAULT)
+                self.faults[name] += 1
+                late = self._clock.now_ns() - start_ns > RETRY_LIMIT_NS
+                if attempt == ATTEMPTS or late or not (repeatable or error.errno in NO_ACKNOWLEDGE):
+                    raise TransferError(f"{self}: {mend} (errno {error.errno}, attempt {attempt})") from error
+                self._clock.sleep_s(RETRY_PAUSE_S)
+            else:
+                return

@@ -1,0 +1,81 @@
+"""The HTTP side: read-only, everything from memory."""
+
+import time
+from functools import partial
+from importlib import resources
+
+from pydantic_core import to_json
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import Response, StreamingResponse
+from starlette.routing import Route
+
+from gateway.page import metrics
+from gateway.page.hub import Hub, event
+from gateway.page.inbox import Inbox
+from gateway.page.state import PageState
+
+STATIC = {
+    ".html": "text/html; charset=utf-8",
+    ".css": "text/css; charset=utf-8",
+    ".js": "text/javascript; charset=utf-8",
+    ".svg": "image/svg+xml",
+}
+HEADERS = [
+    ("Content-Security-Policy", "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"),
+    ("X-Content-Type-Options", "nosniff"),
+    ("Referrer-Policy", "no-referrer"),
+    ("Cache-Control", "no-store"),
+]
+"""On every response. Nothing is cached: an upgraded gateway must not be shown by an old script."""
+
+
+def application(state: PageState, hub: Hub, inbox: Inbox) -> Starlette:
+    """Routes over what the page process knows. All endpoints are coroutines: they run in the one thread of the state."""
+
+    async def healthz(_request: Request) -> Response:
+        judged = state.verdict(time.monotonic())
+        well = judged.word not in ("NO DATA", "STALE")
+        return _json({"ok": well, "verdict": judged.word, "reasons": judged.reasons}, 200 if well else 503)
+
+    async def api_state(_request: Request) -> Response:
+        return _json(state.snapshot(time.monotonic()))
+
+    async def api_events(_request: Request) -> Response:
+        if hub.full:
+            return Response("too many browsers\n", 503)
+        now_s = time.monotonic()
+        history = {"points": state.history.rows(since=0, now_s=now_s)}
+        greeting = event("history", history, number=0) + event("state", state.brief(now_s), number=0)
+        return StreamingResponse(hub.stream(greeting), media_type="text/event-stream")
+
+    async def prometheus(_request: Request) -> Response:
+        counters = metrics.Counters(
+            received=state.received,
+            invalid=state.invalid + inbox.refused,
+            superseded=inbox.superseded,
+            clients=len(hub),
+            dropped_clients=hub.dropped,
+        )
+        text = metrics.exposition(state.evidence(time.monotonic()), counters, state.parameters.place)
+        return Response(text, media_type=metrics.CONTENT_TYPE)
+
+    endpoints = {"/healthz": healthz, "/api/state": api_state, "/api/events": api_events, "/metrics": prometheus}
+    return Starlette(routes=[*_static(), *(Route(path, endpoint) for path, endpoint in endpoints.items())])
+
+
+def _json(content: object, status: int = 200) -> Response:
+    return Response(to_json(content, inf_nan_mode="null"), status, media_type="application/json")
+
+
+def _static() -> list[Route]:
+    routes = []
+    for file in resources.files("gateway.page").joinpath("static").iterdir():
+        media_type = STATIC["." + file.name.rpartition(".")[2]]
+        path = "/" if file.name == "index.html" else f"/{file.name}"
+        routes.append(Route(path, partial(_fixed, file.read_bytes(), media_type)))
+    return routes
+
+
+async def _fixed(content: bytes, media_type: str, _request: Request) -> Response:
+    return Response(content, media_type=media_type)

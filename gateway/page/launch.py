@@ -1,0 +1,42 @@
+"""The parent's side: start and stop the page process."""
+
+import socket
+import subprocess
+import sys
+from contextlib import suppress
+from dataclasses import replace
+
+from gateway.page.parameters import Parameters, encode
+
+PATIENCE_S = 2.0
+
+
+def start(parameters: Parameters, listener: socket.socket) -> subprocess.Popen[bytes]:
+    """Start the page on a bound socket, which the caller keeps for a later restart.
+
+    A process group of its own keeps the page from the terminal's Ctrl-C: the parent decides when it ends.
+    """
+    process = subprocess.Popen(
+        [sys.executable, "-m", "gateway.page"],
+        stdin=subprocess.PIPE,
+        pass_fds=[listener.fileno()],
+        process_group=0,
+    )
+    assert process.stdin is not None
+    with suppress(BrokenPipeError):  # it ended at once and said why on stderr; the caller sees its exit code
+        process.stdin.write(encode(replace(parameters, fd=listener.fileno())))
+        process.stdin.flush()
+    return process
+
+
+def stop(process: subprocess.Popen[bytes]) -> int:
+    """End the page, or clear up after one that has ended; returns its exit code. Killed if it does not end in time."""
+    process.terminate()
+    if process.stdin is not None:
+        with suppress(BrokenPipeError):
+            process.stdin.close()
+    try:
+        return process.wait(PATIENCE_S)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        return process.wait()

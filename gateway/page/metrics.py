@@ -1,0 +1,122 @@
+"""`/metrics`: Prometheus text format 0.0.4.
+
+A measured value that is not fresh or not known is left out, so that no dashboard draws an old angle as a new one.
+"""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import get_args
+
+from gateway.messages import Alert, Condition, Health, Level, Swing
+from gateway.page.verdict import FACES, Evidence, is_fresh, verdict
+
+CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
+Rows = Iterable[tuple[Mapping[str, str], float | int | bool | None]]
+
+
+@dataclass(frozen=True, slots=True)
+class Counters:
+    """What the page process counts of itself."""
+
+    received: Mapping[str, int]
+    invalid: int
+    superseded: int
+    clients: int
+    dropped_clients: int
+
+
+def exposition(evidence: Evidence, counters: Counters, labels: Mapping[str, str]) -> str:
+    """The whole text; `labels` (site, crane, sensor) stand on every sample."""
+    blocks = (*_measured(evidence), *_judged(evidence), *_health(evidence.get(Health)), *_page(evidence, counters))
+    lines: list[str] = []
+    for name, kind, text, rows in blocks:
+        samples = [_sample(name, {**labels, **extra}, value) for extra, value in rows if value is not None]
+        if samples:
+            lines += [f"# HELP {name} {text}", f"# TYPE {name} {kind}", *samples]
+    return "\n".join(lines) + "\n"
+
+
+Block = tuple[str, str, str, Rows]
+
+
+def _gauge(name: str, text: str, value: float | bool | None) -> Block:
+    return f"plumbline_{name}", "gauge", text, [({}, value)]
+
+
+def _counter(name: str, text: str, value: int | None) -> Block:
+    return f"plumbline_{name}_total", "counter", text, [({}, value)]
+
+
+def _measured(evidence: Evidence) -> Iterator[Block]:
+    swing = evidence.get(Swing)
+    if swing is None or not evidence.gateway or not is_fresh(evidence, "swing"):
+        return
+    high = swing.coverage95_deg[1] if swing.coverage95_deg else None
+    yield _gauge("swinging", "1 while the load swings, 0 when no swing is seen.", swing.swinging)
+    yield _gauge("phi_max_degrees", "Largest angle between rope and vertical over the last swing.", swing.phi_max_deg)
+    yield _gauge("phi_max_u_degrees", "Standard uncertainty of phi_max.", swing.u_deg)
+    yield _gauge("phi_max_upper95_degrees", "Upper end of the 95 % interval of phi_max, or its upper bound.", high)
+    yield _gauge("lean_degrees", "Steady lean of the rope.", swing.lean_deg)
+    yield _gauge("swing_period_seconds", "Period of the swing.", swing.period_s)
+    yield _gauge("predicted_phi_max_degrees", "The coming maximum.", swing.predicted_phi_max_deg)
+
+
+def _judged(evidence: Evidence) -> Iterator[Block]:
+    alert, condition = evidence.get(Alert), evidence.get(Condition)
+    word = verdict(evidence).word
+    level = alert.level if alert is not None and is_fresh(evidence, "alert") else "unknown"
+    yield _gauge("up", "1 while the gateway is alive on the bus.", evidence.gateway)
+    yield (
+        "plumbline_alert_level",
+        "gauge",
+        "1 at the alert level that stands; unknown is not safe.",
+        [({"level": each}, each == level) for each in get_args(Level)],
+    )
+    yield (
+        "plumbline_verdict",
+        "gauge",
+        "1 at the verdict that the page shows.",
+        [({"verdict": each}, each == word) for each in FACES],
+    )
+    if condition is not None and is_fresh(evidence, "condition"):
+        yield _gauge("trusted", "1 while the reading can be trusted.", condition.trusted)
+    ages = [({"topic": topic}, round(age, 3)) for topic, age in evidence.age_s.items()]
+    yield "plumbline_age_seconds", "gauge", "Time since the last news of a topic.", ages
+
+
+def _health(health: Health | None) -> Iterator[Block]:
+    if health is None:
+        return
+    yield _counter("samples", "Samples since the gateway's start.", health.samples)
+    yield _counter("lost_samples", "Samples lost since the gateway's start.", health.lost)
+    yield _counter("invalid_samples", "Samples that came and could not be used.", health.invalid)
+    yield _named("faults", "fault", "Survived faults since the gateway's start.", health.faults)
+    yield _named("dropped_messages", "queue", "Messages dropped by a bounded queue.", health.dropped)
+    yield _gauge("sample_rate_hertz", "Measured sample rate.", health.measured_rate_hz)
+    yield _gauge("recording", "1 while a recording is written.", health.recording is not None)
+    yield _gauge("recording_error", "1 while the recorder reports an error.", health.recording_error is not None)
+    yield _gauge("disk_free_megabytes", "Free space for recordings.", health.disk_free_mb)
+    yield _gauge("gateway_cpu_percent", "Processor load of the gateway.", health.cpu_percent)
+    yield _gauge("gateway_resident_megabytes", "Resident memory of the gateway.", health.resident_mb)
+    yield _gauge("gateway_uptime_seconds", "Time since the gateway's start.", health.uptime_s)
+
+
+def _page(evidence: Evidence, counters: Counters) -> Iterator[Block]:
+    yield _named("page_messages", "topic", "Messages received by the page.", counters.received)
+    yield _counter("page_invalid_messages", "Messages that the page could not read.", counters.invalid)
+    yield _counter("page_superseded_messages", "Messages replaced by a newer one unread.", counters.superseded)
+    yield _counter("page_dropped_clients", "Browsers dropped because they did not keep up.", counters.dropped_clients)
+    yield _gauge("page_clients", "Browsers that listen.", counters.clients)
+
+
+def _named(name: str, label: str, text: str, counts: Mapping[str, int]) -> Block:
+    return f"plumbline_{name}_total", "counter", text, [({label: key}, count) for key, count in counts.items()]
+
+
+def _sample(name: str, labels: Mapping[str, str], value: float | bool) -> str:
+    inside = ",".join(f'{label}="{_escape(text)}"' for label, text in labels.items())
+    return f"{name}{{{inside}}} {value:g}" if isinstance(value, bool) else f"{name}{{{inside}}} {value!r}"
+
+
+def _escape(text: str) -> str:
+    return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")

@@ -1,0 +1,175 @@
+"""The page process: Zenoh in, HTTP out, until standard input closes or a signal comes."""
+
+import asyncio
+import logging
+import os
+import signal
+import socket
+import sys
+import time
+
+import uvicorn
+
+from gateway.page.application import HEADERS, application
+from gateway.page.hub import Hub, event
+from gateway.page.inbox import Inbox
+from gateway.page.link import Link, configuration
+from gateway.page.parameters import LONGEST_LINE, parse
+from gateway.page.state import PageState
+
+PUSH_INTERVAL_S = 0.1
+HEARTBEAT_S = 0.25
+"""A push comes at least this often, news or not: silence tells a browser that the page is gone."""
+GATHER_S = 0.01
+"""Messages of one block come together: a short wait puts them into one push."""
+STALLED_MS = 5000
+SEND_BUFFER_BYTES = 32768
+MOST_CONNECTIONS = 128
+
+log = logging.getLogger("page")
+
+
+def main() -> int:
+    """Read the start line and serve. Returns 0 when asked to end, 1 when the bus failed, 2 for bad start parameters."""
+    logging.basicConfig(level=logging.WARNING, format="page: %(message)s")
+    try:
+        parameters = parse(_read_line(sys.stdin.fileno()))
+        config = configuration(parameters.connect)
+        listener = _adopt(parameters.fd)
+    except ValueError as error:
+        print(f"page: start parameters on standard input: {error}", file=sys.stderr)
+        return 2
+    state, hub = PageState(parameters), Hub()
+    page = Page(state, hub)
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: page.stop())
+    link = Link(config, parameters.key, page.inbox, page.fail)
+    return asyncio.run(page.serve(link, listener))
+
+
+class _Server(uvicorn.Server):
+    """Ends the event streams before it stops: it would wait for them for ever."""
+
+    def __init__(self, config: uvicorn.Config, hub: Hub) -> None:
+        super().__init__(config)
+        self._hub = hub
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._hub.close()
+        await super().shutdown(sockets)
+
+
+class Page:
+    """Joins the parts: inbox to state, state to browsers."""
+
+    def __init__(self, state: PageState, hub: Hub) -> None:
+        self.inbox = Inbox(self._wake)
+        self._state = state
+        self._hub = hub
+        self._server = _Server(_http(application(state, hub, self.inbox)), hub)
+        self._news = asyncio.Event()
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._exit_code = 0
+
+    async def serve(self, link: Link, listener: socket.socket) -> int:
+        """Serve until `stop`; returns the exit code."""
+        self._loop = asyncio.get_running_loop()
+        self._loop.add_reader(sys.stdin.fileno(), self._look_at_parent)
+        link.start()
+        pushing = asyncio.create_task(self._push_forever())
+        pushing.add_done_callback(lambda _: self.stop())
+        try:
+            await self._server.serve(sockets=[listener])
+        finally:
+            link.close()
+            self._loop.remove_reader(sys.stdin.fileno())
+        if pushing.done():
+            pushing.result()
+        pushing.cancel()
+        return self._exit_code
+
+    def stop(self) -> None:
+        """Ask to end; the server looks ten times a second."""
+        self._server.should_exit = True
+
+    def fail(self, text: str) -> None:
+        """The bus cannot be used at all; called from any thread."""
+        log.error("Zenoh: %s", text)
+        self._exit_code = 1
+        self.stop()
+
+    def _wake(self) -> None:
+        if self._loop is not None:
+            self._loop.call_soon_threadsafe(self._take_in)
+
+    def _take_in(self) -> None:
+        self._state.receive(self.inbox.take())
+        self._news.set()
+
+    def _look_at_parent(self) -> None:
+        if not os.read(sys.stdin.fileno(), LONGEST_LINE):
+            self.stop()
+
+    async def _push_forever(self) -> None:
+        shown, number = 0, 0
+        while True:
+            await self._wait_for_news()
+            now_s = time.monotonic()
+            self._state.tick(now_s)
+            if len(self._hub):
+                number += 1
+                points = self._state.history.rows(since=shown, now_s=now_s)
+                self._hub.publish(event("state", {**self._state.brief(now_s), "points": points}, number=number))
+            shown = self._state.history.next_index
+            await asyncio.sleep(PUSH_INTERVAL_S - GATHER_S)
+
+    async def _wait_for_news(self) -> None:
+        try:
+            async with asyncio.timeout(HEARTBEAT_S - PUSH_INTERVAL_S):
+                await self._news.wait()
+        except TimeoutError:
+            return
+        await asyncio.sleep(GATHER_S)
+        self._news.clear()
+
+
+def _http(app: object) -> uvicorn.Config:
+    return uvicorn.Config(
+        app,  # type: ignore[arg-type]
+        loop="asyncio",
+        http="h11",
+        ws="none",
+        lifespan="off",
+        log_config=None,
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        headers=HEADERS,
+        workers=1,
+        limit_concurrency=MOST_CONNECTIONS,
+        timeout_graceful_shutdown=1,
+    )
+
+
+def _read_line(fd: int) -> bytes:
+    """Unbuffered: what follows the line is left to be watched for its end."""
+    line = b""
+    while not line.endswith(b"\n"):
+        read = os.read(fd, 1)
+        if not read or len(line) > LONGEST_LINE:
+            raise ValueError("one JSON line expected")
+        line += read
+    return line
+
+
+def _adopt(fd: int) -> socket.socket:
+    """The inherited listening socket; accepted ones inherit its options."""
+    try:
+        listener = socket.socket(fileno=fd)
+    except OSError as error:
+        raise ValueError(f"fd: {fd} is not a socket: {error.strerror}") from None
+    # A browser that stopped reading costs at most this buffer and is cut off by the kernel.
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, STALLED_MS)
+    return listener

@@ -1,0 +1,131 @@
+"""What the page process knows: the latest message of each topic, how old it is, and what follows from it.
+
+All methods are called from one thread, with the time on the page process's monotonic clock.
+"""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from pydantic import ValidationError
+
+from gateway.messages import Calibration, Message, Swing
+from gateway.page.history import History
+from gateway.page.inbox import Arrival
+from gateway.page.link import ALIVE, SHOWN
+from gateway.page.parameters import Parameters
+from gateway.page.verdict import Evidence, Verdict, is_known, verdict
+from gateway.topics import adapter
+
+MEASURED = ("tilt", "swing", "condition")
+"""Topics whose message is news only if it speaks of a newer sample: one repeated for ever must not look fresh."""
+
+
+@dataclass(frozen=True, slots=True)
+class LastGood:
+    """The last swing that could be believed."""
+
+    at_s: float
+    swing: Swing
+
+
+class PageState:
+    """Latest messages, history and verdict of one sensor."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        self.parameters = parameters
+        self.history = History()
+        self.received = dict.fromkeys(SHOWN, 0)
+        self.invalid = 0
+        """Payloads that are not a message of their topic."""
+        self._gateway = False
+        self._latest: dict[str, Message] = {}
+        self._news_s: dict[str, float] = {}
+        self._last_good: LastGood | None = None
+
+    def receive(self, batch: Mapping[str, Arrival]) -> None:
+        """Take in what the inbox handed over."""
+        previous = self._latest.get("swing")
+        for topic, arrival in batch.items():
+            if topic == ALIVE:
+                self._gateway = bool(arrival.payload)
+            else:
+                self._receive(topic, arrival)
+        swing = self._latest.get("swing")
+        if isinstance(swing, Swing) and swing is not previous:
+            at_s = batch["swing"].at_s
+            sound = self.verdict(at_s).sound
+            self.history.add(swing, sound=sound, at_s=at_s)
+            if sound:
+                self._last_good = LastGood(at_s, swing)
+
+    def _receive(self, topic: str, arrival: Arrival) -> None:
+        try:
+            message: Message = adapter(topic).validate_json(arrival.payload)
+        except ValidationError:
+            self.invalid += 1
+            return
+        self.received[topic] += 1
+        before = self._latest.get(topic)
+        if topic not in MEASURED or before is None or message.time_ns != before.time_ns:
+            self._news_s[topic] = arrival.at_s
+        self._latest[topic] = message
+
+    def tick(self, now_s: float) -> None:
+        """Notice what did not come."""
+        if self.verdict(now_s).word in ("NO DATA", "STALE"):
+            self.history.add_gap(at_s=now_s)
+
+    def evidence(self, now_s: float) -> Evidence:
+        """What the verdict and the metrics rest on."""
+        age_s = {topic: max(now_s - at_s, 0.0) for topic, at_s in self._news_s.items()}
+        return Evidence(self._gateway, dict(self._latest), age_s, self.parameters.stale_s)
+
+    def verdict(self, now_s: float) -> Verdict:
+        """The verdict now."""
+        return verdict(self.evidence(now_s))
+
+    def snapshot(self, now_s: float) -> dict[str, Any]:
+        """`/api/state`: everything that is known now."""
+        evidence = self.evidence(now_s)
+        judged = verdict(evidence)
+        swing = evidence.get(Swing)
+        return {
+            "now_s": round(now_s, 3),
+            "gateway": evidence.gateway,
+            "verdict": asdict(judged),
+            "swing_known": swing is not None and is_known(swing),
+            "last_good": self._last_good_now(now_s),
+            "age_s": {topic: round(age, 3) for topic, age in evidence.age_s.items()},
+            "topics": evidence.latest,
+            "page": self._page(),
+        }
+
+    def brief(self, now_s: float) -> dict[str, Any]:
+        """What is pushed to browsers: the snapshot without the calibration record, which they do not show."""
+        state = self.snapshot(now_s)
+        calibration = state["topics"].get("calibration")
+        if isinstance(calibration, Calibration):
+            state["topics"] = {**state["topics"], "calibration": replace(calibration, record={})}
+        return state
+
+    def _last_good_now(self, now_s: float) -> dict[str, float | None] | None:
+        if self._last_good is None:
+            return None
+        return {
+            "age_s": round(now_s - self._last_good.at_s, 3),
+            "phi_max_deg": self._last_good.swing.phi_max_deg if self._last_good.swing.swinging else None,
+        }
+
+    def _page(self) -> dict[str, Any]:
+        p = self.parameters
+        return {
+            "key": p.key,
+            **p.place,
+            "title": p.title,
+            "warn_deg": p.warn_deg,
+            "trip_deg": p.trip_deg,
+            "lean_trip_deg": p.lean_trip_deg,
+            "stale_s": p.stale_s,
+            "invalid": self.invalid,
+        }

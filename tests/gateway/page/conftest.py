@@ -1,0 +1,285 @@
+"""A gateway that is not there: messages of the real classes on a real Zenoh session, and the page process beside it."""
+
+import json
+import socket
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+import zenoh
+
+from gateway.messages import (
+    ActiveAlert,
+    Alert,
+    Calibration,
+    CalibrationStatus,
+    Condition,
+    Formulas,
+    Health,
+    Level,
+    Message,
+    Swing,
+    Tilt,
+    Verdict,
+)
+from gateway.page import launch
+from gateway.page.parameters import Parameters
+from gateway.topics import TOPIC_OF, encode
+
+KEY = "plumbline/v1/north-yard/crane-3/hook"
+SAMPLE_TIME_NS = 1_760_000_000_000_000_000
+TICK_S = 0.05
+
+
+class Scene:
+    """What the gateway says; a test changes an attribute and the next messages say that."""
+
+    def __init__(self) -> None:
+        self.phi_max_deg: float | None = 2.3
+        self.swinging: bool | None = True
+        self.coverage95_deg: list[float] | None = [2.1, 2.5]
+        self.azimuth_deg: float | None = 35.0
+        self.lean_deg = 0.8
+        self.level: Level = "normal"
+        self.alert_text = "all normal"
+        self.condition: Verdict = "swinging"
+        self.trusted = True
+        self.reasons: list[str] = []
+        self.calibration: CalibrationStatus = "calibrated"
+        self.recording_error: str | None = None
+        self.device_kind = "adxl355"
+
+    def messages(self, sequence: int, time_ns: int) -> list[Message]:
+        """One of each topic that the page reads."""
+        return [
+            self.tilt(sequence, time_ns),
+            self.swing(sequence, time_ns),
+            self.judged(sequence, time_ns),
+            self.alert(sequence, time_ns),
+            self.calibrated(sequence, time_ns),
+            self.health(sequence, time_ns),
+        ]
+
+    def _header(self, sequence: int, time_ns: int) -> dict[str, Any]:
+        return {"time_ns": time_ns, "clock": "synchronised", "sequence": sequence, "calibration_id": "six-2025-03"}
+
+    def tilt(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Tilt:
+        return Tilt(
+            **self._header(sequence, time_ns),
+            pitch_deg=0.5,
+            roll_deg=0.6,
+            axial_deg=0.8 + 0.3 * (sequence % 7) / 7,
+            u_deg=0.02,
+            direction_deg=110.0 + 20 * (sequence % 11) / 11,
+            specific_force_g=[0.01, 0.01, 1.0],
+            temperature_c=21.5,
+            delay_s=0.23,
+            trusted=self.condition in ("static", "quasi_static"),
+        )
+
+    def swing(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Swing:
+        return Swing(
+            **self._header(sequence, time_ns),
+            swinging=self.swinging,
+            phi_max_deg=self.phi_max_deg,
+            u_deg=0.1,
+            coverage95_deg=self.coverage95_deg,
+            minor_phi_max_deg=0.25 * (self.phi_max_deg or 0),
+            azimuth_deg=self.azimuth_deg,
+            lean_deg=self.lean_deg,
+            lean_azimuth_deg=110.0,
+            period_s=6.9,
+            predicted_phi_max_deg=self.phi_max_deg,
+            predicted_u_deg=0.15,
+            time_to_peak_s=1.7,
+            formulas_deg=Formulas(arccos_min_az=2.4, arcsin_max_axy=1.1, arctan_max_axy_min_az=1.1, arccos_max_az=1.8),
+            reasons=[] if self.swinging is not None else ["too short a stretch"],
+        )
+
+    def judged(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Condition:
+        return Condition(
+            **self._header(sequence, time_ns),
+            verdict=self.condition,
+            trusted=self.trusted,
+            reasons=self.reasons,
+            gates={"norm": True, "pendulum": self.trusted},
+            norm_g=1.0003,
+            permissible_norm_error_g=0.004,
+            calibration=self.calibration,
+        )
+
+    def alert(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Alert:
+        standing = ActiveAlert(
+            rule="swing", level=self.level, since_ns=time_ns, value_deg=6.4, limit_deg=6.0, text=self.alert_text
+        )
+        return Alert(
+            **self._header(sequence, time_ns),
+            level=self.level,
+            event="standing",
+            rule=None,
+            active=[] if self.level == "normal" else [standing],
+            text=self.alert_text,
+        )
+
+    def calibrated(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Calibration:
+        return Calibration(
+            **self._header(sequence, time_ns),
+            status=self.calibration,
+            device_id="adxl355-0042",
+            record={"id": "six-2025-03", "offset": [0.0] * 300},
+            in_force={},
+            text="six-position, 2025-03-14" if self.calibration == "calibrated" else "no record for adxl355-0042",
+        )
+
+    def health(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Health:
+        return Health(
+            **self._header(sequence, time_ns),
+            state="running",
+            device_id="adxl355-0042",
+            device_kind=self.device_kind,
+            boot_id="b00t",
+            software="0.1.0",
+            uptime_s=3600.0,
+            measured_rate_hz=125.04,
+            samples=450123 + sequence,
+            lost=12,
+            invalid=0,
+            faults={"overrun": 2},
+            dropped={"bus": 0},
+            recording="/data/2025-03-14T10-00-00.mcap",
+            recording_error=self.recording_error,
+            disk_free_mb=51234.0,
+            cpu_percent=3.0,
+            resident_mb=51.0,
+        )
+
+
+class FakeGateway:
+    """Publishes a scene at 20 Hz, every topic each time, with a liveliness token."""
+
+    def __init__(self, endpoint: str) -> None:
+        self.endpoint = endpoint
+        self.scene = Scene()
+        self.speaking = threading.Event()
+        self.speaking.set()
+        self._ended = threading.Event()
+        self._session = zenoh.open(_peer(self.endpoint))
+        self._token = self._session.liveliness().declare_token(f"{KEY}/alive")
+        self._thread = threading.Thread(target=self._speak)
+        self._thread.start()
+
+    def put(self, topic: str, payload: bytes) -> None:
+        self._session.put(f"{KEY}/{topic}", payload)
+
+    def leave(self) -> None:
+        """The liveliness token goes, as when the gateway dies."""
+        self._token.undeclare()
+
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join()
+        self._session.close()
+
+    def _speak(self) -> None:
+        sequence = 0
+        while not self._ended.wait(TICK_S):
+            if self.speaking.is_set():
+                for message in self.scene.messages(sequence, time.time_ns()):
+                    topic = TOPIC_OF[type(message)].name
+                    self.put(topic, encode(topic, message))
+                sequence += 1
+
+
+class PageUnderTest:
+    """The page process, started as the daemon starts it."""
+
+    def __init__(self, endpoint: str, **changes: Any) -> None:
+        self.listener = socket.create_server(("127.0.0.1", 0), backlog=64)
+        self.url = f"http://127.0.0.1:{self.listener.getsockname()[1]}"
+        self._parameters = Parameters(
+            key=KEY, connect=[endpoint], warn_deg=4.0, trip_deg=6.0, lean_trip_deg=3.0, title="Crane 3", **changes
+        )
+        self.process = launch.start(self._parameters, self.listener)
+
+    def get(self, path: str) -> tuple[int, str]:
+        try:
+            with urllib.request.urlopen(self.url + path, timeout=10) as response:
+                return response.status, response.read().decode()
+        except urllib.error.HTTPError as error:
+            with error:
+                return error.code, error.read().decode()
+
+    def state(self) -> Any:
+        return json.loads(self.get("/api/state")[1])
+
+    def word(self) -> str:
+        return str(self.state()["verdict"]["word"])
+
+    def start_again(self) -> None:
+        """As the daemon does when the page process has died: on the same socket."""
+        launch.stop(self.process)
+        self.process = launch.start(self._parameters, self.listener)
+
+    def close(self) -> int:
+        code = launch.stop(self.process)
+        self.listener.close()
+        return code
+
+
+def wait_until(condition: Callable[[], bool], what: str, patience_s: float = 15.0) -> None:
+    """Fail with what was waited for; the time is generous, nothing is asserted of it."""
+    end_s = time.monotonic() + patience_s
+    while not condition():
+        assert time.monotonic() < end_s, f"waited in vain for {what}"
+        time.sleep(0.02)
+
+
+def _free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        return int(probe.getsockname()[1])
+
+
+def _peer(endpoint: str) -> zenoh.Config:
+    config = zenoh.Config()
+    config.insert_json5("mode", '"peer"')
+    config.insert_json5("listen/endpoints", json.dumps([endpoint]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    return config
+
+
+@pytest.fixture
+def scene() -> Scene:
+    return Scene()
+
+
+@pytest.fixture(name="wait_until")
+def _wait_until() -> Callable[..., None]:
+    return wait_until
+
+
+@pytest.fixture
+def start_gateway() -> Callable[[str], FakeGateway]:
+    return FakeGateway
+
+
+@pytest.fixture
+def endpoint() -> str:
+    return f"tcp/127.0.0.1:{_free_port()}"
+
+
+@pytest.fixture
+def gateway(endpoint: str) -> Iterator[FakeGateway]:
+    fake = FakeGateway(endpoint)
+    yield fake
+    fake.close()
+
+
+@pytest.fixture
+def page(endpoint: str) -> Iterator[PageUnderTest]:
+    under_test = PageUnderTest(endpoint)
+    yield under_test
+    under_test.close()

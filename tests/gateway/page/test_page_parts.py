@@ -1,0 +1,162 @@
+"""Inbox, hub, metrics, start parameters."""
+
+import asyncio
+import json
+import re
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from gateway.page.hub import LONGEST_QUEUE, MOST_CLIENTS, Hub, event
+from gateway.page.inbox import Arrival, Inbox
+from gateway.page.link import SHOWN, configuration
+from gateway.page.metrics import Counters, exposition
+from gateway.page.parameters import Parameters, encode, parse
+from gateway.page.verdict import Evidence
+from gateway.topics import TOPIC_OF
+
+KEY = "plumbline/v1/north-yard/crane-3/hook"
+PARAMETERS = Parameters(key=KEY, connect=["tcp/127.0.0.1:7447"], warn_deg=4.0, trip_deg=6.0, fd=5)
+LABELS = {"site": "north-yard", "crane": "crane-3", "sensor": "hook"}
+COUNTERS = Counters(received={"tilt": 7}, invalid=1, superseded=2, clients=3, dropped_clients=4)
+
+
+def test_the_inbox_keeps_the_latest_of_each_topic_and_wakes_once() -> None:
+    woken: list[None] = []
+    inbox = Inbox(lambda: woken.append(None))
+    for k in range(100):
+        inbox.put("tilt", Arrival(b"%d" % k, float(k)))
+    inbox.put("alert", Arrival(b"a", 0.0))
+    assert (len(woken), inbox.superseded) == (1, 99)
+    assert inbox.take() == {"tilt": Arrival(b"99", 99.0), "alert": Arrival(b"a", 0.0)}
+    assert inbox.take() == {}
+    inbox.put("tilt", Arrival(b"", 0.0))
+    assert len(woken) == 2
+
+
+async def _next(stream: Any) -> bytes:
+    async with asyncio.timeout(5):
+        return bytes(await anext(stream))
+
+
+def test_browsers_share_one_payload_and_the_slow_one_is_dropped() -> None:
+    async def scenario() -> None:
+        hub = Hub()
+        quick, slow = hub.stream(b"hello\n\n"), hub.stream(b"hello\n\n")
+        assert await _next(quick) == await _next(slow) == b"retry: 500\n\nhello\n\n"
+        payload = event("state", {"a": 1}, number=7)
+        for _ in range(LONGEST_QUEUE + 1):
+            hub.publish(payload)
+            assert await _next(quick) is payload
+        assert (len(hub), hub.dropped) == (1, 1)
+        with pytest.raises(StopAsyncIteration):
+            await _next(slow)  # ended, and what it had not read is forgotten
+        hub.close()
+        with pytest.raises(StopAsyncIteration):
+            await _next(quick)
+        assert hub.full
+
+    asyncio.run(scenario())
+
+
+def test_a_browser_that_leaves_makes_room() -> None:
+    async def scenario() -> None:
+        hub = Hub()
+        streams = [hub.stream(b"") for _ in range(MOST_CLIENTS)]
+        for stream in streams:
+            await _next(stream)
+        assert (len(hub), hub.full) == (MOST_CLIENTS, True)
+        await streams[0].aclose()  # type: ignore[attr-defined]
+        assert (len(hub), hub.full) == (MOST_CLIENTS - 1, False)
+        hub.close()
+
+    asyncio.run(scenario())
+
+
+def test_an_event_is_json_even_of_what_is_not_finite() -> None:
+    text = event("state", {"nan": float("nan"), "inf": float("inf"), "line": "a\nb"}, number=3).decode()
+    assert text.startswith("id: 3\nevent: state\ndata: ")
+    assert text.endswith("\n\n")
+    assert text.count("\n") == 4
+    assert json.loads(text.split("data: ")[1]) == {"nan": None, "inf": None, "line": "a\nb"}
+
+
+def test_the_page_subscribes_to_all_that_is_published_but_the_samples() -> None:
+    assert SHOWN == ("tilt", "swing", "condition", "alert", "health", "calibration")
+
+
+def _evidence(scene: Any, **ages_s: float) -> Evidence:
+    latest = {TOPIC_OF[type(message)].name: message for message in scene.messages(0, 1)}
+    return Evidence(True, latest, dict.fromkeys(latest, 0.25) | ages_s, 1.0)
+
+
+def _samples(text: str) -> dict[str, float]:
+    rows = [line.rsplit(" ", 1) for line in text.splitlines() if not line.startswith("#")]
+    return {name: float(value) for name, value in rows}
+
+
+def test_metrics_are_exposition_format(scene: Any) -> None:
+    text = exposition(_evidence(scene), COUNTERS, LABELS)
+    labels = 'site="north-yard",crane="crane-3",sensor="hook"'
+    samples = _samples(text)
+    assert samples[f"plumbline_phi_max_degrees{{{labels}}}"] == 2.3
+    assert samples[f"plumbline_phi_max_u_degrees{{{labels}}}"] == 0.1
+    assert samples[f'plumbline_alert_level{{{labels},level="normal"}}'] == 1
+    assert samples[f'plumbline_alert_level{{{labels},level="trip"}}'] == 0
+    assert samples[f'plumbline_verdict{{{labels},verdict="OK"}}'] == 1
+    assert samples[f"plumbline_samples_total{{{labels}}}"] == 450123
+    assert samples[f"plumbline_lost_samples_total{{{labels}}}"] == 12
+    assert samples[f'plumbline_faults_total{{{labels},fault="overrun"}}'] == 2
+    assert samples[f'plumbline_age_seconds{{{labels},topic="tilt"}}'] == 0.25
+    assert samples[f"plumbline_recording_error{{{labels}}}"] == 0
+    families = {name.split("{")[0] for name in samples}
+    assert families == set(re.findall(r"^# TYPE (\w+) (?:gauge|counter)$", text, re.M))
+    assert families == set(re.findall(r"^# HELP (\w+) \S.*$", text, re.M))
+    assert text.endswith("\n")
+
+
+def test_metrics_leave_out_what_is_stale_or_not_known(scene: Any) -> None:
+    scene.level = "trip"
+    stale = exposition(_evidence(scene, swing=60.0, alert=60.0), COUNTERS, LABELS)
+    assert "phi_max" not in stale
+    assert 'level="unknown"} 1' in stale
+    assert 'verdict="STALE"} 1' in stale
+    scene.phi_max_deg = None
+    assert "plumbline_phi_max_degrees" not in exposition(_evidence(scene), COUNTERS, LABELS)
+    nothing = exposition(Evidence(False, {}, {}, 1.0), COUNTERS, LABELS)
+    assert _samples(nothing)['plumbline_up{site="north-yard",crane="crane-3",sensor="hook"}'] == 0
+
+
+def test_metrics_escape_label_values(scene: Any) -> None:
+    text = exposition(_evidence(scene), COUNTERS, {"site": 'a"b\\c\nd'})
+    assert 'plumbline_up{site="a\\"b\\\\c\\nd"} 1' in text.splitlines()
+
+
+def test_start_parameters_survive_the_pipe() -> None:
+    parameters = replace(PARAMETERS, title="Crane 3", lean_trip_deg=3.0)
+    assert parse(encode(parameters)) == parameters
+    assert encode(parameters).count(b"\n") == 1
+    assert parameters.place == LABELS
+
+
+@pytest.mark.parametrize(
+    ("line", "names"),
+    [
+        (b"", "line"),
+        (b"[]", "line"),
+        (b"{}", "key"),
+        (encode(PARAMETERS).replace(b"hook", b"hook/**"), "key"),
+        (encode(PARAMETERS).replace(b"4.0", b"-4.0"), "warn_deg"),
+        (encode(PARAMETERS).replace(b'"fd"', b'"df"'), "df"),
+    ],
+)
+def test_wrong_start_parameters_are_named_in_one_line(line: bytes, names: str) -> None:
+    with pytest.raises(ValueError, match=names) as refused:
+        parse(line)
+    assert "\n" not in str(refused.value)
+
+
+def test_an_endpoint_that_is_none_is_named() -> None:
+    with pytest.raises(ValueError, match="nowhere"):
+        configuration(["nowhere"])

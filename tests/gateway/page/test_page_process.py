@@ -1,0 +1,170 @@
+"""The page process as the daemon starts it: Zenoh in, HTTP out."""
+
+import contextlib
+import json
+import re
+import signal
+import socket
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+CSP = "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
+
+
+def _is(page: Any, word: str) -> Callable[[], bool]:
+    return lambda: bool(page.word() == word)
+
+
+def test_state_health_and_metrics_follow_the_gateway(gateway: Any, page: Any, wait_until: Any) -> None:
+    wait_until(_is(page, "OK"), "OK")
+    state = page.state()
+    assert state["gateway"] is True
+    assert state["topics"]["swing"]["phi_max_deg"] == 2.3
+    assert set(state["age_s"]) == set(state["topics"])
+    assert page.get("/healthz")[0] == 200
+    assert "plumbline_phi_max_degrees{" in page.get("/metrics")[1]
+
+    gateway.scene.level = "trip"
+    wait_until(_is(page, "TRIP"), "TRIP")
+    assert page.get("/healthz")[0] == 200  # an alarm is no fault of the gateway
+
+    gateway.speaking.clear()
+    wait_until(_is(page, "STALE"), "STALE")
+    status, body = page.get("/healthz")
+    assert (status, json.loads(body)["ok"]) == (503, False)
+    assert "plumbline_phi_max_degrees{" in page.get("/metrics")[1]  # the swing has the longer pause
+    gateway.speaking.set()
+    wait_until(_is(page, "TRIP"), "TRIP again")
+
+    gateway.leave()
+    wait_until(_is(page, "STALE"), "STALE for the gateway that left")
+    assert page.get("/healthz")[0] == 503
+    assert "plumbline_phi_max_degrees{" not in page.get("/metrics")[1]
+
+
+def test_a_page_that_starts_first_waits_for_its_gateway(
+    endpoint: str, page: Any, start_gateway: Any, wait_until: Any
+) -> None:
+    assert page.word() == "NO DATA"
+    assert page.get("/healthz")[0] == 503
+    with contextlib.closing(start_gateway(endpoint)):
+        wait_until(_is(page, "OK"), "OK")
+
+
+def test_static_files_and_headers(page: Any) -> None:
+    for path, media_type in {"/": "text/html", "/page.css": "text/css", "/page.js": "text/javascript"}.items():
+        with urllib.request.urlopen(page.url + path, timeout=10) as response:
+            assert response.headers.get_content_type() == media_type
+            assert response.headers["Content-Security-Policy"] == CSP
+            assert response.headers["X-Content-Type-Options"] == "nosniff"
+            assert response.headers["Cache-Control"] == "no-store"
+    for path in ("/nothing", "/../server.py", "/%2e%2e/server.py", "/static/page.js"):
+        assert page.get(path)[0] == 404
+    request = urllib.request.Request(page.url + "/api/state", data=b"{}", method="POST")
+    with pytest.raises(urllib.error.HTTPError, match="405") as refused:
+        urllib.request.urlopen(request, timeout=10)
+    refused.value.close()
+
+
+def _events(response: Any) -> Iterator[dict[str, str]]:
+    event: dict[str, str] = {}
+    for line in response:
+        name, _, value = line.decode().rstrip("\n").partition(": ")
+        if name:
+            event[name] = value
+        elif event:
+            yield event
+            event = {}
+
+
+@pytest.mark.usefixtures("gateway")
+def test_updates_are_pushed(gateway: Any, page: Any, wait_until: Any) -> None:
+    wait_until(_is(page, "OK"), "OK")
+    with urllib.request.urlopen(page.url + "/api/events", timeout=10) as response:
+        assert response.headers.get_content_type() == "text/event-stream"
+        events = _events(response)
+        assert next(events) == {"retry": "500"}
+        history, first = next(events), next(events)
+        assert history["event"] == "history"
+        assert json.loads(history["data"])["points"][0][2] == 2.3
+        assert (first["event"], json.loads(first["data"])["verdict"]["word"]) == ("state", "OK")
+        gateway.scene.phi_max_deg = 3.7
+        pushed = [next(events) for _ in range(10)]
+    numbers = [int(event["id"]) for event in pushed]
+    assert numbers == list(range(numbers[0], numbers[0] + 10))
+    last = json.loads(pushed[-1]["data"])
+    assert last["topics"]["swing"]["phi_max_deg"] == 3.7
+    assert last["topics"]["calibration"]["record"] == {}
+    indices = [row[0] for event in pushed for row in json.loads(event["data"])["points"]]
+    assert indices == list(range(indices[0], indices[-1] + 1))
+
+
+def test_payloads_that_are_no_messages_do_no_harm(gateway: Any, page: Any, wait_until: Any) -> None:
+    wait_until(_is(page, "OK"), "OK")
+    for payload in (b"", b"\x00\xff", b"[]", b'{"time_ns": 1e999}', b"[" * 5000, b"x" * 100_000):
+        before = _invalid(page)
+
+        def counted(payload: bytes = payload, before: int = before) -> bool:
+            gateway.put("health", payload)  # more than once: a good one may come over it before it is read
+            return _invalid(page) > before
+
+        wait_until(counted, f"{payload[:20]!r} to be counted")
+    assert page.word() == "OK"
+
+
+def _invalid(page: Any) -> int:
+    found = re.search(r"^plumbline_page_invalid_messages_total\{.*\} (\d+)$", page.get("/metrics")[1], re.M)
+    assert found is not None
+    return int(found[1])
+
+
+@pytest.mark.usefixtures("gateway")
+@pytest.mark.parametrize("ending", ["SIGTERM", "SIGINT", "parent gone"])
+def test_it_ends_quietly_with_a_browser_attached(
+    page: Any, wait_until: Any, ending: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    wait_until(_is(page, "OK"), "OK")
+    with urllib.request.urlopen(page.url + "/api/events", timeout=10) as response:
+        assert response.readline() == b"retry: 500\n"
+        if ending == "parent gone":
+            page.process.stdin.close()
+        else:
+            page.process.send_signal(signal.Signals[ending])
+        assert page.process.wait(10) == 0
+        response.read()
+    assert capfd.readouterr() == ("", "")
+
+
+def test_it_ends_while_it_waits_for_its_gateway(page: Any) -> None:
+    assert page.word() == "NO DATA"
+    assert page.close() == 0
+
+
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("{}\n", "key: Field required"),
+        ("", "one JSON line expected"),
+        ('{"key": "plumbline/v1/a/b/c", "connect": ["x"], "fd": 0, "warn_deg": 4, "trip_deg": 6}\n', "connect: ['x']"),
+        ('{"key": "plumbline/v1/a/b/c", "connect": ["tcp/h:1"], "fd": 0, "warn_deg": 4, "trip_deg": 6}\n', "fd: 0"),
+    ],
+)
+def test_wrong_start_parameters_end_it_with_one_line(line: str, says: str) -> None:
+    ended = subprocess.run(
+        [sys.executable, "-m", "gateway.page"], input=line, capture_output=True, text=True, timeout=30, check=False
+    )
+    assert ended.returncode == 2
+    assert says in ended.stderr
+    assert ended.stderr.count("\n") == 1
+
+
+def test_the_socket_outlives_the_process(page: Any, wait_until: Any) -> None:
+    page.process.kill()
+    with socket.create_connection(page.listener.getsockname(), timeout=5):
+        page.start_again()
+        wait_until(_is(page, "NO DATA"), "an answer")

@@ -1,0 +1,140 @@
+"""The verdict by a table: green only when everything is right, and which word goes before which."""
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+
+from gateway.messages import Message
+from gateway.page.verdict import FACES, USUAL_PAUSE_S, Evidence, verdict
+from gateway.topics import TOPIC_OF, TOPICS
+
+Change = Callable[[Any], None]
+
+
+def evidence_of(scene: Any, gateway: bool = True, age_s: float = 0.05, **ages_s: float) -> Evidence:
+    latest = {TOPIC_OF[type(message)].name: message for message in scene.messages(0, 1)}
+    return Evidence(gateway, latest, dict.fromkeys(latest, age_s) | ages_s, stale_s=1.0)
+
+
+def setting(**changes: Any) -> Change:
+    def change(scene: Any) -> None:
+        for name, value in changes.items():
+            assert hasattr(scene, name)
+            setattr(scene, name, value)
+
+    return change
+
+
+NO_SWING = {"swinging": False, "phi_max_deg": None, "coverage95_deg": [0.0, 0.2], "condition": "static"}
+DISTURBED = {"condition": "disturbed", "trusted": False}
+TABLE = [
+    (setting(), {}, "OK"),
+    (setting(**NO_SWING), {}, "OK"),
+    (setting(calibration="factory"), {}, "OK"),
+    (setting(level="warn"), {}, "WARN"),
+    (setting(level="trip"), {}, "TRIP"),
+    (setting(level="unknown"), {}, "UNKNOWN"),
+    (setting(calibration="uncalibrated"), {}, "UNCALIBRATED"),
+    (setting(calibration="as_recorded"), {}, "UNCALIBRATED"),
+    (setting(**DISTURBED), {}, "DISTURBED"),
+    (setting(condition="disturbed"), {}, "DISTURBED"),
+    (setting(condition="unknown", trusted=False), {}, "UNKNOWN"),
+    (setting(condition="unknown"), {}, "UNKNOWN"),
+    (setting(trusted=False), {}, "UNKNOWN"),
+    (setting(swinging=None), {}, "UNKNOWN"),
+    (setting(phi_max_deg=None), {}, "UNKNOWN"),
+    (setting(phi_max_deg=math.nan), {}, "UNKNOWN"),
+    (setting(**NO_SWING | {"coverage95_deg": None}), {}, "UNKNOWN"),
+    (setting(**NO_SWING | {"coverage95_deg": [0.0, math.inf]}), {}, "UNKNOWN"),
+    (setting(), {"gateway": False}, "STALE"),
+    (setting(), {"tilt": 1.2}, "STALE"),
+    (setting(), {"tilt": 1.0}, "OK"),
+    (setting(), {"condition": 1.6}, "STALE"),
+    (setting(), {"alert": 2.1}, "STALE"),
+    (setting(), {"swing": 4.0}, "OK"),  # half of its period of 6.9 s, and 1 s
+    (setting(), {"swing": 5.0}, "STALE"),
+    (setting(), {"health": 60.0, "calibration": 60.0}, "OK"),
+    # An alarm goes before doubt, and only lost data before an alarm.
+    (setting(level="trip", calibration="uncalibrated"), {}, "TRIP"),
+    (setting(level="warn", **DISTURBED), {}, "WARN"),
+    (setting(level="trip"), {"tilt": 3.0}, "STALE"),
+    (setting(calibration="uncalibrated", **DISTURBED), {}, "UNCALIBRATED"),
+]
+
+
+@pytest.mark.parametrize(("change", "circumstances", "word"), TABLE)
+def test_verdict_by_the_table(scene: Any, change: Change, circumstances: dict[str, Any], word: str) -> None:
+    change(scene)
+    judged = verdict(evidence_of(scene, **circumstances))
+    assert judged.word == word
+    assert (judged.colour == "green") == (word == "OK")
+    assert bool(judged.reasons) == (word != "OK")
+
+
+@pytest.mark.parametrize("topic", USUAL_PAUSE_S)
+def test_nothing_is_green_before_every_topic_spoke(scene: Any, topic: str) -> None:
+    whole = evidence_of(scene)
+    latest: dict[str, Message] = {name: message for name, message in whole.latest.items() if name != topic}
+    judged = verdict(Evidence(True, latest, whole.age_s, 1.0))
+    assert judged.word == "UNKNOWN"
+    assert topic in judged.reasons[0]
+
+
+@pytest.mark.parametrize("gateway", [True, False])
+def test_no_data_at_all(gateway: bool) -> None:
+    judged = verdict(Evidence(gateway, {}, {}, 1.0))
+    assert (judged.word, judged.sound) == ("NO DATA", False)
+
+
+def test_a_lost_alarm_is_told_beside_the_loss(scene: Any) -> None:
+    setting(level="trip", alert_text="swing trip: up to 8.1 deg")(scene)
+    judged = verdict(evidence_of(scene, tilt=3.0))
+    assert judged.also == ["STOP"]
+    assert judged.reasons == ["no new tilt for 3 s", "swing trip: up to 8.1 deg"]
+
+
+@pytest.mark.parametrize(
+    ("change", "also"),
+    [
+        (setting(level="warn", **DISTURBED), ["DISTURBED"]),
+        (setting(level="warn", swinging=None), ["UNKNOWN"]),
+        (setting(calibration="uncalibrated", level="unknown"), []),
+        (setting(calibration="uncalibrated", **DISTURBED), ["DISTURBED"]),
+    ],
+)
+def test_what_is_told_beside_the_verdict(scene: Any, change: Change, also: list[str]) -> None:
+    change(scene)
+    assert verdict(evidence_of(scene)).also == also
+
+
+@pytest.mark.parametrize(
+    ("change", "sound"),
+    [
+        (setting(), True),
+        (setting(level="trip"), True),
+        (setting(calibration="uncalibrated", level="trip"), False),
+        (setting(**DISTURBED), False),
+        (setting(swinging=None), False),
+    ],
+)
+def test_sound_is_whether_the_number_may_be_believed(scene: Any, change: Change, sound: bool) -> None:
+    change(scene)
+    assert verdict(evidence_of(scene)).sound is sound
+
+
+def test_a_long_rope_does_not_excuse_silence_for_ever(scene: Any) -> None:
+    whole = evidence_of(scene, swing=17.0)
+    object.__setattr__(whole.latest["swing"], "period_s", 1e9)
+    assert verdict(whole).word == "STALE"
+
+
+def test_every_verdict_is_told_apart_without_colour() -> None:
+    assert len({face.shape for face in FACES.values()}) == len(FACES)
+    assert len({face.label for face in FACES.values()}) == len(FACES)
+    assert [word for word, face in FACES.items() if face.colour == "green"] == ["OK"]
+
+
+def test_the_verdict_rests_on_published_topics() -> None:
+    assert all(TOPICS[topic].published for topic in USUAL_PAUSE_S)
