@@ -229,7 +229,7 @@ class SampleClock:
                 start_ns, periods = self._last_ns, newest - self._last_count
             start_ns = max(start_ns, self._last_ns)
         step_ns = max((end_ns - start_ns) / periods, line.period_ns / 2)
-        times_ns: NDArray[np.int64] = start_ns + np.rint(step_ns * np.arange(periods - n + 1, periods + 1)).astype(
-            np.int64
-        )
+        first_ns = start_ns + round(step_ns * (periods - n + 1))
+        # Rounded from the first sample on, so that a recording can state a block's times as first + round(i * period).
+        times_ns: NDArray[np.int64] = first_ns + np.rint(step_ns * np.arange(n)).astype(np.int64)
         return times_ns

@@ -198,8 +198,8 @@ class RecorderSection(Section):
     segment_s: float = Field(600.0, ge=1, le=86400, description="a new file is begun after this")
     quota_mb: float = Field(16000.0, gt=0, description="the oldest closed files are deleted beyond this")
     fsync_s: float = Field(1.0, gt=0, le=60, description="what a power cut may cost")
-    pre_event_s: float = Field(60.0, ge=0, description="kept before an alert when the quota deletes")
-    post_event_s: float = Field(120.0, ge=0, description="kept after an alert when the quota deletes")
+    pre_event_s: float = Field(60.0, ge=0, description="files this long before an alert are deleted last")
+    post_event_s: float = Field(120.0, ge=0, description="and this long after it")
 
 
 class TlsSection(Section):

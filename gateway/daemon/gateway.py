@@ -26,6 +26,7 @@ from gateway.daemon.publisher import Publisher
 from gateway.daemon.recording_worker import RecordingWorker
 from gateway.daemon.sampler import Sampler
 from gateway.daemon.wall_clock import WallClockWatch
+from gateway.recording.events import EventMarks
 from gateway.recording.header import RecordingHeader
 from gateway.recording.writer import Recorder
 
@@ -67,6 +68,7 @@ class Gateway:
                 segment_s=configuration.recorder.segment_s,
                 fsync_s=configuration.recorder.fsync_s,
                 quota_mb=configuration.recorder.quota_mb,
+                marks=EventMarks(configuration.recorder.pre_event_s, configuration.recorder.post_event_s),
             )
             self.recording_path = recorder.start(clock.now_ns())
             undo.callback(recorder.close)

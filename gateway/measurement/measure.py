@@ -69,9 +69,9 @@ def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
     """Windows judged one after the other, as live; the verdict is the most frequent one."""
     recording, housing = source.recording, source.housing
     noise_g = None if source.noise_g is None else float(np.max(source.noise_g))
-    rho = None if housing is None else housing.position_at(housing.length_m) / housing.length_m
-    watch = ConditionWatch(noise_g, source.permissible_norm_error_g, rho)
-    seen = SwingSeen(swing.swinging, swing.phi_max_rad, consistent=swing.coverage95_rad is not None)
+    rho = None if housing is None or swing.length_m is None else housing.rho_at(swing.length_m)
+    watch = ConditionWatch(noise_g, source.permissible_norm_error_g)
+    seen = SwingSeen(swing.swinging, swing.phi_max_rad, consistent=swing.coverage95_rad is not None, rho=rho)
     windows: Counter[str] = Counter()
     reasons: dict[str, tuple[str, ...]] = {}
     n = max(1, round(BLOCK_S * recording.rate_hz))

@@ -44,7 +44,7 @@ class Pipeline:
         self._stale_ns = round(configuration.alerts.stale_s * 1e9)
         self._lowpass = LowPass(configuration.filter.cutoff_hz, configuration.filter.order, info.odr_hz)
         self._swing = SwingReading(configuration, info, correction, self._lowpass)
-        self._watch = ConditionWatch(info.noise_g, correction.permissible_norm_error_g, self._swing.rho)
+        self._watch = ConditionWatch(info.noise_g, correction.permissible_norm_error_g)
         self._board = AlertBoard(configuration.alerts)
         self._condition = NOT_JUDGED
         self._tilt_pace, self._condition_pace = Pace(0.1), Pace(0.5)
@@ -107,6 +107,8 @@ class Pipeline:
         if self._info.full_scale_g is None:
             return 0
         limit = CLIPPED_SHARE * self._info.full_scale_g * self._info.units_per_g
+        if -limit < block.raw.min() and block.raw.max() < limit:
+            return 0
         return int(np.count_nonzero(np.abs(block.raw).max(axis=1) >= limit))
 
     def _tilt(self, temperature_c: float | None, time_ns: int, clock: ClockState) -> Emission:

@@ -29,7 +29,7 @@ class SwingReading:
         self, configuration: Configuration, info: DeviceInfo, correction: Correction, lowpass: LowPass
     ) -> None:
         rig = mounted_housing(configuration, correction)
-        self.rho = None if rig is None else rig.position_at(rig.length_m) / rig.length_m
+        self._rig = rig
         self._tracker = None if rig is None else SwingTracker(rig, noise_g=info.noise_g, lowpass_gain=lowpass.gain)
         self._estimate: SwingEstimate | None = None
         self._now_s = 0.0
@@ -61,7 +61,10 @@ class SwingReading:
         estimate = self._current
         if estimate is None:
             return SwingSeen(None, None, consistent=False)
-        return SwingSeen(estimate.swinging, estimate.phi_max_rad, consistent=estimate.coverage95_rad is not None)
+        coverage = estimate.coverage95_rad
+        rho = None if self._rig is None or estimate.length_m is None else self._rig.rho_at(estimate.length_m)
+        widest_rad = estimate.phi_max_rad if coverage is None else coverage[1]
+        return SwingSeen(estimate.swinging, widest_rad, consistent=coverage is not None, rho=rho)
 
     @property
     def why_unknown(self) -> tuple[str, ...]:

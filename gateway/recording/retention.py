@@ -7,12 +7,15 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 BYTES_PER_MB = 1_000_000
+MARKER = ".event"
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class ClosedSegment:
-    """A recording of this gateway that nobody writes to; sorts oldest first."""
+    """A recording of this gateway that nobody writes to; sorts as they are to be deleted: oldest first, events last."""
 
+    kept: bool
+    """An alert was raised in it, or nearby."""
     utc: str
     copy: int
     path: Path
@@ -45,7 +48,10 @@ class SegmentNames:
             match = pattern.fullmatch(path.name)
             if match:
                 with suppress(FileNotFoundError):
-                    found.append(ClosedSegment(match[1], int(match[2] or 0), path, path.stat().st_size))
+                    size_bytes = path.stat().st_size
+                    found.append(
+                        ClosedSegment(marker_of(path).exists(), match[1], int(match[2] or 0), path, size_bytes)
+                    )
         return sorted(found)
 
     @property
@@ -53,8 +59,13 @@ class SegmentNames:
         return f"{self.site}-{self.crane}-{self.sensor}"
 
 
+def marker_of(path: Path) -> Path:
+    """The empty file whose presence says that a segment holds an event."""
+    return path.with_name(path.name + MARKER)
+
+
 class Retention:
-    """Deletes the oldest closed segments beyond the quota; touches no other file and never the open one."""
+    """Deletes the oldest closed segments beyond the quota, those with events last; touches no other file and never the open one."""
 
     def __init__(self, names: SegmentNames, data_dir: Path, quota_mb: float) -> None:
         self._names = names
@@ -78,6 +89,7 @@ class Retention:
             oldest = self._closed.pop(0)
             try:
                 oldest.path.unlink(missing_ok=True)
+                marker_of(oldest.path).unlink(missing_ok=True)
             except OSError:
                 self.undeletable += 1
                 continue

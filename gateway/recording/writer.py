@@ -9,7 +9,8 @@ from pathlib import Path
 
 from devices.block import DeviceInfo
 from gateway.errors import PlumblineError
-from gateway.messages import Log, Message, Samples
+from gateway.messages import Alert, Log, Message, Samples
+from gateway.recording.events import EventMarks
 from gateway.recording.header import RecordingHeader
 from gateway.recording.retention import BYTES_PER_MB, Retention, SegmentNames
 from gateway.recording.segment import EncodedMessage, Segment
@@ -49,11 +50,20 @@ class Recorder:
     """Writes segments into a folder. After a `RecorderError` nothing is recorded until `start` succeeds again."""
 
     def __init__(
-        self, data_dir: Path, header: RecordingHeader, *, segment_s: float, fsync_s: float, quota_mb: float
+        self,
+        data_dir: Path,
+        header: RecordingHeader,
+        *,
+        segment_s: float,
+        fsync_s: float,
+        quota_mb: float,
+        marks: EventMarks | None = None,
     ) -> None:
+        """`marks` remembers which segments hold alerts; without it all are alike to the quota."""
         self._data_dir = data_dir
         self._header = header
         self._names = SegmentNames(header.site, header.crane, header.sensor)
+        self._marks = marks
         self._retention = Retention(self._names, data_dir, quota_mb)
         self._segment_ns = round(segment_s * 1e9)
         self._fsync_ns = round(fsync_s * 1e9)
@@ -82,6 +92,8 @@ class Recorder:
             self._data_dir.mkdir(parents=True, exist_ok=True)
             self._retention.look()
             self._segment = self._new_segment(now_ns)
+            if self._marks is not None:
+                self._marks.segment_begins(self._segment.path, now_ns)
         except OSError as error:
             raise self._stopped(error) from error
         self._retention.enforce(self._segment.size_bytes)
@@ -118,6 +130,8 @@ class Recorder:
         self._unsynced_samples += samples
         try:
             self._segment.write(encoded, log_time_ns)
+            if self._marks is not None and isinstance(message, Alert) and message.event == "raised":
+                self._marks.event(log_time_ns)
         except OSError as error:
             raise self._stopped(error) from error
 

@@ -38,16 +38,20 @@ def judge(state: RuleState, value_rad: float | None, limits: Limits, time_s: flo
     if value_rad is None:
         if state.level == "normal":
             return RuleState("unknown", time_s)
-        return replace(state, below_since_s=None)
+        return _without_hold(state)
     asked = _level_of(value_rad, limits)
     if RANK[asked] > RANK[state.level] or state.level == "unknown":
         return RuleState(asked, time_s)
     if state.level == "normal" or value_rad >= limits.clear_rad:
-        return replace(state, below_since_s=None)
+        return _without_hold(state)
     below_since_s = time_s if state.below_since_s is None else state.below_since_s
     if time_s - below_since_s >= limits.hold_s:
         return RuleState("normal", time_s)
     return replace(state, below_since_s=below_since_s)
+
+
+def _without_hold(state: RuleState) -> RuleState:
+    return state if state.below_since_s is None else replace(state, below_since_s=None)
 
 
 def _level_of(value_rad: float, limits: Limits) -> Level:

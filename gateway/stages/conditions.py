@@ -38,6 +38,8 @@ class SwingSeen:
     phi_max_rad: float | None
     consistent: bool
     """A pendulum explains the motion."""
+    rho: float | None = None
+    """Where on the rope the housing hangs, by the period; None: as far down as it can be."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,10 +66,9 @@ class _Bin:
 class ConditionWatch:
     """Keeps the last seconds as bins, and judges them."""
 
-    def __init__(self, noise_g: float | None, permissible_norm_error_g: float, rho: float | None) -> None:
+    def __init__(self, noise_g: float | None, permissible_norm_error_g: float) -> None:
         self._noise_g = noise_g
         self._dm_g = permissible_norm_error_g
-        self._rho = 1.0 if rho is None else rho
         self._bins: deque[_Bin] = deque(maxlen=round(WINDOW_S / BIN_S))
         self._open: list[Array] = []
         self._open_since_s: float | None = None
@@ -116,6 +117,7 @@ class ConditionWatch:
         spread_g = float(np.ptp(means, axis=0).max())
         widest_rad = WIDEST_RAD if swing.phi_max_rad is None else swing.phi_max_rad
         span = 1 - np.cos(widest_rad)
+        rho = 1.0 if swing.rho is None else swing.rho
         received = sum(b.count for b in self._bins)
         return {
             "enough_data": True,
@@ -127,7 +129,7 @@ class ConditionWatch:
             "quiet": scatter_g < max(ROUGH_FACTOR * noise_g, ROUGH_FLOOR_G),
             "norm_static": bool(np.all(np.abs(norms - 1) < self._dm_g)),
             "norm_pendulum": bool(
-                np.all(norms > 1 - span - self._dm_g) and np.all(norms < 1 + 2 * self._rho * span + self._dm_g)
+                np.all(norms > 1 - span - self._dm_g) and np.all(norms < 1 + 2 * rho * span + self._dm_g)
             ),
             "pendulum": swing.consistent and bool(swing.swinging),
         }

@@ -1,0 +1,200 @@
+"""The pipeline over the simulated crane: what comes out is what happened."""
+
+import math
+from collections import defaultdict
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from devices.block import SampleBlock
+from devices.simulated.crane import Crane
+from devices.simulated.device import SimulatedCrane
+from devices.simulated.pendulum import start_motion
+from gateway.calibration.correction import correction_for
+from gateway.configuration.loading import validate
+from gateway.packing import unpack
+from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.pipeline import Pipeline
+
+LENGTH_M, POSITION_M, RATE_HZ = 8.0, 5.0, 100.0
+CLOCK = ClockState("synchronised", 3_600_000_000_000)
+
+
+class Clock:
+    """Time that passes as fast as it is slept."""
+
+    now = 1_767_225_600_000_000_000
+
+    def now_ns(self):
+        return self.now
+
+    def sleep_s(self, seconds):
+        self.now += max(0, round(seconds * 1e9))
+
+
+class Run:
+    """A crane, its device and a pipeline."""
+
+    def __init__(self, crane, table=None, block_samples=10):
+        self.device = SimulatedCrane(
+            odr_hz=RATE_HZ,
+            block_samples=block_samples,
+            length_m=LENGTH_M,
+            position_m=POSITION_M,
+            clock=Clock(),
+            crane=crane,
+        )
+        self.info = self.device.open()
+        self.configuration = validate(
+            {
+                "device": {"odr_hz": RATE_HZ},
+                "rope": {"length_m": LENGTH_M * 1.1},  # believed wrong: the period wins
+                "housing": {"position_m": POSITION_M},
+                **(table or {}),
+            },
+            "test",
+        )
+        correction = correction_for(self.info, self.configuration.device.axes, None)
+        self.pipeline = Pipeline(self.configuration, self.info, correction, HeaderMaker())
+        self.blocks = []
+        self.out = defaultdict(list)
+
+    def go(self, seconds):
+        wanted = sum(map(len, self.blocks)) + seconds * RATE_HZ
+        while sum(map(len, self.blocks)) < wanted:
+            if (block := self.device.read()) is not None:
+                self.feed(block)
+        return self
+
+    def feed(self, block):
+        self.blocks.append(block)
+        self.take(self.pipeline.process(block, CLOCK))
+
+    def take(self, emissions):
+        for emission in emissions:
+            self.out[emission.topic].append(emission.message)
+
+    @property
+    def newest_ns(self):
+        return int(self.blocks[-1].time_ns[-1])
+
+
+def crane(angle_deg=0.0, **options):
+    motion = start_motion(math.radians(angle_deg), 0.0, 0.0, 0.0)
+    return Crane(length_m=LENGTH_M, position_m=POSITION_M, gravity_m_s2=9.80665, motion=motion, **options)
+
+
+@pytest.mark.parametrize("angle_deg", [1.5, 5.0, 12.0])
+def test_a_free_swing_is_measured_and_trusted(angle_deg):
+    run = Run(crane(angle_deg)).go(25)
+    swing = run.out["swing"][-1]
+    assert swing.swinging
+    low, high = swing.coverage95_deg
+    assert swing.phi_max_deg == pytest.approx(angle_deg, abs=max(0.05, 4 * swing.u_deg))
+    assert low - 0.02 < angle_deg < high + 0.02
+    assert swing.period_s == pytest.approx(2 * math.pi * math.sqrt(LENGTH_M / 9.80665), rel=0.01)
+    assert run.out["condition"][-1].verdict == "swinging"
+    assert run.out["condition"][-1].trusted
+
+
+def test_a_load_at_rest_is_static_with_an_upper_bound():
+    run = Run(crane()).go(20)
+    condition, alert, tilt, swing = (run.out[t][-1] for t in ("condition", "alert", "tilt", "swing"))
+    assert condition.verdict == "static"
+    assert alert.level == "normal"
+    assert tilt.trusted
+    assert tilt.axial_deg < 4 * tilt.u_deg
+    assert swing.swinging is False
+    assert 0 < swing.coverage95_deg[1] < 0.5
+
+
+def test_steady_wind_leans_and_trips_the_lean_alert():
+    lean_deg = 4.0
+    run = Run(crane(lean_deg, wind_m_s2=(9.80665 * math.tan(math.radians(lean_deg)), 0.0))).go(20)
+    assert run.out["tilt"][-1].axial_deg == pytest.approx(lean_deg, abs=0.1)
+    alert = run.out["alert"][-1]
+    levels = {active.rule: active.level for active in alert.active}
+    assert levels["lean"] == "trip"
+    assert levels.get("swing") != "trip"  # the rope's largest angle is the lean: four degrees warn
+    assert run.out["condition"][-1].verdict == "static"
+
+
+def test_alerts_are_raised_by_the_upper_end_and_clear_after_the_hold():
+    limits = {"alerts": {"warn_deg": 4.0, "trip_deg": 6.0, "clear_deg": 3.0, "hold_s": 2.0}}
+    run = Run(crane(7.0, damping_ratio=0.05), limits).go(60)
+    events = [(alert.level, alert.event) for alert in run.out["alert"] if alert.event in ("raised", "cleared")]
+    assert events[0] == ("trip", "raised")
+    assert events[-1] == ("normal", "cleared")
+
+
+def test_nothing_is_normal_before_anything_is_known():
+    run = Run(crane(2.0)).go(2)
+    assert {alert.level for alert in run.out["alert"]} == {"unknown"}
+    assert {condition.verdict for condition in run.out["condition"]} == {"unknown"}
+
+
+def test_stale_is_said_and_never_clears_an_alert():
+    run = Run(crane(9.0)).go(20)
+    assert run.out["alert"][-1].level == "trip"
+    run.take(run.pipeline.idle(run.newest_ns + 500_000_000, CLOCK))
+    before = len(run.out["condition"])
+    for second in range(1, 60):
+        run.take(run.pipeline.idle(run.newest_ns + second * 1_000_000_000 + 1, CLOCK))
+    assert len(run.out["condition"]) > before
+    assert run.out["condition"][-1].verdict == "unknown"
+    assert "stale" in run.out["condition"][-1].reasons[0]
+    assert run.out["alert"][-1].level == "trip"
+    assert "not known now" in run.out["alert"][-1].text
+
+
+def test_fresh_samples_end_staleness():
+    run = Run(crane()).go(20)
+    run.take(run.pipeline.idle(run.newest_ns + 2_000_000_000, CLOCK))
+    assert run.out["condition"][-1].verdict == "unknown"
+    run.go(1)
+    assert "fresh" not in run.out["condition"][-1].gates
+
+
+def test_an_uncalibrated_sensor_has_no_lean():
+    run = Run(crane())
+    nominal = correction_for(run.info, run.configuration.device.axes, None)
+    bare = replace(run.info, factory_calibration=None)
+    run.pipeline = Pipeline(
+        run.configuration, bare, correction_for(bare, ((0, 1), (1, 1), (2, 1)), None), HeaderMaker()
+    )
+    run.go(20)
+    assert nominal.status == "factory"
+    assert run.out["condition"][-1].calibration == "uncalibrated"
+    assert "not calibrated" in run.out["alert"][-1].text
+    assert run.out["tilt"][-1].u_deg > 2
+
+
+def test_clipped_samples_disturb():
+    run = Run(crane()).go(10)
+    block = run.device.read()
+    raw = block.raw.copy()
+    raw[3] = run.info.full_scale_g * run.info.units_per_g
+    run.feed(SampleBlock(time_ns=block.time_ns, raw=raw))
+    run.go(1)
+    assert run.out["condition"][-1].verdict == "disturbed"
+    assert "clipped" in run.out["condition"][-1].reasons[0]
+
+
+def test_headers_count_and_carry_utc():
+    run = Run(crane(3.0)).go(10)
+    for messages in run.out.values():
+        assert [message.sequence for message in messages] == list(range(len(messages)))
+        assert {message.calibration_id for message in messages} == {run.info.factory_calibration["id"]}
+    newest = run.out["samples"][-1]
+    assert newest.time_ns == run.newest_ns + CLOCK.wall_offset_ns
+    np.testing.assert_array_equal(unpack(newest).raw, run.blocks[-1].raw)
+
+
+def test_the_same_blocks_give_the_same_bits():
+    first = Run(crane(5.0)).go(20)
+    again = Run(crane(5.0))
+    for block in first.blocks:
+        again.feed(block)
+    assert first.out == again.out

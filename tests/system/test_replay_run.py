@@ -1,0 +1,97 @@
+"""Recordings through the whole gateway: tilt, conditions and a recording come out of them."""
+
+import json
+import math
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.recording.info import summarise
+from gateway.recording.reader import open_recording
+from gateway.recording.run import read_samples
+
+REAL = Path(__file__).parents[1] / "data" / "real"
+AT_ONCE = '[device]\nkind = "replay"\nspeed = 0\n'
+SIX_POSITIONS = (
+    AT_ONCE + f'path = "{REAL / "six_position_session.csv"}"\n'
+    'axis_columns = ["acc_x", "acc_y", "acc_z"]\nunit = "counts"\nunits_per_g = 2048\nrate_hz = 10\nblock_samples = 1\n'
+)
+PHONE = 'time_column = "1"\naxis_columns = ["2", "3", "4"]\nunit = "m/s2"\n'
+
+
+def messages(path, topic):
+    file = open_recording(path)
+    return [file.decode(message) for message in file.messages() if message.topic == f"/{topic}"]
+
+
+def replayed(start_gateway, toml):
+    gateway = start_gateway(toml)
+    code, _, err = gateway.wait(60)
+    assert (code, err) == (0, "")
+    (path,) = gateway.recordings
+    return path
+
+
+def test_six_position_session_reads_its_labels(start_gateway):
+    """Faces last five seconds each; the second half of each is past the low-pass's transient."""
+    path = replayed(start_gateway, SIX_POSITIONS)
+    assert summarise(path).samples.count == 300
+    labels = [line.split(",")[0] for line in (REAL / "six_position_session.csv").read_text().splitlines()[1:]]
+    tilts = messages(path, "tilt")
+    assert len(tilts) == 300
+    expected = {"x_p": (90, None), "x_a": (-90, None), "y_p": (None, 90), "y_a": (None, -90)}
+    for index, (label, tilt) in enumerate(zip(labels, tilts, strict=True)):
+        if index % 50 < 30:
+            continue
+        if label in expected:
+            pitch_deg, roll_deg = expected[label]
+            found_deg = tilt.pitch_deg if pitch_deg is not None else tilt.roll_deg
+            assert found_deg == pytest.approx(pitch_deg or roll_deg, abs=4), (index, label)
+        else:
+            assert tilt.axial_deg == pytest.approx(0 if label == "z_p" else 180, abs=6), (index, label)
+    assert {message.calibration for message in messages(path, "condition")} == {"uncalibrated"}
+
+
+def test_phone_at_rest_is_still_and_leans_a_little(start_gateway):
+    path = replayed(start_gateway, AT_ONCE + f'path = "{REAL / "phone_at_rest.txt"}"\n' + PHONE)
+    last = messages(path, "tilt")[-1]
+    rows = np.loadtxt(REAL / "phone_at_rest.txt")[:, 1:4]
+    mean = rows.mean(axis=0)
+    assert last.axial_deg == pytest.approx(math.degrees(math.atan2(math.hypot(*mean[:2]), mean[2])), abs=0.2)
+    assert {message.verdict for message in messages(path, "condition")} <= {"unknown", "static", "quasi_static"}
+
+
+def test_phone_falling_is_never_trusted_in_the_fall(start_gateway):
+    """In free fall the specific force vanishes, and the impact is far beyond 1 g: no angle of that may look right."""
+    path = replayed(start_gateway, AT_ONCE + f'path = "{REAL / "phone_falling.txt"}"\n' + PHONE)
+    conditions = messages(path, "condition")
+    falling = [message for message in conditions if message.norm_g is not None and abs(message.norm_g - 1) > 0.2]
+    assert all(message.verdict in ("disturbed", "unknown") and not message.trusted for message in falling)
+    assert "disturbed" in {message.verdict for message in conditions}
+    assert all(message.coverage95_deg is None for message in messages(path, "swing"))
+
+
+def test_a_recording_of_the_gateway_replays_to_the_same_numbers(start_gateway, tmp_path):
+    first = start_gateway("[device]\nblock_samples = 8\n", arguments=("--duration", "14"))
+    assert first.wait()[0] == 0
+    (path,) = first.recordings
+    moved = tmp_path / "first.mcap"
+    path.rename(moved)
+    again = replayed(
+        start_gateway,
+        AT_ONCE + f'path = "{moved}"\nblock_samples = 8\n[housing]\nabove_load_m = 3.0\n',
+    )
+    assert np.array_equal(read_samples(again).time_ns, read_samples(moved).time_ns)
+    for topic in ("tilt", "swing"):
+        live, replay = (
+            [json.dumps(_numbers(message)) for message in messages(recording, topic)] for recording in (moved, again)
+        )
+        assert len(live) > 3
+        assert live == replay, topic
+
+
+def _numbers(message):
+    """What was computed, without the header's clock."""
+    return [value for name, value in asdict(message).items() if name not in ("time_ns", "clock")]
