@@ -38,7 +38,7 @@ class DeviceSection(Section):
 
     axes_map: str = Field("x,y,z", description="sensor axes that are the housing's x, y and z, e.g. '-y,x,z'")
     block_samples: int | None = Field(
-        None, ge=1, le=1024, description="samples per block; without it 50 ms' worth, at most 32"
+        None, ge=1, le=1024, description="samples per block; without it 0.1 s worth, at most 32"
     )
     serial: str | None = Field(
         None, pattern=KEY_PATTERN, description="label on the housing, for parts without a number of their own"

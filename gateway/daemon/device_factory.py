@@ -13,13 +13,13 @@ from gateway.configuration.model import (
     WitMotionDevice,
 )
 
-BLOCK_S = 0.05
+BLOCK_S = 0.1
 """Dwell of a block where its length is not configured."""
 LONGEST_BLOCK = 32
 
 
 def block_samples(configuration: Configuration) -> int:
-    """Samples per block: as configured, else 50 ms' worth and at most 32."""
+    """Samples per block: as configured, else a tenth of a second and at most 32."""
     device = configuration.device
     if device.block_samples is not None:
         return device.block_samples

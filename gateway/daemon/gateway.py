@@ -1,6 +1,7 @@
 """The gateway: everything put together, watched, and taken apart again in order."""
 
 import logging
+import sys
 import threading
 import time
 import uuid
@@ -34,6 +35,8 @@ log = logging.getLogger("plumbline")
 WATCH_S = 0.2
 JOIN_S = 0.8
 """Longest wait for a thread to end: a read takes at most half a second."""
+SWITCH_S = 0.0005
+"""A thread that wants the interpreter waits this long at most: an alert must not wait out the usual 5 ms of a swing fit."""
 DRAIN_S = 60.0
 """Longest wait for a recording that was replayed faster than it is processed."""
 
@@ -121,6 +124,7 @@ class Gateway:
 
     def run(self, stopping: threading.Event, duration_s: float | None = None) -> str | None:
         """Sample until told to stop, the duration has passed or a recording has ended; the name of a thread that failed."""
+        sys.setswitchinterval(SWITCH_S)
         for thread in reversed(self.threads):
             thread.start()
         self._notifier.send(f"READY=1\nSTATUS=sampling {self.processor.info.device_id}")

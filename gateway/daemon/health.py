@@ -1,6 +1,7 @@
 """The health message: what every thread has counted, in one place."""
 
 import time
+from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -8,13 +9,16 @@ from typing import Literal
 
 from devices.device import Device
 from gateway import __version__
-from gateway.daemon.processor import Processor
+from gateway.daemon.processor import Counts, Processor
 from gateway.daemon.publisher import Publisher
 from gateway.daemon.recording_worker import RecordingWorker
 from gateway.daemon.resources import CpuMeter, disk_free_mb, resident_mb
 from gateway.daemon.sampler import Sampler
 from gateway.messages import Health
 from gateway.pipeline.header import Header
+
+RATE_WINDOW = 60
+"""Messages, one a second, over which the rate is taken."""
 
 
 @dataclass(slots=True)
@@ -31,7 +35,8 @@ class HealthReport:
     stopping: bool = False
     _cpu: CpuMeter = field(default_factory=CpuMeter)
     _started_s: float = field(default_factory=time.monotonic)
-    _last: tuple[float, int] | None = None
+    _passed: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=RATE_WINDOW))
+    """(time of the newest sample, samples up to it) at each of the last messages."""
 
     def make(self, header: Header) -> Health:
         """How the gateway is now."""
@@ -44,7 +49,7 @@ class HealthReport:
             boot_id=self.boot_id,
             software=__version__,
             uptime_s=time.monotonic() - self._started_s,
-            measured_rate_hz=self._rate_hz(counts.samples),
+            measured_rate_hz=self._rate_hz(counts),
             samples=counts.samples,
             lost=counts.lost + self.sampler.lost_in_queue,
             invalid=counts.invalid,
@@ -76,8 +81,10 @@ class HealthReport:
         counted = {**self.device.faults, **own}
         return {name: count for name, count in counted.items() if count}
 
-    def _rate_hz(self, samples: int) -> float | None:
-        """Samples that came since the last message over the time that passed."""
-        now_s, last = time.monotonic(), self._last
-        self._last = (now_s, samples)
-        return None if last is None or now_s <= last[0] else (samples - last[1]) / (now_s - last[0])
+    def _rate_hz(self, counts: Counts) -> float | None:
+        """By the sample times of the last minute, which follow the part's own clock; lost samples were measured too."""
+        if counts.newest_ns is None or (self._passed and self._passed[-1][0] == counts.newest_ns):
+            return None
+        self._passed.append((counts.newest_ns, counts.samples + counts.lost))
+        (first_ns, before), (last_ns, now) = self._passed[0], self._passed[-1]
+        return None if last_ns <= first_ns else (now - before) / ((last_ns - first_ns) / 1e9)

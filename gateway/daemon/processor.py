@@ -29,6 +29,8 @@ class Counts:
     """What has passed since start."""
 
     samples: int = 0
+    newest_ns: int | None = None
+    """Gateway time of the newest sample."""
     lost: int = 0
     invalid: int = 0
 
@@ -70,6 +72,7 @@ class Processor(Worker[SamplerItem]):
         """A block, or news of a device that came back."""
         if isinstance(item, SampleBlock):
             self.counts.samples += len(item)
+            self.counts.newest_ns = int(item.time_ns[-1])
             self.counts.lost += item.lost
             self.counts.invalid += item.invalid
             self._hand_on(self._pipeline.process(item, self._watch.state))

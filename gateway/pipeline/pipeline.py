@@ -1,7 +1,8 @@
 """The pipeline: one sample block in, the messages that follow from it out.
 
-calibration -> low-pass -> static tilt -> swing -> condition -> alerts. Samples and tilt are yielded before the swing fit,
-which costs most, so that nothing waits for it that does not need it. No clock is read: live and replay are the same.
+calibration -> low-pass -> static tilt -> swing -> condition -> alerts. The swing fit costs most: it is made after everything
+that a block yields, while the next one fills, and its answer goes out with that one. So no alert waits for a fit, and the same
+blocks give the same messages. No clock is read: live and replay are the same.
 """
 
 from collections.abc import Iterator
@@ -64,11 +65,12 @@ class Pipeline:
         self._watch.update(time_s, force_g, self._clipped(block), block.lost + block.invalid)
         if self._tilt_pace.due(newest_ns):
             yield self._tilt(block.temperature_c, newest_ns, clock)
-        if self._swing.update(time_s, force_g, lowpassed_g):
+        if self._swing.release():
             message = self._swing.message(self._header("swing", newest_ns, clock))
             yield Emission("swing", newest_ns, message)
         yield from self._judge_condition(newest_ns, clock)
         yield from self._judge_alerts(newest_ns, clock)
+        self._swing.take(time_s, force_g, lowpassed_g)
 
     def idle(self, now_ns: int, clock: ClockState) -> Iterator[Emission]:
         """No block has come for a while; `now_ns` is gateway time. Says so once the reading is stale."""

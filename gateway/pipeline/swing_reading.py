@@ -32,20 +32,21 @@ class SwingReading:
         self._rig = rig
         self._tracker = None if rig is None else SwingTracker(rig, noise_g=info.noise_g, lowpass_gain=lowpass.gain)
         self._estimate: SwingEstimate | None = None
+        self._found: SwingEstimate | None = None
         self._now_s = 0.0
 
-    def update(
-        self, time_s: NDArray[np.float64], force_g: NDArray[np.float64], lowpassed_g: NDArray[np.float64]
-    ) -> bool:
-        """Take a block; whether there is a new estimate."""
-        self._now_s = float(time_s[-1])
-        if self._tracker is None:
+    def release(self) -> bool:
+        """Let the answer that was found since the last block count from now on; whether there is a new one."""
+        if self._found is None:
             return False
-        estimate = self._tracker.update(time_s, force_g, lowpassed_g)
-        if estimate is None:
-            return False
-        self._estimate = estimate
+        self._estimate, self._found = self._found, None
         return True
+
+    def take(self, time_s: NDArray[np.float64], force_g: NDArray[np.float64], lowpassed_g: NDArray[np.float64]) -> None:
+        """Take a block, and fit where that is due."""
+        self._now_s = float(time_s[-1])
+        if self._tracker is not None:
+            self._found = self._tracker.update(time_s, force_g, lowpassed_g) or self._found
 
     @property
     def _current(self) -> SwingEstimate | None:

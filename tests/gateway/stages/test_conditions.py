@@ -1,0 +1,118 @@
+"""The gates on synthetic stretches whose condition is known."""
+
+import math
+
+import numpy as np
+import pytest
+
+from gateway.stages.conditions import ConditionWatch, SwingSeen
+
+RATE_HZ, NOISE_G, DM_G = 100.0, 0.0004, 0.002
+STILL = SwingSeen(swinging=False, phi_max_rad=0.001, consistent=True)
+NOT_YET = SwingSeen(swinging=None, phi_max_rad=None, consistent=False)
+REST = (0.0, 0.0, 1.0)
+
+
+def stretch(seconds=4.0, mean=REST, noise_g=NOISE_G, seed=0):
+    time_s = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
+    return time_s, np.random.default_rng(seed).normal(mean, noise_g, (len(time_s), 3))
+
+
+def pendulum(phi_max_rad, rho, seconds=4.0, period_s=6.0):
+    """Planar swing of an ideal pendulum (small-angle phase, exact forces)."""
+    time_s, force_g = stretch(seconds)
+    phi = phi_max_rad * np.cos(2 * math.pi * time_s / period_s)
+    force_g[:, 0] += (1 - rho) * np.sin(phi)
+    force_g[:, 2] += np.cos(phi) - 1 + 2 * rho * (np.cos(phi) - math.cos(phi_max_rad))
+    return time_s, force_g
+
+
+def judged(time_s, force_g, swing=STILL, clipped=0, missing=0, block=10):
+    watch = ConditionWatch(NOISE_G, DM_G)
+    for begin in range(0, len(time_s), block):
+        watch.update(time_s[begin : begin + block], force_g[begin : begin + block], clipped, missing)
+    return watch.judge(swing)
+
+
+def test_rest_is_static():
+    found = judged(*stretch())
+    assert (found.verdict, found.trusted) == ("static", True)
+    assert found.norm_g == pytest.approx(1, abs=1e-3)
+
+
+def test_a_lean_is_static_too():
+    lean = math.radians(20)
+    assert judged(*stretch(mean=(math.sin(lean), 0, math.cos(lean)))).verdict == "static"
+
+
+def test_vibration_about_a_steady_mean_is_quasi_static():
+    time_s, force_g = stretch()
+    force_g[:, 1] += 0.02 * np.sin(2 * math.pi * 30 * time_s)
+    assert judged(time_s, force_g).verdict == "quasi_static"
+
+
+@pytest.mark.parametrize("rho", [0.02, 0.5, 1.0])
+@pytest.mark.parametrize("phi_max_deg", [2.0, 8.0, 15.0])
+def test_a_pendulum_is_swinging_at_every_mounting(rho, phi_max_deg):
+    phi_max_rad = math.radians(phi_max_deg)
+    seen = SwingSeen(swinging=True, phi_max_rad=phi_max_rad, consistent=True, rho=rho)
+    assert judged(*pendulum(phi_max_rad, rho), seen).verdict == "swinging"
+
+
+def test_before_a_full_swing_nothing_is_said():
+    found = judged(*pendulum(0.1, 0.5), NOT_YET)
+    assert (found.verdict, found.trusted) == ("unknown", False)
+    assert judged(*stretch(seconds=0.5), NOT_YET).verdict == "unknown"
+
+
+DISTURBANCES = {
+    "hoisting": lambda t, f: f + np.outer(t > 2, [0, 0, 0.03]),
+    "trolley": lambda t, f: f + np.outer(t > 2, [0.05, 0, 0]),
+    "free fall": lambda _, f: f * 0.01,
+    "wrong scale": lambda _, f: f * 1.05,
+    "upside down and moving": lambda t, f: -f + np.outer(np.sin(t), [0.1, 0, 0]),
+}
+
+
+@pytest.mark.parametrize("name", DISTURBANCES)
+def test_what_is_no_rest_is_never_static(name):
+    time_s, force_g = stretch()
+    found = judged(time_s, DISTURBANCES[name](time_s, force_g))
+    assert (found.verdict, found.trusted) == ("disturbed", False)
+
+
+def test_an_impact_is_named():
+    time_s, force_g = stretch()
+    force_g[300] += [0.5, 0, 0]
+    found = judged(time_s, force_g)
+    assert found.verdict == "disturbed"
+    assert "impact" in found.reasons[0]
+
+
+def test_clipping_and_missing_samples_are_named():
+    assert "clipped" in judged(*stretch(), clipped=1).reasons[0]
+    found = judged(*stretch(), missing=2)
+    assert (found.verdict, "missing" in found.reasons[0]) == ("unknown", True)
+
+
+def test_a_dead_axis_is_named():
+    time_s, force_g = stretch()
+    force_g[:, 1] = 0.0
+    found = judged(time_s, force_g)
+    assert (found.verdict, found.reasons) == ("unknown", ("an axis reads exactly zero",))
+
+
+def test_a_gap_forgets_what_was_before():
+    time_s, force_g = stretch()
+    watch = ConditionWatch(NOISE_G, DM_G)
+    watch.update(time_s, force_g, 0, 0)
+    watch.update(time_s[:10] + 60.0, force_g[:10], 0, 0)
+    assert watch.judge(STILL).verdict == "unknown"
+
+
+def test_the_undetectable_case_is_what_it_is():
+    """001 Fig. 2: a constant acceleration of -2 g upright leaves |m| = 1 and turns the reading by 180 degrees.
+
+    No accelerometer alone can tell; the gates call it static, and the docs say so.
+    """
+    assert judged(*stretch(mean=(0.0, 0.0, -1.0))).verdict == "static"
