@@ -13,6 +13,7 @@ from devices.simulated.pendulum import STANDARD_GRAVITY_M_S2, start_motion
 from devices.simulated.schedule import Event, Gust, Hoist, TrolleyMove
 
 DAMPING_RATIO = 0.006
+FIRST_SWING_RAD = np.radians(1.5)
 PUSH_RAD = np.radians(3.7)
 """Swing that one ramp of a hasty move makes."""
 RAMP_EFFECT = 0.838
@@ -23,7 +24,8 @@ FASTEST_M_S = 4.0
 def demo_crane(seed: int, length_m: float, position_m: float, gravity_m_s2: float = STANDARD_GRAVITY_M_S2) -> Crane:
     """A crane that swings visibly from the start, passes 6 degrees within half a minute, and calms down."""
     random = np.random.default_rng([seed, 0])
-    tilt_x_rad, tilt_y_rad = np.radians(random.uniform(-0.6, 0.6, 2))
+    azimuth_rad = random.uniform(-np.pi, np.pi)
+    tilt_x_rad, tilt_y_rad = FIRST_SWING_RAD * np.cos(azimuth_rad), FIRST_SWING_RAD * np.sin(azimuth_rad)
     return Crane(
         length_m=length_m,
         position_m=position_m,
@@ -39,13 +41,13 @@ def demo_events(random: np.random.Generator, length_m: float, gravity_m_s2: floa
     period_s = float(2 * np.pi * np.sqrt(length_m / gravity_m_s2))
     push_m_s = PUSH_RAD * gravity_m_s2 * period_s / (2 * np.pi * RAMP_EFFECT)
     heading_rad = random.uniform(-np.pi, np.pi)
-    hasty, start_s = True, 1.0
+    hasty, start_s = True, 1.3 * period_s  # the swing that it begins with is measured before the operator moves
     while True:
         azimuth_rad = heading_rad + random.choice([0.0, np.pi / 2], p=[0.7, 0.3])  # trolley, or bridge
         speed_m_s = min(push_m_s * random.uniform(0.95, 1.1), FASTEST_M_S)
         moves = _hasty_moves if hasty else _skilled_moves
         yield from moves(random, start_s, period_s, speed_m_s, azimuth_rad)
-        calm_s = start_s + 4 * period_s
+        calm_s = start_s + 6 * period_s
         yield from _hoists_and_gust(random, calm_s, period_s, length_m)
         hasty, start_s = random.random() < 0.4, calm_s + 60 + random.uniform(0, 15)
 
@@ -53,10 +55,10 @@ def demo_events(random: np.random.Generator, length_m: float, gravity_m_s2: floa
 def _hasty_moves(
     random: np.random.Generator, start_s: float, period_s: float, speed_m_s: float, azimuth_rad: float
 ) -> Iterator[Event]:
-    """Out, with the load left swinging; back three periods later, which catches most of the swing."""
+    """Out, with the load left swinging; back five periods later, which catches most of the swing."""
     yield TrolleyMove(start_s, period_s, period_s / 2, speed_m_s, azimuth_rad)
     caught = random.uniform(0.75, 0.9)
-    yield TrolleyMove(start_s + 3 * period_s, period_s, period_s / 2, -caught * speed_m_s, azimuth_rad)
+    yield TrolleyMove(start_s + 5 * period_s, period_s, period_s / 2, -caught * speed_m_s, azimuth_rad)
 
 
 def _skilled_moves(

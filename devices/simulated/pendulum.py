@@ -25,7 +25,9 @@ def dot(a: Array, b: Array) -> Array:
     return product
 
 
-def acceleration_of_direction(n: Array, n_rate: Array, drive_m_s2: Array, length_m: Array | float, length_rate_m_s: Array | float) -> Array:
+def acceleration_of_direction(
+    n: Array, n_rate: Array, drive_m_s2: Array, length_m: Array | float, length_rate_m_s: Array | float
+) -> Array:
     """n'' in 1/s^2, shape (..., 3); `drive_m_s2` is g - a_p + F/m, lengths of shape (..., 1) or scalar."""
     transverse = drive_m_s2 - dot(n, drive_m_s2) * n
     return (transverse - 2 * length_rate_m_s * n_rate) / length_m - dot(n_rate, n_rate) * n
@@ -81,8 +83,12 @@ def specific_force_m_s2(
 
 def start_motion(tilt_x_rad: float, tilt_y_rad: float, rate_x_rad_s: float, rate_y_rad_s: float) -> Array:
     """A motion from the rope's lean toward world x and y and its rates; the housing's x axis starts nearest to world x."""
-    n = np.array([np.sin(tilt_x_rad) * np.cos(tilt_y_rad), np.sin(tilt_y_rad), -np.cos(tilt_x_rad) * np.cos(tilt_y_rad)])
+    n = np.array(
+        [np.sin(tilt_x_rad) * np.cos(tilt_y_rad), np.sin(tilt_y_rad), -np.cos(tilt_x_rad) * np.cos(tilt_y_rad)]
+    )
     by_x = np.array([np.cos(tilt_x_rad) * np.cos(tilt_y_rad), 0.0, np.sin(tilt_x_rad) * np.cos(tilt_y_rad)])
-    by_y = np.array([-np.sin(tilt_x_rad) * np.sin(tilt_y_rad), np.cos(tilt_y_rad), np.cos(tilt_x_rad) * np.sin(tilt_y_rad)])
+    by_y = np.array(
+        [-np.sin(tilt_x_rad) * np.sin(tilt_y_rad), np.cos(tilt_y_rad), np.cos(tilt_x_rad) * np.sin(tilt_y_rad)]
+    )
     x_axis = np.array([1.0, 0.0, 0.0]) - n[0] * n
     return np.stack([n, rate_x_rad_s * by_x + rate_y_rad_s * by_y, x_axis / np.linalg.norm(x_axis)])

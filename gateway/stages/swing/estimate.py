@@ -1,0 +1,78 @@
+"""What the swing stage answers with. Radians, seconds and metres; what could not be computed is None and `reasons` say why."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwingPeak:
+    """The largest rope angle of one swing."""
+
+    time_s: float
+    phi_max_rad: float
+    u_rad: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PeakPrediction:
+    """The coming maximum, from the motion up to the newest sample."""
+
+    phi_max_rad: float
+    u_rad: float
+    time_to_peak_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FormulaAngles:
+    """The four formulas of 000 over one stretch of data, in radians; None: the argument is out of the formula's domain."""
+
+    arccos_min_az: float | None
+    """Eq. 22."""
+    arcsin_max_axy: float | None
+    """Eq. 23."""
+    arctan_max_axy_min_az: float | None
+    """Eq. 24."""
+    arccos_max_az: float | None
+    """Eq. 25."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwingEstimate:
+    """The swing in one window of specific force."""
+
+    from_s: float
+    to_s: float
+    """What `phi_max_rad` speaks of; the fit may have seen more."""
+    swinging: bool | None
+    """False: no swing seen, and the angle lies below the upper end of `coverage95_rad`. None: cannot be told."""
+    phi_max_rad: float | None = None
+    """Largest angle between rope and vertical."""
+    u_rad: float | None = None
+    """Its standard uncertainty."""
+    coverage95_rad: tuple[float, float] | None = None
+    """Holds the truth 95 times in 100; never below 0."""
+    minor_phi_max_rad: float | None = None
+    """Semi-minor axis of the swing about the lean: 0 planar, equal to the major one circular."""
+    azimuth_rad: float | None = None
+    """Direction of the swing's major axis in the housing frame, from x to y, in (-pi/2, pi/2]."""
+    lean_rad: float | None = None
+    """Steady angle of the rope, as by a side pull; a zero-g offset looks the same."""
+    lean_u_rad: float | None = None
+    lean_azimuth_rad: float | None = None
+    """Direction that the rope leans to, in the housing frame, from x to y."""
+    period_s: float | None = None
+    """Of a small swing on this rope: 2 pi sqrt(L/g)."""
+    length_m: float | None = None
+    length_u_m: float | None = None
+    damping_ratio: float | None = None
+    swings: tuple[SwingPeak, ...] = ()
+    """The maximum of every full swing, oldest first."""
+    reduced_chi_square: float | None = None
+    """Of the residual against sensor noise, 1 where the pendulum explains everything."""
+    noise_g: tuple[float, float, float] | None = None
+    """Sensor noise that was reckoned with, 1 sigma per sample."""
+    prediction: PeakPrediction | None = None
+    formulas: FormulaAngles | None = None
+    """As published."""
+    corrected_formulas: FormulaAngles | None = None
+    """For the housing's place on the rope and the low-pass."""
+    reasons: tuple[str, ...] = ()

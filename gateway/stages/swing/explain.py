@@ -1,0 +1,148 @@
+"""From bins to the fit that is believed: spikes left out, disturbed axes weighted down, and the rig doubted where it must be."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.stages.swing.beliefs import Beliefs, Instrument
+from gateway.stages.swing.bins import Bins
+from gateway.stages.swing.likelihood import Fit, most_likely
+from gateway.stages.swing.model import Real
+from gateway.stages.swing.motion import PLAIN, STATES, Motion
+from gateway.stages.swing.peaks import largest_angle
+from gateway.stages.swing.uncertainty import Claim, claim
+
+SPIKE_SIGMA = 6.0
+MOST_SPIKES = 0.03
+"""Share of the bins; more than that are not spikes but something that the pendulum does not know."""
+UNEVEN = 1.5
+"""Inflation of an axis' variance from which on it is weighted down."""
+NEGLIGIBLE_MISFIT = 0.003
+"""Unexplained part of the signal up to which the rig as stated is not doubted: it costs more than it mends."""
+EXPLAINED = 1.3
+"""Reduced chi-square at which no other start is tried."""
+DEMANDED = 3.0
+"""Standard uncertainties that an error must have to be named."""
+MOST_EXPLANATIONS = 4
+INCREDIBLE = 4.0
+"""Prior standard deviations beyond which an error of the rig is no explanation."""
+REFIT_ITERATIONS = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A fit, what it supports, and why it is not the plain one."""
+
+    fit: Fit
+    claim: Claim
+    widening: float = 1.0
+    """By which the noise would have had to be larger to explain the residual."""
+    spikes: int = 0
+    """Bins left out."""
+    explained_by: tuple[str, ...] = ()
+    """Errors of the rig or sensor that the data demand."""
+
+    @property
+    def sound(self) -> bool:
+        """An uncertainty may be stated."""
+        return self.fit.converged and self.claim.describes
+
+    @property
+    def plain(self) -> bool:
+        """Noise explains the residual, or all of it that matters."""
+        return self.fit.converged and self.claim.misfit < NEGLIGIBLE_MISFIT
+
+
+def find(
+    bins: Bins, noise_g: Real, motion: Motion, beliefs: Beliefs, iterations: int, instrument: Instrument | None = None
+) -> Finding | None:
+    """The fit of a window; None when the motion leaves the model."""
+    weight = bins.count[:, None] / noise_g**2
+    fit = most_likely(bins, weight, motion, beliefs, iterations, instrument)
+    if fit is None:
+        return None
+    spiky = _spikes(fit) & fit.converged
+    if spiky.any():
+        bins, weight = bins.select(~spiky), weight[~spiky]
+        fit = most_likely(bins, weight, fit.motion, beliefs, REFIT_ITERATIONS, fit.instrument)
+        if fit is None:
+            return None
+    found = claim(fit, weight)
+    widening = float(np.sqrt(found.inflation.max()))
+    if widening**2 > UNEVEN and fit.converged:
+        again = most_likely(bins, weight / found.inflation, fit.motion, beliefs, REFIT_ITERATIONS, fit.instrument)
+        if again is not None:
+            fit, found = again, claim(again, weight)
+    return Finding(fit, found, widening, int(spiky.sum()))
+
+
+def find_from(bins: Bins, noise_g: Real, starts: list[Motion], beliefs: Beliefs, iterations: int) -> Finding | None:
+    """The fit from the most promising of several starts; the first that noise explains is taken at once."""
+    weight = bins.count[:, None] / noise_g**2
+    best: Fit | None = None
+    for start in starts[: len(starts) if len(starts) > 1 else 0]:
+        trial = most_likely(bins, weight, start.with_parameters(beliefs.parameters), beliefs, max(iterations // 2, 1))
+        if trial is not None and (best is None or trial.cost < best.cost):
+            best = trial
+        if best is not None and best.cost < EXPLAINED * weight.size:
+            break
+    motion = best.motion if best is not None else starts[0].with_parameters(beliefs.parameters)
+    return find(bins, noise_g, motion, beliefs, iterations)
+
+
+def better(plain: Finding | None, doubting: Finding | None) -> Finding | None:
+    """Of a fit that takes the rig as stated and one that doubts it, the one to believe."""
+    if doubting is None or not doubting.sound or not _credible(doubting.fit):
+        return plain
+    if plain is not None and plain.sound and _deviation(plain) < _deviation(doubting):
+        return plain
+    return replace(doubting, explained_by=_demanded(doubting))
+
+
+def _spikes(fit: Fit) -> NDArray[np.bool_]:
+    """Few, lone bins far from all others."""
+    size = np.abs(fit.residual_g) * np.sqrt(fit.weight)
+    usual = np.maximum(np.median(size, axis=0) / 0.6745, 1.0)
+    spiky: NDArray[np.bool_] = (size > SPIKE_SIGMA * usual).any(axis=1)
+    few = np.count_nonzero(spiky) <= max(MOST_SPIKES * len(size), 1)
+    return spiky & few
+
+
+def _deviation(finding: Finding) -> float:
+    """Standard uncertainty of the largest angle."""
+    return largest_angle(finding.fit, finding.claim)[1]
+
+
+def _credible(fit: Fit) -> bool:
+    """No error of the instrument is far outside what such errors can be."""
+    prior = fit.beliefs.deviation[STATES + len(fit.motion.parameters) :]
+    return bool((np.abs(fit.instrument.errors) <= INCREDIBLE * prior).all())
+
+
+def _demanded(finding: Finding) -> tuple[str, ...]:
+    """What the data demand beyond the rig as stated, the surest first."""
+    fit = finding.fit
+    found = np.concatenate([fit.motion.parameters[PLAIN:], fit.instrument.errors])
+    deviation = np.sqrt(np.diag(finding.claim.covariance))[-len(found) :]
+    surest = np.argsort(-np.abs(found) / deviation)[:MOST_EXPLANATIONS]
+    named = tuple(_sayings(found)[i] for i in surest if abs(found[i]) > DEMANDED * deviation[i])
+    return named or ("several small errors together",)
+
+
+def _sayings(found: Real) -> list[str]:
+    """Drag, spin, position, offsets and matrix in words."""
+    drag, spin_1_s, position_m, *rest = found
+    offsets = [f"{axis} zero-g offset {1e3 * g:+.1f} mg" for axis, g in zip("xyz", rest[:3], strict=True)]
+    entries = [(row, column) for row in "xyz" for column in "xyz"]
+    matrix = [
+        f"{f'scale of {row}' if row == column else f'{column} into {row}'} {100 * error:+.2f} %"
+        for (row, column), error in zip(entries, rest[3:], strict=True)
+    ]
+    return [
+        f"quadratic drag {drag:+.3f}",
+        f"housing turning {np.degrees(spin_1_s):+.2f} deg/s",
+        f"housing {position_m:+.2f} m along the rope",
+        *offsets,
+        *matrix,
+    ]

@@ -1,0 +1,155 @@
+"""The likelihood of a window: weighted residuals, beliefs as priors, Gauss-Newton to the most likely motion."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.stages.swing.beliefs import Beliefs, Instrument
+from gateway.stages.swing.bins import Bins
+from gateway.stages.swing.model import Real, specific_force_g
+from gateway.stages.swing.motion import LN_LENGTH, STATES, Motion
+from gateway.stages.swing.shooting import Response, largest_change, moved, respond
+
+CONVERGED, SETTLED = 0.01, 1.0
+"""Fall of chi-square that a step may still promise when it is no longer taken, and when steps no longer keep the promise."""
+STAGNANT = 0.05
+"""Fall of chi-square by a step, below which steps do not keep their promise: the axes hardly see what they change."""
+LARGEST_SHARE_OF_MOTION = 0.5
+LARGEST_LENGTH_STEP = 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """The most likely motion with everything that its uncertainty is made from."""
+
+    response: Response
+    instrument: Instrument
+    beliefs: Beliefs
+    jacobian: Real
+    """Derivative of the bins' specific force in g by the free unknowns, shape (bins, 3, free)."""
+    bins: Bins
+    residual_g: Real
+    """Measured minus predicted, shape (bins, 3)."""
+    weight: Real
+    """1/variance of the bins, shape (bins, 3)."""
+    converged: bool
+    iterations: int
+
+    @property
+    def motion(self) -> Motion:
+        """The motion."""
+        return self.response.motion
+
+    @property
+    def cost(self) -> float:
+        """Chi-square of the data and of the beliefs."""
+        departure = (self.unknowns - self.beliefs.mean)[self.free]
+        return float(np.sum(self.weight * self.residual_g**2) + np.sum(self.beliefs.information * departure**2))
+
+    @property
+    def unknowns(self) -> Real:
+        """First state, the motion's parameters, the instrument's errors."""
+        first = self.motion.nodes[:, 0] / self.motion.unit[:, 0]
+        state = np.stack([first.real, first.imag], axis=1).ravel()
+        return np.concatenate([state, self.motion.parameters, self.instrument.errors])
+
+    @property
+    def free(self) -> NDArray[np.bool_]:
+        """Which unknowns were fitted."""
+        return self.beliefs.free
+
+
+def most_likely(
+    bins: Bins, weight: Real, motion: Motion, beliefs: Beliefs, iterations: int, instrument: Instrument | None = None
+) -> Fit | None:
+    """Gauss-Newton from `motion`, whose grid must cover the bins; None when that leaves the model.
+
+    A step that makes things worse is tried again at half its length.
+    """
+    best = _linearised(bins, weight, motion, instrument or Instrument.ideal(), beliefs, 0)
+    share = 1.0
+    for iteration in range(1, iterations + 2):
+        if best is None:
+            return None
+        step, promised = _step(best)
+        if promised < CONVERGED:
+            return replace(best, converged=True)
+        taken = share * _share(best.response, step)
+        trial_motion = moved(best.response, step[: best.response.unknowns], taken)
+        trial_instrument = best.instrument.moved(taken * step[best.response.unknowns :])
+        trial = _linearised(bins, weight, trial_motion, trial_instrument, beliefs, iteration)
+        if trial is not None and trial.cost < best.cost + CONVERGED:
+            stagnant = promised < SETTLED and best.cost - trial.cost < STAGNANT
+            best, share = trial, min(1.0, 2 * share)
+            if stagnant:
+                return replace(best, converged=True)
+        else:
+            share /= 2
+    return best
+
+
+def information(fit: Fit) -> Real:
+    """The data's and the beliefs' information on the free unknowns, shape (free, free)."""
+    return weighted_square(fit.jacobian, fit.weight) + np.diag(fit.beliefs.information)
+
+
+def weighted_square(jacobian: Real, weight: Real) -> Real:
+    """J^T W J of a jacobian of shape (bins, 3, free) and weights of shape (bins, 3)."""
+    rows = (jacobian * np.sqrt(weight)[..., None]).reshape(-1, jacobian.shape[-1])
+    square: Real = rows.T @ rows
+    return square
+
+
+def _linearised(
+    bins: Bins, weight: Real, motion: Motion, instrument: Instrument, beliefs: Beliefs, iteration: int
+) -> Fit | None:
+    response = respond(motion)
+    if not (np.isfinite(response.path.state).all() and np.isfinite(response.follow).all()):
+        return None
+    rig = beliefs.rig
+    reach_s2 = (rig.position_at(motion.length_m) + instrument.position_error_m) / rig.gravity_m_s2
+    nodes_s = bins.nodes_s().ravel()
+    states = response.states(nodes_s)
+    local = specific_force_g(states, response.field, reach_s2)
+    by_motion, shift = response.chain(local, nodes_s)
+    base, field = states[..., 0], motion.field
+    by_position = (specific_force_g(base, field, 1.0) - specific_force_g(base, field, 0.0)) / rig.gravity_m_s2
+    if rig.above_load_m is not None:  # a longer rope puts the housing farther from the pivot
+        by_motion[..., STATES + LN_LENGTH] += by_position * motion.length_m
+    ideal_g = _bin_mean(local[..., 0] + shift)
+    by_all = np.concatenate(
+        [_bin_mean(by_motion), _bin_mean(by_position)[..., None], instrument.slopes(ideal_g)], axis=-1
+    )
+    return Fit(
+        response=response,
+        instrument=instrument,
+        beliefs=beliefs,
+        jacobian=by_all[..., beliefs.free],
+        bins=bins,
+        residual_g=bins.force_g - instrument.reads(ideal_g),
+        weight=weight,
+        converged=False,
+        iterations=iteration,
+    )
+
+
+def _bin_mean(at_nodes: Real) -> Real:
+    """Mean of the two halves, shape (2 n, ...) to (n, ...)."""
+    mean: Real = at_nodes.reshape(2, -1, *at_nodes.shape[1:]).mean(axis=0)
+    return mean
+
+
+def _step(fit: Fit) -> tuple[Real, float]:
+    """Step of all unknowns and the fall of chi-square that it promises."""
+    gradient = (fit.weight * fit.residual_g).ravel() @ fit.jacobian.reshape(-1, fit.jacobian.shape[-1])
+    gradient += fit.beliefs.information * (fit.beliefs.mean - fit.unknowns)[fit.free]
+    step = np.zeros(len(fit.free))
+    step[fit.free] = np.linalg.solve(information(fit), gradient)
+    return step, float(gradient @ step[fit.free])
+
+
+def _share(response: Response, step: Real) -> float:
+    """How much of a step is taken: it must not throw the motion or the length far from where it was linearised."""
+    by_motion = LARGEST_SHARE_OF_MOTION / max(largest_change(response, step[: response.unknowns]), 1e-12)
+    return min(1.0, by_motion, LARGEST_LENGTH_STEP / max(abs(float(step[STATES + LN_LENGTH])), 1e-12))

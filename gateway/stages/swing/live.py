@@ -1,0 +1,184 @@
+"""The swing of a live stream: the same fit as for a recording, on a window that moves, started from the last answer."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from gateway.stages.swing.assess import NO_MOTION, assess, predict
+from gateway.stages.swing.beliefs import believed
+from gateway.stages.swing.bins import Bins, merge
+from gateway.stages.swing.estimate import SwingEstimate
+from gateway.stages.swing.explain import Finding, find, find_from
+from gateway.stages.swing.formulas import Passage, corrected, published
+from gateway.stages.swing.likelihood import Fit
+from gateway.stages.swing.model import Real
+from gateway.stages.swing.plausible import fault_of_means
+from gateway.stages.swing.recording import BINS_PER_PERIOD, RESTLESS
+from gateway.stages.swing.rig import MountedHousing
+from gateway.stages.swing.shooting import advanced
+from gateway.stages.swing.start import find_harmonics, start_motions
+from gateway.stages.swing.stillness import FAINTEST_GAIN, faint, restless_estimate, still_estimate
+from gateway.stages.swing.window import RecentWindow
+
+WINDOW_PERIODS = 3.0
+SHORT_WINDOW_PERIODS = 0.85
+LONGEST_WINDOW_S = 45.0
+UPDATES_PER_PERIOD = 3
+LONGEST_INTERVAL_S = 2.5
+UNSETTLED_INTERVAL_S = 1.0
+"""While nothing swings, or no pendulum explains what does: news is wanted sooner."""
+FIRST_LOOK_PERIODS = 0.9
+WARM_ITERATIONS, COLD_ITERATIONS = 4, 8
+PATIENCE = 6
+"""Failures in a row after which tries become rarer."""
+FEWEST_BINS = 12
+LARGEST_UNEXPLAINED = 0.2
+"""By harmonics: a load that is driven is not fitted."""
+LARGEST_RASTER_ERROR = 0.05
+"""Of the integration step against the period, before the raster is made anew."""
+AHEAD_PERIODS = 0.6
+"""How far the grid reaches beyond the newest sample, for the coming maximum."""
+
+
+class SwingTracker:
+    """Pure and deterministic: fed with blocks, the same blocks give the same estimates."""
+
+    def __init__(
+        self,
+        rig: MountedHousing,
+        *,
+        noise_g: float | Real | None = None,
+        lowpass_gain: Callable[[float], float] | None = None,
+    ) -> None:
+        """`noise_g`: stated sensor noise, 1 sigma per sample. `lowpass_gain`: amplitude ratio of the low-pass at a frequency."""
+        self._rig, self._beliefs = rig, believed(rig)
+        self._lowpass_gain = lowpass_gain
+        self._belief_s = float(2 * np.pi * np.sqrt(rig.length_m / rig.gravity_m_s2))
+        longest_s = min(1.3 * (WINDOW_PERIODS + 0.5) * self._belief_s, LONGEST_WINDOW_S)
+        self._window = RecentWindow(longest_s, self._belief_s / (4 * BINS_PER_PERIOD), noise_g)
+        self._fit: Fit | None = None
+        self._from_s: float | None = None
+        self._due_s: float | None = None
+        self._failures = 0
+
+    def update(self, time_s: Real, specific_force_g: Real, lowpassed_g: Real | None = None) -> SwingEstimate | None:
+        """Take a block; a new estimate when one is due (at least twice a swing, once a second when still), else None.
+
+        `time_s`, shape (n,), seconds from any fixed origin; `specific_force_g`, shape (n, 3), calibrated and unfiltered in the
+        housing frame; `lowpassed_g`, the same behind the low-pass, is what the four formulas are evaluated on.
+        """
+        if len(time_s) == 0:
+            return None
+        newest_s = self._window.newest_s
+        if newest_s is not None and (time_s[0] < newest_s or time_s[0] - newest_s > self._belief_s):
+            self.restart()
+        self._window.take(time_s, specific_force_g, lowpassed_g)
+        if self._from_s is None or self._due_s is None:
+            self._from_s, self._due_s = float(time_s[0]), float(time_s[0]) + FIRST_LOOK_PERIODS * self._belief_s
+        now_s = float(time_s[-1])
+        if now_s < self._due_s:
+            return None
+        self._window.settle()
+        estimate = self._estimate(now_s)
+        self._due_s = now_s + self._interval_s(estimate)
+        return self._with_formulas(estimate, now_s)
+
+    def restart(self) -> None:
+        """Forget the past, as after a gap."""
+        self._window.clear()
+        self._fit, self._from_s, self._due_s = None, None, None
+
+    def _estimate(self, now_s: float) -> SwingEstimate:
+        noise_g, fine = self._window.noise_g, self._window.fine
+        if noise_g is None or self._from_s is None:
+            return SwingEstimate(from_s=now_s, to_s=now_s, swinging=None, reasons=("no samples",))
+        period_s = self._period_s()
+        self._from_s = from_s = max(self._from_s, now_s - WINDOW_PERIODS * period_s, float(fine.time_s[0]))
+        bins = self._bins(from_s)
+        other = self._other_than_swing(bins, noise_g, from_s, now_s)
+        if other is not None:
+            self._fit = None
+            return other
+        finding = self._best(from_s, now_s, noise_g, period_s)
+        self._fit = finding.fit if finding is not None and finding.sound else None
+        if finding is None:
+            return SwingEstimate(from_s=from_s, to_s=now_s, swinging=None, reasons=(NO_MOTION,))
+        if finding.sound and faint(finding):
+            self._fit = None
+            return still_estimate(bins, noise_g, self._rig, find_harmonics(bins, noise_g, self._rig), from_s)
+        estimate = assess(finding, noise_g, max(self._from_s, now_s - finding.fit.motion.period_s), now_s)
+        return replace(estimate, prediction=predict(finding, now_s))
+
+    def _other_than_swing(self, bins: Bins, noise_g: Real, from_s: float, now_s: float) -> SwingEstimate | None:
+        """A broken sensor, a still load, a restless rope; None: a swing is to be looked for, or is being followed."""
+        fault = fault_of_means(bins.force_g)
+        if fault is not None:
+            return SwingEstimate(from_s=from_s, to_s=now_s, swinging=None, reasons=(fault,))
+        if self._fit is not None:
+            return None
+        harmonics = find_harmonics(bins, noise_g, self._rig)
+        if harmonics.gain < FAINTEST_GAIN:
+            return still_estimate(bins, noise_g, self._rig, harmonics, from_s)
+        return restless_estimate(bins, noise_g, self._rig, from_s) if harmonics.unexplained > RESTLESS else None
+
+    def _interval_s(self, estimate: SwingEstimate) -> float:
+        """Until the next estimate: sooner after a disturbance, later where nothing fits for long (such tries cost most)."""
+        settled = estimate.swinging and estimate.coverage95_rad is not None
+        longest_s = LONGEST_INTERVAL_S if settled else UNSETTLED_INTERVAL_S
+        interval_s = min((estimate.period_s or self._belief_s) / UPDATES_PER_PERIOD, longest_s)
+        self._failures = self._failures + 1 if estimate.swinging is None else 0
+        return interval_s if self._failures == 0 else interval_s * min(max(self._failures / PATIENCE, 1.0), 4.0) / 2
+
+    def _best(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> Finding | None:
+        """The fit of the whole window, or of its last period where the motion has changed since."""
+        whole = self._find(from_s, now_s, noise_g, period_s)
+        short_s = now_s - SHORT_WINDOW_PERIODS * period_s
+        if (whole is not None and whole.plain) or from_s > short_s - 0.1 * period_s:
+            return whole
+        short = self._cold(short_s, now_s, noise_g, period_s)
+        if short is None or (whole is not None and short.claim.misfit > 0.7 * whole.claim.misfit):
+            return whole
+        self._from_s = short_s
+        return short
+
+    def _find(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> Finding | None:
+        """From the last answer; cold where there is none."""
+        if self._fit is None:
+            return self._cold(from_s, now_s, noise_g, period_s)
+        end_s = now_s + AHEAD_PERIODS * period_s
+        raster_s = 2 * np.pi / self._fit.motion.grid.rate_1_s
+        if abs(raster_s / period_s - 1) > LARGEST_RASTER_ERROR:
+            start = self._fit.motion.extended(max(from_s, self._fit.motion.grid.start_s), end_s)
+        else:
+            start = advanced(self._fit.response, from_s, end_s)
+        return find(self._bins(from_s), noise_g, start, self._beliefs, WARM_ITERATIONS, self._fit.instrument)
+
+    def _cold(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> Finding | None:
+        bins = self._bins(from_s)
+        if len(bins) < FEWEST_BINS:
+            return None
+        harmonics = find_harmonics(bins, noise_g, self._rig)
+        if harmonics.unexplained > LARGEST_UNEXPLAINED:
+            return None
+        starts = start_motions(harmonics, self._rig, from_s, now_s + AHEAD_PERIODS * period_s)
+        return find_from(bins, noise_g, starts, self._beliefs, COLD_ITERATIONS)
+
+    def _period_s(self) -> float:
+        return self._belief_s if self._fit is None else self._fit.motion.period_s
+
+    def _bins(self, from_s: float) -> Bins:
+        fine = self._window.fine
+        return merge(fine.select(fine.time_s >= from_s), self._period_s() / BINS_PER_PERIOD)
+
+    def _with_formulas(self, estimate: SwingEstimate, now_s: float) -> SwingEstimate:
+        """The four formulas over the last full swing."""
+        if estimate.period_s is None or estimate.length_m is None:
+            return estimate
+        found = self._window.extremes_since(now_s - estimate.period_s)
+        if found is None:
+            return estimate
+        gain = self._lowpass_gain or (lambda _frequency_hz: 1.0)
+        passage = Passage(gain_f0=gain(1 / estimate.period_s), gain_2f0=gain(2 / estimate.period_s))
+        rho = self._rig.rho_at(estimate.length_m)
+        return replace(estimate, formulas=published(found), corrected_formulas=corrected(found, rho, passage))

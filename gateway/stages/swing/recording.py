@@ -1,0 +1,114 @@
+"""The swing in a whole recording."""
+
+import numpy as np
+
+from gateway.stages.swing.assess import NO_MOTION, assess
+from gateway.stages.swing.beliefs import Beliefs, believed, doubted
+from gateway.stages.swing.bins import Bins, bin_samples, checked
+from gateway.stages.swing.estimate import SwingEstimate
+from gateway.stages.swing.explain import Finding, better, find, find_from
+from gateway.stages.swing.model import Real
+from gateway.stages.swing.noise import believed_noise_g
+from gateway.stages.swing.pieces import Cutter, assess_pieces
+from gateway.stages.swing.plausible import fault_of
+from gateway.stages.swing.rig import MountedHousing
+from gateway.stages.swing.start import Harmonics, find_harmonics, start_motions
+from gateway.stages.swing.stillness import FAINTEST_GAIN, faint, restless_estimate, still_estimate
+
+BINS_PER_PERIOD = 32
+FIRST_WINDOW_PERIODS = 3.0
+GROWTH = 2.2
+FEWEST_PERIODS = 0.8
+FEWEST_SAMPLES = 8
+RESTLESS = 0.5
+"""Unexplained by harmonics, rms over rms, from which on a small movement is not a swing."""
+FIRST_ITERATIONS = 25
+NO_EVENT_MISFIT = 0.01
+"""Unexplained part of the signal above which the recording is looked through for an event."""
+HOPELESS_MISFIT = 0.3
+"""Unexplained part of the signal at which longer windows are not tried."""
+MARGIN = 0.05
+"""Of a period, that a grid reaches beyond the last sample."""
+
+
+def estimate_swing(
+    time_s: Real, specific_force_g: Real, *, rig: MountedHousing, noise_g: float | Real | None = None
+) -> SwingEstimate:
+    """The swing in a recording.
+
+    `time_s`, shape (n,), never falling; `specific_force_g`, shape (n, 3), calibrated and unfiltered, housing frame, in units
+    of the site's gravity (hanging at rest: 0, 0, 1). Rows with NaN are left out. `noise_g`: 1 sigma per sample, scalar or
+    per axis. Raises ValueError for arrays of wrong shape or times that fall.
+    """
+    time_s, force_g = checked(time_s, specific_force_g)
+    if len(time_s) == 0:
+        return SwingEstimate(from_s=0.0, to_s=0.0, swinging=None, reasons=("no samples",))
+    from_s, to_s = float(time_s[0]), float(time_s[-1])
+    belief_s = _believed_period_s(rig)
+    fault = fault_of(force_g)
+    if to_s - from_s < FEWEST_PERIODS * belief_s or len(time_s) < FEWEST_SAMPLES:
+        fault = "shorter than one swing"
+    if fault is not None:
+        return SwingEstimate(from_s=from_s, to_s=to_s, swinging=None, reasons=(fault,))
+    noise = believed_noise_g(force_g, noise_g)
+    bins = bin_samples(time_s, force_g, belief_s / BINS_PER_PERIOD)
+    harmonics = find_harmonics(bins, noise, rig)
+    if harmonics.gain < FAINTEST_GAIN:
+        return still_estimate(bins, noise, rig, harmonics, from_s)
+    restless = restless_estimate(bins, noise, rig, from_s) if harmonics.unexplained > RESTLESS else None
+    return restless or _swinging_estimate(bins, noise, rig, harmonics, from_s, to_s)
+
+
+def _swinging_estimate(
+    bins: Bins, noise_g: Real, rig: MountedHousing, harmonics: Harmonics, from_s: float, to_s: float
+) -> SwingEstimate:
+    """Something moves: a pendulum with the rig as stated, else one with the rig doubted, else free stretches of one."""
+    finding = grow(bins, noise_g, believed(rig), from_s, to_s)
+    if finding is None or not finding.plain:
+        finding = better(finding, grow(bins, noise_g, doubted(rig), from_s, to_s))
+    if finding is not None and finding.sound and faint(finding):
+        return still_estimate(bins, noise_g, rig, harmonics, from_s)
+    if finding is not None and finding.sound and finding.claim.misfit < NO_EVENT_MISFIT:
+        return assess(finding, noise_g, from_s, to_s)
+    return _piecewise(finding, bins, noise_g, rig, from_s, to_s)
+
+
+def _piecewise(
+    whole: Finding | None, bins: Bins, noise_g: Real, rig: MountedHousing, from_s: float, to_s: float
+) -> SwingEstimate:
+    """Something happened, or the pendulum is a poor model: free stretches by themselves, where that is better."""
+    sound = whole is not None and whole.sound
+    period_s = whole.fit.motion.period_s if whole is not None and sound else _believed_period_s(rig)
+    pieces = Cutter(bins, noise_g, believed(rig), period_s, to_s).cut(from_s)
+    if pieces:
+        estimate = assess_pieces(pieces, noise_g, from_s, to_s, period_s)
+        if estimate.u_rad is not None or not sound:
+            return estimate
+    if whole is None:
+        return SwingEstimate(from_s=from_s, to_s=to_s, swinging=None, reasons=(NO_MOTION,))
+    return assess(whole, noise_g, from_s, to_s)
+
+
+def _believed_period_s(rig: MountedHousing) -> float:
+    return float(2 * np.pi * np.sqrt(rig.length_m / rig.gravity_m_s2))
+
+
+def grow(bins: Bins, noise_g: Real, beliefs: Beliefs, from_s: float, to_s: float) -> Finding | None:
+    """Fit the first periods from harmonics, then ever longer windows, each from the last."""
+    rig = beliefs.rig
+    belief_s = _believed_period_s(rig)
+    span_s = FIRST_WINDOW_PERIODS * belief_s
+    finding: Finding | None = None
+    while True:
+        window = bins.select(bins.time_s < from_s + span_s)
+        end_s = min(from_s + span_s, to_s) + MARGIN * belief_s
+        if finding is None:
+            starts = start_motions(find_harmonics(window, noise_g, rig), rig, from_s, end_s)
+            finding = find_from(window, noise_g, starts, beliefs, FIRST_ITERATIONS)
+        else:
+            start = finding.fit.motion.extended(from_s, end_s)
+            finding = find(window, noise_g, start, beliefs, FIRST_ITERATIONS)
+        hopeless = finding is None or finding.claim.misfit > HOPELESS_MISFIT
+        if hopeless or len(window) == len(bins):
+            return finding
+        span_s *= GROWTH

@@ -1,0 +1,52 @@
+"""What is believed of the rope and of the housing on it before the data are looked at."""
+
+from dataclasses import dataclass
+
+STANDARD_GRAVITY_M_S2 = 9.80665
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MountedHousing:
+    """A housing clamped to a rope. Standard uncertainties are 1 sigma; 0 means exactly known.
+
+    Its place is known from one end of the rope: `position_m` or `above_load_m`. Raises `ValueError` for both or neither, and
+    for a length, position or uncertainty that cannot be.
+    """
+
+    length_m: float
+    """Pivot to the load's centre: a belief; the measured period wins."""
+    position_m: float | None = None
+    """Pivot to the accelerometer, along the rope."""
+    above_load_m: float | None = None
+    """Accelerometer to the load's centre, which a clamped housing keeps while hoisting."""
+    length_u_rel: float = 0.2
+    position_u_m: float = 0.0
+    gravity_m_s2: float = STANDARD_GRAVITY_M_S2
+    zero_g_offset_u_g: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """What the calibration leaves unknown of the zero-g offset, per axis."""
+    scale_u: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """What the calibration leaves unknown of the scale factor, per axis, relative."""
+
+    def __post_init__(self) -> None:
+        if not (self.length_m > 0 and self.gravity_m_s2 > 0 and 0 < self.length_u_rel < 1):
+            raise ValueError("rope length and gravity must be positive, length_u_rel between 0 and 1")
+        if (self.position_m is None) == (self.above_load_m is None):
+            raise ValueError("give the housing's place once: position_m (from the pivot) or above_load_m")
+        if not ((self.position_m or 0.0) >= 0 and (self.above_load_m or 0.0) >= 0 and self.position_u_m >= 0):
+            raise ValueError("the housing's position and its uncertainty must not be negative")
+        if min(*self.zero_g_offset_u_g, *self.scale_u) < 0:
+            raise ValueError("uncertainties of offset and scale must not be negative")
+
+    def position_at(self, length_m: float) -> float:
+        """Pivot to accelerometer when the rope has this length, never above the pivot."""
+        if self.above_load_m is not None:
+            return max(length_m - self.above_load_m, 0.0)
+        return float(self.position_m or 0.0)
+
+    def rho_at(self, length_m: float) -> float:
+        """Position over length, at most 1."""
+        return min(self.position_at(length_m) / length_m, 1.0)
+
+    def length_of(self, rate_1_s: float) -> float:
+        """Length of a rope on which a small swing has this angular frequency."""
+        return self.gravity_m_s2 / rate_1_s**2

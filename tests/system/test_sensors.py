@@ -1,0 +1,150 @@
+"""Real sensors the whole way: a chip at the `i2c_rdwr` boundary, a radio on a pseudo-terminal."""
+
+import importlib.util
+import math
+import os
+import pty
+import struct
+import sys
+import threading
+import time
+import tty
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from devices.adxl355 import Adxl355
+from devices.simulated.crane import Crane
+from devices.simulated.pendulum import start_motion
+from gateway.calibration.correction import correction_for
+from gateway.configuration.loading import validate
+from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.pipeline import Pipeline
+
+CHIP = Path(__file__).parents[1] / "devices" / "adxl355_chip.py"
+LENGTH_M, POSITION_M, SWING_DEG = 6.0, 4.0, 5.0
+
+
+def chip_module():
+    spec = importlib.util.spec_from_file_location("adxl355_chip_of_system_tests", CHIP)
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module
+    spec.loader.exec_module(module)
+    return module
+
+
+def swinging_signal(seconds):
+    """Specific force of a free swing at any time of a run, by interpolation of a dense track."""
+    crane = Crane(
+        length_m=LENGTH_M,
+        position_m=POSITION_M,
+        gravity_m_s2=9.80665,
+        motion=start_motion(0.8 * math.radians(SWING_DEG), 0.6 * math.radians(SWING_DEG), 0.0, 0.0),
+    )
+    random = np.random.default_rng(5)
+    grid_s = np.arange(0, seconds, 0.005)
+    track_g = np.concatenate([crane.specific_force_m_s2(part) for part in np.array_split(grid_s, 100)]) / 9.80665
+
+    def signal(time_s):
+        index = min(int(time_s / 0.005), len(grid_s) - 2)
+        share = time_s / 0.005 - index
+        return tuple((1 - share) * track_g[index] + share * track_g[index + 1] + random.normal(0, 2e-4, 3))
+
+    return signal
+
+
+@pytest.mark.parametrize("rate_error", [0.0, 0.03])
+def test_adxl355_from_the_bus_to_the_swing(rate_error):
+    """A chip that runs 3 % fast still gives the right swing and period: times come from the host's clock."""
+    chips = chip_module()
+    clock = chips.FakeClock(0.0005)
+    chip = chips.Adxl355Chip(clock, swinging_signal(60.0), rate_error=rate_error)
+    device = Adxl355(1, 0x1D, clock=clock, odr_hz=125.0, block_samples=8, open_bus=lambda _: chip)
+    info = device.open()
+    table = {
+        "device": {"kind": "adxl355"},
+        "rope": {"length_m": 7.0},
+        "housing": {"position_m": POSITION_M},
+    }
+    configuration = validate(table, "test")
+    pipeline = Pipeline(configuration, info, correction_for(info, configuration.device.axes, None), HeaderMaker())
+    swings, conditions = [], []
+    while clock.elapsed_s < 30:
+        block = device.read()
+        for emission in pipeline.process(block, ClockState("synchronised", 0)) if block is not None else ():
+            if emission.topic == "swing":
+                swings.append(emission.message)
+            elif emission.topic == "condition":
+                conditions.append(emission.message)
+    assert swings[-1].phi_max_deg == pytest.approx(SWING_DEG, abs=0.15)
+    assert swings[-1].period_s == pytest.approx(2 * math.pi * math.sqrt(LENGTH_M / 9.80665), rel=0.005)
+    assert conditions[-1].verdict == "swinging"
+    assert conditions[-1].calibration == "uncalibrated"
+
+
+def frame(x_g, y_g, z_g):
+    words = [round(value * 2048) for value in (x_g, y_g, z_g)]
+    head = struct.pack("<BB4h", 0x55, 0x51, *words, 2500)
+    return head + bytes([sum(head) & 0xFF])
+
+
+class Radio:
+    """A receiver on a pseudo-terminal that a link names; it can be pulled out and put back."""
+
+    def __init__(self, link, lean_deg):
+        self.link = link
+        self.force_g = (math.sin(math.radians(lean_deg)), 0.0, math.cos(math.radians(lean_deg)))
+        self._stopping = threading.Event()
+
+    def plug_in(self):
+        self._master, slave = pty.openpty()
+        tty.setraw(slave)
+        self.link.unlink(missing_ok=True)
+        self.link.symlink_to(os.ttyname(slave))
+        self._slave = slave
+        self._stopping.clear()
+        self._sender = threading.Thread(target=self._send)
+        self._sender.start()
+
+    def _send(self):
+        os.write(self._master, b"\x55\x51garbage of a receiver that wakes up\x55")
+        due_s = time.monotonic()
+        while not self._stopping.is_set():
+            os.write(self._master, frame(*self.force_g))
+            due_s += 0.01
+            time.sleep(max(0.0, due_s - time.monotonic()))
+
+    def pull_out(self):
+        self._stopping.set()
+        self._sender.join()
+        self.link.unlink()
+        os.close(self._slave)
+        os.close(self._master)
+
+
+def test_witmotion_radio_that_goes_away_and_comes_back(start_gateway, join_bus, tmp_path):
+    radio = Radio(tmp_path / "radio", lean_deg=5.0)
+    radio.plug_in()
+    try:
+        gateway = start_gateway(
+            f'[device]\nkind = "witmotion"\nport = "{radio.link}"\nodr_hz = 100\n[housing]\nposition_m = 5\n'
+        )
+        peer = join_bus(gateway.endpoint)
+        tilt = peer.wait_for("tilt", lambda message: abs(message["axial_deg"] - 5.0) < 0.1)
+        assert tilt["temperature_c"] == pytest.approx(25.0)
+        radio.pull_out()
+        stale = peer.wait_for("condition", lambda message: "stale" in message["reasons"][0])
+        assert not stale["trusted"]
+        assert peer.wait_for("health", lambda message: message["state"] == "recovering")
+        tilts = len(peer.messages("tilt"))
+        radio.plug_in()
+        peer.wait_for("health", lambda message: message["faults"].get("device_reopened"))
+        deadline = time.monotonic() + 15
+        while len(peer.messages("tilt")) < tilts + 10 and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert peer.messages("tilt")[-1]["axial_deg"] == pytest.approx(5.0, abs=0.1)
+        assert gateway.process.poll() is None
+    finally:
+        radio.pull_out()
