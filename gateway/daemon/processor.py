@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from devices.block import DeviceInfo, SampleBlock
@@ -55,6 +56,7 @@ class Processor(Worker[SamplerItem]):
         self._recording = recording
         self._publisher = publisher
         self._headers = HeaderMaker()
+        self._fitting = ThreadPoolExecutor(1, thread_name_prefix="swing")
         self._next_second_ns = 0
         self._clock_steps = 0
         self.counts = Counts()
@@ -65,7 +67,7 @@ class Processor(Worker[SamplerItem]):
     def _open(self, info: DeviceInfo) -> None:
         self.info = info
         self.correction = self._correct(info)
-        self._pipeline = Pipeline(self._configuration, info, self.correction, self._headers)
+        self._pipeline = Pipeline(self._configuration, info, self.correction, self._headers, self._fitting)
         self._recording.inbox.put(info)
 
     def handle(self, item: SamplerItem) -> None:
@@ -87,6 +89,7 @@ class Processor(Worker[SamplerItem]):
 
     def leave(self) -> None:
         """Say a last word on health."""
+        self._fitting.shutdown(wait=True, cancel_futures=True)
         self._hand_on(self._seconds_messages(self._watch.clock.now_ns()))
 
     def write_log(self, message: Log, now_ns: int) -> None:

@@ -1,8 +1,8 @@
 """The pipeline: one sample block in, the messages that follow from it out.
 
-calibration -> low-pass -> static tilt -> swing -> condition -> alerts. The swing fit costs most: it is made after everything
-that a block yields, while the next one fills, and its answer goes out with that one. So no alert waits for a fit, and the same
-blocks give the same messages. No clock is read: live and replay are the same.
+calibration -> low-pass -> static tilt -> swing -> condition -> alerts. The swing fit costs most: a runner makes it beside the
+pipeline, and its answer counts from a sample time that does not depend on how long it took. So no alert waits for a fit, and
+the same blocks give the same messages. No clock is read: live and replay are the same.
 """
 
 from collections.abc import Iterator
@@ -21,6 +21,7 @@ from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.emission import Emission
 from gateway.pipeline.header import Header, HeaderMaker
 from gateway.pipeline.pace import Pace
+from gateway.pipeline.runner import AtOnce, Runner
 from gateway.pipeline.swing_reading import SwingReading
 from gateway.stages.conditions import ConditionFound, ConditionWatch
 from gateway.stages.lowpass import LowPass
@@ -37,14 +38,20 @@ class Pipeline:
     """The stages of one device under one calibration."""
 
     def __init__(
-        self, configuration: Configuration, info: DeviceInfo, correction: Correction, headers: HeaderMaker
+        self,
+        configuration: Configuration,
+        info: DeviceInfo,
+        correction: Correction,
+        headers: HeaderMaker,
+        runner: Runner | None = None,
     ) -> None:
+        """`runner` makes the swing fits; without one they are made at once."""
         self._info = info
         self._correction = correction
         self._headers = headers
         self._stale_ns = round(configuration.alerts.stale_s * 1e9)
         self._lowpass = LowPass(configuration.filter.cutoff_hz, configuration.filter.order, info.odr_hz)
-        self._swing = SwingReading(configuration, info, correction, self._lowpass)
+        self._swing = SwingReading(configuration, info, correction, self._lowpass, runner or AtOnce())
         self._watch = ConditionWatch(info.noise_g, correction.permissible_norm_error_g)
         self._board = AlertBoard(configuration.alerts)
         self._condition = NOT_JUDGED
@@ -65,12 +72,11 @@ class Pipeline:
         self._watch.update(time_s, force_g, self._clipped(block), block.lost + block.invalid)
         if self._tilt_pace.due(newest_ns):
             yield self._tilt(block.temperature_c, newest_ns, clock)
-        if self._swing.release():
+        if self._swing.take(time_s, force_g, lowpassed_g):
             message = self._swing.message(self._header("swing", newest_ns, clock))
             yield Emission("swing", newest_ns, message)
         yield from self._judge_condition(newest_ns, clock)
         yield from self._judge_alerts(newest_ns, clock)
-        self._swing.take(time_s, force_g, lowpassed_g)
 
     def idle(self, now_ns: int, clock: ClockState) -> Iterator[Emission]:
         """No block has come for a while; `now_ns` is gateway time. Says so once the reading is stale."""

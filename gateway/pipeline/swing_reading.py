@@ -1,5 +1,6 @@
 """The swing stage inside the pipeline: how it is set up, how long its word holds, how it becomes a message."""
 
+from collections import deque
 from dataclasses import asdict
 
 import numpy as np
@@ -11,12 +12,15 @@ from gateway.configuration.model import Configuration
 from gateway.messages import Formulas, Swing
 from gateway.pipeline.header import Header
 from gateway.pipeline.mounting import mounted_housing
+from gateway.pipeline.runner import Answer, Runner
 from gateway.stages.conditions import SwingSeen
 from gateway.stages.lowpass import LowPass
 from gateway.stages.swing.estimate import SwingEstimate
 from gateway.stages.swing.live import SwingTracker
 from gateway.units import degrees
 
+AFTER_S = 0.25
+"""An estimate counts this long after the samples that it was made of: time for the fit, the same live and replayed."""
 HOLDS_S = 2.0
 """An estimate holds for this long, or for one period."""
 K95 = 1.96
@@ -26,27 +30,29 @@ class SwingReading:
     """Feeds the tracker and keeps its last word."""
 
     def __init__(
-        self, configuration: Configuration, info: DeviceInfo, correction: Correction, lowpass: LowPass
+        self, configuration: Configuration, info: DeviceInfo, correction: Correction, lowpass: LowPass, runner: Runner
     ) -> None:
         rig = mounted_housing(configuration, correction)
         self._rig = rig
         self._tracker = None if rig is None else SwingTracker(rig, noise_g=info.noise_g, lowpass_gain=lowpass.gain)
         self._estimate: SwingEstimate | None = None
-        self._found: SwingEstimate | None = None
+        self._runner = runner
+        self._answers: deque[tuple[float, Answer[SwingEstimate | None]]] = deque()
         self._now_s = 0.0
 
-    def release(self) -> bool:
-        """Let the answer that was found since the last block count from now on; whether there is a new one."""
-        if self._found is None:
-            return False
-        self._estimate, self._found = self._found, None
-        return True
-
-    def take(self, time_s: NDArray[np.float64], force_g: NDArray[np.float64], lowpassed_g: NDArray[np.float64]) -> None:
-        """Take a block, and fit where that is due."""
+    def take(self, time_s: NDArray[np.float64], force_g: NDArray[np.float64], lowpassed_g: NDArray[np.float64]) -> bool:
+        """Take a block; whether an estimate counts from now on, made of what had come `AFTER_S` ago."""
         self._now_s = float(time_s[-1])
-        if self._tracker is not None:
-            self._found = self._tracker.update(time_s, force_g, lowpassed_g) or self._found
+        if self._tracker is None:
+            return False
+        self._answers.append((self._now_s, self._runner.submit(self._tracker.update, time_s, force_g, lowpassed_g)))
+        found = None
+        while self._answers and self._answers[0][0] <= self._now_s - AFTER_S:
+            found = self._answers.popleft()[1].result() or found
+        if found is None:
+            return False
+        self._estimate = found
+        return True
 
     @property
     def _current(self) -> SwingEstimate | None:
@@ -108,10 +114,16 @@ class SwingReading:
             period_s=estimate.period_s,
             predicted_phi_max_deg=None if prediction is None else degrees(prediction.phi_max_rad),
             predicted_u_deg=None if prediction is None else degrees(prediction.u_rad),
-            time_to_peak_s=None if prediction is None else prediction.time_to_peak_s,
+            time_to_peak_s=self._time_to_peak_s(estimate),
             formulas_deg=formulas_message(estimate),
             reasons=list(estimate.reasons),
         )
+
+    def _time_to_peak_s(self, estimate: SwingEstimate) -> float | None:
+        """From the newest sample on; 0 where the peak has passed while the fit was made."""
+        if estimate.prediction is None:
+            return None
+        return max(0.0, estimate.to_s + estimate.prediction.time_to_peak_s - self._now_s)
 
 
 def formulas_message(estimate: SwingEstimate) -> Formulas:

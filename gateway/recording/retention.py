@@ -65,7 +65,7 @@ def marker_of(path: Path) -> Path:
 
 
 class Retention:
-    """Deletes the oldest closed segments beyond the quota, those with events last; touches no other file and never the open one."""
+    """Deletes closed segments beyond the quota, the oldest first and those with events last; touches no other file."""
 
     def __init__(self, names: SegmentNames, data_dir: Path, quota_mb: float) -> None:
         self._names = names
