@@ -81,7 +81,7 @@ def _from_record(
         u_zero_g_offset_g=source @ record.u_zero_g_offset_g,
         u_scale_factor=source @ record.u_scale_factor,
         permissible_norm_error_g=record.prediction_interval_g,
-        text=f"{status}: {record.method} of {record.created_utc} by {record.by}",
+        text=f"{status}: record {record.id}, {record.method}, {record.created_utc[:10]}",
         record=record.model_dump(mode="json"),
     )
 
