@@ -18,7 +18,7 @@ def open_replay(device: ReplayDevice, block_samples: int, clock: Clock) -> Repla
         run = read_samples(device.path)
         info = replace(run.device, kind="replay", can_wait=True)
         if run.calibrations and run.calibrations[0].message.record:
-            info = replace(info, factory_calibration=run.calibrations[0].message.record)
+            info = replace(info, factory_calibration=run.calibrations[0].message.record)  # as it was recorded
         return Replay(run.recording(), info, clock=clock, speed=device.speed, block_samples=block_samples)
     layout = table_layout(device)
     recording = read_table(device.path, layout)

@@ -10,7 +10,7 @@ from gateway.measurement.source import Source
 from gateway.stages.conditions import ConditionWatch, SwingSeen
 from gateway.stages.lowpass import LowPass
 from gateway.stages.swing.estimate import FormulaAngles, SwingEstimate
-from gateway.stages.swing.formulas import extremes, published
+from gateway.stages.swing.formulas import Extremes, Passage, corrected, extremes, published
 from gateway.stages.swing.recording import estimate_swing
 from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt
 
@@ -35,6 +35,9 @@ class Measurement:
     """What a recording says; angles in radians."""
 
     formulas: FormulaAngles
+    """As published."""
+    corrected: FormulaAngles
+    """For the housing's place on the rope and the low-pass; none where the place or the period is not known."""
     swing: SwingEstimate
     tilt: TiltAngles
     axial_rad: float
@@ -44,17 +47,26 @@ class Measurement:
 def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2) -> Measurement:
     """Measure a recording; where the place of the housing is not known there is no swing estimate."""
     recording, force_g = source.recording, source.force_g
-    lowpassed_g = LowPass(min(cutoff_hz, 0.4 * recording.rate_hz), order, recording.rate_hz).apply(force_g)
+    lowpass = LowPass(min(cutoff_hz, 0.4 * recording.rate_hz), order, recording.rate_hz)
+    lowpassed_g = lowpass.apply(force_g)
     found = extremes(lowpassed_g)
     swing = _swing(source)
     mean_g = lowpassed_g.mean(axis=0)
     return Measurement(
         formulas=NO_FORMULAS if found is None else published(found),
+        corrected=_corrected(source, found, swing, lowpass),
         swing=swing,
         tilt=fused_tilt(mean_g),
         axial_rad=float(axial_tilt(mean_g)),
         conditions=_conditions(source, swing),
     )
+
+
+def _corrected(source: Source, found: Extremes | None, swing: SwingEstimate, lowpass: LowPass) -> FormulaAngles:
+    if found is None or source.housing is None or swing.length_m is None or swing.period_s is None:
+        return NO_FORMULAS
+    passage = Passage(gain_f0=lowpass.gain(1 / swing.period_s), gain_2f0=lowpass.gain(2 / swing.period_s))
+    return corrected(found, source.housing.rho_at(swing.length_m), passage)
 
 
 def _swing(source: Source) -> SwingEstimate:

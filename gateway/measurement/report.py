@@ -7,6 +7,7 @@ from devices.recording import Recording
 from gateway.measurement.measure import Measurement
 from gateway.measurement.source import Source
 from gateway.stages.swing.estimate import SwingEstimate
+from gateway.stages.swing.formulas import VALID_RHO
 from gateway.units import degrees
 
 
@@ -16,6 +17,8 @@ def as_json(source: Source, found: Measurement) -> dict[str, Any]:
         "samples": _samples(source.recording),
         "calibration": source.calibration,
         "formulas_deg": {name: degrees(angle_rad) for name, angle_rad in asdict(found.formulas).items()},
+        "formulas_corrected_deg": {name: degrees(angle_rad) for name, angle_rad in asdict(found.corrected).items()},
+        "formulas_valid_rho": {name: list(valid) for name, valid in VALID_RHO.items()},
         "swing": _swing(found.swing) if found.swing.swinging else None,
         "swing_upper_bound_deg": _upper_bound_deg(found.swing),
         "swing_reasons": list(found.swing.reasons),

@@ -71,8 +71,10 @@ def _from_run(path: Path) -> Source:
     run = read_samples(path)
     configuration = _configuration(run)
     recording = run.recording()
-    record = run.calibrations[0].message.record if run.calibrations else {}
-    stored = parse(record, run.device.device_id, str(path)) if record else None
+    first = run.calibrations[0].message if run.calibrations else None
+    stored = None  # a factory record comes with the device
+    if first is not None and first.status == "calibrated":
+        stored = parse(first.record, run.device.device_id, str(path))
     axes = AXES_AS_THEY_ARE if configuration is None else configuration.device.axes
     correction = correction_for(run.device, axes, stored)
     return Source(

@@ -1,0 +1,84 @@
+"""`plumbline measure` as a command: the published JSON, from a CSV and from the gateway's own recording."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from devices.simulated.crane import Crane
+from devices.simulated.pendulum import start_motion
+
+LENGTH_M, POSITION_M, RATE_HZ, NOISE_G = 9.0, 4.5, 50.0, 0.0004
+RIG = f"""
+[rope]
+length_m = {1.15 * LENGTH_M}
+[housing]
+position_m = {POSITION_M}
+[sensor]
+sample_rate_hz = {RATE_HZ}
+noise_g = {NOISE_G}
+full_scale_g = 2.0
+[site]
+gravity_m_s2 = 9.80665
+"""
+
+
+def write_recording(path, angle_deg, seconds=40.0):
+    crane = Crane(
+        length_m=LENGTH_M,
+        position_m=POSITION_M,
+        gravity_m_s2=9.80665,
+        motion=start_motion(math.radians(angle_deg), 0.0, 0.0, 0.0),
+    )
+    time_s = np.arange(0, seconds, 1 / RATE_HZ)
+    force_g = np.concatenate([crane.specific_force_m_s2(part) for part in np.array_split(time_s, 20)]) / 9.80665
+    force_g += np.random.default_rng(3).normal(0, NOISE_G, force_g.shape)
+    rows = np.column_stack([time_s, force_g])
+    np.savetxt(path, rows, delimiter=",", header="time_s,ax_g,ay_g,az_g", comments="", fmt="%.7f")
+
+
+@pytest.mark.parametrize("angle_deg", [2.0, 10.0])
+def test_mid_rope_swing_is_right_where_the_formulas_are_not(plumbline, tmp_path, angle_deg):
+    write_recording(tmp_path / "log.csv", angle_deg)
+    (tmp_path / "rig.toml").write_text(RIG)
+    done = plumbline("measure", tmp_path / "log.csv", "--rig", tmp_path / "rig.toml", "--json", tmp_path / "out.json")
+    assert (done.returncode, done.stderr) == (0, "")
+    found = json.loads((tmp_path / "out.json").read_text())
+    low, high = found["swing"]["coverage95_deg"]
+    assert low < angle_deg < high
+    assert found["swing"]["phi_max_deg"] == pytest.approx(angle_deg, abs=0.02)
+    assert found["swing"]["period_s"] == pytest.approx(2 * math.pi * math.sqrt(LENGTH_M / 9.80665), rel=2e-3)
+    assert found["formulas_deg"]["arcsin_max_axy"] == pytest.approx(angle_deg / 2, rel=0.1)
+    assert found["formulas_corrected_deg"]["arcsin_max_axy"] == pytest.approx(angle_deg, rel=0.05)
+    assert found["conditions"]["verdict"] == "swinging"
+    assert found["samples"]["count"] == 2000
+    assert len(found["swings"]) >= 5
+    assert set(found["tilt"]) == {"pitch_deg", "roll_deg", "axial_deg"}
+
+
+def test_rest_is_no_swing_with_an_upper_bound(plumbline, tmp_path):
+    write_recording(tmp_path / "log.csv", 0.0)
+    (tmp_path / "rig.toml").write_text(RIG)
+    plumbline("measure", tmp_path / "log.csv", "--rig", tmp_path / "rig.toml", "--json", tmp_path / "out.json")
+    found = json.loads((tmp_path / "out.json").read_text())
+    assert found["swing"] is None
+    assert 0 < found["swing_upper_bound_deg"] < 0.3
+    assert found["conditions"]["verdict"] == "static"
+
+
+def test_without_a_rig_the_swing_is_unknown_and_says_why(plumbline, tmp_path):
+    write_recording(tmp_path / "log.csv", 5.0)
+    done = plumbline("measure", tmp_path / "log.csv")
+    assert done.returncode == 0
+    assert "unknown (where the housing is on the rope is not known: give --rig)" in done.stdout
+
+
+def test_the_gateways_recording_needs_no_rig(start_gateway, plumbline, tmp_path):
+    gateway = start_gateway(arguments=("--duration", "9"))
+    assert gateway.wait()[0] == 0
+    done = plumbline("measure", *gateway.recordings, "--json", tmp_path / "out.json")
+    assert done.returncode == 0
+    found = json.loads((tmp_path / "out.json").read_text())
+    assert found["swing"]["phi_max_deg"] == pytest.approx(1.5, abs=0.1)
+    assert found["calibration"].startswith("factory")
