@@ -33,7 +33,7 @@ WARM_ITERATIONS, COLD_ITERATIONS = 4, 8
 PATIENCE = 6
 """Failures in a row after which tries become rarer."""
 FEWEST_BINS = 12
-LARGEST_UNEXPLAINED = 0.2
+LARGEST_UNEXPLAINED = 0.12
 """By harmonics: a load that is driven is not fitted."""
 LARGEST_RASTER_ERROR = 0.05
 """Of the integration step against the period, before the raster is made anew."""
