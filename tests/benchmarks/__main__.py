@@ -2,9 +2,9 @@
 
 import sys
 
-from tests.benchmarks import chain, daemon, delay
+from tests.benchmarks import chain, conditions, daemon, delay
 
-ALL = {"chain": chain.main, "daemon": daemon.main, "delay": delay.main}
+ALL = {"chain": chain.main, "conditions": conditions.main, "daemon": daemon.main, "delay": delay.main}
 
 wanted = sys.argv[1:] or list(ALL)
 unknown = [name for name in wanted if name not in ALL]
