@@ -10,6 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, WithJsonSchema
 
 Verdict = Literal["static", "quasi_static", "swinging", "disturbed", "unknown"]
+Cause = Literal["hoisting", "trolley", "impact", "clipped", "vibration"]
 Level = Literal["normal", "warn", "trip", "unknown"]
 ClockQuality = Literal["synchronised", "free_running", "replayed"]
 CalibrationStatus = Literal["calibrated", "factory", "as_recorded", "uncalibrated"]
@@ -118,6 +119,9 @@ class Condition(Message):
     """Whether the reading can be trusted."""
 
     verdict: Verdict
+    cause: Annotated[
+        Cause | None, Field(description="what disturbs, or shakes a steady mean; null: nothing, or not known")
+    ]
     trusted: bool
     reasons: list[str]
     gates: Annotated[dict[str, bool], Field(description="each named gate, true where it is met")]

@@ -1,13 +1,13 @@
 """The four formulas, the swing estimate, tilt and conditions of a recording."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.measurement.source import Source
-from gateway.stages.conditions import ConditionWatch, SwingSeen
+from gateway.stages.conditions import ConditionFound, ConditionWatch, SwingSeen
 from gateway.stages.lowpass import LowPass
 from gateway.stages.swing.estimate import FormulaAngles, SwingEstimate
 from gateway.stages.swing.formulas import Extremes, Passage, corrected, extremes, published
@@ -25,6 +25,8 @@ class Conditions:
     """The verdicts of a recording's windows."""
 
     verdict: str
+    cause: str | None
+    """What disturbs, most often, in the windows of that verdict."""
     reasons: tuple[str, ...]
     windows: dict[str, int]
     """How many windows had each verdict."""
@@ -83,9 +85,15 @@ def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
     noise_g = None if source.noise_g is None else float(np.max(source.noise_g))
     rho = None if housing is None or swing.length_m is None else housing.rho_at(swing.length_m)
     watch = ConditionWatch(noise_g, source.permissible_norm_error_g)
-    seen = SwingSeen(swing.swinging, swing.phi_max_rad, consistent=swing.coverage95_rad is not None, rho=rho)
-    windows: Counter[str] = Counter()
-    reasons: dict[str, tuple[str, ...]] = {}
+    seen = SwingSeen(
+        swing.swinging,
+        swing.phi_max_rad,
+        consistent=swing.coverage95_rad is not None,
+        rho=rho,
+        period_s=swing.period_s,
+        lean_g=swing.lean_g,
+    )
+    windows: dict[str, list[ConditionFound]] = defaultdict(list)
     n = max(1, round(BLOCK_S * recording.rate_hz))
     for index, begin in enumerate(range(0, len(recording), n)):
         block = slice(begin, begin + n)
@@ -97,12 +105,13 @@ def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
         )
         if index % JUDGE_EVERY == JUDGE_EVERY - 1:
             found = watch.judge(seen)
-            windows[found.verdict] += 1
-            reasons.setdefault(found.verdict, found.reasons)
+            windows[found.verdict].append(found)
     if not windows:
-        return Conditions("unknown", ("less than a second of data",), {})
-    verdict = windows.most_common(1)[0][0]
-    return Conditions(verdict, reasons[verdict], dict(windows))
+        return Conditions("unknown", None, ("less than a second of data",), {})
+    verdict = max(windows, key=lambda verdict: len(windows[verdict]))
+    cause = Counter(found.cause for found in windows[verdict]).most_common(1)[0][0]
+    first = next(found for found in windows[verdict] if found.cause == cause)
+    return Conditions(verdict, cause, first.reasons, {name: len(found) for name, found in windows.items()})
 
 
 def clipped_count(force_g: NDArray[np.float64], full_scale_g: float | None) -> int:

@@ -33,6 +33,7 @@ def as_json(source: Source, found: Measurement) -> dict[str, Any]:
         },
         "conditions": {
             "verdict": found.conditions.verdict,
+            "cause": found.conditions.cause,
             "reasons": list(found.conditions.reasons),
             "windows": found.conditions.windows,
         },

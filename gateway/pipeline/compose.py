@@ -42,6 +42,7 @@ def condition_message(header: Header, found: ConditionFound, correction: Correct
     return Condition(
         **header,
         verdict=found.verdict,
+        cause=found.cause,
         trusted=found.trusted,
         reasons=list(found.reasons),
         gates=found.gates,

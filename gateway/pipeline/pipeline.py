@@ -31,7 +31,7 @@ CLIPPED_SHARE = 0.998
 """A reading beyond this share of full scale is clipped."""
 LONGEST_BRIDGE_S = 0.05
 """A gap longer than this restarts the low-pass: bridging it would invent data."""
-NOT_JUDGED = ConditionFound("unknown", False, ("no reading yet",), {}, None)
+NOT_JUDGED = ConditionFound("unknown", None, False, ("no reading yet",), {}, None)
 
 
 class Pipeline:
@@ -85,7 +85,7 @@ class Pipeline:
             return
         why = "no sample yet" if self._newest_ns is None else "stale: no samples are coming"
         first = self._condition.reasons != (why,)
-        self._condition = ConditionFound("unknown", False, (why,), {"fresh": False}, None)
+        self._condition = ConditionFound("unknown", None, False, (why,), {"fresh": False}, None)
         if self._condition_pace.due(now_ns) or first:
             yield Emission("condition", now_ns, self._condition_now(now_ns, clock))
         yield from self._hold({"swing": None, "lean": None}, why, now_ns, clock)

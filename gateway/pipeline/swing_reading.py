@@ -71,7 +71,14 @@ class SwingReading:
         coverage = estimate.coverage95_rad
         rho = None if self._rig is None or estimate.length_m is None else self._rig.rho_at(estimate.length_m)
         widest_rad = estimate.phi_max_rad if coverage is None else coverage[1]
-        return SwingSeen(estimate.swinging, widest_rad, consistent=coverage is not None, rho=rho)
+        return SwingSeen(
+            estimate.swinging,
+            widest_rad,
+            consistent=coverage is not None,
+            rho=rho,
+            period_s=estimate.period_s,
+            lean_g=estimate.lean_g,
+        )
 
     @property
     def why_unknown(self) -> tuple[str, ...]:

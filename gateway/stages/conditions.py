@@ -4,30 +4,46 @@ The norm gate (001 eq. 15) is necessary and not sufficient: constant acceleratio
 no accelerometer alone can see them. The gates on stillness, impact and pendulum consistency narrow what it lets through.
 """
 
-from collections import deque
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.messages import Verdict
+from gateway.messages import Cause, Verdict
+from gateway.stages.condition_window import Bin, ConditionWindow
 
 Array = NDArray[np.float64]
-WINDOW_S = 2.0
-BIN_S = 0.1
 FEWEST_BINS = 10
-STILL_SIGMA = 5.0
-"""A still housing keeps its bin means within this many standard deviations of each other, beyond the floor."""
-STILL_FLOOR_G = 0.0015
-"""Peak-to-peak of the bin means that still counts as still: 0.05 degrees of lean either way."""
+STEADY_BINS = 40
+"""While nobody knows whether it swings: a load near its turning point looks still for less long than this."""
+STILL_SIGMA = 3.0
+"""A still housing keeps its smoothed bin means within this many standard deviations of a bin, beyond the floor."""
+BARE_STILL_SIGMA = 6.5
+"""The same of means that are not smoothed."""
+STILL_FLOOR_G = 0.0005
+"""Peak-to-peak that still counts as still: 0.015 degrees of lean either way."""
+LEAKAGE = 0.06
+"""Share of vibration that smoothing lets through."""
+SMOOTHED_BINS, ROUGH_SMOOTHED_BINS = 5, 10
 ROUGH_FACTOR = 4.0
 """Scatter within a bin of more than this many times the noise is vibration."""
 ROUGH_FLOOR_G = 0.004
-IMPACT_G = 0.25
-"""A single sample this far from its bin's mean is an impact."""
+ROUGHEST_G = 0.1
+"""Vibration beyond which the mean is not believed."""
+IMPACT_G = 0.05
+"""A single sample this far from its bin's mean is an impact,"""
+CREST = 8.0
+"""unless vibration scatters as much: this many times what is usual in the window."""
 LOST_SHARE = 0.1
 WIDEST_RAD = np.radians(30.0)
 """While the swing is not known yet, a hanging load is given as much as this."""
+ENERGY_FLOOR_G, ENERGY_SHARE, ENERGY_SIGMA = 0.001, 0.1, 5.0
+"""By how much the amplitude, from place and rate at each instant, may change within the window of a free swing."""
+AXIAL_FLOOR_G, AXIAL_SHARE = 0.0015, 0.3
+"""By how much the force along the rope may depart from what the place in the swing asks for."""
+LARGEST_SEEN_RHO = 0.9
+"""Nearer to the load the transverse force says too little of the place in the swing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +56,9 @@ class SwingSeen:
     """A pendulum explains the motion."""
     rho: float | None = None
     """Where on the rope the housing hangs, by the period; None: as far down as it can be."""
+    period_s: float | None = None
+    lean_g: tuple[float, float] = (0.0, 0.0)
+    """Transverse force about which the swing goes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,121 +66,184 @@ class ConditionFound:
     """The verdict with its gates."""
 
     verdict: Verdict
+    cause: Cause | None
     trusted: bool
     reasons: tuple[str, ...]
     gates: dict[str, bool]
     norm_g: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class _Bin:
-    mean: Array
-    scatter_g: float
-    peak_g: float
-    count: int
-    clipped: int
-    missing: int
-
-
 class ConditionWatch:
-    """Keeps the last seconds as bins, and judges them."""
+    """Keeps the last seconds and judges them."""
 
     def __init__(self, noise_g: float | None, permissible_norm_error_g: float) -> None:
         self._noise_g = noise_g
         self._dm_g = permissible_norm_error_g
-        self._bins: deque[_Bin] = deque(maxlen=round(WINDOW_S / BIN_S))
-        self._open: list[Array] = []
-        self._open_since_s: float | None = None
-        self._last_s: float | None = None
-        self._clipped = 0
-        self._missing = 0
+        self._window = ConditionWindow()
 
     def update(self, time_s: Array, force_g: Array, clipped: int, missing: int) -> None:
         """Take a block: times (n,), specific force (n, 3), how many samples were clipped or are missing."""
-        self._clipped += clipped
-        self._missing += missing
-        if self._last_s is not None and time_s[0] - self._last_s > WINDOW_S:
-            self._bins.clear()  # what was before a gap longer than the window says nothing about now
-            self._open, self._open_since_s = [], None
-        self._last_s = float(time_s[-1])
-        if self._open_since_s is None:
-            self._open_since_s = float(time_s[0])
-        self._open.append(force_g)
-        if time_s[-1] - self._open_since_s >= BIN_S:
-            self._close_bin()
-
-    def _close_bin(self) -> None:
-        force_g = np.concatenate(self._open)
-        mean = force_g.mean(axis=0)
-        away = np.abs(force_g - mean)
-        scatter_g = float(np.sqrt((away**2).mean()))
-        self._bins.append(_Bin(mean, scatter_g, float(away.max()), len(force_g), self._clipped, self._missing))
-        self._open, self._open_since_s, self._clipped, self._missing = [], None, 0, 0
+        self._window.update(time_s, force_g, clipped, missing)
 
     def judge(self, swing: SwingSeen) -> ConditionFound:
         """The verdict on the window."""
-        if len(self._bins) < FEWEST_BINS:
-            return ConditionFound("unknown", False, ("less than a second of data",), {"enough_data": False}, None)
-        gates = self._gates(swing)
-        norm_g = float(np.linalg.norm(np.mean([b.mean for b in self._bins], axis=0)))
-        verdict, reasons = _verdict(gates, swing)
+        bins = self._window.bins
+        if len(bins) < FEWEST_BINS:
+            return ConditionFound("unknown", None, False, ("less than a second of data",), {"enough_data": False}, None)
+        means = np.array([b.mean_g for b in bins])
+        gates = {"enough_data": True} | self._sample_gates(bins, means) | self._motion_gates(bins, means, swing)
+        verdict, cause, reasons = _verdict(gates, swing, means)
         trusted = verdict in ("static", "quasi_static", "swinging")
-        return ConditionFound(verdict, trusted, tuple(reasons), gates, norm_g)
+        return ConditionFound(verdict, cause, trusted, reasons, gates, float(np.linalg.norm(means.mean(axis=0))))
 
-    def _gates(self, swing: SwingSeen) -> dict[str, bool]:
-        means = np.array([b.mean for b in self._bins])
-        norms = np.linalg.norm(means, axis=1)
-        scatter_g = float(np.median([b.scatter_g for b in self._bins]))
-        noise_g = self._noise_g if self._noise_g is not None else min(b.scatter_g for b in self._bins)
-        per_bin = float(np.mean([b.count for b in self._bins]))
-        spread_g = float(np.ptp(means, axis=0).max())
+    def _sample_gates(self, bins: list[Bin], means: Array) -> dict[str, bool]:
+        """On the samples within the bins."""
+        return {
+            "complete": sum(b.missing for b in bins) <= LOST_SHARE * sum(b.count for b in bins),
+            "not_clipped": not any(b.clipped for b in bins),
+            "no_impact": max(b.peak_g for b in bins) < self._impact_g(bins),
+            "axes_alive": bool(np.all(np.abs(means).max(axis=0) > 0)),
+            "quiet": not self._rough(bins),
+            "not_shaken": _scatter_g(bins) < ROUGHEST_G,
+        }
+
+    def _motion_gates(self, bins: list[Bin], means: Array, swing: SwingSeen) -> dict[str, bool]:
+        """On what the bins' means do."""
+        norms = np.linalg.norm(self._smoothed(bins), axis=1)
+        memory = self._window.memory
+        impact_g = self._impact_g(bins)
+        calm = [b for b in memory if not b.clipped and b.peak_g < impact_g]
+        enough = swing.swinging is False or len(memory) >= STEADY_BINS
         widest_rad = WIDEST_RAD if swing.phi_max_rad is None else swing.phi_max_rad
         span = 1 - np.cos(widest_rad)
         rho = 1.0 if swing.rho is None else swing.rho
-        received = sum(b.count for b in self._bins)
+        free = bool(swing.swinging) and swing.consistent
         return {
-            "enough_data": True,
-            "complete": sum(b.missing for b in self._bins) <= LOST_SHARE * received,
-            "not_clipped": not any(b.clipped for b in self._bins),
-            "no_impact": max(b.peak_g for b in self._bins) < IMPACT_G + 6 * noise_g,
-            "axes_alive": bool(np.all(np.abs(means).max(axis=0) > 0)),
-            "still": spread_g < STILL_FLOOR_G + STILL_SIGMA * scatter_g / np.sqrt(per_bin),
-            "quiet": scatter_g < max(ROUGH_FACTOR * noise_g, ROUGH_FLOOR_G),
+            "still": self._still(bins),
+            "steady": enough and len(calm) >= FEWEST_BINS and self._still(calm),
             "norm_static": bool(np.all(np.abs(norms - 1) < self._dm_g)),
             "norm_pendulum": bool(
                 np.all(norms > 1 - span - self._dm_g) and np.all(norms < 1 + 2 * rho * span + self._dm_g)
             ),
-            "pendulum": swing.consistent and bool(swing.swinging),
+            "energy": not free or _keeps_energy(bins, means, swing),
+            "axial": not free or _hangs_freely(means, swing),
+            "pendulum": free,
         }
+
+    def _impact_g(self, bins: list[Bin]) -> float:
+        return max(IMPACT_G, CREST * _scatter_g(bins)) + 6 * self._believed_noise_g(bins)
+
+    def _rough(self, bins: list[Bin]) -> bool:
+        """Something shakes in a bin at least."""
+        return max(b.scatter_g for b in bins) >= max(ROUGH_FACTOR * self._believed_noise_g(bins), ROUGH_FLOOR_G)
+
+    def _smoothed(self, bins: list[Bin]) -> Array:
+        """Means with vibration averaged out, shape (m, 3)."""
+        width = ROUGH_SMOOTHED_BINS if self._rough(bins) else SMOOTHED_BINS
+        return _smoothed(np.array([b.mean_g for b in bins]), width)
+
+    def _still(self, bins: list[Bin]) -> bool:
+        """Smoothed means stay where they are, and where nothing shakes the means themselves, the newest too."""
+        per_bin = sum(b.count for b in bins) / len(bins)
+        u_mean_g = min(_scatter_g(bins), ROUGH_FLOOR_G) / np.sqrt(per_bin)
+        rough = self._rough(bins)
+        leaking_g = LEAKAGE * max(b.scatter_g for b in bins) if rough else 0.0
+        spread_g = np.ptp(self._smoothed(bins), axis=0).max()
+        bare_g = 0.0 if rough else np.ptp([b.mean_g for b in bins], axis=0).max()
+        return bool(
+            spread_g < STILL_FLOOR_G + STILL_SIGMA * u_mean_g + leaking_g
+            and bare_g < STILL_FLOOR_G + BARE_STILL_SIGMA * u_mean_g
+        )
+
+    def _believed_noise_g(self, bins: list[Bin]) -> float:
+        return self._noise_g if self._noise_g is not None else min(b.scatter_g for b in bins)
+
+
+def _scatter_g(bins: list[Bin]) -> float:
+    return median(b.scatter_g for b in bins)
+
+
+def _smoothed(means: Array, width: int) -> Array:
+    """Moving average over bins, shape (n - width + 1, 3)."""
+    sums = np.cumsum(np.vstack([np.zeros(3), means]), axis=0)
+    smoothed: Array = (sums[width:] - sums[:-width]) / width
+    return smoothed
+
+
+def _keeps_energy(bins: list[Bin], means: Array, swing: SwingSeen) -> bool:
+    """A free swing's amplitude, sqrt(f^2 + (f'/w)^2), is the same at every instant, planar or not."""
+    if swing.period_s is None:
+        return True
+    spacing_s = (bins[-1].time_s - bins[0].time_s) / (len(bins) - 1)
+    half = SMOOTHED_BINS // 2
+    lags = np.arange(-half, half + 1)
+    across = means[:, :2] - swing.lean_g
+    n = len(across) - 2 * half
+    rate = sum(lag * across[half + lag : half + lag + n] for lag in lags) / (spacing_s * (lags**2).sum())
+    place = _smoothed(means, SMOOTHED_BINS)[:, :2] - swing.lean_g
+    radian_s = swing.period_s / (2 * np.pi)
+    amplitude_g = np.sqrt((place**2 + (rate * radian_s) ** 2).sum(axis=1))
+    u_mean_g = min(b.scatter_g for b in bins) / np.sqrt(np.mean([b.count for b in bins]))
+    u_rate_g = radian_s * u_mean_g / (spacing_s * np.sqrt((lags**2).sum()))
+    return bool(np.ptp(amplitude_g) < ENERGY_FLOOR_G + ENERGY_SHARE * amplitude_g.max() + ENERGY_SIGMA * u_rate_g)
+
+
+def _hangs_freely(means: Array, swing: SwingSeen) -> bool:
+    """The force along the rope follows the place in the swing: f_z = const - (1/2 + rho) phi^2, phi = f_t/(1 - rho)."""
+    if swing.rho is None or swing.rho > LARGEST_SEEN_RHO:
+        return True
+    smoothed = _smoothed(means, SMOOTHED_BINS)
+    square = ((smoothed[:, :2] - swing.lean_g) ** 2).sum(axis=1) / (1 - swing.rho) ** 2
+    expected_g = -(0.5 + swing.rho) * square
+    return bool(np.ptp(smoothed[:, 2] - expected_g) < AXIAL_FLOOR_G + AXIAL_SHARE * np.ptp(expected_g))
 
 
 UNUSABLE = {
     "complete": "more than a tenth of the samples is missing",
     "axes_alive": "an axis reads exactly zero",
 }
-DISTURBING = {
-    "not_clipped": "clipped: a reading reached full scale",
-    "no_impact": "impact: a sample far off its neighbours",
-    "norm_pendulum": "the magnitude is not that of a hanging load",
+DISTURBING: dict[str, tuple[Cause | None, str]] = {
+    "not_clipped": ("clipped", "clipped: a reading reached full scale"),
+    "no_impact": ("impact", "impact: a sample far off its neighbours"),
+    "not_shaken": ("vibration", "vibration: too strong for the mean to be believed"),
+    "norm_pendulum": (None, "the magnitude is not that of a hanging load"),
+    "energy": ("trolley", "trolley: the swing gains or loses faster than a free one"),
+    "axial": ("hoisting", "hoisting: the force along the rope is not that of a free swing"),
 }
 
 
-def _verdict(gates: dict[str, bool], swing: SwingSeen) -> tuple[Verdict, list[str]]:
-    """From gates to verdict; the reasons name the gates that decided."""
-    if unusable := [text for gate, text in UNUSABLE.items() if not gates[gate]]:
-        return "unknown", unusable
-    if disturbed := [text for gate, text in DISTURBING.items() if not gates[gate]]:
-        return "disturbed", disturbed
+def _verdict(gates: dict[str, bool], swing: SwingSeen, means: Array) -> tuple[Verdict, Cause | None, tuple[str, ...]]:
+    """From gates to verdict and cause; the reasons name the gates that decided."""
+    if unusable := tuple(text for gate, text in UNUSABLE.items() if not gates[gate]):
+        return "unknown", None, unusable
+    if disturbed := [said for gate, said in DISTURBING.items() if not gates[gate]]:
+        cause = next((cause for cause, _ in disturbed if cause is not None), None)
+        if cause is None and not gates["still"]:
+            cause = _mover(means, swing)
+        return "disturbed", cause, tuple(text for _, text in disturbed)
     if gates["pendulum"]:
-        return "swinging", ["moves as a pendulum does"]
-    return _without_swing(gates, swing)
+        return "swinging", None, ("moves as a pendulum does",)
+    return _without_swing(gates, swing, means)
 
 
-def _without_swing(gates: dict[str, bool], swing: SwingSeen) -> tuple[Verdict, list[str]]:
-    if gates["still"] and gates["norm_static"] and gates["quiet"]:
-        return "static", ["still, and the magnitude is 1 g"]
+def _without_swing(
+    gates: dict[str, bool], swing: SwingSeen, means: Array
+) -> tuple[Verdict, Cause | None, tuple[str, ...]]:
     if gates["still"] and gates["norm_static"]:
-        return "quasi_static", ["vibrating about a steady mean of 1 g"]
+        if not gates["steady"]:
+            return "unknown", None, ("still for a moment, which a swing is at its turning point",)
+        if gates["quiet"]:
+            return "static", None, ("still, and the magnitude is 1 g",)
+        return "quasi_static", "vibration", ("vibration about a steady mean of 1 g",)
     if swing.swinging is None:
-        return "unknown", ["moving; not yet a full swing to judge by"]
-    return "disturbed", ["moves as no pendulum does"]
+        return "unknown", None, ("moving; not yet a full swing to judge by",)
+    if gates["still"]:
+        return "disturbed", None, ("still, but the magnitude is not 1 g",)
+    cause = _mover(means, swing)
+    return "disturbed", cause, (f"{cause}: moves as no pendulum does",)
+
+
+def _mover(means: Array, swing: SwingSeen) -> Cause:
+    """What drives: a hoist shows along the rope, trolley and wind across it."""
+    moved_g = np.ptp(_smoothed(means, SMOOTHED_BINS), axis=0)
+    return "hoisting" if moved_g[2] > np.hypot(moved_g[0], moved_g[1]) else "trolley"

@@ -2,9 +2,7 @@
 
 import sys
 
-from tests.benchmarks import chain, daemon, delay, swing
-
-ALL = {"chain": chain.main, "daemon": daemon.main, "delay": delay.main, "swing": swing.main}
+from tests.benchmarks import chain, conditions, daemon, delay, swing
 
 wanted = sys.argv[1:] or list(ALL)
 unknown = [name for name in wanted if name not in ALL]

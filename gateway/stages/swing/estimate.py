@@ -1,6 +1,7 @@
 """What the swing stage answers with. Radians, seconds and metres; what could not be computed is None and `reasons` say why."""
 
 from dataclasses import dataclass
+from math import cos, sin
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -76,3 +77,10 @@ class SwingEstimate:
     corrected_formulas: FormulaAngles | None = None
     """For the housing's place on the rope and the low-pass."""
     reasons: tuple[str, ...] = ()
+
+    @property
+    def lean_g(self) -> tuple[float, float]:
+        """Transverse force of the steady lean, about which the swing goes; zero where it is not known."""
+        if self.lean_rad is None or self.lean_azimuth_rad is None:
+            return 0.0, 0.0
+        return sin(self.lean_rad) * cos(self.lean_azimuth_rad), sin(self.lean_rad) * sin(self.lean_azimuth_rad)

@@ -104,6 +104,7 @@ class Scene:
         return Condition(
             **self._header(sequence, time_ns),
             verdict=self.condition,
+            cause=None,
             trusted=self.trusted,
             reasons=self.reasons,
             gates={"norm": True, "pendulum": self.trusted},

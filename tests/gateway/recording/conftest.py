@@ -70,6 +70,7 @@ def every_message(
         "condition": messages.Condition(
             **HEAD,
             verdict="swinging",
+            cause=None,
             trusted=False,
             reasons=["jerk"],
             gates={"norm": True, "stationary": False},

@@ -66,8 +66,8 @@ def test_before_a_full_swing_nothing_is_said():
 
 
 DISTURBANCES = {
-    "hoisting": lambda t, f: f + np.outer(t > 2, [0, 0, 0.03]),
-    "trolley": lambda t, f: f + np.outer(t > 2, [0.05, 0, 0]),
+    "hoisting": lambda t, f: f + np.outer(t > 3, [0, 0, 0.03]),
+    "trolley": lambda t, f: f + np.outer(t > 3, [0.05, 0, 0]),
     "free fall": lambda _, f: f * 0.01,
     "wrong scale": lambda _, f: f * 1.05,
     "upside down and moving": lambda t, f: -f + np.outer(np.sin(t), [0.1, 0, 0]),
@@ -86,7 +86,78 @@ def test_an_impact_is_named():
     force_g[300] += [0.5, 0, 0]
     found = judged(time_s, force_g)
     assert found.verdict == "disturbed"
+    assert found.cause == "impact"
     assert "impact" in found.reasons[0]
+
+
+@pytest.mark.parametrize("name", ["hoisting", "trolley"])
+def test_what_drives_the_load_is_named(name):
+    time_s, force_g = stretch()
+    assert judged(time_s, DISTURBANCES[name](time_s, force_g)).cause == name
+
+
+def test_vibration_is_named_and_too_much_of_it_disturbs():
+    time_s, force_g = stretch()
+    wave = np.outer(np.sin(2 * math.pi * 30 * time_s), [0, 1.0, 0])
+    mild, strong = judged(time_s, force_g + 0.05 * wave), judged(time_s, force_g + 0.4 * wave)
+    assert (mild.verdict, mild.cause) == ("quasi_static", "vibration")
+    assert (strong.verdict, strong.cause) == ("disturbed", "vibration")
+
+
+def test_an_impact_stands_out_of_vibration_and_vibration_is_none():
+    time_s, force_g = stretch()
+    force_g[:, 1] += 0.12 * np.sin(2 * math.pi * 30 * time_s)
+    assert judged(time_s, force_g).cause == "vibration"
+    force_g[350] += [1.0, 0, 0]
+    assert judged(time_s, force_g).cause == "impact"
+
+
+def test_a_swing_at_its_turning_point_is_not_static_while_nobody_knows():
+    """A rope of 40 m: for two seconds nothing seems to move."""
+    time_s, force_g = pendulum(math.radians(0.4), 0.9, seconds=2.1, period_s=12.7)
+    assert judged(time_s, force_g, NOT_YET).verdict == "unknown"
+    assert judged(*stretch(seconds=2.1), NOT_YET).verdict == "unknown"
+    assert judged(*stretch(seconds=5.0), NOT_YET).verdict == "static"
+
+
+def test_a_movement_of_seconds_ago_is_not_static_yet():
+    time_s, force_g = stretch(seconds=5.0)
+    force_g[:, 0] += np.where(time_s < 2, 0.02, 0.0)
+    found = judged(time_s, force_g)
+    assert (found.gates["still"], found.gates["steady"], found.verdict) == (True, False, "unknown")
+
+
+SWING = SwingSeen(swinging=True, phi_max_rad=math.radians(8), consistent=True, rho=0.5, period_s=6.0)
+
+
+def test_a_free_swing_keeps_its_energy_and_hangs_freely():
+    found = judged(*pendulum(math.radians(8), 0.5), SWING)
+    assert (found.verdict, found.cause, found.gates["energy"], found.gates["axial"]) == ("swinging", None, True, True)
+
+
+def test_a_trolley_shows_in_the_energy_of_a_swing():
+    time_s, force_g = pendulum(math.radians(8), 0.5)
+    force_g[:, 0] += 0.06 * np.sin(math.pi * time_s / 2) ** 2
+    found = judged(time_s, force_g, SWING)
+    assert (found.verdict, found.cause, found.gates["energy"]) == ("disturbed", "trolley", False)
+
+
+def test_a_hoist_shows_along_the_rope_of_a_swing():
+    time_s, force_g = pendulum(math.radians(8), 0.5)
+    force_g[:, 2] += 0.02 * np.sin(math.pi * time_s / 2)
+    found = judged(time_s, force_g, SWING)
+    assert (found.verdict, found.cause, found.gates["axial"]) == ("disturbed", "hoisting", False)
+
+
+def test_a_window_lasts_two_seconds_at_every_rate():
+    for rate_hz in (50.0, 100.0, 1000.0):
+        watch, n = ConditionWatch(NOISE_G, DM_G), round(rate_hz / 10)
+        for block in range(60):
+            time_s = (block * n + np.arange(n)) / rate_hz
+            watch.update(time_s, np.tile(REST, (n, 1)), int(block == 35), 0)
+            found = watch.judge(STILL) if block > 12 else None
+            if found is not None:
+                assert found.gates["not_clipped"] == (not 35 <= block < 55)
 
 
 def test_clipping_and_missing_samples_are_named():

@@ -1,0 +1,78 @@
+"""The last seconds of specific force as bins, each with what it hides: scatter, peak, clipped and missing samples."""
+
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+WINDOW_S = 2.0
+MEMORY_S = 6.0
+"""How far back a slow movement is looked for, that a window is too short to show."""
+BIN_S = 0.1
+NEARLY = 0.95
+"""Share of a bin from which on it is closed: sample times jitter."""
+
+
+@dataclass(frozen=True, slots=True)
+class Bin:
+    """A tenth of a second."""
+
+    time_s: float
+    """Its middle."""
+    mean_g: Array
+    """Shape (3,)."""
+    scatter_g: float
+    peak_g: float
+    """Farthest sample from the mean, on any axis."""
+    count: int
+    clipped: int
+    missing: int
+
+
+class ConditionWindow:
+    """Takes blocks, keeps bins; bounded."""
+
+    def __init__(self) -> None:
+        self._bins: deque[Bin] = deque(maxlen=round(MEMORY_S / BIN_S))
+        self._open: list[Array] = []
+        self._open_since_s: float | None = None
+        self._last_s: float | None = None
+        self._clipped = 0
+        self._missing = 0
+
+    def update(self, time_s: Array, force_g: Array, clipped: int, missing: int) -> None:
+        """Take a block: times (n,), specific force (n, 3), how many samples were clipped or are missing."""
+        self._clipped += clipped
+        self._missing += missing
+        if self._last_s is not None and time_s[0] - self._last_s > WINDOW_S:
+            self._bins.clear()  # what was before a gap longer than the window says nothing about now
+            self._open, self._open_since_s = [], None
+        self._last_s = float(time_s[-1])
+        if self._open_since_s is None:
+            self._open_since_s = float(time_s[0])
+        self._open.append(force_g)
+        count = sum(map(len, self._open))
+        length_s = (self._last_s - self._open_since_s) * count / max(count - 1, 1)  # the last sample's own period too
+        if length_s >= NEARLY * BIN_S:
+            self._close_bin((self._open_since_s + self._last_s) / 2)
+
+    @property
+    def bins(self) -> list[Bin]:
+        """Of the window, oldest first."""
+        return list(self._bins)[-round(WINDOW_S / BIN_S) :]
+
+    @property
+    def memory(self) -> list[Bin]:
+        """Of the longer past, the window included."""
+        return list(self._bins)
+
+    def _close_bin(self, time_s: float) -> None:
+        force_g = np.concatenate(self._open)
+        mean_g = force_g.mean(axis=0)
+        away_g = np.abs(force_g - mean_g)
+        scatter_g = float(np.sqrt((away_g**2).mean()))
+        peak_g = float(away_g.max())
+        self._bins.append(Bin(time_s, mean_g, scatter_g, peak_g, len(force_g), self._clipped, self._missing))
+        self._open, self._open_since_s, self._clipped, self._missing = [], None, 0, 0
