@@ -4,6 +4,14 @@ import sys
 
 from tests.benchmarks import chain, conditions, daemon, delay, swing
 
+ALL = {
+    "chain": chain.main,
+    "daemon": daemon.main,
+    "delay": delay.main,
+    "swing": swing.main,
+    "conditions": conditions.main,
+}
+
 wanted = sys.argv[1:] or list(ALL)
 unknown = [name for name in wanted if name not in ALL]
 if unknown:
