@@ -53,6 +53,7 @@ class AlertBoard:
         A reading that is not trusted may raise an alert; it never clears one, and below the limits it says nothing.
         """
         self._why = why_unknown
+        changed: list[tuple[str, Event]] = []
         for rule, limits in self._limits.items():
             value_rad = values_rad[rule]
             raises_rad = limits.trip_rad if limits.warn_rad is None else limits.warn_rad
@@ -63,7 +64,9 @@ class AlertBoard:
             self._states[rule] = judge(before, value_rad, limits, time_s)
             event = event_between(before, self._states[rule])
             if event != "standing":
-                yield self._change(rule, event)
+                changed.append((rule, event))
+        for rule, event in changed:  # told once every rule is judged: each message shows how all of them stand
+            yield self._change(rule, event)
 
     def heartbeat(self) -> AlertChange:
         """How everything stands."""
