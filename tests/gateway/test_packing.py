@@ -2,7 +2,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
@@ -69,7 +69,10 @@ def test_even_times_are_a_period_and_uneven_ones_offsets(make_block) -> None:
 
 @given(st.floats(2, 1e10), st.integers(2, 200))
 def test_every_even_block_has_the_short_form(period_ns: float, length: int) -> None:
-    time_ns = 10**18 + np.rint(np.arange(length) * period_ns).astype(np.int64)
+    exact_ns = np.arange(length) * period_ns
+    # Exact halves, rounded to even, may leave a single period that no sum of floats meets: those keep their offsets.
+    assume(not np.any(np.abs(exact_ns % 1 - 0.5) < 1e-5))
+    time_ns = 10**18 + np.rint(exact_ns).astype(np.int64)
     assert packed(SampleBlock(time_ns, np.zeros((length, 3), np.int32))).offsets_ns is None
 
 
