@@ -10,7 +10,7 @@ from gateway import __version__
 from gateway.errors import PlumblineError
 
 COMMANDS = ("run", "measure", "record", "remote", "config", "doctor")
-DONE, NEGATIVE, BAD_INPUT, WITH_LOSSES = 0, 1, 2, 3
+BAD_INPUT = 2
 
 
 def parser() -> argparse.ArgumentParser:

@@ -12,8 +12,6 @@ class ServiceNotifier:
         address = environment.get("NOTIFY_SOCKET", "")
         self._address = "\0" + address[1:] if address.startswith("@") else address
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) if address else None
-        watchdog_us = environment.get("WATCHDOG_USEC", "")
-        self.watchdog_s = int(watchdog_us) / 1e6 if watchdog_us.isdigit() else None
 
     def send(self, state: str) -> None:
         """Send `READY=1`, `WATCHDOG=1`, `STATUS=...`; a manager that does not listen is no reason to stop."""

@@ -4,9 +4,9 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.measurement.source import Source
+from gateway.stages.clipping import count_clipped
 from gateway.stages.conditions import ConditionFound, ConditionWatch, SwingSeen
 from gateway.stages.lowpass import LowPass
 from gateway.stages.swing.estimate import FormulaAngles, SwingEstimate
@@ -16,7 +16,6 @@ from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt
 
 BLOCK_S = 0.1
 JUDGE_EVERY = 5
-CLIPPED_SHARE = 0.998
 NO_FORMULAS = FormulaAngles(arccos_min_az=None, arcsin_max_axy=None, arctan_max_axy_min_az=None, arccos_max_az=None)
 
 
@@ -100,7 +99,7 @@ def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
         watch.update(
             recording.time_s[block],
             source.force_g[block],
-            clipped_count(source.force_g[block], source.full_scale_g),
+            count_clipped(source.force_g[block], source.full_scale_g),
             int(recording.lost_before[block].sum() + recording.unusable_before[block].sum()),
         )
         if index % JUDGE_EVERY == JUDGE_EVERY - 1:
@@ -112,10 +111,3 @@ def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
     cause = Counter(found.cause for found in windows[verdict]).most_common(1)[0][0]
     first = next(found for found in windows[verdict] if found.cause == cause)
     return Conditions(verdict, cause, first.reasons, {name: len(found) for name, found in windows.items()})
-
-
-def clipped_count(force_g: NDArray[np.float64], full_scale_g: float | None) -> int:
-    """Samples of which an axis reached full scale."""
-    if full_scale_g is None:
-        return 0
-    return int(np.count_nonzero(np.abs(force_g).max(axis=1) >= CLIPPED_SHARE * full_scale_g))

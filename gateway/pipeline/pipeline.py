@@ -23,12 +23,11 @@ from gateway.pipeline.header import Header, HeaderMaker
 from gateway.pipeline.pace import Pace
 from gateway.pipeline.runner import AtOnce, Runner
 from gateway.pipeline.swing_reading import SwingReading
+from gateway.stages.clipping import count_clipped
 from gateway.stages.conditions import ConditionFound, ConditionWatch
 from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty
 
-CLIPPED_SHARE = 0.998
-"""A reading beyond this share of full scale is clipped."""
 LONGEST_BRIDGE_S = 0.05
 """A gap longer than this restarts the low-pass: bridging it would invent data."""
 NOT_JUDGED = ConditionFound("unknown", None, False, ("no reading yet",), {}, None)
@@ -47,6 +46,7 @@ class Pipeline:
     ) -> None:
         """`runner` makes the swing fits; without one they are made at once."""
         self._info = info
+        self._full_scale = None if info.full_scale_g is None else info.full_scale_g * info.units_per_g
         self._correction = correction
         self._headers = headers
         self._stale_ns = round(configuration.alerts.stale_s * 1e9)
@@ -69,7 +69,7 @@ class Pipeline:
             yield self.calibration(newest_ns, clock)
         force_g, lowpassed_g = self._filter(block)
         time_s = self._time_s(block)
-        self._watch.update(time_s, force_g, self._clipped(block), block.lost + block.invalid)
+        self._watch.update(time_s, force_g, count_clipped(block.raw, self._full_scale), block.lost + block.invalid)
         if self._tilt_pace.due(newest_ns):
             yield self._tilt(block.temperature_c, newest_ns, clock)
         if self._swing.take(time_s, force_g, lowpassed_g):
@@ -109,15 +109,6 @@ class Pipeline:
         if self._origin_ns is None:
             self._origin_ns = int(block.time_ns[0])
         return np.asarray((block.time_ns - self._origin_ns) * 1e-9, dtype=np.float64)
-
-    def _clipped(self, block: SampleBlock) -> int:
-        """Samples of which an axis reached full scale."""
-        if self._info.full_scale_g is None:
-            return 0
-        limit = CLIPPED_SHARE * self._info.full_scale_g * self._info.units_per_g
-        if -limit < block.raw.min() and block.raw.max() < limit:
-            return 0
-        return int(np.count_nonzero(np.abs(block.raw).max(axis=1) >= limit))
 
     def _tilt(self, temperature_c: float | None, time_ns: int, clock: ClockState) -> Emission:
         trusted = self._condition.verdict in ("static", "quasi_static")
