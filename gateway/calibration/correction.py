@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from devices.block import DeviceInfo
 from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.calibration.uncertainty import reading_covariance
 from gateway.messages import CalibrationStatus
 
 UNCALIBRATED_SCALE_U = 0.03
@@ -27,7 +28,7 @@ class Correction:
     gain: NDArray[np.float64]
     bias_g: NDArray[np.float64]
     u_zero_g_offset_g: NDArray[np.float64]
-    """Standard uncertainty per housing axis, shape (3,)."""
+    """Standard uncertainty per housing axis, shape (3,): across the rope that of a reading at rest, how the axes lie included."""
     u_scale_factor: NDArray[np.float64]
     """Relative, per housing axis, shape (3,)."""
     permissible_norm_error_g: float
@@ -78,12 +79,23 @@ def _from_record(
         calibration_id=record.id,
         gain=gain,
         bias_g=-gain @ np.array(record.offset),
-        u_zero_g_offset_g=source @ record.u_zero_g_offset_g,
+        u_zero_g_offset_g=_u_at_rest(record, turn),
         u_scale_factor=source @ record.u_scale_factor,
         permissible_norm_error_g=record.prediction_interval_g,
         text=f"{status}: record {record.id}, {record.method}, {record.created_utc[:10]}",
         record=record.model_dump(mode="json"),
     )
+
+
+def _u_at_rest(record: CalibrationRecord, turn: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Across the rope, of a reading that hangs at rest: zero-g offset, cross-axis sensitivity and attitude with their
+    correlations (zeroed in place, their sum is known better than each). Along it, of the zero-g offset alone.
+    """
+    matrix, covariance = np.array(record.correction_matrix), np.array(record.covariance)
+    at_rest = turn @ reading_covariance(matrix, covariance, turn[2]) @ turn.T
+    u_g = np.sqrt(np.clip(np.diag(at_rest), 0, None))
+    u_g[2] = (np.abs(turn) @ record.u_zero_g_offset_g)[2]
+    return u_g
 
 
 def _as_recorded(turn: NDArray[np.float64]) -> Correction:

@@ -11,6 +11,8 @@ from gateway.calibration.record import Number
 Array = NDArray[np.float64]
 Face = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
 """The sensor axis that points up."""
+OUTLIER = "outlier:"
+"""A fit's warning that begins so names a reading that does not fit the others."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +38,10 @@ class Pose:
     """None where no axis is near the vertical."""
     used: bool = True
     temperature_c: float | None = None
+    noise: tuple[float, float, float] | None = None
+    """Standard deviation of a single reading; None: from `type_a` and `count`, as for independent readings."""
+    step: float = 0.0
+    """Smallest step of the readings, for their quantisation."""
 
     def as_json(self) -> dict[str, Any]:
         """As the record has it."""
@@ -46,6 +52,8 @@ class Pose:
             "face": self.face,
             "used": self.used,
             "temperature_c": self.temperature_c,
+            "noise": None if self.noise is None else list(self.noise),
+            "step": self.step,
         }
 
 

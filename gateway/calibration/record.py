@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from gateway.errors import InputError
 
@@ -20,8 +20,29 @@ class CalibrationError(InputError):
     """A calibration record cannot be used; the text says why in one line."""
 
 
+class NotDeterminedError(CalibrationError):
+    """The readings do not determine the calibration; the text names what is missing and the mend."""
+
+
+class BudgetRow(BaseModel):
+    """One contribution to the uncertainty of a corrected reading (GUM 5)."""
+
+    model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
+
+    source: str
+    type: Literal["A", "B"]
+    u_g: Number = Field(ge=0)
+    """Standard uncertainty of a component, the worst over the six faces."""
+    u_deg: Number = Field(ge=0)
+    """The same as an angle, across the vertical."""
+
+
 class CalibrationRecord(BaseModel):
-    """corrected_g = correction_matrix @ (raw - offset), in the sensor's axes."""
+    """corrected_g = correction_matrix @ (raw - offset), in the sensor's axes.
+
+    Fields with a default may be missing in records of another origin (a factory, an older version); what is missing stays
+    missing when the record is written again, so that its hash holds.
+    """
 
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
 
@@ -39,7 +60,22 @@ class CalibrationRecord(BaseModel):
     covariance: Annotated[list[CovarianceRow], Field(min_length=12, max_length=12)]
     prediction_interval_g: Number = Field(gt=0)
     temperature_c: dict[str, Number] | None
+    thermal: dict[str, Any] | None = None
+    """Coefficients of a thermal calibration, where there was one."""
+    poses: list[dict[str, Any]] = []
+    """Each as `Pose.as_json` gives it."""
+    misalignment_deg: dict[str, list[Number]] | None = None
+    """Per axis the two angles of 000 eq. 13-18, in the order of the source's positions, see `misalignment`."""
+    residual_rms_g: Number | None = None
+    condition_number: Number | None = None
+    budget: list[BudgetRow] = []
+    warnings: list[str] = []
     sha256: str
+
+    @model_serializer(mode="wrap")
+    def _as_made(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Only the fields that the record came with."""
+        return {key: value for key, value in handler(self).items() if key in self.model_fields_set}
 
     @model_validator(mode="after")
     def _whole(self) -> Self:

@@ -2,7 +2,7 @@
 
 import sys
 
-from tests.benchmarks import chain, conditions, daemon, delay, swing
+from tests.benchmarks import calibration, chain, conditions, daemon, delay, killed_session, swing
 
 ALL = {
     "chain": chain.main,
@@ -10,6 +10,8 @@ ALL = {
     "delay": delay.main,
     "swing": swing.main,
     "conditions": conditions.main,
+    "calibration": calibration.main,
+    "killed_session": killed_session.main,
 }
 
 wanted = sys.argv[1:] or list(ALL)

@@ -1,14 +1,12 @@
 """From raw to specific force: records, factory records, datasheet."""
 
-import json
-
 import numpy as np
 import pytest
 
 from devices.block import DeviceInfo
 from gateway.calibration.correction import correction_for
-from gateway.calibration.record import CalibrationError, CalibrationRecord, content_hash
-from gateway.calibration.store import find, parse, record_path
+from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.calibration.store import parse
 
 AXES = ((0, 1), (1, 1), (2, 1))
 INFO = DeviceInfo(
@@ -16,31 +14,7 @@ INFO = DeviceInfo(
 )
 
 
-def record(**changes):
-    covariance = np.zeros((12, 12))
-    covariance[[9, 10, 11], [9, 10, 11]] = [1.0, 4.0, 9.0]  # counts squared
-    covariance[0, 0] = (1e-6) ** 2
-    content = {
-        "format": 1,
-        "id": "r1",
-        "device_id": "part-7",
-        "method": "six-position",
-        "created_utc": "2026-01-01T00:00:00Z",
-        "software": "0.1.0",
-        "by": "bench",
-        "parent": None,
-        "unit": "counts",
-        "offset": [10.0, -20.0, 30.0],
-        "correction_matrix": [[1e-3, 1e-5, 0], [0, 1e-3, 0], [0, 0, 1.01e-3]],
-        "covariance": covariance.tolist(),
-        "prediction_interval_g": 0.003,
-        "temperature_c": None,
-        "warnings": ["kept though not modelled"],
-    } | changes
-    return content | {"sha256": content_hash(content)}
-
-
-def test_record_is_applied_as_the_interface_states():
+def test_record_is_applied_as_the_interface_states(record):
     stored = CalibrationRecord.model_validate(record())
     correction = correction_for(INFO, AXES, stored)
     raw = np.array([[100, 200, 1000], [-5, 0, 7]], dtype=np.int32)
@@ -51,7 +25,7 @@ def test_record_is_applied_as_the_interface_states():
     np.testing.assert_allclose(correction.u_scale_factor, [1e-3, 0, 0], atol=1e-12)
 
 
-def test_axes_map_turns_values_and_uncertainties():
+def test_axes_map_turns_values_and_uncertainties(record):
     turned = correction_for(INFO, ((1, -1), (0, 1), (2, 1)), CalibrationRecord.model_validate(record()))
     straight = correction_for(INFO, AXES, CalibrationRecord.model_validate(record()))
     raw = np.array([[100, 200, 1000]], dtype=np.int32)
@@ -68,38 +42,21 @@ def test_without_a_record_the_datasheet_limit_is_the_uncertainty():
     np.testing.assert_allclose(correction.u_zero_g_offset_g, 0.075 / np.sqrt(3))
 
 
-def test_another_unit_is_refused():
+def test_another_unit_is_refused(record):
     with pytest.raises(CalibrationError, match="for raw input in V"):
         correction_for(INFO, AXES, CalibrationRecord.model_validate(record(unit="V")))
 
 
-def test_a_changed_record_is_refused(tmp_path):
+def test_a_changed_record_is_refused(record):
     changed = record() | {"offset": [0.0, 0.0, 0.0]}
     with pytest.raises(CalibrationError, match="sha256 does not match"):
         parse(changed, "part-7", "x.json")
 
 
-def test_a_swapped_sensor_inherits_nothing(tmp_path):
-    path = record_path(tmp_path, "part-8")
-    path.parent.mkdir()
-    path.write_text(json.dumps(record()))
-    with pytest.raises(CalibrationError, match="belongs to part-7, not to part-8"):
-        find(tmp_path, "part-8")
-    assert find(tmp_path, "part-7") is None
-
-
-def test_a_torn_record_is_named(tmp_path):
-    path = record_path(tmp_path, "part-7")
-    path.parent.mkdir()
-    path.write_text(json.dumps(record())[:100])
-    with pytest.raises(CalibrationError, match=r"part-7\.json: cannot be read"):
-        find(tmp_path, "part-7")
-
-
-def test_stored_record_is_found_by_identity(tmp_path):
-    path = record_path(tmp_path, "part-7")
-    path.parent.mkdir()
-    path.write_text(json.dumps(record()))
-    found = find(tmp_path, "part-7")
-    assert found is not None
-    assert found.id == "r1"
+def test_how_the_axes_lie_counts_across_the_rope(record):
+    """A frame known to 0.5 degrees is 8.7 mg across the rope at rest, and nothing along it."""
+    covariance = np.zeros((12, 12))
+    covariance[[2, 5], [2, 5]] = (np.radians(0.5) * 1e-3) ** 2  # of the entries that take z into x and y
+    stored = CalibrationRecord.model_validate(record(covariance=covariance.tolist(), offset=[0.0, 0.0, 0.0]))
+    u = correction_for(INFO, AXES, stored).u_zero_g_offset_g
+    np.testing.assert_allclose(u, [np.radians(0.5) / 1.01, np.radians(0.5) / 1.01, 0], rtol=1e-2, atol=1e-9)

@@ -1,0 +1,1 @@
+"""Calibration on the bench: recordings fed to the procedures that the gateway runs live."""

@@ -1,0 +1,117 @@
+"""A procedure that collects resting poses for a plan and fits them at the end."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from gateway.calibration.poses import Nominal, PoseFinder
+from gateway.calibration.procedure import Array, CalibrationFit, Face, Pose, Progress, RawReadings
+
+LARGEST_COUNT = 200
+"""Poses of one session; memory and the fit stay bounded."""
+
+Poses = tuple[Pose, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """What is still to be done."""
+
+    face: Face | None
+    direction: Array | None
+    """Where up should point next, a unit vector; None: nothing is missing."""
+    text: str
+
+
+class Plan(Protocol):
+    """Which poses a method takes, and what it makes of them."""
+
+    @property
+    def method(self) -> str:
+        """Its name in the record."""
+        ...
+
+    @property
+    def wanted(self) -> int:
+        """Poses needed at least."""
+        ...
+
+    def receive(self, pose: Pose, earlier: Poses) -> tuple[Pose | None, str]:
+        """The pose as it is kept, None where it is refused, and what to tell the rigger."""
+        ...
+
+    def next(self, poses: Poses) -> Wanted:
+        """What to do next."""
+        ...
+
+    def fit(self, poses: Poses) -> CalibrationFit:
+        """Raises `NotDeterminedError`."""
+        ...
+
+
+class Collecting:
+    """`Procedure`: feed, progress, resume, finish."""
+
+    def __init__(self, plan: Plan, nominal: Nominal) -> None:
+        self._plan = plan
+        self._finder = PoseFinder(nominal)
+        self._poses: Poses = ()
+        self._said = ""
+
+    @property
+    def method(self) -> str:
+        """`six-position` or `norm-fit`."""
+        return self._plan.method
+
+    def feed(self, readings: RawReadings) -> None:
+        """Take readings."""
+        for pose in self._finder.feed(readings):
+            self._take(pose)
+
+    def cut(self) -> None:
+        """The stretch of readings ends; what is fed next is another pose. A pose that is good enough by now is kept."""
+        for pose in self._finder.cut():
+            self._take(pose)
+
+    def resume(self, poses: Poses) -> None:
+        """Go on from poses that were taken before a restart."""
+        self._poses = tuple(poses)
+        if poses:
+            self._finder.know(poses[-1].mean)
+
+    def progress(self) -> Progress:
+        """How far it has come."""
+        wanted = self._plan.next(self._poses)
+        heading = None
+        if wanted.direction is not None:
+            x, y, z = wanted.direction.tolist()
+            heading = (x, y, z)
+        return Progress(
+            poses=self._poses,
+            wanted=self._plan.wanted,
+            still=self._finder.still,
+            pose_fraction=self._finder.fraction,
+            seconds_left=self._finder.seconds_left,
+            next_face=wanted.face,
+            next_direction=heading,
+            complete=wanted.direction is None,
+            text="; ".join(part for part in (self._finder.text, self._said, wanted.text) if part),
+        )
+
+    def finish(self) -> CalibrationFit:
+        """The fit; a pose that is being taken counts if it is good enough. Raises `NotDeterminedError`."""
+        self.cut()
+        return self._plan.fit(self._poses)
+
+    def _take(self, pose: Pose) -> None:
+        if len(self._poses) >= LARGEST_COUNT:
+            self._said = f"{LARGEST_COUNT} poses are enough; finish"
+            return
+        kept, self._said = self._plan.receive(pose, self._poses)
+        if kept is not None:
+            self._poses = (*self._poses, kept)
+        quiet = tuple(one for one in self._poses if self._finder.was_still(one))
+        if len(quiet) < len(self._poses):
+            self._said += (
+                f"; {len(self._poses) - len(quiet)} earlier pose was not still by the noise seen since: take it again"
+            )
+            self._poses = quiet

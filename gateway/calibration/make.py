@@ -1,0 +1,64 @@
+"""From a fit to a record: who, when, for which device; its id and its hash."""
+
+import re
+from typing import Any
+
+from gateway.calibration.procedure import CalibrationFit
+from gateway.calibration.record import CalibrationRecord, content_hash
+
+
+def make_record(
+    fit: CalibrationFit,
+    *,
+    device_id: str,
+    unit: str,
+    software: str,
+    by: str,
+    created_utc: str,
+    parent: str | None,
+    **extra: Any,
+) -> CalibrationRecord:
+    """The record of a fit. Its id sorts by time: `created_utc` without punctuation, then the head of the content's hash.
+
+    `extra` holds further JSON fields (the reason of a commit, the request's id). Raises pydantic's `ValidationError` where a
+    value is none that a record may have.
+    """
+    content = {
+        "format": 1,
+        "device_id": device_id,
+        "method": fit.method,
+        "created_utc": created_utc,
+        "software": software,
+        "by": by,
+        "parent": parent,
+        "unit": unit,
+        **fit_as_json(fit),
+        **extra,
+    }
+    return seal(content)
+
+
+def fit_as_json(fit: CalibrationFit) -> dict[str, Any]:
+    """The fields of a record that a fit fills."""
+    return {
+        "offset": list(fit.offset),
+        "correction_matrix": fit.correction_matrix.tolist(),
+        "covariance": fit.covariance.tolist(),
+        "prediction_interval_g": fit.prediction_interval_g,
+        "temperature_c": fit.temperature_c,
+        "thermal": None,
+        "poses": [pose.as_json() for pose in fit.poses],
+        "misalignment_deg": fit.misalignment_deg,
+        "residual_rms_g": fit.residual_rms_g,
+        "condition_number": fit.condition_number,
+        "budget": list(fit.budget),
+        "warnings": list(fit.warnings),
+    }
+
+
+def seal(content: dict[str, Any]) -> CalibrationRecord:
+    """Give a record's content its id and its hash."""
+    content = {key: value for key, value in content.items() if key not in {"id", "sha256"}}
+    stamp = re.sub(r"[^0-9TZ]", "", re.sub(r"\.\d+", "", content["created_utc"]).replace("+00:00", "Z"))
+    content["id"] = f"{stamp}-{content_hash(content)[:8]}"
+    return CalibrationRecord.model_validate(content | {"sha256": content_hash(content)})

@@ -1,0 +1,152 @@
+"""`plumbline calibrate`: a calibration from recordings, offline."""
+
+import argparse
+import getpass
+import sys
+from datetime import UTC, datetime
+from pathlib import Path
+
+UNIDENTIFIED = "unidentified"
+
+
+def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "calibrate",
+        help="a calibration record from recordings",
+        description="Finds the resting poses in recordings of a calibration and makes the record: the same code as live.",
+        epilog="example: plumbline calibrate six-position faces.csv --device-id adxl355-1d-0042 --json record.json",
+    )
+    methods = command.add_subparsers(dest="method", metavar="METHOD", required=True)
+    _add_six_position(methods)
+    _add_norm_fit(methods)
+
+
+def _add_six_position(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    method = methods.add_parser(
+        "six-position",
+        help="the six faces up, on a levelled surface, in any order",
+        description="Offset, scale and misalignment from the six faces, in any order; repeats are averaged.",
+        epilog="example: plumbline calibrate six-position faces.csv --device-id part-7 --json record.json",
+    )
+    _add_common(method)
+    method.add_argument(
+        "--placement-deg",
+        type=_above_zero,
+        metavar="DEG",
+        help="standard uncertainty of how the faces lie: level of the surface, squareness of the housing (default 0.1)",
+    )
+
+
+def _add_norm_fit(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    method = methods.add_parser(
+        "norm-fit",
+        help="nine or more poses all round; no levelled surface needed",
+        description="Offset, scale and non-orthogonality from |m| = 1 in at least nine attitudes all round, twelve better.",
+        epilog="example: plumbline calibrate norm-fit session.csv --unit counts --rate 100 --json record.json",
+    )
+    _add_common(method)
+    method.add_argument(
+        "--frame-deg",
+        type=_above_zero,
+        metavar="DEG",
+        help="standard uncertainty of how the sensor's axes lie in the housing, which this method cannot see (default 0.58)",
+    )
+
+
+def _add_common(method: argparse.ArgumentParser) -> None:
+    method.add_argument(
+        "files", type=Path, nargs="+", metavar="FILE", help=".csv: one whole session, or one file per pose"
+    )
+    method.add_argument("--json", type=Path, metavar="FILE", help="write the record")
+    method.add_argument("--html", type=Path, metavar="FILE", help="write the certificate: prints on one sheet of A4")
+    method.add_argument(
+        "--device-id", default=UNIDENTIFIED, metavar="ID", help="the sensor's identity; a record serves no other"
+    )
+    method.add_argument("--by", metavar="NAME", help="who calibrated (default: the user)")
+    method.add_argument(
+        "--parent",
+        type=Path,
+        metavar="FILE",
+        help="the record in force: the change since is judged, a norm fit keeps its frame",
+    )
+    method.add_argument(
+        "--unit", choices=("counts", "V", "g", "m/s2"), help="of the readings (default: by column name or size)"
+    )
+    method.add_argument(
+        "--units-per-g", type=_above_zero, metavar="N", help="nominal sensitivity (default: from the readings)"
+    )
+    method.add_argument(
+        "--columns", type=_columns, metavar="X,Y,Z", help="the columns of the axes (default: by their names)"
+    )
+    method.add_argument(
+        "--time", metavar="COLUMN", help="column of the time in s, or of a counter together with --rate"
+    )
+    method.add_argument("--rate", type=_above_zero, metavar="HZ", help="sample rate where there is no time column")
+    method.set_defaults(run=run, placement_deg=None, frame_deg=None)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Calibrate and tell; 1 where the readings do not determine it, or the record is not acceptable."""
+    from gateway import __version__
+    from gateway.bench.parent import read_parent
+    from gateway.bench.report import as_text
+    from gateway.bench.session import BenchOptions, calibrate
+    from gateway.bench.tables import TableOptions
+    from gateway.calibration.acceptance import judge
+    from gateway.calibration.make import make_record
+    from gateway.calibration.record import NotDeterminedError
+    from gateway.certificate.page import certificate
+    from gateway.cli.output import write_json, write_text
+
+    parent = None if arguments.parent is None else read_parent(arguments.parent, arguments.device_id)
+    tables = TableOptions(arguments.unit, arguments.columns, arguments.time, arguments.rate)
+    stated = {"placement_u_deg": arguments.placement_deg, "frame_u_deg": arguments.frame_deg}
+    known = {name: value for name, value in stated.items() if value is not None}
+    options = BenchOptions(arguments.method, arguments.units_per_g, parent=parent, **known)
+    try:
+        found = calibrate(arguments.files, tables, options)
+    except NotDeterminedError as error:
+        print(f"plumbline calibrate: {error}", file=sys.stderr)
+        return 1
+    record = make_record(
+        found.fit,
+        device_id=arguments.device_id,
+        unit=found.unit,
+        software=__version__,
+        by=arguments.by or _user(),
+        created_utc=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        parent=None if parent is None else parent.id,
+    )
+    acceptance = judge(record, parent)
+    if arguments.json is not None:
+        write_json(arguments.json, record.model_dump(mode="json"))
+    if arguments.html is not None:
+        write_text(arguments.html, certificate(record, parent))
+    print(as_text(record, acceptance, found.notes + _identity_note(arguments.device_id)))
+    return 1 if acceptance.refusals else 0
+
+
+def _identity_note(device_id: str) -> tuple[str, ...]:
+    return ("no --device-id: the record can be put in force for no sensor",) if device_id == UNIDENTIFIED else ()
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return "unknown"
+
+
+def _above_zero(text: str) -> float:
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not above 0")
+    return value
+
+
+def _columns(text: str) -> tuple[str, str, str]:
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != 3 or not all(names):
+        raise argparse.ArgumentTypeError(f"{text} is not three column names X,Y,Z")
+    return names[0], names[1], names[2]

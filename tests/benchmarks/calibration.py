@@ -1,0 +1,134 @@
+"""Calibration: whether planted errors come back within the stated intervals, what placement costs, what a fit costs."""
+
+from time import perf_counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.calibration.geometry import face_of
+from gateway.calibration.methods import procedure_for
+from gateway.calibration.norm_fit import fit_norm
+from gateway.calibration.poses import Nominal
+from gateway.calibration.procedure import CalibrationFit, Pose
+from gateway.calibration.six_position import fit_six_positions
+from tests.benchmarks.calibration_sessions import (
+    ADXL345,
+    ADXL355,
+    Part,
+    Planted,
+    all_round,
+    blocks,
+    counts_of,
+    force_of,
+    laid_faces,
+    misplaced_faces,
+    planted,
+    unit,
+)
+
+Array = NDArray[np.float64]
+
+SESSIONS = 1000
+PLACEMENT_DEG = 0.1
+MEAN_U_G = ADXL355.noise_g[0] / 300**0.5
+NORMAL_95 = 1.96
+NAMES = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz", "offset x", "offset y", "offset z")
+
+
+def session_fit(method: str, part: Part, errors: Planted, random: np.random.Generator) -> CalibrationFit:
+    """One session from counts to fit. The norm fit states nothing of the frame, which it cannot see."""
+    poses = laid_faces(random, PLACEMENT_DEG) if method == "six-position" else all_round(random)
+    procedure = procedure_for(method, Nominal(part.units_per_g), placement_u_deg=PLACEMENT_DEG, frame_u_deg=0.0)
+    for readings in blocks(counts_of(random, part, errors, force_of(random, poses))):
+        procedure.feed(readings)
+    return procedure.finish()
+
+
+def inside(fit: CalibrationFit, matrix: Array, offset: Array) -> NDArray[np.bool_]:
+    """Which of the twelve parameters lie within their 95 % interval."""
+    error = np.concatenate([(fit.correction_matrix - matrix).ravel(), np.array(fit.offset) - offset])
+    return np.abs(error) <= NORMAL_95 * np.sqrt(np.diag(fit.covariance))
+
+
+def coverage(method: str, part: Part, sessions: int, seed: int = 1) -> Array:
+    """Share of sessions in which each parameter came back within its interval, shape (12,)."""
+    hits = np.zeros(12)
+    for number in range(sessions):
+        random = np.random.default_rng([seed, number])
+        errors = planted(random)
+        fit = session_fit(method, part, errors, random)
+        matrix = errors.matrix(part) if method == "six-position" else errors.symmetric_matrix(part)
+        hits += inside(fit, matrix, errors.offset_g * part.units_per_g)
+    return hits / sessions
+
+
+def relative_tilt_errors_deg(method: str, placement_deg: float, sessions: int, seed: int = 2) -> Array:
+    """Largest error of the angle between hanging rest and a tilt of up to 20 degrees, of each session, shape (sessions,).
+
+    The part has the planted errors, and 300 readings of an ADXL355 in each mean; the six faces are off by exactly this angle.
+    """
+    found = np.empty(sessions)
+    for number in range(sessions):
+        random = np.random.default_rng([seed, number])
+        errors = planted(random)
+        poses = misplaced_faces(random, placement_deg) if method == "six-position" else all_round(random)
+        taken = tuple(_pose(up, errors, method, random) for up in poses)
+        fit = fit_six_positions(taken, placement_deg) if method == "six-position" else fit_norm(taken, 1.0)
+        found[number] = _relative_error_deg(fit, errors)
+    return found
+
+
+def _pose(up: Array, errors: Planted, method: str, random: np.random.Generator) -> Pose:
+    x, y, z = (errors.gain @ up + errors.offset_g + MEAN_U_G * random.standard_normal(3)).tolist()
+    face = face_of(up) if method == "six-position" else None
+    return Pose((x, y, z), (MEAN_U_G,) * 3, 300, face, noise=ADXL355.noise_g)
+
+
+def _relative_error_deg(fit: CalibrationFit, errors: Planted) -> float:
+    tilt, azimuth = (
+        grid.ravel() for grid in np.meshgrid(np.radians([5.0, 10.0, 15.0, 20.0]), np.radians(range(0, 360, 15)))
+    )
+    up = np.column_stack([np.sin(tilt) * np.cos(azimuth), np.sin(tilt) * np.sin(azimuth), np.cos(tilt)])
+    both = np.vstack([[0, 0, 1], up]) @ errors.gain.T + errors.offset_g
+    corrected = unit((both - fit.offset) @ fit.correction_matrix.T)
+    measured = np.arccos(np.clip(corrected[1:] @ corrected[0], -1, 1))
+    return float(np.degrees(np.max(np.abs(measured - tilt))))
+
+
+def fit_times_ms(method: str, repeats: int = 300) -> Array:
+    """Durations of a fit of ready poses, ms."""
+    random = np.random.default_rng(3)
+    errors = planted(random)
+    poses = laid_faces(random, 0.1) if method == "six-position" else all_round(random)
+    taken = tuple(_pose(up, errors, method, random) for up in poses)
+    times = np.empty(repeats)
+    for number in range(repeats):
+        start = perf_counter()
+        _ = fit_six_positions(taken) if method == "six-position" else fit_norm(taken, 1.0)
+        times[number] = (perf_counter() - start) * 1e3
+    return times
+
+
+def main() -> None:
+    """Print all of it."""
+    print(f"planted errors within their 95 % intervals, {SESSIONS} sessions each")
+    for method in ("six-position", "norm-fit"):
+        for part in (ADXL345, ADXL355):
+            share = coverage(method, part, SESSIONS)
+            print(
+                f"  {method:12} {part.name}: {share.mean():.3f} of all, {share.min():.3f} to {share.max():.3f} by parameter"
+            )
+            print("    " + ", ".join(f"{name} {value:.3f}" for name, value in zip(NAMES, share, strict=True)))
+    print("relative tilt from hanging rest, largest error up to 20 deg, 100 sessions")
+    for placement_deg in (0.1, 0.3, 1.0):
+        for method in ("six-position", "norm-fit"):
+            found = relative_tilt_errors_deg(method, placement_deg, 100)
+            low, high = np.quantile(found, [0.1, 0.9])
+            print(
+                f"  placement {placement_deg} deg, {method:12}: median {np.median(found):.5f}, 80 % {low:.5f} to {high:.5f} deg"
+            )
+    for method in ("six-position", "norm-fit"):
+        times = fit_times_ms(method)
+        print(
+            f"  fit, {method:12}: median {np.median(times):.2f} ms, 95th percentile {np.quantile(times, 0.95):.2f} ms"
+        )

@@ -1,0 +1,122 @@
+"""Following a session: what is shown, when it ends, and what the exit code says."""
+
+import io
+import json
+from types import SimpleNamespace
+
+import pytest
+
+from gateway.cli import follow as following
+from gateway.cli.follow import follow
+
+COLLECTING = {
+    "id": "session-1",
+    "phase": "collecting",
+    "method": "six-position",
+    "by": "ann",
+    "poses": [{}],
+    "wanted": 6,
+    "still": True,
+    "pose_fraction": 0.5,
+    "seconds_left": 2.4,
+    "record_id": None,
+    "reasons": [],
+    "notes": [],
+    "text": "hold still",
+}
+REVIEW = COLLECTING | {
+    "phase": "review",
+    "record_id": "r2",
+    "text": "all poses are taken: the record may be committed",
+    "notes": ["since r1: offset +0.1 mg"],
+}
+
+
+class ScriptedLink:
+    """A gateway that says one thing after another: a session, or None while it is away."""
+
+    def __init__(self, *said):
+        self._said = list(said)
+        self.reconnects = 0
+
+    def hear(self, _topic, take):
+        self._take = take
+
+    def status(self):
+        session = self._said.pop(0)
+        while session is not None and self._said and self._said[0] is not None:
+            self._take(SimpleNamespace(payload=SimpleNamespace(to_bytes=self._message(self._said.pop(0)))))
+        return None if session is None else {"calibration": {"session": session}}
+
+    @staticmethod
+    def _message(session):
+        return lambda: json.dumps({"session": session}).encode()
+
+    def reconnect(self):
+        self.reconnects += 1
+        return self.reconnects > 1
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture(autouse=True)
+def _no_waiting(monkeypatch):
+    monkeypatch.setattr(following, "LOOK_S", 0.01)
+
+
+@pytest.mark.parametrize(
+    ("last", "code", "said"),
+    [
+        (REVIEW, 0, "record r2 is in review: plumbline remote commit"),
+        (
+            REVIEW | {"text": "the record may not be committed", "reasons": ["residual too large"]},
+            1,
+            "residual too large",
+        ),
+        (COLLECTING | {"phase": "rejected", "text": "cancelled by bob"}, 1, "rejected: cancelled by bob"),
+        (COLLECTING | {"phase": "committed", "text": "record r2 is in force"}, 0, "committed: record r2 is in force"),
+        (REVIEW | {"id": "session-2"}, 1, "no such session is under way"),
+        (COLLECTING | {"id": "", "phase": "idle"}, 1, "no such session is under way"),
+    ],
+)
+def test_the_end_is_told_by_the_exit_code(last, code, said):
+    out = io.StringIO()
+    assert follow(ScriptedLink(COLLECTING, last), "session-1", out) == code
+    assert said in out.getvalue()
+
+
+def test_a_file_gets_a_line_for_each_change_and_no_more():
+    out = io.StringIO()
+    moving = COLLECTING | {"pose_fraction": 0.7, "seconds_left": 1.0}
+    follow(ScriptedLink(COLLECTING, moving, moving | {"poses": [{}, {}]}, REVIEW), None, out)
+    lines = out.getvalue().splitlines()
+    assert lines[:2] == ["1 of 6 poses; hold still", "2 of 6 poses; hold still"]
+    assert "since r1: offset +0.1 mg" in out.getvalue()
+    assert "\r" not in out.getvalue()
+
+
+def test_a_terminal_gets_a_bar():
+    out = Terminal()
+    follow(ScriptedLink(COLLECTING, REVIEW), None, out)
+    assert "1/6 [######------------------] still 2 s left" in out.getvalue()
+
+
+def test_a_lost_gateway_is_waited_for():
+    link, out = ScriptedLink(COLLECTING, None, None, COLLECTING, REVIEW), io.StringIO()
+    assert follow(link, "session-1", out) == 0
+    assert out.getvalue().count("no answer from the gateway; waiting for it") == 1
+    assert link.reconnects == 2
+
+
+def test_ctrl_c_says_that_the_session_goes_on():
+    class Interrupted(ScriptedLink):
+        def reconnect(self):
+            raise KeyboardInterrupt
+
+    out = io.StringIO()
+    with pytest.raises(KeyboardInterrupt):
+        follow(Interrupted(COLLECTING, None), "session-1", out)
+    assert "the session goes on" in out.getvalue()

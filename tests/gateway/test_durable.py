@@ -1,0 +1,40 @@
+"""Files that are whole or not there."""
+
+import os
+
+import pytest
+
+from gateway.durable import append_durably, write_durably
+
+
+def test_a_file_is_replaced_in_folders_that_are_made(tmp_path):
+    path = tmp_path / "a" / "b" / "c.json"
+    write_durably(path, b"one")
+    write_durably(path, b"two")
+    assert path.read_bytes() == b"two"
+    assert [entry.name for entry in path.parent.iterdir()] == ["c.json"]
+
+
+@pytest.mark.parametrize("call", ["write", "fsync", "replace"])
+def test_a_failure_leaves_the_old_file_and_nothing_beside_it(tmp_path, monkeypatch, call):
+    path = tmp_path / "c.json"
+    write_durably(path, b"old")
+
+    def refuse(*_arguments, **_options):
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, call, refuse)
+        with pytest.raises(OSError, match="No space left"):
+            write_durably(path, b"new")
+    assert path.read_bytes() == b"old"
+    assert [entry.name for entry in tmp_path.iterdir()] == ["c.json"]
+
+
+def test_lines_follow_each_other_even_after_a_torn_one(tmp_path):
+    path = tmp_path / "lines"
+    append_durably(path, b"one")
+    with path.open("ab") as file:
+        file.write(b"tor")
+    append_durably(path, b"two")
+    assert path.read_bytes() == b"one\ntor\ntwo\n"
