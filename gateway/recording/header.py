@@ -17,6 +17,10 @@ DEVICE = "device"
 RECOVERED = "recovered"
 CONFIGURATION = "configuration.toml"
 CONFIGURATION_MEDIA_TYPE = "application/toml"
+CALIBRATION = "calibration-{id}.json"
+CALIBRATION_MEDIA_TYPE = "application/json"
+CERTIFICATE = "calibration-{id}.html"
+CERTIFICATE_MEDIA_TYPE = "text/html"
 TEXT_FIELDS = frozenset({"kind", "device_id", "unit"})
 
 

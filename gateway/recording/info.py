@@ -96,6 +96,8 @@ class RecordingInfo:
     calibration_status: str | None
     configuration: bool
     """The configuration is in the file."""
+    attachments: list[str]
+    """Names of all files inside, calibration records and certificates among them."""
     recovered: dict[str, str] | None
     """What `record recover` noted when it made this file."""
     alerts: list[AlertEvent]
@@ -212,6 +214,7 @@ def _told(file: RecordingFile, tally: _Tally, from_ns: int, to_ns: int) -> Recor
         calibration_id=calibration.calibration_id if calibration else None,
         calibration_status=calibration.status if calibration else None,
         configuration=names.CONFIGURATION in file.attachments,
+        attachments=sorted(file.attachments),
         recovered=file.metadata.get(names.RECOVERED),
         alerts=tally.alerts,
         largest_swing=tally.largest_swing,

@@ -12,6 +12,7 @@ from mcap.writer import CompressionType, Writer
 
 from devices.block import DeviceInfo
 from gateway.recording import header as names
+from gateway.recording.calibration_files import AttachedFile
 from gateway.recording.header import RecordingHeader, device_metadata
 from gateway.recording.schemas import logged_topics, schema_bytes
 from gateway.topics import TOPICS
@@ -28,16 +29,33 @@ class EncodedMessage:
 
 
 class SyncedFile:
-    """A new file whose writes are whole or not at all: what a full disk let through of a record is cut off again."""
+    """A new file whose syncs are whole or not at all: what a full disk let through of one is cut off again.
+
+    A chunk is followed by its index: held back until the sync, both are in the file or neither, and what was lost is known.
+    """
 
     def __init__(self, path: Path) -> None:
         """Create the file. Raises `OSError`, `FileExistsError` among them."""
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         self._size = 0
+        self._held = bytearray()
 
     def write(self, data: bytes) -> int:
-        """Append all of `data` at once, without a buffer of its own. Raises `OSError`."""
-        rest = memoryview(data)
+        """Append; in the file from the next sync on."""
+        self._held += data
+        return len(data)
+
+    def tell(self) -> int:
+        """Bytes written so far, those not in the file yet included."""
+        return self._size + len(self._held)
+
+    def flush(self) -> None:
+        """The sync decides."""
+
+    def sync(self) -> None:
+        """Wait until everything written is on the disk. Raises `OSError`."""
+        held, self._held = self._held, bytearray()
+        rest = memoryview(held)
         try:
             while rest:
                 rest = rest[os.write(self._descriptor, rest) :]
@@ -45,18 +63,7 @@ class SyncedFile:
             with suppress(OSError):
                 os.ftruncate(self._descriptor, self._size)
             raise
-        self._size += len(data)
-        return len(data)
-
-    def tell(self) -> int:
-        """Bytes written so far."""
-        return self._size
-
-    def flush(self) -> None:
-        """Nothing is held back."""
-
-    def sync(self) -> None:
-        """Wait until everything written is on the disk. Raises `OSError`."""
+        self._size += len(held)
         os.fsync(self._descriptor)
 
     def close(self) -> None:
@@ -84,8 +91,9 @@ class Segment:
         device: DeviceInfo | None,
         start_ns: int,
         standing: Iterable[EncodedMessage],
+        files: Iterable[AttachedFile] = (),
     ) -> None:
-        """Create the file with what makes it complete, `standing` messages included, on the disk; or no file at all."""
+        """Create the file with what makes it complete, `standing` messages and `files` included, on the disk; or none at all."""
         self.path = path
         self.start_ns = start_ns
         self._file = SyncedFile(path)
@@ -93,6 +101,7 @@ class Segment:
             sync_directory(path.parent)
             self._writer = Writer(cast(IO[bytes], self._file), compression=CompressionType.ZSTD, enable_data_crcs=True)
             self._channels = self._begin(header, device)
+            self._attach(files, start_ns)
             for message in standing:
                 self.write(message, start_ns)
             self.sync()
@@ -121,6 +130,12 @@ class Segment:
         """Say which device the samples come from."""
         self._writer.add_metadata(names.DEVICE, device_metadata(device))
 
+    def attach(self, files: Iterable[AttachedFile], now_ns: int) -> None:
+        """Add files behind everything written so far, on the disk when this returns."""
+        self._writer.flush()  # type: ignore[no-untyped-call]  # an attachment goes past the open chunk, which comes first
+        self._attach(files, now_ns)
+        self._file.sync()
+
     def sync(self) -> None:
         """Close the chunk and wait until it is on the disk."""
         self._writer.flush()  # type: ignore[no-untyped-call]
@@ -140,16 +155,17 @@ class Segment:
     def _begin(self, header: RecordingHeader, device: DeviceInfo | None) -> dict[str, int]:
         self._writer.start(profile=names.PROFILE, library=header.library)
         self._writer.add_metadata(names.ORIGIN, header.origin())
-        self._writer.add_attachment(
-            create_time=self.start_ns,
-            log_time=self.start_ns,
-            name=names.CONFIGURATION,
-            media_type=names.CONFIGURATION_MEDIA_TYPE,
-            data=header.configuration_toml.encode(),
-        )
+        configuration = header.configuration_toml.encode()
+        self._attach([AttachedFile(names.CONFIGURATION, names.CONFIGURATION_MEDIA_TYPE, configuration)], self.start_ns)
         if device is not None:
             self.add_device(device)
         return {topic: self._register(topic) for topic in logged_topics()}
+
+    def _attach(self, files: Iterable[AttachedFile], now_ns: int) -> None:
+        for file in files:
+            self._writer.add_attachment(
+                create_time=now_ns, log_time=now_ns, name=file.name, media_type=file.media_type, data=file.data
+            )
 
     def _register(self, topic: str) -> int:
         row = TOPICS[topic]

@@ -10,6 +10,7 @@ from pathlib import Path
 from devices.block import DeviceInfo
 from gateway.errors import PlumblineError
 from gateway.messages import Alert, Log, Message, Samples
+from gateway.recording.calibration_files import AttachedFile, CalibrationFiles
 from gateway.recording.events import EventMarks
 from gateway.recording.header import RecordingHeader
 from gateway.recording.retention import BYTES_PER_MB, Retention, SegmentNames
@@ -72,6 +73,7 @@ class Recorder:
         self._segment: Segment | None = None
         self._synced_ns = 0
         self._standing: dict[str, EncodedMessage] = {}
+        self._calibration: CalibrationFiles | None = None
         self._unsynced_messages = 0
         self._unsynced_samples = 0
 
@@ -115,6 +117,20 @@ class Recorder:
             self._segment.add_device(device)
         except OSError as error:
             raise self._stopped(error) from error
+
+    def set_calibration(self, files: CalibrationFiles | None, now_ns: int) -> None:
+        """Say which record is in force: the open segment and every later one of its device carry it. Raises `RecorderError`."""
+        if files == self._calibration:
+            return
+        self._calibration = files
+        if self._segment is None or not (attached := self._files()):
+            return
+        try:
+            self._segment.attach(attached, now_ns)
+        except OSError as error:
+            raise self._stopped(error) from error
+        self._synced_ns = now_ns
+        self._unsynced_messages = self._unsynced_samples = 0
 
     def write(self, topic: str, message: Message | Log, log_time_ns: int) -> None:
         """Record a message. Raises `RecorderError` when it cannot, `ValueError` for a time that no recording can hold."""
@@ -164,7 +180,14 @@ class Recorder:
     def _new_segment(self, now_ns: int) -> Segment:
         standing = [self._standing[topic] for topic in STANDING_TOPICS if topic in self._standing]
         path = self._names.unused(self._data_dir, now_ns)
-        return Segment(path, self._header, self._device, now_ns, standing)
+        return Segment(path, self._header, self._device, now_ns, standing, self._files())
+
+    def _files(self) -> tuple[AttachedFile, ...]:
+        """Of the calibration in force, unless it is that of another device: a swapped sensor never inherits one."""
+        calibration, device = self._calibration, self._device
+        if calibration is None or (device is not None and device.device_id != calibration.device_id):
+            return ()
+        return calibration.files
 
     def _stopped(self, error: OSError) -> RecorderError:
         """Give the open segment up and say what that costs."""

@@ -1,0 +1,180 @@
+"""The record in force and its certificate inside recordings."""
+
+import errno
+import json
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from gateway.calibration.record import CalibrationRecord, content_hash
+from gateway.recording.calibration_files import CalibrationFiles, calibration_files
+from gateway.recording.info import summarise
+from gateway.recording.reader import open_recording
+from gateway.recording.recovery import recover
+from gateway.recording.writer import RecorderError
+
+SECOND_NS = 1_000_000_000
+
+
+def make_record(record_id: str, device_id: str = "adxl355-0x1d-label7") -> CalibrationRecord:
+    content = {
+        "format": 1,
+        "id": record_id,
+        "device_id": device_id,
+        "method": "norm-fit",
+        "created_utc": "2026-01-01T00:00:00Z",
+        "software": "0.1.0",
+        "by": "Größe",
+        "parent": None,
+        "unit": "counts",
+        "offset": [0, 0.5, 1e-17],
+        "correction_matrix": (np.eye(3) / 256_000).tolist(),
+        "covariance": (1e-12 * np.eye(12)).tolist(),
+        "prediction_interval_g": 0.003,
+        "temperature_c": None,
+    }
+    return CalibrationRecord.model_validate(content | {"sha256": content_hash(content)})
+
+
+@pytest.fixture
+def files() -> CalibrationFiles:
+    return calibration_files(make_record("r1"), None)
+
+
+def attachments(path: Path) -> dict[str, bytes]:
+    """Of a closed file, by the reader of the public package."""
+    with path.open("rb") as file:
+        found = {attachment.name: attachment for attachment in make_reader(file, validate_crcs=True).iter_attachments()}
+    return {name: attachment.data for name, attachment in found.items()}
+
+
+def segments(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.mcap"))
+
+
+def test_every_segment_carries_the_record_and_its_certificate(
+    make_recorder, make_samples, device, files, start_ns: int
+) -> None:
+    recorder = make_recorder(segment_s=2.0)
+    recorder.set_device(device, start_ns)
+    folder = recorder.start(start_ns).parent
+    recorder.set_calibration(files, start_ns)
+    for number in range(150):
+        now_ns = start_ns + number * 32_000_000
+        recorder.write("samples", make_samples(number), now_ns)
+        recorder.tick(now_ns)
+    recorder.close()
+    assert len(segments(folder)) == 3
+    for path in segments(folder):
+        found = attachments(path)
+        assert set(found) == {"configuration.toml", "calibration-r1.json", "calibration-r1.html"}
+        record = CalibrationRecord.model_validate(json.loads(found["calibration-r1.json"]))  # its hash holds
+        assert record == make_record("r1")
+        page = found["calibration-r1.html"].decode()
+        assert page.startswith("<!DOCTYPE html>")
+        assert record.sha256 in page
+        assert summarise(path).attachments == sorted(found)
+
+
+def test_a_record_that_comes_in_force_is_on_the_disk_at_once_and_behind_what_came_before(
+    make_recorder, make_samples, device, files, start_ns: int
+) -> None:
+    recorder = make_recorder(fsync_s=3600.0)
+    recorder.set_device(device, start_ns)
+    path = recorder.start(start_ns)
+    recorder.write("samples", make_samples(0), start_ns)
+    recorder.set_calibration(files, start_ns + 5)
+    recorder.set_calibration(calibration_files(make_record("r2"), make_record("r1")), start_ns + 6)
+    as_killed = open_recording(path)
+    assert [message.topic for message in as_killed.messages()] == ["/samples"]  # an attachment alone would overtake it
+    assert set(as_killed.attachments) >= {"calibration-r1.json", "calibration-r2.json", "calibration-r2.html"}
+    assert as_killed.attachments["calibration-r2.json"].log_time == start_ns + 6
+    recorder.close()
+    assert set(attachments(path)) == set(as_killed.attachments)
+
+
+def test_the_same_record_is_not_written_twice_and_none_ends_it(make_recorder, device, files, start_ns: int) -> None:
+    recorder = make_recorder()
+    recorder.set_device(device, start_ns)
+    first = recorder.start(start_ns)
+    recorder.set_calibration(files, start_ns)
+    size = first.stat().st_size
+    recorder.set_calibration(calibration_files(make_record("r1"), None), start_ns + 1)
+    assert first.stat().st_size == size
+    recorder.set_calibration(None, start_ns + 2)
+    second = recorder.start(start_ns + SECOND_NS)
+    recorder.close()
+    assert "calibration-r1.json" in attachments(first)
+    assert set(attachments(second)) == {"configuration.toml"}
+
+
+def test_a_swapped_sensor_does_not_inherit_the_record(make_recorder, device, files, start_ns: int) -> None:
+    recorder = make_recorder()
+    recorder.set_calibration(files, start_ns)
+    recorder.set_device(device, start_ns)
+    first = recorder.start(start_ns)
+    recorder.set_device(replace(device, device_id="adxl355-0x53-label8"), start_ns + SECOND_NS)
+    second = recorder.path
+    recorder.set_calibration(calibration_files(make_record("r9", "adxl355-0x53-label8"), None), start_ns + SECOND_NS)
+    recorder.close()
+    assert set(attachments(first)) == {"configuration.toml", "calibration-r1.json", "calibration-r1.html"}
+    assert set(attachments(second)) == {"configuration.toml", "calibration-r9.json", "calibration-r9.html"}
+
+
+def test_a_record_without_a_recording_waits_for_the_next_one(make_recorder, device, files, start_ns: int) -> None:
+    recorder = make_recorder()
+    recorder.set_device(device, start_ns)
+    recorder.set_calibration(files, start_ns)
+    path = recorder.start(start_ns)
+    recorder.close()
+    assert "calibration-r1.html" in attachments(path)
+
+
+def test_recovering_a_torn_file_keeps_them(make_recorder, make_samples, device, files, start_ns: int, tmp_path) -> None:
+    recorder = make_recorder()
+    recorder.set_device(device, start_ns)
+    path = recorder.start(start_ns)
+    recorder.set_calibration(files, start_ns)
+    recorder.write("samples", make_samples(0), start_ns)
+    recorder.tick(start_ns + 2 * SECOND_NS)
+    torn, whole = tmp_path / "torn", tmp_path / "whole.mcap"
+    torn.write_bytes(path.read_bytes())
+    recorder.close()
+    recover(torn, whole)
+    assert attachments(whole) == attachments(path)
+
+
+def test_a_disk_that_fails_stops_the_recording_and_the_next_one_carries_it(
+    make_recorder, make_samples, device, files, start_ns: int, monkeypatch
+) -> None:
+    recorder = make_recorder()
+    recorder.set_device(device, start_ns)
+    recorder.start(start_ns)
+    recorder.write("samples", make_samples(0), start_ns)
+    recorder.set_calibration(calibration_files(make_record("r0"), None), start_ns)
+    recorder.write("samples", make_samples(1), start_ns)
+
+    def full(descriptor: int, data: bytes) -> int:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as broken:
+        broken.setattr(os, "write", full)
+        with pytest.raises(RecorderError, match="free space on the disk") as caught:
+            recorder.set_calibration(files, start_ns)
+    assert (caught.value.lost_messages, caught.value.lost_samples) == (1, 32)
+    assert recorder.path is None
+    path = recorder.start(start_ns + SECOND_NS)
+    recorder.close()
+    assert "calibration-r1.html" in attachments(path)
+
+
+def test_an_id_of_unknown_origin_becomes_a_plain_name() -> None:
+    made = calibration_files(make_record("../../etc/<b>\n" + "x" * 300), None)
+    assert [file.name for file in made.files] == [
+        f"calibration-.._.._etc__b__{'x' * 66}.json",
+        f"calibration-.._.._etc__b__{'x' * 66}.html",
+    ]
