@@ -14,6 +14,7 @@ Cause = Literal["hoisting", "trolley", "impact", "clipped", "vibration"]
 Level = Literal["normal", "warn", "trip", "unknown"]
 ClockQuality = Literal["synchronised", "free_running", "replayed"]
 CalibrationStatus = Literal["calibrated", "factory", "as_recorded", "uncalibrated"]
+SessionPhase = Literal["idle", "collecting", "review", "committed", "rejected"]
 
 Degrees = Annotated[float, Field(description="degrees")]
 Seconds = Annotated[float, Field(description="seconds")]
@@ -179,6 +180,61 @@ class Health(Message):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SessionPose:
+    """One pose that was taken."""
+
+    face: Annotated[str | None, Field(description="sensor axis that pointed up; null: none near the vertical")]
+    count: int
+    used: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationSession:
+    """How a recalibration stands; faces and directions are in the sensor's axes."""
+
+    id: Annotated[str, Field(description="of the request that began it; empty before the first one")]
+    phase: SessionPhase
+    method: str
+    by: Annotated[str, Field(description="who asked, as said in the request")]
+    poses: list[SessionPose]
+    wanted: Annotated[int, Field(description="poses needed at least")]
+    still: Annotated[bool, Field(description="the housing is at rest now")]
+    pose_fraction: Annotated[float, Field(description="of the pose that is being taken, 0 to 1")]
+    seconds_left: Annotated[float | None, Field(description="until that pose is taken; null while it moves")]
+    next_face: Annotated[
+        str | None, Field(description="sensor axis that should point up next; null: see next_direction")
+    ]
+    next_direction: Annotated[
+        list[float] | None, Field(description="where up should point next in the sensor's axes; null: complete")
+    ]
+    record_id: Annotated[str | None, Field(description="the new record, from review on")]
+    reasons: Annotated[list[str], Field(description="why it may not be committed, or not without a reason")]
+    suspended: Annotated[bool, Field(description="nothing that is measured speaks of the load; alerts are suspended")]
+    notes: Annotated[list[str], Field(description="drift since the record before, warnings of the fit")]
+    text: Annotated[str, Field(description="one line: what to do now, or how it ended")]
+
+
+NO_SESSION = CalibrationSession(
+    id="",
+    phase="idle",
+    method="",
+    by="",
+    poses=[],
+    wanted=0,
+    still=False,
+    pose_fraction=0.0,
+    seconds_left=None,
+    next_face=None,
+    next_direction=None,
+    record_id=None,
+    reasons=[],
+    suspended=False,
+    notes=[],
+    text="",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration(Message):
     """Which calibration makes the numbers."""
 
@@ -189,6 +245,7 @@ class Calibration(Message):
         dict[str, Any], Field(description="specific_force_g = gain_g_per_unit @ raw + bias_g, in the housing frame")
     ]
     text: str
+    session: CalibrationSession = NO_SESSION
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -38,7 +38,7 @@ TOPICS: dict[str, Topic] = {
         (
             "calibration",
             messages.Calibration,
-            "0.1 Hz, and first in each segment",
+            "0.1 Hz, 2 Hz in a session, at each change, first in each segment",
             True,
             True,
             "plumbline.Calibration",

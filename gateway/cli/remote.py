@@ -9,9 +9,11 @@ ANSWER_S = 2.0
 
 def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command with its verbs."""
+    from gateway.cli.remote_session import add_to as add_session_verbs
+
     command = commands.add_parser(
         "remote",
-        help="a gateway over the bus: its state, its messages as they come",
+        help="a gateway over the bus: its state, its messages as they come, its recalibration",
         epilog="example: plumbline remote watch --topics swing,alert",
     )
     verbs = command.add_subparsers(dest="verb", metavar="VERB", required=True)
@@ -20,19 +22,25 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         ("watch", "print messages as they come, one JSON object a line, until Ctrl-C", _watch),
     ):
         verb = verbs.add_parser(name, help=help_text, epilog=f"example: plumbline remote {name}")
-        verb.add_argument(
-            "--gateway",
-            default="plumbline/v1/*/*/*",
-            metavar="KEY",
-            help="plumbline/v1/<site>/<crane>/<sensor>; without it, every gateway on the bus",
-        )
-        verb.add_argument(
-            "--connect", default="tcp/127.0.0.1:7447", metavar="ENDPOINT", help="where the gateway or router listens"
-        )
+        _where(verb)
         verb.set_defaults(run=run)
         if name == "watch":
             verb.add_argument("--topics", default="swing,condition,alert", metavar="LIST", help="comma-separated")
             verb.add_argument("--count", type=int, metavar="N", help="stop after N messages")
+    for verb in add_session_verbs(verbs):
+        _where(verb)
+
+
+def _where(verb: argparse.ArgumentParser) -> None:
+    verb.add_argument(
+        "--gateway",
+        default="plumbline/v1/*/*/*",
+        metavar="KEY",
+        help="plumbline/v1/<site>/<crane>/<sensor>; without it, every gateway on the bus",
+    )
+    verb.add_argument(
+        "--connect", default="tcp/127.0.0.1:7447", metavar="ENDPOINT", help="where the gateway or router listens"
+    )
 
 
 def _status(arguments: argparse.Namespace) -> int:

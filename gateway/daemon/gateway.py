@@ -6,6 +6,7 @@ import threading
 import time
 import uuid
 from contextlib import ExitStack
+from dataclasses import replace
 
 from devices.block import DeviceInfo
 from devices.clock import HostClock
@@ -24,9 +25,14 @@ from gateway.daemon.notify import ServiceNotifier
 from gateway.daemon.page_process import PageProcess
 from gateway.daemon.processor import Processor
 from gateway.daemon.publisher import Publisher
+from gateway.daemon.recalibration_desk import RecalibrationDesk
 from gateway.daemon.recording_worker import RecordingWorker
 from gateway.daemon.sampler import Sampler
 from gateway.daemon.wall_clock import WallClockWatch
+from gateway.messages import Log
+from gateway.pipeline.emission import Emission
+from gateway.recalibration.recalibration import Recalibration
+from gateway.recalibration.standard import StandardMethods
 from gateway.recording.events import EventMarks
 from gateway.recording.header import RecordingHeader
 from gateway.recording.writer import Recorder
@@ -81,16 +87,24 @@ class Gateway:
             self._page = PageProcess(configuration) if configuration.page.enabled else None
             undo.pop_all()
         self._recording = RecordingWorker(recorder, clock.now_ns)
+        log.addHandler(RecordingHandler(lambda line: self._record_line(line, clock.now_ns())))
         self._publisher = Publisher(session, section.key)
-        self.processor = Processor(
-            configuration, info, self._correct, WallClockWatch(clock), self._recording, self._publisher
+        watch = WallClockWatch(clock)
+        recalibration = Recalibration(
+            section.data_dir, StandardMethods(configuration.device.axes), software=__version__, tell=log.warning
         )
+        desk = RecalibrationDesk(recalibration, watch)
+        self._publisher.serve(desk)
+        self.processor = Processor(configuration, info, self._correct, watch, desk, self._recording, self._publisher)
         self._sampler = Sampler(device, info, self.processor.inbox, self._notifier)
         self._health = HealthReport(
             device, self._sampler, self.processor, self._recording, self._publisher, section.data_dir, boot_id
         )
         self.processor.health = self._health.make
-        log.addHandler(RecordingHandler(lambda line: self.processor.write_log(line, clock.now_ns())))
+
+    def _record_line(self, line: Log, now_ns: int) -> None:
+        """A line of the log goes into the recording; called by any thread."""
+        self._recording.inbox.put(Emission("log", now_ns, line))
 
     def _correct(self, info: DeviceInfo) -> Correction:
         """The calibration in force for a device. A record that must not be used leaves it uncalibrated, and says so."""
@@ -99,7 +113,8 @@ class Gateway:
             return correction_for(info, axes, find(self.configuration.gateway.data_dir, info.device_id))
         except CalibrationError as error:
             log.error("%s", error)
-            return correction_for(info, axes, None)
+            bare = correction_for(replace(info, factory_calibration=None), axes, None)  # not silently the factory's
+            return replace(bare, text=f"{bare.text}; {error}")
 
     def describe(self) -> str:
         """Where everything is, for the person who started it."""

@@ -58,6 +58,7 @@ class HealthReport:
                 "blocks": self.processor.inbox.dropped,
                 "recording": self.recording.inbox.dropped,
                 "bus": self.publisher.inbox.dropped,
+                "requests": self.processor.requests_dropped,
             },
             recording=None if path is None else str(path),
             recording_error=self.recording.error,

@@ -9,11 +9,12 @@ from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.daemon.publisher import Publisher
+from gateway.daemon.recalibration_desk import RecalibrationDesk
 from gateway.daemon.recording_worker import RecordingWorker
 from gateway.daemon.sampler import SamplerItem
 from gateway.daemon.wall_clock import WallClockWatch
 from gateway.daemon.worker import Worker
-from gateway.messages import Clock, Health, Log
+from gateway.messages import Clock, Condition, Health
 from gateway.pipeline.emission import Emission
 from gateway.pipeline.header import Header, HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
@@ -45,6 +46,7 @@ class Processor(Worker[SamplerItem]):
         info: DeviceInfo,
         correct: Callable[[DeviceInfo], Correction],
         watch: WallClockWatch,
+        desk: RecalibrationDesk,
         recording: RecordingWorker,
         publisher: Publisher,
     ) -> None:
@@ -53,6 +55,7 @@ class Processor(Worker[SamplerItem]):
         self._configuration = configuration
         self._correct = correct
         self._watch = watch
+        self._desk = desk
         self._recording = recording
         self._publisher = publisher
         self._headers = HeaderMaker()
@@ -66,9 +69,20 @@ class Processor(Worker[SamplerItem]):
 
     def _open(self, info: DeviceInfo) -> None:
         self.info = info
-        self.correction = self._correct(info)
-        self._pipeline = Pipeline(self._configuration, info, self.correction, self._headers, self._fitting)
+        self._desk.open(info)
         self._recording.inbox.put(info)
+        self._open_pipeline()
+
+    def _open_pipeline(self) -> None:
+        """With the calibration that is in force now."""
+        self.correction = self._correct(self.info)
+        self._pipeline = Pipeline(self._configuration, self.info, self.correction, self._headers, self._fitting)
+        self._pipeline.recalibrating(self._desk.view, self._desk.suspended)
+
+    @property
+    def requests_dropped(self) -> int:
+        """Requests that found too many waiting."""
+        return self._desk.dropped
 
     def handle(self, item: SamplerItem) -> None:
         """A block, or news of a device that came back."""
@@ -77,6 +91,8 @@ class Processor(Worker[SamplerItem]):
             self.counts.newest_ns = int(item.time_ns[-1])
             self.counts.lost += item.lost
             self.counts.invalid += item.invalid
+            self._desk.take(item)
+            self._attend()
             self._hand_on(self._pipeline.process(item, self._watch.state))
         elif item.info != self.info:
             self._open(item.info)
@@ -84,6 +100,7 @@ class Processor(Worker[SamplerItem]):
 
     def idle(self) -> None:
         """No block came for a moment: the reading may have become stale."""
+        self._attend()
         self._hand_on(self._pipeline.idle(self._watch.clock.now_ns(), self._watch.state))
         self._each_second()
 
@@ -92,9 +109,17 @@ class Processor(Worker[SamplerItem]):
         self._fitting.shutdown(wait=True, cancel_futures=True)
         self._hand_on(self._seconds_messages(self._watch.clock.now_ns()))
 
-    def write_log(self, message: Log, now_ns: int) -> None:
-        """A line of the log goes into the recording; called by any thread."""
-        self._recording.inbox.put(Emission("log", now_ns, message))
+    def _attend(self) -> None:
+        """Answer requests; a change of the session or of the record in force is told at once."""
+        self._desk.serve()
+        if anew := self._desk.changes_pipeline():
+            self._open_pipeline()
+        else:
+            self._pipeline.recalibrating(self._desk.view, self._desk.suspended)
+        if self._desk.is_news() or anew:
+            newest_ns = self.counts.newest_ns
+            time_ns = self._watch.clock.now_ns() if newest_ns is None else newest_ns
+            self._hand_on([self._pipeline.calibration(time_ns, self._watch.state)])
 
     def _each_second(self) -> None:
         now_ns = self._watch.clock.now_ns()
@@ -115,6 +140,8 @@ class Processor(Worker[SamplerItem]):
 
     def _hand_on(self, emissions: Iterable[Emission]) -> None:
         for emission in emissions:
+            if isinstance(emission.message, Condition):
+                self._desk.judged(emission.message.verdict, emission.log_time_ns)
             topic = TOPICS[emission.topic]
             if topic.published:
                 self._publisher.inbox.put(emission)

@@ -13,7 +13,7 @@ from typing import Literal, TypeVar
 from gateway.messages import Alert, Calibration, CalibrationStatus, Condition, Level, Message, Swing
 from gateway.topics import TOPIC_OF
 
-Word = Literal["NO DATA", "STALE", "TRIP", "WARN", "UNCALIBRATED", "DISTURBED", "UNKNOWN", "OK"]
+Word = Literal["NO DATA", "STALE", "TRIP", "WARN", "SUSPENDED", "UNCALIBRATED", "DISTURBED", "UNKNOWN", "OK"]
 M = TypeVar("M", bound=Message)
 
 
@@ -31,6 +31,7 @@ FACES: dict[Word, Face] = {
     "STALE": Face("STALE", "black", "hourglass"),
     "TRIP": Face("STOP", "red", "octagon"),
     "WARN": Face("WARN", "amber", "triangle"),
+    "SUSPENDED": Face("SUSPENDED", "violet", "pause"),
     "UNCALIBRATED": Face("UNCALIBRATED", "violet", "slash"),
     "DISTURBED": Face("DISTURBED", "violet", "zigzag"),
     "UNKNOWN": Face("UNKNOWN", "violet", "question"),
@@ -84,7 +85,13 @@ class Verdict:
 def verdict(evidence: Evidence) -> Verdict:
     """Judge the evidence."""
     order = list(FACES)
-    findings = [*_freshness(evidence), *_alarm(evidence), *_calibration(evidence), *_trust(evidence)]
+    findings = [
+        *_freshness(evidence),
+        *_alarm(evidence),
+        *_session(evidence),
+        *_calibration(evidence),
+        *_trust(evidence),
+    ]
     findings.sort(key=lambda finding: order.index(finding[0]))
     words = list(dict.fromkeys(word for word, _ in findings)) or ["OK"]
     face = FACES[words[0]]
@@ -138,6 +145,14 @@ def _alarm(evidence: Evidence) -> Iterator[tuple[Word, str]]:
         return
     words: dict[Level, Word] = {"warn": "WARN", "trip": "TRIP"}
     yield words.get(alert.level, "UNKNOWN"), alert.text or f"alert level {alert.level}"
+
+
+def _session(evidence: Evidence) -> Iterator[tuple[Word, str]]:
+    calibration = evidence.get(Calibration)
+    if calibration is not None and calibration.session.suspended:
+        session = calibration.session
+        under_way = session.phase in ("collecting", "review")
+        yield "SUSPENDED", "nobody watches the swing: " + ("the sensor is recalibrated" if under_way else session.text)
 
 
 def _calibration(evidence: Evidence) -> Iterator[tuple[Word, str]]:

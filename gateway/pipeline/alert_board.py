@@ -68,6 +68,19 @@ class AlertBoard:
         for rule, event in changed:  # told once every rule is judged: each message shows how all of them stand
             yield self._change(rule, event)
 
+    def suspend(self, why: str, time_s: float) -> Iterator[AlertChange]:
+        """Every rule is unknown, whatever stood: nothing that is measured now speaks of the load."""
+        self._why = why
+        changed: list[tuple[str, Event]] = []
+        for rule in self._limits:
+            self._values_rad[rule] = None
+            before = self._states.get(rule)
+            if before is None or before.level != "unknown":
+                self._states[rule] = RuleState("unknown", time_s)
+                changed.append((rule, "changed"))
+        for rule, event in changed:
+            yield self._change(rule, event)
+
     def heartbeat(self) -> AlertChange:
         """How everything stands."""
         return self._change(None, "standing")

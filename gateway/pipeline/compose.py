@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from devices.block import DeviceInfo
 from gateway.calibration.correction import Correction
-from gateway.messages import Alert, Calibration, Condition, Tilt
+from gateway.messages import Alert, Calibration, CalibrationSession, Condition, Formulas, Swing, Tilt
 from gateway.pipeline.alert_board import AlertChange
 from gateway.pipeline.header import Header
 from gateway.stages.conditions import ConditionFound
@@ -37,6 +37,27 @@ def tilt_message(
     )
 
 
+def no_swing_message(header: Header, why: str) -> Swing:
+    """Nothing is known of the swing."""
+    return Swing(
+        **header,
+        swinging=None,
+        phi_max_deg=None,
+        u_deg=None,
+        coverage95_deg=None,
+        minor_phi_max_deg=None,
+        azimuth_deg=None,
+        lean_deg=None,
+        lean_azimuth_deg=None,
+        period_s=None,
+        predicted_phi_max_deg=None,
+        predicted_u_deg=None,
+        time_to_peak_s=None,
+        formulas_deg=Formulas(arccos_min_az=None, arcsin_max_axy=None, arctan_max_axy_min_az=None, arccos_max_az=None),
+        reasons=[why],
+    )
+
+
 def condition_message(header: Header, found: ConditionFound, correction: Correction) -> Condition:
     """The verdict with its gates."""
     return Condition(
@@ -59,7 +80,9 @@ def alert_message(header: Header, change: AlertChange) -> Alert:
     )
 
 
-def calibration_message(header: Header, correction: Correction, info: DeviceInfo) -> Calibration:
+def calibration_message(
+    header: Header, correction: Correction, info: DeviceInfo, session: CalibrationSession
+) -> Calibration:
     """Which calibration makes the numbers; the affine correction in force is given even without a record."""
     in_force = {"gain_g_per_unit": correction.gain.tolist(), "bias_g": correction.bias_g.tolist(), "unit": info.unit}
     return Calibration(
@@ -69,4 +92,5 @@ def calibration_message(header: Header, correction: Correction, info: DeviceInfo
         record=correction.record or {},
         in_force=in_force,
         text=correction.text,
+        session=session,
     )

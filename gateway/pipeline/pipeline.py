@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
-from gateway.messages import Condition
+from gateway.messages import NO_SESSION, CalibrationSession, Condition
 from gateway.packing import pack
 from gateway.pipeline import compose
 from gateway.pipeline.alert_board import AlertBoard, AlertChange
@@ -60,6 +60,13 @@ class Pipeline:
         self._origin_ns: int | None = None
         self._newest_ns: int | None = None
         self._lowpassed_g: NDArray[np.float64] | None = None
+        self._session = NO_SESSION
+        self._suspended: str | None = None
+
+    def recalibrating(self, session: CalibrationSession, suspended: str | None) -> None:
+        """How a recalibration stands; `suspended` says why nothing may be said of the load meanwhile, None: it may."""
+        self._session = session
+        self._suspended = suspended
 
     def process(self, block: SampleBlock, clock: ClockState) -> Iterator[Emission]:
         """Everything that follows from a block; to be consumed wholly before the next."""
@@ -68,6 +75,9 @@ class Pipeline:
         if self._calibration_pace.due(newest_ns):
             yield self.calibration(newest_ns, clock)
         force_g, lowpassed_g = self._filter(block)
+        if self._suspended is not None:
+            yield from self._without_load(self._suspended, block.temperature_c, newest_ns, clock)
+            return
         time_s = self._time_s(block)
         self._watch.update(time_s, force_g, count_clipped(block.raw, self._full_scale), block.lost + block.invalid)
         if self._tilt_pace.due(newest_ns):
@@ -84,6 +94,8 @@ class Pipeline:
         if self._newest_ns is not None and silent_ns < self._stale_ns:
             return
         why = "no sample yet" if self._newest_ns is None else "stale: no samples are coming"
+        if self._suspended is not None:
+            why = f"{self._suspended}; {why}"
         first = self._condition.reasons != (why,)
         self._condition = ConditionFound("unknown", None, False, (why,), {"fresh": False}, None)
         if self._condition_pace.due(now_ns) or first:
@@ -91,9 +103,29 @@ class Pipeline:
         yield from self._hold({"swing": None, "lean": None}, why, now_ns, clock)
 
     def calibration(self, time_ns: int, clock: ClockState) -> Emission:
-        """Which calibration is in force."""
+        """Which calibration is in force, and how a recalibration stands."""
         header = self._header("calibration", time_ns, clock)
-        return Emission("calibration", time_ns, compose.calibration_message(header, self._correction, self._info))
+        message = compose.calibration_message(header, self._correction, self._info, self._session)
+        return Emission("calibration", time_ns, message)
+
+    def _without_load(
+        self, why: str, temperature_c: float | None, time_ns: int, clock: ClockState
+    ) -> Iterator[Emission]:
+        """The housing does not hang on the rope: what is measured says nothing of the load."""
+        first = self._condition.reasons != (why,)
+        self._condition = ConditionFound("unknown", None, False, (why,), {"on_rope": False}, None)
+        if self._tilt_pace.due(time_ns):
+            yield self._tilt(temperature_c, time_ns, clock)
+        if self._condition_pace.due(time_ns) or first:
+            yield Emission("condition", time_ns, self._condition_now(time_ns, clock))
+        heartbeat = self._heartbeat_pace.due(time_ns)
+        if heartbeat or first:
+            yield Emission("swing", time_ns, compose.no_swing_message(self._header("swing", time_ns, clock), why))
+        changes = list(self._board.suspend(why, time_ns / 1e9))
+        if heartbeat and not changes:
+            changes = [self._board.heartbeat()]
+        for change in changes:
+            yield Emission("alert", time_ns, compose.alert_message(self._header("alert", time_ns, clock), change))
 
     def _filter(self, block: SampleBlock) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Specific force in the housing frame, as it is and low-passed."""

@@ -1,12 +1,14 @@
 """Sample blocks as an ADXL355 at rest gives them, and their messages."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
 
 from devices.block import SampleBlock
 from gateway import messages
+from gateway.calibration.record import content_hash
 from gateway.packing import pack
 
 START_NS = 1_767_225_600_000_000_000
@@ -47,5 +49,35 @@ def make_samples(make_block: MakeBlock) -> Callable[..., messages.Samples]:
     def make(number: int = 0, **block: float) -> messages.Samples:
         made = make_block(number, **block)
         return pack(made, time_ns=int(made.time_ns[-1]), clock="synchronised", sequence=number, calibration_id="c-1")
+
+    return make
+
+
+@pytest.fixture
+def record() -> Callable[..., dict[str, Any]]:
+    """Content of a calibration record of the device `part-7`, with its hash; keywords change fields."""
+
+    def make(**changes: Any) -> dict[str, Any]:
+        covariance = np.zeros((12, 12))
+        covariance[[9, 10, 11], [9, 10, 11]] = [1.0, 4.0, 9.0]  # counts squared
+        covariance[0, 0] = (1e-6) ** 2
+        content = {
+            "format": 1,
+            "id": "r1",
+            "device_id": "part-7",
+            "method": "six-position",
+            "created_utc": "2026-01-01T00:00:00Z",
+            "software": "0.1.0",
+            "by": "bench",
+            "parent": None,
+            "unit": "counts",
+            "offset": [10.0, -20.0, 30.0],
+            "correction_matrix": [[1e-3, 1e-5, 0], [0, 1e-3, 0], [0, 0, 1.01e-3]],
+            "covariance": covariance.tolist(),
+            "prediction_interval_g": 0.003,
+            "temperature_c": None,
+            "warnings": ["kept though not modelled"],
+        } | changes
+        return content | {"sha256": content_hash(content)}
 
     return make

@@ -1,6 +1,7 @@
 // Joins the parts: what the server pushes, and whether it can still be believed, to what is shown.
 
 import {Bullseye} from "./bullseye.js";
+import {CalibrationScreen} from "./calibration.js";
 import {setText, showFacts} from "./facts.js";
 import {Link, nowS} from "./link.js";
 import {degrees, direction, fixed, isKnown, NONE, plusMinus, upwards} from "./number.js";
@@ -12,6 +13,7 @@ const TREND_S = 1;
 const GONE = new Set(["STALE", "NO DATA"]);
 
 const bullseye = new Bullseye(document.getElementById("bullseye"));
+const calibration = new CalibrationScreen(document.getElementById("calibration"), document.querySelector("main"));
 const trend = new Trend(document.getElementById("trend"), document.getElementById("trend-labels"));
 let state = null;
 let trendS = 0;
@@ -49,6 +51,7 @@ function show() {
     showSwing(gone ? null : state.topics.swing, verdict, waitedS);
     showCondition(gone ? null : state.topics.condition);
     showFacts(state, waitedS);
+    calibration.show(state.topics.calibration?.session, gone);
     if (gone) bullseye.clear();
     else bullseye.draw(state);
     if (nowS() - trendS >= TREND_S) {

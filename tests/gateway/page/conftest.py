@@ -13,6 +13,7 @@ import pytest
 import zenoh
 
 from gateway.messages import (
+    NO_SESSION,
     ActiveAlert,
     Alert,
     Calibration,
@@ -52,6 +53,7 @@ class Scene:
         self.calibration: CalibrationStatus = "calibrated"
         self.recording_error: str | None = None
         self.device_kind = "adxl355"
+        self.session = NO_SESSION
 
     def messages(self, sequence: int, time_ns: int) -> list[Message]:
         """One of each topic that the page reads."""
@@ -134,6 +136,7 @@ class Scene:
             record={"id": "six-2025-03", "offset": [0.0] * 300},
             in_force={},
             text="six-position, 2025-03-14" if self.calibration == "calibrated" else "no record for adxl355-0042",
+            session=self.session,
         )
 
     def health(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Health:

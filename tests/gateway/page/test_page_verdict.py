@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
-from gateway.messages import Message
+from gateway.messages import NO_SESSION, Message
 from gateway.page.verdict import FACES, USUAL_PAUSE_S, Evidence, verdict
 from gateway.topics import TOPIC_OF, TOPICS
 
@@ -28,6 +29,7 @@ def setting(**changes: Any) -> Change:
 
 
 NO_SWING = {"swinging": False, "phi_max_deg": None, "coverage95_deg": [0.0, 0.2], "condition": "static"}
+SUSPENDED = replace(NO_SESSION, id="session-1", phase="collecting", suspended=True)
 DISTURBED = {"condition": "disturbed", "trusted": False}
 TABLE = [
     (setting(), {}, "OK"),
@@ -56,6 +58,10 @@ TABLE = [
     (setting(), {"swing": 4.0}, "OK"),  # half of its period of 6.9 s, and 1 s
     (setting(), {"swing": 5.0}, "STALE"),
     (setting(), {"health": 60.0, "calibration": 60.0}, "OK"),
+    (setting(session=SUSPENDED), {}, "SUSPENDED"),
+    (setting(session=SUSPENDED, level="unknown", calibration="uncalibrated", swinging=None), {}, "SUSPENDED"),
+    (setting(session=SUSPENDED), {"tilt": 3.0}, "STALE"),
+    (setting(session=replace(SUSPENDED, suspended=False)), {}, "OK"),
     # An alarm goes before doubt, and only lost data before an alarm.
     (setting(level="trip", calibration="uncalibrated"), {}, "TRIP"),
     (setting(level="warn", **DISTURBED), {}, "WARN"),
@@ -117,6 +123,7 @@ def test_what_is_told_beside_the_verdict(scene: Any, change: Change, also: list[
         (setting(calibration="uncalibrated", level="trip"), False),
         (setting(**DISTURBED), False),
         (setting(swinging=None), False),
+        (setting(session=SUSPENDED), False),
     ],
 )
 def test_sound_is_whether_the_number_may_be_believed(scene: Any, change: Change, sound: bool) -> None:

@@ -13,6 +13,7 @@ from devices.simulated.device import SimulatedCrane
 from devices.simulated.pendulum import start_motion
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
+from gateway.messages import NO_SESSION
 from gateway.packing import unpack
 from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.header import HeaderMaker
@@ -198,3 +199,48 @@ def test_the_same_blocks_give_the_same_bits():
     for block in first.blocks:
         again.feed(block)
     assert first.out == again.out
+
+
+WHY = "SUSPENDED: the sensor is being recalibrated (six-position, by ann)"
+
+
+def test_nothing_is_said_of_the_load_while_the_sensor_is_recalibrated():
+    run = Run(crane(9.0)).go(20)
+    assert run.out["alert"][-1].level == "trip"
+    before = {topic: len(messages) for topic, messages in run.out.items()}
+    run.pipeline.recalibrating(NO_SESSION, WHY)
+    run.go(5)
+    later = {topic: messages[before[topic] :] for topic, messages in run.out.items()}
+    assert {alert.level for alert in later["alert"][1:]} == {
+        "unknown"
+    }  # the first tells of one rule, then of the other
+    assert later["alert"][0].event == "changed"
+    assert WHY in later["alert"][-1].text
+    assert {alert.rule for alert in later["alert"][-1].active} == {"swing", "lean"}
+    assert {(condition.verdict, condition.trusted) for condition in later["condition"]} == {("unknown", False)}
+    assert later["condition"][0].reasons == [WHY]
+    assert {(swing.swinging, swing.phi_max_deg, swing.coverage95_deg) for swing in later["swing"]} == {(None,) * 3}
+    assert not any(tilt.trusted for tilt in later["tilt"])
+    assert 5 <= len(later["alert"]) <= 7
+    assert len(later["swing"]) >= 5
+
+
+def test_a_device_that_is_lost_while_it_is_recalibrated_says_both():
+    run = Run(crane()).go(5)
+    run.pipeline.recalibrating(NO_SESSION, WHY)
+    run.go(1)
+    run.take(run.pipeline.idle(run.newest_ns + 3_000_000_000, CLOCK))
+    reason = run.out["condition"][-1].reasons[0]
+    assert WHY in reason
+    assert "stale" in reason
+    assert run.out["alert"][-1].level == "unknown"
+
+
+def test_the_calibration_message_tells_how_a_session_stands():
+    run = Run(crane()).go(1)
+    assert run.out["calibration"][-1].session == NO_SESSION
+    session = replace(NO_SESSION, id="session-1", phase="collecting")
+    run.pipeline.recalibrating(session, WHY)
+    message = run.pipeline.calibration(run.newest_ns, CLOCK).message
+    assert message.session == session
+    assert message.calibration_id == run.info.factory_calibration["id"]

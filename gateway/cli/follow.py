@@ -1,0 +1,124 @@
+"""A session, followed to its review or its end: a bar in a terminal, a line for each change elsewhere."""
+
+import json
+import time
+from typing import Any, TextIO
+
+import zenoh
+
+from gateway.bus.client import Client
+from gateway.daemon.dropping_queue import DroppingQueue
+
+LOOK_S = 1.5
+"""While it collects a gateway tells of a session twice a second; after this silence it is asked."""
+WAITING = 256
+BAR = 24
+GOES_ON = "the session goes on: plumbline remote recalibrate --follow shows it, plumbline remote cancel ends it"
+
+
+def follow(client: Client, session_id: str | None, out: TextIO) -> int:
+    """Show a session until it is reviewed or has ended; 0 where its record may be committed, or has been."""
+    screen = Screen(out)
+    news = _listen(client)
+    session = _asked(client)
+    try:
+        while True:
+            if session is not None:
+                session_id = session_id or session["id"]
+                if session["id"] != session_id or session["phase"] == "idle":
+                    screen.line("no such session is under way")
+                    return 1
+                screen.show(session)
+                if session["phase"] != "collecting":
+                    return _result(session, screen)
+            session = _next(client, news, screen)
+    except KeyboardInterrupt:
+        screen.line(GOES_ON)
+        raise
+
+
+def _listen(client: Client) -> DroppingQueue[zenoh.Sample]:
+    news: DroppingQueue[zenoh.Sample] = DroppingQueue(WAITING)
+    client.hear("calibration", news.put)
+    return news
+
+
+def _next(client: Client, news: DroppingQueue[zenoh.Sample], screen: "Screen") -> dict[str, Any] | None:
+    """The session as it stands next; None while nobody answers, and the link is opened again."""
+    sample = news.get(LOOK_S)
+    if sample is not None:
+        return _session(json.loads(sample.payload.to_bytes()))
+    session = _asked(client)
+    if session is None:
+        screen.waits()
+        if client.reconnect():
+            client.hear("calibration", news.put)
+        else:
+            time.sleep(LOOK_S)
+    return session
+
+
+def _asked(client: Client) -> dict[str, Any] | None:
+    status = client.status()
+    return None if status is None or "calibration" not in status else _session(status["calibration"])
+
+
+def _session(message: dict[str, Any]) -> dict[str, Any]:
+    session: dict[str, Any] = message["session"]
+    return session
+
+
+def _result(session: dict[str, Any], screen: "Screen") -> int:
+    if session["phase"] == "review":
+        for reason in [*session["notes"], *session["reasons"]]:
+            screen.line(f"  {reason}")
+        screen.line(f"record {session['record_id']} is in review: plumbline remote commit, or plumbline remote cancel")
+        return 0 if session["text"].endswith("may be committed") else 1
+    return 0 if session["phase"] == "committed" else 1
+
+
+class Screen:
+    """One line that moves in a terminal; elsewhere a line each time that the words change."""
+
+    def __init__(self, out: TextIO) -> None:
+        self._out = out
+        self._moves = out.isatty()
+        self._said = ""
+
+    def show(self, session: dict[str, Any]) -> None:
+        """How the session stands."""
+        taken, wanted = len(session["poses"]), max(session["wanted"], 1)
+        if session["phase"] != "collecting":
+            self.line(f"{session['phase']}: {session['text']}")
+        elif self._moves:
+            done = min((taken + session["pose_fraction"]) / wanted, 1.0)
+            bar = ("#" * round(done * BAR)).ljust(BAR, "-")
+            self._put(f"{taken}/{wanted} [{bar}] {_stillness(session):14} {session['text']}")
+        elif (said := f"{taken} of {wanted} poses; {session['text']}") != self._said:
+            self._said = said
+            self.line(said)
+
+    def waits(self) -> None:
+        """Nobody answers."""
+        text = "no answer from the gateway; waiting for it"
+        if self._moves:
+            self._put(text)
+        elif text != self._said:
+            self._said = text
+            self.line(text)
+
+    def line(self, text: str) -> None:
+        """A line that stays."""
+        self._out.write(f"\r\x1b[K{text}\n" if self._moves else f"{text}\n")
+        self._out.flush()
+
+    def _put(self, text: str) -> None:
+        self._out.write(f"\r\x1b[K{text[:118]}")
+        self._out.flush()
+
+
+def _stillness(session: dict[str, Any]) -> str:
+    if not session["still"]:
+        return "moving"
+    left_s = session["seconds_left"]
+    return "still" if left_s is None else f"still {left_s:.0f} s left"

@@ -1,0 +1,24 @@
+"""What the session needs of the calibration: procedures, records, the judge, the zero."""
+
+from typing import Protocol
+
+from devices.block import DeviceInfo
+from gateway.calibration.procedure import CalibrationFit, Procedure, RawReadings
+from gateway.calibration.record import CalibrationRecord
+from gateway.recalibration.session import Judgement
+
+
+class Methods(Protocol):
+    """The ways of calibrating a device from afar."""
+
+    def procedure(self, method: str, device: DeviceInfo) -> Procedure:
+        """A procedure that has seen nothing yet."""
+        ...
+
+    def zero(self, readings: RawReadings, parent: CalibrationRecord, device: DeviceInfo) -> CalibrationFit:
+        """The parent with the mount's two angles removed. Raises `CalibrationError`."""
+        ...
+
+    def judge(self, record: CalibrationRecord, parent: CalibrationRecord | None) -> Judgement:
+        """Whether a record may replace its parent."""
+        ...

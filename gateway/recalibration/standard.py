@@ -1,0 +1,37 @@
+"""The ways of calibrating that a session offers: those of the offline command, the same code."""
+
+import numpy as np
+
+from devices.block import DeviceInfo
+from gateway.calibration import acceptance
+from gateway.calibration.methods import procedure_for
+from gateway.calibration.poses import Nominal
+from gateway.calibration.procedure import CalibrationFit, Procedure, RawReadings
+from gateway.calibration.record import CalibrationRecord
+from gateway.calibration.zero import zero
+from gateway.recalibration.session import Judgement
+
+Axes = tuple[tuple[int, int], ...]
+"""(sensor axis, sign) of each housing axis."""
+
+
+class StandardMethods:
+    """`gateway.recalibration.methods.Methods` for a sensor that is built into its housing so."""
+
+    def __init__(self, axes: Axes) -> None:
+        self._turn = np.zeros((3, 3))
+        for housing_axis, (sensor_axis, sign) in enumerate(axes):
+            self._turn[housing_axis, sensor_axis] = sign
+
+    def procedure(self, method: str, device: DeviceInfo) -> Procedure:
+        """A procedure that has seen nothing yet."""
+        return procedure_for(method, Nominal(device.units_per_g))
+
+    def zero(self, readings: RawReadings, parent: CalibrationRecord, device: DeviceInfo) -> CalibrationFit:
+        """The parent with the mount's two angles removed. Raises `CalibrationError`."""
+        return zero(readings, parent, self._turn, device.units_per_g)
+
+    def judge(self, record: CalibrationRecord, parent: CalibrationRecord | None) -> Judgement:
+        """Whether a record may replace its parent."""
+        found = acceptance.judge(record, parent)
+        return Judgement(refused=found.refusals, implausible=found.needs_reason, notes=found.notes)

@@ -1,0 +1,46 @@
+"""The session as others are shown it. Faces and directions are the sensor's own axes, as in the record."""
+
+from gateway.calibration.procedure import Progress
+from gateway.messages import NO_SESSION, CalibrationSession, SessionPose
+from gateway.recalibration.session import CONFIRM, Session
+
+
+def view_of(session: Session | None, progress: Progress | None) -> CalibrationSession:
+    """What is published of a session; `progress` of its procedure while it collects."""
+    if session is None:
+        return NO_SESSION
+    direction = None if progress is None else progress.next_direction
+    return CalibrationSession(
+        id=session.id,
+        phase=session.phase,
+        method=session.method,
+        by=session.by,
+        poses=[SessionPose(face=pose.face, count=pose.count, used=pose.used) for pose in session.poses],
+        wanted=len(session.poses) if progress is None else progress.wanted,
+        still=progress is not None and progress.still,
+        pose_fraction=0.0 if progress is None else progress.pose_fraction,
+        seconds_left=None if progress is None else progress.seconds_left,
+        next_face=None if progress is None else progress.next_face,
+        next_direction=None if direction is None else list(direction),
+        record_id=session.record_id,
+        reasons=_reasons(session),
+        suspended=session.suspends is not None,
+        notes=list(session.judgement.notes) if session.judgement is not None else [],
+        text=_text(session, progress),
+    )
+
+
+def _reasons(session: Session) -> list[str]:
+    if session.phase != "review" or session.judgement is None:
+        return []
+    judged = session.judgement
+    return [*judged.refused, *(f"{text}; give a reason" for text in judged.implausible)]
+
+
+def _text(session: Session, progress: Progress | None) -> str:
+    if session.phase == "collecting":
+        return "" if progress is None else progress.text
+    if session.phase == "review":
+        may = session.judgement is not None and not session.judgement.refused
+        return "all poses are taken: the record may be committed" if may else "the record may not be committed"
+    return f"{session.text}; alerts stay suspended: {CONFIRM}" if session.left else session.text

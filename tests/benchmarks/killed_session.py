@@ -1,0 +1,185 @@
+"""Sessions that are killed at every point at which they touch the disk: what is in force afterwards, and how they go on."""
+
+import json
+import os
+import shutil
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from devices.block import DeviceInfo, SampleBlock
+from devices.simulated.accelerometer import Accelerometer, typical_errors
+from gateway.calibration.store import CalibrationStore
+from gateway.recalibration.moment import Moment
+from gateway.recalibration.recalibration import Recalibration
+from gateway.recalibration.standard import StandardMethods
+from tests.benchmarks.faulty_disk import FaultyDisk
+
+RATE_HZ = 125.0
+BLOCK = 25
+START_NS = 1_767_225_600_000_000_000
+AWAY_S = 120.0
+AXES = ((0, 1), (1, 1), (2, 1))
+FACES = np.vstack([sign * np.eye(3)[axis] for axis in range(3) for sign in (1, -1)])
+PART = Accelerometer(typical_errors(np.random.default_rng(5), 25.0), RATE_HZ)
+INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=RATE_HZ, units_per_g=PART.units_per_g)
+DONE = ("commit-0001", "zero-000001", "rollback-01")
+"""Requests that change what is in force, in their order."""
+
+
+class Site:
+    """Somebody far away and a rigger, who do the same however often the gateway is killed in between."""
+
+    def __init__(self, data_dir, begin_s, acknowledge):
+        self.now_ns = START_NS + round(begin_s * 1e9)
+        self._random = np.random.default_rng(int(begin_s))
+        self._acknowledge = acknowledge
+        self.recalibration = Recalibration(data_dir, StandardMethods(AXES), software="test", tell=lambda _: None)
+        self.recalibration.open(INFO, self.moment)
+
+    @property
+    def moment(self):
+        return Moment(self.now_ns, self.now_ns)
+
+    def ask(self, verb, request_id, **content):
+        payload = json.dumps({"id": request_id, "by": "ann", "reason": "trial", **content}).encode()
+        answer = self.recalibration.answer(verb, payload, self.moment)
+        if answer.accepted:
+            self._acknowledge(request_id)
+        return answer
+
+    def rest(self, up, seconds, verdict="unknown"):
+        for _ in range(round(seconds * RATE_HZ / BLOCK)):
+            time_ns = self.now_ns + np.rint(np.arange(1, BLOCK + 1) * 1e9 / RATE_HZ).astype(np.int64)
+            raw = PART.counts(np.tile(up, (BLOCK, 1)), np.full(BLOCK, 25.0), self._random)
+            self.now_ns = int(time_ns[-1])
+            self.recalibration.feed(SampleBlock(time_ns=time_ns, raw=raw), self.moment)
+            self.recalibration.watch.verdict(verdict, self.now_ns)
+            self.recalibration.tick(self.moment)
+
+    def collects(self, session_id):
+        session = self.recalibration.session
+        return session is not None and session.id == session_id and session.phase == "collecting"
+
+    def go(self):
+        """Recalibrate and commit, zero, begin another session and cancel it, roll the zero back."""
+        self.ask("recalibrate", "begin-00001", housing_off_rope=True)
+        for up in FACES:
+            if self.collects("begin-00001"):
+                self.rest(up, 3.0)
+        self.ask("commit", DONE[0])
+        if DONE[1] not in [change.request for change in store_of(self).state().history]:
+            self.rest(FACES[4], 40.0, "static")
+        self.ask("zero", DONE[1])
+        self.ask("recalibrate", "begin-00002", method="norm-fit", housing_off_rope=True)
+        if self.collects("begin-00002"):
+            self.rest(FACES[0], 3.0)
+        self.ask("cancel", "cancel-0001")
+        self.ask("rollback", DONE[2])
+
+
+def store_of(site):
+    return site.recalibration._opened.store
+
+
+@dataclass
+class Outcome:
+    """What a kill left, and what came of it."""
+
+    point: int
+    power: bool
+    phase: str | None
+    in_force: str
+
+
+def first_record(data_dir):
+    """A record is in force before anything begins: made by a session of its own."""
+    site = Site(data_dir, 0.0, lambda _: None)
+    site.ask("recalibrate", "begin-00000", housing_off_rope=True)
+    for up in FACES:
+        site.rest(up, 3.0)
+    answer = site.ask("commit", "commit-0000")
+    assert answer.accepted, answer.text
+
+
+def count_points(data_dir):
+    """How many points an undisturbed run has."""
+    with FaultyDisk(data_dir) as disk:
+        Site(data_dir, AWAY_S, lambda _: None).go()
+    check_end(data_dir)
+    return disk.points
+
+
+def killed_at(data_dir, point, power):
+    """Run in a process of its own that ends at a point; requests that were answered by then."""
+    reading, writing = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            os.close(reading)
+            with FaultyDisk(data_dir, point, power):
+                Site(data_dir, AWAY_S, lambda done: os.write(writing, f"{done}\n".encode())).go()
+        finally:
+            os._exit(1)  # it should have ended before
+    os.close(writing)
+    _, status = os.waitpid(child, 0)
+    with os.fdopen(reading) as answered:
+        done = answered.read().split()
+    assert os.waitstatus_to_exitcode(status) == 9, f"point {point} was not reached"
+    return done
+
+
+def check_point(base, folder, point, power):
+    """Kill at a point; a whole record is in force, nothing that was answered is lost, and the same requests finish it."""
+    data_dir = folder / f"{point}-{'power' if power else 'kill'}"
+    shutil.copytree(base, data_dir)
+    answered = killed_at(data_dir, point, power)
+    store = CalibrationStore(data_dir, INFO.device_id)
+    in_force = store.in_force()
+    assert in_force is not None
+    changes = [change.request for change in store.state().history[1:]]
+    assert changes == list(DONE[: len(changes)])
+    assert [request for request in answered if request in DONE] in (changes, changes[:-1])
+    after = Site(data_dir, 2 * AWAY_S, lambda _: None)
+    session = after.recalibration.session
+    assert store.in_force() == in_force
+    if session is not None and session.phase == "committed":
+        assert session.record_id in (change.after for change in store.state().history)
+    after.go()
+    check_end(data_dir)
+    shutil.rmtree(data_dir)
+    return Outcome(point, power, session and session.phase, in_force.id)
+
+
+def check_end(data_dir):
+    """Everything was done once: the record of the session is in force, the zero was rolled back."""
+    store = CalibrationStore(data_dir, INFO.device_id)
+    history = store.state().history
+    assert [change.request for change in history[1:]] == list(DONE), history
+    assert store.in_force().id == history[1].after
+    assert store.record(history[2].after).method == "zero"
+
+
+def main(every=1):
+    """Every point, or each of so many, killed and with the power cut."""
+    begun_s = time.monotonic()
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = Path(scratch)
+        base = folder / "base"
+        first_record(base)
+        shutil.copytree(base, folder / "whole")
+        points = count_points(folder / "whole")
+        outcomes = [
+            check_point(base, folder, point, power) for point in range(1, points + 1, every) for power in (False, True)
+        ]
+    phases = {phase: sum(one.phase == phase for one in outcomes) for phase in {one.phase for one in outcomes}}
+    print(f"{len(outcomes)} kills at {points} points: a whole record in force after each, every session finished")
+    print(f"found after the kill: {phases}; {time.monotonic() - begun_s:.0f} s")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 1)

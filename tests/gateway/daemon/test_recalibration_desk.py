@@ -1,0 +1,104 @@
+"""The desk between the bus and the processing thread: bounded, and news only where there is some."""
+
+import json
+import logging
+
+import numpy as np
+import pytest
+
+from devices.block import DeviceInfo, SampleBlock
+from devices.clock import HostClock
+from gateway.daemon.recalibration_desk import WAITING, Asked, RecalibrationDesk
+from gateway.daemon.wall_clock import WallClockWatch
+from gateway.recalibration.recalibration import Recalibration
+from gateway.recalibration.standard import StandardMethods
+
+INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)
+
+
+class TurnedClock(HostClock):
+    """Gateway time that a test turns."""
+
+    passed_ns = 0
+
+    def now_ns(self):
+        return 1_767_225_600_000_000_000 + self.passed_ns
+
+
+@pytest.fixture
+def clock():
+    return TurnedClock()
+
+
+@pytest.fixture
+def desk(tmp_path, clock):
+    methods = StandardMethods(((0, 1), (1, 1), (2, 1)))
+    recalibration = Recalibration(tmp_path, methods, software="test", tell=lambda _: None)
+    made = RecalibrationDesk(recalibration, WallClockWatch(clock))
+    made.open(INFO)
+    return made
+
+
+def ask(desk, verb, request_id, **content):
+    answers = []
+    payload = json.dumps({"id": request_id, "by": "ann", **content}).encode()
+    assert desk.ask(Asked(verb, payload, answers.append))
+    return answers
+
+
+def rest(desk, clock, seconds):
+    for _ in range(int(seconds * 10)):
+        clock.passed_ns += 100_000_000
+        time_ns = clock.now_ns() + np.arange(10) * 10_000_000
+        desk.take(SampleBlock(time_ns=time_ns, raw=np.full((10, 3), [1, 2, 1000], dtype=np.int32)))
+        desk.serve()
+        yield desk.is_news()
+
+
+def test_requests_wait_for_the_processing_thread_within_bounds(desk):
+    answers = [ask(desk, "cancel", f"request-{number}") for number in range(WAITING)]
+    assert not desk.ask(Asked("cancel", b"", answers.append))
+    assert desk.dropped == 1
+    assert not any(answers)
+    desk.serve()
+    assert [answer.accepted for (answer,) in answers] == [False] * WAITING
+
+
+def test_a_session_is_told_of_at_each_change_and_twice_a_second(desk, clock):
+    assert not desk.is_news()
+    assert not desk.changes_pipeline()
+    (answers,) = [ask(desk, "recalibrate", "request-1", housing_off_rope=True)]
+    desk.serve()
+    assert answers[0].accepted
+    assert desk.changes_pipeline()
+    assert not desk.changes_pipeline()
+    assert desk.suspended is not None
+    assert desk.is_news()
+    news = sum(rest(desk, clock, 10.0))
+    assert desk.view.poses[0].face == "+z"
+    assert 20 <= news <= 30
+    ask(desk, "cancel", "request-2")
+    desk.serve()
+    assert desk.is_news()
+    assert desk.view.phase == "rejected"
+    assert sum(rest(desk, clock, 5.0)) == 0
+
+
+def test_a_load_on_the_hook_is_heard(desk, clock):
+    desk.hear_load(b'{"loaded": true, "load_kg": 1250.0}')
+    (answers,) = [ask(desk, "recalibrate", "request-1", housing_off_rope=True)]
+    desk.serve()
+    assert "a load hangs" in answers[0].text
+    desk.hear_load(b'{"loaded": false}')
+    (answers,) = [ask(desk, "recalibrate", "request-2", housing_off_rope=True)]
+    desk.serve()
+    assert answers[0].accepted
+
+
+@pytest.mark.parametrize("payload", [b"", b"5", b'{"loaded": "yes"}', b"\xff"])
+def test_a_load_signal_that_is_none_is_said_and_survived(desk, payload, caplog):
+    with caplog.at_level(logging.ERROR, logger="plumbline.recalibration"):
+        logging.getLogger("plumbline").propagate = True
+        desk.hear_load(payload)
+        desk.serve()
+    assert "load signal" in caplog.text

@@ -1,0 +1,110 @@
+"""The rigger's screen in a browser: which face next, still or moving, how long, what is taken; and never green."""
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, expect
+
+from gateway.messages import NO_SESSION, SessionPose
+
+COLLECTING = replace(
+    NO_SESSION,
+    id="session-1",
+    phase="collecting",
+    method="six-position",
+    by="ann",
+    poses=[SessionPose(face="+x", count=300, used=True), SessionPose(face="-y", count=300, used=True)],
+    wanted=6,
+    still=True,
+    pose_fraction=0.4,
+    seconds_left=1.3,
+    next_face="-x",
+    next_direction=[-1.0, 0.0, 0.0],
+    suspended=True,
+    text="hold still; next: -x up; missing: -x, +y, +z, -z",
+)
+HOSTILE = "<img src=x onerror=document.title='bad'>"
+SIZES = [(800, 480), (1280, 800)]
+
+
+@pytest.fixture
+def screen(page: Any, browser: Browser) -> Any:
+    made = browser.new_page(viewport={"width": 800, "height": 480})
+    made.goto(page.url)
+    yield made
+    made.close()
+
+
+def test_the_rigger_is_shown_what_to_do(gateway: Any, screen: Any) -> None:
+    expect(screen.locator("#word")).to_have_text("OK")
+    expect(screen.locator("#calibration")).to_be_hidden()
+    gateway.scene.session = COLLECTING
+    expect(screen.locator("#word")).to_have_text("SUSPENDED")
+    expect(screen.locator("#shape")).to_have_attribute("href", "#shape-pause")
+    expect(screen.locator("main")).to_be_hidden()
+    expect(screen.locator("#next-face")).to_have_text("-x up")
+    expect(screen.locator("#still")).to_have_text("STILL")
+    expect(screen.locator("#seconds-left")).to_have_text("hold for 2 s")
+    expect(screen.locator("#poses-title")).to_have_text("poses taken: 2 of 6")
+    expect(screen.locator("#poses li.taken")).to_have_text(["+x", "-y"])
+    expect(screen.locator("#poses li.wanted")).to_have_text("-x")
+    assert "-x" in screen.locator("#pictogram text").all_text_contents()
+    gateway.scene.session = replace(COLLECTING, still=False, seconds_left=None, text="moved too soon: not taken")
+    expect(screen.locator("#still")).to_have_text("MOVING")
+    expect(screen.locator("#session-text")).to_have_text("moved too soon: not taken")
+    for width, height in SIZES:
+        screen.set_viewport_size({"width": width, "height": height})
+        root = "document.documentElement"
+        assert screen.evaluate(
+            f"[{root}.scrollWidth - {root}.clientWidth, {root}.scrollHeight - {root}.clientHeight]"
+        ) == [
+            0,
+            0,
+        ]
+
+
+def test_review_and_end_are_told_and_the_swing_comes_back(gateway: Any, screen: Any) -> None:
+    review = replace(
+        COLLECTING, phase="review", next_face=None, next_direction=None, text="may not", reasons=[HOSTILE], still=False
+    )
+    gateway.scene.session = review
+    expect(screen.locator("#still")).to_have_text("REVIEW")
+    expect(screen.locator("#session-notes li")).to_have_text(HOSTILE)
+    expect(screen.locator("#pictogram .box-done")).to_have_count(0)
+    gateway.scene.session = replace(review, reasons=[])
+    expect(screen.locator("#pictogram .box-done")).to_have_count(1)
+    gateway.scene.session = replace(review, phase="rejected", text="no pose was taken for 5 minutes")
+    expect(screen.locator("#still")).to_have_text("REJECTED")
+    expect(screen.locator("#word")).to_have_text("SUSPENDED")
+    gateway.scene.session = replace(review, phase="committed", suspended=False)
+    expect(screen.locator("main")).to_be_visible()
+    expect(screen.locator("#word")).to_have_text("OK")
+
+
+def test_a_norm_fit_shows_the_direction_that_helps_most(gateway: Any, screen: Any) -> None:
+    gateway.scene.session = replace(
+        COLLECTING, method="norm-fit", wanted=12, next_face=None, next_direction=[0.6, 0.0, 0.8]
+    )
+    expect(screen.locator("#next-face")).to_have_text("as in the picture")
+    expect(screen.locator("#poses-title")).to_have_text(re.compile("2 of 12"))
+    gateway.speaking.clear()
+    expect(screen.locator("#word")).to_have_text("STALE")
+    expect(screen.locator("#session-text")).to_have_text("no contact with the gateway")
+
+
+def test_the_box_lies_as_it_should(screen: Any) -> None:
+    """Rows of the rotation: orthonormal, right-handed, and the wanted direction ends up vertical."""
+    for up in ([1, 0, 0], [0, -1, 0], [0, 0, -1], [0.6, 0.0, 0.8], [1, -1, 1]):
+        rows = screen.evaluate("up => import('/box.js').then(box => box.turnedUp(up))", up)
+        length = sum(value * value for value in up) ** 0.5
+        assert rows[2] == pytest.approx([value / length for value in up])
+        for i in range(3):
+            for j in range(3):
+                assert sum(a * b for a, b in zip(rows[i], rows[j], strict=True)) == pytest.approx(
+                    float(i == j), abs=1e-12
+                )
+        a, b, c = rows
+        cross = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+        assert cross == pytest.approx(c)

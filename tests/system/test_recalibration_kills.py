@@ -1,0 +1,24 @@
+"""A kill or a power cut at points all along a session; `python -m tests.benchmarks.killed_session` takes every point."""
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_a_whole_record_is_in_force_after_every_kill():
+    done = subprocess.run(
+        [sys.executable, "-m", "tests.benchmarks.killed_session", "29"],
+        cwd=ROOT,
+        env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    kills = int(re.match(r"\d+", done.stdout).group())
+    assert kills >= 20
