@@ -10,7 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.simulated import pendulum
+from devices.simulated import equations, pendulum
+from devices.simulated.equations import Vector
 from devices.simulated.schedule import Drive, Event, Gust, Hoist, Schedule, TrolleyMove
 
 Array = NDArray[np.float64]
@@ -148,15 +149,12 @@ class Crane:
         """Integrate the next `STEPS_AT_ONCE` steps; what acts at all their stages is found in one go."""
         first = self._newest
         drive = self._schedule.at((first + np.arange(2 * STEPS_AT_ONCE + 1) / 2) * STEP_S)
-        acting_m_s2 = self._acting(drive)
-
-        def rate_at(half_step: int | slice, motion: Array) -> Array:
-            length_m = drive.length_m[half_step]
-            damped_m_s2 = self._damped(acting_m_s2[half_step], motion[..., 1, :], length_m)
-            return pendulum.motion_rate(motion, damped_m_s2, length_m, drive.length_rate_m_s[half_step])
+        acting = [tuple(row) for row in self._acting(drive).tolist()]
+        length, length_rate = drive.length_m[:, 0].tolist(), drive.length_rate_m_s[:, 0].tolist()
 
         def rate(time_s: float, motion: Array) -> Array:
-            return rate_at(round(time_s * 2 / STEP_S), motion)
+            at = round(time_s * 2 / STEP_S)
+            return np.array(self._rate(motion.tolist(), acting[at], length[at], length_rate[at]))
 
         motions = [motion]
         for step in range(STEPS_AT_ONCE):
@@ -164,9 +162,16 @@ class Crane:
         motions[-1] = _onto_sphere(motions[-1])
         kept = np.arange(first, first + STEPS_AT_ONCE + 1) % HISTORY_STEPS
         self._motions[kept] = motions
-        self._rates[kept] = rate_at(slice(None, None, 2), np.array(motions))
+        self._rates[kept] = [rate(step * STEP_S, each) for step, each in enumerate(motions)]
         self._newest = first + STEPS_AT_ONCE
         self._schedule.forget((self._newest - HISTORY_STEPS) * STEP_S)
+
+    def _rate(self, motion: list[Vector], acting: Vector, length: float, length_rate: float) -> list[Vector]:
+        """Rows of a motion's derivative, with plain numbers: for a single motion that is quicker than arrays."""
+        n, n_rate, x_axis = motion
+        drive = equations.plus(acting, equations.times(-self._damping_hz * length, n_rate))
+        n_acceleration = equations.acceleration_of_direction(n, n_rate, drive, length, length_rate)
+        return [n_rate, n_acceleration, equations.transport_rate(n, n_rate, x_axis)]
 
     def _acting(self, drive: Drive) -> Array:
         """g - a_p + F/m of what is outside, shape (n, 3)."""

@@ -9,7 +9,7 @@ from devices.errors import DeviceError
 from gateway import __version__
 from gateway.errors import PlumblineError
 
-COMMANDS = ("run", "measure", "record", "remote", "config", "doctor")
+COMMANDS = ("run", "measure", "calibrate", "record", "remote", "simulate", "reconcile", "config", "doctor")
 BAD_INPUT = 2
 
 

@@ -1,0 +1,141 @@
+"""The one statement of the equations of motion of a load on a rope, free of singularities, component by component.
+
+A vector is a triple and a component whatever can be added and multiplied: a float, a numpy array with an entry for each
+instant, a symbol. The simulated crane evaluates these functions with numbers; the twin builds its compiled model of them.
+
+World frame: z up. n is the unit vector from the pivot to the load, L(t) the rope's length, r(t) the accelerometer's distance
+from the pivot. The housing's z axis is -n; it does not turn about the rope, so its x axis is carried along by parallel
+transport. Derived from Newton's law for point loads on massless ropes:
+
+    n'' = (I - n n^T) d/L - 2 (L'/L) n' - |n'|^2 n            with the drive d = g - a_p + F/m
+    f   = a_p + r n'' + 2 r' n' + r'' n - g                    specific force at the housing
+
+with a_p the pivot's acceleration and F all other forces on the load. A hook block of mass M between rope and rigging makes
+two pendulums of it, coupled by the tension of the rigging (`tensions_of_two`).
+"""
+
+from typing import Any, TypeAlias
+
+Scalar: TypeAlias = Any
+Vector: TypeAlias = tuple[Scalar, Scalar, Scalar]
+
+
+def dot(a: Vector, b: Vector) -> Scalar:
+    """Scalar product."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Vector product."""
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def plus(a: Vector, b: Vector) -> Vector:
+    """Sum."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2]
+
+
+def times(factor: Scalar, a: Vector) -> Vector:
+    """A vector, scaled."""
+    return factor * a[0], factor * a[1], factor * a[2]
+
+
+def acceleration_of_direction(n: Vector, n_rate: Vector, drive: Vector, length: Scalar, length_rate: Scalar) -> Vector:
+    """n'' in 1/s^2 of a rope whose load is driven by `drive` in m/s^2; lengths in m and m/s."""
+    along, turning = dot(n, drive), dot(n_rate, n_rate)
+    x, y, z = (
+        (d - along * c - 2 * length_rate * c_rate) / length - turning * c
+        for c, c_rate, d in zip(n, n_rate, drive, strict=True)
+    )
+    return x, y, z
+
+
+def transport_rate(n: Vector, n_rate: Vector, x_axis: Vector) -> Vector:
+    """x' in 1/s of an axis at right angles to the rope that has no angular velocity along it."""
+    return times(-dot(x_axis, n_rate), n)
+
+
+def specific_force(
+    n: Vector,
+    n_rate: Vector,
+    n_acceleration: Vector,
+    pivot_acceleration: Vector,
+    gravity: Scalar,
+    position: Scalar,
+    position_rate: Scalar,
+    position_acceleration: Scalar,
+) -> Vector:
+    """What an accelerometer on the rope feels, in the world's axes, in m/s^2; positions in m and their derivatives."""
+    x, y, z = (
+        pivot + position * acceleration + 2 * position_rate * rate + position_acceleration * c
+        for pivot, acceleration, rate, c in zip(pivot_acceleration, n_acceleration, n_rate, n, strict=True)
+    )
+    return x, y, z + gravity
+
+
+def in_housing(n: Vector, x_axis: Vector, vector: Vector) -> Vector:
+    """Components of a world's vector along the housing's x, y and z axes."""
+    z_axis = times(-1, n)
+    return dot(x_axis, vector), dot(cross(z_axis, x_axis), vector), dot(z_axis, vector)
+
+
+def direction(sin_x: Scalar, cos_x: Scalar, sin_y: Scalar, cos_y: Scalar) -> Vector:
+    """n of a rope that leans by angles x toward world x and y toward world y, given by their sines and cosines."""
+    return sin_x * cos_y, sin_y, -cos_x * cos_y
+
+
+def direction_by_tilts(sin_x: Scalar, cos_x: Scalar, sin_y: Scalar, cos_y: Scalar) -> tuple[Vector, Vector]:
+    """Derivatives of `direction` by its two angles; they are at right angles, of lengths cos(y) and 1."""
+    return (cos_x * cos_y, 0.0 * cos_y, sin_x * cos_y), (-sin_x * sin_y, cos_y, cos_x * sin_y)
+
+
+def tensions_of_two(
+    n: Vector,
+    n_rate: Vector,
+    m: Vector,
+    m_rate: Vector,
+    hook_drive: Vector,
+    load_drive: Vector,
+    lengths: tuple[Scalar, Scalar],
+    length_acceleration: Scalar,
+    hook_mass_ratio: Scalar,
+) -> tuple[Scalar, Scalar]:
+    """Tension of the rope and of the rigging, both over the hook's mass, in m/s^2.
+
+    n, m are the directions of rope and rigging, `lengths` those of both, `length_acceleration` the rope's L'' in m/s^2,
+    `hook_mass_ratio` the hook's mass over the load's. From n.r1'' and m.(r2'' - r1'') of r1 = L1 n, r2 = r1 + L2 m.
+    """
+    aligned = dot(n, m)
+    rope = dot(n, hook_drive) + lengths[0] * dot(n_rate, n_rate) - length_acceleration
+    between = dot(m, plus(load_drive, times(-1, hook_drive)))
+    rigging = (between + aligned * rope + lengths[1] * dot(m_rate, m_rate)) / (1 + hook_mass_ratio - aligned * aligned)
+    return rope + rigging * aligned, rigging
+
+
+def accelerations_of_two(
+    n: Vector,
+    n_rate: Vector,
+    m: Vector,
+    m_rate: Vector,
+    hook_drive: Vector,
+    load_drive: Vector,
+    lengths: tuple[Scalar, Scalar],
+    length_rate: Scalar,
+    length_acceleration: Scalar,
+    hook_mass_ratio: Scalar,
+) -> tuple[Vector, Vector]:
+    """n'' and m'' in 1/s^2 of rope and rigging; drives are g - a_p + F/m of the hook and of the load."""
+    rope, rigging = tensions_of_two(
+        n, n_rate, m, m_rate, hook_drive, load_drive, lengths, length_acceleration, hook_mass_ratio
+    )
+    n_drive = plus(hook_drive, times(rigging, m))
+    m_drive = plus(plus(load_drive, times(-1, hook_drive)), times(rope, n))
+    return (
+        acceleration_of_direction(n, n_rate, n_drive, lengths[0], length_rate),
+        acceleration_of_direction(m, m_rate, m_drive, lengths[1], 0.0),
+    )
+
+
+def nearest_to_x(n: Vector, sin_from_x: Scalar) -> Vector:
+    """The unit vector at right angles to n that is nearest to world x; `sin_from_x` is sqrt(1 - n_x^2)."""
+    return sin_from_x, -n[0] * n[1] / sin_from_x, -n[0] * n[2] / sin_from_x

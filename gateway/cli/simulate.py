@@ -1,0 +1,93 @@
+"""`plumbline simulate`: a recording from the simulation."""
+
+import argparse
+import math
+from pathlib import Path
+
+EXAMPLE = """examples:
+  plumbline simulate rig.toml --out log.csv --effect viscous_damping
+  plumbline simulate rig.toml --out log.mcap --effect wind_gust:accel_m_s2=0.3,0.1:start_s=40 --duration 180 --seed 7
+  plumbline simulate rig.toml --out log.csv --initial tilt_x_deg=8 rate_y_deg_s=1"""
+FORMATS = (".csv", ".mcap")
+
+
+def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "simulate",
+        help="a recording from the simulation",
+        description="A recording of a rig with chosen effects, through the simulated part; .mcap through the pipeline, too.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.add_argument("rig", type=Path, metavar="RIG", help="rig.toml; its [model] effects act, too")
+    command.add_argument("--out", type=Path, metavar="LOG", required=True, help=".csv or .mcap")
+    command.add_argument(
+        "--effect",
+        action="append",
+        default=[],
+        metavar="NAME[:PARAMETER=VALUE]...",
+        help="an effect, with its typical parameters where none are given; several times for several",
+    )
+    command.add_argument("--duration", type=_seconds, default=120.0, metavar="S", help="length of the recording (120)")
+    command.add_argument("--seed", type=int, default=1, metavar="N", help="of the noise and of the start (1)")
+    command.add_argument(
+        "--initial",
+        nargs="+",
+        default=[],
+        metavar="NAME=VALUE",
+        help="start: tilt_x_deg, tilt_y_deg, rate_x_deg_s, rate_y_deg_s, heading_deg; rigging_tilt_x_deg ...; stretch_m",
+    )
+    command.set_defaults(run=run)
+
+
+def _seconds(text: str) -> float:
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"{text} is not a positive number of seconds")
+    return value
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate and write."""
+    from gateway.cli.extras import require_twin
+
+    require_twin()
+    from gateway.cli.output import write_text
+    from gateway.errors import InputError
+    from gateway.measurement.rig import read_rig
+    from gateway.twin.model import Model, model_of, with_effects
+    from gateway.twin.recording import as_csv, write_mcap
+    from gateway.twin.simulation import simulate
+
+    out: Path = arguments.out
+    if out.suffix not in FORMATS:
+        raise InputError(f"--out {out}: should end in .csv or .mcap")
+    believed = model_of(read_rig(arguments.rig), str(arguments.rig))
+    model = Model(believed.rig, with_effects(believed.effects, arguments.effect))
+    simulated = simulate(model, arguments.duration, arguments.seed, _start(arguments.initial))
+    if out.suffix == ".csv":
+        write_text(out, as_csv(simulated))
+    else:
+        write_mcap(out, model.rig, simulated, arguments.seed)
+    acting = ", ".join(model.effects) or "nothing beyond the ideal pendulum"
+    print(f"{out}: {len(simulated.time_s)} samples at {simulated.rate_hz:g} Hz; acting: {acting}")
+    return 0
+
+
+def _start(pairs: list[str]) -> dict[str, float]:
+    """Coordinates by name, in radians."""
+    from gateway.errors import InputError
+
+    start = {}
+    for pair in pairs:
+        name, _, text = pair.partition("=")
+        try:
+            value = float(text)
+        except ValueError as error:
+            raise InputError(f"--initial {pair}: should be NAME=VALUE, such as tilt_x_deg=5") from error
+        if not math.isfinite(value):
+            raise InputError(f"--initial {pair}: should be a number")
+        in_radians = name.replace("_deg", "_rad")
+        start[in_radians] = value if in_radians == name else math.radians(value)
+    return start

@@ -1,0 +1,1 @@
+"""The twin: a simulation assembled from effects, and where it and the measurement part."""

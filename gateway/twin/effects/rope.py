@@ -1,0 +1,151 @@
+"""What changes the rope's length, and what hangs below the hook."""
+
+from dataclasses import replace
+
+import casadi as ca
+
+from devices.simulated.equations import Scalar
+from devices.simulated.pendulum import STANDARD_GRAVITY_M_S2
+from gateway.twin.effects.driving import duration, start
+from gateway.twin.effects.effect import Effect, Moment, Parameter, Ropes, Symbols
+from gateway.twin.effects.modes import modes
+
+Length = tuple[Scalar, Scalar, Scalar]
+LONGEST_RIGGING = 0.95
+"""Share of the believed length."""
+
+
+def longer(length: Length, by: Scalar, rate: Scalar = 0.0, acceleration: Scalar = 0.0) -> Length:
+    """A length with its two derivatives, and something added to each."""
+    return length[0] + by, length[1] + rate, length[2] + acceleration
+
+
+class Hoisting(Effect):
+    """The rope becomes longer or shorter."""
+
+    name = "hoisting"
+    equation = "L' = r' = v for t₀ ≤ t < t₀ + T"
+    explains = "The load was hoisted or lowered; the housing, clamped to the rope, moves with it."
+    reference = "conservation of angular momentum as the rope's length changes"
+    enters = "rope"
+    transient = True
+    parameters = (
+        Parameter("speed_m_s", "m/s", "lowering; hoisting is negative", -2.0, 2.0, 0.0, 0.01, -0.2),
+        start(30.0),
+        duration(8.0),
+    )
+
+    def edges(self, p: Symbols) -> tuple[Scalar, ...]:
+        """Its start and its end."""
+        return p["start_s"], p["start_s"] + p["duration_s"]
+
+    def ropes(self, p: Symbols, now: Moment, ropes: Ropes) -> Ropes:
+        """Constant speed; the housing keeps its distance to the load."""
+        begin, end = self.edges(p)
+        moving, ended = now.within(begin, end), now.after(end)
+        by = p["speed_m_s"] * (moving * (now.time_s - begin) + ended * p["duration_s"])
+        rate = p["speed_m_s"] * moving
+        return Ropes(longer(ropes.length, by, rate), longer(ropes.position, by, rate))
+
+
+class RopeLength(Effect):
+    """The rope is not as long as believed."""
+
+    name = "rope_length"
+    equation = "L = L_believed (1 + e)"
+    explains = "The rope is longer or shorter than the rig's description says."
+    reference = "period ~ √(L/g)"
+    enters = "rope"
+    parameters = (Parameter("relative_error", "1", "e", -0.5, 1.0, 0.0, 1e-3, 0.02),)
+
+    def ropes(self, p: Symbols, now: Moment, ropes: Ropes) -> Ropes:
+        """All of the length in proportion; the housing stays where it was measured."""
+        length, rate, acceleration = ropes.length
+        return replace(ropes, length=(length * (1 + p["relative_error"]), rate, acceleration))
+
+
+class RopeStretch(Effect):
+    """The load bounces on the rope."""
+
+    name = "rope_stretch"
+    equation = "L = L_believed + g/ω² + s, r likewise; s'' = L |n'|² + n·d − g − ω² s − 2 ζ ω s'"
+    explains = "The load bounces up and down on an elastic rope."
+    reference = "spring and mass along the rope, coupled to the swing by the rope's tension"
+    enters = "structure"
+    linear_at_neutral = False
+    parameters = (
+        Parameter("frequency_hz", "Hz", "of the bounce, ω/2π", 0.3, 20.0, 2.0, 0.01, 2.0),
+        Parameter("damping_ratio", "1", "ζ of the bounce", 0.0, 0.5, 0.01, 1e-3, 0.01),
+    )
+
+    def longest_step_s(self, p: Symbols, length_m: float) -> Scalar:
+        """An eighth of a radian of the bounce."""
+        return 0.125 / (2 * ca.pi * p["frequency_hz"])
+
+    def ropes(self, p: Symbols, now: Moment, ropes: Ropes) -> Ropes:
+        """Housing and load hang lower by the sag under the load's weight, and bounce about it."""
+        sag = STANDARD_GRAVITY_M_S2 / (2 * ca.pi * p["frequency_hz"]) ** 2
+        stretch, rate, acceleration = now.stretch
+        return Ropes(
+            longer(ropes.length, sag + stretch, rate, acceleration),
+            longer(ropes.position, sag + stretch, rate, acceleration),
+        )
+
+    def stretch_m_s2(self, p: Symbols, now: Moment, beyond_rest_m_s2: Scalar) -> Scalar:
+        """A damped spring."""
+        omega, (stretch, rate, _) = 2 * ca.pi * p["frequency_hz"], now.stretch
+        return beyond_rest_m_s2 - omega**2 * stretch - 2 * p["damping_ratio"] * omega * rate
+
+
+class LoadChange(Effect):
+    """The load's centre moves."""
+
+    name = "load_change"
+    equation = "L = L₀ + ΔL for t ≥ t₀"
+    explains = "A load was picked up, set down or partly lost: the centre of what hangs there moved along the rope."
+    reference = "a point load's mass has no effect on its swing; the place of its centre has"
+    enters = "rope"
+    transient = True
+    parameters = (
+        Parameter(
+            "length_change_m", "m", "by which the load's centre moves away from the pivot", -10.0, 10.0, 0.0, 0.01, -0.5
+        ),
+        start(30.0),
+    )
+
+    def edges(self, p: Symbols) -> tuple[Scalar, ...]:
+        """The instant of the change."""
+        return (p["start_s"],)
+
+    def ropes(self, p: Symbols, now: Moment, ropes: Ropes) -> Ropes:
+        """Longer from an edge on; rope and housing stay."""
+        return replace(ropes, length=longer(ropes.length, p["length_change_m"] * now.after(p["start_s"])))
+
+
+class DoublePendulum(Effect):
+    """A hook block with weight, and rigging below it."""
+
+    name = "double_pendulum"
+    equation = "two ropes, L − l and l, coupled by the rigging's tension at a hook of mass M = q m"
+    explains = "The load hangs by long rigging below a heavy hook block: it swings in two modes."
+    reference = "ω² = (g/2)[(1+R)(1/L₁+1/L₂) ± √((1+R)²(1/L₁+1/L₂)² − 4(1+R)/(L₁L₂))], R = 1/q"
+    enters = "structure"
+    linear_at_neutral = False
+    parameters = (
+        Parameter("rigging_length_m", "m", "l, hook to the load's centre", 0.2, 100.0, 4.0, 0.05, 4.0),
+        Parameter("hook_mass_ratio", "1", "q, hook block over load", 0.005, 5.0, 0.1, 0.01, 0.1),
+    )
+
+    def upper_bound(self, parameter: Parameter, length_m: float) -> float:
+        """The rigging is part of the believed length."""
+        longest_m = LONGEST_RIGGING * length_m
+        return min(parameter.upper, longest_m) if parameter.name == "rigging_length_m" else parameter.upper
+
+    def longest_step_s(self, p: Symbols, length_m: float) -> Scalar:
+        """A tenth of a radian of the fast mode, which may go on for long."""
+        lower_m = p["rigging_length_m"]
+        return 0.1 / modes(length_m - lower_m, lower_m, p["hook_mass_ratio"])[1].rate
+
+    def ropes(self, p: Symbols, now: Moment, ropes: Ropes) -> Ropes:
+        """The upper rope ends at the hook."""
+        return replace(ropes, length=longer(ropes.length, -p["rigging_length_m"]))

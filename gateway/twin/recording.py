@@ -1,0 +1,104 @@
+"""Simulated recordings as files: CSV, or MCAP through the very pipeline and recorder of the gateway."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from devices.block import DeviceInfo, SampleBlock
+from gateway import __version__
+from gateway.calibration.correction import correction_for
+from gateway.configuration.loading import validate
+from gateway.configuration.model import Configuration
+from gateway.configuration.render import to_toml
+from gateway.errors import InputError
+from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.pipeline import Pipeline
+from gateway.recording.header import RecordingHeader
+from gateway.recording.writer import Recorder
+from gateway.topics import TOPICS
+from gateway.twin.model import TwinRig
+from gateway.twin.simulation import Simulated
+
+START_NS = 1_735_689_600_000_000_000
+"""2025-01-01T00:00:00Z: a recording that was never measured has no time of its own."""
+BLOCK_SAMPLES = 32
+ONE_SEGMENT_S, QUOTA_MB = 1e7, 1e6
+CLOCK = ClockState("replayed", 0)
+
+
+def as_csv(simulated: Simulated) -> str:
+    """The recording as text: one row per sample."""
+    rows = np.column_stack([simulated.time_s, simulated.force_g, simulated.temperature_c]).tolist()
+    lines = [f"{t:.6f},{x:.7f},{y:.7f},{z:.7f},{warm:.3f}" for t, x, y, z, warm in rows]
+    return "\n".join(["time_s,ax_g,ay_g,az_g,temperature_c", *lines, ""])
+
+
+def write_mcap(path: Path, rig: TwinRig, simulated: Simulated, seed: int) -> None:
+    """Write the recording and all that the pipeline makes of it, whole or not at all.
+
+    Raises `InputError` where the rig is none that a gateway can be configured for or the file cannot be written.
+    """
+    configuration = _configuration(rig, simulated, seed)
+    header = RecordingHeader(
+        software=__version__,
+        site=configuration.gateway.site,
+        crane=configuration.gateway.crane,
+        sensor=configuration.gateway.sensor,
+        boot_id="simulated",
+        configuration_toml=to_toml(configuration),
+    )
+    try:
+        with tempfile.TemporaryDirectory(dir=path.parent, prefix=f".{path.name}.") as folder:
+            recorder = Recorder(Path(folder), header, segment_s=ONE_SEGMENT_S, fsync_s=ONE_SEGMENT_S, quota_mb=QUOTA_MB)
+            segment = recorder.start(START_NS)
+            _record(recorder, configuration, _device(simulated, seed), simulated)
+            recorder.close()
+            segment.replace(path)
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from error
+
+
+def _record(recorder: Recorder, configuration: Configuration, device: DeviceInfo, simulated: Simulated) -> None:
+    recorder.set_device(device, START_NS)
+    pipeline = Pipeline(configuration, device, correction_for(device, configuration.device.axes, None), HeaderMaker())
+    time_ns = START_NS + np.rint(simulated.time_s * 1e9).astype(np.int64)
+    for first in range(0, len(time_ns), BLOCK_SAMPLES):
+        part = slice(first, first + BLOCK_SAMPLES)
+        temperature_c = round(float(simulated.temperature_c[part][-1]), 2)
+        block = SampleBlock(time_ns[part], simulated.force_g[part], temperature_c)
+        for emission in pipeline.process(block, CLOCK):
+            if TOPICS[emission.topic].logged:
+                recorder.write(emission.topic, emission.message, emission.log_time_ns)
+
+
+def _configuration(rig: TwinRig, simulated: Simulated, seed: int) -> Configuration:
+    table = {
+        "device": {
+            "kind": "simulated",
+            "odr_hz": simulated.rate_hz,
+            "range_g": simulated.full_scale_g,
+            "seed": seed,
+            "block_samples": BLOCK_SAMPLES,
+        },
+        "rope": {"length_m": rig.length_m},
+        "housing": {"position_m": rig.position_m},
+        "site": {"gravity_m_s2": rig.gravity_m_s2},
+    }
+    return validate(table, "the rig, as the recording's configuration")
+
+
+def _device(simulated: Simulated, seed: int) -> DeviceInfo:
+    """Its readings are in g and in the housing's axes already: the sensor's errors are effects of the model."""
+    return DeviceInfo(
+        kind="simulated",
+        device_id=f"twin-{seed}",
+        unit="g",
+        odr_hz=simulated.rate_hz,
+        units_per_g=1.0,
+        full_scale_g=simulated.full_scale_g,
+        noise_g=simulated.noise_g,
+        calibrated_source=True,
+        details={"simulated": "nothing here was measured"},
+    )

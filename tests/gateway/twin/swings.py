@@ -1,0 +1,35 @@
+"""What the twin's tests share: a rig, and what can be read off a prediction."""
+
+import numpy as np
+
+from gateway.twin.model import TwinRig
+from gateway.twin.simulator import Simulator
+
+G = 9.80665
+LENGTH_M, POSITION_M = 12.0, 5.0
+SWING_RATE = np.sqrt(G / LENGTH_M)
+PERIOD_S = 2 * np.pi / SWING_RATE
+RIG = TwinRig(length_m=LENGTH_M, position_m=POSITION_M)
+
+
+def at_pivot(length_m=LENGTH_M):
+    """There the specific force is gravity alone, and tells the housing's attitude."""
+    return TwinRig(length_m=length_m, position_m=0.0)
+
+
+def predicted(rig, effects, start, time_s, temperature_c=None):
+    simulator = Simulator(rig, tuple(effects))
+    return simulator.predict(simulator.values(start, effects), time_s, temperature_c)
+
+
+def rope_angle(force_g):
+    """Of a housing at a pivot at rest."""
+    return np.arctan2(np.hypot(force_g[:, 0], force_g[:, 1]), force_g[:, 2])
+
+
+def peaks(time_s, signal):
+    """Times and heights of the maxima, by parabolas through three samples."""
+    middle = np.flatnonzero((signal[1:-1] > signal[:-2]) & (signal[1:-1] >= signal[2:])) + 1
+    before, at, after = signal[middle - 1], signal[middle], signal[middle + 1]
+    shift = 0.5 * (before - after) / (before - 2 * at + after)
+    return time_s[middle] + shift * (time_s[1] - time_s[0]), at - 0.25 * (before - after) * shift

@@ -1,0 +1,95 @@
+"""The twin against what is known without it."""
+
+import numpy as np
+import pytest
+
+from gateway.twin.effects.modes import modes
+from gateway.twin.model import TwinRig
+from tests.gateway.twin.swings import LENGTH_M, PERIOD_S, RIG, SWING_RATE, G, at_pivot, peaks, predicted, rope_angle
+
+
+@pytest.mark.parametrize("amplitude_deg", [1.0, 10.0, 30.0])
+def test_period_grows_with_amplitude(amplitude_deg):
+    amplitude = np.radians(amplitude_deg)
+    time_s = np.arange(0, 8 * PERIOD_S, 0.01)
+    force = predicted(at_pivot(), {}, [amplitude, 0, 0, 0], time_s)
+    when, _ = peaks(time_s, np.arctan2(force[:, 0], force[:, 2]))
+    measured = np.diff(when).mean()
+    series = PERIOD_S * (1 + amplitude**2 / 16 + 11 * amplitude**4 / 3072)
+    assert measured == pytest.approx(series, rel=2 * 173 / 737280 * amplitude**6 + 2e-6)
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 0.85, 1.0])
+def test_planar_swing_reads_the_extremes_of_the_closed_form(rho):
+    """Section 1 of the derivation: transverse (1 - rho) sin, axial from cos to 1 + 2 rho (1 - cos)."""
+    phi = np.radians(11.0)
+    force = predicted(TwinRig(LENGTH_M, rho * LENGTH_M), {}, [phi, 0, 0, 0], np.arange(0, PERIOD_S, 0.002))
+    assert np.hypot(force[:, 0], force[:, 1]).max() == pytest.approx((1 - rho) * np.sin(phi), abs=1e-6)
+    assert force[:, 2].min() == pytest.approx(np.cos(phi), abs=1e-6)
+    assert force[:, 2].max() == pytest.approx(1 + 2 * rho * (1 - np.cos(phi)), abs=1e-6)
+
+
+def envelope(effects, amplitude, swings):
+    time_s = np.arange(0, swings * PERIOD_S, 0.02)
+    force = predicted(at_pivot(), effects, [amplitude, 0, 0, 0], time_s)
+    when, height = peaks(time_s, np.arctan2(force[:, 0], force[:, 2]))
+    return np.concatenate([[0.0], when]), np.concatenate([[amplitude], height])
+
+
+def test_viscous_damping_decays_as_an_exponential():
+    when, height = envelope({"viscous_damping": {"damping_ratio": 0.01}}, 0.05, 20)
+    assert height == pytest.approx(0.05 * np.exp(-0.01 * SWING_RATE * when), rel=1e-3)
+
+
+def test_quadratic_drag_decays_as_a_hyperbola():
+    """A' = -(4/3 pi) k L w A^2."""
+    drag_per_m = 0.02
+    when, height = envelope({"quadratic_drag": {"drag_per_m": drag_per_m}}, 0.08, 20)
+    rate = 4 / (3 * np.pi) * drag_per_m * LENGTH_M * SWING_RATE
+    assert height == pytest.approx(0.08 / (1 + 0.08 * rate * when), rel=3e-3)
+
+
+def test_coulomb_friction_takes_the_same_from_each_swing():
+    """A' = -2 mu/(pi w L) of an angle."""
+    decel_m_s2 = 0.01
+    when, height = envelope({"coulomb_friction": {"decel_m_s2": decel_m_s2}}, 0.08, 12)
+    slope = 2 * decel_m_s2 / (np.pi * SWING_RATE * LENGTH_M)
+    assert height == pytest.approx(0.08 - slope * when, abs=2e-4)
+
+
+def test_steady_wind_leans_the_rope_by_its_force_over_the_weight():
+    lean = np.arctan(0.4 / G)
+    force = predicted(RIG, {"steady_wind": {"accel_m_s2": (0.4, 0.0)}}, [lean, 0, 0, 0], np.arange(0, 30, 0.1))
+    assert force == pytest.approx(np.tile([np.sin(lean), 0.0, np.cos(lean)], (300, 1)), abs=1e-9)
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_double_pendulum_swings_in_its_modes(which):
+    rigging_m, ratio = 3.0, 0.2
+    mode = modes(LENGTH_M - rigging_m, rigging_m, ratio)[which]
+    tilt = 1e-4
+    time_s = np.arange(0, 6 * PERIOD_S, 0.005)
+    start = [tilt, 0, 0, 0, 0, mode.rigging_tilt * tilt, 0, 0, 0]
+    effects = {"double_pendulum": {"rigging_length_m": rigging_m, "hook_mass_ratio": ratio}}
+    force = predicted(at_pivot(), effects, start, time_s)
+    assert np.arctan2(force[:, 0], force[:, 2]) == pytest.approx(tilt * np.cos(mode.rate * time_s), abs=2e-3 * tilt)
+
+
+def test_an_elastic_rope_bounces_at_its_frequency_and_hangs_lower():
+    effects = {"rope_stretch": {"frequency_hz": 2.0, "damping_ratio": 0.01}}
+    time_s = np.arange(0, 10, 0.005)
+    force = predicted(RIG, effects, [0, 0, 0, 0, 0, 0.004, 0.0], time_s)
+    omega = 2 * np.pi * 2.0
+    damped = omega * np.sqrt(1 - 0.01**2)
+    decay = np.exp(-0.01 * omega * time_s)
+    place = 0.004 * decay * (np.cos(damped * time_s) + 0.01 * omega / damped * np.sin(damped * time_s))
+    speed = -0.004 * omega**2 / damped * decay * np.sin(damped * time_s)
+    acceleration = -(omega**2) * place - 2 * 0.01 * omega * speed
+    assert force[:, 2] == pytest.approx(1 - acceleration / G, abs=3e-5)
+
+
+def test_rope_angle_of_a_cone_stays():
+    phi = np.radians(6.0)
+    rate = np.sqrt(G / (LENGTH_M * np.cos(phi)))
+    force = predicted(at_pivot(), {}, [phi, 0, 0, rate * np.sin(phi)], np.arange(0, 120, 0.05))
+    assert rope_angle(force) == pytest.approx(phi, abs=1e-6)

@@ -1,0 +1,244 @@
+"""What each effect does that is known without the engine."""
+
+import numpy as np
+import pytest
+
+from devices.simulated import pendulum
+from devices.simulated.crane import Crane
+from gateway.twin.effects import EFFECTS
+from gateway.twin.model import TwinRig
+from gateway.twin.simulator import Simulator
+from tests.gateway.twin.swings import (
+    LENGTH_M,
+    PERIOD_S,
+    POSITION_M,
+    RIG,
+    SWING_RATE,
+    G,
+    at_pivot,
+    predicted,
+    rope_angle,
+)
+
+TIME_S = np.arange(0, 60, 0.02)
+START = (0.1, -0.04, 0.01, 0.02, 0.0)
+VOCABULARY = {  # of the published interface
+    "viscous_damping",
+    "quadratic_drag",
+    "coulomb_friction",
+    "steady_wind",
+    "wind_gust",
+    "hoisting",
+    "trolley_acceleration",
+    "slewing",
+    "double_pendulum",
+    "housing_position",
+    "rope_length",
+    "rope_stretch",
+    "housing_spin",
+    "impact",
+    "load_change",
+    "axis_offset",
+    "scale_error",
+    "cross_axis",
+    "mount_misalignment",
+    "thermal_drift",
+    "lowpass_lag",
+    "clipping",
+    "quantization",
+    "clock_drift",
+    "sample_loss",
+    "vibration",
+}
+
+
+def plain(time_s=TIME_S, rig=RIG):
+    return predicted(rig, {}, START, time_s)
+
+
+def test_the_vocabulary_is_whole_and_each_effect_says_what_it_is():
+    assert set(EFFECTS) == VOCABULARY
+    for name, effect in EFFECTS.items():
+        assert effect.name == name
+        assert all((effect.equation, effect.explains, effect.reference, effect.enters))
+        for p in effect.parameters:
+            assert p.lower < p.upper
+            assert p.lower <= p.neutral <= p.upper
+            assert p.scale > 0
+            typical = np.atleast_1d(p.typical)
+            assert typical.shape == (p.size,)
+            assert ((typical >= p.lower) & (typical <= p.upper)).all()
+
+
+@pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if e.linear_at_neutral])
+def test_neutral_means_that_nothing_happens(name):
+    assert predicted(RIG, {name: {}}, START, TIME_S, np.full_like(TIME_S, 30.0)) == pytest.approx(plain(), abs=1e-7)
+
+
+def test_samples_at_any_times_are_the_same_motion():
+    random = np.random.default_rng(3)
+    some = np.sort(random.choice(len(TIME_S), 700, replace=False))
+    some[0] = 0
+    assert plain(TIME_S[some]) == pytest.approx(plain()[some], abs=1e-6)
+
+
+def test_an_impact_changes_velocity_at_its_time_and_not_before():
+    effects = {"impact": {"delta_v_m_s": (0.1, -0.05), "start_s": 20.013}}
+    struck = predicted(RIG, effects, START, TIME_S)
+    assert struck[TIME_S < 20.013] == pytest.approx(plain()[TIME_S < 20.013], abs=1e-8)
+    hanging = predicted(at_pivot(), effects, np.zeros(5), TIME_S)
+    after = TIME_S[TIME_S > 20.02] - 20.013
+    tilt = np.arctan2(hanging[TIME_S > 20.02, 0], hanging[TIME_S > 20.02, 2])
+    assert tilt == pytest.approx(0.1 / (LENGTH_M * SWING_RATE) * np.sin(SWING_RATE * after), abs=1e-5)
+
+
+def test_a_gust_leaves_the_swing_of_its_impulse():
+    """A (1 - cos)/2 push of width T at a resting load leaves a/w^2 |spectrum at w| of it."""
+    width_s, push = 3.0, 0.2
+    effects = {"wind_gust": {"accel_m_s2": (push, 0.0), "start_s": 10.0, "duration_s": width_s}}
+    force = predicted(at_pivot(), effects, np.zeros(5), TIME_S)
+    inside = np.linspace(0, width_s, 20001)
+    shape = (1 - np.cos(2 * np.pi * inside / width_s)) / 2
+    spectrum = abs(np.mean(shape * np.exp(-1j * SWING_RATE * inside))) * width_s
+    assert rope_angle(force[TIME_S > 14]).max() == pytest.approx(push * spectrum / (LENGTH_M * SWING_RATE), rel=1e-3)
+
+
+def test_a_trolley_that_comes_to_rest_has_moved_and_the_load_follows():
+    effects = {
+        "trolley_acceleration": {"accel_m_s2": (0.2, 0.0), "start_s": 5.0, "duration_s": PERIOD_S, "coast_s": 4.0}
+    }
+    force = predicted(at_pivot(), effects, np.zeros(5), TIME_S)
+    quiet = TIME_S > 5.0 + 2 * PERIOD_S + 4.0 + 0.1  # ramps of one period each leave no swing
+    assert rope_angle(force[quiet]).max() < 2e-4
+    moving = (TIME_S > 5.0) & (TIME_S < 5.0 + PERIOD_S)
+    assert np.arctan2(*(force[moving].T[[0, 2]])).max() == pytest.approx(0.2 / G, rel=0.01)
+
+
+def test_hoisting_keeps_the_angular_momentum_about_the_vertical():
+    effects = {"hoisting": {"speed_m_s": -0.3, "start_s": 10.0, "duration_s": 8.0}}
+    simulator = Simulator(RIG, tuple(effects))
+    values = simulator.values([0.05, 0.0, 0.0, 0.06], effects)
+    ends = simulator.linearise_segments(values[None, :5], values[5:], TIME_S, [0]).ends[0]
+    n = np.array([np.sin(ends[0]) * np.cos(ends[1]), np.sin(ends[1])])
+    rates = np.array(
+        [
+            ends[2] * np.cos(ends[0]) * np.cos(ends[1]) - ends[3] * np.sin(ends[0]) * np.sin(ends[1]),
+            ends[3] * np.cos(ends[1]),
+        ]
+    )
+    before = LENGTH_M**2 * np.sin(0.05) * 0.06
+    assert (LENGTH_M - 2.4) ** 2 * (n[0] * rates[1] - n[1] * rates[0]) == pytest.approx(before, rel=3e-6)
+
+
+def test_the_housing_keeps_its_distance_to_the_load_while_hoisting():
+    effects = {"hoisting": {"speed_m_s": -0.3, "start_s": 10.0, "duration_s": 8.0}}
+    simulator = Simulator(RIG, tuple(effects))
+    values = simulator.values(START, effects)
+    there = simulator.linearise_segments(np.stack([values[:5]] * 2), values[5:], TIME_S, [0, 1000]).ends[0]
+    later = predicted(TwinRig(LENGTH_M - 2.4, POSITION_M - 2.4), {}, there, TIME_S[1000:])
+    assert predicted(RIG, effects, START, TIME_S)[1000:] == pytest.approx(later, abs=1e-6)
+
+
+def test_slewing_is_a_free_pendulum_seen_from_a_turning_crane():
+    rate = np.radians(3.0)
+    tilt, speed = 0.1, 0.03
+    turning = predicted(
+        RIG, {"slewing": {"rate_deg_s": 3.0}}, [tilt, 0, 0, speed - rate * np.tan(tilt) * np.cos(tilt)], TIME_S
+    )
+    free = predicted(RIG, {}, [tilt, 0, 0, speed], TIME_S)
+    assert turning[:, 2] == pytest.approx(free[:, 2], abs=1e-7)
+    assert np.hypot(*turning[:, :2].T) == pytest.approx(np.hypot(*free[:, :2].T), abs=1e-7)
+    turned = np.unwrap(np.angle((turning[:, 0] + 1j * turning[:, 1]) / (free[:, 0] + 1j * free[:, 1])))
+    assert turned[-1] - turned[0] == pytest.approx(-rate * TIME_S[-1], rel=0.01)
+
+
+def test_a_spinning_housing_turns_its_readings():
+    spun = predicted(RIG, {"housing_spin": {"rate_deg_s": 4.0}}, START, TIME_S)
+    turned = (plain()[:, 0] + 1j * plain()[:, 1]) * np.exp(-1j * np.radians(4.0) * TIME_S)
+    assert spun[:, 0] + 1j * spun[:, 1] == pytest.approx(turned, abs=1e-9)
+
+
+def test_beliefs_of_the_rig_can_be_wrong():
+    longer = predicted(TwinRig(LENGTH_M * 1.03, POSITION_M), {}, START, TIME_S)
+    assert predicted(RIG, {"rope_length": {"relative_error": 0.03}}, START, TIME_S) == pytest.approx(longer, abs=1e-6)
+    lower = predicted(TwinRig(LENGTH_M, POSITION_M + 0.7), {}, START, TIME_S)
+    assert predicted(RIG, {"housing_position": {"error_m": 0.7}}, START, TIME_S) == pytest.approx(lower, abs=1e-9)
+
+
+def test_a_load_that_is_set_down_changes_the_pendulum_at_once():
+    effects = {"load_change": {"length_change_m": -2.0, "start_s": 1e-3}}
+    changed = predicted(RIG, effects, START, TIME_S)
+    assert changed[1:] == pytest.approx(predicted(TwinRig(LENGTH_M - 2.0, POSITION_M), {}, START, TIME_S)[1:], abs=1e-4)
+
+
+def test_a_fast_clock_stretches_time():
+    stretched = predicted(RIG, {"clock_drift": {"relative": 0.01}}, START, TIME_S)
+    assert stretched == pytest.approx(plain(TIME_S / 1.01), abs=1e-6)
+    lossy = predicted(RIG, {"sample_loss": {"fraction": 0.03}}, START, TIME_S)
+    assert lossy == pytest.approx(plain(TIME_S / 0.97), abs=1e-6)
+
+
+def test_the_sensor_chain_in_its_order():
+    force = plain()
+    x, y, z = force.T
+    read = predicted(RIG, {"cross_axis": {"xy": 0.01, "xz": -0.02, "yz": 0.03}}, START, TIME_S)
+    assert read == pytest.approx(force @ np.array([[1, 0.01, -0.02], [0.01, 1, 0.03], [-0.02, 0.03, 1]]), abs=1e-12)
+    chain = {"axis_offset": {"offset_g": (0.1, 0.2, 0.3)}, "scale_error": {"relative": (0.01, -0.02, 0.03)}}
+    expected = np.stack([1.01 * x + 0.1, 0.98 * y + 0.2, 1.03 * z + 0.3], axis=1)
+    assert predicted(RIG, chain, START, TIME_S) == pytest.approx(expected, abs=1e-12)
+    clipped = predicted(RIG, {**chain, "clipping": {"full_scale_g": 0.25}}, START, TIME_S)
+    assert clipped == pytest.approx(np.clip(expected, -0.25, 0.25), abs=1e-12)
+    tilted = predicted(RIG, {"mount_misalignment": {"deg": (1.0, 0.0)}}, START, TIME_S)
+    assert np.linalg.norm(tilted, axis=1) == pytest.approx(np.linalg.norm(force, axis=1), abs=1e-12)
+    assert tilted[:, 0] == pytest.approx(x, abs=1e-12)
+
+
+def test_offsets_drift_with_the_temperature():
+    temperature_c = 22 + TIME_S / 3
+    drifted = predicted(RIG, {"thermal_drift": {"mg_per_c": (1.0, 0.0, -2.0)}}, START, TIME_S, temperature_c)
+    moved = np.outer(TIME_S / 3, [1e-3, 0.0, -2e-3])
+    assert drifted - plain() == pytest.approx(moved, abs=1e-12)
+    with pytest.raises(ValueError, match="wants temperature_c"):
+        predicted(RIG, {"thermal_drift": {"mg_per_c": (1.0, 0.0, 0.0)}}, START, TIME_S)
+
+
+@pytest.mark.parametrize("cutoff_hz", [0.4, 2.0])
+def test_lowpass_lags_as_one_pole_does(cutoff_hz):
+    effects = {
+        "lowpass_lag": {"cutoff_hz": cutoff_hz},
+        "vibration": {"frequency_hz": 0.9, "amplitude_g": (0.1, 0.0, 0.0), "phase_rad": 0.0},
+    }
+    force = predicted(RIG, effects, np.zeros(5), TIME_S)[:, 0]
+    gain = 1 / (1 + 1j * 0.9 / cutoff_hz)
+    settled = TIME_S > 10
+    expected = 0.1 * np.imag(gain * np.exp(2j * np.pi * 0.9 * TIME_S))
+    assert force[settled] == pytest.approx(expected[settled], abs=2e-4)
+
+
+def test_two_structures_at_once_are_refused():
+    with pytest.raises(ValueError, match="cannot act together"):
+        Simulator(RIG, ("double_pendulum", "rope_stretch"))
+
+
+def test_crane_and_twin_move_alike():
+    start = (0.12, -0.03, 0.01, 0.05)
+    time_s = np.arange(0, 40, 0.02)
+    crane = Crane(length_m=9.0, position_m=6.0, motion=pendulum.start_motion(*start), damping_ratio=0.01)
+    simulator = Simulator(TwinRig(9.0, 6.0), ("viscous_damping",))
+    found = simulator.predict(simulator.values(start, {"viscous_damping": {"damping_ratio": 0.01}}), time_s)
+    assert found * crane.gravity_m_s2 == pytest.approx(crane.specific_force_m_s2(time_s), abs=2e-5)
+
+
+def test_times_and_parameters_that_cannot_be_followed_are_refused():
+    simulator = Simulator(RIG, ("rope_stretch",))
+    values = simulator.values(np.zeros(7), {"rope_stretch": {"frequency_hz": -1.0}})
+    with pytest.raises(ValueError, match="keep them inside their bounds"):
+        simulator.predict(values, TIME_S)
+    for times in (TIME_S[:1], TIME_S[::-1], np.zeros(3)):
+        with pytest.raises(ValueError, match="each later than the one before"):
+            Simulator(RIG).predict(np.zeros(5), times)
+
+
+def test_rigging_ends_above_the_pivot_of_a_short_rope():
+    bounds = {slot.label: slot.upper for slot in Simulator(TwinRig(3.0, 1.0), ("double_pendulum",)).of_effects}
+    assert bounds["double_pendulum.rigging_length_m"] == pytest.approx(0.95 * 3.0)

@@ -1,0 +1,62 @@
+"""The twin against MuJoCo, a rigid-body engine that shares nothing with it."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from gateway.twin.model import TwinRig
+from tests.gateway.twin.swings import G, predicted
+
+STEP_S = 0.002
+EVERY = 25
+LENGTH_M, POSITION_M = 9.0, 4.0
+ONE = """<mujoco><option timestep="{step}" gravity="0 0 -{g}" integrator="RK4"><flag contact="disable"/></option><worldbody>
+<body><joint type="ball"/><site name="housing" pos="0 0 -{r}"/>
+<geom type="sphere" size=".001" pos="0 0 -{upper}" mass="{hook}"/>{below}</body></worldbody>
+<sensor><accelerometer site="housing"/></sensor></mujoco>"""
+BELOW = """<body pos="0 0 -{upper}"><joint type="ball"/><geom type="sphere" size=".001" pos="0 0 -{lower}" mass="1"/></body>"""
+
+
+def engine(below="", upper=LENGTH_M, hook=1.0):
+    text = ONE.format(step=STEP_S, g=G, r=POSITION_M, upper=upper, hook=hook, below=below)
+    model = mujoco.MjModel.from_xml_string(text)
+    return model, mujoco.MjData(model)
+
+
+def tilted(angle_rad):
+    """About y, so that what hangs down leans toward world x."""
+    return [np.cos(angle_rad / 2), 0.0, -np.sin(angle_rad / 2), 0.0]
+
+
+def recorded(model, data, seconds):
+    mujoco.mj_forward(model, data)
+    readings = []
+    for step in range(round(seconds / STEP_S)):
+        if step % EVERY == 0:
+            mujoco.mj_forward(model, data)
+            readings.append(data.sensordata.copy() / G)
+        mujoco.mj_step(model, data)
+    return np.arange(len(readings)) * STEP_S * EVERY, np.array(readings)
+
+
+def test_spherical_pendulum():
+    model, data = engine()
+    tilt, across = 0.15, 0.06
+    data.qpos[:4] = tilted(tilt)
+    data.qvel[:3] = [across / np.cos(tilt) * np.cos(tilt), 0.0, 0.0]  # n' = w x n: across, in the body's own frame
+    time_s, reading = recorded(model, data, 30.0)
+    found = predicted(TwinRig(LENGTH_M, POSITION_M), {}, [tilt, 0.0, 0.0, across, 0.0], time_s)
+    assert found[:, 2] == pytest.approx(reading[:, 2], abs=5e-6)
+    assert np.hypot(*found[:, :2].T) == pytest.approx(np.hypot(*reading[:, :2].T), abs=5e-6)
+    assert found == pytest.approx(reading, abs=2e-5)  # the axes, too: a ball joint keeps what parallel transport keeps
+
+
+def test_double_pendulum():
+    upper, lower, ratio = 7.0, 2.0, 0.15
+    model, data = engine(BELOW.format(upper=upper, lower=lower), upper, ratio)
+    data.qpos[:4], data.qpos[4:8] = tilted(0.08), tilted(0.05)
+    time_s, reading = recorded(model, data, 20.0)
+    effects = {"double_pendulum": {"rigging_length_m": lower, "hook_mass_ratio": ratio}}
+    start = [0.08, 0, 0, 0, 0, 0.13, 0, 0, 0]
+    found = predicted(TwinRig(upper + lower, POSITION_M), effects, start, time_s)
+    assert found == pytest.approx(reading, abs=3e-5)

@@ -1,0 +1,86 @@
+"""Models as data: read, refused with the place and the mend, written back."""
+
+import tomllib
+
+import numpy as np
+import pytest
+import tomli_w
+
+from gateway.errors import InputError
+from gateway.measurement.rig import read_rig
+from gateway.twin.model import as_tables, checked, model_of, with_effects
+from gateway.twin.simulator import Simulator
+from tests.gateway.twin.swings import RIG
+
+BELIEFS = """[rope]
+length_m = 12.0
+[housing]
+position_m = 5.0
+[sensor]
+sample_rate_hz = 50
+noise_g = 0.0005
+"""
+
+
+def rig_of(tmp_path, model=""):
+    path = tmp_path / "rig.toml"
+    path.write_text(BELIEFS + model)
+    return read_rig(path)
+
+
+def test_effects_of_a_rig_act_and_are_written_as_they_were_read(tmp_path):
+    text = "[model.viscous_damping]\ndamping_ratio = 0.004\n[model.steady_wind]\naccel_m_s2 = [0.1, -0.2]\n"
+    model = model_of(rig_of(tmp_path, text))
+    assert model.rig.noise_g == (0.0005, 0.0005, 0.0005)
+    assert model.effects == {"viscous_damping": {"damping_ratio": 0.004}, "steady_wind": {"accel_m_s2": (0.1, -0.2)}}
+    assert tomllib.loads(tomli_w.dumps({"model": as_tables(model.effects)})) == tomllib.loads(text)
+
+
+def test_a_housing_given_above_the_load_is_found_from_the_pivot(tmp_path):
+    path = tmp_path / "rig.toml"
+    path.write_text("[rope]\nlength_m = 12\n[housing]\nabove_load_m = 3\n")
+    assert model_of(read_rig(path)).rig.position_m == 9.0
+
+
+@pytest.mark.parametrize(
+    ("tables", "text"),
+    [
+        ({"viscosity": {}}, r"rig: \[model.viscosity\] is no effect; known are axis_offset, .*vibration"),
+        ({"impact": {"start_s": 1.0}}, r"\[model.impact\] wants delta_v_m_s, in m/s: jump of velocity"),
+        ({"quadratic_drag": {"drag": 1.0}}, r"\[model.quadratic_drag\] has no drag; its parameters are drag_per_m"),
+        ({"viscous_damping": {"damping_ratio": -0.1}}, r"damping_ratio = -0.1 should be from 0 to 0.5 1"),
+        ({"viscous_damping": {"damping_ratio": float("nan")}}, "should be from 0 to 0.5"),
+        ({"viscous_damping": {"damping_ratio": "much"}}, "damping_ratio = much should be"),
+        ({"viscous_damping": {"damping_ratio": [0.1, 0.2]}}, "should be one number"),
+        ({"steady_wind": {"accel_m_s2": 0.1}}, r"accel_m_s2 = 0.1 should be \[x, y\]"),
+    ],
+)
+def test_a_wrong_model_is_refused_with_the_mend(tables, text):
+    with pytest.raises(InputError, match=text):
+        checked(tables, "rig")
+
+
+def test_effects_from_the_command_line():
+    found = with_effects({}, ["viscous_damping", "wind_gust:accel_m_s2=0.3,-0.1:start_s=40"])
+    assert found["viscous_damping"] == {"damping_ratio": 5e-3}
+    assert found["wind_gust"] == {"accel_m_s2": (0.3, -0.1), "start_s": 40.0, "duration_s": 5.0}
+    for wrong in ("wind_gust:start_s=soon", "wind_gust:start_s", "storm", "wind_gust:speed=3"):
+        with pytest.raises(InputError, match="--effect"):
+            with_effects({}, [wrong])
+
+
+def test_values_and_effects_are_two_ways_to_write_the_same():
+    effects = {"axis_offset": {"offset_g": (0.01, 0.02, 0.03)}, "impact": {"delta_v_m_s": (0.1, 0.2), "start_s": 7.0}}
+    simulator = Simulator(RIG, ("impact", "axis_offset"))
+    values = simulator.values([0.1, 0.2, 0.3, 0.4, 0.5], effects)
+    assert simulator.effects(values) == effects
+    assert [slot.label for slot in simulator.parameters][:6] == [
+        "initial.tilt_x_rad",
+        "initial.tilt_y_rad",
+        "initial.rate_x_rad_s",
+        "initial.rate_y_rad_s",
+        "initial.heading_rad",
+        "impact.delta_v_m_s[x]",
+    ]
+    assert np.array_equal(values[:5], [0.1, 0.2, 0.3, 0.4, 0.5])
+    assert [slot.refitted for slot in simulator.parameters] == [True] * 5 + [False] * 6

@@ -1,0 +1,87 @@
+"""The sensitivities against central differences, for every effect."""
+
+import numpy as np
+import pytest
+
+from gateway.twin.effects import EFFECTS
+from gateway.twin.simulator import Simulator
+from tests.gateway.twin.swings import RIG
+
+TIME_S = np.arange(0, 30, 0.1)
+TEMPERATURE_C = 22 + 15 * (1 - np.exp(-TIME_S / 20))
+START = (0.1, -0.04, 0.01, 0.02, 0.3)
+MORE = {"double_pendulum": (0.12, -0.05, 0.01, 0.03), "rope_stretch": (0.004, 0.01)}
+EVENTS_S = {
+    "wind_gust": 12.013,
+    "impact": 15.027,
+    "trolley_acceleration": 9.031,
+    "hoisting": 11.019,
+    "load_change": 17.023,
+}
+NOT_PREDICTED = ("quantization",)
+REACHED = {"clipping": {"full_scale_g": 1.0}}
+
+
+def typical(name):
+    values = {p.name: p.typical for p in EFFECTS[name].parameters}
+    values |= REACHED.get(name, {})
+    return {**values, "start_s": EVENTS_S[name]} if name in EVENTS_S else values
+
+
+def case(names):
+    simulator = Simulator(RIG, names)
+    start = [*START, *(each for name in MORE if name in names for each in MORE[name])]
+    return simulator, simulator.values(start, {name: typical(name) for name in names})
+
+
+def disagreements(names):
+    """Of central differences and sensitivities, as a share of the largest; samples that an edge passes are left out."""
+    simulator, values = case(names)
+    jacobian = simulator.linearise(values, TIME_S, TEMPERATURE_C).jacobian
+    for i, slot in enumerate(simulator.parameters):
+        step = 1e-3 * slot.scale * (np.arange(len(values)) == i)
+        above, below = (simulator.predict(values + each, TIME_S, TEMPERATURE_C) for each in (step, -step))
+        off = np.abs((above - below) / (2 * step[i]) - jacobian[:, :, i])
+        yield slot.label, np.sort(off.max(axis=1))[-3] / np.abs(jacobian[:, :, i]).max()
+
+
+@pytest.mark.parametrize("name", [name for name in EFFECTS if name not in NOT_PREDICTED])
+def test_every_parameter_of_an_effect(name):
+    assert {label: off for label, off in disagreements([name]) if not off < 3e-5} == {}
+
+
+def test_effects_together():
+    names = [name for name in EFFECTS if name not in {*NOT_PREDICTED, *MORE, "clipping"}]
+    assert {label: off for label, off in disagreements(names) if not off < 2e-4} == {}
+
+
+def test_what_is_not_there_has_sensitivities_all_the_same():
+    """The score test needs them where nothing acts."""
+    names = [name for name, effect in EFFECTS.items() if effect.linear_at_neutral]
+    simulator = Simulator(RIG, names)
+    values = simulator.values(START, {name: {"start_s": start_s} for name, start_s in EVENTS_S.items()})
+    jacobian = simulator.linearise(values, TIME_S, TEMPERATURE_C).jacobian
+    when = ("start_s", "duration_s", "coast_s")
+    seen = {slot.label for slot, by in zip(simulator.parameters, jacobian.T, strict=True) if np.abs(by).max() > 1e-6}
+    assert seen >= {slot.label for slot in simulator.of_effects if slot.parameter not in when}
+
+
+@pytest.mark.parametrize("name", ["impact", "double_pendulum", "rope_stretch", "clock_drift", "hoisting"])
+def test_segments_that_follow_on_are_one_flight(name):
+    simulator, values = case([name])
+    firsts, n = [0, 75, 210], simulator.starts
+    whole = simulator.linearise(values, TIME_S)
+    starts = np.tile(values[:n], (3, 1))
+    for i in (1, 2):
+        starts[i] = simulator.linearise_segments(starts, values[n:], TIME_S, firsts).ends[i - 1]
+    found = simulator.linearise_segments(starts, values[n:], TIME_S, firsts)
+    assert found.force_g == pytest.approx(whole.force_g, abs=2e-6)
+    # the chain rule over the joints gives the sensitivities of the one flight
+    by_start, by_effects = np.eye(n), np.zeros((n, len(values) - n))
+    for i, first in enumerate(firsts):
+        part = slice(first, (*firsts, len(TIME_S))[i + 1])
+        chained = found.force_by_start[part] @ np.hstack([by_start, by_effects])
+        chained[..., n:] += found.force_by_effects[part]
+        assert chained == pytest.approx(whole.jacobian[part], rel=1e-4, abs=1e-5 * np.abs(whole.jacobian).max())
+        by_effects = found.ends_by_start[i] @ by_effects + found.ends_by_effects[i]
+        by_start = found.ends_by_start[i] @ by_start
