@@ -1,0 +1,48 @@
+"""The report in a browser: it shows, asks for nothing, fits a phone and A4 paper."""
+
+from pathlib import Path
+from typing import Literal
+
+import pytest
+from playwright.sync_api import Browser
+
+A4_TEXT_PX = 688
+"""182 mm at 96 dots to the inch."""
+
+
+@pytest.fixture(scope="module")
+def file(reports: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    path.write_text(reports["named"], encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(("width", "medium"), [(1000, "screen"), (360, "screen"), (A4_TEXT_PX, "print")])
+def test_it_fits_asks_for_nothing_and_reports_no_fault(
+    browser: Browser, file: Path, width: int, medium: Literal["screen", "print"]
+) -> None:
+    page = browser.new_page(viewport={"width": width, "height": 800})
+    asked: list[str] = []
+    said: list[str] = []
+    page.on("request", lambda request: asked.append(request.url))
+    page.on("console", lambda message: said.append(message.text))
+    page.emulate_media(media=medium)
+    page.goto(file.as_uri())
+    assert asked == [file.as_uri()]
+    assert said == []
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    assert page.locator("figure svg").count() == 9
+    assert page.locator(".answer").is_visible()
+    box = page.locator("#gap svg").bounding_box()
+    assert box is not None
+    assert box["x"] + box["width"] <= width
+    page.close()
+
+
+def test_in_print_no_picture_is_cut(browser: Browser, file: Path) -> None:
+    page = browser.new_page(viewport={"width": A4_TEXT_PX, "height": 1000})
+    page.emulate_media(media="print")
+    page.goto(file.as_uri())
+    widths = page.evaluate("[...document.querySelectorAll('svg, table')].map(e => e.getBoundingClientRect().right)")
+    page.close()
+    assert max(widths) <= A4_TEXT_PX + 1
