@@ -1,18 +1,19 @@
 """The four formulas, the swing estimate, tilt and conditions of a recording."""
 
 from collections import Counter, defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from gateway.measurement.source import Source
 from gateway.stages.clipping import count_clipped
+from gateway.stages.condition_window import WINDOW_S
 from gateway.stages.conditions import ConditionFound, ConditionWatch, SwingSeen
 from gateway.stages.lowpass import LowPass
 from gateway.stages.swing.estimate import FormulaAngles, SwingEstimate
 from gateway.stages.swing.formulas import Extremes, Passage, corrected, extremes, published
 from gateway.stages.swing.recording import estimate_swing
-from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt
+from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt, plain_tilt
 
 BLOCK_S = 0.1
 JUDGE_EVERY = 5
@@ -41,6 +42,8 @@ class Measurement:
     """For the housing's place on the rope and the low-pass; none where the place or the period is not known."""
     swing: SwingEstimate
     tilt: TiltAngles
+    plain_tilt: TiltAngles
+    """By the plain arctangent forms (003 eq. 6-7)."""
     axial_rad: float
     conditions: Conditions
 
@@ -58,6 +61,7 @@ def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2) -> Measur
         corrected=_corrected(source, found, swing, lowpass),
         swing=swing,
         tilt=fused_tilt(mean_g),
+        plain_tilt=plain_tilt(mean_g),
         axial_rad=float(axial_tilt(mean_g)),
         conditions=_conditions(source, swing),
     )
@@ -103,7 +107,7 @@ def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
             int(recording.lost_before[block].sum() + recording.unusable_before[block].sum()),
         )
         if index % JUDGE_EVERY == JUDGE_EVERY - 1:
-            found = watch.judge(seen)
+            found = watch.judge(replace(seen, hoisting=_hoisting(swing, float(recording.time_s[block][-1]))))
             windows[found.verdict].append(found)
     if not windows:
         return Conditions("unknown", None, ("less than a second of data",), {})
@@ -111,3 +115,8 @@ def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
     cause = Counter(found.cause for found in windows[verdict]).most_common(1)[0][0]
     first = next(found for found in windows[verdict] if found.cause == cause)
     return Conditions(verdict, cause, first.reasons, {name: len(found) for name, found in windows.items()})
+
+
+def _hoisting(swing: SwingEstimate, now_s: float) -> bool:
+    """The rope's length changed within the window that ends now."""
+    return any(begin_s < now_s and end_s > now_s - WINDOW_S for begin_s, end_s in swing.hoists_s)

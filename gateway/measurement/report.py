@@ -22,6 +22,7 @@ def as_json(source: Source, found: Measurement) -> dict[str, Any]:
         "swing": _swing(found.swing) if found.swing.swinging else None,
         "swing_upper_bound_deg": _upper_bound_deg(found.swing),
         "swing_reasons": list(found.swing.reasons),
+        "hoists_s": [list(when) for when in found.swing.hoists_s],
         "swings": [
             {"time_s": peak.time_s, "phi_max_deg": degrees(peak.phi_max_rad), "u_deg": degrees(peak.u_rad)}
             for peak in found.swing.swings
@@ -30,6 +31,8 @@ def as_json(source: Source, found: Measurement) -> dict[str, Any]:
             "pitch_deg": degrees(float(found.tilt.pitch_rad)),
             "roll_deg": degrees(float(found.tilt.roll_rad)),
             "axial_deg": degrees(found.axial_rad),
+            "plain_pitch_deg": degrees(float(found.plain_tilt.pitch_rad)),
+            "plain_roll_deg": degrees(float(found.plain_tilt.roll_rad)),
         },
         "conditions": {
             "verdict": found.conditions.verdict,

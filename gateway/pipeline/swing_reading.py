@@ -78,6 +78,7 @@ class SwingReading:
             rho=rho,
             period_s=estimate.period_s,
             lean_g=estimate.lean_g,
+            hoisting=estimate.hoisting,
         )
 
     @property

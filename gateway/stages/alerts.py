@@ -50,6 +50,12 @@ def judge(state: RuleState, value_rad: float | None, limits: Limits, time_s: flo
     return replace(state, below_since_s=below_since_s)
 
 
+def standing(state: RuleState, *, stands: bool, time_s: float) -> RuleState:
+    """The next state of a rule that was judged elsewhere, its hold included: a warning while it stands."""
+    level: Level = "warn" if stands else "normal"
+    return state if state.level == level else RuleState(level, time_s)
+
+
 def _without_hold(state: RuleState) -> RuleState:
     return state if state.below_since_s is None else replace(state, below_since_s=None)
 

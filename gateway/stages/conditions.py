@@ -59,6 +59,8 @@ class SwingSeen:
     period_s: float | None = None
     lean_g: tuple[float, float] = (0.0, 0.0)
     """Transverse force about which the swing goes."""
+    hoisting: bool = False
+    """The rope's length surely changes; the pendulum that explains the motion has it in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,7 +119,7 @@ class ConditionWatch:
         widest_rad = WIDEST_RAD if swing.phi_max_rad is None else swing.phi_max_rad
         span = 1 - np.cos(widest_rad)
         rho = 1.0 if swing.rho is None else swing.rho
-        free = bool(swing.swinging) and swing.consistent
+        free = bool(swing.swinging) and swing.consistent and not swing.hoisting
         return {
             "still": self._still(bins),
             "steady": enough and len(calm) >= FEWEST_BINS and self._still(calm),
@@ -127,6 +129,7 @@ class ConditionWatch:
             ),
             "energy": not free or _keeps_energy(bins, means, swing),
             "axial": not free or _hangs_freely(means, swing),
+            "rope_keeps_length": not swing.hoisting or self._still(bins),
             "pendulum": free,
         }
 
@@ -206,6 +209,7 @@ DISTURBING: dict[str, tuple[Cause | None, str]] = {
     "not_clipped": ("clipped", "clipped: a reading reached full scale"),
     "no_impact": ("impact", "impact: a sample far off its neighbours"),
     "not_shaken": ("vibration", "vibration: too strong for the mean to be believed"),
+    "rope_keeps_length": ("hoisting", "hoisting: the rope's length changes"),
     "norm_pendulum": (None, "the magnitude is not that of a hanging load"),
     "energy": ("trolley", "trolley: the swing gains or loses faster than a free one"),
     "axial": ("hoisting", "hoisting: the force along the rope is not that of a free swing"),

@@ -54,7 +54,7 @@ def test_mid_rope_swing_is_right_where_the_formulas_are_not(plumbline, tmp_path,
     assert found["conditions"]["verdict"] == "swinging"
     assert found["samples"]["count"] == 2000
     assert len(found["swings"]) >= 5
-    assert set(found["tilt"]) == {"pitch_deg", "roll_deg", "axial_deg"}
+    assert set(found["tilt"]) == {"pitch_deg", "roll_deg", "axial_deg", "plain_pitch_deg", "plain_roll_deg"}
 
 
 def test_rest_is_no_swing_with_an_upper_bound(plumbline, tmp_path):

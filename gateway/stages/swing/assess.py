@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from gateway.stages.swing.estimate import PeakPrediction, SwingEstimate, SwingPeak
+from gateway.stages.swing.estimate import SLOWEST_HOIST_M_S, SURE, PeakPrediction, SwingEstimate, SwingPeak
 from gateway.stages.swing.explain import Finding
 from gateway.stages.swing.model import Real
-from gateway.stages.swing.motion import STATES
+from gateway.stages.swing.motion import PLAIN, STATES
 from gateway.stages.swing.peaks import angles, ellipse, half_swing_peaks, maxima_s, track
 from gateway.stages.swing.uncertainty import Claim
 
@@ -14,6 +14,7 @@ CHOICE = 1.08
 """Widens the interval: the largest of several nearly equal maxima is chosen, which linear propagation does not know."""
 FAINT = 0.2
 """Relative uncertainty from which on the interval reaches down to 0: the angle is no longer linear in what is measured."""
+LOOK_S = 0.25
 UNSETTLED = "the fit did not settle"
 NO_MOTION = "no pendulum motion fits the data"
 
@@ -29,6 +30,7 @@ def assess(finding: Finding, noise_g: Real, from_s: float, to_s: float) -> Swing
     largest = max(peaks, key=lambda peak: peak.phi_max_rad)
     minor_rad, azimuth_rad = ellipse(track(fit, max(from_s, to_s - period_s), to_s))
     pull = complex(motion.pull[-1])
+    speed_m_s, speed_u_m_s = _rope_speed(finding, to_s)
     return SwingEstimate(
         from_s=from_s,
         to_s=to_s,
@@ -45,6 +47,8 @@ def assess(finding: Finding, noise_g: Real, from_s: float, to_s: float) -> Swing
         length_m=fit.motion.length_m,
         length_u_m=fit.motion.length_m * claim.length_deviation_rel,
         damping_ratio=fit.motion.damping_ratio,
+        rope_speed_m_s=speed_m_s,
+        rope_speed_u_m_s=speed_u_m_s,
         swings=full_swings(peaks, from_s, to_s, period_s),
         reduced_chi_square=claim.reduced_chi_square,
         noise_g=_three(noise_g),
@@ -116,6 +120,34 @@ def predict(finding: Finding, now_s: float) -> PeakPrediction | None:
     return PeakPrediction(
         phi_max_rad=float(angle[0]), u_rad=float(deviation[0]), time_to_peak_s=float(coming[0]) - now_s
     )
+
+
+def _rope_speed(finding: Finding, time_s: float) -> tuple[float | None, float | None]:
+    """L' and its standard uncertainty; None for a rope that was taken to keep its length."""
+    if finding.fit.motion.raster is None:
+        return None, None
+    speed_m_s, u_m_s = _rope_speeds(finding, np.array([time_s]))
+    return float(speed_m_s[0]), float(u_m_s[0])
+
+
+def _rope_speeds(finding: Finding, time_s: Real) -> tuple[Real, Real]:
+    """L' and its standard uncertainty at times, each of shape (n,)."""
+    motion = finding.fit.motion
+    if motion.raster is None:
+        return np.zeros_like(time_s), np.zeros_like(time_s)
+    by_speed = motion.raster.rope(time_s, 0.0, np.eye(motion.raster.count)).rate_m_s
+    places = slice(STATES + PLAIN, STATES + PLAIN + motion.raster.count)
+    variance = np.einsum("ni,ij,nj->n", by_speed, finding.claim.covariance[places, places], by_speed)
+    return by_speed @ motion.parameters[PLAIN:], np.sqrt(np.maximum(variance, 0.0))
+
+
+def surely_moves_s(finding: Finding, from_s: float, to_s: float) -> tuple[tuple[float, float], ...]:
+    """When between two times the rope's length surely changes, to a quarter of a second."""
+    edges_s = np.arange(from_s, to_s + LOOK_S, LOOK_S)
+    speed_m_s, u_m_s = _rope_speeds(finding, (edges_s[:-1] + edges_s[1:]) / 2)
+    moves = np.abs(speed_m_s) > np.maximum(SURE * u_m_s, SLOWEST_HOIST_M_S)
+    changes = np.flatnonzero(np.diff(np.concatenate([[False], moves, [False]]).astype(int)))
+    return tuple((float(edges_s[a]), float(edges_s[b])) for a, b in changes.reshape(-1, 2))
 
 
 def _lean_deviation(finding: Finding) -> float:

@@ -14,6 +14,8 @@ STATE_PRIOR = (1.0, 1.0, 1.0, 1.0, 0.3, 0.3)
 DAMPING_PRIOR = 0.02
 """1 sigma of the damping ratio; cranes have some thousandths."""
 DRAG_PRIOR, SPIN_PRIOR_1_S = 0.1, 0.1
+SPEED_PRIOR_M_S = 0.7
+"""1 sigma of a hoist's speed; cranes hoist at up to 1.2 m/s."""
 POSITION_DOUBT = 0.1
 """1 sigma over the rope's length, where what is believed of the rig does not explain the data."""
 OFFSET_DOUBT_G, SCALE_DOUBT, CROSS_AXIS_DOUBT = 0.02, 0.02, 0.02
@@ -85,6 +87,17 @@ def believed(rig: MountedHousing) -> Beliefs:
     matrix = np.diag(rig.scale_u).ravel()
     errors = np.array([rig.position_u_m, *rig.zero_g_offset_u_g, *matrix])
     return _beliefs(rig, np.array([DAMPING_PRIOR]), errors)
+
+
+def hoisted(rig: MountedHousing, speeds: int) -> Beliefs:
+    """The rig as stated, on a rope whose length changes by so many unknown speeds."""
+    beliefs = believed(rig)
+    place = STATES + LN_LENGTH + 2
+    return Beliefs(
+        rig,
+        np.insert(beliefs.mean, place, np.zeros(speeds)),
+        np.insert(beliefs.deviation, place, np.full(speeds, SPEED_PRIOR_M_S)),
+    )
 
 
 def doubted(rig: MountedHousing) -> Beliefs:

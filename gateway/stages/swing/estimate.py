@@ -3,6 +3,10 @@
 from dataclasses import dataclass
 from math import cos, sin
 
+SURE = 3.0
+"""Standard uncertainties."""
+SLOWEST_HOIST_M_S = 0.02
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SwingPeak:
@@ -65,6 +69,11 @@ class SwingEstimate:
     length_m: float | None = None
     length_u_m: float | None = None
     damping_ratio: float | None = None
+    rope_speed_m_s: float | None = None
+    """How fast the rope becomes longer at `to_s` (shorter: negative); None: it was taken to keep its length."""
+    rope_speed_u_m_s: float | None = None
+    hoists_s: tuple[tuple[float, float], ...] = ()
+    """When the rope's length surely changed, in a recording."""
     swings: tuple[SwingPeak, ...] = ()
     """The maximum of every full swing, oldest first."""
     reduced_chi_square: float | None = None
@@ -77,6 +86,13 @@ class SwingEstimate:
     corrected_formulas: FormulaAngles | None = None
     """For the housing's place on the rope and the low-pass."""
     reasons: tuple[str, ...] = ()
+
+    @property
+    def hoisting(self) -> bool:
+        """The rope's length surely changes at `to_s`."""
+        if self.rope_speed_m_s is None or self.rope_speed_u_m_s is None:
+            return False
+        return abs(self.rope_speed_m_s) > max(SURE * self.rope_speed_u_m_s, SLOWEST_HOIST_M_S)
 
     @property
     def lean_g(self) -> tuple[float, float]:

@@ -100,6 +100,15 @@ def better(plain: Finding | None, doubting: Finding | None) -> Finding | None:
     return replace(doubting, explained_by=_demanded(doubting))
 
 
+def plainer(first: Finding | None, second: Finding | None) -> Finding | None:
+    """Of two fits under the same beliefs, the one that settled and leaves less of the signal."""
+    if second is None or not second.fit.converged:
+        return first
+    if first is None or not first.fit.converged or second.claim.misfit < first.claim.misfit:
+        return second
+    return first
+
+
 def _spikes(fit: Fit) -> NDArray[np.bool_]:
     """Few, lone bins far from all others."""
     size = np.abs(fit.residual_g) * np.sqrt(fit.weight)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from gateway.stages.swing.beliefs import Beliefs, Instrument
 from gateway.stages.swing.bins import Bins
-from gateway.stages.swing.model import Real, specific_force_g
+from gateway.stages.swing.model import Place, Real, specific_force_g
 from gateway.stages.swing.motion import LN_LENGTH, STATES, Motion
 from gateway.stages.swing.shooting import Response, largest_change, moved, respond
 
@@ -107,16 +107,14 @@ def _linearised(
     response = respond(motion)
     if not (np.isfinite(response.path.state).all() and np.isfinite(response.follow).all()):
         return None
-    rig = beliefs.rig
-    reach_s2 = (rig.position_at(motion.length_m) + instrument.position_error_m) / rig.gravity_m_s2
     nodes_s = bins.nodes_s().ravel()
     states = response.states(nodes_s)
-    local = specific_force_g(states, response.field, reach_s2)
+    field = motion.field_at(nodes_s, response.parameters)
+    local = specific_force_g(states, field, _place(motion, instrument, beliefs, nodes_s, response.parameters))
     by_motion, shift = response.chain(local, nodes_s)
-    base, field = states[..., 0], motion.field
-    by_position = (specific_force_g(base, field, 1.0) - specific_force_g(base, field, 0.0)) / rig.gravity_m_s2
-    if rig.above_load_m is not None:  # a longer rope puts the housing farther from the pivot
-        by_motion[..., STATES + LN_LENGTH] += by_position * motion.length_m
+    base, field = states[..., 0], motion.field_at(nodes_s, motion.parameters)
+    by_position = specific_force_g(base, field, Place(1.0)) - specific_force_g(base, field, Place(0.0))
+    by_position /= beliefs.rig.gravity_m_s2
     ideal_g = _bin_mean(local[..., 0] + shift)
     by_all = np.concatenate(
         [_bin_mean(by_motion), _bin_mean(by_position)[..., None], instrument.slopes(ideal_g)], axis=-1
@@ -132,6 +130,18 @@ def _linearised(
         converged=False,
         iterations=iteration,
     )
+
+
+def _place(motion: Motion, instrument: Instrument, beliefs: Beliefs, time_s: Real, parameters: Real) -> Place:
+    """Where the housing is under each perturbation; one clamped above the load goes with the rope."""
+    rig, gravity_m_s2 = beliefs.rig, beliefs.rig.gravity_m_s2
+    if rig.above_load_m is None:
+        return Place((float(rig.position_m or 0.0) + instrument.position_error_m) / gravity_m_s2)
+    rope = motion.rope(time_s, parameters)
+    reach_m = np.maximum(rope.length_m - rig.above_load_m, 0.0) + instrument.position_error_m
+    if motion.raster is None:
+        return Place(reach_m / gravity_m_s2)
+    return Place(reach_m / gravity_m_s2, rope.rate_m_s / gravity_m_s2, rope.acceleration_m_s2 / gravity_m_s2)
 
 
 def _bin_mean(at_nodes: Real) -> Real:

@@ -5,14 +5,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.stages.swing.assess import NO_MOTION, assess, predict
-from gateway.stages.swing.beliefs import believed
+from gateway.stages.swing.assess import NO_MOTION, assess, predict, surely_moves_s
+from gateway.stages.swing.beliefs import believed, doubted
 from gateway.stages.swing.bins import Bins, merge
 from gateway.stages.swing.estimate import SwingEstimate
-from gateway.stages.swing.explain import Finding, find, find_from
+from gateway.stages.swing.explain import Finding, better, find, find_from
 from gateway.stages.swing.formulas import Passage, corrected, published
+from gateway.stages.swing.hoisting import BACK_PERIODS, hoist_find, raster_step_s
 from gateway.stages.swing.likelihood import Fit
 from gateway.stages.swing.model import Real
+from gateway.stages.swing.motion import PLAIN
 from gateway.stages.swing.plausible import fault_of_means
 from gateway.stages.swing.recording import BINS_PER_PERIOD, RESTLESS
 from gateway.stages.swing.rig import MountedHousing
@@ -32,9 +34,16 @@ FIRST_LOOK_PERIODS = 0.9
 WARM_ITERATIONS, COLD_ITERATIONS = 4, 8
 PATIENCE = 6
 """Failures in a row after which tries become rarer."""
+WHOLE_EVERY = 4
+"""Of the tries in a row that fail, those that look at more than the last period: what disturbed is still in there."""
 FEWEST_BINS = 12
 LARGEST_UNEXPLAINED = 0.12
 """By harmonics: a load that is driven is not fitted."""
+HOIST_WINDOW_PERIODS = 2.0
+LIVE_RASTER_S = 0.5
+"""A finer one costs too much every third of a swing."""
+CLEARLY = 0.5
+"""Of what a plain pendulum leaves unexplained, that a moving rope must leave to be believed."""
 LARGEST_RASTER_ERROR = 0.05
 """Of the integration step against the period, before the raster is made anew."""
 AHEAD_PERIODS = 0.6
@@ -60,6 +69,7 @@ class SwingTracker:
         self._fit: Fit | None = None
         self._from_s: float | None = None
         self._due_s: float | None = None
+        self._plain_s: float | None = None
         self._failures = 0
 
     def update(self, time_s: Real, specific_force_g: Real, lowpassed_g: Real | None = None) -> SwingEstimate | None:
@@ -132,27 +142,70 @@ class SwingTracker:
 
     def _best(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> Finding | None:
         """The fit of the whole window, or of its last period where the motion has changed since."""
-        whole = self._find(from_s, now_s, noise_g, period_s)
         short_s = now_s - SHORT_WINDOW_PERIODS * period_s
-        if (whole is not None and whole.plain) or from_s > short_s - 0.1 * period_s:
+        lately = from_s > short_s - 0.1 * period_s
+        if self._fit is None and not lately and self._failures % WHOLE_EVERY:
+            return self._short(short_s, now_s, noise_g, period_s, None)
+        whole = self._find(from_s, now_s, noise_g, period_s)
+        if whole is not None and whole.plain:
+            self._plain_s = now_s
             return whole
+        hoist = self._hoisting(from_s, now_s, noise_g, period_s)
+        if hoist is not None and (whole is None or hoist.claim.misfit < CLEARLY * whole.claim.misfit):
+            return hoist
+        doubting = self._doubting(whole, noise_g)
+        if doubting is not None or lately:
+            return doubting or whole
+        return self._short(short_s, now_s, noise_g, period_s, whole)
+
+    def _short(
+        self, short_s: float, now_s: float, noise_g: Real, period_s: float, whole: Finding | None
+    ) -> Finding | None:
+        """The last period by itself, where that leaves clearly less than the whole window."""
         short = self._cold(short_s, now_s, noise_g, period_s)
         if short is None or (whole is not None and short.claim.misfit > 0.7 * whole.claim.misfit):
             return whole
         self._from_s = short_s
         return short
 
+    def _doubting(self, whole: Finding | None, noise_g: Real) -> Finding | None:
+        """What explains the window when the rig as stated does not: a wrong position, offset, scale; None where nothing does."""
+        if whole is None or not whole.sound:
+            return None
+        beliefs = doubted(self._rig)
+        start = whole.fit.motion.with_parameters(beliefs.parameters)
+        finding = find(whole.fit.bins, noise_g, start, beliefs, COLD_ITERATIONS, whole.fit.instrument)
+        believed_one = better(whole, finding)
+        return believed_one if believed_one is not whole and believed_one is not None and believed_one.plain else None
+
+    def _hoisting(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> Finding | None:
+        """The last answer carried on, on a rope that moves since a plain pendulum last explained the motion."""
+        if self._fit is None or self._plain_s is None:
+            return None
+        motion = self._fit.motion
+        if motion.raster is None:
+            motion = motion.with_parameters(PLAIN)
+        from_s = max(from_s, motion.grid.start_s, now_s - HOIST_WINDOW_PERIODS * period_s)
+        end_s = now_s + AHEAD_PERIODS * period_s
+        moves_s = max(from_s, self._plain_s - BACK_PERIODS * period_s), end_s
+        start, step_s = motion.extended(from_s, end_s), max(raster_step_s(self._rig), LIVE_RASTER_S)
+        finding = hoist_find(self._bins(from_s), noise_g, self._rig, start, moves_s, WARM_ITERATIONS, step_s)
+        sure = finding is not None and finding.sound and bool(surely_moves_s(finding, from_s, now_s))
+        return finding if sure else None
+
     def _find(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> Finding | None:
         """From the last answer; cold where there is none."""
         if self._fit is None:
             return self._cold(from_s, now_s, noise_g, period_s)
         end_s = now_s + AHEAD_PERIODS * period_s
-        raster_s = 2 * np.pi / self._fit.motion.grid.rate_1_s
-        if abs(raster_s / period_s - 1) > LARGEST_RASTER_ERROR:
-            start = self._fit.motion.extended(max(from_s, self._fit.motion.grid.start_s), end_s)
+        motion = self._fit.motion.settled().with_parameters(PLAIN)
+        raster_s = 2 * np.pi / motion.grid.rate_1_s
+        if abs(raster_s / period_s - 1) > LARGEST_RASTER_ERROR or len(self._fit.motion.parameters) != PLAIN:
+            start = motion.extended(max(from_s, motion.grid.start_s), end_s)
         else:
             start = advanced(self._fit.response, from_s, end_s)
-        return find(self._bins(from_s), noise_g, start, self._beliefs, WARM_ITERATIONS, self._fit.instrument)
+        instrument = self._fit.instrument if self._fit.beliefs is self._beliefs else None
+        return find(self._bins(from_s), noise_g, start, self._beliefs, WARM_ITERATIONS, instrument)
 
     def _cold(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> Finding | None:
         bins = self._bins(from_s)

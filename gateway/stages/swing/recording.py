@@ -1,19 +1,31 @@
 """The swing in a whole recording."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from gateway.stages.swing.assess import NO_MOTION, assess
 from gateway.stages.swing.beliefs import Beliefs, believed, doubted
 from gateway.stages.swing.bins import Bins, bin_samples, checked
 from gateway.stages.swing.estimate import SwingEstimate
-from gateway.stages.swing.explain import Finding, better, find, find_from
+from gateway.stages.swing.explain import Finding, better, find, find_from, plainer
 from gateway.stages.swing.model import Real
 from gateway.stages.swing.noise import believed_noise_g
-from gateway.stages.swing.pieces import Cutter, assess_pieces
+from gateway.stages.swing.pieces import Cutter, assess_pieces, bridged
 from gateway.stages.swing.plausible import fault_of
 from gateway.stages.swing.rig import MountedHousing
+from gateway.stages.swing.spikes import lone_spikes
 from gateway.stages.swing.start import Harmonics, find_harmonics, start_motions
-from gateway.stages.swing.stillness import FAINTEST_GAIN, faint, restless_estimate, still_estimate
+from gateway.stages.swing.stillness import (
+    FAINTEST_AXIAL_GAIN,
+    FAINTEST_GAIN,
+    WORTH_A_FIT,
+    barely_seen,
+    faint,
+    gains,
+    restless_estimate,
+    still_estimate,
+)
 
 BINS_PER_PERIOD = 32
 FIRST_WINDOW_PERIODS = 3.0
@@ -51,12 +63,33 @@ def estimate_swing(
     if fault is not None:
         return SwingEstimate(from_s=from_s, to_s=to_s, swinging=None, reasons=(fault,))
     noise = believed_noise_g(force_g, noise_g)
-    bins = bin_samples(time_s, force_g, belief_s / BINS_PER_PERIOD)
+    spiky = lone_spikes(force_g, noise)
+    bins = bin_samples(time_s[~spiky], force_g[~spiky], belief_s / BINS_PER_PERIOD)
+    estimate = _of_bins(bins, noise, rig, from_s, to_s)
+    said = (f"spikes left out: {count} samples",) if (count := int(spiky.sum())) else ()
+    return replace(estimate, reasons=(*estimate.reasons, *said))
+
+
+def _of_bins(bins: Bins, noise: Real, rig: MountedHousing, from_s: float, to_s: float) -> SwingEstimate:
+    """Still, faint, restless or swinging."""
     harmonics = find_harmonics(bins, noise, rig)
     if harmonics.gain < FAINTEST_GAIN:
-        return still_estimate(bins, noise, rig, harmonics, from_s)
+        return _faint_estimate(bins, noise, rig, still_estimate(bins, noise, rig, harmonics, from_s))
     restless = restless_estimate(bins, noise, rig, from_s) if harmonics.unexplained > RESTLESS else None
     return restless or _swinging_estimate(bins, noise, rig, harmonics, from_s, to_s)
+
+
+def _faint_estimate(bins: Bins, noise_g: Real, rig: MountedHousing, still: SwingEstimate) -> SwingEstimate:
+    """Nothing that noise could not make, but for what the axial force may show: then a swing that may as well be none."""
+    harmonics = find_harmonics(bins, noise_g, rig, axial=True)
+    if harmonics.axial_gain < WORTH_A_FIT:
+        return still
+    from_s, to_s = still.from_s, still.to_s
+    starts = start_motions(harmonics, rig, from_s, to_s + MARGIN * _believed_period_s(rig))
+    finding = find_from(bins, noise_g, starts, believed(rig), FIRST_ITERATIONS)
+    if finding is None or not finding.sound or gains(finding)[2] < FAINTEST_AXIAL_GAIN:
+        return still
+    return barely_seen(assess(finding, noise_g, from_s, to_s), still)
 
 
 def _swinging_estimate(
@@ -64,10 +97,13 @@ def _swinging_estimate(
 ) -> SwingEstimate:
     """Something moves: a pendulum with the rig as stated, else one with the rig doubted, else free stretches of one."""
     finding = grow(bins, noise_g, believed(rig), from_s, to_s)
+    if finding is None or not finding.plain:  # the first periods may have been taken for a swing the other way round
+        starts = start_motions(harmonics, rig, from_s, to_s + MARGIN * _believed_period_s(rig))
+        finding = plainer(finding, find_from(bins, noise_g, starts, believed(rig), FIRST_ITERATIONS))
     if finding is None or not finding.plain:
         finding = better(finding, grow(bins, noise_g, doubted(rig), from_s, to_s))
     if finding is not None and finding.sound and faint(finding):
-        return still_estimate(bins, noise_g, rig, harmonics, from_s)
+        return _faint_estimate(bins, noise_g, rig, still_estimate(bins, noise_g, rig, harmonics, from_s))
     if finding is not None and finding.sound and finding.claim.misfit < NO_EVENT_MISFIT:
         return assess(finding, noise_g, from_s, to_s)
     return _piecewise(finding, bins, noise_g, rig, from_s, to_s)
@@ -81,6 +117,7 @@ def _piecewise(
     period_s = whole.fit.motion.period_s if whole is not None and sound else _believed_period_s(rig)
     pieces = Cutter(bins, noise_g, believed(rig), period_s, to_s).cut(from_s)
     if pieces:
+        pieces = bridged(pieces, bins, noise_g, believed(rig), (from_s, to_s))
         estimate = assess_pieces(pieces, noise_g, from_s, to_s, period_s)
         if estimate.u_rad is not None or not sound:
             return estimate

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gateway.stages.swing.model import Complex, Field, Path, Real, integrate, sample
-from gateway.stages.swing.motion import STATES, STEPS_PER_SEGMENT, Motion, field_of
+from gateway.stages.swing.model import Complex, Path, Real, integrate, sample
+from gateway.stages.swing.motion import STATES, STEPS_PER_SEGMENT, Motion
 
 PERTURBATION = 1e-6
 LARGEST_TURN_RAD = 1.0
@@ -28,7 +28,8 @@ class Response:
     motion: Motion
     path: Path
     """Last dimensions: segments, 1 + unknowns (unperturbed first)."""
-    field: Field
+    parameters: Real
+    """Of each perturbation, shape (parameters, 1 + unknowns)."""
     follow: Real
     """Derivative of each segment's first state by the unknowns, shape (segments, STATES, unknowns)."""
     gap: Real
@@ -60,12 +61,15 @@ class Response:
 
 def respond(motion: Motion) -> Response:
     """Integrate every segment under every perturbation."""
-    states, field = _perturbed(motion)
-    path = integrate(states, field, motion.grid.step_s, STEPS_PER_SEGMENT)
+    states, parameters = _perturbed(motion)
+    grid = motion.grid
+    starts_s = np.asarray(grid.start_s + grid.segment_s * np.arange(grid.segments), dtype=np.float64)
+    course = motion.course(starts_s, grid.step_s, STEPS_PER_SEGMENT, parameters)
+    path = integrate(states, course, grid.step_s, STEPS_PER_SEGMENT)
     ends = _as_reals(path.state[-1], motion)
     slope = (ends[..., 1:] - ends[..., :1]) / PERTURBATION
     starts = _as_reals(motion.nodes[..., None], motion)[..., 0]
-    segments, unknowns = motion.grid.segments, STATES + len(motion.parameters)
+    segments, unknowns = grid.segments, STATES + len(motion.parameters)
     follow = np.zeros((segments, STATES, unknowns))
     gap = np.zeros((segments, STATES))
     follow[0, :, :STATES] = np.eye(STATES)
@@ -73,7 +77,7 @@ def respond(motion: Motion) -> Response:
         follow[k + 1] = slope[k, :, :STATES] @ follow[k]
         follow[k + 1, :, STATES:] += slope[k, :, STATES:]
         gap[k + 1] = slope[k, :, :STATES] @ gap[k] + ends[k, :, 0] - starts[k + 1]
-    return Response(motion, path, field, follow, gap)
+    return Response(motion, path, parameters, follow, gap)
 
 
 def moved(response: Response, step: Real, share: float) -> Motion:
@@ -128,14 +132,14 @@ def advanced(response: Response, start_s: float, end_s: float) -> Motion:
     missing = segments - nodes.shape[1]
     if missing > 0:
         last = response.path.state[-1, :, -1, :1]
-        path = integrate(last, motion.field, grid.step_s, STEPS_PER_SEGMENT * (missing - 1))
-        nodes = np.concatenate([nodes, path.state[::STEPS_PER_SEGMENT, :, 0].T], axis=1)
+        path = motion.carried(last, grid.end_s, grid.step_s, STEPS_PER_SEGMENT * (missing - 1))
+        nodes = np.concatenate([nodes, path[::STEPS_PER_SEGMENT].T], axis=1)
     grid = replace(grid, start_s=grid.start_s + dropped * grid.segment_s, segments=segments)
     return replace(motion, grid=grid, nodes=nodes)
 
 
-def _perturbed(motion: Motion) -> tuple[Complex, Field]:
-    """States of shape (3, segments, 1 + unknowns) and the field of each perturbation."""
+def _perturbed(motion: Motion) -> tuple[Complex, Real]:
+    """States of shape (3, segments, 1 + unknowns) and the parameters of each perturbation."""
     lanes = 1 + STATES + len(motion.parameters)
     states = np.repeat(motion.nodes[..., None], lanes, axis=-1)
     unit = PERTURBATION * motion.unit[:, 0]
@@ -145,7 +149,7 @@ def _perturbed(motion: Motion) -> tuple[Complex, Field]:
     parameters = np.repeat(motion.parameters[:, None], lanes, axis=1)
     for place in range(len(motion.parameters)):
         parameters[place, 1 + STATES + place] += PERTURBATION
-    return states, field_of(parameters, motion.gravity_m_s2)
+    return states, parameters
 
 
 def _as_reals(states: Complex, motion: Motion) -> Real:

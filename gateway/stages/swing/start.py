@@ -40,12 +40,17 @@ class Harmonics:
     middle_s: float
     gain: float
     """Twice the gain in log-likelihood against a signal that stands still."""
+    axial_gain: float
+    """The part of it by the axial force, less what the belief in the rope's length costs."""
     unexplained: float
     """Rms of what the harmonics leave, over rms of what moves."""
 
 
-def find_harmonics(bins: Bins, noise_g: Real, rig: MountedHousing) -> Harmonics:
-    """Search the frequency span for the harmonics that explain most; `noise_g` per sample and axis, shape (3,)."""
+def find_harmonics(bins: Bins, noise_g: Real, rig: MountedHousing, *, axial: bool = False) -> Harmonics:
+    """Search the frequency span for the harmonics that explain most; `noise_g` per sample and axis, shape (3,).
+
+    `axial`: most of the axial force; near the load a swing shows there alone, and the transverse axes only add noise.
+    """
     belief_hz = np.sqrt(rig.gravity_m_s2 / rig.length_m) / (2 * np.pi)
     span_s = float(bins.time_s[-1] - bins.time_s[0])
     tries = int(np.clip(6 * span_s * belief_hz * (FREQUENCY_SPAN[1] - FREQUENCY_SPAN[0]), 12, 400))
@@ -57,8 +62,9 @@ def find_harmonics(bins: Bins, noise_g: Real, rig: MountedHousing) -> Harmonics:
     across, gain_across = _fit(angle, bins.force_g[:, :2], weight)
     along, gain_along = _fit(2 * angle, bins.force_g[:, 2:], weight)
     per_sample = noise_g**2 / bins.count.sum()
-    gain = (gain_across / per_sample[:2]).sum(axis=1) + gain_along[:, 0] / per_sample[2]
-    best = int(np.argmax(gain - doubt))
+    axial_gain = gain_along[:, 0] / per_sample[2]
+    gain = (gain_across / per_sample[:2]).sum(axis=1) + axial_gain
+    best = int(np.argmax((axial_gain if axial else gain) - doubt))
     moving = weight @ (bins.force_g - weight @ bins.force_g) ** 2
     left = moving - np.append(gain_across[best], gain_along[best]) - (noise_g**2 / bins.count.mean())
     coefficients = np.concatenate([across[best], along[best]], axis=1)
@@ -69,6 +75,7 @@ def find_harmonics(bins: Bins, noise_g: Real, rig: MountedHousing) -> Harmonics:
         u_g=np.sqrt(2 * per_sample),
         middle_s=middle_s,
         gain=float(gain[best]),
+        axial_gain=float(axial_gain[best] - doubt[best]),
         unexplained=float(np.sqrt(max(left.sum(), 0.0) / max(moving.sum(), 1e-14))),
     )
 

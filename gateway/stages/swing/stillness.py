@@ -10,9 +10,17 @@ from gateway.stages.swing.explain import Finding
 from gateway.stages.swing.model import Real
 from gateway.stages.swing.rig import MountedHousing
 from gateway.stages.swing.start import Harmonics
+from gateway.stages.swing.uncertainty import NORMAL_QUANTILE
 
 FAINTEST_GAIN = 40.0
 """Twice the log-likelihood that harmonics must gain to be called a swing: once in some 10^5 still windows noise does."""
+WORTH_A_FIT = 9.0
+"""The same of the axial force alone, from which on a pendulum is tried on a whole recording."""
+FAINTEST_AXIAL_GAIN = 11.5
+"""What the pendulum must then gain in the axial force: at rest with the housing at the load noise does twice in a thousand.
+
+Between this and `FAINTEST_GAIN` the answer is an angle that may as well be smaller, down to none.
+"""
 BOUND_FACTOR = 2.5
 """Standard uncertainties added to an amplitude for its upper bound (of an ellipse, over all frequencies searched)."""
 LARGEST_RESTLESS_RAD = np.radians(1.0)
@@ -66,13 +74,32 @@ def _still(
     )
 
 
-def faint(finding: Finding) -> bool:
-    """Standing still would explain the window as well as the fit does."""
+def barely_seen(estimate: SwingEstimate, still: SwingEstimate) -> SwingEstimate:
+    """A swing that hardly shows in the noise: its interval holds everything that standing still leaves possible too."""
+    if estimate.coverage95_rad is None or still.coverage95_rad is None:
+        return estimate
+    high_rad = max(estimate.coverage95_rad[1], still.coverage95_rad[1])
+    return replace(
+        estimate,
+        u_rad=max(estimate.u_rad or 0.0, high_rad / (2 * NORMAL_QUANTILE)),
+        coverage95_rad=(0.0, high_rad),
+        reasons=(*estimate.reasons, "hardly told from noise: it may as well be smaller, down to none"),
+    )
+
+
+def gains(finding: Finding) -> Real:
+    """Twice the log-likelihood that the fit gains against standing still, shape (3,): by axis."""
     fit = finding.fit
     mean_g = np.average(fit.bins.force_g, axis=0, weights=fit.bins.count)
     still = (fit.weight * (fit.bins.force_g - mean_g) ** 2).sum(axis=0)
     swinging = (fit.weight * fit.residual_g**2).sum(axis=0)
-    return bool(((still - swinging) / finding.claim.inflation).sum() < FAINTEST_GAIN)
+    gained: Real = (still - swinging) / finding.claim.inflation
+    return gained
+
+
+def faint(finding: Finding) -> bool:
+    """Standing still would explain the window as well as the fit does."""
+    return bool(gains(finding).sum() < FAINTEST_GAIN)
 
 
 def _wander(bins: Bins, noise_g: Real) -> Real:

@@ -45,6 +45,18 @@ def test_a_lean_is_static_too():
     assert judged(*stretch(mean=(math.sin(lean), 0, math.cos(lean)))).verdict == "static"
 
 
+def test_a_swing_on_a_rope_whose_length_changes_is_disturbed_by_hoisting():
+    """A pendulum with a moving rope explains it: the angle is known, but it is no free swing."""
+    seen = SwingSeen(swinging=True, phi_max_rad=math.radians(8), consistent=True, rho=0.5, hoisting=True)
+    found = judged(*pendulum(math.radians(8), 0.5), seen)
+    assert (found.verdict, found.cause, found.trusted) == ("disturbed", "hoisting", False)
+    assert not found.gates["rope_keeps_length"]
+
+
+def test_a_rope_that_was_said_to_move_is_static_once_it_is_still():
+    assert judged(*stretch(), SwingSeen(False, 0.001, consistent=True, hoisting=True)).verdict == "static"
+
+
 def test_vibration_about_a_steady_mean_is_quasi_static():
     time_s, force_g = stretch()
     force_g[:, 1] += 0.02 * np.sin(2 * math.pi * 30 * time_s)

@@ -122,6 +122,21 @@ def test_a_gap_starts_anew(kicked):
     assert tracker.update(kicked.time_s[:BLOCK] + 400, kicked.force_g[:BLOCK]) is None  # and so does time that falls
 
 
+@pytest.mark.parametrize("share", [0.8, 1.2])
+def test_a_position_that_is_wrong_by_a_fifth_widens_or_is_named(simulated, share):
+    recording = simulated(rho=0.4, duration_s=45)
+    tracker = SwingTracker(MountedHousing(length_m=9.0, position_m=share * recording.position_m), noise_g=4e-4)
+
+    heard = [e for now_s, e in follow(tracker, recording) if now_s > 3 * PERIOD_S]
+
+    assert len(heard) > 5
+    for e in heard:
+        assert e.reasons
+        if e.coverage95_rad is not None:
+            low, high = e.coverage95_rad
+            assert low < true_rad(recording, e) < high
+
+
 def test_hoisting_gives_a_reason_or_the_truth():
     """The rope shortens by a third while the load swings."""
     from devices.simulated import pendulum  # noqa: PLC0415

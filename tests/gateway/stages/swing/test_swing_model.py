@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from devices.simulated import pendulum
-from gateway.stages.swing.model import Field, integrate, sample, specific_force_g
+from gateway.stages.swing.model import Field, Place, integrate, sample, specific_force_g
 
 GRAVITY_M_S2 = pendulum.STANDARD_GRAVITY_M_S2
 LENGTH_M, POSITION_M, DAMPING_1_S = 20.0, 13.0, 0.02
@@ -44,7 +44,7 @@ def test_housing_frame_agrees_with_the_world_frame(world):
 
     path = integrate(in_housing(motions[0]), FIELD, STEP_S, STEPS)
 
-    modelled_g = specific_force_g(path.state, FIELD, POSITION_M / GRAVITY_M_S2)[..., 0]
+    modelled_g = specific_force_g(path.state, FIELD, Place(POSITION_M / GRAVITY_M_S2))[..., 0]
     assert np.abs(modelled_g - force_g).max() < 2e-8
     assert path.state[-1] == pytest.approx(in_housing(motions[-1]), abs=1e-7)
 
@@ -59,7 +59,7 @@ def test_coarse_steps_and_interpolation_stay_far_below_any_noise(world):
 
     states = sample(path, step, position - step, np.zeros_like(step))
 
-    modelled_g = specific_force_g(states, FIELD, POSITION_M / GRAVITY_M_S2)[..., 0]
+    modelled_g = specific_force_g(states, FIELD, Place(POSITION_M / GRAVITY_M_S2))[..., 0]
     assert np.abs(modelled_g - force_g[:-1]).max() < 3e-5
 
 

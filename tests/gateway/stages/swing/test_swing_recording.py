@@ -129,7 +129,7 @@ def test_lone_spikes_are_left_out_and_counted(simulated):
     estimate = measured(recording, force_g=force_g)
 
     assert sigmas(estimate, recording) < 4
-    assert "spikes left out: 3" in estimate.reasons
+    assert "spikes left out: 3 samples" in estimate.reasons
 
 
 def test_known_doubt_of_rig_and_sensor_widens_and_covers(simulated):
