@@ -135,7 +135,7 @@ class Condition(Message):
 class ActiveAlert:
     """One alert that stands."""
 
-    rule: Annotated[str, Field(description="swing, lean, stale, ...")]
+    rule: Annotated[str, Field(description="swing, lean, calibration")]
     level: Level
     since_ns: int
     value_deg: Degrees | None
@@ -177,6 +177,10 @@ class Health(Message):
     disk_free_mb: float | None
     cpu_percent: float | None
     resident_mb: float | None
+    drift: Annotated[
+        dict[str, Any] | None,
+        Field(description="what readings at rest say of the record in force; null, state no_rest: not watched yet"),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

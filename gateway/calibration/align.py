@@ -72,5 +72,5 @@ def advise(
         screw,
         direction,
         turns,
-        f"{screw} reads {angle_deg:+.3f} deg: turn the {screw} screw {direction} by {turns:.2f}",
+        f"{screw} reads {angle_deg:+.3f} deg: turn the {screw} screw {direction} by {turns:.2f} turns",
     )

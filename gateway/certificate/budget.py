@@ -9,6 +9,8 @@ from gateway.certificate.figures import COVERAGE_FACTOR, significant
 
 MOST_ROWS = 7
 SOURCE = 36
+NEGLIGIBLE = 1e-6
+"""mg or degrees: digits below say nothing."""
 
 
 def budget(record: CalibrationRecord) -> Element:
@@ -31,4 +33,8 @@ def budget(record: CalibrationRecord) -> Element:
 
 
 def _figures(u_g: float, u_deg: float) -> list[Content]:
-    return [significant(1000 * u_g), significant(u_deg)]
+    return [_figure(1000 * u_g), _figure(u_deg)]
+
+
+def _figure(value: float) -> str:
+    return f"< {NEGLIGIBLE:g}" if 0 < value < NEGLIGIBLE else significant(value)

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.calibration.drift.change import DriftChange, change_between
-from gateway.calibration.drift.records import MEASURING_METHODS, DriftReport, drift_of
+from gateway.calibration.drift.records import MEASURING_METHODS
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.certificate.element import Content, element, short, table
-from gateway.certificate.figures import UNKNOWN, fixed, significant, with_u
+from gateway.certificate.figures import UNKNOWN, fixed, with_u
+from gateway.certificate.forecast import forecast, sentence
 
 Array = NDArray[np.float64]
 SIGNIFICANT = 2.0
@@ -112,22 +113,9 @@ def _told(change: DriftChange, measured: bool) -> Element:
 def _drift(records: list[CalibrationRecord]) -> Element:
     unique = list({record.id: record for record in records}.values())
     try:
-        report = drift_of(unique)
+        report = forecast(unique)
     except CalibrationError as error:
         return element("p", short(f"No forecast: {error}.", MOST), class_="drift missing")
     return element(
-        "p", element("strong", _sentence(report)), " ", short("; ".join(report.warnings), MOST), class_="drift"
-    )
-
-
-def _sentence(report: DriftReport) -> str:
-    within = report.within
-    last = short(report.last_utc[:10], 10)
-    seen = f"from {report.records} records over {significant(report.span_days)} days, the last of {last}"
-    if within.beyond_horizon:
-        return f"The error stays below {within.limit_deg:g}° for ten years or more, {seen}."
-    expected = "not in ten years" if within.expected_days is None else f"in {within.expected_days:.0f} days"
-    return (
-        f"Recalibrate within {within.days:.0f} days: then the error of axis {within.axis} may reach {within.limit_deg:g}° "
-        f"(upper end of its 95 % interval; expected {expected}), {seen}."
+        "p", element("strong", sentence(report)), " ", short("; ".join(report.warnings), MOST), class_="drift"
     )

@@ -7,12 +7,15 @@ from typing import Any, TextIO
 import zenoh
 
 from gateway.bus.client import Client
+from gateway.cli.line import MovingLine
 from gateway.daemon.dropping_queue import DroppingQueue
 
 LOOK_S = 1.5
 """While it collects a gateway tells of a session twice a second; after this silence it is asked."""
 WAITING = 256
 BAR = 24
+SIX_POSITION = "six-position"
+NO_ANSWER = "no answer from the gateway; waiting for it"
 GOES_ON = "the session goes on: plumbline remote recalibrate --follow shows it, plumbline remote cancel ends it"
 
 
@@ -78,43 +81,45 @@ def _result(session: dict[str, Any], screen: "Screen") -> int:
 
 
 class Screen:
-    """One line that moves in a terminal; elsewhere a line each time that the words change."""
+    """A bar in a terminal; elsewhere a line each time that the words change."""
 
     def __init__(self, out: TextIO) -> None:
-        self._out = out
-        self._moves = out.isatty()
-        self._said = ""
+        self._line = MovingLine(out)
 
     def show(self, session: dict[str, Any]) -> None:
         """How the session stands."""
-        taken, wanted = len(session["poses"]), max(session["wanted"], 1)
+        taken, wanted = _taken(session), max(session["wanted"], 1)
         if session["phase"] != "collecting":
             self.line(f"{session['phase']}: {session['text']}")
-        elif self._moves:
+            return
+        said = f"{taken} of {wanted} poses; {session['text']}"
+        if self._line.is_terminal:
             done = min((taken + session["pose_fraction"]) / wanted, 1.0)
             bar = ("#" * round(done * BAR)).ljust(BAR, "-")
-            self._put(f"{taken}/{wanted} [{bar}] {_stillness(session):14} {session['text']}")
-        elif (said := f"{taken} of {wanted} poses; {session['text']}") != self._said:
-            self._said = said
-            self.line(said)
+            self._line.moves(
+                f"{taken}/{wanted} [{bar}] {_stillness(session):14} {_next_face(session)}{session['text']}", said
+            )
+        else:
+            self._line.moves(said, said)
 
     def waits(self) -> None:
         """Nobody answers."""
-        text = "no answer from the gateway; waiting for it"
-        if self._moves:
-            self._put(text)
-        elif text != self._said:
-            self._said = text
-            self.line(text)
+        self._line.moves(NO_ANSWER, NO_ANSWER)
 
     def line(self, text: str) -> None:
         """A line that stays."""
-        self._out.write(f"\r\x1b[K{text}\n" if self._moves else f"{text}\n")
-        self._out.flush()
+        self._line.stays(text)
 
-    def _put(self, text: str) -> None:
-        self._out.write(f"\r\x1b[K{text[:118]}")
-        self._out.flush()
+
+def _taken(session: dict[str, Any]) -> int:
+    """Poses that count: a face that lay up twice is one of six."""
+    used = [pose for pose in session["poses"] if pose["used"]]
+    return len({pose["face"] for pose in used}) if session["method"] == SIX_POSITION else len(used)
+
+
+def _next_face(session: dict[str, Any]) -> str:
+    """Before the text, which a narrow terminal cuts off."""
+    return f"next {session['next_face']} up; " if session["next_face"] else ""
 
 
 def _stillness(session: dict[str, Any]) -> str:

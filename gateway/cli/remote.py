@@ -1,15 +1,12 @@
 """`plumbline remote`: a gateway, seen from another process or place, over the bus."""
 
 import argparse
-import json
 import sys
-
-ANSWER_S = 2.0
 
 
 def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command with its verbs."""
-    from gateway.cli.remote_session import add_to as add_session_verbs
+    from gateway.cli import align, remote_fetch, remote_session, remote_status
 
     command = commands.add_parser(
         "remote",
@@ -17,17 +14,16 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         epilog="example: plumbline remote watch --topics swing,alert",
     )
     verbs = command.add_subparsers(dest="verb", metavar="VERB", required=True)
-    for name, help_text, run in (
-        ("status", "the last message of every topic", _status),
-        ("watch", "print messages as they come, one JSON object a line, until Ctrl-C", _watch),
-    ):
-        verb = verbs.add_parser(name, help=help_text, epilog=f"example: plumbline remote {name}")
-        _where(verb)
-        verb.set_defaults(run=run)
-        if name == "watch":
-            verb.add_argument("--topics", default="swing,condition,alert", metavar="LIST", help="comma-separated")
-            verb.add_argument("--count", type=int, metavar="N", help="stop after N messages")
-    for verb in add_session_verbs(verbs):
+    watch = verbs.add_parser(
+        "watch",
+        help="print messages as they come, one JSON object a line, until Ctrl-C",
+        epilog="example: plumbline remote watch --topics swing,alert",
+    )
+    watch.set_defaults(run=_watch)
+    watch.add_argument("--topics", default="swing,condition,alert", metavar="LIST", help="comma-separated")
+    watch.add_argument("--count", type=int, metavar="N", help="stop after N messages")
+    status = remote_status.add_to(verbs)
+    for verb in (status, watch, *remote_session.add_to(verbs), align.add_to(verbs), remote_fetch.add_to(verbs)):
         _where(verb)
 
 
@@ -41,19 +37,6 @@ def _where(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--connect", default="tcp/127.0.0.1:7447", metavar="ENDPOINT", help="where the gateway or router listens"
     )
-
-
-def _status(arguments: argparse.Namespace) -> int:
-    from gateway.bus.session import open_session
-    from gateway.errors import InputError
-
-    with open_session("client", [arguments.connect], [], connect_timeout_ms=2000) as session:
-        replies = [reply.ok for reply in session.get(f"{arguments.gateway}/rpc/status", timeout=ANSWER_S) if reply.ok]
-    if not replies:
-        raise InputError(f"no gateway {arguments.gateway} answers at {arguments.connect}")
-    found = {str(reply.key_expr).removesuffix("/rpc/status"): json.loads(reply.payload.to_bytes()) for reply in replies}
-    print(json.dumps(found, indent=1))
-    return 0
 
 
 def _watch(arguments: argparse.Namespace) -> int:

@@ -1,13 +1,9 @@
 """`plumbline remote`, the verbs that change something: asked once, answered once, followed over lost links."""
 
 import argparse
-import json
 import sys
 import uuid
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
-
-from gateway.cli.output import write_text
 
 if TYPE_CHECKING:
     from gateway.bus.client import Client
@@ -32,14 +28,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> list
     rollback = _verb(verbs, "rollback", "put the parent record in force again", _rollback, "--by ann")
     rollback.add_argument("--to", metavar="ID", help="this record instead of the parent")
     _verb(verbs, "cancel", "end the session; the old record stays", _cancel, "--by ann")
-    fetch = verbs.add_parser(
-        "fetch",
-        help="write the gateway's records, their history and the audit to files",
-        epilog="example: plumbline remote fetch --out records/",
-    )
-    fetch.add_argument("--out", type=Path, default=Path(), metavar="FOLDER", help="an existing folder")
-    fetch.set_defaults(run=_fetch)
-    return [*(verbs.choices[name] for name in ("recalibrate", "zero", "commit", "rollback", "cancel")), fetch]
+    return [verbs.choices[name] for name in ("recalibrate", "zero", "commit", "rollback", "cancel")]
 
 
 def _verb(
@@ -110,45 +99,10 @@ def _request(
     return 0 if said.accepted else REFUSED, request
 
 
-def _fetch(arguments: argparse.Namespace) -> int:
-    client = _client(arguments)
-    try:
-        listed = _fetched(client, {})
-        for entry in listed["records"]:
-            if "error" in entry:
-                print(f"{entry['id']}: {entry['error']}", file=sys.stderr)
-                continue
-            record = _fetched(client, {"what": "record", "record": entry["id"]})["record"]
-            write_text(arguments.out / f"{entry['id']}.json", json.dumps(record, indent=1) + "\n")
-        if listed["review"] is not None:
-            record = _fetched(client, {"what": "record", "record": listed["review"]})["record"]
-            write_text(arguments.out / f"review-{listed['review']}.json", json.dumps(record, indent=1) + "\n")
-        state = {name: listed[name] for name in ("device_id", "in_force", "history")}
-        write_text(arguments.out / "in_force.json", json.dumps(state, indent=1) + "\n")
-        audit = _fetched(client, {"what": "audit", "lines": 1000})["audit"]
-        write_text(arguments.out / "audit.jsonl", "".join(json.dumps(entry) + "\n" for entry in audit))
-    finally:
-        client.close()
-    print(f"{arguments.out}: {len(listed['records'])} records of {listed['device_id']}, in force {listed['in_force']}")
-    return REFUSED if any("error" in entry for entry in listed["records"]) else 0
-
-
-def _fetched(client: "Client", request: dict[str, Any]) -> dict[str, Any]:
-    from gateway.errors import InputError
-
-    said = client.ask("fetch", request, PATIENCE_S)
-    if said is None:
-        raise InputError(f"{client.key} does not answer")
-    if not said.accepted:
-        raise InputError(f"{client.key}: {said.text}")
-    return said.content
-
-
 def _client(arguments: argparse.Namespace) -> "Client":
     from gateway.bus.client import Client
     from gateway.errors import InputError
 
-    changes = "by" in arguments and not getattr(arguments, "follow", False)
-    if changes and not arguments.by:
+    if not arguments.by and not getattr(arguments, "follow", False):
         raise InputError("--by: say who asks; it goes into the record, its history and the audit")
     return Client(arguments.connect, arguments.gateway)

@@ -6,18 +6,15 @@ import threading
 import time
 import uuid
 from contextlib import ExitStack
-from dataclasses import replace
 
-from devices.block import DeviceInfo
 from devices.clock import HostClock
 from gateway import __version__
 from gateway.bus.session import open_session
-from gateway.calibration.correction import Correction, correction_for
-from gateway.calibration.record import CalibrationError
-from gateway.calibration.store import find
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
+from gateway.daemon.calibration_shelf import CalibrationShelf
 from gateway.daemon.device_factory import make_device
+from gateway.daemon.drift_keeper import DriftKeeper
 from gateway.daemon.health import HealthReport
 from gateway.daemon.instance import InstanceLock
 from gateway.daemon.logs import RecordingHandler
@@ -95,7 +92,9 @@ class Gateway:
         )
         desk = RecalibrationDesk(recalibration, watch)
         self._publisher.serve(desk)
-        self.processor = Processor(configuration, info, self._correct, watch, desk, self._recording, self._publisher)
+        shelf = CalibrationShelf(section.data_dir, configuration.device.axes)
+        drift = DriftKeeper(section.data_dir)
+        self.processor = Processor(configuration, info, shelf, drift, watch, desk, self._recording, self._publisher)
         self._sampler = Sampler(device, info, self.processor.inbox, self._notifier)
         self._health = HealthReport(
             device, self._sampler, self.processor, self._recording, self._publisher, section.data_dir, boot_id
@@ -105,16 +104,6 @@ class Gateway:
     def _record_line(self, line: Log, now_ns: int) -> None:
         """A line of the log goes into the recording; called by any thread."""
         self._recording.inbox.put(Emission("log", now_ns, line))
-
-    def _correct(self, info: DeviceInfo) -> Correction:
-        """The calibration in force for a device. A record that must not be used leaves it uncalibrated, and says so."""
-        axes = self.configuration.device.axes
-        try:
-            return correction_for(info, axes, find(self.configuration.gateway.data_dir, info.device_id))
-        except CalibrationError as error:
-            log.error("%s", error)
-            bare = correction_for(replace(info, factory_calibration=None), axes, None)  # not silently the factory's
-            return replace(bare, text=f"{bare.text}; {error}")
 
     def describe(self) -> str:
         """Where everything is, for the person who started it."""

@@ -65,6 +65,7 @@ class HealthReport:
             disk_free_mb=disk_free_mb(self.data_dir),
             cpu_percent=self._cpu.percent(),
             resident_mb=resident_mb(),
+            drift=self.processor.drift.rest.told,
         )
 
     def _state(self) -> Literal["running", "recovering", "stopping"]:

@@ -6,6 +6,8 @@ from collections.abc import Callable
 
 from gateway.messages import FoxgloveTime, Log
 
+RECORDED_ONLY = {"recorded_only": True}
+"""`extra` of a line that a person has been told already in other words."""
 LEVELS = {logging.DEBUG: 1, logging.INFO: 2, logging.WARNING: 3, logging.ERROR: 4, logging.CRITICAL: 5}
 
 
@@ -32,10 +34,15 @@ class RecordingHandler(logging.Handler):
 
 
 def start_logging(level: int = logging.INFO) -> None:
-    """Lines to standard error: level, place, text; the service manager adds the time."""
+    """Lines to standard error from a level on: level, place, text; the service manager adds the time.
+
+    The recording has those from INFO on, however quiet it is here.
+    """
     handler = logging.StreamHandler(sys.stderr)
+    handler.setLevel(level)
+    handler.addFilter(lambda record: not getattr(record, "recorded_only", False))
     handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
     root = logging.getLogger("plumbline")
     root.handlers = [handler]
-    root.setLevel(level)
+    root.setLevel(min(level, logging.INFO))
     root.propagate = False

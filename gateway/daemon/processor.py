@@ -6,11 +6,13 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 from devices.block import DeviceInfo, SampleBlock
-from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
+from gateway.daemon.calibration_shelf import CalibrationShelf
+from gateway.daemon.drift_keeper import DriftKeeper
+from gateway.daemon.logs import RECORDED_ONLY
 from gateway.daemon.publisher import Publisher
 from gateway.daemon.recalibration_desk import RecalibrationDesk
-from gateway.daemon.recording_worker import RecordingWorker
+from gateway.daemon.recording_worker import InForce, RecordingWorker
 from gateway.daemon.sampler import SamplerItem
 from gateway.daemon.wall_clock import WallClockWatch
 from gateway.daemon.worker import Worker
@@ -44,16 +46,17 @@ class Processor(Worker[SamplerItem]):
         self,
         configuration: Configuration,
         info: DeviceInfo,
-        correct: Callable[[DeviceInfo], Correction],
+        shelf: CalibrationShelf,
+        drift: DriftKeeper,
         watch: WallClockWatch,
         desk: RecalibrationDesk,
         recording: RecordingWorker,
         publisher: Publisher,
     ) -> None:
-        """`correct` finds the correction of a device."""
         super().__init__("processor", INBOX)
         self._configuration = configuration
-        self._correct = correct
+        self._shelf = shelf
+        self.drift = drift
         self._watch = watch
         self._desk = desk
         self._recording = recording
@@ -74,9 +77,15 @@ class Processor(Worker[SamplerItem]):
         self._open_pipeline()
 
     def _open_pipeline(self) -> None:
-        """With the calibration that is in force now."""
-        self.correction = self._correct(self.info)
-        self._pipeline = Pipeline(self._configuration, self.info, self.correction, self._headers, self._fitting)
+        """With the calibration that is in force now; recordings and the log are told which that is."""
+        self.correction = self._shelf.correction(self.info)
+        told = None if self.is_alive() else RECORDED_ONLY  # at start the gateway describes itself
+        log.info("%s: calibration in force: %s", self.info.device_id, self.correction.text, extra=told)
+        in_force = InForce(self._shelf.files(self.info, self.correction))
+        if not self._recording.inbox.put_waiting(in_force, SINK_PATIENCE_S):
+            log.error("the recorder is too busy: later segments do not carry %s", self.correction.text)
+        rest = self.drift.open(self.info.device_id, self.correction)
+        self._pipeline = Pipeline(self._configuration, self.info, self.correction, self._headers, self._fitting, rest)
         self._pipeline.recalibrating(self._desk.view, self._desk.suspended)
 
     @property
@@ -105,9 +114,10 @@ class Processor(Worker[SamplerItem]):
         self._each_second()
 
     def leave(self) -> None:
-        """Say a last word on health."""
+        """Say a last word on health, and keep what the drift watch has seen."""
         self._fitting.shutdown(wait=True, cancel_futures=True)
         self._hand_on(self._seconds_messages(self._watch.clock.now_ns()))
+        self.drift.keep()
 
     def _attend(self) -> None:
         """Answer requests; a change of the session or of the record in force is told at once."""
@@ -127,6 +137,7 @@ class Processor(Worker[SamplerItem]):
             return
         self._next_second_ns = now_ns + round(HEALTH_PERIOD_S * 1e9)
         self._hand_on(self._seconds_messages(now_ns))
+        self.drift.tick()
 
     def _seconds_messages(self, now_ns: int) -> Iterable[Emission]:
         state = self._watch.look()

@@ -2,11 +2,13 @@
 
 import logging
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 from devices.block import DeviceInfo
 from gateway.daemon.worker import Worker
 from gateway.pipeline.emission import Emission
+from gateway.recording.calibration_files import CalibrationFiles
 from gateway.recording.writer import Recorder, RecorderError
 
 log = logging.getLogger("plumbline.recorder")
@@ -14,7 +16,15 @@ INBOX = 4096
 RETRY_S = 5.0
 
 
-class RecordingWorker(Worker[Emission | DeviceInfo]):
+@dataclass(frozen=True, slots=True)
+class InForce:
+    """What recordings carry of the calibration from now on."""
+
+    files: CalibrationFiles | None
+    """None: no record is in force."""
+
+
+class RecordingWorker(Worker[Emission | DeviceInfo | InForce]):
     """Owns the recorder, which has been started, from start to stop."""
 
     def __init__(self, recorder: Recorder, now_ns: Callable[[], int]) -> None:
@@ -32,13 +42,15 @@ class RecordingWorker(Worker[Emission | DeviceInfo]):
         """The file being written; None while nothing is recorded."""
         return self._recorder.path
 
-    def handle(self, item: Emission | DeviceInfo) -> None:
-        """Write one message, or note which device the next ones are from."""
+    def handle(self, item: Emission | DeviceInfo | InForce) -> None:
+        """Write one message, or note which device the next ones are from, or which record makes their numbers."""
         if self.error is not None and self._now_ns() >= self._retry_at_ns:
             self._try_again()
         try:
             if isinstance(item, DeviceInfo):
                 self._recorder.set_device(item, self._now_ns())
+            elif isinstance(item, InForce):
+                self._recorder.set_calibration(item.files, self._now_ns())
             else:
                 self._recorder.write(item.topic, item.message, item.log_time_ns)
                 self._recorder.tick(self._now_ns())

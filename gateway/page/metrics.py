@@ -95,6 +95,11 @@ def _health(health: Health | None) -> Iterator[Block]:
     yield _gauge("sample_rate_hertz", "Measured sample rate.", health.measured_rate_hz)
     yield _gauge("recording", "1 while a recording is written.", health.recording is not None)
     yield _gauge("recording_error", "1 while the recorder reports an error.", health.recording_error is not None)
+    if health.drift is not None:
+        error_mg = health.drift.get("norm_error_mg")
+        alarm = None if error_mg is None else health.drift.get("state") == "alarm"
+        yield _gauge("drift_norm_error_milligrams", "Norm at rest less 1 g; left out while not watched yet.", error_mg)
+        yield _gauge("drift_alarm", "1 while the norm at rest is outside its interval; left out likewise.", alarm)
     yield _gauge("disk_free_megabytes", "Free space for recordings.", health.disk_free_mb)
     yield _gauge("gateway_cpu_percent", "Processor load of the gateway.", health.cpu_percent)
     yield _gauge("gateway_resident_megabytes", "Resident memory of the gateway.", health.resident_mb)

@@ -9,12 +9,13 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gateway.messages import Calibration, Message, Swing
+from gateway.messages import Calibration, Message, Swing, Tilt
 from gateway.page.history import History
 from gateway.page.inbox import Arrival
 from gateway.page.link import ALIVE, SHOWN
 from gateway.page.parameters import Parameters
-from gateway.page.verdict import Evidence, Verdict, is_known, verdict
+from gateway.page.verdict import Evidence, Verdict, is_fresh, is_known, verdict
+from gateway.recalibration.aligning import Aligning, AligningView
 from gateway.topics import adapter
 
 MEASURED = ("tilt", "swing", "condition")
@@ -42,6 +43,8 @@ class PageState:
         self._latest: dict[str, Message] = {}
         self._news_s: dict[str, float] = {}
         self._last_good: LastGood | None = None
+        self._aligning = Aligning()
+        self._aligned: AligningView | None = None
 
     def receive(self, batch: Mapping[str, Arrival]) -> None:
         """Take in what the inbox handed over."""
@@ -67,6 +70,8 @@ class PageState:
             return
         self.received[topic] += 1
         before = self._latest.get(topic)
+        if isinstance(message, Tilt) and (before is None or message.time_ns != before.time_ns):
+            self._aligned = self._aligning.take(message)
         if topic not in MEASURED or before is None or message.time_ns != before.time_ns:
             self._news_s[topic] = arrival.at_s
         self._latest[topic] = message
@@ -96,6 +101,7 @@ class PageState:
             "verdict": asdict(judged),
             "swing_known": swing is not None and is_known(swing),
             "last_good": self._last_good_now(now_s),
+            "align": asdict(self._aligned) if self._aligned is not None and is_fresh(evidence, "tilt") else None,
             "age_s": {topic: round(age, 3) for topic, age in evidence.age_s.items()},
             "topics": evidence.latest,
             "page": self._page(),

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 from gateway.configuration.model import AlertsSection
 from gateway.messages import ActiveAlert, Level
-from gateway.stages.alerts import Event, Limits, RuleState, event_between, judge, worst
+from gateway.stages.alerts import Event, Limits, RuleState, event_between, judge, standing, worst
 from gateway.units import degrees
 
 LEAN_CLEAR_SHARE = 0.8
 """The lean alert clears below this share of its limit."""
+CALIBRATION = "calibration"
+"""The rule of the drift watch, which has a hold of its own."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,13 +46,21 @@ class AlertBoard:
         self._states: dict[str, RuleState] = {}
         self._values_rad: dict[str, float | None] = dict.fromkeys(self._limits)
         self._why = "no reading yet"
+        self._drifted: str | None = None
 
     def judge(
-        self, values_rad: dict[str, float | None], *, trusted: bool, why_unknown: str, time_s: float
+        self,
+        values_rad: dict[str, float | None],
+        *,
+        trusted: bool,
+        why_unknown: str,
+        time_s: float,
+        drifted: str | None = None,
     ) -> Iterator[AlertChange]:
         """Hold the values against the limits; one change for each rule whose level moved.
 
         A reading that is not trusted may raise an alert; it never clears one, and below the limits it says nothing.
+        `drifted` says why the calibration is no longer to be believed; None: nothing speaks against it.
         """
         self._why = why_unknown
         changed: list[tuple[str, Event]] = []
@@ -65,19 +75,32 @@ class AlertBoard:
             event = event_between(before, self._states[rule])
             if event != "standing":
                 changed.append((rule, event))
+        changed += self._judge_calibration(drifted, time_s)
         for rule, event in changed:  # told once every rule is judged: each message shows how all of them stand
             yield self._change(rule, event)
+
+    def _judge_calibration(self, drifted: str | None, time_s: float) -> Iterator[tuple[str, Event]]:
+        self._drifted = drifted
+        before = self._states.get(CALIBRATION, RuleState("normal", time_s))
+        self._states[CALIBRATION] = standing(before, stands=drifted is not None, time_s=time_s)
+        event = event_between(before, self._states[CALIBRATION])
+        if event != "standing":
+            yield CALIBRATION, event
 
     def suspend(self, why: str, time_s: float) -> Iterator[AlertChange]:
         """Every rule is unknown, whatever stood: nothing that is measured now speaks of the load."""
         self._why = why
         changed: list[tuple[str, Event]] = []
+        self._drifted = None
         for rule in self._limits:
             self._values_rad[rule] = None
             before = self._states.get(rule)
             if before is None or before.level != "unknown":
                 self._states[rule] = RuleState("unknown", time_s)
                 changed.append((rule, "changed"))
+        if CALIBRATION in self._states and self._states[CALIBRATION].level == "warn":
+            self._states[CALIBRATION] = RuleState("unknown", time_s)
+            changed.append((CALIBRATION, "changed"))
         for rule, event in changed:
             yield self._change(rule, event)
 
@@ -92,6 +115,8 @@ class AlertBoard:
         return AlertChange(rule, event, level, active, text)
 
     def _active(self, rule: str) -> ActiveAlert:
+        if rule == CALIBRATION:
+            return self._active_calibration(self._states[rule])
         state, limits, value_rad = self._states[rule], self._limits[rule], self._values_rad[rule]
         limit_rad = limits.warn_rad if state.level == "warn" else limits.trip_rad
         return ActiveAlert(
@@ -101,6 +126,16 @@ class AlertBoard:
             value_deg=degrees(value_rad),
             limit_deg=None if limit_rad is None else round(math.degrees(limit_rad), 9),
             text=_text(rule, state.level, value_rad, limit_rad, self._why),
+        )
+
+    def _active_calibration(self, state: RuleState) -> ActiveAlert:
+        return ActiveAlert(
+            rule=CALIBRATION,
+            level=state.level,
+            since_ns=round(state.since_s * 1e9),
+            value_deg=None,
+            limit_deg=None,
+            text=f"{CALIBRATION} unknown: {self._why}" if self._drifted is None else f"{CALIBRATION}: {self._drifted}",
         )
 
 

@@ -21,6 +21,7 @@ from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.emission import Emission
 from gateway.pipeline.header import Header, HeaderMaker
 from gateway.pipeline.pace import Pace
+from gateway.pipeline.rest_reading import RestReading
 from gateway.pipeline.runner import AtOnce, Runner
 from gateway.pipeline.swing_reading import SwingReading
 from gateway.stages.clipping import count_clipped
@@ -43,8 +44,9 @@ class Pipeline:
         correction: Correction,
         headers: HeaderMaker,
         runner: Runner | None = None,
+        rest: RestReading | None = None,
     ) -> None:
-        """`runner` makes the swing fits; without one they are made at once."""
+        """`runner` makes the swing fits; without one they are made at once. `rest` watches the drift of the record."""
         self._info = info
         self._full_scale = None if info.full_scale_g is None else info.full_scale_g * info.units_per_g
         self._correction = correction
@@ -54,6 +56,7 @@ class Pipeline:
         self._swing = SwingReading(configuration, info, correction, self._lowpass, runner or AtOnce())
         self._watch = ConditionWatch(info.noise_g, correction.permissible_norm_error_g)
         self._board = AlertBoard(configuration.alerts)
+        self._rest = rest or RestReading(None)
         self._condition = NOT_JUDGED
         self._tilt_pace, self._condition_pace = Pace(0.1), Pace(0.5)
         self._heartbeat_pace, self._calibration_pace = Pace(1.0), Pace(10.0)
@@ -85,7 +88,7 @@ class Pipeline:
         if self._swing.take(time_s, force_g, lowpassed_g):
             message = self._swing.message(self._header("swing", newest_ns, clock))
             yield Emission("swing", newest_ns, message)
-        yield from self._judge_condition(newest_ns, clock)
+        yield from self._judge_condition(block.temperature_c, newest_ns, clock)
         yield from self._judge_alerts(newest_ns, clock)
 
     def idle(self, now_ns: int, clock: ClockState) -> Iterator[Emission]:
@@ -154,11 +157,12 @@ class Pipeline:
         )
         return Emission("tilt", time_ns, message)
 
-    def _judge_condition(self, time_ns: int, clock: ClockState) -> Iterator[Emission]:
-        """At its pace; sent at once when the verdict changed."""
+    def _judge_condition(self, temperature_c: float | None, time_ns: int, clock: ClockState) -> Iterator[Emission]:
+        """At its pace; sent at once when the verdict changed. What is judged to be rest is for the drift watch too."""
         if not self._condition_pace.due(time_ns) and "fresh" not in self._condition.gates:
             return
         self._condition = self._watch.judge(self._swing.seen())
+        self._rest.take(self._condition.gates, time_ns + clock.wall_offset_ns, self._lowpassed(), temperature_c)
         yield Emission("condition", time_ns, self._condition_now(time_ns, clock))
 
     def _condition_now(self, time_ns: int, clock: ClockState) -> Condition:
@@ -180,7 +184,13 @@ class Pipeline:
         self, values_rad: dict[str, float | None], why: str, time_ns: int, clock: ClockState
     ) -> Iterator[Emission]:
         changes: list[AlertChange] = list(
-            self._board.judge(values_rad, trusted=self._condition.trusted, why_unknown=why, time_s=time_ns / 1e9)
+            self._board.judge(
+                values_rad,
+                trusted=self._condition.trusted,
+                why_unknown=why,
+                time_s=time_ns / 1e9,
+                drifted=self._rest.alarm,
+            )
         )
         if self._heartbeat_pace.due(time_ns) and not changes:
             changes = [self._board.heartbeat()]

@@ -11,8 +11,8 @@ from gateway.recalibration.session import Judgement
 class Methods(Protocol):
     """The ways of calibrating a device from afar."""
 
-    def procedure(self, method: str, device: DeviceInfo) -> Procedure:
-        """A procedure that has seen nothing yet."""
+    def procedure(self, method: str, device: DeviceInfo, parent: CalibrationRecord | None) -> Procedure:
+        """A procedure that has seen nothing yet; `parent` is the record that a new one follows."""
         ...
 
     def zero(self, readings: RawReadings, parent: CalibrationRecord, device: DeviceInfo) -> CalibrationFit:

@@ -156,7 +156,8 @@ class Recalibration:
     def _resume(self, session: Session | None) -> None:
         if session is None or session.phase != "collecting":
             return
-        self._procedure = self._methods.procedure(session.method, self._opened.device)
+        planner = self._opened
+        self._procedure = self._methods.procedure(session.method, planner.device, planner.parent())
         self._procedure.resume(session.poses)
         self._progress = self._procedure.progress()
 

@@ -23,9 +23,9 @@ class StandardMethods:
         for housing_axis, (sensor_axis, sign) in enumerate(axes):
             self._turn[housing_axis, sensor_axis] = sign
 
-    def procedure(self, method: str, device: DeviceInfo) -> Procedure:
-        """A procedure that has seen nothing yet."""
-        return procedure_for(method, Nominal(device.units_per_g))
+    def procedure(self, method: str, device: DeviceInfo, parent: CalibrationRecord | None) -> Procedure:
+        """A procedure that has seen nothing yet; a norm fit, which cannot see the frame, keeps that of `parent`."""
+        return procedure_for(method, Nominal(device.units_per_g), parent=parent)
 
     def zero(self, readings: RawReadings, parent: CalibrationRecord, device: DeviceInfo) -> CalibrationFit:
         """The parent with the mount's two angles removed. Raises `CalibrationError`."""

@@ -123,6 +123,8 @@ def test_usage_errors_are_two_as_well(plumbline):
         ["remote"],
         ["remote", "status"],
         ["remote", "watch"],
+        ["remote", "align"],
+        ["remote", "fetch"],
         ["config"],
         ["config", "show"],
         ["config", "check"],

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from devices.replay import table_info
 from devices.table import TableLayout, read_table
@@ -23,6 +24,7 @@ from tests.benchmarks.turned_radio import COUNTS_PER_G, FACES, GAIN, NOISE_G, OF
 ROOT = Path(__file__).parents[2]
 REMOTE = (sys.executable, "-m", "gateway", "remote")
 TOML = '[device]\nkind = "witmotion"\nport = "{port}"\nodr_hz = 400\nserial = "{serial}"\n[housing]\nposition_m = 5\n'
+TOML += "[recorder]\nsegment_s = 1\nfsync_s = 0.2\n"
 
 
 @pytest.fixture
@@ -74,6 +76,16 @@ class Site:
         self.radio.turn(face)
         return self.wait_session(lambda session: len(session["poses"]) >= poses or session["phase"] == "review")
 
+    def next_segment(self, calibration_id):
+        """The first segment that begins from now on, once messages of this calibration are in it."""
+        now = self.gateway.recordings[-1]
+        return Path(
+            self.peer.wait_for(
+                "health",
+                lambda health: health["calibration_id"] == calibration_id and Path(health["recording"]) > now,
+            )["recording"]
+        )
+
     @property
     def data_dir(self):
         return self.gateway.data_dir
@@ -99,7 +111,7 @@ def test_a_session_from_request_to_record_over_a_kill(site, tmp_path):
     condition = site.peer.wait_for("condition", lambda message: "SUSPENDED" in message["reasons"][0])
     assert not condition["trusted"]
     out, err = follower.communicate(timeout=60)
-    assert follower.returncode == 0, err
+    assert follower.returncode == 0, out + err
     assert "in review" in out
 
     site.radio.turn("+z")
@@ -119,6 +131,11 @@ def test_a_session_from_request_to_record_over_a_kill(site, tmp_path):
     fetched = site.remote("fetch", "--out", str(tmp_path))
     assert fetched.returncode == 0, fetched.stderr
     assert json.loads((tmp_path / f"{record['id']}.json").read_text()) == record
+    assert "Calibration certificate" in (tmp_path / f"{record['id']}.html").read_text()
+    status = json.loads(site.remote("status").stdout)
+    (topics,) = status.values()
+    assert topics["drift"]["at_rest"].startswith("not watched yet")
+    assert "two calibrations at least" in topics["drift"]["by_records"]
     history = json.loads((tmp_path / "in_force.json").read_text())["history"]
     assert [(line["by"], line["reason"], line["to"]) for line in history] == [("bob", "first record", record["id"])]
     asked = [json.loads(line) for line in (tmp_path / "audit.jsonl").read_text().splitlines()]
@@ -129,12 +146,18 @@ def test_a_session_from_request_to_record_over_a_kill(site, tmp_path):
         ("commit", "bob", True),
     ]
 
+    with_record = site.next_segment(record["id"])
     assert site.remote("rollback", "--by", "bob").returncode == 0
     assert site.peer.wait_for(
         "calibration",
         lambda message: message["status"] == "uncalibrated" and message["session"]["phase"] == "committed",
     )
+    without = site.next_segment(None)
     site.gateway.stop(signal.SIGTERM)
+    kept, none = attached(with_record), attached(without)
+    assert json.loads(kept[f"calibration-{record['id']}.json"]) == record
+    assert b"Calibration certificate" in kept[f"calibration-{record['id']}.html"]
+    assert not [name for name in none if name.startswith("calibration-")]
     lines = [
         file.decode(message).message
         for path in site.gateway.recordings
@@ -143,6 +166,15 @@ def test_a_session_from_request_to_record_over_a_kill(site, tmp_path):
         if message.topic == "/log"
     ]
     assert sum('"verb": "commit"' in line for line in lines) == 2
+    told = [line.partition("in force: ")[2] for line in lines if "calibration in force: " in line]
+    assert told[0].startswith("uncalibrated")
+    assert [record["id"] in line for line in told[-2:]] == [True, False]
+
+
+def attached(path):
+    """Content of each attachment of a closed recording, by name."""
+    with path.open("rb") as file:
+        return {one.name: one.data for one in make_reader(file).iter_attachments()}
 
 
 def query(peer, verb, payload, key="plumbline/v1/demo-site/crane-1/hook-1"):

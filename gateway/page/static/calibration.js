@@ -8,16 +8,13 @@ const FACES = ["+x", "-x", "+y", "-y", "+z", "-z"];
 const TITLES = {collecting: "turn the sensor so", review: "all poses are taken", rejected: "the session has ended"};
 
 export class CalibrationScreen {
-  constructor(section, instead) {
+  constructor(section) {
     this.section = section;
-    this.instead = instead;
     this.drawn = "";
   }
 
-  show(session, gone) {
-    const wanted = Boolean(session?.suspended);
+  show(session, wanted, gone) {
     this.section.hidden = !wanted;
-    this.instead.hidden = wanted;
     if (!wanted) return;
     setText("next-title", TITLES[session.phase] ?? session.phase);
     this.picture(session);
@@ -63,7 +60,7 @@ function showPoses(session) {
   const used = session.poses.filter((pose) => pose.used);
   const byFace = session.method === "six-position";
   const taken = byFace ? FACES.filter((name) => used.some((pose) => pose.face === name)) : used;
-  setText("poses-title", `poses taken: ${taken.length} of ${Math.max(session.wanted, taken.length)}`);
+  setText("poses-title", `poses taken: ${taken.length} of ${byFace ? FACES.length : Math.max(session.wanted, taken.length)}`);
   const entries = byFace
     ? FACES.map((name) => [name, taken.includes(name) ? "taken" : name === session.next_face ? "wanted" : ""])
     : [];

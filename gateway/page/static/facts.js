@@ -30,7 +30,15 @@ export function showFacts(state, waitedS) {
   if (health) showHealth(health);
 }
 
+// Not watched is never shown as well: silence at rest is no proof.
+function driftText(drift) {
+  if (!drift || !isKnown(drift.norm_error_mg)) return "not watched yet";
+  const error = `${drift.norm_error_mg < 0 ? "−" : "+"}${Math.abs(drift.norm_error_mg).toFixed(1)}`;
+  return drift.state === "alarm" ? `ALARM ${error} mg` : `${error} of ±${drift.limit_mg.toFixed(1)} mg`;
+}
+
 function showHealth(health) {
+  setFact("drift", driftText(health.drift), health.drift?.state === "alarm");
   const lostShare = health.samples > 0 ? (100 * health.lost) / (health.samples + health.lost) : 0;
   const faults = Object.values(health.faults).reduce((sum, n) => sum + n, 0);
   const state = health.state === "running" ? "" : ` ${health.state}`;

@@ -1,5 +1,6 @@
 // Joins the parts: what the server pushes, and whether it can still be believed, to what is shown.
 
+import {AlignScreen} from "./align.js";
 import {Bullseye} from "./bullseye.js";
 import {CalibrationScreen} from "./calibration.js";
 import {setText, showFacts} from "./facts.js";
@@ -13,7 +14,8 @@ const TREND_S = 1;
 const GONE = new Set(["STALE", "NO DATA"]);
 
 const bullseye = new Bullseye(document.getElementById("bullseye"));
-const calibration = new CalibrationScreen(document.getElementById("calibration"), document.querySelector("main"));
+const calibration = new CalibrationScreen(document.getElementById("calibration"));
+const align = new AlignScreen(document.getElementById("align"));
 const trend = new Trend(document.getElementById("trend"), document.getElementById("trend-labels"));
 let state = null;
 let trendS = 0;
@@ -51,7 +53,7 @@ function show() {
     showSwing(gone ? null : state.topics.swing, verdict, waitedS);
     showCondition(gone ? null : state.topics.condition);
     showFacts(state, waitedS);
-    calibration.show(state.topics.calibration?.session, gone);
+    showScreens(gone);
     if (gone) bullseye.clear();
     else bullseye.draw(state);
     if (nowS() - trendS >= TREND_S) {
@@ -62,6 +64,16 @@ function show() {
     showVerdict({...LOST, label: "UNKNOWN", colour: "violet", shape: "question", reasons: [`page: ${error}`], also: []});
     throw error;
   }
+}
+
+// A recalibration goes before the aligning that was asked for, and either before the swing.
+function showScreens(gone) {
+  const session = state.topics.calibration?.session;
+  const recalibrated = Boolean(session?.suspended);
+  const aligned = !recalibrated && window.location.hash === "#align";
+  calibration.show(session, recalibrated, gone);
+  align.show(state.align, aligned, gone);
+  document.querySelector("main").hidden = recalibrated || aligned;
 }
 
 function showVerdict(verdict) {

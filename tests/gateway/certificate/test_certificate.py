@@ -159,6 +159,19 @@ def test_more_records_make_a_better_forecast(make_record, drifted) -> None:
     assert "from 5 records" in Page(certificate(record, parent, [*earlier, parent])).text
 
 
+def test_two_records_of_one_day_make_no_forecast(make_record, drifted) -> None:
+    record, _ = drifted
+    same_day = make_record(id=record.parent, created_utc=record.created_utc[:10] + "T01:00:00Z")
+    text = Page(certificate(record, same_day)).text
+    assert "2 calibrations within a day show how well they repeat and nothing of ageing" in text
+    assert "Recalibrate within" not in text
+
+
+def test_a_contribution_of_nothing_has_no_digits(make_record) -> None:
+    row = {"source": "quantisation", "type": "B", "u_g": 4.6e-35, "u_deg": 0}
+    assert "< 1e-06" in Page(certificate(make_record(budget=[row]), None)).text
+
+
 def test_a_zeroed_record_claims_no_uncertainty_of_its_change(make_record, drifted) -> None:
     _, parent = drifted
     turned = np.array([[1, 0, 0.02], [0, 1, 0], [-0.02, 0, 1]]) @ np.array(parent.correction_matrix)

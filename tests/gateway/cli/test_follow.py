@@ -2,6 +2,11 @@
 
 import io
 import json
+import os
+import pty
+import struct
+import termios
+from fcntl import ioctl
 from types import SimpleNamespace
 
 import pytest
@@ -14,7 +19,7 @@ COLLECTING = {
     "phase": "collecting",
     "method": "six-position",
     "by": "ann",
-    "poses": [{}],
+    "poses": [{"face": "+x", "used": True}],
     "wanted": 6,
     "still": True,
     "pose_fraction": 0.5,
@@ -22,8 +27,10 @@ COLLECTING = {
     "record_id": None,
     "reasons": [],
     "notes": [],
+    "next_face": "-y",
     "text": "hold still",
 }
+POSE = COLLECTING["poses"][0]
 REVIEW = COLLECTING | {
     "phase": "review",
     "record_id": "r2",
@@ -91,7 +98,7 @@ def test_the_end_is_told_by_the_exit_code(last, code, said):
 def test_a_file_gets_a_line_for_each_change_and_no_more():
     out = io.StringIO()
     moving = COLLECTING | {"pose_fraction": 0.7, "seconds_left": 1.0}
-    follow(ScriptedLink(COLLECTING, moving, moving | {"poses": [{}, {}]}, REVIEW), None, out)
+    follow(ScriptedLink(COLLECTING, moving, moving | {"poses": [POSE, POSE | {"face": "-x"}]}, REVIEW), None, out)
     lines = out.getvalue().splitlines()
     assert lines[:2] == ["1 of 6 poses; hold still", "2 of 6 poses; hold still"]
     assert "since r1: offset +0.1 mg" in out.getvalue()
@@ -101,7 +108,31 @@ def test_a_file_gets_a_line_for_each_change_and_no_more():
 def test_a_terminal_gets_a_bar():
     out = Terminal()
     follow(ScriptedLink(COLLECTING, REVIEW), None, out)
-    assert "1/6 [######------------------] still 2 s left" in out.getvalue()
+    assert "1/6 [######------------------] still 2 s left next -y up; hold still" in out.getvalue()
+
+
+def test_a_face_that_lay_up_twice_is_one_of_six_and_one_that_was_not_used_is_none():
+    out = Terminal()
+    poses = [POSE, POSE, POSE | {"face": None, "used": False}]
+    again = COLLECTING | {"poses": poses, "pose_fraction": 0.0}
+    follow(ScriptedLink(again, REVIEW), None, out)
+    assert "\x1b[K1/6 [####------" in out.getvalue()
+    several = again | {"method": "norm-fit", "wanted": 12}
+    follow(ScriptedLink(several, REVIEW), None, out)
+    assert "\x1b[K2/12 [####------" in out.getvalue()
+
+
+def test_on_a_narrow_terminal_the_bar_stays_one_line():
+    """What wraps is not written over: the terminal itself, of 60 columns, sees nothing wider."""
+    master, slave = pty.openpty()
+    ioctl(slave, termios.TIOCSWINSZ, struct.pack("4H", 24, 60, 0, 0))
+    with os.fdopen(slave, "w") as out:
+        follow(ScriptedLink(COLLECTING | {"text": "a long way to go " * 9}, REVIEW), None, out)
+        seen = os.read(master, 4096).decode()
+    os.close(master)
+    bar = next(part for part in seen.split("\r\x1b[K") if "[####" in part)
+    assert len(bar) == 59
+    assert "next -y up" in bar
 
 
 def test_a_lost_gateway_is_waited_for():

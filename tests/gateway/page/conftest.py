@@ -54,6 +54,8 @@ class Scene:
         self.recording_error: str | None = None
         self.device_kind = "adxl355"
         self.session = NO_SESSION
+        self.pitch_deg, self.roll_deg = 0.5, 0.6
+        self.drift: dict[str, Any] | None = None
 
     def messages(self, sequence: int, time_ns: int) -> list[Message]:
         """One of each topic that the page reads."""
@@ -72,8 +74,8 @@ class Scene:
     def tilt(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Tilt:
         return Tilt(
             **self._header(sequence, time_ns),
-            pitch_deg=0.5,
-            roll_deg=0.6,
+            pitch_deg=self.pitch_deg,
+            roll_deg=self.roll_deg,
             axial_deg=0.8 + 0.3 * (sequence % 7) / 7,
             u_deg=0.02,
             direction_deg=110.0 + 20 * (sequence % 11) / 11,
@@ -159,6 +161,7 @@ class Scene:
             disk_free_mb=51234.0,
             cpu_percent=3.0,
             resident_mb=51.0,
+            drift=self.drift,
         )
 
 

@@ -65,7 +65,7 @@ class Script:
     judgement: Judgement = field(default_factory=Judgement)
     error: Exception | None = None
 
-    def procedure(self, method, _device):
+    def procedure(self, method, _device, _parent):
         return ScriptedProcedure(method, self)
 
     def zero(self, readings, _parent, _device):

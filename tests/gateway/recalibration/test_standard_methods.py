@@ -82,16 +82,44 @@ def test_turned_as_asked_the_planted_errors_are_found(bench, method):
             np.testing.assert_allclose(matrix @ (reading - offset), up, atol=1e-3)
 
 
+def offline(method, blocks, parent=None):
+    """The fit of the same readings in one piece."""
+    procedure = procedure_for(method, Nominal(INFO.units_per_g), parent=parent)
+    time_s = (np.concatenate([block.time_ns for block in blocks]) - blocks[0].time_ns[0]) * 1e-9
+    procedure.feed(RawReadings(time_s, np.concatenate([block.raw for block in blocks]).astype(np.float64)))
+    return procedure.finish()
+
+
+def assert_same(live, fit):
+    assert live["correction_matrix"] == fit.correction_matrix.tolist()
+    assert live["offset"] == list(fit.offset)
+    assert live["covariance"] == fit.covariance.tolist()
+
+
 @pytest.mark.parametrize("method", ["six-position", "norm-fit"])
 def test_the_offline_procedure_gives_the_same_record_for_the_same_readings(bench, method):
     bench.ask("recalibrate", "request-1", method=method, housing_off_rope=True)
     bench.turn_as_asked()
+    assert_same(bench.session.candidate, offline(method, bench.blocks))
+
+
+def test_a_norm_fit_keeps_the_frame_of_the_record_in_force_as_the_offline_one_does(bench):
+    bench.ask("recalibrate", "request-1", method="six-position", housing_off_rope=True)
+    bench.turn_as_asked()
+    bench.ask("commit", "request-2", reason="bench")
+    parent = CalibrationRecord.model_validate(bench.session.candidate)
+    begun = len(bench.blocks)
+    bench.ask("recalibrate", "request-3", method="norm-fit", housing_off_rope=True)
+    bench.turn_as_asked()
     live = bench.session.candidate
-    procedure = procedure_for(method, Nominal(INFO.units_per_g))
-    time_s = (np.concatenate([block.time_ns for block in bench.blocks]) - bench.blocks[0].time_ns[0]) * 1e-9
-    raw = np.concatenate([block.raw for block in bench.blocks]).astype(np.float64)
-    procedure.feed(RawReadings(time_s, raw))
-    fit = procedure.finish()
-    assert live["correction_matrix"] == fit.correction_matrix.tolist()
-    assert live["offset"] == list(fit.offset)
-    assert live["covariance"] == fit.covariance.tolist()
+    assert live["parent"] == parent.id
+    assert_same(live, offline("norm-fit", bench.blocks[begun:], parent))
+    hanging = PART.units_per_g * (PART.errors.gain @ [0, 0, 1] + PART.errors.zero_g_offset_g)
+    assert tilt_deg(live["correction_matrix"], live["offset"], hanging) < 0.01
+    bare = offline("norm-fit", bench.blocks[begun:])
+    assert tilt_deg(bare.correction_matrix, bare.offset, hanging) > 0.1  # the part's own misalignment
+
+
+def tilt_deg(matrix, offset, reading):
+    up = np.asarray(matrix) @ (reading - np.asarray(offset))
+    return np.degrees(np.arctan2(np.hypot(up[0], up[1]), up[2]))

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from gateway.stages.alerts import Limits, RuleState, event_between, judge, worst
+from gateway.stages.alerts import Limits, RuleState, event_between, judge, standing, worst
 
 LIMITS = Limits(trip_rad=6.0, clear_rad=3.0, hold_s=2.0, warn_rad=4.0)
 
@@ -60,3 +60,11 @@ def test_events():
     assert event_between(RuleState("normal"), RuleState("unknown")) == "changed"
     assert event_between(RuleState("trip"), RuleState("trip")) == "standing"
     assert event_between(RuleState("warn"), RuleState("unknown")) == "changed"
+
+
+def test_a_rule_that_was_judged_elsewhere_warns_while_it_stands():
+    raised = standing(RuleState("normal", 1.0), stands=True, time_s=5.0)
+    assert (raised.level, raised.since_s) == ("warn", 5.0)
+    assert standing(raised, stands=True, time_s=9.0) is raised
+    assert standing(raised, stands=False, time_s=9.0) == RuleState("normal", 9.0)
+    assert standing(RuleState("unknown", 1.0), stands=True, time_s=2.0).level == "warn"

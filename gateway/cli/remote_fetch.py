@@ -1,0 +1,100 @@
+"""`plumbline remote fetch`: the records of a gateway with a certificate of each, their history and the audit, as files."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gateway.cli.output import write_text
+
+if TYPE_CHECKING:
+    from gateway.bus.client import Client
+    from gateway.calibration.record import CalibrationRecord
+
+LOST = 1
+PATIENCE_S = 30.0
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argparse.ArgumentParser:
+    """Add the verb; returns its parser."""
+    fetch = verbs.add_parser(
+        "fetch",
+        help="write the gateway's records with their certificates, their history and the audit to files",
+        epilog="example: plumbline remote fetch --out records/",
+    )
+    fetch.add_argument("--out", type=Path, default=Path(), metavar="FOLDER", help="an existing folder")
+    fetch.set_defaults(run=_fetch)
+    return fetch
+
+
+def _fetch(arguments: argparse.Namespace) -> int:
+    from gateway.bus.client import Client
+
+    client = Client(arguments.connect, arguments.gateway)
+    try:
+        listed = asked(client, {}, PATIENCE_S)
+        records, spoilt = fetched_records(client, listed, PATIENCE_S)
+        reviewed = listed["review"]
+        candidate = None if reviewed is None else _record(client, reviewed, PATIENCE_S)
+        audit = asked(client, {"what": "audit", "lines": 1000}, PATIENCE_S)["audit"]
+    finally:
+        client.close()
+    for record in records:
+        _write(arguments.out, record.id, record, records)
+    if candidate is not None:
+        _write(arguments.out, f"review-{candidate.id}", candidate, records)
+    state = {name: listed[name] for name in ("device_id", "in_force", "history")}
+    write_text(arguments.out / "in_force.json", json.dumps(state, indent=1) + "\n")
+    write_text(arguments.out / "audit.jsonl", "".join(json.dumps(entry) + "\n" for entry in audit))
+    for complaint in spoilt:
+        print(complaint, file=sys.stderr)
+    print(f"{arguments.out}: {len(records)} records of {listed['device_id']}, in force {listed['in_force']}")
+    return LOST if spoilt else 0
+
+
+def fetched_records(
+    client: "Client", listed: dict[str, Any], patience_s: float
+) -> tuple[list["CalibrationRecord"], list[str]]:
+    """Every record that can be read, and what is wrong with the others. Raises `InputError` where nobody answers."""
+    from gateway.calibration.record import CalibrationError
+
+    records, spoilt = [], []
+    for entry in listed["records"]:
+        if "error" in entry:
+            spoilt.append(f"{entry['id']}: {entry['error']}")
+            continue
+        try:
+            records.append(_record(client, entry["id"], patience_s))
+        except CalibrationError as error:
+            spoilt.append(str(error))
+    return records, spoilt
+
+
+def asked(client: "Client", request: dict[str, Any], patience_s: float) -> dict[str, Any]:
+    """The answer to a request to read. Raises `InputError`."""
+    from gateway.errors import InputError
+
+    said = client.ask("fetch", request, patience_s)
+    if said is None:
+        raise InputError(f"{client.key} does not answer")
+    if not said.accepted:
+        raise InputError(f"{client.key}: {said.text}")
+    return said.content
+
+
+def _record(client: "Client", record_id: str, patience_s: float) -> "CalibrationRecord":
+    from gateway.calibration.store import parse
+
+    content = asked(client, {"what": "record", "record": record_id}, patience_s)["record"]
+    return parse(content, str(content.get("device_id")), f"record {record_id} of {client.key}")
+
+
+def _write(folder: Path, name: str, record: "CalibrationRecord", records: list["CalibrationRecord"]) -> None:
+    """The record as it came, and its certificate, made here."""
+    from gateway.certificate.page import certificate
+
+    parent = next((one for one in records if one.id == record.parent), None)
+    earlier = [one for one in records if one.created_utc < record.created_utc]
+    write_text(folder / f"{name}.json", json.dumps(record.model_dump(mode="json"), indent=1) + "\n")
+    write_text(folder / f"{name}.html", certificate(record, parent, earlier))

@@ -1,0 +1,77 @@
+"""`plumbline remote status`: the last message of every topic, and what is known of the calibration's drift."""
+
+import argparse
+import json
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gateway.bus.client import Client
+
+ANSWER_S = 2.0
+NOT_WATCHED = "not watched yet: no hour of rest has been seen since the record was made"
+NO_RECORD = "not watched: no calibration record is in force"
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argparse.ArgumentParser:
+    """Add the verb; returns its parser."""
+    verb = verbs.add_parser(
+        "status",
+        help="the last message of every topic, and the calibration's drift",
+        epilog="example: plumbline remote status",
+    )
+    verb.set_defaults(run=_status)
+    return verb
+
+
+def _status(arguments: argparse.Namespace) -> int:
+    from gateway.bus.session import open_session
+    from gateway.errors import InputError
+
+    with open_session("client", [arguments.connect], [], connect_timeout_ms=2000) as session:
+        replies = [reply.ok for reply in session.get(f"{arguments.gateway}/rpc/status", timeout=ANSWER_S) if reply.ok]
+    if not replies:
+        raise InputError(f"no gateway {arguments.gateway} answers at {arguments.connect}")
+    found = {str(reply.key_expr).removesuffix("/rpc/status"): json.loads(reply.payload.to_bytes()) for reply in replies}
+    for key, topics in found.items():
+        topics["drift"] = {"at_rest": at_rest(topics.get("health")), "by_records": _by_records(arguments.connect, key)}
+    print(json.dumps(found, indent=1))
+    return 0
+
+
+def at_rest(health: dict[str, Any] | None) -> str:
+    """What readings at rest say of the record in force, in a line. Silence is never told as good news."""
+    drift = None if health is None else health.get("drift")
+    if drift is None:
+        return NO_RECORD
+    if drift["norm_error_mg"] is None:
+        return NOT_WATCHED
+    trend = drift["trend"]
+    soon = "" if trend is None or trend["limit_in_days"] is None else f"; limit in {trend['limit_in_days']:.0f} days"
+    said = f"{drift['state']}: norm {drift['norm_error_mg']:+.1f} mg of {drift['limit_mg']:.1f} mg allowed{soon}"
+    return "; ".join([said, *drift["reasons"], f"shows {drift['shows']}"])
+
+
+def _by_records(connect: str, key: str) -> str:
+    """Within how many days to recalibrate, by the records of the device; or why that is not known."""
+    from gateway.bus.client import Client
+    from gateway.bus.session import BusError
+    from gateway.errors import InputError
+
+    try:
+        client = Client(connect, key)
+        try:
+            return by_records(client)
+        finally:
+            client.close()
+    except (InputError, BusError) as error:  # `CalibrationError` among them: fewer than two records that measure
+        return f"not known: {error}"
+
+
+def by_records(client: "Client") -> str:
+    """The forecast of the records that a gateway has. Raises `InputError` where it cannot be made."""
+    from gateway.certificate.forecast import forecast, sentence
+    from gateway.cli.remote_fetch import asked, fetched_records
+
+    records, _ = fetched_records(client, asked(client, {}, 0.0), 0.0)
+    report = forecast(records)
+    return "; ".join([sentence(report), *report.warnings])

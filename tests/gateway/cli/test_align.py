@@ -1,0 +1,91 @@
+"""The aligning assistant in a terminal and in a file: what is shown, and when it ends."""
+
+import io
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from gateway.calibration.align import ScrewMechanics
+from gateway.cli import align as aligning
+from gateway.cli.align import SILENT, watch
+from gateway.messages import Tilt
+from gateway.topics import encode
+
+
+def tilt(number, pitch_deg, roll_deg, **changes):
+    content = {
+        "time_ns": number * 100_000_000,
+        "clock": "synchronised",
+        "sequence": number,
+        "calibration_id": "r1",
+        "pitch_deg": pitch_deg,
+        "roll_deg": roll_deg,
+        "axial_deg": 1.0,
+        "u_deg": 0.05,
+        "direction_deg": 0.0,
+        "specific_force_g": [0.0, 0.0, 1.0],
+        "temperature_c": None,
+        "delay_s": 0.2,
+        "trusted": True,
+    }
+    payload = encode("tilt", Tilt(**(content | changes)))
+    return SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: payload))
+
+
+class ScriptedGateway:
+    """Says one batch of tilts each time that it is listened to."""
+
+    def __init__(self, *batches):
+        self._batches = list(batches)
+        self.reconnects = 0
+
+    def hear(self, _topic, take):
+        for sample in self._batches.pop(0):
+            take(sample)
+
+    def reconnect(self):
+        self.reconnects += 1
+        return self.reconnects > 1
+
+
+class Terminal(io.StringIO):
+    def isatty(self):
+        return True
+
+
+@pytest.fixture(autouse=True)
+def _no_waiting(monkeypatch):
+    monkeypatch.setattr(aligning, "SILENT_S", 0.01)
+    monkeypatch.setattr(time, "sleep", lambda _: None)
+
+
+MOVING = [tilt(number, 0.3, -1.5, trusted=False) for number in range(5)]
+TURN = [tilt(number, 0.3, -1.5) for number in range(5, 20)]
+ALIGNED = [tilt(number, 0.01, 0.02) for number in range(60, 80)]
+
+
+def test_it_ends_when_both_are_aligned_and_says_how_well_that_is_known():
+    out = io.StringIO()
+    assert watch(ScriptedGateway([*MOVING, *TURN, *ALIGNED]), ScrewMechanics(), out) == 0
+    lines = out.getvalue().splitlines()
+    assert len(lines) == 5  # moves, is averaged, is to be turned, is averaged, is aligned
+    assert "no advice while the load moves" in lines[0]
+    assert lines[2] == "pitch +0.300  roll -1.500 deg: turn the roll screw in by 2.09 turns"
+    assert "aligned: within 0.030 deg" in lines[-1]
+    assert "u = 0.050 deg" in lines[-1]
+
+
+def test_a_lost_gateway_is_waited_for():
+    gateway, out = ScriptedGateway(TURN, ALIGNED), io.StringIO()
+    assert watch(gateway, ScrewMechanics(), out) == 0
+    assert out.getvalue().count(SILENT) == 1
+    assert gateway.reconnects == 2
+
+
+def test_a_terminal_gets_one_line_that_fits(monkeypatch):
+    monkeypatch.setenv("COLUMNS", "60")
+    out = Terminal()
+    assert watch(ScriptedGateway([*TURN, *ALIGNED]), ScrewMechanics(), out) == 0
+    *moving, _last, _end = out.getvalue().split("\r\x1b[K")
+    assert max(map(len, moving)) <= 59

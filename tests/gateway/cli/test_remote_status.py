@@ -1,0 +1,87 @@
+"""What `remote status` says of the drift: never good news where nothing was seen."""
+
+import numpy as np
+import pytest
+
+from gateway.bus.client import Said
+from gateway.calibration.record import CalibrationError, content_hash
+from gateway.cli.remote_status import NO_RECORD, NOT_WATCHED, at_rest, by_records
+
+WATCHED = {
+    "state": "watching",
+    "norm_error_mg": -1.25,
+    "limit_mg": 5.0,
+    "trend": {"limit_in_days": 42.4},
+    "shows": "one sum",
+    "reasons": [],
+}
+
+
+@pytest.mark.parametrize(
+    ("health", "said"),
+    [
+        (None, NO_RECORD),
+        ({}, NO_RECORD),
+        ({"drift": None}, NO_RECORD),
+        (
+            {"drift": WATCHED | {"state": "no_rest", "norm_error_mg": None, "limit_mg": None, "trend": None}},
+            NOT_WATCHED,
+        ),
+        ({"drift": WATCHED}, "watching: norm -1.2 mg of 5.0 mg allowed; limit in 42 days; shows one sum"),
+        (
+            {"drift": WATCHED | {"state": "alarm", "trend": None, "reasons": ["calibrate"]}},
+            "alarm: norm -1.2 mg of 5.0 mg allowed; calibrate; shows one sum",
+        ),
+    ],
+)
+def test_rest_in_a_line(health, said):
+    assert at_rest(health) == said
+    assert "not watched" in NO_RECORD
+    assert "not watched yet" in NOT_WATCHED
+
+
+class Store:
+    """A gateway whose device was calibrated on these days of a year, its x offset growing."""
+
+    key = "plumbline/v1/a/b/c"
+
+    def __init__(self, *days):
+        made = [(f"r{day}", np.datetime64("2026-01-01") + day, 0.0002 * day) for day in days]
+        self.records = {name: _record(name, str(date), offset) for name, date, offset in made}
+
+    def ask(self, _verb, request, _patience_s):
+        if request.get("what") == "record":
+            return Said(True, {"record": self.records[request["record"]]})
+        return Said(True, {"records": [*({"id": name} for name in self.records), {"id": "spoilt", "error": "torn"}]})
+
+
+def _record(name, date, offset):
+    content = {
+        "format": 1,
+        "id": name,
+        "device_id": "part-7",
+        "method": "six-position",
+        "created_utc": f"{date}T00:00:00Z",
+        "software": "test",
+        "by": "bench",
+        "parent": None,
+        "unit": "g",
+        "offset": [offset, 0.0, 0.0],
+        "correction_matrix": np.eye(3).tolist(),
+        "covariance": (1e-8 * np.eye(12)).tolist(),
+        "prediction_interval_g": 0.003,
+        "temperature_c": {"mean": 20.0, "min": 20.0, "max": 20.0},
+    }
+    return content | {"sha256": content_hash(content)}
+
+
+def test_records_make_a_forecast():
+    said = by_records(Store(0, 30, 60, 90))
+    assert said.startswith("Recalibrate within ")
+    assert "error of axis x may reach 0.5" in said
+    assert "from 4 records over 90 days" in said
+
+
+def test_one_record_makes_none():
+    with pytest.raises(CalibrationError, match="two calibrations at least"):
+        by_records(Store(0))

@@ -1,0 +1,155 @@
+"""What the daemon reads of a device's store: the correction, the recording's files, and the drift watch with its state."""
+
+import json
+import logging
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from devices.block import DeviceInfo
+from gateway.calibration.drift.rest import NS_PER_HOUR
+from gateway.calibration.record import CalibrationRecord
+from gateway.calibration.store import CalibrationStore
+from gateway.daemon.calibration_shelf import CalibrationShelf
+from gateway.daemon.drift_keeper import DriftKeeper
+from gateway.daemon.recording_worker import InForce, RecordingWorker
+from gateway.recording.writer import RecorderError
+
+INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)
+AXES = ((0, 1), (1, 1), (2, 1))
+MADE_NS = 1_767_225_600_000_000_000
+"""2026-01-01 00:00:00 UTC."""
+REST = dict.fromkeys(("complete", "not_clipped", "no_impact", "axes_alive", "quiet", "still", "steady"), True)
+
+
+@pytest.fixture
+def put(tmp_path, record):
+    """Puts a record in force; its id is its name."""
+    store = CalibrationStore(tmp_path, INFO.device_id)
+
+    def _put(name, **changes):
+        made = CalibrationRecord.model_validate(record(id=name, **changes))
+        store.add(made)
+        store.put_in_force(name, by="ann", reason="", request="request-1", time_utc="2026-01-01T00:00:00Z")
+        return made
+
+    return _put
+
+
+@pytest.fixture
+def shelf(tmp_path):
+    return CalibrationShelf(tmp_path, AXES)
+
+
+@pytest.fixture
+def keeper(tmp_path):
+    return DriftKeeper(tmp_path)
+
+
+def rest(keeper, hours, first=0):
+    for hour in range(first, first + hours):
+        for number in range(40):
+            keeper.rest.take(REST, MADE_NS + hour * NS_PER_HOUR + number, np.array([0.0, 0.0, 1.001]), 20.0)
+            keeper.tick()
+
+
+def kept(tmp_path):
+    path = CalibrationStore(tmp_path, INFO.device_id).folder / "drift.json"
+    return json.loads(path.read_text()) if path.exists() else None
+
+
+def test_a_record_goes_into_recordings_with_a_certificate_that_compares_it_with_its_parent(shelf, put):
+    put("r0", created_utc="2025-01-01T00:00:00Z")
+    put("r1", created_utc="2026-01-01T00:00:00Z", parent="r0")
+    files = shelf.files(INFO, shelf.correction(INFO))
+    assert (files.device_id, files.record_id) == ("part-7", "r1")
+    certificate = next(file.data.decode() for file in files.files if file.name.endswith(".html"))
+    assert "Change since the parent r0" in certificate
+
+
+@pytest.mark.parametrize("parent", [None, "r0"])
+def test_a_spoilt_older_record_is_said_and_takes_nothing_from_the_new_one(shelf, put, tmp_path, caplog, parent):
+    put("r0", created_utc="2025-01-01T00:00:00Z")
+    put("r1", parent=parent)
+    (CalibrationStore(tmp_path, "part-7").folder / "records" / "r0.json").write_text("{}")
+    with caplog.at_level(logging.ERROR, "plumbline"):
+        assert shelf.files(INFO, shelf.correction(INFO)).record_id == "r1"
+    assert "r0.json" in caplog.text
+
+
+def test_the_factorys_record_is_a_parent_too(shelf, put, record):
+    put("r1", parent="factory-1")
+    info = replace(INFO, factory_calibration=record(id="factory-1"))
+    files = shelf.files(info, shelf.correction(info))
+    assert any(b"Change since the parent factory-1" in file.data for file in files.files)
+
+
+def test_without_a_record_there_is_nothing_to_carry_and_nothing_to_watch(shelf, keeper):
+    correction = shelf.correction(INFO)
+    assert correction.status == "uncalibrated"
+    assert shelf.files(INFO, correction) is None
+    assert keeper.open("part-7", correction).told is None
+
+
+def test_a_watch_goes_on_after_a_restart_and_is_kept_once_an_hour(shelf, put, keeper, tmp_path):
+    put("r1")
+    correction = shelf.correction(INFO)
+    keeper.open("part-7", correction)
+    assert kept(tmp_path) is None
+    rest(keeper, 2)
+    assert len(kept(tmp_path)["hours"]) == 1
+    keeper.keep()
+    again = DriftKeeper(tmp_path)
+    again.open("part-7", correction)
+    rest(again, 2, first=2)
+    assert len(kept(tmp_path)["hours"]) == 3
+    assert again.rest.told["norm_error_mg"] == pytest.approx(1.0, abs=0.01)
+
+
+def test_the_same_record_keeps_its_watch_and_another_one_begins_anew(shelf, put, keeper, tmp_path):
+    put("r1")
+    first = keeper.open("part-7", shelf.correction(INFO))
+    assert keeper.open("part-7", shelf.correction(INFO)) is first
+    rest(keeper, 2)
+    put("r2")
+    second = keeper.open("part-7", shelf.correction(INFO))
+    assert second is not first
+    assert kept(tmp_path)["calibration_id"] == "r1"
+    assert second.told["state"] == "no_rest"
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"format": 2}', "\x00"])
+def test_a_state_that_cannot_be_read_is_left_aside(shelf, put, keeper, tmp_path, text):
+    put("r1")
+    (CalibrationStore(tmp_path, "part-7").folder / "drift.json").write_text(text)
+    assert keeper.open("part-7", shelf.correction(INFO)).told["state"] == "no_rest"
+
+
+def test_a_disk_that_does_not_take_the_state_is_said_and_survived(shelf, put, keeper, tmp_path, caplog):
+    put("r1")
+    keeper.open("part-7", shelf.correction(INFO))
+    (CalibrationStore(tmp_path, "part-7").folder / "drift.json").mkdir()
+    with caplog.at_level(logging.ERROR, "plumbline"):
+        rest(keeper, 2)
+    assert "cannot be kept" in caplog.text
+
+
+def test_a_record_whose_time_cannot_be_read_is_not_watched_and_says_so(shelf, put, keeper, caplog):
+    put("r1", created_utc="in spring")
+    with caplog.at_level(logging.ERROR, "plumbline"):
+        assert keeper.open("part-7", shelf.correction(INFO)).told is None
+    assert "not watched" in caplog.text
+
+
+class FullDisk:
+    path = None
+
+    def set_calibration(self, _files, _now_ns):
+        raise RecorderError("full", 3, 40)
+
+
+def test_a_record_that_the_disk_does_not_take_stops_the_recording_as_any_message_does():
+    worker = RecordingWorker(FullDisk(), lambda: 0)
+    worker.handle(InForce(None))
+    assert (worker.error, worker.samples_lost) == ("full", 40)

@@ -1,0 +1,168 @@
+"""The drift watch in the pipeline: fed at rest alone, and its alarm told as a warning of its own."""
+
+from collections import defaultdict
+
+import numpy as np
+import pytest
+
+from devices.block import DeviceInfo, SampleBlock
+from gateway.calibration.correction import correction_for
+from gateway.calibration.drift.rest import HOLD_HOURS, NS_PER_HOUR, RestWatch
+from gateway.calibration.record import CalibrationRecord, content_hash
+from gateway.configuration.loading import validate
+from gateway.messages import NO_SESSION
+from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.pipeline import Pipeline
+from gateway.pipeline.rest_reading import DRIFTED, RestReading
+
+RATE_HZ, BLOCK = 50.0, 10
+MADE_NS = 1_767_225_600_000_000_000
+"""2026-01-01 00:00:00 UTC."""
+DM_G, NOISE_G = 0.005, 0.0005
+INFO = DeviceInfo(kind="test", device_id="part-7", unit="g", odr_hz=RATE_HZ, units_per_g=1.0, noise_g=NOISE_G)
+AXES = ((0, 1), (1, 1), (2, 1))
+
+
+def make_record():
+    covariance = np.diag([1e-8] * 12)
+    content = {
+        "format": 1,
+        "id": "r1",
+        "device_id": INFO.device_id,
+        "method": "norm-fit",
+        "created_utc": "2026-01-01T00:00:00Z",
+        "software": "test",
+        "by": "bench",
+        "parent": None,
+        "unit": "g",
+        "offset": [0, 0, 0],
+        "correction_matrix": np.eye(3).tolist(),
+        "covariance": covariance.tolist(),
+        "prediction_interval_g": DM_G,
+        "temperature_c": None,
+    }
+    return CalibrationRecord.model_validate(content | {"sha256": content_hash(content)})
+
+
+CORRECTION = correction_for(INFO, AXES, make_record())
+
+
+class Hanging:
+    """A pipeline over a housing that hangs still, some seconds of each hour."""
+
+    def __init__(self, wall_offset_ns=0):
+        self.rest = RestReading(RestWatch(CORRECTION))
+        self.clock = ClockState("synchronised", wall_offset_ns)
+        self.open()
+        self.out = defaultdict(list)
+        self._random = np.random.default_rng(5)
+
+    def open(self):
+        configuration = validate({"housing": {"position_m": 5.0}, "rope": {"length_m": 8.0}}, "test")
+        self.pipeline = Pipeline(configuration, INFO, CORRECTION, HeaderMaker(), rest=self.rest)
+
+    def hour(self, hour, error_g=0.0, seconds=24.0, sway_g=0.0):
+        for number in range(round(seconds * RATE_HZ / BLOCK)):
+            at_s = (number * BLOCK + np.arange(BLOCK)) / RATE_HZ
+            force_g = np.tile([0.0, 0.0, 1.0 + error_g], (BLOCK, 1))
+            force_g[:, 0] += sway_g * np.sin(2 * np.pi * at_s / 5.7)
+            raw = force_g + self._random.normal(0, NOISE_G, (BLOCK, 3))
+            time_ns = MADE_NS + hour * NS_PER_HOUR + np.rint(at_s * 1e9).astype(np.int64)
+            for emission in self.pipeline.process(
+                SampleBlock(time_ns=time_ns, raw=raw, temperature_c=20.0), self.clock
+            ):
+                self.out[emission.topic].append(emission.message)
+        return self
+
+    @property
+    def alert(self):
+        return self.out["alert"][-1]
+
+
+def calibration_of(alert):
+    return next((one for one in alert.active if one.rule == "calibration"), None)
+
+
+def test_a_sensor_that_drifted_out_of_its_interval_is_warned_of_though_it_is_never_static():
+    crane = Hanging()
+    for hour in range(HOLD_HOURS):
+        crane.hour(hour, error_g=2 * DM_G)
+        assert calibration_of(crane.alert) is None
+    crane.hour(HOLD_HOURS, error_g=2 * DM_G)
+    assert "static" not in {condition.verdict for condition in crane.out["condition"]}
+    warned = calibration_of(crane.alert)
+    assert warned.level == "warn"
+    assert "left 1 g" in warned.text
+    assert "calibrate" in warned.text
+    raised = [alert for alert in crane.out["alert"] if alert.rule == "calibration"]
+    assert [alert.event for alert in raised] == ["raised"]
+    assert crane.rest.told["state"] == "alarm"
+    assert crane.rest.told["norm_error_mg"] == pytest.approx(2000 * DM_G, rel=0.05)
+
+
+def test_the_warning_goes_with_the_drift_and_a_swing_says_nothing_of_it():
+    crane = Hanging()
+    for hour in range(HOLD_HOURS + 1):
+        crane.hour(hour, error_g=2 * DM_G)
+    assert calibration_of(crane.alert) is not None
+    for hour in range(HOLD_HOURS + 1, 2 * HOLD_HOURS + 2):
+        crane.hour(hour, sway_g=0.05)
+    assert calibration_of(crane.alert) is not None
+    for hour in range(2 * HOLD_HOURS + 2, 3 * HOLD_HOURS + 4):
+        crane.hour(hour)
+    assert calibration_of(crane.alert) is None
+    raised = [alert.event for alert in crane.out["alert"] if alert.rule == "calibration"]
+    assert raised == ["raised", "cleared"]
+
+
+def test_what_is_still_within_its_interval_is_watched_and_not_warned_of():
+    crane = Hanging()
+    assert crane.rest.told["state"] == "no_rest"
+    for hour in range(HOLD_HOURS + 1):
+        crane.hour(hour, error_g=DM_G / 2)
+    assert crane.rest.told["state"] == "watching"
+    assert crane.rest.alarm is None
+    assert {alert.rule for alert in crane.out["alert"]} <= {None, "swing", "lean"}
+
+
+def test_nothing_is_fed_while_the_housing_is_off_the_rope():
+    crane = Hanging()
+    crane.pipeline.recalibrating(NO_SESSION, "SUSPENDED: on the bench")
+    crane.hour(0).hour(1)
+    assert not crane.rest.unkept
+    crane.pipeline.recalibrating(NO_SESSION, None)
+    crane.hour(2)
+    assert crane.rest.unkept
+
+
+def test_the_warning_is_unknown_while_alerts_are_suspended_and_comes_back_with_the_next_pipeline():
+    crane = Hanging()
+    for hour in range(HOLD_HOURS + 1):
+        crane.hour(hour, error_g=2 * DM_G)
+    crane.pipeline.recalibrating(NO_SESSION, "SUSPENDED: on the bench")
+    crane.hour(HOLD_HOURS + 2, seconds=2)
+    assert crane.alert.level == "unknown"
+    assert "SUSPENDED" in calibration_of(crane.alert).text
+    crane.open()
+    crane.hour(HOLD_HOURS + 3, error_g=2 * DM_G, seconds=2)
+    assert calibration_of(crane.alert).level == "warn"
+
+
+def test_readings_are_dated_by_the_wall_clock():
+    ahead = Hanging(2 * NS_PER_HOUR).hour(0)
+    assert ahead.rest.state()["open"]["hour"] == MADE_NS // NS_PER_HOUR + 2
+    behind = Hanging(-NS_PER_HOUR).hour(0)
+    assert behind.rest.state()["open"] is None
+    assert behind.rest.state()["misdated"] > 0
+
+
+def test_an_alarm_whose_hours_were_forgotten_still_says_what_to_do():
+    state = RestWatch(CORRECTION).state() | {"alarm_since_hour": MADE_NS // NS_PER_HOUR}
+    assert RestReading(RestWatch(CORRECTION, state)).alarm == DRIFTED
+
+
+def test_without_a_record_nothing_is_watched():
+    rest = RestReading(None)
+    rest.take({}, MADE_NS, np.array([0.0, 0.0, 1.0]), None)
+    assert (rest.told, rest.alarm, rest.calibration_id, rest.state()) == (None, None, None, None)
