@@ -1,0 +1,72 @@
+"""One fit with everything free: every effect at once; those whose parameters differ from nothing by enough are named.
+
+`python -m tests.blind.baselines.everything reconcile LOG --rig RIG --held-out LOG2 --json FILE --prediction FILE`
+"""
+
+import sys
+
+import numpy as np
+
+from gateway.twin.effects import EFFECTS
+from gateway.twin.model import TwinRig
+from gateway.twin.simulator import Simulator
+from tests.blind.baselines.files import Found, Measured, answer
+from tests.blind.baselines.fitting import (
+    NO_READING,
+    Fit,
+    base_fit,
+    conclude,
+    free_on_log,
+    guesses,
+    levenberg_marquardt,
+    linear_gain,
+)
+
+OTHER_STRUCTURE = {"double_pendulum", "rope_stretch"}
+"""They put another body or a spring into the equations, so they cannot be a part of every model."""
+SIGNIFICANT = 4.0
+"""Standard errors: one in 15,000 by chance."""
+ROUNDS = 10
+
+
+def everything(rig: TwinRig, log: Measured, held_out: Measured) -> Found:
+    """All at once."""
+    base = base_fit(rig, log)
+    residual_g = log.force_g - base.simulator.predict(base.values, log.time_s, log.temperature_c)
+    names = [name for name in EFFECTS if name not in NO_READING | OTHER_STRUCTURE]
+    start = {name: _best_guess(rig, log, base, name, residual_g) for name in names}
+    simulator = Simulator(rig, names)
+    values = simulator.values(list(base.values), start)
+    fit = levenberg_marquardt(simulator, log, values, free_on_log(simulator), ROUNDS)
+    return conclude(rig, log, held_out, base, fit, significant(fit))
+
+
+def significant(fit: Fit) -> tuple[str, ...]:
+    """Effects of which an amplitude is further from neutral than its standard error allows."""
+    errors = np.full(len(fit.values), np.inf)
+    errors[fit.free] = np.sqrt(np.diag(fit.covariance))
+    named = set()
+    for slot, value, error in zip(fit.simulator.parameters, fit.values, errors, strict=True):
+        amplitude = slot.effect and not slot.parameter.endswith(
+            ("start_s", "duration_s", "coast_s", "frequency_hz", "phase_rad")
+        )
+        if amplitude and abs(value - slot.neutral) > SIGNIFICANT * error > 0:
+            named.add(slot.effect)
+    return tuple(name for name in fit.simulator.effect_names if name in named)
+
+
+def _best_guess(rig: TwinRig, log: Measured, base: Fit, name: str, residual_g: np.ndarray) -> dict[str, float]:
+    """The moment at which an event would explain most."""
+    tries = guesses(name, log, residual_g)
+    if len(tries) == 1:
+        return {} if name in ("clipping", "lowpass_lag") else tries[0]
+    simulator = Simulator(rig, [name])
+    gains = [
+        linear_gain(simulator, log, simulator.values(list(base.values), {name: guess}), free_on_log(simulator))[0]
+        for guess in tries
+    ]
+    return tries[int(np.argmax(gains))]
+
+
+if __name__ == "__main__":
+    sys.exit(answer(everything))

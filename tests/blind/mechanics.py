@@ -1,0 +1,91 @@
+"""What a simulated crane is made of, before any engine sees it: plain values that effects add to."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Vector = tuple[float, float, float]
+
+VectorProfile = Callable[[Array], Array]
+"""Times, s, shape (n,) -> world vectors, shape (n, 3)."""
+ScalarProfile = Callable[[Array], Array]
+"""Times, s, shape (n,) -> values, shape (n,)."""
+VelocityForce = Callable[[float, float, float], Vector]
+"""World velocity of the load, m/s -> force on it per mass, m/s^2."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hook:
+    """A hook block above the load: the rigging below it swings as a second pendulum."""
+
+    rigging_length_m: float
+    mass_ratio: float
+    """Of the hook block to the load."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spring:
+    """A rope that stretches: the load's own vertical oscillation."""
+
+    frequency_hz: float
+    damping_ratio: float
+
+
+@dataclass(frozen=True, slots=True)
+class Release:
+    """Half of the load's mass is let go: what is left hangs with its centre elsewhere, and swings on as it swung."""
+
+    at_s: float
+    shift_m: float
+    """By how much the length of the equivalent pendulum grows."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mechanics:
+    """The true crane. Profiles of one kind are summed."""
+
+    length_m: float
+    position_m: float
+    gravity_m_s2: float
+    share: float = 1.0
+    """How much of a change of the rope's length the housing follows: 1 keeps its distance to the load, 0 to the pivot."""
+    spin_rad_s: float = 0.0
+    hook: Hook | None = None
+    spring: Spring | None = None
+    """`length_m` and `position_m` are those of the rope without a load."""
+    release: Release | None = None
+    pivot_acceleration: tuple[VectorProfile, ...] = ()
+    length_speed: tuple[ScalarProfile, ...] = ()
+    """Rate of the rope's length, m/s."""
+    load_acceleration: tuple[VectorProfile, ...] = ()
+    """Outer force on the load per mass, m/s^2."""
+    velocity_force: tuple[VelocityForce, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Start:
+    """The motion at the first instant."""
+
+    tilt_rad: tuple[float, float]
+    """The rope's lean toward world x and y: n = (tan x, tan y, -1), normalised."""
+    tilt_rate_rad_s: tuple[float, float]
+    heading_rad: float
+    """The housing's turn about the rope."""
+    rigging_tilt_rad: tuple[float, float] = (0.0, 0.0)
+    """Lean of the rigging below a hook beside the rope's."""
+    stretch_m: float = 0.0
+    """Beyond that of the load at rest."""
+
+
+@dataclass(frozen=True, slots=True)
+class Motion:
+    """What the engine returns, one row per engine step."""
+
+    time_s: Array
+    force_m_s2: Array
+    """Specific force in the housing's frame, shape (n, 3)."""
+    angle_rad: Array
+    """Angle of the rope at the pivot against the vertical, shape (n,)."""

@@ -1,0 +1,56 @@
+"""The baselines' own parts, on short recordings: the base fit, and one answer from end to end."""
+
+import json
+
+import pytest
+
+from gateway.twin.model import TwinRig
+from gateway.twin.simulator import Simulator
+from tests.blind.asking import case_arguments
+from tests.blind.baselines.files import answer, read_measured
+from tests.blind.baselines.fitting import base_fit, conclude, free_on_log, levenberg_marquardt
+from tests.blind.cases import generate
+from tests.blind.plan import Plan
+from tests.blind.write import write_case
+
+SHORT_S = {"log": 24.0, "held_out": 16.0}
+
+
+def written(folder, *hidden):
+    case = generate(Plan(0, 21, "single" if hidden else "null", hidden), SHORT_S)
+    write_case(case, folder)
+    return case
+
+
+def test_base_fit_leaves_a_null_as_noise(tmp_path):
+    rig = written(tmp_path).rig
+    log = read_measured(tmp_path / "log.csv", rig.noise_g)
+    fit = base_fit(TwinRig(rig.length_m, rig.position_m, rig.gravity_m_s2), log)
+    assert fit.cost / log.force_g.size == pytest.approx(1.0, abs=0.06)
+
+
+def test_fit_finds_the_parameter_that_was_hidden(tmp_path):
+    case = written(tmp_path, "axis_offset")
+    rig = TwinRig(case.rig.length_m, case.rig.position_m, case.rig.gravity_m_s2)
+    log = read_measured(tmp_path / "log.csv", case.rig.noise_g)
+    simulator = Simulator(rig, ["axis_offset"])
+    values = simulator.values(list(base_fit(rig, log).values), {})
+    fit = levenberg_marquardt(simulator, log, values, free_on_log(simulator))
+    found = fit.effects()["axis_offset"]["offset_g"]
+    assert found == pytest.approx(case.truth["effects"]["axis_offset"]["offset_g"], abs=3e-4)
+
+
+def nothing(rig, log, held_out):
+    base = base_fit(rig, log)
+    return conclude(rig, log, held_out, base, base, ())
+
+
+def test_answer_has_the_form_of_a_reconciliation(tmp_path):
+    written(tmp_path, "axis_offset")
+    report, prediction = tmp_path / "report.json", tmp_path / "prediction.csv"
+    assert answer(nothing, ["reconcile", *case_arguments(tmp_path, report, prediction)]) == 0
+    found = json.loads(report.read_text())
+    assert (found["verdict"], found["effects"]) == ("none_missing", [])
+    assert found["gap"]["after"]["held_out"] == pytest.approx(found["gap"]["before"]["held_out"])
+    assert found["gap"]["before"]["held_out"] > 1.5
+    assert len(prediction.read_text().splitlines()) == 1 + 16 * 50
