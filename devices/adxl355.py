@@ -35,6 +35,8 @@ UNITS_PER_G = {2: 256000.0, 4: 128000.0, 8: 64000.0}
 RANGE_CODES = {2: 1, 4: 2, 8: 3}
 NOISE_G_PER_ROOT_HZ = 22.5e-6
 ZERO_G_OFFSET_G = 0.075
+ZERO_G_OFFSET_G_PER_K = 0.15e-3
+SCALE_FACTOR_PER_K = 1e-4
 
 ENTRIES_MARGIN = 3
 """A level may read so many entries beyond the FIFO's size; a higher one is nonsense."""
@@ -180,6 +182,9 @@ class Adxl355:
             full_scale_g=float(self._range_g),
             noise_g=noise_g(self._odr_hz),
             zero_g_offset_g=ZERO_G_OFFSET_G,
+            bandwidth_hz=self._odr_hz / 4,
+            zero_g_offset_g_per_k=ZERO_G_OFFSET_G_PER_K,
+            scale_factor_per_k=SCALE_FACTOR_PER_K,
             details={
                 "bus": f"/dev/i2c-{self._bus}",
                 "address": f"{self._address:#04x}",

@@ -46,6 +46,12 @@ class DeviceInfo:
     """Typical noise, 1 sigma per sample and axis at this rate; None: estimate it from the data."""
     zero_g_offset_g: float | None = None
     """Datasheet limit of the zero-g offset: the uncertainty of an uncalibrated axis."""
+    bandwidth_hz: float | None = None
+    """-3 dB of the low-pass inside the part; None: there is none below half the rate, or it is not known."""
+    zero_g_offset_g_per_k: float | None = None
+    """Datasheet limit of the zero-g offset's change with temperature, either way; None: not known."""
+    scale_factor_per_k: float | None = None
+    """Datasheet figure of the scale factor's relative change with temperature, either way; None: not known."""
     factory_calibration: dict[str, Any] | None = None
     """A calibration record that comes with the part (see `gateway.calibration.record`)."""
     calibrated_source: bool = False

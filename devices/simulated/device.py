@@ -11,7 +11,9 @@ from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
 from devices.errors import DeviceError
 from devices.simulated.accelerometer import (
+    SCALE_FACTOR_LIMIT_PER_K,
     ZERO_G_OFFSET_LIMIT_G,
+    ZERO_G_OFFSET_LIMIT_G_PER_K,
     Accelerometer,
     PlantedErrors,
     typical_ambient,
@@ -89,6 +91,8 @@ class SimulatedCrane:
             full_scale_g=self.part.full_scale_g,
             noise_g=self.part.noise_g,
             zero_g_offset_g=ZERO_G_OFFSET_LIMIT_G,
+            zero_g_offset_g_per_k=ZERO_G_OFFSET_LIMIT_G_PER_K,
+            scale_factor_per_k=SCALE_FACTOR_LIMIT_PER_K,
             factory_calibration=self._factory_record,
             details={"simulated": "nothing here was measured"},
         )

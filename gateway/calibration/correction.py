@@ -1,6 +1,7 @@
 """From raw readings to specific force in the housing frame, with what is known of its error."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +14,11 @@ from gateway.messages import CalibrationStatus
 
 UNCALIBRATED_SCALE_U = 0.03
 """Relative standard uncertainty of a nominal sensitivity where nothing better is known."""
+UNCALIBRATED_CROSS_AXIS_U = 0.01
 UNCALIBRATED_OFFSET_G = 0.15
 """Limit of the zero-g offset of a part whose datasheet limit is not known."""
+ZERO_G_OFFSET_G_PER_K, SCALE_FACTOR_PER_K = 1e-3, 3e-4
+"""Limits of the change with temperature of a part whose datasheet limits are not known."""
 RECORDED_NORM_MARGIN_G = 0.01
 """Permissible norm error of a recording in g that brings no calibration record."""
 
@@ -36,14 +40,44 @@ class Correction:
     text: str
     record: dict[str, Any] | None = None
     """The calibration record behind it, where there is one."""
+    u_cross_axis: float = 0.0
+    """Standard uncertainty of what an axis reads of another one, relative."""
+    calibrated_c: tuple[float, float] | None = None
+    """Lowest and highest temperature of the calibration, beyond which nothing corrects for temperature; None: not known."""
+    u_zero_g_offset_g_per_k: float = 0.0
+    """What each kelvin beyond that adds to the standard uncertainty of the zero-g offset, on every axis."""
+    u_scale_factor_per_k: float = 0.0
 
     def apply(self, raw: NDArray[np.int32] | NDArray[np.float64]) -> NDArray[np.float64]:
         """Specific force in the housing frame in g, shape (n, 3)."""
         return np.asarray(raw @ self.gain.T + self.bias_g, dtype=np.float64)
 
-    def u_force_g(self, force_g: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Standard uncertainty per axis of a reading in g, shape (3,), from offset and scale."""
-        return np.asarray(np.hypot(self.u_zero_g_offset_g, self.u_scale_factor * force_g), dtype=np.float64)
+    def u_force_g(self, force_g: NDArray[np.float64], temperature_c: float | None = None) -> NDArray[np.float64]:
+        """Standard uncertainty per axis of a reading in g, shape (3,), from offset, scale and temperature."""
+        then = self.beyond(self.beyond_k(temperature_c))
+        return np.asarray(np.hypot(then.u_zero_g_offset_g, then.u_scale_factor * force_g), dtype=np.float64)
+
+    def beyond_k(self, temperature_c: float | None) -> int:
+        """How far a temperature lies beyond the calibration's, in whole kelvins, rounded up; 0 where either is not known."""
+        if temperature_c is None or self.calibrated_c is None:
+            return 0
+        low_c, high_c = self.calibrated_c
+        return max(0, math.ceil(low_c - temperature_c), math.ceil(temperature_c - high_c))
+
+    def beyond(self, kelvin: float) -> "Correction":
+        """The same with the uncertainty that it has so far beyond the calibration's temperatures (type B)."""
+        return replace(
+            self,
+            u_zero_g_offset_g=np.hypot(self.u_zero_g_offset_g, kelvin * self.u_zero_g_offset_g_per_k),
+            u_scale_factor=np.hypot(self.u_scale_factor, kelvin * self.u_scale_factor_per_k),
+        )
+
+    def said_beyond(self, temperature_c: float | None) -> tuple[str, ...]:
+        """That a reading lies beyond the calibration's temperatures, for people; nothing where it does not."""
+        if self.calibrated_c is None or not self.beyond_k(temperature_c):
+            return ()
+        low_c, high_c = self.calibrated_c
+        return (f"widened: at {temperature_c:.0f} °C, calibrated at {low_c:.0f} to {high_c:.0f} °C",)
 
 
 def correction_for(info: DeviceInfo, axes: tuple[tuple[int, int], ...], stored: CalibrationRecord | None) -> Correction:
@@ -84,7 +118,28 @@ def _from_record(
         permissible_norm_error_g=record.prediction_interval_g,
         text=f"{status}: record {record.id}, {record.method}, {record.created_utc[:10]}",
         record=record.model_dump(mode="json"),
+        u_cross_axis=_u_cross_axis(record),
+        calibrated_c=_calibrated_c(record),
+        u_zero_g_offset_g_per_k=_u_of_limit(info.zero_g_offset_g_per_k, ZERO_G_OFFSET_G_PER_K),
+        u_scale_factor_per_k=_u_of_limit(info.scale_factor_per_k, SCALE_FACTOR_PER_K),
     )
+
+
+def _u_cross_axis(record: CalibrationRecord) -> float:
+    """The largest of the six."""
+    deviation = np.sqrt(np.diag(np.array(record.covariance))[:9]).reshape(3, 3)
+    relative = deviation / np.abs(np.diag(np.array(record.correction_matrix)))[:, None]
+    return float((relative * (1 - np.eye(3))).max())
+
+
+def _calibrated_c(record: CalibrationRecord) -> tuple[float, float] | None:
+    known = record.temperature_c
+    return None if known is None else (float(known["min"]), float(known["max"]))
+
+
+def _u_of_limit(limit: float | None, where_unknown: float) -> float:
+    """Of a rectangular distribution (GUM 4.3.7)."""
+    return (where_unknown if limit is None else limit) / math.sqrt(3)
 
 
 def _u_at_rest(record: CalibrationRecord, turn: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -121,6 +176,7 @@ def _nominal(info: DeviceInfo, turn: NDArray[np.float64]) -> Correction:
         bias_g=np.zeros(3),
         u_zero_g_offset_g=np.full(3, u_offset_g),
         u_scale_factor=np.full(3, UNCALIBRATED_SCALE_U),
+        u_cross_axis=UNCALIBRATED_CROSS_AXIS_U,
         permissible_norm_error_g=2 * float(np.hypot(u_offset_g, UNCALIBRATED_SCALE_U)),
         text=f"uncalibrated: datasheet sensitivity, zero-g offset unknown within {offset_limit_g * 1000:.0f} mg",
     )

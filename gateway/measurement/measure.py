@@ -79,7 +79,8 @@ def _swing(source: Source) -> SwingEstimate:
     if source.housing is None:
         reason = "where the housing is on the rope is not known: give --rig"
         return SwingEstimate(from_s=float(time_s[0]), to_s=float(time_s[-1]), swinging=None, reasons=(reason,))
-    return estimate_swing(time_s, source.force_g, rig=source.housing, noise_g=source.noise_g)
+    found = estimate_swing(time_s, source.force_g, rig=source.housing, noise_g=source.noise_g)
+    return replace(found, reasons=(*found.reasons, *source.remarks))
 
 
 def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
@@ -105,6 +106,7 @@ def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
             source.force_g[block],
             count_clipped(source.force_g[block], source.full_scale_g),
             int(recording.lost_before[block].sum() + recording.unusable_before[block].sum()),
+            None if recording.gyro_dps is None else np.radians(recording.gyro_dps[block]),
         )
         if index % JUDGE_EVERY == JUDGE_EVERY - 1:
             found = watch.judge(replace(seen, hoisting=_hoisting(swing, float(recording.time_s[block][-1]))))

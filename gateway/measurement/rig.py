@@ -38,6 +38,7 @@ class RigSensor(RigTable):
     sample_rate_hz: Positive | None = None
     noise_g: Positive | Annotated[list[Positive], Field(min_length=3, max_length=3)] | None = None
     full_scale_g: Positive | None = None
+    bandwidth_hz: Positive | None = None
 
 
 class RigSite(RigTable):

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 from devices.errors import RecordingError
 from devices.recording import Recording
 from devices.table import read_table
-from gateway.calibration.correction import correction_for
+from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.store import parse
 from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
 from gateway.measurement.rig import Rig
-from gateway.pipeline.mounting import mounted_housing
+from gateway.pipeline.mounting import mounted_housing, with_sensor
 from gateway.recording.run import RecordedRun, read_samples
 from gateway.stages.swing.rig import MountedHousing
 
@@ -36,6 +36,12 @@ class Source:
     full_scale_g: float | None = None
     housing: MountedHousing | None = None
     """As the recording's own configuration has it."""
+    correction: Correction | None = None
+    """Calibration behind `force_g`, with the uncertainty that it has at the recording's temperatures; None: as recorded."""
+    bandwidth_hz: float | None = None
+    """Of the low-pass inside the sensor."""
+    remarks: tuple[str, ...] = ()
+    """What makes the uncertainty larger."""
 
 
 def read_source(path: Path, rig: Rig | None = None) -> Source:
@@ -50,10 +56,18 @@ def read_source(path: Path, rig: Rig | None = None) -> Source:
     stated = np.array(sensor.noise_g) if isinstance(sensor.noise_g, list) else sensor.noise_g
     return replace(
         source,
-        housing=rig.mounted_housing(),
+        housing=_mounted(rig, source),
         noise_g=source.noise_g if stated is None else stated,
         full_scale_g=sensor.full_scale_g or source.full_scale_g,
     )
+
+
+def _mounted(rig: Rig, source: Source) -> MountedHousing:
+    """The place as the rig has it, the sensor as its calibration has it."""
+    housing, bandwidth_hz = rig.mounted_housing(), rig.sensor.bandwidth_hz or source.bandwidth_hz
+    if source.correction is None:
+        return replace(housing, bandwidth_hz=bandwidth_hz)
+    return with_sensor(housing, source.correction, bandwidth_hz)
 
 
 def _from_table(path: Path) -> Source:
@@ -77,6 +91,9 @@ def _from_run(path: Path) -> Source:
         stored = parse(first.record, run.device.device_id, str(path))
     axes = AXES_AS_THEY_ARE if configuration is None else configuration.device.axes
     correction = correction_for(run.device, axes, stored)
+    farthest_c = _farthest_c(recording, correction)
+    widened = correction.beyond(correction.beyond_k(farthest_c))
+    bandwidth_hz = run.device.bandwidth_hz
     return Source(
         path=path,
         recording=recording,
@@ -85,8 +102,19 @@ def _from_run(path: Path) -> Source:
         calibration=correction.text,
         noise_g=run.device.noise_g,
         full_scale_g=run.device.full_scale_g,
-        housing=None if configuration is None else mounted_housing(configuration, correction),
+        housing=None if configuration is None else mounted_housing(configuration, widened, bandwidth_hz),
+        correction=widened,
+        bandwidth_hz=bandwidth_hz,
+        remarks=correction.said_beyond(farthest_c),
     )
+
+
+def _farthest_c(recording: Recording, correction: Correction) -> float | None:
+    """The temperature of the recording that lies farthest beyond the calibration's."""
+    if recording.temperature_c is None or not np.isfinite(recording.temperature_c).any():
+        return None
+    ends_c = float(np.nanmin(recording.temperature_c)), float(np.nanmax(recording.temperature_c))
+    return max(ends_c, key=correction.beyond_k)
 
 
 def _configuration(run: RecordedRun) -> Configuration | None:

@@ -1,5 +1,8 @@
 """What the configuration and the calibration say of the housing on its rope."""
 
+import math
+from dataclasses import replace
+
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.stages.swing.rig import MountedHousing
@@ -7,20 +10,35 @@ from gateway.stages.swing.rig import MountedHousing
 POSITION_U_M = 0.05
 """Standard uncertainty of the housing's place on the rope, as measured with a tape."""
 
+MOUNT_U_RAD = 0.01
+"""Standard uncertainty of how the housing's z lies to the rope, as clamped by eye."""
 
-def mounted_housing(configuration: Configuration, correction: Correction) -> MountedHousing | None:
+
+def mounted_housing(
+    configuration: Configuration, correction: Correction, bandwidth_hz: float | None = None
+) -> MountedHousing | None:
     """What is believed of the rope and the housing; None when nobody said where the housing is."""
     if configuration.housing_position_m is None:
         return None
     above_m = configuration.housing_above_load_m
-    x, y, z = correction.u_zero_g_offset_g.tolist()
-    sx, sy, sz = correction.u_scale_factor.tolist()
-    return MountedHousing(
+    housing = MountedHousing(
         length_m=configuration.rope.length_m,
         position_m=configuration.housing_position_m if above_m is None else None,
         above_load_m=above_m,
         position_u_m=POSITION_U_M,
         gravity_m_s2=configuration.site.local_gravity_m_s2,
+    )
+    return with_sensor(housing, correction, bandwidth_hz)
+
+
+def with_sensor(housing: MountedHousing, correction: Correction, bandwidth_hz: float | None) -> MountedHousing:
+    """The housing with what the calibration and the part's low-pass leave unknown."""
+    x, y, z = correction.u_zero_g_offset_g.tolist()
+    sx, sy, sz = correction.u_scale_factor.tolist()
+    return replace(
+        housing,
         zero_g_offset_u_g=(x, y, z),
         scale_u=(sx, sy, sz),
+        cross_axis_u=math.hypot(MOUNT_U_RAD, correction.u_cross_axis),
+        bandwidth_hz=bandwidth_hz,
     )

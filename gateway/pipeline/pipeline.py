@@ -63,6 +63,8 @@ class Pipeline:
         self._origin_ns: int | None = None
         self._newest_ns: int | None = None
         self._lowpassed_g: NDArray[np.float64] | None = None
+        self._temperature_c: float | None = None
+        """The newest known: a part may tell it less often than its samples."""
         self._session = NO_SESSION
         self._suspended: str | None = None
 
@@ -85,7 +87,7 @@ class Pipeline:
         self._watch.update(time_s, force_g, count_clipped(block.raw, self._full_scale), block.lost + block.invalid)
         if self._tilt_pace.due(newest_ns):
             yield self._tilt(block.temperature_c, newest_ns, clock)
-        if self._swing.take(time_s, force_g, lowpassed_g):
+        if self._swing.take(time_s, force_g, lowpassed_g, self._temperature_c):
             message = self._swing.message(self._header("swing", newest_ns, clock))
             yield Emission("swing", newest_ns, message)
         yield from self._judge_condition(block.temperature_c, newest_ns, clock)
@@ -133,6 +135,8 @@ class Pipeline:
     def _filter(self, block: SampleBlock) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Specific force in the housing frame, as it is and low-passed."""
         force_g = self._correction.apply(block.raw)
+        if block.temperature_c is not None:
+            self._temperature_c = block.temperature_c
         if self._newest_ns is not None and int(block.time_ns[0]) - self._newest_ns > LONGEST_BRIDGE_S * 1e9:
             self._lowpass.restart()
         lowpassed_g = self._lowpass.apply(force_g)
@@ -150,7 +154,7 @@ class Pipeline:
         message = compose.tilt_message(
             self._header("tilt", time_ns, clock),
             self._lowpassed(),
-            self._correction.u_force_g(self._lowpassed()),
+            self._correction.u_force_g(self._lowpassed(), self._temperature_c),
             self._lowpass.delay_s(),
             temperature_c,
             trusted,
@@ -174,7 +178,7 @@ class Pipeline:
         why = "; ".join(self._swing.why_unknown or self._condition.reasons)
         if lean_rad is None and self._condition.verdict in ("static", "quasi_static"):
             lowpassed_g = self._lowpassed()
-            u_rad = axial_tilt_uncertainty(lowpassed_g, self._correction.u_force_g(lowpassed_g))
+            u_rad = axial_tilt_uncertainty(lowpassed_g, self._correction.u_force_g(lowpassed_g, self._temperature_c))
             lean_rad = float(axial_tilt(lowpassed_g)) + 2 * u_rad
         if self._correction.status == "uncalibrated":
             lean_rad, why = None, f"{why}; the sensor is not calibrated"

@@ -1,7 +1,7 @@
 """The swing stage inside the pipeline: how it is set up, how long its word holds, how it becomes a message."""
 
 from collections import deque
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,12 +11,13 @@ from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.messages import Formulas, Swing
 from gateway.pipeline.header import Header
-from gateway.pipeline.mounting import mounted_housing
+from gateway.pipeline.mounting import mounted_housing, with_sensor
 from gateway.pipeline.runner import Answer, Runner
 from gateway.stages.conditions import SwingSeen
 from gateway.stages.lowpass import LowPass
 from gateway.stages.swing.estimate import SwingEstimate
 from gateway.stages.swing.live import SwingTracker
+from gateway.stages.swing.rig import MountedHousing
 from gateway.units import degrees
 
 AFTER_S = 0.25
@@ -32,27 +33,52 @@ class SwingReading:
     def __init__(
         self, configuration: Configuration, info: DeviceInfo, correction: Correction, lowpass: LowPass, runner: Runner
     ) -> None:
-        rig = mounted_housing(configuration, correction)
+        rig = mounted_housing(configuration, correction, info.bandwidth_hz)
         self._rig = rig
+        self._correction, self._bandwidth_hz = correction, info.bandwidth_hz
+        self._beyond_k = 0
+        self._said: tuple[str, ...] = ()
         self._tracker = None if rig is None else SwingTracker(rig, noise_g=info.noise_g, lowpass_gain=lowpass.gain)
         self._estimate: SwingEstimate | None = None
         self._runner = runner
         self._answers: deque[tuple[float, Answer[SwingEstimate | None]]] = deque()
         self._now_s = 0.0
 
-    def take(self, time_s: NDArray[np.float64], force_g: NDArray[np.float64], lowpassed_g: NDArray[np.float64]) -> bool:
-        """Take a block; whether an estimate counts from now on, made of what had come `AFTER_S` ago."""
+    def take(
+        self,
+        time_s: NDArray[np.float64],
+        force_g: NDArray[np.float64],
+        lowpassed_g: NDArray[np.float64],
+        temperature_c: float | None = None,
+    ) -> bool:
+        """Take a block; whether an estimate counts from now on, made of what had come `AFTER_S` ago.
+
+        `temperature_c`: the part's own; beyond the calibration's range it widens the intervals.
+        """
         self._now_s = float(time_s[-1])
         if self._tracker is None:
             return False
-        self._answers.append((self._now_s, self._runner.submit(self._tracker.update, time_s, force_g, lowpassed_g)))
+        doubt = self._doubt_at(temperature_c)
+        self._answers.append(
+            (self._now_s, self._runner.submit(self._tracker.update, time_s, force_g, lowpassed_g, doubt))
+        )
         found = None
         while self._answers and self._answers[0][0] <= self._now_s - AFTER_S:
             found = self._answers.popleft()[1].result() or found
         if found is None:
             return False
-        self._estimate = found
+        self._estimate = replace(found, reasons=(*found.reasons, *self._said))
         return True
+
+    def _doubt_at(self, temperature_c: float | None) -> MountedHousing | None:
+        """The housing as believed at another temperature than up to now; None where nothing changed."""
+        if temperature_c is None or self._rig is None:
+            return None
+        beyond_k, before_k = self._correction.beyond_k(temperature_c), self._beyond_k
+        self._beyond_k, self._said = beyond_k, self._correction.said_beyond(temperature_c)
+        if beyond_k == before_k:
+            return None
+        return with_sensor(self._rig, self._correction.beyond(beyond_k), self._bandwidth_hz)
 
     @property
     def _current(self) -> SwingEstimate | None:

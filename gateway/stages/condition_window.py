@@ -29,6 +29,8 @@ class Bin:
     count: int
     clipped: int
     missing: int
+    rate_rad_s: Array | None = None
+    """Mean angular rate, shape (3,); None without a gyroscope."""
 
 
 class ConditionWindow:
@@ -37,22 +39,27 @@ class ConditionWindow:
     def __init__(self) -> None:
         self._bins: deque[Bin] = deque(maxlen=round(MEMORY_S / BIN_S))
         self._open: list[Array] = []
+        self._open_rates: list[Array] = []
         self._open_since_s: float | None = None
         self._last_s: float | None = None
         self._clipped = 0
         self._missing = 0
 
-    def update(self, time_s: Array, force_g: Array, clipped: int, missing: int) -> None:
-        """Take a block: times (n,), specific force (n, 3), how many samples were clipped or are missing."""
+    def update(
+        self, time_s: Array, force_g: Array, clipped: int, missing: int, rate_rad_s: Array | None = None
+    ) -> None:
+        """Take a block: times (n,), specific force (n, 3), how many samples were clipped or are missing, angular rates (n, 3)."""
         self._clipped += clipped
         self._missing += missing
         if self._last_s is not None and time_s[0] - self._last_s > WINDOW_S:
             self._bins.clear()  # what was before a gap longer than the window says nothing about now
-            self._open, self._open_since_s = [], None
+            self._open, self._open_rates, self._open_since_s = [], [], None
         self._last_s = float(time_s[-1])
         if self._open_since_s is None:
             self._open_since_s = float(time_s[0])
         self._open.append(force_g)
+        if rate_rad_s is not None:
+            self._open_rates.append(rate_rad_s[np.isfinite(rate_rad_s).all(axis=1)])
         count = sum(map(len, self._open))
         length_s = (self._last_s - self._open_since_s) * count / max(count - 1, 1)  # the last sample's own period too
         if length_s >= NEARLY * BIN_S:
@@ -74,5 +81,9 @@ class ConditionWindow:
         away_g = np.abs(force_g - mean_g)
         scatter_g = float(np.sqrt((away_g**2).mean()))
         peak_g = float(away_g.max())
-        self._bins.append(Bin(time_s, mean_g, scatter_g, peak_g, len(force_g), self._clipped, self._missing))
-        self._open, self._open_since_s, self._clipped, self._missing = [], None, 0, 0
+        rates = np.concatenate(self._open_rates) if self._open_rates else np.empty((0, 3))
+        rate_rad_s = rates.mean(axis=0) if len(rates) else None
+        self._bins.append(
+            Bin(time_s, mean_g, scatter_g, peak_g, len(force_g), self._clipped, self._missing, rate_rad_s)
+        )
+        self._open, self._open_rates, self._open_since_s, self._clipped, self._missing = [], [], None, 0, 0

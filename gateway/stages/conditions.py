@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from gateway.messages import Cause, Verdict
 from gateway.stages.condition_window import Bin, ConditionWindow
+from gateway.stages.turning import turning_gates
 
 Array = NDArray[np.float64]
 FEWEST_BINS = 10
@@ -83,9 +84,11 @@ class ConditionWatch:
         self._dm_g = permissible_norm_error_g
         self._window = ConditionWindow()
 
-    def update(self, time_s: Array, force_g: Array, clipped: int, missing: int) -> None:
-        """Take a block: times (n,), specific force (n, 3), how many samples were clipped or are missing."""
-        self._window.update(time_s, force_g, clipped, missing)
+    def update(
+        self, time_s: Array, force_g: Array, clipped: int, missing: int, rate_rad_s: Array | None = None
+    ) -> None:
+        """Take a block: times (n,), specific force (n, 3), how many samples were clipped or are missing, angular rates (n, 3)."""
+        self._window.update(time_s, force_g, clipped, missing, rate_rad_s)
 
     def judge(self, swing: SwingSeen) -> ConditionFound:
         """The verdict on the window."""
@@ -94,6 +97,7 @@ class ConditionWatch:
             return ConditionFound("unknown", None, False, ("less than a second of data",), {"enough_data": False}, None)
         means = np.array([b.mean_g for b in bins])
         gates = {"enough_data": True} | self._sample_gates(bins, means) | self._motion_gates(bins, means, swing)
+        gates |= _turning(bins, swing)
         verdict, cause, reasons = _verdict(gates, swing, means)
         trusted = verdict in ("static", "quasi_static", "swinging")
         return ConditionFound(verdict, cause, trusted, reasons, gates, float(np.linalg.norm(means.mean(axis=0))))
@@ -162,6 +166,12 @@ class ConditionWatch:
         return self._noise_g if self._noise_g is not None else min(b.scatter_g for b in bins)
 
 
+def _turning(bins: list[Bin], swing: SwingSeen) -> dict[str, bool]:
+    """On the angular rates; no gates where there are none."""
+    rates = [b.rate_rad_s for b in bins if b.rate_rad_s is not None]
+    return turning_gates(np.array(rates), swing.phi_max_rad, swing.period_s) if rates else {}
+
+
 def _scatter_g(bins: list[Bin]) -> float:
     return median(b.scatter_g for b in bins)
 
@@ -213,6 +223,8 @@ DISTURBING: dict[str, tuple[Cause | None, str]] = {
     "norm_pendulum": (None, "the magnitude is not that of a hanging load"),
     "energy": ("trolley", "trolley: the swing gains or loses faster than a free one"),
     "axial": ("hoisting", "hoisting: the force along the rope is not that of a free swing"),
+    "no_spin": (None, "the housing turns about the rope"),
+    "rate_pendulum": (None, "the housing turns faster than the rope swings"),
 }
 
 
@@ -220,7 +232,7 @@ def _verdict(gates: dict[str, bool], swing: SwingSeen, means: Array) -> tuple[Ve
     """From gates to verdict and cause; the reasons name the gates that decided."""
     if unusable := tuple(text for gate, text in UNUSABLE.items() if not gates[gate]):
         return "unknown", None, unusable
-    if disturbed := [said for gate, said in DISTURBING.items() if not gates[gate]]:
+    if disturbed := [said for gate, said in DISTURBING.items() if not gates.get(gate, True)]:
         cause = next((cause for cause, _ in disturbed if cause is not None), None)
         if cause is None and not gates["still"]:
             cause = _mover(means, swing)
@@ -236,15 +248,21 @@ def _without_swing(
     if gates["still"] and gates["norm_static"]:
         if not gates["steady"]:
             return "unknown", None, ("still for a moment, which a swing is at its turning point",)
-        if gates["quiet"]:
-            return "static", None, ("still, and the magnitude is 1 g",)
-        return "quasi_static", "vibration", ("vibration about a steady mean of 1 g",)
+        return _at_rest(gates)
     if swing.swinging is None:
         return "unknown", None, ("moving; not yet a full swing to judge by",)
     if gates["still"]:
         return "disturbed", None, ("still, but the magnitude is not 1 g",)
     cause = _mover(means, swing)
     return "disturbed", cause, (f"{cause}: moves as no pendulum does",)
+
+
+def _at_rest(gates: dict[str, bool]) -> tuple[Verdict, Cause | None, tuple[str, ...]]:
+    if not gates.get("not_turning", True):
+        return "disturbed", None, ("still by its forces, but the housing turns",)
+    if gates["quiet"]:
+        return "static", None, ("still, and the magnitude is 1 g",)
+    return "quasi_static", "vibration", ("vibration about a steady mean of 1 g",)
 
 
 def _mover(means: Array, swing: SwingSeen) -> Cause:

@@ -26,7 +26,7 @@ LONGER = (1, 1 / 16, 11 / 3072, 173 / 737280, 22931 / 1321205760)
 STRETCH = 10.0
 """Of times; lengths go with its square."""
 NOISE_G = 1e-4
-"""A round figure above the encoder's local scatter of 33 to 37 microradians about a smooth curve: the curve itself is filtered."""
+"""A round figure above the encoder's local scatter of 33 to 37 microradians."""
 PIECE_S = 1.5
 """Of the arm's time, two swings: pieces with starts of their own, from which the one motion is then fitted."""
 PIECES_ROUNDS, ROUNDS = 6, 30

@@ -133,6 +133,7 @@ def test_ranges_and_what_is_known_of_the_part(rig, range_g, code, units_per_g):
     assert (info.units_per_g, info.full_scale_g) == (units_per_g, range_g)
     assert info.device_id == "adxl355-07-i2c1-1d"
     assert info.zero_g_offset_g == 0.075
+    assert info.bandwidth_hz == info.odr_hz / 4
     assert info.noise_g == noise_g(125.0)
     made.read_s(1)
     assert np.concatenate([block.raw for block in made.blocks]).tolist() == [[0, 0, units_per_g]] * made.samples

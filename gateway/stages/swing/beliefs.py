@@ -84,8 +84,9 @@ class Beliefs:
 
 def believed(rig: MountedHousing) -> Beliefs:
     """The rig as stated."""
-    matrix = np.diag(rig.scale_u).ravel()
-    errors = np.array([rig.position_u_m, *rig.zero_g_offset_u_g, *matrix])
+    matrix = np.diag(rig.scale_u)
+    matrix[2, :2] = rig.cross_axis_u  # x and y read of z what an offset reads already
+    errors = np.array([rig.position_u_m, *rig.zero_g_offset_u_g, *matrix.ravel()])
     return _beliefs(rig, np.array([DAMPING_PRIOR]), errors)
 
 

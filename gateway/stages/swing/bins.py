@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.stages.swing.passband import delay_s, spread_s
+
 Real = NDArray[np.float64]
 
 
@@ -37,9 +39,15 @@ class Bins:
         return Bins(self.time_s[chosen], self.spread_s[chosen], self.force_g[chosen], self.count[chosen])
 
 
-def bin_samples(time_s: Real, force_g: Real, width_s: float) -> Bins:
+def single_samples(time_s: Real, force_g: Real, bandwidth_hz: float | None = None) -> Bins:
+    """Samples, shape (n,) and (n, 3), as bins of one each: a sensor's low-pass spreads and delays them."""
+    count = np.ones_like(time_s)
+    return Bins(time_s - delay_s(bandwidth_hz), spread_s(bandwidth_hz) * count, force_g, count)
+
+
+def bin_samples(time_s: Real, force_g: Real, width_s: float, bandwidth_hz: float | None = None) -> Bins:
     """Average samples, shape (n,) and (n, 3), over bins that end at whole multiples of `width_s`; times must not fall."""
-    return merge(Bins(time_s, np.zeros_like(time_s), force_g, np.ones_like(time_s)), width_s)
+    return merge(single_samples(time_s, force_g, bandwidth_hz), width_s)
 
 
 def merge(fine: Bins, width_s: float) -> Bins:

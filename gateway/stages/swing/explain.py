@@ -11,13 +11,15 @@ from gateway.stages.swing.likelihood import Fit, most_likely
 from gateway.stages.swing.model import Real
 from gateway.stages.swing.motion import PLAIN, STATES, Motion
 from gateway.stages.swing.peaks import largest_angle
-from gateway.stages.swing.uncertainty import Claim, claim
+from gateway.stages.swing.uncertainty import LARGEST_MISFIT, Claim, claim
 
 SPIKE_SIGMA = 6.0
 MOST_SPIKES = 0.03
 """Share of the bins; more than that are not spikes but something that the pendulum does not know."""
 UNEVEN = 1.5
 """Inflation of an axis' variance from which on it is weighted down."""
+HOPELESS = 3.0
+"""Times the largest misfit, from which on other weights do not mend a fit."""
 NEGLIGIBLE_MISFIT = 0.003
 """Unexplained part of the signal up to which the rig as stated is not doubted: it costs more than it mends."""
 EXPLAINED = 1.3
@@ -70,7 +72,7 @@ def find(
             return None
     found = claim(fit, weight)
     widening = float(np.sqrt(found.inflation.max()))
-    if widening**2 > UNEVEN and fit.converged:
+    if widening**2 > UNEVEN and fit.converged and found.misfit < HOPELESS * LARGEST_MISFIT:
         again = most_likely(bins, weight / found.inflation, fit.motion, beliefs, REFIT_ITERATIONS, fit.instrument)
         if again is not None:
             fit, found = again, claim(again, weight)
@@ -96,8 +98,20 @@ def better(plain: Finding | None, doubting: Finding | None) -> Finding | None:
     if doubting is None or not doubting.sound or not _credible(doubting.fit):
         return plain
     if plain is not None and plain.sound and _deviation(plain) < _deviation(doubting):
-        return plain
+        return _widened_by(plain, doubting)
     return replace(doubting, explained_by=_demanded(doubting))
+
+
+def _widened_by(plain: Finding, doubting: Finding) -> Finding:
+    """The fit under the rig as stated, with what the other one says of the angle in its uncertainty."""
+    angle_rad, other_rad = (largest_angle(each.fit, each.claim)[0] for each in (plain, doubting))
+    return widened(plain, abs(other_rad / angle_rad - 1))
+
+
+def widened(finding: Finding, angle_u_rel: float) -> Finding:
+    """With a further relative uncertainty of its angles."""
+    u_rel = float(np.hypot(finding.claim.other_u_rel, angle_u_rel))
+    return replace(finding, claim=replace(finding.claim, other_u_rel=u_rel))
 
 
 def plainer(first: Finding | None, second: Finding | None) -> Finding | None:

@@ -41,7 +41,7 @@ class Raster:
     def rope(self, time_s: Real, length_m: Real | float, speed_m_s: Real) -> Rope:
         """Of speeds, shape (count, ...), and the length before the first, shape (...), at times of any shape: (times, ...)."""
         s = (time_s[..., None] - self.start_s) / self.step_s - np.arange(self.count)
-        travelled, rate, acceleration = (self._sum(s, power) for power in (3, 2, 1))
+        travelled, rate, acceleration = self._sums(s)
         return Rope(
             length_m + self.step_s / 6 * travelled @ speed_m_s,
             0.5 * rate @ speed_m_s,
@@ -60,9 +60,16 @@ class Raster:
         return carried, float(speed_m_s[: max(shift, 0)].sum()) * self.step_s
 
     @staticmethod
-    def _sum(s: Real, power: int) -> Real:
-        """Truncated powers: 6, 2 or 1 times the spline's integral, itself, its derivative in steps."""
-        total: Real = sum(
-            (weight * np.clip(s - knot, 0.0, SUPPORT - knot) ** power for knot, weight in _BINOMIALS), np.zeros_like(s)
-        )
-        return np.where(s < SUPPORT, total, 6.0 if power == 3 else 0.0)
+    def _sums(s: Real) -> tuple[Real, Real, Real]:
+        """Truncated powers: 6, 2 and 1 times the spline's integral, itself, its derivative in steps."""
+        third, second, first = np.zeros_like(s), np.zeros_like(s), np.zeros_like(s)
+        for knot, weight in _BINOMIALS:
+            beyond = np.clip(s - knot, 0.0, SUPPORT - knot)
+            term = weight * beyond
+            first += term
+            term *= beyond
+            second += term
+            term *= beyond
+            third += term
+        within = s < SUPPORT
+        return np.where(within, third, 6.0), np.where(within, second, 0.0), np.where(within, first, 0.0)

@@ -9,7 +9,7 @@ from gateway.stages.swing.assess import NO_MOTION, assess, predict, surely_moves
 from gateway.stages.swing.beliefs import believed, doubted
 from gateway.stages.swing.bins import Bins, merge
 from gateway.stages.swing.estimate import SwingEstimate
-from gateway.stages.swing.explain import Finding, better, find, find_from
+from gateway.stages.swing.explain import Finding, better, find, find_from, widened
 from gateway.stages.swing.formulas import Passage, corrected, published
 from gateway.stages.swing.hoisting import BACK_PERIODS, hoist_find, raster_step_s
 from gateway.stages.swing.likelihood import Fit
@@ -19,6 +19,7 @@ from gateway.stages.swing.plausible import fault_of_means
 from gateway.stages.swing.recording import BINS_PER_PERIOD, RESTLESS
 from gateway.stages.swing.rig import MountedHousing
 from gateway.stages.swing.shooting import advanced
+from gateway.stages.swing.silent_axis import Silence, silence_in
 from gateway.stages.swing.start import find_harmonics, start_motions
 from gateway.stages.swing.stillness import FAINTEST_GAIN, faint, restless_estimate, still_estimate
 from gateway.stages.swing.window import RecentWindow
@@ -44,6 +45,8 @@ LIVE_RASTER_S = 0.5
 """A finer one costs too much every third of a swing."""
 CLEARLY = 0.5
 """Of what a plain pendulum leaves unexplained, that a moving rope must leave to be believed."""
+DOUBTFUL_MISFIT = 0.0015
+"""Unexplained part of the signal up to which live the rig is not doubted."""
 LARGEST_RASTER_ERROR = 0.05
 """Of the integration step against the period, before the raster is made anew."""
 AHEAD_PERIODS = 0.6
@@ -65,19 +68,28 @@ class SwingTracker:
         self._lowpass_gain = lowpass_gain
         self._belief_s = float(2 * np.pi * np.sqrt(rig.length_m / rig.gravity_m_s2))
         longest_s = min(1.3 * (WINDOW_PERIODS + 0.5) * self._belief_s, LONGEST_WINDOW_S)
-        self._window = RecentWindow(longest_s, self._belief_s / (4 * BINS_PER_PERIOD), noise_g)
+        self._window = RecentWindow(longest_s, self._belief_s / (4 * BINS_PER_PERIOD), noise_g, rig.bandwidth_hz)
         self._fit: Fit | None = None
         self._from_s: float | None = None
         self._due_s: float | None = None
         self._plain_s: float | None = None
         self._failures = 0
 
-    def update(self, time_s: Real, specific_force_g: Real, lowpassed_g: Real | None = None) -> SwingEstimate | None:
+    def update(
+        self,
+        time_s: Real,
+        specific_force_g: Real,
+        lowpassed_g: Real | None = None,
+        rig: MountedHousing | None = None,
+    ) -> SwingEstimate | None:
         """Take a block; a new estimate when one is due (at least twice a swing, once a second when still), else None.
 
         `time_s`, shape (n,), seconds from any fixed origin; `specific_force_g`, shape (n, 3), calibrated and unfiltered in the
-        housing frame; `lowpassed_g`, the same behind the low-pass, is what the four formulas are evaluated on.
+        housing frame; `lowpassed_g`, the same behind the low-pass, is what the four formulas are evaluated on. `rig`: the
+        same housing with other uncertainties, believed from now on (a sensor that warms up is less well known).
         """
+        if rig is not None:
+            self._rig, self._beliefs = rig, believed(rig)
         if len(time_s) == 0:
             return None
         newest_s = self._window.newest_s
@@ -111,14 +123,24 @@ class SwingTracker:
             self._fit = None
             return other
         finding = self._best(from_s, now_s, noise_g, period_s)
+        silence = Silence() if finding is None else self._silence(now_s, noise_g, finding.fit.motion.length_m)
+        if silence.fault is not None:
+            self._fit = None
+            return SwingEstimate(from_s=from_s, to_s=now_s, swinging=None, reasons=(silence.fault,))
         self._fit = finding.fit if finding is not None and finding.sound else None
         if finding is None:
             return SwingEstimate(from_s=from_s, to_s=now_s, swinging=None, reasons=(NO_MOTION,))
         if finding.sound and faint(finding):
             self._fit = None
             return still_estimate(bins, noise_g, self._rig, find_harmonics(bins, noise_g, self._rig), from_s)
+        finding = widened(finding, silence.angle_u_rel)
         estimate = assess(finding, noise_g, max(self._from_s, now_s - finding.fit.motion.period_s), now_s)
         return replace(estimate, prediction=predict(finding, now_s))
+
+    def _silence(self, now_s: float, noise_g: Real, length_m: float) -> Silence:
+        """Of the last swings, those before a change too: they tell of the sensor."""
+        recent = self._bins(now_s - WINDOW_PERIODS * self._period_s())
+        return silence_in(recent, noise_g, self._rig, length_m)
 
     def _other_than_swing(self, bins: Bins, noise_g: Real, from_s: float, now_s: float) -> SwingEstimate | None:
         """A broken sensor, a still load, a restless rope; None: a swing is to be looked for, or is being followed."""
@@ -149,7 +171,7 @@ class SwingTracker:
         whole = self._find(from_s, now_s, noise_g, period_s)
         if whole is not None and whole.plain:
             self._plain_s = now_s
-            return whole
+            return (self._doubting(whole, noise_g) if whole.claim.misfit > DOUBTFUL_MISFIT else None) or whole
         hoist = self._hoisting(from_s, now_s, noise_g, period_s)
         if hoist is not None and (whole is None or hoist.claim.misfit < CLEARLY * whole.claim.misfit):
             return hoist
@@ -175,8 +197,7 @@ class SwingTracker:
         beliefs = doubted(self._rig)
         start = whole.fit.motion.with_parameters(beliefs.parameters)
         finding = find(whole.fit.bins, noise_g, start, beliefs, COLD_ITERATIONS, whole.fit.instrument)
-        believed_one = better(whole, finding)
-        return believed_one if believed_one is not whole and believed_one is not None and believed_one.plain else None
+        return better(whole, finding) if finding is not None and finding.plain else None
 
     def _hoisting(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> Finding | None:
         """The last answer carried on, on a rope that moves since a plain pendulum last explained the motion."""

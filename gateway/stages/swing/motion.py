@@ -17,7 +17,9 @@ While the rope's length changes the first two are followed by the speeds of a ra
 """
 PLAIN, FULL = 2, 4
 STEPS_PER_PERIOD = 36
-STEPS_PER_SEGMENT = 9
+STEPS_PER_SEGMENT = 6
+COARSE = 2
+"""Steps in one where a motion is only carried on to start from."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,8 +154,9 @@ class Motion:
         state = self.nodes[:, segment]
         if start_s > at_s:
             state = self.carried(state, at_s, (start_s - at_s) / STEPS_PER_SEGMENT, STEPS_PER_SEGMENT)[-1][:, None]
-        path = self.carried(state, start_s, grid.step_s, STEPS_PER_SEGMENT * (grid.segments - 1))
-        return replace(self, grid=grid, nodes=path[::STEPS_PER_SEGMENT].T)
+        coarse = STEPS_PER_SEGMENT // COARSE
+        path = self.carried(state, start_s, COARSE * grid.step_s, coarse * (grid.segments - 1))
+        return replace(self, grid=grid, nodes=path[::coarse].T)
 
     def reaching_back(self, start_s: float, end_s: float) -> "Motion":
         """On a new grid over [start, end], where `start` lies before the old one: integrated backward, then onward."""

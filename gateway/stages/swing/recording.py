@@ -8,12 +8,14 @@ from gateway.stages.swing.assess import NO_MOTION, assess
 from gateway.stages.swing.beliefs import Beliefs, believed, doubted
 from gateway.stages.swing.bins import Bins, bin_samples, checked
 from gateway.stages.swing.estimate import SwingEstimate
-from gateway.stages.swing.explain import Finding, better, find, find_from, plainer
+from gateway.stages.swing.explain import Finding, better, find, find_from, plainer, widened
 from gateway.stages.swing.model import Real
 from gateway.stages.swing.noise import believed_noise_g
+from gateway.stages.swing.passband import delay_s
 from gateway.stages.swing.pieces import Cutter, assess_pieces, bridged
 from gateway.stages.swing.plausible import fault_of
 from gateway.stages.swing.rig import MountedHousing
+from gateway.stages.swing.silent_axis import silence_of
 from gateway.stages.swing.spikes import lone_spikes
 from gateway.stages.swing.start import Harmonics, find_harmonics, start_motions
 from gateway.stages.swing.stillness import (
@@ -55,7 +57,7 @@ def estimate_swing(
     time_s, force_g = checked(time_s, specific_force_g)
     if len(time_s) == 0:
         return SwingEstimate(from_s=0.0, to_s=0.0, swinging=None, reasons=("no samples",))
-    from_s, to_s = float(time_s[0]), float(time_s[-1])
+    from_s, to_s = (float(time_s[end]) - delay_s(rig.bandwidth_hz) for end in (0, -1))
     belief_s = _believed_period_s(rig)
     fault = fault_of(force_g)
     if to_s - from_s < FEWEST_PERIODS * belief_s or len(time_s) < FEWEST_SAMPLES:
@@ -64,7 +66,7 @@ def estimate_swing(
         return SwingEstimate(from_s=from_s, to_s=to_s, swinging=None, reasons=(fault,))
     noise = believed_noise_g(force_g, noise_g)
     spiky = lone_spikes(force_g, noise)
-    bins = bin_samples(time_s[~spiky], force_g[~spiky], belief_s / BINS_PER_PERIOD)
+    bins = bin_samples(time_s[~spiky], force_g[~spiky], belief_s / BINS_PER_PERIOD, rig.bandwidth_hz)
     estimate = _of_bins(bins, noise, rig, from_s, to_s)
     said = (f"spikes left out: {count} samples",) if (count := int(spiky.sum())) else ()
     return replace(estimate, reasons=(*estimate.reasons, *said))
@@ -100,13 +102,23 @@ def _swinging_estimate(
     if finding is None or not finding.plain:  # the first periods may have been taken for a swing the other way round
         starts = start_motions(harmonics, rig, from_s, to_s + MARGIN * _believed_period_s(rig))
         finding = plainer(finding, find_from(bins, noise_g, starts, believed(rig), FIRST_ITERATIONS))
+    silence = silence_of(bins, noise_g, rig, _length_m(finding, harmonics, rig))
+    if silence.fault is not None:
+        return SwingEstimate(from_s=from_s, to_s=to_s, swinging=None, reasons=(silence.fault,))
     if finding is None or not finding.plain:
         finding = better(finding, grow(bins, noise_g, doubted(rig), from_s, to_s))
     if finding is not None and finding.sound and faint(finding):
         return _faint_estimate(bins, noise_g, rig, still_estimate(bins, noise_g, rig, harmonics, from_s))
     if finding is not None and finding.sound and finding.claim.misfit < NO_EVENT_MISFIT:
-        return assess(finding, noise_g, from_s, to_s)
+        return assess(widened(finding, silence.angle_u_rel), noise_g, from_s, to_s)
     return _piecewise(finding, bins, noise_g, rig, from_s, to_s)
+
+
+def _length_m(finding: Finding | None, harmonics: Harmonics, rig: MountedHousing) -> float:
+    """By the period: of the fit, or where there is none of the harmonics."""
+    if finding is not None and finding.sound:
+        return finding.fit.motion.length_m
+    return rig.length_of(2 * np.pi * harmonics.frequency_hz)
 
 
 def _piecewise(

@@ -26,6 +26,11 @@ class MountedHousing:
     """What the calibration leaves unknown of the zero-g offset, per axis."""
     scale_u: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """What the calibration leaves unknown of the scale factor, per axis, relative."""
+    cross_axis_u: float = 0.0
+    """What z may read of x and y, relative: cross-axis sensitivity, and how the axes lie on the rope. In a swing it looks like
+    a lean."""
+    bandwidth_hz: float | None = None
+    """-3 dB of the low-pass inside the sensor; None: there is none, or nobody knows it."""
 
     def __post_init__(self) -> None:
         if not (self.length_m > 0 and self.gravity_m_s2 > 0 and 0 < self.length_u_rel < 1):
@@ -34,8 +39,10 @@ class MountedHousing:
             raise ValueError("give the housing's place once: position_m (from the pivot) or above_load_m")
         if not ((self.position_m or 0.0) >= 0 and (self.above_load_m or 0.0) >= 0 and self.position_u_m >= 0):
             raise ValueError("the housing's position and its uncertainty must not be negative")
-        if min(*self.zero_g_offset_u_g, *self.scale_u) < 0:
-            raise ValueError("uncertainties of offset and scale must not be negative")
+        if min(*self.zero_g_offset_u_g, *self.scale_u, self.cross_axis_u) < 0:
+            raise ValueError("uncertainties of offset, scale and cross-axis sensitivity must not be negative")
+        if self.bandwidth_hz is not None and not self.bandwidth_hz > 0:
+            raise ValueError("the sensor's bandwidth must be positive")
 
     def position_at(self, length_m: float) -> float:
         """Pivot to accelerometer when the rope has this length, never above the pivot."""

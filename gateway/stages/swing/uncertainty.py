@@ -7,6 +7,7 @@ import numpy as np
 from gateway.stages.swing.likelihood import Fit, information, weighted_square
 from gateway.stages.swing.model import Real
 from gateway.stages.swing.motion import LN_LENGTH, STATES
+from gateway.stages.swing.passband import angle_u_rel
 
 NORMAL_QUANTILE = 1.959964
 MISFIT_LEVERAGE = 3.0
@@ -36,6 +37,8 @@ class Claim:
     """By which the noise's variance has to be multiplied, shape (3,): 1 where the residual is white and of the stated size."""
     misfit: float
     """Rms of the unexplained part in the swing's band over rms of the swing's signal; 0 where noise can make it."""
+    other_u_rel: float = 0.0
+    """Of an angle, by what the fit has no unknown for: the sensor's low-pass, a rig that may be another than stated."""
 
     @property
     def describes(self) -> bool:
@@ -45,7 +48,8 @@ class Claim:
     def angle_deviation(self, angle_rad: float, gradient: Real) -> float:
         """Standard uncertainty of an angle with this gradient by the free unknowns."""
         by_noise = max(float(gradient @ self.covariance @ gradient), 0.0)
-        return float(np.sqrt(by_noise + (MISFIT_LEVERAGE * self.misfit * angle_rad) ** 2))
+        relative = np.hypot(MISFIT_LEVERAGE * self.misfit, self.other_u_rel)
+        return float(np.sqrt(by_noise + (relative * angle_rad) ** 2))
 
     @property
     def length_deviation_rel(self) -> float:
@@ -82,6 +86,7 @@ def claim(fit: Fit, sensor_weight: Real) -> Claim:
         reduced_chi_square=float((sensor_weight * fit.residual_g**2).sum()) / max(normalised.size - unknowns, 1),
         inflation=inflation,
         misfit=_misfit(fit, sensor_weight),
+        other_u_rel=angle_u_rel(fit.beliefs.rig.bandwidth_hz, fit.motion.period_s),
     )
 
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.stages.swing.bins import Bins, checked, concatenate, merge
+from gateway.stages.swing.bins import Bins, checked, concatenate, merge, single_samples
 from gateway.stages.swing.formulas import Extremes, extremes
 from gateway.stages.swing.model import Real
 from gateway.stages.swing.noise import believed_noise_g
@@ -25,8 +25,11 @@ class _Stretch:
 class RecentWindow:
     """Takes blocks; keeps `keep_s` of them as bins of `width_s`."""
 
-    def __init__(self, keep_s: float, width_s: float, stated_noise_g: float | Real | None) -> None:
+    def __init__(
+        self, keep_s: float, width_s: float, stated_noise_g: float | Real | None, bandwidth_hz: float | None = None
+    ) -> None:
         self._keep_s, self._width_s = keep_s, width_s
+        self._bandwidth_hz = bandwidth_hz
         self._stated_noise_g = stated_noise_g
         self._noise_g: Real | None = None
         self._tail_g: Real = np.empty((0, 3))
@@ -56,7 +59,7 @@ class RecentWindow:
         time_s, force_g = checked(np.concatenate(self._times_s), np.concatenate(self._forces_g))
         self._times_s, self._forces_g = [], []
         self._see_noise(force_g)
-        fresh = Bins(time_s, np.zeros_like(time_s), force_g, np.ones_like(time_s))
+        fresh = single_samples(time_s, force_g, self._bandwidth_hz)
         merged = merge(concatenate(self.fine, fresh), self._width_s)
         self.fine = merged.select(merged.time_s >= self.newest_s - self._keep_s)
         found = extremes(np.concatenate(self._lowpassed_g)) if self._lowpassed_g else None

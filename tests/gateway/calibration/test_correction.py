@@ -1,5 +1,7 @@
 """From raw to specific force: records, factory records, datasheet."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -60,3 +62,26 @@ def test_how_the_axes_lie_counts_across_the_rope(record):
     stored = CalibrationRecord.model_validate(record(covariance=covariance.tolist(), offset=[0.0, 0.0, 0.0]))
     u = correction_for(INFO, AXES, stored).u_zero_g_offset_g
     np.testing.assert_allclose(u, [np.radians(0.5) / 1.01, np.radians(0.5) / 1.01, 0], rtol=1e-2, atol=1e-9)
+
+
+def test_beyond_the_calibrated_temperatures_offset_and_scale_are_less_well_known(record):
+    """Type B of the datasheet's limits per kelvin, from the nearer end of the calibration's range on."""
+    info = dataclasses.replace(INFO, zero_g_offset_g_per_k=0.15e-3, scale_factor_per_k=1e-4)
+    made = record(temperature_c={"mean": 22.0, "min": 20.0, "max": 24.0})
+    correction = correction_for(info, AXES, CalibrationRecord.model_validate(made))
+    inside, at_34 = correction.beyond(correction.beyond_k(21.5)), correction.beyond(correction.beyond_k(34.0))
+
+    np.testing.assert_array_equal(inside.u_zero_g_offset_g, correction.u_zero_g_offset_g)
+    added_g = np.sqrt(at_34.u_zero_g_offset_g**2 - correction.u_zero_g_offset_g**2)
+    np.testing.assert_allclose(added_g, 10 * 0.15e-3 / np.sqrt(3))
+    added = np.sqrt(at_34.u_scale_factor**2 - correction.u_scale_factor**2)
+    np.testing.assert_allclose(added, 10 * 1e-4 / np.sqrt(3))
+    assert correction.beyond_k(14.2) == 6
+    assert correction.said_beyond(22.0) == correction.said_beyond(None) == ()
+    assert correction.said_beyond(34.0) == ("widened: at 34 °C, calibrated at 20 to 24 °C",)
+    assert (correction.u_force_g(np.zeros(3), 34.0) > correction.u_force_g(np.zeros(3), 22.0)).all()
+
+
+def test_a_record_that_knows_no_temperature_says_nothing_of_it(record):
+    correction = correction_for(INFO, AXES, CalibrationRecord.model_validate(record(temperature_c=None)))
+    assert correction.beyond_k(60.0) == 0
