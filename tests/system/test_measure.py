@@ -82,3 +82,14 @@ def test_the_gateways_recording_needs_no_rig(start_gateway, plumbline, tmp_path)
     found = json.loads((tmp_path / "out.json").read_text())
     assert found["swing"]["phi_max_deg"] == pytest.approx(1.5, abs=0.1)
     assert found["calibration"].startswith("factory")
+
+
+@pytest.mark.parametrize(("turning_dps", "verdict"), [(0.0, "static"), (10.0, "disturbed")])
+def test_angular_rates_of_a_recording_are_judged_too(plumbline, tmp_path, turning_dps, verdict):
+    write_recording(tmp_path / "log.csv", 0.0, seconds=20.0)
+    header, *rows = (tmp_path / "log.csv").read_text().splitlines()
+    lines = [f"{header},gx_dps,gy_dps,gz_dps", *(f"{row},0.01,-0.02,{turning_dps}" for row in rows)]
+    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n")
+    (tmp_path / "rig.toml").write_text(RIG)
+    plumbline("measure", tmp_path / "log.csv", "--rig", tmp_path / "rig.toml", "--json", tmp_path / "out.json")
+    assert json.loads((tmp_path / "out.json").read_text())["conditions"]["verdict"] == verdict

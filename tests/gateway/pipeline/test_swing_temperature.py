@@ -10,8 +10,8 @@ from gateway.calibration.correction import Correction
 from gateway.configuration.loading import validate
 from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.header import HeaderMaker
-from gateway.pipeline.runner import AtOnce
 from gateway.pipeline.pipeline import Pipeline
+from gateway.pipeline.runner import AtOnce
 from gateway.pipeline.swing_reading import SwingReading
 from gateway.stages.lowpass import LowPass
 
