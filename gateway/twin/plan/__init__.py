@@ -1,0 +1,1 @@
+"""Which manoeuvre would tell effects apart, before it is driven."""

@@ -1,0 +1,40 @@
+"""Effects that physics hardly separates, and what would separate them."""
+
+GROUPS: tuple[tuple[frozenset[str], str], ...] = (
+    (
+        frozenset({"axis_offset", "mount_misalignment", "steady_wind", "cross_axis"}),
+        "turn the housing about the rope by 90 degrees and record again: what stays with the sensor is offset, mount or "
+        "cross-axis pick-up, what turns is wind; a wider swing tells a tilt from an offset",
+    ),
+    (
+        frozenset({"axis_offset", "scale_error", "housing_position"}),
+        "turn the sensor upside down at rest: an offset keeps its sign, a scale error does not; measure the housing's place",
+    ),
+    (
+        frozenset({"rope_length", "clock_drift", "housing_position"}),
+        "measure the rope, or compare the recording's clock with another over some minutes",
+    ),
+    (
+        frozenset({"viscous_damping", "quadratic_drag", "coulomb_friction"}),
+        "record from a swing twice as wide until it has died away to a quarter",
+    ),
+    (
+        frozenset({"wind_gust", "trolley_acceleration", "impact", "hoisting"}),
+        "repeat the manoeuvre with the drives' own signals recorded, or with a second sensor at the pivot",
+    ),
+    (
+        frozenset({"slewing", "housing_spin"}),
+        "repeat with the crane's slewing locked; or look at the housing while the load swings",
+    ),
+)
+OTHERWISE = "record for longer and from a wider swing"
+
+
+def group_of(names: frozenset[str]) -> frozenset[str] | None:
+    """A group that holds all of these."""
+    return next((group for group, _ in GROUPS if names <= group), None)
+
+
+def split_by(names: frozenset[str]) -> str:
+    """The measurement or manoeuvre that would tell these apart."""
+    return next((text for group, text in GROUPS if names <= group), OTHERWISE)

@@ -1,0 +1,192 @@
+"""The whole workflow: load, fit the nuisances, locate, rank, search, judge on held-out data, answer."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.twin.effects.effect import Value
+from gateway.twin.model import Model
+from gateway.twin.reconcile.answering import Findings, reconciliation
+from gateway.twin.reconcile.detectors import coarser, find_limit, find_step
+from gateway.twin.reconcile.held_out import judge
+from gateway.twin.reconcile.loading import Loaded
+from gateway.twin.reconcile.lost import lost_samples, retimed_held_out
+from gateway.twin.reconcile.null_test import largest_by_chance, score
+from gateway.twin.reconcile.observations import Observations, Recordings, piece
+from gateway.twin.reconcile.result import Reconciliation
+from gateway.twin.reconcile.search import Attempt, Search
+from gateway.twin.reconcile.setting import Setting
+from gateway.twin.reconcile.starting import Situation, vibration
+from gateway.twin.reconcile.verdict import RIVAL, Contender, decide
+
+Array = NDArray[np.float64]
+Values = Mapping[str, Mapping[str, Value]]
+HELD_BACK = 1 / 3
+"""Part at the end of the log that is held out where there is no second recording."""
+JUDGED = 4
+SAME_LINE = 0.5
+"""A line must take at least this part of what it takes off the log's chi-square off the held-out one's."""
+NEAR = 5.0
+"""Sets within this many times `RIVAL` of the best on the log are judged on held-out data."""
+
+
+def reconcile(
+    model: Model,
+    log: Loaded,
+    held_out: Loaded | None,
+    *,
+    seed: int = 0,
+    tick: Callable[[str], None] = lambda _stage: None,
+) -> Reconciliation:
+    """Find what is missing; `tick` is told of each stage and each step of a fit."""
+    fault = log.fault or (None if held_out is None or held_out.fault is None else f"held-out: {held_out.fault}")
+    if fault is not None or log.observations is None:
+        return unusable(model, log, fault or "no samples")
+    recordings = _recordings(log.observations, None if held_out is None else held_out.observations)
+    recordings, always = _seen_in_readings(recordings)
+    rng = np.random.default_rng(seed)
+    tick("baseline")
+    believed = _search(model, recordings.log, {}, tick)
+    start = believed.try_values({})
+    if start is None:
+        return unusable(model, log, "the model as believed cannot be fitted")
+    search, base, recordings, lost = _singles(believed, start, recordings, always)
+    best = search.run(base, search.best())
+    best = best if _beyond_chance(search, base, best, rng) else base
+    tick("held-out")
+    contenders, base_contender = judged(search, best, recordings, frozenset(base.values))
+    seen = frozenset({"sample_loss"} if lost is not None else ())
+    answer = decide(contenders, base_contender, recordings.log, recordings.held_out, frozenset(base.values), seen, rng)
+    before = judge(model.rig, model.effects, recordings.held_out_as_stamped)
+    findings = Findings(model, recordings, search, start, before, contenders, answer, lost)
+    return reconciliation(findings, log.counts, rng)
+
+
+def _search(model: Model, log: Observations, always: Values, tick: Callable[[str], None]) -> Search:
+    return Search(Setting(model.rig, model.effects, log, lambda: tick("search")), always)
+
+
+def _singles(
+    believed: Search, start: Attempt, recordings: Recordings, always: Values
+) -> tuple[Search, Attempt, Recordings, float | None]:
+    """Single effects beside what the readings themselves show; again at true times where samples were lost."""
+    search, base = _based(believed, start, always, recordings.held_out)
+    walk = lost_samples(search, search.lasting(base))
+    if walk is None:
+        search.singles(base)
+        return search, base, recordings, None
+    held_out = retimed_held_out(search, recordings.held_out, walk)
+    recordings = replace(recordings, log=walk.retimed(recordings.log), held_out=held_out)
+    again = Search(replace(search.setting, log=recordings.log), {})
+    start = again.try_values({}) or start
+    search, base = _based(again, start, {name: search.always[name] for name in always}, held_out)
+    search.lasting(base)
+    search.singles(base)
+    return search, base, recordings, walk.fraction
+
+
+def _beyond_chance(search: Search, base: Attempt, best: Attempt, rng: np.random.Generator) -> bool:
+    """More than noise of the residual's own colour reaches with any effect."""
+    if best is base or search.signatures is None:
+        return False
+    residual = search.setting.log.residual_sigma(best.fit.force_g)
+    reached = score(base.fit.chi2 - best.fit.chi2, max(1, best.parameters - base.parameters))
+    return reached > largest_by_chance(search.signatures.of, residual, rng)
+
+
+def _based(search: Search, start: Attempt, always: Values, held_out: Observations) -> tuple[Search, Attempt]:
+    """The search on what is always there: what the values show, and a machine's line."""
+    base = search.try_values(always) or start
+    search.always = _with_line(search, base, always, held_out)
+    return search, search.attempts[frozenset(search.always)]
+
+
+def _recordings(log: Observations, held_out: Observations | None) -> Recordings:
+    if held_out is not None:
+        return Recordings(log, held_out, held_out, last_third=False)
+    cut = int(len(log.time_s) * (1 - HELD_BACK))
+    held_back = piece(log, cut, len(log.time_s))
+    return Recordings(piece(log, 0, cut), held_back, held_back, last_third=True)
+
+
+def _seen_in_readings(recordings: Recordings) -> tuple[Recordings, Values]:
+    """Steps and limits, which need no model."""
+    log, held_out = recordings.log, recordings.held_out
+    step_g = find_step(log.force_g, log.noise_g)
+    if step_g is not None:
+        coarse = coarser(log, step_g)
+        log, held_out = replace(log, noise_g=coarse), replace(held_out, noise_g=coarse)
+        return Recordings(log, held_out, held_out, recordings.last_third), {"quantization": {"lsb_g": step_g}}
+    limit_g = find_limit(log.force_g)
+    return recordings, {} if limit_g is None else {"clipping": {"full_scale_g": limit_g}}
+
+
+def _with_line(search: Search, base: Attempt, always: Values, held_out: Observations) -> Values:
+    """A machine's line stands far above the swing's frequencies and hides nothing: it is added before the search.
+
+    Only if the same line is in the held-out recording, too: steps of the readings and the swing make lines of their own.
+    """
+    log = search.setting.log
+    if "vibration" in search.setting.believed:
+        return always
+    situation = Situation(search.setting.rig, log, log.force_g - base.fit.force_g, ())
+    found = vibration(situation)
+    if not found:
+        return always
+    tried = search.try_values({**always, "vibration": found[0]})
+    if tried is None or not search.worth(base, tried):
+        return always
+    rig, effects = search.setting.rig, search.setting.believed
+    without, with_it = (judge(rig, {**effects, **each.values}, held_out).reduced for each in (base, tried))
+    if without - with_it < SAME_LINE * (base.reduced - tried.reduced):
+        return always
+    return {name: tried.values[name] for name in (*always, "vibration")}
+
+
+def judged(
+    search: Search, best: Attempt, recordings: Recordings, always: frozenset[str]
+) -> tuple[list[Contender], Contender]:
+    """The sets near the best on the log, judged on the held-out recording, best first; and the base."""
+    setting, unit = search.setting, search.unit()
+    least = search.bic(best, unit)
+    ranked = sorted(search.attempts.values(), key=lambda a: search.bic(a, unit))
+    near = [a for a in ranked if a is not best and search.bic(a, unit) < least + NEAR * RIVAL and always <= a.names]
+
+    def contender(attempt: Attempt) -> Contender:
+        found = judge(setting.rig, {**setting.believed, **attempt.values}, recordings.held_out)
+        return Contender(attempt, found, search.bic(attempt, unit), 0.0)
+
+    found = [contender(a) for a in [best, *near[: JUDGED - 1]]]
+    start = contender(search.attempts[always])
+    evidence = [c.bic + c.judged.fit.chi2 / unit for c in found]
+    order = np.argsort(evidence)
+    return [replace(found[i], behind=evidence[i] - evidence[order[0]]) for i in order], start
+
+
+def unusable(model: Model, log: Loaded, fault: str) -> Reconciliation:
+    """The answer where nothing can be said."""
+    return Reconciliation(
+        verdict="data_unusable",
+        reason=fault,
+        rig=model.rig,
+        effects=(),
+        candidates=(),
+        split_by=None,
+        disagreement=(),
+        gap=None,
+        residual=None,
+        steps=(),
+        scores=(),
+        ranking=(),
+        confusable=(),
+        equations_before=(),
+        equations_after=(),
+        log=None,
+        held_out=None,
+        held_out_is_last_third=False,
+        refitted_on_held_out=(),
+        counts=log.counts,
+        model=model.effects,
+    )

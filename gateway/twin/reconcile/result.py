@@ -1,0 +1,217 @@
+"""What a reconciliation found: JSON, text and report are made from these.
+
+Residual is measured - simulated; sigma is the believed noise of the rig, per sample and axis. Times count from the
+recording's first sample. chi-square is reduced: 1 is noise alone. Lone spikes count nowhere.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.twin.effects.effect import Value
+from gateway.twin.model import TwinRig
+
+Array = NDArray[np.float64]
+Verdict = Literal["data_unusable", "none_missing", "named", "one_of", "named_with_remainder", "unmodelled"]
+
+
+@dataclass(frozen=True, slots=True)
+class Curves:
+    """One recording against two models of it."""
+
+    time_s: Array
+    """Shape (n,)."""
+    measured_g: Array
+    """Shape (n, 3): x, y, z of the housing."""
+    before_g: Array
+    """Simulated by the model as believed, initial motion fitted, shape (n, 3)."""
+    after_g: Array
+    """Simulated by the final model, shape (n, 3)."""
+    used: NDArray[np.bool_]
+    """False for lone spikes, shape (n,)."""
+    noise_g: Array
+    """Shape (3,)."""
+
+    @property
+    def residual_before_g(self) -> Array:
+        """Measured - simulated by the model as believed, shape (n, 3)."""
+        return self.measured_g - self.before_g
+
+    @property
+    def residual_after_g(self) -> Array:
+        """Measured - simulated by the final model, shape (n, 3)."""
+        return self.measured_g - self.after_g
+
+
+@dataclass(frozen=True, slots=True)
+class Disagreement:
+    """Where the believed model and the data part."""
+
+    axis: str
+    """x, y or z."""
+    from_s: float
+    to_s: float
+    band_hz: tuple[float, float]
+    rms_sigma: float
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """A parameter of a named effect."""
+
+    value: Value
+    ci95: tuple[Value, Value]
+    unit: str
+    meaning: str
+    plausible: bool
+    """Inside its physical bounds, not resting on one."""
+
+
+@dataclass(frozen=True, slots=True)
+class NamedEffect:
+    """An effect that the data hold."""
+
+    name: str
+    explains: str
+    equation: str
+    parameters: Mapping[str, Estimate]
+    when_s: tuple[float, float] | None
+    """When a transient effect acted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A set of effects that was fitted, with its evidence."""
+
+    names: tuple[str, ...]
+    chi2_log: float
+    """Reduced."""
+    chi2_held_out: float | None
+    """Reduced; None where it was not judged there."""
+    bic: float
+    """Chi-square over the noise's colour, + parameters x ln(numbers)."""
+    behind: float
+    """Evidence by which it falls behind the best: BIC on the log and, where judged, chi-square on held-out; 0 for the best."""
+    rival: bool
+    """Explains the data as well as the best."""
+
+
+@dataclass(frozen=True, slots=True)
+class Scored:
+    """What the score test says of an effect before it is fitted."""
+
+    name: str
+    drop: float
+    """Part of the remaining chi-square excess that it could take away at most, by linearisation."""
+    statistic: float
+    """Drop over the noise's colour."""
+    threshold: float
+    """What noise alone reaches in one family of tests of a thousand."""
+
+
+@dataclass(frozen=True, slots=True)
+class Confusable:
+    """Two effects whose signatures the data cannot, or can hardly, tell apart."""
+
+    first: str
+    second: str
+    cosine: float
+    """Of the smallest angle between them after projecting the initial motion out; 1 is the same signature."""
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One step of the search."""
+
+    added: tuple[str, ...]
+    dropped: tuple[str, ...]
+    names: tuple[str, ...]
+    """The model after it."""
+    gap_log: float
+    gap_held_out: float | None
+    bic: float
+
+
+@dataclass(frozen=True, slots=True)
+class Gap:
+    """Reduced chi-square of the residual before and after."""
+
+    before_log: float
+    before_held_out: float | None
+    after_log: float
+    after_held_out: float | None
+    held_out_interval: tuple[float, float] | None
+    """95 % block-bootstrap interval of what the model takes off the held-out chi-square."""
+
+    @staticmethod
+    def closed_percent(before: float | None, after: float | None) -> float | None:
+        """100 (before - after)/(before - 1); None where nothing was open."""
+        if before is None or after is None or before <= 1.0:
+            return None
+        return 100 * (before - after) / (before - 1)
+
+
+@dataclass(frozen=True, slots=True)
+class Peak:
+    """A line in what remains."""
+
+    hz: float
+    axis: str
+    amplitude_g: float
+
+
+@dataclass(frozen=True, slots=True)
+class Spectrum:
+    """Of the residual in sigma; white noise of the believed size is 1 everywhere."""
+
+    frequency_hz: Array
+    """Shape (m,)."""
+    before: Array
+    """Shape (m, 3)."""
+    after: Array
+    """Shape (m, 3)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Residual:
+    """What the final model leaves."""
+
+    white: bool
+    ljung_box_p: float
+    peaks: tuple[Peak, ...]
+    spectrum: Spectrum | None
+
+
+@dataclass(frozen=True, slots=True)
+class Reconciliation:
+    """The answer."""
+
+    verdict: Verdict
+    reason: str
+    """One sentence: why this verdict; for data_unusable what is wrong and what would do."""
+    rig: TwinRig
+    effects: tuple[NamedEffect, ...]
+    candidates: tuple[str, ...]
+    """Names that explain the data equally well, where the verdict is one_of."""
+    split_by: str | None
+    disagreement: tuple[Disagreement, ...]
+    gap: Gap | None
+    residual: Residual | None
+    steps: tuple[Step, ...]
+    scores: tuple[Scored, ...]
+    ranking: tuple[Candidate, ...]
+    confusable: tuple[Confusable, ...]
+    equations_before: tuple[str, ...]
+    equations_after: tuple[str, ...]
+    log: Curves | None
+    held_out: Curves | None
+    """None where LOG's own last third was held out and no second recording was given."""
+    held_out_is_last_third: bool
+    refitted_on_held_out: tuple[str, ...]
+    counts: Mapping[str, int]
+    """Samples read, used, lone spikes, lost, repeated, invalid."""
+    model: Mapping[str, Mapping[str, Value]]
+    """`[model.*]` of the final model, those that the rig had before included."""

@@ -1,0 +1,67 @@
+"""Score test: what each effect could take off the residual, from one linearisation of the model with all of them at rest.
+
+Rao 1948: the gradient of the likelihood by an effect's parameters where the effect is absent, projected off what is fitted
+anyway, over its own covariance. One linearisation serves all effects.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.twin.effects import EFFECTS
+from gateway.twin.reconcile.isolability import orthonormal
+from gateway.twin.reconcile.setting import Setting
+from gateway.twin.reconcile.shooting import HEADING, Fit
+
+Array = NDArray[np.float64]
+UNSUITED = frozenset({"double_pendulum", "rope_stretch", "vibration", "clipping", "quantization", "sample_loss"})
+NEUTRAL_CUTOFF_HZ = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class Signatures:
+    """How the readings answer to each effect, the nuisances and the model's own parameters projected out."""
+
+    residual: Array
+    """Sigma, projected, shape (3 n,)."""
+    of: Mapping[str, Array]
+    """Effect -> projected columns in sigma, shape (3 n, parameters)."""
+
+    def drop(self, name: str) -> float:
+        """By how much chi-square would fall, as if the effect were linear; signs of one-sided parameters are kept."""
+        columns = self.of[name]
+        solved, *_ = np.linalg.lstsq(columns, self.residual, rcond=1e-9)
+        lower = np.array([p.lower for p in EFFECTS[name].parameters])
+        if columns.shape[1] == 1 and lower[0] == 0 and solved[0] < 0 and name != "lowpass_lag":
+            return 0.0
+        fitted = columns @ solved
+        return float(fitted @ self.residual)
+
+
+def signatures(
+    setting: Setting, fit: Fit, values: Mapping[str, Mapping[str, object]], names: Sequence[str]
+) -> Signatures:
+    """Of effects that are smooth where they vanish, beside a fitted model."""
+    own = frozenset(values)
+    tried = [n for n in names if n not in own and n not in UNSUITED and not EFFECTS[n].transient]
+    simulator = setting.simulator((*own, *tried))
+    model = setting.simulator(tuple(own)).effects(fit.values)
+    if "lowpass_lag" in tried:
+        model["lowpass_lag"] = {"cutoff_hz": NEUTRAL_CUTOFF_HZ}
+    at = simulator.values(fit.values[: simulator.starts], model)
+    o = setting.log
+    found = simulator.linearise(at, o.time_s, o.temperature_c)
+    weight = (o.used[:, None] / o.noise_g)[:, :, None]
+    flat = (found.jacobian * weight).reshape(-1, len(simulator.parameters))
+    nuisance = [
+        i for i, slot in enumerate(simulator.parameters) if (slot.refitted or slot.effect in own) and i != HEADING
+    ]
+    basis = orthonormal(flat[:, nuisance])
+    residual = o.residual_sigma(fit.force_g).ravel()
+    of = {}
+    for name in tried:
+        columns = flat[:, [i for i, slot in enumerate(simulator.parameters) if slot.effect == name]]
+        of[name] = columns - basis @ (basis.T @ columns)
+    return Signatures(residual - basis @ (basis.T @ residual), of)

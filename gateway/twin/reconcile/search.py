@@ -1,0 +1,335 @@
+"""The search for what is missing: singles, pairs, swaps and drops; every set that was fitted is kept with its evidence."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.effect import Value
+from gateway.twin.reconcile.events import Window, find_windows
+from gateway.twin.reconcile.noise import colour
+from gateway.twin.reconcile.score import UNSUITED, Signatures, signatures
+from gateway.twin.reconcile.setting import SEARCH_ROUNDS, Setting
+from gateway.twin.reconcile.shooting import Fit
+from gateway.twin.reconcile.starting import STARTS, Situation
+
+Array = NDArray[np.float64]
+Values = Mapping[str, Mapping[str, Value]]
+LASTING = tuple(n for n, e in EFFECTS.items() if not e.transient and n not in UNSUITED)
+TRANSIENT = tuple(n for n, e in EFFECTS.items() if e.transient)
+SPECTRAL = ("clipping", "rope_stretch", "double_pendulum")
+TURNING = frozenset({"housing_spin", "slewing"})
+"""Pieces cannot be told to join before it is known how fast they turn."""
+CHANGES_LENGTH = frozenset({"hoisting", "load_change"})
+SEEN = frozenset({"quantization", "clipping"})
+"""Found in the readings themselves: no fit takes them away again."""
+MOST_EFFECTS = 3
+PARENTS = 2
+CHILDREN = 4
+HOPELESS = 0.5
+"""An effect whose signature reaches less than this share of what the best one's reaches is no rival to one that explains all."""
+HOPEFUL, WINDOWS_LEAVE = 1.3, 0.6
+"""An event is tried where its window leaves less than this part of what the best model so far leaves."""
+LEAST_SHARE = 0.8
+"""What the best single effect may leave of the gap for pairs to be looked at: one of two causes does more than that alone."""
+WORTH_GOING_ON = 0.1
+"""What pairs leave of the gap, beyond which more effects only bend the model to the data."""
+POLISHED, POLISH_ROUNDS = 2, 20
+STRETCHED = (2.5, 0.4)
+EDGE_S = 1.0
+"""An event must begin and end this far inside the recording, or it is no event."""
+LEAST_EFFECT = 0.002
+"""Share of the noise's variance that an effect must take off the residual to be worth a name."""
+LEAST_STATISTIC = 25.0
+"""Chi-square over the noise's colour that an effect must take off: 1 in 10^5 for four parameters, times the family."""
+OPEN = 0.03
+"""Excess of the reduced chi-square that is something left; less cannot be told from a noise stated 1.5 % too low."""
+
+
+@dataclass(frozen=True, slots=True)
+class Attempt:
+    """A set of effects, fitted to the log."""
+
+    values: Values
+    fit: Fit
+    reduced: float
+    parameters: int
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The set."""
+        return frozenset(self.values)
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """A step of the search that was kept."""
+
+    added: frozenset[str]
+    dropped: frozenset[str]
+    names: frozenset[str]
+    reduced: float
+    bic: float
+
+
+@dataclass(slots=True)
+class Search:
+    """All attempts so far."""
+
+    setting: Setting
+    always: Values
+    """Effects found without fitting; every attempt has them."""
+    attempts: dict[frozenset[str], Attempt] = field(default_factory=dict)
+    scores: dict[str, float] = field(default_factory=dict)
+    """Drop of chi-square beside the nuisances alone, by linearisation."""
+    signatures: Signatures | None = None
+    """Beside what is always there."""
+    history: list[Move] = field(default_factory=list)
+
+    def try_values(
+        self, values: Values, starts: Array | None = None, rounds: int = SEARCH_ROUNDS, beyond: float = np.inf
+    ) -> Attempt | None:
+        """Fit a set from these values; the better one is kept where the set was fitted before. None where it cannot be."""
+        setting = self.setting
+        try:
+            fit = setting.fit(values, starts, rounds, beyond)
+        except (np.linalg.LinAlgError, FloatingPointError):
+            return None
+        if not np.isfinite(fit.chi2):
+            return None
+        model = setting.simulator(tuple(values)).effects(fit.values)
+        fitted = {name: model[name] for name in values}
+        if not all(_inside(name, fitted[name], setting.log.duration_s) for name in values):
+            return None
+        simulator = setting.simulator(tuple(values))
+        parameters = sum(slot.effect in values for slot in simulator.parameters) + simulator.starts - 5
+        found = Attempt(fitted, fit, fit.chi2 / setting.log.count, parameters)
+        known = self.attempts.get(found.names)
+        if known is None or found.reduced < known.reduced:
+            self.attempts[found.names] = found
+        return self.attempts[found.names]
+
+    def best(self) -> Attempt:
+        """By BIC over the colour of the noise of the best-fitting."""
+        chi2_unit = self.unit()
+        return min(self.attempts.values(), key=lambda a: self.bic(a, chi2_unit))
+
+    def unit(self) -> float:
+        """Colour of what the best-fitting attempt leaves."""
+        least = min(self.attempts.values(), key=lambda a: a.reduced)
+        return colour(self.setting.log.time_s, self.setting.log.residual_sigma(least.fit.force_g))
+
+    def bic(self, attempt: Attempt, unit: float) -> float:
+        """Chi-square over the noise's colour + parameters x ln(numbers)."""
+        return attempt.fit.chi2 / unit + attempt.parameters * math.log(self.setting.log.count)
+
+    # moves
+
+    def lasting(self, base: Attempt) -> Attempt:
+        """The best of the base and all single effects beside it that act all the time."""
+        self._lasting_children(base, self.setting.starts(base.values), first=True)
+        return self.best()
+
+    def singles(self, base: Attempt) -> Attempt:
+        """The best of the base and all single effects; `lasting` comes first."""
+        self._try_found_in_data(base, self.setting.starts(base.values))
+        self._polished(len(base.values) + 1)
+        best = self.best()
+        return self._kept(base, best if self.worth(base, best) else base)
+
+    def run(self, base: Attempt, best: Attempt) -> Attempt:
+        """On from the best single effect, until nothing worth a name is left."""
+        if best.reduced - 1 > LEAST_SHARE * (base.reduced - 1):
+            return self._kept(best, self._dropped(best))
+        for _ in range(MOST_EFFECTS - 1):
+            if not self.open(best):
+                break
+            ahead = self._grow(self._parents(len(best.values)))
+            if ahead is best:
+                break
+            hopeless = ahead.reduced - 1 > WORTH_GOING_ON * (base.reduced - 1)
+            if hopeless:
+                best = self._kept(best, ahead)
+                break
+            best = self._kept(best, self._swapped(ahead))
+        return self._kept(best, self._dropped(best))
+
+    def _kept(self, before: Attempt, after: Attempt) -> Attempt:
+        if before.names != after.names:
+            move = Move(
+                after.names - before.names,
+                before.names - after.names,
+                after.names,
+                after.reduced,
+                self.bic(after, self.unit()),
+            )
+            self.history.append(move)
+        return after
+
+    def open(self, attempt: Attempt) -> bool:
+        """Something is left."""
+        return attempt.reduced > 1 + OPEN
+
+    def _polished(self, size: int) -> None:
+        """Go on with the best fits of events, which creep along narrow valleys."""
+        unit = self.unit()
+        ranked = sorted((a for a in self.attempts.values() if len(a.values) == size), key=lambda a: self.bic(a, unit))
+        for attempt in ranked[:POLISHED]:
+            if self.open(self.best()) and any(EFFECTS[name].transient for name in attempt.values):
+                polished = self.try_values(attempt.values, rounds=POLISH_ROUNDS)
+                if polished is not None:
+                    for name in sorted(polished.names):
+                        self._stretched(polished, name)
+
+    def _stretched(self, attempt: Attempt, name: str) -> None:
+        """Once more with an event shorter and longer about the same middle: a short strong one is much like a long weak one."""
+        values = attempt.values[name]
+        if not EFFECTS[name].transient or "duration_s" not in values or "coast_s" in values:
+            return
+        start_s, duration_s = (float(np.asarray(values[key])) for key in ("start_s", "duration_s"))
+        for factor in STRETCHED:
+            if self.open(self.best()):
+                length_s = factor * duration_s
+                other = {"start_s": start_s + (duration_s - length_s) / 2, "duration_s": length_s}
+                self.try_values({**attempt.values, name: other}, rounds=POLISH_ROUNDS, beyond=self._rival_chi2())
+
+    def _rival_chi2(self) -> float:
+        """Above this a set is no rival to the best; twice what is left, since fits still creep."""
+        best = self.best()
+        return 2 * best.fit.chi2
+
+    def _parents(self, size: int) -> list[Attempt]:
+        unit = self.unit()
+        ranked = sorted((a for a in self.attempts.values() if len(a.values) == size), key=lambda a: self.bic(a, unit))
+        return ranked[:PARENTS]
+
+    def _grow(self, parents: list[Attempt]) -> Attempt:
+        """All that one more effect can do beside each parent; the best of all afterwards."""
+        before = self.best()
+        for parent in parents:
+            starts = self.setting.starts(parent.values)
+            self._lasting_children(parent, starts, first=False)
+            self._try_found_in_data(parent, starts)
+        self._polished(len(parents[0].values) + 1)
+        after = self.best()
+        return after if self.worth(before, after) else before
+
+    def worth(self, before: Attempt, after: Attempt) -> bool:
+        """The gain is large enough for a name, and no accident."""
+        gain = before.fit.chi2 - after.fit.chi2
+        more = max(1, after.parameters - before.parameters)
+        statistic = gain / self.unit() / (1 + 0.1 * more)
+        return gain > LEAST_EFFECT * self.setting.log.count and statistic > LEAST_STATISTIC
+
+    def _lasting_children(self, parent: Attempt, starts: Array, *, first: bool) -> None:
+        setting = self.setting
+        scored = signatures(setting, parent.fit, parent.values, possible(setting))
+        drops = {name: scored.drop(name) for name in scored.of}
+        if first:
+            self.scores.update(drops)
+            self.signatures = scored
+        ranked = sorted(drops, key=lambda name: -drops[name])
+        for rank, name in enumerate(ranked):
+            explained = self.best().reduced < 1 + OPEN
+            if drops[name] < HOPELESS * drops[ranked[0]] and (explained or rank >= CHILDREN):
+                break
+            if not first and rank >= CHILDREN:
+                break
+            turns = name in TURNING
+            situation = Situation(setting.rig, setting.log, setting.log.force_g - parent.fit.force_g, ())
+            self._try(parent, name, STARTS[name](situation) if turns else [{}], None if turns else starts)
+
+    def _try_found_in_data(self, parent: Attempt, starts: Array) -> None:
+        """Effects whose times or frequencies have to be found first."""
+        setting, o = self.setting, self.setting.log
+        residual_g = o.force_g - parent.fit.force_g
+        for name in SPECTRAL:
+            if self.open(self.best()):
+                self._try(parent, name, STARTS[name](Situation(setting.rig, o, residual_g, ())), None)
+        best = self.best()
+        if not self.open(best) and best is not parent:
+            return
+        for lengths in (False, True):
+            windows = self._windows(parent, length=lengths)
+            situation = Situation(setting.rig, o, residual_g, windows)
+            best = self.best()
+            # With the rope's length the answer is far from linear, and the windows' promise is too small.
+            share = HOPEFUL if lengths else WINDOWS_LEAVE
+            if min(w.left for w in windows) - o.count < max(share * (best.fit.chi2 - o.count), OPEN * o.count):
+                for name in TRANSIENT:
+                    if (name in CHANGES_LENGTH) == lengths:
+                        self._try(parent, name, STARTS[name](situation), starts)
+
+    def _windows(self, parent: Attempt, *, length: bool) -> tuple[Window, ...]:
+        setting, o = self.setting, self.setting.log
+        extra = ("rope_length",) if length and "rope_length" not in parent.values else ()
+        simulator = setting.simulator((*parent.values, *extra))
+        model = setting.simulator(tuple(parent.values)).effects(parent.fit.values)
+        at = simulator.values(parent.fit.values[: simulator.starts], model)
+        found = simulator.linearise(at, o.time_s, o.temperature_c)
+        weight = (o.used[:, None] / o.noise_g)[:, :, None]
+        chosen = [0, 1, 2, 3] + [i for i, s in enumerate(simulator.parameters) if s.effect in extra]
+        return find_windows(
+            o.time_s, o.residual_sigma(parent.fit.force_g), (found.jacobian * weight)[..., chosen], o.used
+        )
+
+    def _try(self, parent: Attempt, name: str, starts_of: Iterable[Mapping[str, Value]], starts: Array | None) -> None:
+        if name in parent.values or name in self.setting.believed or _excluded(name, parent.names):
+            return
+        tried = list(starts_of)
+        if name == "double_pendulum" and tried:
+            several = [{**parent.values, name: values} for values in tried]
+            tried = [self.setting.best_beginning(several, "double_pendulum.rigging_length_m")[name]]
+        for turn, values in enumerate(tried):
+            if turn and not self.open(self.best()):
+                return
+            self.try_values({**parent.values, name: values or _first_values(name)}, starts, beyond=self._rival_chi2())
+
+    def _swapped(self, best: Attempt) -> Attempt:
+        """Each effect of a pair is replaced by the best others, the rest kept."""
+        for name in sorted(best.names - set(self.always)):
+            rest = {n: v for n, v in best.values.items() if n != name}
+            without = self.attempts.get(frozenset(rest)) or self.try_values(rest)
+            if without is not None:
+                starts = self.setting.starts(without.values)
+                scored = signatures(self.setting, without.fit, without.values, possible(self.setting))
+                for other in sorted(scored.of, key=lambda n: -scored.drop(n))[:CHILDREN]:
+                    if frozenset({*rest, other}) not in self.attempts:
+                        self._try(without, other, [{}], starts)
+        found = self.best()
+        return found if self.worth(best, found) or len(found.values) <= len(best.values) else best
+
+    def _dropped(self, best: Attempt) -> Attempt:
+        """Without what is not worth its name."""
+        for name in sorted(best.names - SEEN):
+            rest = {n: v for n, v in best.values.items() if n != name}
+            without = self.try_values(rest, rounds=POLISH_ROUNDS)
+            if without is not None and not self.worth(without, best):
+                return self._dropped(without)
+        return best
+
+
+def possible(setting: Setting) -> tuple[str, ...]:
+    """Lasting effects that the recording could show: without a temperature none shows a drift by it."""
+    return tuple(n for n in LASTING if n != "thermal_drift" or setting.log.temperature_c is not None)
+
+
+def _first_values(name: str) -> dict[str, Value]:
+    return {"cutoff_hz": 2.0} if name == "lowpass_lag" else {}
+
+
+def _excluded(name: str, names: frozenset[str]) -> bool:
+    return {name} | names >= {"double_pendulum", "rope_stretch"}
+
+
+def _inside(name: str, values: Mapping[str, Value], duration_s: float) -> bool:
+    """A transient effect begins and ends inside the recording."""
+    if not EFFECTS[name].transient:
+        return True
+    start = float(np.asarray(values["start_s"]))
+    length = float(np.asarray(values.get("duration_s", 0.0)))
+    end = start + (2 * length + float(np.asarray(values["coast_s"])) if "coast_s" in values else length)
+    return start >= EDGE_S and end <= duration_s - EDGE_S

@@ -1,0 +1,176 @@
+"""Where to start the fit of an effect: fits are not convex in times and frequencies, so those come from the data."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.twin.effects.effect import Value
+from gateway.twin.model import TwinRig
+from gateway.twin.reconcile.events import Window
+from gateway.twin.reconcile.observations import Observations
+from gateway.twin.reconcile.spectrum import machine_line, sine_amplitudes, strongest_line
+
+Array = NDArray[np.float64]
+Values = dict[str, Value]
+BOUNCE_HZ = (0.5, 8.0)
+RIGGING_PARTS = (0.08, 0.13, 0.2, 0.27, 0.35, 0.45, 0.6)
+FASTER = 1.01
+APART = (1.5, 12.0)
+"""Fast mode over slow mode of a hook block with weight; nearer lines are one swing that changes."""
+SWINGS_HZ = (0.03, 2.0)
+SWING_MIDDLE_HZ = 0.5
+SLOWEST_TURN_DEG_S = 0.3
+EVIDENT = 100.0
+"""Power of a line over the floor around it."""
+WIDER = 1.5
+OFF_GRID_S = 0.013
+"""So that no edge stands on a sample."""
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What is known when an effect is to be tried."""
+
+    rig: TwinRig
+    observations: Observations
+    residual_g: Array
+    """Of the model so far, shape (n, 3)."""
+    windows: tuple[Window, ...]
+    """Up to growing lengths, as `LENGTHS_S` has them."""
+
+
+def nowhere(_situation: Situation) -> list[Values]:
+    """Neutral: the effect is linear there."""
+    return [{}]
+
+
+def impact(situation: Situation) -> list[Values]:
+    """In the middle of the short windows."""
+    return [{"start_s": (w.from_s + w.to_s) / 2 + OFF_GRID_S} for w in situation.windows[:2]]
+
+
+def gust(situation: Situation) -> list[Values]:
+    """About the windows' middles, longer: a gust swells and dies away."""
+    return [_between(w, WIDER) for w in situation.windows[1:3]]
+
+
+def hoisting(situation: Situation) -> list[Values]:
+    """As long as the windows."""
+    return [_between(w) for w in situation.windows[1:]]
+
+
+def trolley(situation: Situation) -> list[Values]:
+    """Two ramps at the ends of the windows."""
+    found: list[Values] = []
+    for w in situation.windows[2:]:
+        length_s = max(w.to_s - w.from_s, 2.0)
+        found.append({"start_s": w.from_s + OFF_GRID_S, "duration_s": 0.25 * length_s, "coast_s": 0.5 * length_s})
+    return found
+
+
+def _between(window: Window, wider: float = 1.0) -> Values:
+    middle_s, length_s = (window.from_s + window.to_s) / 2, wider * max(window.to_s - window.from_s, 2.0)
+    return {"start_s": middle_s - length_s / 2 + OFF_GRID_S, "duration_s": length_s}
+
+
+def vibration(situation: Situation) -> list[Values]:
+    """At the strongest line above the pendulum's frequencies; none if there is none."""
+    o = situation.observations
+    line = machine_line(o.time_s, situation.residual_g, o.noise_g)
+    return [] if line is None else [sines(line.frequency_hz, line.phasors_g)]
+
+
+def sines(frequency_hz: float, phasors: NDArray[np.complex128]) -> Values:
+    """Amplitudes with signs about one phase: a sin(angle + phase) is nearest to Re(c exp(i angle))."""
+    phase = float(np.angle((phasors**2).sum()) / 2)
+    amplitudes = (phasors * np.exp(-1j * phase)).real
+    wrapped = (phase + np.pi / 2 + np.pi) % (2 * np.pi) - np.pi
+    return {"frequency_hz": frequency_hz, "amplitude_g": tuple(float(a) for a in amplitudes), "phase_rad": wrapped}
+
+
+def bounce(situation: Situation) -> list[Values]:
+    """At the strongest line of the axial reading, if it stands out."""
+    o = situation.observations
+    axial = situation.residual_g * [0.0, 0.0, 1.0] / o.noise_g
+    line = strongest_line(o.time_s, axial, *BOUNCE_HZ)
+    return [] if line is None or line.power[2] < EVIDENT else [{"frequency_hz": line.frequency_hz}]
+
+
+def two_modes(situation: Situation) -> list[Values]:
+    """Rigging and hook whose two modes are the two strongest lines of the lateral readings."""
+    o, rig = situation.observations, situation.rig
+    lateral = o.force_g * [1.0, 1.0, 0.0] / o.noise_g
+    lines: list[float] = []
+    for _ in range(2):
+        line = strongest_line(o.time_s, lateral, *SWINGS_HZ)
+        if line is None or float(line.power[:2].sum()) < EVIDENT:
+            return []
+        lines.append(line.frequency_hz)
+        for hz in line.frequency_hz * np.array([1.0, 2.0, 3.0]):
+            phasors = sine_amplitudes(o.time_s, lateral, hz)
+            lateral = lateral - (phasors * np.exp(2j * np.pi * hz * o.time_s)[:, None]).real
+    if not APART[0] < max(lines) / min(lines) < APART[1]:
+        return []
+    found: list[Values] = []
+    ratio = np.geomspace(0.01, 3.0, 300)
+    for part in RIGGING_PARTS:
+        # The fast mode at a large swing is slower than the small-swing formula says, so many pairs are worth a look.
+        length_m = part * rig.length_m
+        fast_hz = modes_hz(rig, np.full_like(ratio, length_m), ratio)[1]
+        best = int(np.argmin(np.abs(fast_hz - FASTER * max(lines))))
+        found.append({"rigging_length_m": length_m, "hook_mass_ratio": float(ratio[best])})
+    return found
+
+
+def modes_hz(rig: TwinRig, rigging_m: Array, hook_mass_ratio: Array) -> tuple[Array, Array]:
+    """Slow and fast mode of a double pendulum whose whole length is the rope's."""
+    r, sum_1_m = 1 / hook_mass_ratio, 1 / (rig.length_m - rigging_m) + 1 / rigging_m
+    product_1_m2 = 1 / ((rig.length_m - rigging_m) * rigging_m)
+    root = np.sqrt((1 + r) ** 2 * sum_1_m**2 - 4 * (1 + r) * product_1_m2)
+    slow, fast = (np.sqrt(rig.gravity_m_s2 / 2 * ((1 + r) * sum_1_m + sign * root)) / (2 * np.pi) for sign in (-1, 1))
+    return slow, fast
+
+
+def turning(situation: Situation) -> list[Values]:
+    """As fast as the swing's figure turns in the housing's axes.
+
+    x + i y of a swing holds lines at +f and -f; turning by Omega moves both to one side.
+    """
+    o = situation.observations
+    figure = o.force_g[:, 0] + 1j * o.force_g[:, 1]
+    window = np.hanning(len(figure))
+    transform = np.abs(np.fft.fft((figure - figure.mean()) * window, 8 * len(figure)))
+    frequency_hz = np.fft.fftfreq(8 * len(figure), o.duration_s / (len(figure) - 1))
+    ahead, back = (np.abs(frequency_hz - sign * SWING_MIDDLE_HZ) < SWING_MIDDLE_HZ * 0.95 for sign in (1, -1))
+    plus_hz, minus_hz = (float(frequency_hz[part][np.argmax(transform[part])]) for part in (ahead, back))
+    rate_deg_s = -180.0 * (plus_hz + minus_hz)
+    return [{"rate_deg_s": rate_deg_s}, {}] if abs(rate_deg_s) > SLOWEST_TURN_DEG_S else [{}]
+
+
+def cutoffs(_situation: Situation) -> list[Values]:
+    """The lag at high cutoffs is linear in 1/f_c; start in the middle of what matters to a swing."""
+    return [{"cutoff_hz": 2.0}]
+
+
+def limits(situation: Situation) -> list[Values]:
+    """Just under the largest reading."""
+    o = situation.observations
+    return [{"full_scale_g": float(np.quantile(np.abs(o.force_g[o.used]).max(axis=1), 0.98))}]
+
+
+STARTS: dict[str, Callable[[Situation], list[Values]]] = {
+    "housing_spin": turning,
+    "slewing": turning,
+    "wind_gust": gust,
+    "impact": impact,
+    "trolley_acceleration": trolley,
+    "hoisting": hoisting,
+    "load_change": impact,
+    "vibration": vibration,
+    "rope_stretch": bounce,
+    "double_pendulum": two_modes,
+    "lowpass_lag": cutoffs,
+    "clipping": limits,
+}

@@ -1,0 +1,50 @@
+"""The answer for a terminal."""
+
+from gateway.twin.reconcile.result import Estimate, Gap, Reconciliation
+
+SAID = {
+    "data_unusable": "the data cannot be used",
+    "none_missing": "nothing is missing",
+    "named": "missing:",
+    "one_of": "missing is one of:",
+    "named_with_remainder": "missing, and something else that has no name here:",
+    "unmodelled": "something is missing that the catalogue does not hold",
+}
+
+
+def as_text(result: Reconciliation) -> str:
+    """A few lines."""
+    lines = [
+        f"verdict      {SAID[result.verdict]} {', '.join(result.candidates)}".rstrip(),
+        f"because      {result.reason}",
+    ]
+    for effect in result.effects:
+        lines.append(f"  {effect.name}: {effect.explains}")
+        lines += [f"    {name} = {_estimate(estimate)}" for name, estimate in effect.parameters.items()]
+    if result.split_by is not None:
+        lines.append(f"to decide    {result.split_by}")
+    if result.gap is not None:
+        lines.append(f"gap          {_gap(result.gap)}")
+    if result.verdict in ("unmodelled", "named_with_remainder") and result.residual is not None:
+        lines += [
+            f"remains      {p.amplitude_g * 1e3:.3g} mg at {p.hz:.4g} Hz on {p.axis}" for p in result.residual.peaks
+        ]
+    return "\n".join(lines)
+
+
+def _estimate(estimate: Estimate) -> str:
+    low, high = estimate.ci95
+    if isinstance(estimate.value, tuple):
+        values = ", ".join(f"{value:.4g}" for value in estimate.value)
+        return f"({values}) {estimate.unit}"
+    return f"{estimate.value:.4g} {estimate.unit} ({low:.4g} to {high:.4g})"
+
+
+def _gap(gap: Gap) -> str:
+    text = f"log {gap.before_log:.3g} -> {gap.after_log:.3g}"
+    if gap.before_held_out is not None and gap.after_held_out is not None:
+        text += f", held-out {gap.before_held_out:.3g} -> {gap.after_held_out:.3g}"
+        closed = Gap.closed_percent(gap.before_held_out, gap.after_held_out)
+        if closed is not None:
+            text += f" ({closed:.1f} % closed)"
+    return text + " (reduced chi-square; 1 is noise)"

@@ -1,0 +1,155 @@
+"""From the models that were fitted and judged to one answer."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gateway.twin.reconcile.groups import group_of
+from gateway.twin.reconcile.held_out import Judged, taken_off
+from gateway.twin.reconcile.observations import Observations
+from gateway.twin.reconcile.result import Verdict
+from gateway.twin.reconcile.search import LEAST_EFFECT, OPEN, Attempt
+from gateway.twin.reconcile.whiteness import peaks
+
+RIVAL = 12.0
+"""Evidence, in chi-square over the noise's colour, below which one model is no better than another: odds of 400 to 1."""
+EXPLAINED = 0.99
+"""Share of the held-out gap that a model must close for its effects to keep their names beside an unexplained remainder."""
+MUCH_LEFT = 0.5
+"""Excess that no wrongly stated noise accounts for."""
+MOST_CANDIDATES = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Contender:
+    """A model with all its evidence."""
+
+    attempt: Attempt
+    judged: Judged
+    bic: float
+    behind: float
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Its effects."""
+        return self.attempt.names
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """What is said, and of which model."""
+
+    verdict: Verdict
+    reason: str
+    model: Contender
+    """Whose parameters and prediction are given."""
+    named: tuple[str, ...]
+    candidates: tuple[str, ...]
+
+
+def left_open(observations: Observations, force_g: np.ndarray) -> bool:
+    """A remainder that is no noise: louder than stated, and with lines in it or far louder."""
+    excess = observations.reduced_chi2(force_g) - 1
+    if excess < OPEN:
+        return False
+    residual = observations.residual_sigma(force_g)
+    return excess > MUCH_LEFT or bool(peaks(observations.time_s, residual, observations.noise_g))
+
+
+def decide(
+    contenders: Sequence[Contender],
+    base: Contender,
+    log: Observations,
+    held_out: Observations,
+    always: frozenset[str],
+    seen: frozenset[str],
+    rng: np.random.Generator,
+) -> Answer:
+    """Contenders best first; the base has nothing but what is always there; `seen` was found outside the models."""
+    answer = _of_models(contenders, base, log, held_out, always, rng, bool(seen))
+    return replace(answer, named=tuple(sorted({*answer.named, *seen})))
+
+
+def _of_models(
+    contenders: Sequence[Contender],
+    base: Contender,
+    log: Observations,
+    held_out: Observations,
+    always: frozenset[str],
+    rng: np.random.Generator,
+    seen: bool,
+) -> Answer:
+    best = contenders[0]
+    is_open = left_open(log, best.attempt.fit.force_g) or left_open(held_out, best.judged.fit.force_g)
+    if best.names == always:
+        return _of_base(best, always, is_open, seen)
+    if not _helps_on_held_out(best, base, held_out, rng):
+        return _of_base(base, always, left_open(log, base.attempt.fit.force_g), seen)
+    rivals = [c for c in contenders if c.behind < RIVAL]
+    if is_open:
+        return _with_remainder(best, base, rivals, always)
+    return _named(best, rivals, always)
+
+
+def _of_base(base: Contender, always: frozenset[str], is_open: bool, seen: bool) -> Answer:
+    named = tuple(sorted(always))
+    if is_open:
+        text = "the model as believed does not explain the data, and no effect of the catalogue does"
+        return Answer("named_with_remainder" if named or seen else "unmodelled", text, base, named, ())
+    if named or seen:
+        return Answer("named", "seen in the readings themselves; nothing else is missing", base, named, ())
+    return Answer("none_missing", "the model as believed explains both recordings down to the noise", base, (), ())
+
+
+def _with_remainder(best: Contender, base: Contender, rivals: Sequence[Contender], always: frozenset[str]) -> Answer:
+    closed = (base.judged.reduced - best.judged.reduced) / max(base.judged.reduced - 1, 1e-9)
+    shared = frozenset.intersection(*(c.names for c in rivals))
+    if shared - always and closed > EXPLAINED and len(rivals) == 1:
+        text = f"these close {100 * closed:.1f} % of the held-out gap; what is left is described, not explained"
+        return Answer("named_with_remainder", text, best, tuple(sorted(shared)), ())
+    text = "no effect of the catalogue, alone or in pairs, explains the data on the held-out recording"
+    return Answer("unmodelled", text, best, tuple(sorted(always)), ())
+
+
+def _named(best: Contender, rivals: Sequence[Contender], always: frozenset[str]) -> Answer:
+    if len(rivals) == 1:
+        return Answer(
+            "named",
+            "explains both recordings down to the noise; nothing else does",
+            best,
+            tuple(sorted(best.names)),
+            (),
+        )
+    different = frozenset().union(*(c.names for c in rivals)) - frozenset.intersection(*(c.names for c in rivals))
+    shared = frozenset.intersection(*(c.names for c in rivals)) - always
+    single = all(len(c.names - always) == 1 for c in rivals)
+    if single and len(different) <= MOST_CANDIDATES:
+        group = group_of(different)
+        text = "these explain the data equally well" + (
+            "" if group else ", and no group of the catalogue holds them all"
+        )
+        return Answer("one_of", text, best, (), tuple(sorted(different)))
+    if shared:
+        return Answer(
+            "named_with_remainder",
+            "certain; what acts beside it is not decided",
+            best,
+            tuple(sorted(shared | always)),
+            (),
+        )
+    return Answer(
+        "one_of", "several sets explain the data equally well", best, (), tuple(sorted(different))[:MOST_CANDIDATES]
+    )
+
+
+def helps(before: Judged, after: Judged, held_out: Observations, rng: np.random.Generator) -> bool:
+    """Less is left on the held-out recording, by more than chance and enough to matter."""
+    low, _ = taken_off(
+        held_out.residual_sigma(before.fit.force_g), held_out.residual_sigma(after.fit.force_g), held_out.time_s, rng
+    )
+    return low > 0 and before.reduced - after.reduced > LEAST_EFFECT
+
+
+def _helps_on_held_out(best: Contender, base: Contender, held_out: Observations, rng: np.random.Generator) -> bool:
+    return helps(base.judged, best.judged, held_out, rng)

@@ -1,0 +1,53 @@
+"""Recordings from the twin itself, with noise: what is hidden in them is known."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from gateway.twin.model import Model, TwinRig
+from gateway.twin.reconcile.loading import Loaded
+from gateway.twin.reconcile.observations import Observations, observe
+from gateway.twin.simulator import Simulator
+
+RIG = TwinRig(
+    length_m=8.0, position_m=4.0, gravity_m_s2=9.80665, noise_g=(5e-4,) * 3, sample_rate_hz=20.0, full_scale_g=2.0
+)
+STARTS = {"log": (0.10, 0.04, -0.02, 0.05), "held_out": (-0.05, 0.08, 0.06, 0.01)}
+DURATIONS_S = {"log": 60.0, "held_out": 36.0}
+
+
+def recorded(effects: dict, name: str = "log", memory: float = 0.0, seed: int = 1) -> Observations:
+    """A recording with these effects hidden; noise of one pole with this memory."""
+    rng = np.random.default_rng([seed, len(name)])
+    time_s = np.arange(0, DURATIONS_S[name], 1 / RIG.sample_rate_hz)
+    simulator = Simulator(RIG, sorted(effects))
+    force_g = simulator.predict(simulator.values([*STARTS[name], 0.0], effects), time_s)
+    noise = rng.normal(size=force_g.shape)
+    for i in range(1, len(noise)):
+        noise[i] = memory * noise[i - 1] + np.sqrt(1 - memory**2) * noise[i]
+    return observe(time_s, force_g + np.array(RIG.noise_g) * noise, None, np.array(RIG.noise_g))
+
+
+@pytest.fixture
+def rig() -> TwinRig:
+    return RIG
+
+
+@pytest.fixture
+def model() -> Model:
+    return Model(RIG, {})
+
+
+@pytest.fixture
+def record() -> Callable[..., Observations]:
+    return recorded
+
+
+@pytest.fixture
+def loaded() -> Callable[..., Loaded]:
+    def make(effects: dict, name: str = "log", memory: float = 0.0, seed: int = 1) -> Loaded:
+        observations = recorded(effects, name, memory, seed)
+        return Loaded(observations, None, {"read": len(observations.time_s)}, observations.time_s)
+
+    return make

@@ -1,0 +1,56 @@
+"""Multiple shooting, event windows and lost samples: planted values come back."""
+
+import numpy as np
+import pytest
+
+from gateway.twin.reconcile.events import find_windows
+from gateway.twin.reconcile.search import Search
+from gateway.twin.reconcile.setting import Setting
+from gateway.twin.reconcile.wandering import counted, find_walk
+
+
+def setting(rig, observations):
+    return Setting(rig, {}, observations, lambda: None)
+
+
+def test_a_wrong_rope_is_found_though_the_swing_runs_out_of_step(rig, record):
+    fit = setting(rig, record({"rope_length": {"relative_error": 0.25}})).fit({"rope_length": {}}, rounds=15)
+
+    assert fit.values[5] == pytest.approx(0.25, abs=1e-3)
+    assert fit.chi2 / (3 * 1200) == pytest.approx(1, abs=0.1)
+
+
+def test_the_start_and_its_uncertainty_are_those_of_the_recording(rig, record):
+    fit = setting(rig, record({})).fit({})
+    sigma = np.sqrt(np.diag(fit.covariance()))
+
+    assert np.all(np.abs(fit.values[:4] - (0.10, 0.04, -0.02, 0.05)) < 5 * sigma)
+    assert np.all(sigma < 1e-3)
+
+
+def test_the_window_of_a_blow_is_where_it_struck(rig, record):
+    observations = record({"impact": {"delta_v_m_s": (0.3, -0.2), "start_s": 27.3}})
+    search = Search(setting(rig, observations), {})
+    base = search.try_values({})
+    simulator = search.setting.simulator(())
+    jacobian = simulator.linearise(base.fit.values, observations.time_s).jacobian / observations.noise_g[:, None]
+    first = find_windows(
+        observations.time_s, observations.residual_sigma(base.fit.force_g), jacobian[..., :4], observations.used
+    )[0]
+
+    assert first.from_s == pytest.approx(27.3, abs=1.0)
+    assert first.to_s == first.from_s
+
+
+def test_lost_samples_are_counted_without_a_trace_in_the_times(rig, record):
+    observations = record({})
+    rng = np.random.default_rng(2)
+    kept = np.flatnonzero(rng.random(1200) >= 0.03)
+    even_s = observations.time_s[: len(kept)]
+    lossy = type(observations)(even_s, observations.force_g[kept], None, observations.noise_g, observations.used[kept])
+    simulator = setting(rig, lossy).simulator(())
+    start = setting(rig, lossy).fit({"clock_drift": {}}).values[:5]
+    walk = counted(simulator, find_walk(simulator, start, lossy, 0.03), lossy)
+
+    assert walk.fraction == pytest.approx(1 - len(kept) / 1200, abs=0.004)
+    assert walk.reduced < 1.3
