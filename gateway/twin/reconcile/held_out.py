@@ -1,10 +1,12 @@
 """A model judged on a recording that it was not fitted to: only what belongs to the recording is fitted again."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.twin.effects.effect import Value
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.nuisances import local_starts, turned
 from gateway.twin.reconcile.observations import Observations
@@ -30,7 +32,11 @@ class Judged:
 
 
 def judge(rig: TwinRig, values: EffectValues, held_out: Observations, rounds: int = 10) -> Judged:
-    """Fit initial motion, phases and, where directions of the world matter, the heading."""
+    """Fit initial motion, phases and, where directions of the world matter, the heading.
+
+    Events count their time from the start of the recording: in a later piece of it they are earlier, or past.
+    """
+    values = {name: _earlier(of_effect, held_out.begins_s) for name, of_effect in values.items()}
     simulator = Simulator(rig, sorted(values))
     free = np.array([slot.refitted for slot in simulator.parameters])
     free[HEADING] = bool(DIRECTED & set(values))
@@ -51,6 +57,10 @@ def judge(rig: TwinRig, values: EffectValues, held_out: Observations, rounds: in
     assert best is not None
     refitted = tuple(s.label for s, is_free in zip(simulator.parameters, free, strict=True) if is_free)
     return Judged(best, best.chi2 / held_out.count, refitted)
+
+
+def _earlier(values: Mapping[str, Value], by_s: float) -> Mapping[str, Value]:
+    return {name: float(np.asarray(v)) - by_s if name == "start_s" else v for name, v in values.items()}
 
 
 def _phase(rig: TwinRig, values: EffectValues, held_out: Observations) -> float:

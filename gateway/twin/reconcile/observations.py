@@ -25,6 +25,8 @@ class Observations:
     """1-sigma per sample and axis, shape (3,)."""
     used: NDArray[np.bool_]
     """False for lone spikes, shape (n,): they count nowhere."""
+    begins_s: float = 0.0
+    """Of the recording that it is a piece of, since that one's first sample."""
 
     @property
     def count(self) -> int:
@@ -67,6 +69,7 @@ def piece(observations: Observations, first: int, last: int) -> Observations:
         None if warm is None else warm[chosen],
         observations.noise_g,
         observations.used[chosen],
+        observations.begins_s + float(observations.time_s[first]),
     )
 
 

@@ -12,7 +12,7 @@ from gateway.twin.reconcile.answering import Findings, reconciliation
 from gateway.twin.reconcile.detectors import coarser, find_limit, find_step
 from gateway.twin.reconcile.held_out import judge
 from gateway.twin.reconcile.loading import Loaded
-from gateway.twin.reconcile.lost import lost_samples, retimed_held_out
+from gateway.twin.reconcile.lost import lost_samples, retimed_held_out, without_clock
 from gateway.twin.reconcile.null_test import largest_by_chance, score
 from gateway.twin.reconcile.observations import Observations, Recordings, piece
 from gateway.twin.reconcile.result import Reconciliation
@@ -54,6 +54,10 @@ def reconcile(
         return unusable(model, log, "the model as believed cannot be fitted")
     search, base, recordings, lost = _singles(believed, start, recordings, always)
     best = search.run(base, search.best())
+    again = None if lost is not None else _at_true_times(search, best, recordings, always)
+    if again is not None:
+        search, base, recordings, lost = again
+        best = search.run(base, search.best())
     best = best if _beyond_chance(search, base, best, rng) else base
     tick("held-out")
     contenders, base_contender = judged(search, best, recordings, frozenset(base.values))
@@ -73,14 +77,28 @@ def _singles(
 ) -> tuple[Search, Attempt, Recordings, float | None]:
     """Single effects beside what the readings themselves show; again at true times where samples were lost."""
     search, base = _based(believed, start, always, recordings.held_out)
-    walk = lost_samples(search, search.lasting(base))
-    if walk is None:
-        search.singles(base)
-        return search, base, recordings, None
-    held_out = retimed_held_out(search, recordings.held_out, walk)
+    search.lasting(base)
+    slow_clock = search.attempts.get(frozenset({*search.always, "clock_drift"}))
+    found = _at_true_times(search, slow_clock, recordings, always)
+    if found is not None:
+        return found
+    search.singles(base)
+    return search, base, recordings, None
+
+
+def _at_true_times(
+    search: Search, slow_clock: Attempt | None, recordings: Recordings, always: Values
+) -> tuple[Search, Attempt, Recordings, float | None] | None:
+    """Single effects once more where samples turn out to be lost; None where none are."""
+    walk = lost_samples(search, slow_clock)
+    if walk is None or slow_clock is None:
+        return None
+    held_out = retimed_held_out(search.setting, without_clock(slow_clock.values), recordings.held_out, walk)
     recordings = replace(recordings, log=walk.retimed(recordings.log), held_out=held_out)
     again = Search(replace(search.setting, log=recordings.log), {})
-    start = again.try_values({}) or start
+    start = again.try_values({})
+    if start is None:
+        return None
     search, base = _based(again, start, {name: search.always[name] for name in always}, held_out)
     search.lasting(base)
     search.singles(base)

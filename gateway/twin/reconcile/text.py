@@ -7,15 +7,16 @@ SAID = {
     "none_missing": "nothing is missing",
     "named": "missing:",
     "one_of": "missing is one of:",
-    "named_with_remainder": "missing, and something else that has no name here:",
+    "named_with_remainder": "something without a name here, and:",
     "unmodelled": "something is missing that the catalogue does not hold",
 }
 
 
 def as_text(result: Reconciliation) -> str:
     """A few lines."""
+    names = result.candidates or tuple(effect.name for effect in result.effects)
     lines = [
-        f"verdict      {SAID[result.verdict]} {', '.join(result.candidates)}".rstrip(),
+        f"verdict      {SAID[result.verdict]} {', '.join(names)}".rstrip(),
         f"because      {result.reason}",
     ]
     for effect in result.effects:

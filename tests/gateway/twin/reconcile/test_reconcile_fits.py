@@ -1,9 +1,13 @@
 """Multiple shooting, event windows and lost samples: planted values come back."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from gateway.twin.reconcile.events import find_windows
+from gateway.twin.reconcile.held_out import judge
+from gateway.twin.reconcile.observations import piece
 from gateway.twin.reconcile.search import Search
 from gateway.twin.reconcile.setting import Setting
 from gateway.twin.reconcile.wandering import counted, find_walk
@@ -54,3 +58,20 @@ def test_lost_samples_are_counted_without_a_trace_in_the_times(rig, record):
 
     assert walk.fraction == pytest.approx(1 - len(kept) / 1200, abs=0.004)
     assert walk.reduced < 1.3
+
+
+@pytest.mark.parametrize(
+    "effect",
+    [
+        {"impact": {"delta_v_m_s": (0.3, -0.2), "start_s": 15.0}},
+        {"impact": {"delta_v_m_s": (0.3, -0.2), "start_s": 50.0}},
+        {"hoisting": {"speed_m_s": -0.1, "start_s": 12.0, "duration_s": 8.0}},
+    ],
+    ids=["a blow before it", "a blow in it", "a shorter rope since"],
+)
+def test_a_later_piece_of_a_recording_knows_when_events_were(rig, record, effect):
+    whole = record(effect)
+    last_third = piece(whole, 800, 1200)
+
+    assert judge(rig, effect, last_third).reduced == pytest.approx(1, abs=0.1)
+    assert judge(rig, effect, replace(last_third, begins_s=0.0)).reduced > 2
