@@ -10,6 +10,8 @@ from gateway.bus.client import Client
 from gateway.cli.line import MovingLine
 from gateway.daemon.dropping_queue import DroppingQueue
 
+STALE_ANSWERS = 4
+"""A gateway that has just accepted a session may still tell of the time before, so often at most."""
 LOOK_S = 1.5
 """While it collects a gateway tells of a session twice a second; after this silence it is asked."""
 WAITING = 256
@@ -24,16 +26,21 @@ def follow(client: Client, session_id: str | None, out: TextIO) -> int:
     screen = Screen(out)
     news = _listen(client)
     session = _asked(client)
+    stale = 0 if session_id is None else STALE_ANSWERS
     try:
         while True:
             if session is not None:
                 session_id = session_id or session["id"]
-                if session["id"] != session_id or session["phase"] == "idle":
+                if session["id"] == session_id and session["phase"] != "idle":
+                    stale = 0
+                    screen.show(session)
+                    if session["phase"] != "collecting":
+                        return _result(session, screen)
+                elif stale == 0:
                     screen.line("no such session is under way")
                     return 1
-                screen.show(session)
-                if session["phase"] != "collecting":
-                    return _result(session, screen)
+                else:
+                    stale -= 1
             session = _next(client, news, screen)
     except KeyboardInterrupt:
         screen.line(GOES_ON)

@@ -151,3 +151,18 @@ def test_ctrl_c_says_that_the_session_goes_on():
     with pytest.raises(KeyboardInterrupt):
         follow(Interrupted(COLLECTING, None), "session-1", out)
     assert "the session goes on" in out.getvalue()
+
+
+BEFORE = COLLECTING | {"id": "", "phase": "idle"}
+
+
+def test_an_answer_from_before_the_session_began_does_not_end_it():
+    out = io.StringIO()
+    assert follow(ScriptedLink(BEFORE, BEFORE, COLLECTING, REVIEW), "session-1", out) == 0
+    assert "no such session" not in out.getvalue()
+
+
+def test_a_gateway_that_keeps_telling_of_another_session_has_no_such_one():
+    out = io.StringIO()
+    assert follow(ScriptedLink(*[BEFORE] * 9), "session-1", out) == 1
+    assert "no such session is under way" in out.getvalue()
