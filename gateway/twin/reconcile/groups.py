@@ -35,6 +35,12 @@ def group_of(names: frozenset[str]) -> frozenset[str] | None:
     return next((group for group, _ in GROUPS if names <= group), None)
 
 
+def mates_of(names: frozenset[str]) -> frozenset[str]:
+    """Others in the groups of these."""
+    found = [group for group, _ in GROUPS if group & names]
+    return frozenset().union(*found) - names
+
+
 def split_by(names: frozenset[str]) -> str:
     """The measurement or manoeuvre that would tell these apart."""
     return next((text for group, text in GROUPS if names <= group), OTHERWISE)

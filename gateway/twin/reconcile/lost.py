@@ -16,8 +16,9 @@ Array = NDArray[np.float64]
 LEAST_FRACTION = 0.002
 CLOSED = 0.8
 """Share of what a steady clock leaves below the machines' frequencies that the walk must take away."""
-WANDERS = 0.15
-"""Cost of the walk for each knot: about a half for lost samples, a few hundredths for a clock that is only slow."""
+WANDERS = (0.15, 1.0)
+"""Cost of the walk for each knot: about a half for lost samples, a few hundredths for a clock that is only slow, and more than
+losses of that number can wander for a swing that itself changed."""
 
 
 def lost_samples(search: Search, slow_clock: Attempt | None) -> Walk | None:
@@ -43,7 +44,7 @@ def _walk(setting: Setting, others: Values, slow_clock: Fit, fraction: float) ->
     after_g = simulator.predict(walk.values, walk.true_s, o.temperature_c)
     left, was = ((slow(o.residual_sigma(each), dt) ** 2).sum() for each in (after_g, slow_clock.force_g))
     noise = (slow(np.random.default_rng(0).normal(size=after_g.shape), dt) ** 2).sum()
-    wanders = walk.prior / (len(o.time_s) / EVERY) > WANDERS
+    wanders = WANDERS[0] < walk.prior / (len(o.time_s) / EVERY) < WANDERS[1]
     if not wanders or left - noise > (1 - CLOSED) * (was - noise) or walk.fraction < LEAST_FRACTION:
         return None
     if machine_line(walk.true_s, o.force_g - after_g, o.noise_g) is None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gateway.twin.effects.effect import Value
 from gateway.twin.model import Model
 from gateway.twin.reconcile.answering import Findings, reconciliation
-from gateway.twin.reconcile.detectors import coarser, find_limit, find_step
+from gateway.twin.reconcile.detectors import coarser, find_limit, find_step, mean_of_steps
 from gateway.twin.reconcile.held_out import judge
 from gateway.twin.reconcile.loading import Loaded
 from gateway.twin.reconcile.lost import lost_samples, retimed_held_out, without_clock
@@ -26,8 +26,8 @@ Values = Mapping[str, Mapping[str, Value]]
 HELD_BACK = 1 / 3
 """Part at the end of the log that is held out where there is no second recording."""
 JUDGED = 4
-SAME_LINE = 0.5
-"""A line must take at least this part of what it takes off the log's chi-square off the held-out one's."""
+SAME_GAIN = 0.5
+"""A gain that is more than an accident of one recording, or of its steps, comes to at least this part in the other look."""
 NEAR = 5.0
 """Sets within this many times `RIVAL` of the best on the log are judged on held-out data."""
 
@@ -58,11 +58,21 @@ def reconcile(
     if again is not None:
         search, base, recordings, lost = again
         best = search.run(base, search.best())
-    best = best if _beyond_chance(search, base, best, rng) else base
+    if not (_beyond_chance(search, base, best, rng) and _beyond_steps(search, base, best)):
+        best = base
     tick("held-out")
     contenders, base_contender = judged(search, best, recordings, frozenset(base.values))
     seen = frozenset({"sample_loss"} if lost is not None else ())
-    answer = decide(contenders, base_contender, recordings.log, recordings.held_out, frozenset(base.values), seen, rng)
+    answer = decide(
+        contenders,
+        base_contender,
+        recordings.log,
+        recordings.held_out,
+        frozenset(base.values),
+        seen,
+        search.attempts,
+        rng,
+    )
     before = judge(model.rig, model.effects, recordings.held_out_as_stamped)
     findings = Findings(model, recordings, search, start, before, contenders, answer, lost)
     return reconciliation(findings, log.counts, rng)
@@ -114,6 +124,19 @@ def _beyond_chance(search: Search, base: Attempt, best: Attempt, rng: np.random.
     return reached > largest_by_chance(search.signatures.of, residual, rng)
 
 
+def _beyond_steps(search: Search, base: Attempt, best: Attempt) -> bool:
+    """With readings in coarse steps, the gain holds against the mean of the steps: else it only imitates them."""
+    if "quantization" not in base.values or best is base:
+        return True
+    log, rig = search.setting.log, search.setting.rig
+    step_g = float(np.asarray(base.values["quantization"]["lsb_g"]))
+
+    def stepped(attempt: Attempt) -> float:
+        return log.reduced_chi2(mean_of_steps(attempt.fit.force_g, step_g, np.array(rig.noise_g)))
+
+    return stepped(base) - stepped(best) > SAME_GAIN * (base.reduced - best.reduced)
+
+
 def _based(search: Search, start: Attempt, always: Values, held_out: Observations) -> tuple[Search, Attempt]:
     """The search on what is always there: what the values show, and a machine's line."""
     base = search.try_values(always) or start
@@ -158,7 +181,7 @@ def _with_line(search: Search, base: Attempt, always: Values, held_out: Observat
         return always
     rig, effects = search.setting.rig, search.setting.believed
     without, with_it = (judge(rig, {**effects, **each.values}, held_out).reduced for each in (base, tried))
-    if without - with_it < SAME_LINE * (base.reduced - tried.reduced):
+    if without - with_it < SAME_GAIN * (base.reduced - tried.reduced):
         return always
     return {name: tried.values[name] for name in (*always, "vibration")}
 
@@ -170,7 +193,11 @@ def judged(
     setting, unit = search.setting, search.unit()
     least = search.bic(best, unit)
     ranked = sorted(search.attempts.values(), key=lambda a: search.bic(a, unit))
-    near = [a for a in ranked if a is not best and search.bic(a, unit) < least + NEAR * RIVAL and always <= a.names]
+    near = [
+        a
+        for a in ranked
+        if not a.names >= best.names and always <= a.names and search.bic(a, unit) < least + NEAR * RIVAL
+    ]
 
     def contender(attempt: Attempt) -> Contender:
         found = judge(setting.rig, {**setting.believed, **attempt.values}, recordings.held_out)

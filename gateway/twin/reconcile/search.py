@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Value
 from gateway.twin.reconcile.events import Window, find_windows
+from gateway.twin.reconcile.groups import mates_of
 from gateway.twin.reconcile.noise import colour
 from gateway.twin.reconcile.score import UNSUITED, Signatures, signatures
 from gateway.twin.reconcile.setting import SEARCH_ROUNDS, Setting
@@ -135,8 +136,10 @@ class Search:
 
     def singles(self, base: Attempt) -> Attempt:
         """The best of the base and all single effects; `lasting` comes first."""
-        self._try_found_in_data(base, self.setting.starts(base.values))
+        starts = self.setting.starts(base.values)
+        self._try_found_in_data(base, starts)
         self._polished(len(base.values) + 1)
+        self._mates(base, starts)
         best = self.best()
         return self._kept(base, best if self.worth(base, best) else base)
 
@@ -183,6 +186,19 @@ class Search:
                 if polished is not None:
                     for name in sorted(polished.names):
                         self._stretched(polished, name)
+
+    def _mates(self, parent: Attempt, starts: Array) -> None:
+        """Whatever is hard to tell from the best is fitted, too, however little a linear look promised of it."""
+        best = self.best()
+        for name in sorted(mates_of(best.names - parent.names) & set(possible(self.setting))):
+            if frozenset({*parent.names, name}) not in self.attempts:
+                self._try_lasting(parent, name, starts)
+
+    def _try_lasting(self, parent: Attempt, name: str, starts: Array) -> None:
+        setting = self.setting
+        turns = name in TURNING
+        situation = Situation(setting.rig, setting.log, setting.log.force_g - parent.fit.force_g, ())
+        self._try(parent, name, STARTS[name](situation) if turns else [{}], None if turns else starts)
 
     def _stretched(self, attempt: Attempt, name: str) -> None:
         """Once more with an event shorter and longer about the same middle: a short strong one is much like a long weak one."""
@@ -238,9 +254,7 @@ class Search:
                 break
             if not first and rank >= CHILDREN:
                 break
-            turns = name in TURNING
-            situation = Situation(setting.rig, setting.log, setting.log.force_g - parent.fit.force_g, ())
-            self._try(parent, name, STARTS[name](situation) if turns else [{}], None if turns else starts)
+            self._try_lasting(parent, name, starts)
 
     def _try_found_in_data(self, parent: Attempt, starts: Array) -> None:
         """Effects whose times or frequencies have to be found first."""
@@ -296,9 +310,10 @@ class Search:
             if without is not None:
                 starts = self.setting.starts(without.values)
                 scored = signatures(self.setting, without.fit, without.values, possible(self.setting))
-                for other in sorted(scored.of, key=lambda n: -scored.drop(n))[:CHILDREN]:
+                likely = sorted(scored.of, key=lambda n: -scored.drop(n))[:CHILDREN]
+                for other in sorted({*likely, *(mates_of(frozenset({name})) & set(scored.of))}):
                     if frozenset({*rest, other}) not in self.attempts:
-                        self._try(without, other, [{}], starts)
+                        self._try_lasting(without, other, starts)
         found = self.best()
         return found if self.worth(best, found) or len(found.values) <= len(best.values) else best
 

@@ -1,6 +1,6 @@
 """From the models that were fitted and judged to one answer."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,12 +10,16 @@ from gateway.twin.reconcile.held_out import Judged, taken_off
 from gateway.twin.reconcile.observations import Observations
 from gateway.twin.reconcile.result import Verdict
 from gateway.twin.reconcile.search import LEAST_EFFECT, OPEN, Attempt
+from gateway.twin.reconcile.shooting import Fit
 from gateway.twin.reconcile.whiteness import peaks
 
 RIVAL = 12.0
 """Evidence, in chi-square over the noise's colour, below which one model is no better than another: odds of 400 to 1."""
 EXPLAINED = 0.99
 """Share of the held-out gap that a model must close for its effects to keep their names beside an unexplained remainder."""
+LEADING = 0.1
+"""Share of the gap that an effect must hold open by its absence to be named beside a remainder."""
+HARDLY = 0.01
 MUCH_LEFT = 0.5
 """Excess that no wrongly stated noise accounts for."""
 MOST_CANDIDATES = 4
@@ -64,10 +68,13 @@ def decide(
     held_out: Observations,
     always: frozenset[str],
     seen: frozenset[str],
+    fitted: Mapping[frozenset[str], Attempt],
     rng: np.random.Generator,
 ) -> Answer:
     """Contenders best first; the base has nothing but what is always there; `seen` was found outside the models."""
-    answer = _of_models(contenders, base, log, held_out, always, rng, bool(seen))
+    answer = _of_models(contenders, base, log, held_out, always, fitted, rng, bool(seen))
+    if answer.verdict not in ("named", "one_of"):
+        return answer  # beside something unexplained, a time that wanders may be that, too
     return replace(answer, named=tuple(sorted({*answer.named, *seen})))
 
 
@@ -77,6 +84,7 @@ def _of_models(
     log: Observations,
     held_out: Observations,
     always: frozenset[str],
+    fitted: Mapping[frozenset[str], Attempt],
     rng: np.random.Generator,
     seen: bool,
 ) -> Answer:
@@ -88,23 +96,53 @@ def _of_models(
         return _of_base(base, always, left_open(log, base.attempt.fit.force_g), seen)
     rivals = [c for c in contenders if c.behind < RIVAL]
     if is_open:
-        return _with_remainder(best, base, rivals, always)
+        return _with_remainder(best, base, rivals, always, fitted)
+    if len(best.names - always) > 1:
+        leading = _leading(best, base, fitted)
+        if leading != best.names and (structured(log, best.attempt.fit) or structured(held_out, best.judged.fit)):
+            text = "what else was tried only bends the model to what is left, and something is left"
+            verdict: Verdict = "named_with_remainder" if leading else "unmodelled"
+            return Answer(verdict, text, best, tuple(sorted(leading)), ())
     return _named(best, rivals, always)
+
+
+def _leading(best: Contender, base: Contender, fitted: Mapping[frozenset[str], Attempt]) -> frozenset[str]:
+    """Effects without which much more is left: those that have a share of their own in closing the gap."""
+    closed = base.attempt.fit.chi2 - best.attempt.fit.chi2
+    found = set(base.names)
+    for name in best.names - base.names:
+        without = fitted.get(best.names - {name})
+        if without is None or without.fit.chi2 - best.attempt.fit.chi2 > LEADING * closed:
+            found.add(name)
+    return frozenset(found)
+
+
+def structured(observations: Observations, fit: Fit) -> bool:
+    """Lines in what is left, though it is hardly louder than noise."""
+    residual = observations.residual_sigma(fit.force_g)
+    louder = observations.reduced_chi2(fit.force_g) > 1 + HARDLY
+    return louder and bool(peaks(observations.time_s, residual, observations.noise_g))
 
 
 def _of_base(base: Contender, always: frozenset[str], is_open: bool, seen: bool) -> Answer:
     named = tuple(sorted(always))
     if is_open:
         text = "the model as believed does not explain the data, and no effect of the catalogue does"
-        return Answer("named_with_remainder" if named or seen else "unmodelled", text, base, named, ())
+        return Answer("named_with_remainder" if named else "unmodelled", text, base, named, ())
     if named or seen:
         return Answer("named", "seen in the readings themselves; nothing else is missing", base, named, ())
     return Answer("none_missing", "the model as believed explains both recordings down to the noise", base, (), ())
 
 
-def _with_remainder(best: Contender, base: Contender, rivals: Sequence[Contender], always: frozenset[str]) -> Answer:
+def _with_remainder(
+    best: Contender,
+    base: Contender,
+    rivals: Sequence[Contender],
+    always: frozenset[str],
+    fitted: Mapping[frozenset[str], Attempt],
+) -> Answer:
     closed = (base.judged.reduced - best.judged.reduced) / max(base.judged.reduced - 1, 1e-9)
-    shared = frozenset.intersection(*(c.names for c in rivals))
+    shared = _leading(best, base, fitted)
     if shared - always and closed > EXPLAINED and len(rivals) == 1:
         text = f"these close {100 * closed:.1f} % of the held-out gap; what is left is described, not explained"
         return Answer("named_with_remainder", text, best, tuple(sorted(shared)), ())
