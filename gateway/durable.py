@@ -8,7 +8,7 @@ from pathlib import Path
 def write_durably(path: Path, content: bytes) -> None:
     """Replace a file in one step: written beside, synced, renamed, the folder synced. Raises `OSError`; the old file stays."""
     make_folder(path.parent)
-    partial = path.with_name(f".{path.name}.part")
+    partial = partial_of(path)
     try:
         _write_new(partial, content)
         partial.replace(path)
@@ -16,7 +16,12 @@ def write_durably(path: Path, content: bytes) -> None:
         with contextlib.suppress(OSError):
             partial.unlink()
         raise
-    _sync_folder(path.parent)
+    sync_folder(path.parent)
+
+
+def partial_of(path: Path) -> Path:
+    """Where a file is written until it is whole; hidden from a listing."""
+    return path.with_name(f".{path.name}.part")
 
 
 def append_durably(path: Path, line: bytes) -> None:
@@ -32,7 +37,7 @@ def append_durably(path: Path, line: bytes) -> None:
     finally:
         os.close(descriptor)
     if not known:
-        _sync_folder(path.parent)
+        sync_folder(path.parent)
 
 
 def make_folder(folder: Path) -> None:
@@ -41,7 +46,7 @@ def make_folder(folder: Path) -> None:
         return
     make_folder(folder.parent)
     folder.mkdir(exist_ok=True)
-    _sync_folder(folder.parent)
+    sync_folder(folder.parent)
 
 
 def _write_new(path: Path, content: bytes) -> None:
@@ -58,7 +63,8 @@ def _write_all(descriptor: int, content: bytes) -> None:
         content = content[os.write(descriptor, content) :]
 
 
-def _sync_folder(folder: Path) -> None:
+def sync_folder(folder: Path) -> None:
+    """Make the names in a folder survive a power cut. Raises `OSError`."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)

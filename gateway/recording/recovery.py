@@ -10,10 +10,10 @@ from mcap.records import Channel
 from mcap.writer import Writer
 
 from devices.errors import RecordingError
+from gateway.durable import sync_folder
 from gateway.recording.frames import Losses
 from gateway.recording.header import RECOVERED
 from gateway.recording.reader import RecordingFile, open_recording
-from gateway.recording.segment import sync_directory
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +50,7 @@ def _write_aside(source: RecordingFile, out: Path) -> Recovered:
             os.fchmod(descriptor, 0o644)
             os.fsync(descriptor)
         aside.replace(out)
-        sync_directory(out.parent)
+        sync_folder(out.parent)
     finally:
         aside.unlink(missing_ok=True)
     return Recovered(messages, source.losses)

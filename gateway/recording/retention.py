@@ -42,7 +42,7 @@ class SegmentNames:
 
     def found(self, data_dir: Path) -> list[ClosedSegment]:
         """This gateway's segments, oldest first, torn ones among them. Raises `OSError`."""
-        pattern = re.compile(re.escape(self._prefix) + r"-(\d{8}T\d{6}Z)(?:-(\d+))?\.mcap")
+        pattern = re.compile(self._pattern)
         found = []
         for path in data_dir.iterdir():
             match = pattern.fullmatch(path.name)
@@ -53,6 +53,17 @@ class SegmentNames:
                         ClosedSegment(marker_of(path).exists(), match[1], int(match[2] or 0), path, size_bytes)
                     )
         return sorted(found)
+
+    def remove_unfinished(self, data_dir: Path) -> None:
+        """Delete what a gateway left that was killed while it began a segment: nothing was recorded in it. Raises `OSError`."""
+        pattern = re.compile(rf"\.{self._pattern}\.part")
+        for path in data_dir.iterdir():
+            if pattern.fullmatch(path.name):
+                path.unlink(missing_ok=True)
+
+    @property
+    def _pattern(self) -> str:
+        return re.escape(self._prefix) + r"-(\d{8}T\d{6}Z)(?:-(\d+))?\.mcap"
 
     @property
     def _prefix(self) -> str:
@@ -76,6 +87,7 @@ class Retention:
 
     def look(self) -> None:
         """See which segments there are, while none of them is open. Raises `OSError`."""
+        self._names.remove_unfinished(self._data_dir)
         self._closed = self._names.found(self._data_dir)
 
     def enforce(self, open_bytes: int) -> list[Path]:

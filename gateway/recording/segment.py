@@ -11,6 +11,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from devices.block import DeviceInfo
+from gateway.durable import partial_of, sync_folder
 from gateway.recording import header as names
 from gateway.recording.calibration_files import AttachedFile
 from gateway.recording.header import RecordingHeader, device_metadata
@@ -72,15 +73,6 @@ class SyncedFile:
         os.close(descriptor)
 
 
-def sync_directory(path: Path) -> None:
-    """Make the names in a folder survive a power cut. Raises `OSError`."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-
-
 class Segment:
     """A recording from its creation to its end, complete in itself. Every method may raise `OSError`."""
 
@@ -93,22 +85,28 @@ class Segment:
         standing: Iterable[EncodedMessage],
         files: Iterable[AttachedFile] = (),
     ) -> None:
-        """Create the file with what makes it complete, `standing` messages and `files` included, on the disk; or none at all."""
+        """Create the file with what makes it complete, `standing` messages and `files` included, on the disk; or none at all.
+
+        It has its name only then: whoever is killed before leaves no recording that cannot be opened.
+        """
         self.path = path
         self.start_ns = start_ns
-        self._file = SyncedFile(path)
+        partial = partial_of(path)
+        self._file = SyncedFile(partial)
         try:
-            sync_directory(path.parent)
             self._writer = Writer(cast(IO[bytes], self._file), compression=CompressionType.ZSTD, enable_data_crcs=True)
             self._channels = self._begin(header, device)
             self._attach(files, start_ns)
             for message in standing:
                 self.write(message, start_ns)
             self.sync()
+            partial.rename(path)
+            sync_folder(path.parent)
         except OSError:
             self.abandon()
             with suppress(OSError):
-                path.unlink()
+                partial.unlink(missing_ok=True)
+                path.unlink(missing_ok=True)
             raise
 
     @property

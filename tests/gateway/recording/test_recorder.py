@@ -31,6 +31,10 @@ def segments(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.mcap"))
 
 
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
 def record_blocks(recorder, make_samples, numbers: range, start_ns: int, block_s: float = 0.032) -> None:
     for number in numbers:
         now_ns = start_ns + round(number * block_s * 1e9)
@@ -108,12 +112,33 @@ def test_the_file_and_its_name_are_synced(make_recorder, make_samples, start_ns:
     monkeypatch.setattr(os, "fsync", noted_fsync)
     recorder = make_recorder()
     path = recorder.start(start_ns)
-    assert set(synced) == {str(path.parent), str(path)}
+    assert synced == [str(path.parent / f".{path.name}.part"), str(path.parent)]  # the name comes last
     synced.clear()
     recorder.write("samples", make_samples(0), start_ns)
     recorder.tick(start_ns + SECOND_NS)
     assert synced == [str(path)]
     recorder.close()
+
+
+def test_a_gateway_killed_while_it_begins_a_segment_leaves_no_recording(
+    make_recorder, start_ns: int, tmp_path: Path, monkeypatch
+) -> None:
+    class Killed(BaseException):
+        """Nothing of the recorder's runs after it."""
+
+    def killed(_: int) -> None:
+        raise Killed
+
+    recorder = make_recorder()
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "fsync", killed)
+        with pytest.raises(Killed):
+            recorder.start(start_ns)
+    (partial,) = names(tmp_path)
+    path = make_recorder().start(start_ns)  # the next one, within the same second
+    assert partial == f".{path.name}.part"
+    assert names(tmp_path) == [path.name]
+    assert list(open_recording(path).messages()) == []
 
 
 def test_segments_follow_each_other_without_a_hole_and_each_stands_alone(
