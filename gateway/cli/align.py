@@ -1,10 +1,11 @@
 """`plumbline remote align`: the two screws of the housing on the rope, turned by somebody who watches the angles."""
 
 import argparse
-import math
 import sys
 import time
 from typing import TYPE_CHECKING, TextIO
+
+from gateway.cli.values import above_zero
 
 if TYPE_CHECKING:
     from gateway.bus.client import Client
@@ -27,9 +28,9 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argp
         epilog="example: plumbline remote align --lead-mm 0.5 --lever-mm 40 --reversed roll",
     )
     verb.add_argument(
-        "--lead-mm", type=_above_zero, default=0.5, metavar="MM", help="advance of a screw per turn (0.5: M3)"
+        "--lead-mm", type=above_zero, default=0.5, metavar="MM", help="advance of a screw per turn (0.5: M3)"
     )
-    verb.add_argument("--lever-mm", type=_above_zero, default=40.0, metavar="MM", help="from the hinge to the screw")
+    verb.add_argument("--lever-mm", type=above_zero, default=40.0, metavar="MM", help="from the hinge to the screw")
     verb.add_argument(
         "--reversed",
         action="append",
@@ -39,13 +40,6 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argp
     )
     verb.set_defaults(run=_align)
     return verb
-
-
-def _above_zero(text: str) -> float:
-    value = float(text)
-    if not 0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text} is not a length above 0 mm")
-    return value
 
 
 def _align(arguments: argparse.Namespace) -> int:

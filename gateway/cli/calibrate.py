@@ -6,6 +6,8 @@ import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
+from gateway.cli.values import above_zero
+
 UNIDENTIFIED = "unidentified"
 
 
@@ -32,7 +34,7 @@ def _add_six_position(methods: "argparse._SubParsersAction[argparse.ArgumentPars
     _add_common(method)
     method.add_argument(
         "--placement-deg",
-        type=_above_zero,
+        type=above_zero,
         metavar="DEG",
         help="standard uncertainty of how the faces lie: level of the surface, squareness of the housing (default 0.1)",
     )
@@ -48,7 +50,7 @@ def _add_norm_fit(methods: "argparse._SubParsersAction[argparse.ArgumentParser]"
     _add_common(method)
     method.add_argument(
         "--frame-deg",
-        type=_above_zero,
+        type=above_zero,
         metavar="DEG",
         help="standard uncertainty of how the sensor's axes lie in the housing, which this method cannot see (default 0.58)",
     )
@@ -74,7 +76,7 @@ def _add_common(method: argparse.ArgumentParser) -> None:
         "--unit", choices=("counts", "V", "g", "m/s2"), help="of the readings (default: by column name or size)"
     )
     method.add_argument(
-        "--units-per-g", type=_above_zero, metavar="N", help="nominal sensitivity (default: from the readings)"
+        "--units-per-g", type=above_zero, metavar="N", help="nominal sensitivity (default: from the readings)"
     )
     method.add_argument(
         "--columns", type=_columns, metavar="X,Y,Z", help="the columns of the axes (default: by their names)"
@@ -82,7 +84,7 @@ def _add_common(method: argparse.ArgumentParser) -> None:
     method.add_argument(
         "--time", metavar="COLUMN", help="column of the time in s, or of a counter together with --rate"
     )
-    method.add_argument("--rate", type=_above_zero, metavar="HZ", help="sample rate where there is no time column")
+    method.add_argument("--rate", type=above_zero, metavar="HZ", help="sample rate where there is no time column")
     method.set_defaults(run=run, placement_deg=None, frame_deg=None)
 
 
@@ -136,13 +138,6 @@ def _user() -> str:
         return getpass.getuser()
     except (KeyError, OSError):
         return "unknown"
-
-
-def _above_zero(text: str) -> float:
-    value = float(text)
-    if not 0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not above 0")
-    return value
 
 
 def _columns(text: str) -> tuple[str, str, str]:

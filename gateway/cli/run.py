@@ -8,6 +8,8 @@ import threading
 from pathlib import Path
 from types import FrameType
 
+from gateway.cli.values import above_zero
+
 WITH_LOSSES, FAILED = 3, 1
 
 
@@ -20,16 +22,9 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         epilog="examples: plumbline run | plumbline run --config adxl355.toml | plumbline run --duration 30",
     )
     command.add_argument("--config", type=Path, metavar="FILE", help="TOML configuration; see plumbline config show")
-    command.add_argument("--duration", type=_seconds, metavar="S", help="stop cleanly after this many seconds")
+    command.add_argument("--duration", type=above_zero, metavar="S", help="stop cleanly after this many seconds")
     command.add_argument("--quiet", action="store_true", help="warnings and errors only")
     command.set_defaults(run=run)
-
-
-def _seconds(text: str) -> float:
-    value = float(text)
-    if not 0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number of seconds")
-    return value
 
 
 def run(arguments: argparse.Namespace) -> int:

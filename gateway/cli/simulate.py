@@ -4,6 +4,8 @@ import argparse
 import math
 from pathlib import Path
 
+from gateway.cli.values import above_zero
+
 EXAMPLE = """examples:
   plumbline simulate rig.toml --out log.csv --effect viscous_damping
   plumbline simulate rig.toml --out log.mcap --effect wind_gust:accel_m_s2=0.3,0.1:start_s=40 --duration 180 --seed 7
@@ -29,7 +31,9 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         metavar="NAME[:PARAMETER=VALUE]...",
         help="an effect, with its typical parameters where none are given; several times for several",
     )
-    command.add_argument("--duration", type=_seconds, default=120.0, metavar="S", help="length of the recording (120)")
+    command.add_argument(
+        "--duration", type=above_zero, default=120.0, metavar="S", help="length of the recording (120)"
+    )
     command.add_argument("--seed", type=int, default=1, metavar="N", help="of the noise and of the start (1)")
     command.add_argument(
         "--initial",
@@ -39,13 +43,6 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         help="start: tilt_x_deg, tilt_y_deg, rate_x_deg_s, rate_y_deg_s, heading_deg; rigging_tilt_x_deg ...; stretch_m",
     )
     command.set_defaults(run=run)
-
-
-def _seconds(text: str) -> float:
-    value = float(text)
-    if not 0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"{text} is not a positive number of seconds")
-    return value
 
 
 def run(arguments: argparse.Namespace) -> int:
