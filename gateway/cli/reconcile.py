@@ -1,13 +1,12 @@
 """`plumbline reconcile`: where simulation and measurement part, and what is missing."""
 
 import argparse
+import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from gateway.cli.plan import add_plan_arguments, run_plan, wants_plan
-
-if TYPE_CHECKING:
-    from gateway.twin.reconcile.result import Curves, Reconciliation
+from gateway.cli.reconcile_files import check_outputs, texts
+from gateway.cli.values import whole_number
 
 EXAMPLE = """examples:
   plumbline reconcile log.csv --rig rig.toml --held-out second.csv --json result.json --report report.html
@@ -39,7 +38,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     command.add_argument(
         "--write-model", type=Path, metavar="FILE.toml", help="write the rig with the model that was found"
     )
-    command.add_argument("--seed", type=int, default=0, metavar="N", help="of the block bootstrap (0)")
+    command.add_argument("--seed", type=whole_number, default=0, metavar="N", help="of the block bootstrap (0)")
     add_plan_arguments(command)
     command.set_defaults(run=run)
 
@@ -64,45 +63,42 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.twin.reconcile.text import as_text
 
     begin_s = time.monotonic()
+    _check_files(arguments)
     rig = None if arguments.rig is None else read_rig(arguments.rig)
     source = read_source(arguments.log, rig)
     model = believed_by(source) if rig is None else model_of(rig, str(arguments.rig))
     log = prepared(source, model.rig)
     second = None if arguments.held_out is None else prepared(read_source(arguments.held_out, rig), model.rig)
-    with Progress() as progress:
-        result = reconcile(model, log, second, seed=arguments.seed, tick=progress.tick)
-    runtime_s = time.monotonic() - begin_s
+    try:
+        with Progress() as progress:
+            result = reconcile(model, log, second, seed=arguments.seed, tick=progress.tick)
+            runtime_s = time.monotonic() - begin_s
+            progress.tick("report")
+            made = texts(arguments, result, runtime_s)
+    except KeyboardInterrupt:
+        print("plumbline reconcile: stopped; nothing was written", file=sys.stderr)
+        raise
     if arguments.json is not None:
         write_json(arguments.json, as_json(result, runtime_s))
-    if arguments.prediction is not None:
-        write_text(arguments.prediction, _prediction(result, second is not None))
-    if arguments.write_model is not None:
-        write_text(arguments.write_model, _model(result))
-    if arguments.report is not None:
-        write_text(arguments.report, _report(arguments, result, runtime_s))
+    for path, text in made.items():
+        write_text(path, text)
     print(as_text(result))
     return 1 if result.verdict in ("unmodelled", "data_unusable") else 0
 
 
-def _prediction(result: "Reconciliation", of_second: bool) -> str:
-    from gateway.twin.reconcile.writing import prediction_csv
+def _check_files(arguments: argparse.Namespace) -> None:
+    from gateway.errors import InputError
 
-    curves: list[Curves | None] = [result.held_out] if of_second else [result.log, result.held_out]
-    return prediction_csv([each for each in curves if each is not None])
-
-
-def _model(result: "Reconciliation") -> str:
-    from gateway.twin.reconcile.writing import model_toml
-
-    return model_toml(result)
-
-
-def _report(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float) -> str:
-    from gateway import __version__
-    from gateway.twin.report.page import report
-
-    computed = {"recording": str(arguments.log), "rig": str(arguments.rig), "held out": str(arguments.held_out)}
-    computed |= {"seed": str(arguments.seed), "time": f"{runtime_s:.1f} s"}
-    return report(
-        result, title=f"Reconciliation of {arguments.log.name}", software=f"plumbline {__version__}", computed=computed
+    if arguments.held_out is not None and arguments.held_out.resolve() == arguments.log.resolve():
+        raise InputError(
+            f"--held-out {arguments.held_out}: is LOG itself; without it LOG's own last third is not fitted to"
+        )
+    check_outputs(
+        {
+            "--json": arguments.json,
+            "--report": arguments.report,
+            "--prediction": arguments.prediction,
+            "--write-model": arguments.write_model,
+        },
+        {"LOG": arguments.log, "--rig": arguments.rig, "--held-out": arguments.held_out},
     )

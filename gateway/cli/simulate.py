@@ -4,7 +4,7 @@ import argparse
 import math
 from pathlib import Path
 
-from gateway.cli.values import above_zero
+from gateway.cli.values import above_zero, whole_number
 
 EXAMPLE = """examples:
   plumbline simulate rig.toml --out log.csv --effect viscous_damping
@@ -34,7 +34,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     command.add_argument(
         "--duration", type=above_zero, default=120.0, metavar="S", help="length of the recording (120)"
     )
-    command.add_argument("--seed", type=int, default=1, metavar="N", help="of the noise and of the start (1)")
+    command.add_argument("--seed", type=whole_number, default=1, metavar="N", help="of the noise and of the start (1)")
     command.add_argument(
         "--initial",
         nargs="+",

@@ -4,7 +4,7 @@ import json
 import subprocess
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -48,24 +48,27 @@ def ask(case: Path, command: Sequence[str], timeout_s: float) -> dict[str, Any]:
             "closed_percent": None,
         }
         if not ended.in_time:
-            return row | {"score": "timeout", "why": f"more than {timeout_s:g} s"}
+            return row | {"score": score.TIMEOUT, "why": f"more than {timeout_s:g} s"}
         try:
-            answer = score.answer_of(json.loads(report.read_text()))
+            said = json.loads(report.read_text())
+            answer = score.answer_of(said)
         except (OSError, ValueError, KeyError) as error:
-            return row | {"score": "crash", "why": f"exit code {ended.code}: {ended.said or error}"}
+            return row | {"score": score.CRASH, "why": f"exit code {ended.code}: {ended.said or error}"}
         after, why = _after(case, prediction, hidden)
     worth = score.judge(truth, answer)
     if after is not None and after < score.SEEN_THE_DATA:
         worth = "copied"
+    if worth not in (score.RIGHT, score.RIGHT_GROUP):
+        why = "; ".join(part for part in (why, str(said.get("reason", "")), _of_the_truth(truth, said)) if part)
     comparable = truth and truth <= CATALOGUE.keys() and "sample_loss" not in truth
     return row | {
         "verdict": answer.verdict,
         "named": sorted(answer.named),
         "group": sorted(answer.group),
         "score": worth,
-        "chi2_before": answer.before,
-        "chi2_after": after,
-        "closed_percent": score.closed_percent(answer.before, after) if comparable else None,
+        "chi2_before": _short(answer.before),
+        "chi2_after": _short(after),
+        "closed_percent": _short(score.closed_percent(answer.before, after) if comparable else None),
         "why": why,
     }
 
@@ -79,6 +82,23 @@ def case_arguments(case: Path, report: Path, prediction: Path) -> list[str]:
         "--prediction": prediction,
     }
     return [str(case / "log.csv"), *(str(word) for pair in files.items() for word in pair)]
+
+
+def _short(value: float | None) -> float | None:
+    """To six digits: results stay readable."""
+    return None if value is None else float(f"{value:.6g}")
+
+
+def _of_the_truth(truth: frozenset[str], said: Mapping[str, Any]) -> str:
+    """How near what is hidden came to the best, where the answer ranks what it tried."""
+    ranking = said.get("ranking") or []
+    if not ranking or truth - CATALOGUE.keys():
+        return ""
+    found = next((each for each in ranking if frozenset(each["names"]) == truth), None)
+    if found is None:
+        return f"the truth is not among the {len(ranking)} best"
+    chi2 = ", ".join("-" if found[key] is None else f"{found[key]:.2f}" for key in ("chi2_log", "chi2_held_out"))
+    return f"the truth is {found['behind']:.1f} behind the best ({chi2})"
 
 
 def _after(case: Path, prediction: Path, hidden: dict[str, Any]) -> tuple[float | None, str]:

@@ -24,8 +24,10 @@ def truth_of(row: Row) -> str:
 
 def said_of(row: Row) -> str:
     """What was answered, in one word."""
-    if row["score"] in score.FAILED:
-        return str(row["score"])
+    if row["score"] == score.CRASH:
+        return "crashed"
+    if row["score"] == score.TIMEOUT:
+        return "out of time"
     if row["verdict"] == "one_of":
         return "one of " + ", ".join(row["group"])
     names = " + ".join(row["named"])
@@ -47,7 +49,7 @@ def _figures(figures: Mapping[str, Any]) -> str:
     ]
     told = [(name, "-" if value is None else f"{value:.1f} {unit}") for name, value, unit in lines]
     told.insert(3, ("false alarms", f"{figures['false_alarms']} of {figures['nulls']}"))
-    told.append(("crashed or out of time", str(figures["failed"])))
+    told += [("crashed", str(figures["crashed"])), ("out of time", str(figures["out_of_time"]))]
     return _table(["of all cases", str(figures["cases"])], told)
 
 

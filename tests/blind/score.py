@@ -33,7 +33,7 @@ A_GAP = 1.02
 """Below this reduced chi-square there is no gap to close."""
 RIGHT, RIGHT_GROUP = "right", "right_group"
 CONFIDENT_WRONG = ("wrong_name", "extra_name")
-FAILED = ("crash", "timeout")
+CRASH, TIMEOUT = "crash", "timeout"
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,8 @@ def summary(rows: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
         "median_seconds": statistics.median(row["seconds"] for row in rows) if rows else None,
         "slowest_seconds": max((row["seconds"] for row in rows), default=None),
         "peak_mib": max((row["peak_mib"] for row in rows), default=None),
-        "failed": sum(row["score"] in FAILED for row in rows),
+        "crashed": sum(row["score"] == CRASH for row in rows),
+        "out_of_time": sum(row["score"] == TIMEOUT for row in rows),
     }
 
 

@@ -12,9 +12,11 @@ from pathlib import Path
 
 import pytest
 
-from tests.blind import campaign, confusion, score
+from tests.blind import campaign, confusion, kept, score
+from tests.blind.cases import generate
 from tests.blind.plan import Plan
 from tests.blind.score import Answer, judge
+from tests.blind.write import write_case
 
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 60.0
@@ -70,9 +72,7 @@ def test_gap_closed_is_measured_above_the_noise():
 @pytest.fixture
 def case(tmp_path):
     folder = tmp_path / "case_000"
-    campaign.write_case(
-        campaign.generate(Plan(0, 6, "single", ("axis_offset",)), {"log": 8.0, "held_out": 6.0}), folder
-    )
+    write_case(generate(Plan(0, 6, "single", ("axis_offset",)), {"log": 8.0, "held_out": 6.0}), folder)
     return folder
 
 
@@ -125,8 +125,76 @@ def test_campaign_asks_scores_goes_on_and_refuses_another(guesser, case, tmp_pat
     out.write_text(json.dumps(first | {"rows": [row | {"why": "kept"}]}))
     assert campaign.main([*arguments, "--command", guesser]) == 0
     assert json.loads(out.read_text())["rows"][0]["why"] == "kept"
+    out.write_text(json.dumps(first | {"rows": [row | {"score": "crash", "why": "no memory"}]}))
+    assert campaign.main([*arguments, "--command", guesser]) == 0
+    (again,) = json.loads(out.read_text())["rows"]
+    assert (again["score"], again["why"]) == ("copied", "")
     assert campaign.main([*arguments, "--command", "another"]) == 2
     assert "holds another campaign" in capsys.readouterr().err
+
+
+def test_what_ran_out_of_time_is_an_answer(guesser, case, tmp_path):
+    out = tmp_path / "results.json"
+    arguments = ["--folder", str(case.parent), "--jobs", "1", "--out", str(out), "--command", guesser]
+    assert campaign.main([*arguments, "--timeout", "0.1"]) == 0
+    assert campaign.main(arguments) == 0
+    told = json.loads(out.read_text())
+    assert [row["score"] for row in told["rows"]] == ["timeout"]
+    assert (told["summary"]["out_of_time"], told["summary"]["crashed"]) == (1, 0)
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        (["--folder", "{}"], "there is no case_* in it"),
+        (["--cases-dir", "{}/cases", "--cases", "3"], "holds another campaign's case_000"),
+        (["--without", "drop", "--command", "other"], "leave --command out"),
+    ],
+)
+def test_what_does_not_go_together_is_refused(words, fault, tmp_path, capsys):
+    write_truth(tmp_path / "cases" / "case_000", {"seed": 1, "effects": {}})
+    arguments = [word.format(tmp_path) for word in words]
+    assert campaign.main([*arguments, "--out", str(tmp_path / "out.json")]) == 2
+    assert fault in capsys.readouterr().err
+    assert not (tmp_path / "out.json").exists()
+
+
+def write_truth(folder, truth):
+    folder.mkdir(parents=True)
+    (folder / "truth.json").write_text(json.dumps(truth))
+
+
+def test_kept_case_is_used_again_and_a_half_written_one_made_anew(tmp_path, monkeypatch):
+    made = []
+    monkeypatch.setattr(kept, "generate", made.append)
+    monkeypatch.setattr(kept, "write_case", lambda _case, folder: write_truth(folder, {"seed": 6, "effects": {}}))
+    plan = Plan(3, 6, "null")
+    (tmp_path / "case_002").mkdir()
+    assert [kept.make(plan, tmp_path) for _ in range(2)] == [tmp_path / "case_003"] * 2
+    assert made == [plan]
+    assert kept.of_others([Plan(2, 6, "null"), plan], tmp_path) == []
+    assert kept.of_others([Plan(3, 7, "null")], tmp_path) == ["case_003"]
+
+
+def test_facts_are_those_of_the_truth_whoever_made_the_case(case):
+    facts = kept.facts_of(case)
+    assert (facts["seed"], facts["kind"], facts["coloured"], facts["jittered"]) == (6, "single", False, False)
+    assert facts["excess"]["axis_offset"] > 0.03
+
+
+def test_a_loss_tells_how_near_the_truth_came(case, tmp_path):
+    script = tmp_path / "wrong.py"
+    said = {"verdict": "named", "reason": "nothing else does", "effects": [{"name": "impact"}], "candidates": []}
+    said["ranking"] = [
+        {"names": ["impact"], "chi2_log": 1.0, "chi2_held_out": 1.0, "behind": 0.0},
+        {"names": ["axis_offset"], "chi2_log": 1.004, "chi2_held_out": None, "behind": 13.2},
+    ]
+    script.write_text(
+        f"import json, sys; json.dump(json.loads('{json.dumps(said)}'), open(sys.argv[sys.argv.index('--json') + 1], 'w'))"
+    )
+    row = campaign.ask(case, [sys.executable, str(script)], 30.0)
+    assert row["score"] == "wrong_name"
+    assert row["why"].endswith("; nothing else does; the truth is 13.2 behind the best (1.00, -)")
 
 
 def test_command_that_fails_is_a_crash_with_its_last_words(case, tmp_path):

@@ -95,11 +95,16 @@ def thinned(time_s: Array, values: Array, points: int = POINTS) -> tuple[Array, 
 
 
 def panels(
-    figure: Figure, columns: int = 1, *, share: Literal["row", "all", "none"] = "none", apart: float = 0.12
+    figure: Figure,
+    columns: int = 1,
+    *,
+    share: Literal["row", "all", "none"] = "none",
+    apart: float = 0.12,
+    above_in: float = 0.5,
 ) -> Any:
     """Axes (3, columns) over each other for x, y, z; margins in inches hold labels, titles and the legend above."""
     width, height = figure.get_size_inches()
-    margins = {"left": 0.8 / width, "right": 1 - 0.08 / width, "bottom": 0.45 / height, "top": 1 - 0.5 / height}
+    margins = {"left": 0.8 / width, "right": 1 - 0.08 / width, "bottom": 0.45 / height, "top": 1 - above_in / height}
     grid = {**margins, "hspace": apart, "wspace": 0.05}
     return figure.subplots(3, columns, sharex=True, sharey=share, squeeze=False, gridspec_kw=grid)
 

@@ -4,8 +4,21 @@ from collections.abc import Mapping
 
 from gateway.twin.effects.effect import Value
 from gateway.twin.reconcile.result import Reconciliation
-from gateway.twin.report.markup import Html, element, joined, missing, paragraph, section
+from gateway.twin.report.markup import Html, element, items, joined, missing, paragraph, section
 from gateway.twin.report.models import caution, final_name
+
+SYMBOLS = (
+    ("n", "direction of the rope, from the pivot to the load; a vector of length 1"),
+    ("L, r", "how far the load’s centre and the housing are from the pivot"),
+    ("g", "gravity; in the equations of motion a vector that points down"),
+    ("a_p", "acceleration of the pivot; 0 unless an effect moves it"),
+    ("F/m", "other forces on the load, over its mass; 0 unless an effect makes one"),
+    ("v", "velocity of the load"),
+    ("f, f_s", "specific force at the housing, and what the sensor makes of it where that differs"),
+    ("I, ᵀ", "the identity matrix; transposed"),
+    ("′, ″", "rate of change with time, and its rate of change"),
+    ("others", "parameters of the effect, listed with what was found"),
+)
 
 
 def equations_part(result: Reconciliation) -> Html:
@@ -20,9 +33,19 @@ def equations_part(result: Reconciliation) -> Html:
             element("div", element("h3", f"After: {final_name(result)}"), _lines(result.equations_after, new)),
             class_="models",
         ),
+        _symbols() if result.equations_before or result.equations_after else "",
         element("h3", "The effects of the model after, as the rig’s description takes them"),
         _tables(result.model),
         name="model",
+    )
+
+
+def _symbols() -> Html:
+    return joined(
+        [
+            element("h3", "Symbols"),
+            items(joined([element("code", symbol), f": {meaning}"]) for symbol, meaning in SYMBOLS),
+        ]
     )
 
 

@@ -37,7 +37,7 @@ def gap_part(result: Reconciliation) -> Html:
     title, name = "The gap, step by step", "gap"
     if result.gap is None:
         return section(title, missing("No model was fitted, so there is no gap to show."), name=name)
-    rows = rows_of(result.gap, result.steps, final_name(result))
+    rows = rows_of(result.gap, result.steps, final_name(result), frozenset(result.model))
     held_out = LAST_THIRD if result.held_out_is_last_third else HELD_OUT
     picture = drawn(
         "gap",
@@ -60,12 +60,21 @@ def gap_part(result: Reconciliation) -> Html:
     )
 
 
-def rows_of(gap: Gap, steps: tuple[Step, ...], name: str) -> list[Row]:
-    """From the model as believed over every step to the model after, of that name."""
+def rows_of(gap: Gap, steps: tuple[Step, ...], name: str, effects: frozenset[str]) -> list[Row]:
+    """From the model as believed over every step to the model after, of that name and with these effects.
+
+    The last step leads elsewhere where held-out data preferred another model, or one of several that fit as well is shown.
+    """
     rows = [Row(BELIEVED, gap.before_log, gap.before_held_out)]
-    rows += [Row(_label(step), step.gap_log, step.gap_held_out) for step in steps if step.added or step.dropped]
-    if not _alike(rows[-1].log, gap.after_log):
-        rows.append(Row(name, gap.after_log, gap.after_held_out))
+    names: frozenset[str] = frozenset()
+    for step in steps:
+        label = _label(frozenset(step.names) - names, names - frozenset(step.names))
+        if label:
+            rows.append(Row(label, step.gap_log, step.gap_held_out))
+        names = frozenset(step.names)
+    elsewhere = len(rows) > 1 and not names <= effects
+    if elsewhere or not _alike(rows[-1].log, gap.after_log):
+        rows.append(Row(textwrap.fill(name, LABEL_LETTERS), gap.after_log, gap.after_held_out))
     elif rows[-1].held_out is None:
         rows[-1] = Row(rows[-1].label, rows[-1].log, gap.after_held_out)
     return rows
@@ -75,8 +84,9 @@ def _alike(a: float, b: float) -> bool:
     return abs(a - b) <= SAME * abs(b)
 
 
-def _label(step: Step) -> str:
-    changes = [f"+ {plain(name)}" for name in step.added] + [f"− {plain(name)}" for name in step.dropped]
+def _label(added: frozenset[str], dropped: frozenset[str]) -> str:
+    """What the row before had not, and what it had; what was found before the search is added in the first row."""
+    changes = [f"+ {plain(name)}" for name in sorted(added)] + [f"− {plain(name)}" for name in sorted(dropped)]
     return "\n".join(textwrap.fill(change, LABEL_LETTERS) for change in changes)
 
 

@@ -6,6 +6,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Value
 from gateway.twin.reconcile.result import Estimate, NamedEffect, Reconciliation
 from gateway.twin.report.markup import Html, element, joined, missing, paragraph, section, table
+from gateway.twin.report.models import same
 from gateway.twin.report.words import plain, sentence, span, with_interval
 
 HEAD = ("parameter", "value", "95 % interval", "unit", "physically")
@@ -15,8 +16,15 @@ def parameters_part(result: Reconciliation) -> Html:
     """One table for each effect."""
     title, name = "What was found, in numbers", "parameters"
     if not result.effects:
-        return section(title, missing("No effect was named, so there are no parameters."), name=name)
+        return section(title, missing("No effect was named, so there are no parameters."), _attempt(result), name=name)
     return section(title, *(_effect(effect, result) for effect in result.effects), name=name)
+
+
+def _attempt(result: Reconciliation) -> Html:
+    """Values that were fitted and are no answer stand elsewhere."""
+    if result.log is None or same(result.log):
+        return Html("")
+    return paragraph("What was fitted for the pictures stands under “The model, before and after”, without any claim.")
 
 
 def _effect(effect: NamedEffect, result: Reconciliation) -> Html:

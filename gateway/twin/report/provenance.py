@@ -16,6 +16,13 @@ COUNTED = {
     "backward": "backward times",
     "invalid": "invalid",
 }
+REFITTED = {
+    "initial.tilt_x_rad": "how far the rope leant along x at the start",
+    "initial.tilt_y_rad": "how far the rope leant along y at the start",
+    "initial.rate_x_rad_s": "how fast it swung along x at the start",
+    "initial.rate_y_rad_s": "how fast it swung along y at the start",
+    "initial.heading_rad": "which way the housing faced",
+}
 WORDS = (
     ("Residual", "measured − simulated."),
     ("σ", "the sensor’s noise of one sample, as the rig’s description gives it; 95 % of noise lies within ±2 σ."),
@@ -41,7 +48,7 @@ def data_part(result: Reconciliation) -> Html:
         paragraph(
             "Lone spikes and invalid samples are left out of every picture and number above; they are counted here."
         )
-        if result.counts
+        if result.counts and result.log is not None
         else "",
         element("h3", "Fitted again on held-out data"),
         _refitted(result),
@@ -52,7 +59,10 @@ def data_part(result: Reconciliation) -> Html:
 def _refitted(result: Reconciliation) -> Html:
     if not result.refitted_on_held_out:
         return paragraph("Nothing was fitted again on held-out data.")
-    names = (element("li", element("code", name)) for name in result.refitted_on_held_out)
+    names = (
+        element("li", *([f"{REFITTED[name]} "] if name in REFITTED else []), element("code", name))
+        for name in result.refitted_on_held_out
+    )
     return element(
         "div", paragraph("Only what belongs to a recording and not to the crane or the sensor:"), element("ul", *names)
     )

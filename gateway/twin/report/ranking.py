@@ -2,11 +2,16 @@
 
 import math
 
+from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.result import Candidate, Reconciliation, Scored
 from gateway.twin.report.markup import Html, bar, element, joined, missing, paragraph, section, table
 from gateway.twin.report.words import listed, number, percent, plain
 
 MOST = 10
+EVENTS = (
+    "Effects that act for a while only are not in this list: when they acted must be found first. "
+    "They are among the candidates after fitting."
+)
 
 
 def ranking_part(result: Reconciliation) -> Html:
@@ -39,29 +44,37 @@ def _scores(scores: tuple[Scored, ...]) -> Html:
     return joined(
         [
             paragraph(
-                "How much of the unexplained part each effect alone could take away at most. Several effects can claim the same "
-                "part, so a high bar is a suspicion, not an answer. "
-                "The threshold is what noise alone reaches once in a thousand searches."
+                "How much of the unexplained part each effect alone promises to take away, judged by the trace that a little of "
+                "it leaves; fitted, a strong effect may take away more. Several effects can claim the same part, so a high bar "
+                "is a suspicion, not an answer. "
+                "The threshold is what noise alone reaches once in a thousand searches. ",
+                "" if any(_passes(each) for each in scores) else EVENTS,
             ),
-            table(("effect", "could explain", "", "evidence", "threshold", "more than noise"), rows, numbers=(1, 3, 4)),
+            table(("effect", "promises", "", "evidence", "threshold", "more than noise"), rows, numbers=(1, 3, 4)),
             _others(len(ordered) - MOST),
         ]
     )
 
 
+def _passes(scored: Scored) -> bool:
+    known = EFFECTS.get(scored.name)
+    return known is not None and known.transient
+
+
 def _candidates(result: Reconciliation) -> Html:
     if not result.ranking:
         return missing("No candidate was fitted.")
-    ordered = sorted(result.ranking, key=lambda each: each.behind)
+    ordered = sorted(result.ranking, key=lambda each: (each.behind, each.chi2_held_out is None))
+    best = ordered[0]
     most = max((each.behind for each in ordered[:MOST] if math.isfinite(each.behind)), default=0.0)
     rows = [
         (
             _named(each),
             number(each.chi2_log),
             "not judged" if each.chi2_held_out is None else number(each.chi2_held_out),
-            _behind(each),
-            bar(_length(each.behind, most), "strong" if _tied(each) else "weak"),
-            _standing(each),
+            "0 (best)" if each is best else number(each.behind),
+            bar(_length(each.behind, most), "strong" if each is best or each.rival else "weak"),
+            _standing(each, best),
         )
         for each in ordered[:MOST]
     ]
@@ -87,26 +100,20 @@ def _named(candidate: Candidate) -> str:
     return listed(candidate.names) if candidate.names else "model as believed"
 
 
-def _tied(candidate: Candidate) -> bool:
-    return candidate.rival or candidate.behind <= 0
-
-
-def _behind(candidate: Candidate) -> str:
-    return "0 (best)" if candidate.behind <= 0 else number(candidate.behind)
-
-
 def _length(behind: float, most: float) -> float:
     if not math.isfinite(behind):
         return 1.0
     return math.log1p(max(behind, 0.0)) / math.log1p(most) if most > 0 else 0.0
 
 
-def _standing(candidate: Candidate) -> Html:
-    if candidate.behind <= 0:
+def _standing(candidate: Candidate, best: Candidate) -> Html:
+    """The best with more beside it may fit a little better: too little for a name, so it was dropped."""
+    if candidate is best:
         return element("span", "best", class_="tag")
     if candidate.rival:
         return element("span", "rival: fits as well", class_="tag bad")
-    return element("span", "falls behind")
+    more = set(candidate.names) > set(best.names)
+    return element("span", "what it adds is too little to count" if more else "falls behind")
 
 
 def _others(count: int) -> Html:

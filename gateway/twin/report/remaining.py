@@ -57,12 +57,12 @@ def _peaks(peaks: tuple[Peak, ...]) -> Html:
 def _residual(log: Curves | None) -> Html:
     if log is None:
         return missing("The residual was not kept.")
-    picture = drawn("after-residual", "Residual after, over time", 3.9, lambda figure: _draw_residual(figure, log))
+    picture = drawn("after-residual", "Residual after, over time", 3.5, lambda figure: _draw_residual(figure, log))
     return illustration(picture, "The residual after, on its own scale. Dotted: ±2 σ, where 95 % of noise stays.")
 
 
 def _draw_residual(figure: Figure, log: Curves) -> None:
-    column = panels(figure, share="all")[:, 0]
+    column = panels(figure, share="all", above_in=0.1)[:, 0]
     time_s, residual = log.time_s[log.used], residual_sigma(log.residual_after_g, log)
     for row, axis in enumerate(AXES):
         curve(column[row], time_s, residual[:, row], AFTER, width=0.5)

@@ -198,6 +198,15 @@ def test_rivals_stand_out_in_the_ranking(make: Maker, pages: dict[str, Page]) ->
     assert "coulomb friction and impact1.19not judged0.800rival: fits as well" in found
 
 
+def test_the_best_with_a_trifle_more_is_not_the_best(make: Maker) -> None:
+    result = make("named")
+    best = result.ranking[0]
+    bent = replace(best, names=(*best.names, "rope_length"), chi2_held_out=None, behind=0.0, rival=False)
+    text = text_of(ranking_part(replace(result, ranking=(bent, best))))
+    assert text.count("0 (best)") == 1
+    assert text.index("0 (best)best") < text.index("what it adds is too little to count")
+
+
 def test_parameters_have_components_intervals_units_and_doubts(make: Maker) -> None:
     result = make("named")
     impact = result.effects[1]
@@ -218,6 +227,30 @@ def test_the_new_equation_is_marked(pages: dict[str, Page]) -> None:
     assert pages["named"].sections["model"].count("new ") == 1
     assert "new " not in pages["unmodelled"].sections["model"]
     assert "delta_v_m_s = [0.07, -0.11]" in pages["named"].sections["model"]
+
+
+def test_symbols_of_the_equations_are_told(pages: dict[str, Page]) -> None:
+    assert "a_p: acceleration of the pivot" in " ".join(pages["named"].sections["model"].split())
+
+
+def test_what_is_fitted_again_is_told_in_words(make: Maker) -> None:
+    text = text_of(data_part(make("named", refitted_on_held_out=("initial.tilt_x_rad", "vibration.phase_rad"))))
+    assert "how far the rope leant along x at the start initial.tilt_x_rad" in text
+    assert "vibration.phase_rad" in text
+
+
+def test_events_are_not_missed_in_a_list_that_cannot_have_them(make: Maker) -> None:
+    result = make("named")
+    lasting = tuple(each for each in result.scores if each.name != "impact")
+    assert "act for a while only are not in this list" in text_of(ranking_part(replace(result, scores=lasting)))
+    with_it = (replace(result.scores[0], name="impact"),)
+    assert "not in this list" not in text_of(ranking_part(replace(result, scores=with_it)))
+
+
+def test_a_fitted_member_of_a_group_is_shown_without_a_claim(make: Maker) -> None:
+    unnamed = make("one_of", effects=())
+    assert "stands under “The model, before and after”, without any claim" in text_of(parameters_part(unnamed))
+    assert "without any claim" not in text_of(parameters_part(make("none_missing")))
 
 
 def test_missing_parts_are_said(make: Maker) -> None:

@@ -79,13 +79,13 @@ def test_rows_go_from_the_believed_model_to_the_final_one() -> None:
     gap = Gap(100.0, 90.0, 1.0, 1.1, None)
     steps = (
         Step((), (), (), 100.0, 90.0, 0.0),
-        Step(("impact",), (), ("impact",), 5.0, None, 0.0),
+        Step(("impact",), (), ("axis_offset", "impact"), 5.0, None, 0.0),
         Step(("viscous_damping",), ("axis_offset",), ("impact", "viscous_damping"), 2.0, 2.1, 0.0),
     )
-    rows = rows_of(gap, steps, "final model")
+    rows = rows_of(gap, steps, "final model", frozenset({"impact", "viscous_damping"}))
     assert [row.label for row in rows] == [
         "model as believed",
-        "+ impact",
+        "+ axis offset\n+ impact",
         "+ viscous damping\n− axis offset",
         "final model",
     ]
@@ -105,3 +105,12 @@ def test_drawing_leaves_matplotlib_as_it_was_and_labels_exact() -> None:
     assert "$0$" in svg
     assert 'aria-label="a &quot;b&quot; &lt;c&gt;"' in svg
     assert 'id="figure_1"' not in svg
+
+
+def test_a_last_step_that_is_not_the_model_shown_is_followed_by_that_model() -> None:
+    steps = (Step(("slewing",), (), ("slewing",), 1.0, None, 0.0),)
+    rows = rows_of(Gap(100.0, 90.0, 1.0, 1.1, None), steps, "one of the group, as fitted", frozenset({"housing_spin"}))
+    assert [(row.label, row.held_out) for row in rows[1:]] == [
+        ("+ slewing", None),
+        ("one of the group, as\nfitted", 1.1),
+    ]

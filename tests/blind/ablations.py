@@ -1,0 +1,90 @@
+"""`plumbline` without one of the gates of `reconcile`: what is the gate worth?
+
+`python -m tests.blind.ablations --without drop reconcile LOG --rig RIG ...`; each takes one part away from outside, so that
+the product has no switch for it.
+"""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
+from typing import Any
+from unittest.mock import patch
+
+from gateway.cli.main import main as plumbline
+from gateway.twin.reconcile import reconcile, search
+from gateway.twin.reconcile.held_out import Judged
+from gateway.twin.reconcile.observations import Observations
+from gateway.twin.reconcile.search import Attempt, Search
+from gateway.twin.reconcile.verdict import Answer, Contender, decide
+
+
+@contextmanager
+def isolability() -> Iterator[None]:
+    """Look-alikes are neither fitted nor held as rivals: the best stands alone."""
+    judged = reconcile.judged
+
+    def alone(*arguments: Any) -> tuple[list[Contender], Contender]:
+        contenders, base = judged(*arguments)
+        return contenders[:1], base
+
+    with patch.object(reconcile, "judged", alone), patch.object(search, "mates_of", lambda _names: frozenset()):
+        yield
+
+
+@contextmanager
+def held_out() -> Iterator[None]:
+    """The log alone decides; the prediction of the held-out recording is still made, to be scored."""
+    with_line = reconcile._with_line
+
+    def on_log(
+        contenders: Sequence[Contender], base: Contender, log: Observations, _held_out: Observations, *others: Any
+    ) -> Answer:
+        least = min(each.bic for each in contenders)
+        ranked = sorted(contenders, key=lambda each: each.bic)
+        answer = decide([_fitted(each, least) for each in ranked], _fitted(base, least), log, log, *others)
+        model = next(each for each in (*ranked, base) if each.attempt is answer.model.attempt)
+        return replace(answer, model=model)
+
+    def line_on_log(search: Search, base: Attempt, always: reconcile.Values, _held_out: Observations) -> Any:
+        return with_line(search, base, always, search.setting.log)
+
+    with patch.object(reconcile, "decide", on_log), patch.object(reconcile, "_with_line", line_on_log):
+        yield
+
+
+def _fitted(contender: Contender, least_bic: float) -> Contender:
+    """As if the recording that it was fitted to were the one to judge it."""
+    attempt = contender.attempt
+    return replace(
+        contender, judged=Judged(attempt.fit, attempt.reduced, ()), behind=max(0.0, contender.bic - least_bic)
+    )
+
+
+@contextmanager
+def drop() -> Iterator[None]:
+    """What was added stays."""
+    with patch.object(Search, "_dropped", lambda _search, best: best):
+        yield
+
+
+ABLATIONS: Mapping[str, Callable[[], AbstractContextManager[None]]] = {
+    each.__name__: each for each in (isolability, held_out, drop)
+}
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """What `plumbline` returns."""
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.blind.ablations", description=(__doc__ or "").splitlines()[0]
+    )
+    parser.add_argument("--without", choices=ABLATIONS, required=True)
+    parser.add_argument("rest", nargs=argparse.REMAINDER, metavar="COMMAND ...", help="plumbline's arguments")
+    chosen = parser.parse_args(arguments)
+    with ABLATIONS[chosen.without]():
+        return plumbline(chosen.rest)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

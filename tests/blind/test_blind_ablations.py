@@ -1,0 +1,92 @@
+"""Each ablation takes away what it says, and gives it back."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+
+from gateway.measurement.rig import read_rig
+from gateway.twin.model import Model, model_of
+from gateway.twin.reconcile import reconcile, search
+from gateway.twin.reconcile.loading import Loaded
+from gateway.twin.reconcile.observations import observe
+from gateway.twin.reconcile.search import Search
+from gateway.twin.reconcile.setting import Setting
+from tests.blind import ablations
+from tests.blind.cases import generate
+from tests.blind.plan import Plan
+from tests.blind.write import write_case
+
+LENGTHS_S = {"log": 24.0, "held_out": 16.0}
+
+
+@pytest.fixture
+def asked(tmp_path):
+    """A rig of which is believed what is true, and recordings of it by name."""
+
+    def ask(*hidden: str, seed: int) -> tuple[Model, dict[str, Loaded]]:
+        case = generate(Plan(0, seed, "single" if hidden else "null", hidden), LENGTHS_S)
+        write_case(case, tmp_path)
+        model = model_of(read_rig(tmp_path / "rig.toml"), "rig.toml")
+        noise_g = np.full(3, case.rig.noise_g)
+        return model, {
+            name: Loaded(observe(each.time_s, each.force_g, None, noise_g), None, {}, each.time_s)
+            for name, each in case.recordings.items()
+        }
+
+    return ask
+
+
+def verdict(model: Model, log: Loaded, held_out: Loaded) -> tuple[str, list[str]]:
+    found = reconcile.reconcile(model, log, held_out)
+    return found.verdict, [effect.name for effect in found.effects]
+
+
+def test_without_isolability_one_of_a_group_is_named(asked):
+    model, recorded = asked("housing_spin", seed=8)
+    assert verdict(model, recorded["log"], recorded["held_out"])[0] == "one_of"
+
+    with ablations.isolability():
+        said, names = verdict(model, recorded["log"], recorded["held_out"])
+        assert search.mates_of(frozenset({"slewing"})) == frozenset()
+
+    assert said == "named"
+    assert len(names) == 1
+    assert search.mates_of(frozenset({"slewing"})) == {"housing_spin"}
+
+
+def test_without_held_out_what_one_recording_holds_is_named(asked):
+    model, recorded = asked("axis_offset", seed=3)
+    _, others = asked(seed=3)
+    said, _ = verdict(model, recorded["log"], others["held_out"])
+    assert said not in ("named", "one_of")
+
+    with ablations.held_out():
+        said, names = verdict(model, recorded["log"], others["held_out"])
+
+    assert (said, names) == ("named", ["axis_offset"])
+
+
+def test_without_drop_what_was_added_stays(asked):
+    model, recorded = asked(seed=3)
+    tried = Search(Setting(model.rig, model.effects, recorded["log"].observations, lambda: None), {})
+    tried.try_values({})
+    needless = tried.try_values({"axis_offset": {}})
+    assert tried._dropped(needless).names == frozenset()
+
+    with ablations.drop():
+        assert tried._dropped(needless).names == {"axis_offset"}
+
+
+def test_prediction_of_a_command_without_a_gate_is_of_the_held_out_recording(tmp_path):
+    write_case(generate(Plan(0, 3, "single", ("axis_offset",)), LENGTHS_S), tmp_path)
+    out, prediction = tmp_path / "out.json", tmp_path / "prediction.csv"
+    files = [tmp_path / "log.csv", "--rig", tmp_path / "rig.toml", "--held-out", tmp_path / "held_out.csv"]
+    files += ["--json", out, "--prediction", prediction]
+
+    assert ablations.main(["--without", "held_out", "reconcile", *map(str, files)]) == 0
+
+    assert json.loads(out.read_text())["gap"]["after"]["held_out"] == pytest.approx(1, abs=0.2)
+    with prediction.open(newline="") as file:
+        assert len(list(csv.DictReader(file))) == round(LENGTHS_S["held_out"] * 50)
