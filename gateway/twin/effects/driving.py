@@ -2,22 +2,11 @@
 
 from typing import Any
 
-import casadi as ca
-
 from devices.simulated.equations import Scalar, Vector
 from gateway.twin.effects.effect import Body, Effect, Moment, Parameter, Symbols
+from gateway.twin.effects.pulse import SHARPEST, Pulse, duration, rising_share, start
 
 HORIZONTAL = ("x", "y")
-
-
-def start(typical: float) -> Parameter:
-    """When an event starts."""
-    return Parameter("start_s", "s", "when it starts, in the recording's time", 0.0, 1e6, 0.0, 0.1, typical)
-
-
-def duration(typical: float, name: str = "duration_s") -> Parameter:
-    """How long an event or a part of it lasts."""
-    return Parameter(name, "s", "how long it lasts", 0.05, 600.0, 5.0, 0.1, typical)
 
 
 def horizontal(p: Any, factor: Scalar) -> Vector:
@@ -46,29 +35,35 @@ class WindGust(Effect):
     """A push that lasts for a time."""
 
     name = "wind_gust"
-    equation = "F/m = (a_x, a_y, 0) (1 − cos(2π (t − t₀)/T))/2 for t₀ ≤ t < t₀ + T"
+    equation = "F/m = (a_x, a_y, 0) w(t; t₀, T, s), w rises as (1 − cos)/2 over s T/2, stays 1 and falls until t₀ + T"
     explains = "A gust, or a pull on the load for some seconds."
-    reference = "the one-minus-cosine gust of load standards (EN 61400-1, CS 25.341)"
+    reference = (
+        "s = 1: the one-minus-cosine gust of load standards (EN 61400-1, CS 25.341); s → 0: a pull with sharp edges"
+    )
     enters = "force on the load"
     transient = True
     parameters = (
         Parameter("accel_m_s2", "m/s²", "force over the load's mass", -5.0, 5.0, 0.0, 0.01, (0.25, 0.1), HORIZONTAL),
         start(30.0),
         duration(5.0),
+        rising_share(1.0),
     )
 
     def edges(self, p: Symbols) -> tuple[Scalar, ...]:
-        """Its start and its end."""
-        return p["start_s"], p["start_s"] + p["duration_s"]
+        """Where it starts, is full, falls and ends."""
+        return self._pulse(p).edges
 
     def longest_step_s(self, p: Symbols, length_m: float) -> Scalar:
         """Eight steps at least."""
         return p["duration_s"] / 8
 
     def force_m_s2(self, p: Symbols, now: Moment, load: Body) -> Vector:
-        """Rises to the full force and falls again."""
-        progress = (now.time_s - p["start_s"]) / p["duration_s"]
-        return horizontal(p["accel_m_s2"], now.within(*self.edges(p)) * (1 - ca.cos(2 * ca.pi * progress)) / 2)
+        """Rises to the full force, stays, and falls again."""
+        return horizontal(p["accel_m_s2"], self._pulse(p).level(now))
+
+    @staticmethod
+    def _pulse(p: Symbols) -> Pulse:
+        return Pulse(p["start_s"], p["duration_s"], p["rising_share"])
 
 
 class Impact(Effect):
@@ -98,7 +93,7 @@ class TrolleyAcceleration(Effect):
     """The pivot speeds up, runs on, slows down."""
 
     name = "trolley_acceleration"
-    equation = "a_p = (a_x, a_y, 0) for T from t₀, 0 for T_c, then the opposite for T"
+    equation = "a_p = (a_x, a_y, 0) (w(t; t₀, T, s) − w(t; t₀ + T + T_c, T, s)), w as of a gust"
     explains = "The trolley or the bridge was driven."
     reference = "trapezoidal speed profile of a drive"
     enters = "pivot"
@@ -108,14 +103,20 @@ class TrolleyAcceleration(Effect):
         start(30.0),
         duration(3.0),
         duration(5.0, "coast_s"),
+        rising_share(SHARPEST),
     )
 
     def edges(self, p: Symbols) -> tuple[Scalar, ...]:
-        """Starts and ends of speeding up and of slowing down."""
-        begin, ramp, coast = p["start_s"], p["duration_s"], p["coast_s"]
-        return begin, begin + ramp, begin + ramp + coast, begin + 2 * ramp + coast
+        """Of speeding up and of slowing down."""
+        speeding, slowing = self._pulses(p)
+        return *speeding.edges, *slowing.edges
 
     def pivot_m_s2(self, p: Symbols, now: Moment) -> Vector:
-        """Constant on each ramp."""
-        edges = self.edges(p)
-        return horizontal(p["accel_m_s2"], now.within(*edges[:2]) - now.within(*edges[2:]))
+        """Constant on each ramp but for its rise and fall."""
+        speeding, slowing = self._pulses(p)
+        return horizontal(p["accel_m_s2"], speeding.level(now) - slowing.level(now))
+
+    @staticmethod
+    def _pulses(p: Symbols) -> tuple[Pulse, Pulse]:
+        begin, ramp, share = p["start_s"], p["duration_s"], p["rising_share"]
+        return Pulse(begin, ramp, share), Pulse(begin + ramp + p["coast_s"], ramp, share)

@@ -6,9 +6,9 @@ import casadi as ca
 
 from devices.simulated.equations import Scalar
 from devices.simulated.pendulum import STANDARD_GRAVITY_M_S2
-from gateway.twin.effects.driving import duration, start
 from gateway.twin.effects.effect import Effect, Moment, Parameter, Ropes, Symbols
 from gateway.twin.effects.modes import modes
+from gateway.twin.effects.pulse import Pulse, duration, rising_share, start
 
 Length = tuple[Scalar, Scalar, Scalar]
 LONGEST_RIGGING = 0.95
@@ -24,7 +24,7 @@ class Hoisting(Effect):
     """The rope becomes longer or shorter."""
 
     name = "hoisting"
-    equation = "L' = r' = v for t₀ ≤ t < t₀ + T"
+    equation = "L' = r' = v w(t; t₀, T, s), w rises as (1 − cos)/2 over s T/2, stays 1 and falls until t₀ + T"
     explains = "The load was hoisted or lowered; the housing, clamped to the rope, moves with it."
     reference = "conservation of angular momentum as the rope's length changes"
     enters = "rope"
@@ -33,19 +33,22 @@ class Hoisting(Effect):
         Parameter("speed_m_s", "m/s", "lowering; hoisting is negative", -2.0, 2.0, 0.0, 0.01, -0.2),
         start(30.0),
         duration(8.0),
+        rising_share(0.1),
     )
 
     def edges(self, p: Symbols) -> tuple[Scalar, ...]:
-        """Its start and its end."""
-        return p["start_s"], p["start_s"] + p["duration_s"]
+        """Where the winch starts, runs, slows and stands."""
+        return self._pulse(p).edges
 
     def ropes(self, p: Symbols, now: Moment, ropes: Ropes) -> Ropes:
-        """Constant speed; the housing keeps its distance to the load."""
-        begin, end = self.edges(p)
-        moving, ended = now.within(begin, end), now.after(end)
-        by = p["speed_m_s"] * (moving * (now.time_s - begin) + ended * p["duration_s"])
-        rate = p["speed_m_s"] * moving
-        return Ropes(longer(ropes.length, by, rate), longer(ropes.position, by, rate))
+        """The housing keeps its distance to the load."""
+        winch, speed = self._pulse(p), p["speed_m_s"]
+        by = (speed * winch.area(now), speed * winch.level(now), speed * winch.slope(now))
+        return Ropes(longer(ropes.length, *by), longer(ropes.position, *by))
+
+    @staticmethod
+    def _pulse(p: Symbols) -> Pulse:
+        return Pulse(p["start_s"], p["duration_s"], p["rising_share"])
 
 
 class RopeLength(Effect):
@@ -68,7 +71,7 @@ class RopeStretch(Effect):
     """The load bounces on the rope."""
 
     name = "rope_stretch"
-    equation = "L = L_believed + g/ω² + s, r likewise; s'' = L |n'|² + n·d − g − ω² s − 2 ζ ω s'"
+    equation = "L = L_believed + u, r = r_believed + h u, u = q g/ω² + s; s'' = L |n'|² + n·d − g − ω² s − 2 ζ ω s'"
     explains = "The load bounces up and down on an elastic rope."
     reference = "spring and mass along the rope, coupled to the swing by the rope's tension"
     enters = "structure"
@@ -76,6 +79,10 @@ class RopeStretch(Effect):
     parameters = (
         Parameter("frequency_hz", "Hz", "of the bounce, ω/2π", 0.3, 20.0, 2.0, 0.01, 2.0),
         Parameter("damping_ratio", "1", "ζ of the bounce", 0.0, 0.5, 0.01, 1e-3, 0.01),
+        Parameter("above_housing", "1", "h, part of the stretch that is above the housing", 0.0, 1.0, 1.0, 0.01, 1.0),
+        Parameter(
+            "sag_unknown", "1", "q, part of the sag under the load that the belief lacks", 0.0, 1.0, 1.0, 0.01, 1.0
+        ),
     )
 
     def longest_step_s(self, p: Symbols, length_m: float) -> Scalar:
@@ -83,12 +90,13 @@ class RopeStretch(Effect):
         return 0.125 / (2 * ca.pi * p["frequency_hz"])
 
     def ropes(self, p: Symbols, now: Moment, ropes: Ropes) -> Ropes:
-        """Housing and load hang lower by the sag under the load's weight, and bounce about it."""
-        sag = STANDARD_GRAVITY_M_S2 / (2 * ca.pi * p["frequency_hz"]) ** 2
+        """The load hangs lower by the sag under its weight and bounces about it; the housing takes its part in both."""
+        sag = p["sag_unknown"] * STANDARD_GRAVITY_M_S2 / (2 * ca.pi * p["frequency_hz"]) ** 2
         stretch, rate, acceleration = now.stretch
+        part = p["above_housing"]
         return Ropes(
             longer(ropes.length, sag + stretch, rate, acceleration),
-            longer(ropes.position, sag + stretch, rate, acceleration),
+            longer(ropes.position, part * (sag + stretch), part * rate, part * acceleration),
         )
 
     def stretch_m_s2(self, p: Symbols, now: Moment, beyond_rest_m_s2: Scalar) -> Scalar:

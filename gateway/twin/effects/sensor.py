@@ -98,17 +98,19 @@ class Vibration(Effect):
     name = "vibration"
     equation = "f_i + A sin(2π f t + φ_i)"
     explains = "A motor, a gear or the wind shakes the housing."
-    reference = "a sine on each axis"
+    reference = "a sine on each axis: a line to and fro, or an ellipse"
     enters = "sensor"
     linear_at_neutral = False
     parameters = (
         Parameter("frequency_hz", "Hz", "f", 0.5, 2000.0, 10.0, 1e-3, 12.0),
         Parameter("amplitude_g", "g", "A of each axis", -1.0, 1.0, 0.0, 1e-4, (3e-3, 3e-3, 3e-3), AXES),
-        Parameter("phase_rad", "rad", "φ", -4.0, 4.0, 0.0, 0.1, 0.0, refitted=True),
+        Parameter("lag_rad", "rad", "of y and z behind x", -7.0, 7.0, 0.0, 0.1, (0.0, 0.0), ("y", "z")),
+        Parameter("phase_rad", "rad", "φ of x", -7.0, 7.0, 0.0, 0.1, 0.0, refitted=True),
     )
 
     def reading_g(self, p: Symbols, now: Moment, reading: Vector) -> Vector:
-        """The same amplitude on each axis, each in its own phase."""
-        angle = 2 * ca.pi * p["frequency_hz"] * now.time_s
-        x, y, z = (f + a * ca.sin(angle + p["phase_rad"]) for f, a in zip(reading, p["amplitude_g"], strict=True))
+        """Each axis with its own amplitude and phase."""
+        angle = 2 * ca.pi * p["frequency_hz"] * now.time_s + p["phase_rad"]
+        angles = (angle, *(angle - lag for lag in p["lag_rad"]))
+        x, y, z = (f + a * ca.sin(at) for f, a, at in zip(reading, p["amplitude_g"], angles, strict=True))
         return x, y, z

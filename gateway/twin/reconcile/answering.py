@@ -31,6 +31,7 @@ from gateway.twin.reconcile.whiteness import residual_of
 
 Array = NDArray[np.float64]
 RANKED = 12
+STEP_ROUNDS = 6
 BASE_EQUATIONS = (
     "n″ = (I − n nᵀ)(g − a_p + F/m)/L − 2 (L′/L) n′ − |n′|² n",
     "f = a_p + r n″ + 2 r′ n′ + r″ n − g, in the housing's axes",
@@ -180,10 +181,16 @@ def _estimate(parameter: Parameter, value: Value, sigma: Sequence[float]) -> Est
 
 
 def _steps(found: Findings) -> tuple[Step, ...]:
-    return tuple(
-        Step(tuple(sorted(s.added)), tuple(sorted(s.dropped)), tuple(sorted(s.names)), s.reduced, None, s.bic)
-        for s in found.search.history
-    )
+    """Each with its gap on held-out data; sets that were judged for the verdict are not judged again."""
+    known = {c.names: c.judged.reduced for c in found.contenders}
+    steps = []
+    for s in found.search.history:
+        if s.names not in known:
+            values = {**found.model.effects, **found.search.attempts[s.names].values}
+            known[s.names] = judge(found.model.rig, values, found.recordings.held_out, STEP_ROUNDS).reduced
+        added, dropped, names = (tuple(sorted(each)) for each in (s.added, s.dropped, s.names))
+        steps.append(Step(added, dropped, names, s.reduced, known[s.names], s.bic))
+    return tuple(steps)
 
 
 def _scores(found: Findings) -> tuple[Scored, ...]:

@@ -22,6 +22,10 @@ MUCH_NOISIER = 3.0
 FLAT = 0.9
 EARTH_G = (0.5, 2.0)
 """Median of the norm: outside, the numbers are not in g."""
+FALL_G, FALLING = 0.3, 0.1
+"""A rope is slack where the norm stays below this for more than this part of a swing's period."""
+NOT_AT_LOAD = 0.7
+"""Share of the rope from which a housing may well read that little at the top of a wide swing."""
 NEAR_BELIEF, FAR_FROM_BELIEF, PRESENT = 1.15, 1.25, 0.01
 """The rig is not this one when the swing's frequency is off by a quarter (the rope by 1.6), and less than this part of the power
 is near the believed frequency; a second mode may be the stronger one."""
@@ -87,12 +91,25 @@ def unusable(time_s: Array, force_g: Array, twin: TwinRig) -> str | None:
     if not EARTH_G[0] < norm < EARTH_G[1]:
         unit = " (m/s²?)" if 9 < norm < 11 else " (mg?)" if 500 < norm < 2000 else ""
         return f"wrong units: the readings' norm is {norm:.3g}{unit}, at rest it is 1 g; give them in g"
+    falling_s = _longest_fall_s(time_s, force_g)
+    if falling_s > FALLING * period_s and twin.position_m < NOT_AT_LOAD * twin.length_m:
+        return (
+            f"in free fall: the readings stay below {FALL_G:g} g for {falling_s:.2g} s, no rope was taut; "
+            "record with the housing clamped to the rope"
+        )
     if duration_s < SWINGS * period_s:
         return f"too short: {duration_s:.3g} s, a swing of this rig takes {period_s:.3g} s; record at least {3 * period_s:.0f} s"
     stuck = [float(np.mean(np.abs(axis - np.median(axis)) < 1e-9)) for axis in force_g.T]
     if max(stuck) > FLAT:
         return "clipped or stuck throughout: an axis gives the same value all the time; set a wider range"
     return _swing_fault(time_s, force_g, twin, period_s)
+
+
+def _longest_fall_s(time_s: Array, force_g: Array) -> float:
+    """Longest time for which the norm of (n, 3) stays below `FALL_G`."""
+    falling = np.concatenate([[False], np.linalg.norm(force_g, axis=1) < FALL_G, [False]])
+    first, after = (np.flatnonzero(np.diff(falling.astype(int)) == sign) for sign in (1, -1))
+    return max((float(time_s[b - 1] - time_s[a]) for a, b in zip(first, after, strict=True)), default=0.0)
 
 
 def _swing_fault(time_s: Array, force_g: Array, twin: TwinRig, period_s: float) -> str | None:

@@ -10,15 +10,15 @@ from gateway.twin.reconcile.search import Attempt, Search, Values
 from gateway.twin.reconcile.setting import Setting
 from gateway.twin.reconcile.shooting import Fit
 from gateway.twin.reconcile.spectrum import machine_line
-from gateway.twin.reconcile.wandering import EVERY, Walk, counted, find_walk, slow
+from gateway.twin.reconcile.wandering import Walk, counted, find_walk, slow
 
 Array = NDArray[np.float64]
 LEAST_FRACTION = 0.002
 CLOSED = 0.8
 """Share of what a steady clock leaves below the machines' frequencies that the walk must take away."""
-WANDERS = (0.15, 1.0)
-"""Cost of the walk for each knot: about a half for lost samples, a few hundredths for a clock that is only slow, and more than
-losses of that number can wander for a swing that itself changed."""
+WANDERS = (0.65, 1.6)
+"""Cost of the walk for each of its steps that the readings tell: 1 for lost samples, by their own law; half of it and less for a
+clock that is only slow, twice and more for a swing that itself changed."""
 
 
 def lost_samples(search: Search, slow_clock: Attempt | None) -> Walk | None:
@@ -40,11 +40,13 @@ def _walk(setting: Setting, others: Values, slow_clock: Fit, fraction: float) ->
     o, simulator = setting.log, setting.simulator(tuple(others))
     values = simulator.values(list(slow_clock.values[:5]), {**setting.believed, **others})
     walk = find_walk(simulator, values, o, fraction)
+    if walk is None:
+        return None
     dt = float(np.median(np.diff(o.time_s)))
     after_g = simulator.predict(walk.values, walk.true_s, o.temperature_c)
     left, was = ((slow(o.residual_sigma(each), dt) ** 2).sum() for each in (after_g, slow_clock.force_g))
     noise = (slow(np.random.default_rng(0).normal(size=after_g.shape), dt) ** 2).sum()
-    wanders = WANDERS[0] < walk.prior / (len(o.time_s) / EVERY) < WANDERS[1]
+    wanders = WANDERS[0] < walk.wander < WANDERS[1]
     if not wanders or left - noise > (1 - CLOSED) * (was - noise) or walk.fraction < LEAST_FRACTION:
         return None
     if machine_line(walk.true_s, o.force_g - after_g, o.noise_g) is None:

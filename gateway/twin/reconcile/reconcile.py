@@ -16,7 +16,7 @@ from gateway.twin.reconcile.lost import lost_samples, retimed_held_out, without_
 from gateway.twin.reconcile.null_test import largest_by_chance, score
 from gateway.twin.reconcile.observations import Observations, Recordings, piece
 from gateway.twin.reconcile.result import Reconciliation
-from gateway.twin.reconcile.search import Attempt, Search
+from gateway.twin.reconcile.search import LEAST_EFFECT, Attempt, Search
 from gateway.twin.reconcile.setting import Setting
 from gateway.twin.reconcile.starting import Situation, vibration
 from gateway.twin.reconcile.verdict import RIVAL, Contender, decide
@@ -54,7 +54,7 @@ def reconcile(
         return unusable(model, log, "the model as believed cannot be fitted")
     search, base, recordings, lost = _singles(believed, start, recordings, always)
     best = search.run(base, search.best())
-    again = None if lost is not None else _at_true_times(search, best, recordings, always)
+    again = None if lost is not None or search.has_event(base) else _at_true_times(search, best, recordings, always)
     if again is not None:
         search, base, recordings, lost = again
         best = search.run(base, search.best())
@@ -89,7 +89,7 @@ def _singles(
     search, base = _based(believed, start, always, recordings.held_out)
     search.lasting(base)
     slow_clock = search.attempts.get(frozenset({*search.always, "clock_drift"}))
-    found = _at_true_times(search, slow_clock, recordings, always)
+    found = None if search.has_event(base) else _at_true_times(search, slow_clock, recordings, always)
     if found is not None:
         return found
     search.singles(base)
@@ -177,7 +177,7 @@ def _with_line(search: Search, base: Attempt, always: Values, held_out: Observat
     if not found:
         return always
     tried = search.try_values({**always, "vibration": found[0]})
-    if tried is None or not search.worth(base, tried):
+    if tried is None or base.fit.chi2 - tried.fit.chi2 < LEAST_EFFECT * log.count:
         return always
     rig, effects = search.setting.rig, search.setting.believed
     without, with_it = (judge(rig, {**effects, **each.values}, held_out).reduced for each in (base, tried))

@@ -12,6 +12,7 @@ from gateway.twin.effects.effect import Value
 from gateway.twin.reconcile.events import Window, find_windows
 from gateway.twin.reconcile.groups import mates_of
 from gateway.twin.reconcile.noise import colour
+from gateway.twin.reconcile.partings import parting
 from gateway.twin.reconcile.score import UNSUITED, Signatures, signatures
 from gateway.twin.reconcile.setting import SEARCH_ROUNDS, Setting
 from gateway.twin.reconcile.shooting import Fit
@@ -28,12 +29,15 @@ CHANGES_LENGTH = frozenset({"hoisting", "load_change"})
 SEEN = frozenset({"quantization", "clipping"})
 """Found in the readings themselves: no fit takes them away again."""
 MOST_EFFECTS = 3
+MOST_FITS = 60
+"""Where nothing fits, the search ends with these."""
 PARENTS = 2
 CHILDREN = 4
 HOPELESS = 0.5
 """An effect whose signature reaches less than this share of what the best one's reaches is no rival to one that explains all."""
 HOPEFUL, WINDOWS_LEAVE = 1.3, 0.6
 """An event is tried where its window leaves less than this part of what the best model so far leaves."""
+EVENT_LEAVES = 0.2
 LEAST_SHARE = 0.8
 """What the best single effect may leave of the gap for pairs to be looked at: one of two causes does more than that alone."""
 WORTH_GOING_ON = 0.1
@@ -89,16 +93,20 @@ class Search:
     signatures: Signatures | None = None
     """Beside what is always there."""
     history: list[Move] = field(default_factory=list)
+    fits: int = 0
+    partings: dict[tuple[frozenset[str], bool], Window | None] = field(default_factory=dict)
+    """As found beside a set, with the rope's length or without."""
 
     def try_values(
         self, values: Values, starts: Array | None = None, rounds: int = SEARCH_ROUNDS, beyond: float = np.inf
     ) -> Attempt | None:
         """Fit a set from these values; the better one is kept where the set was fitted before. None where it cannot be."""
         setting = self.setting
+        self.fits += 1
         try:
             fit = setting.fit(values, starts, rounds, beyond)
-        except (np.linalg.LinAlgError, FloatingPointError):
-            return None
+        except (np.linalg.LinAlgError, FloatingPointError, ValueError):
+            return None  # the fit ran to parameters that no integration can follow
         if not np.isfinite(fit.chi2):
             return None
         model = setting.simulator(tuple(values)).effects(fit.values)
@@ -148,7 +156,7 @@ class Search:
         if best.reduced - 1 > LEAST_SHARE * (base.reduced - 1):
             return self._kept(best, self._dropped(best))
         for _ in range(MOST_EFFECTS - 1):
-            if not self.open(best):
+            if not self.open(best) or self.tired:
                 break
             ahead = self._grow(self._parents(len(best.values)))
             if ahead is best:
@@ -171,6 +179,11 @@ class Search:
             )
             self.history.append(move)
         return after
+
+    @property
+    def tired(self) -> bool:
+        """So many fits have been made that what is still to find is no single effect and no pair."""
+        return self.fits >= MOST_FITS
 
     def open(self, attempt: Attempt) -> bool:
         """Something is left."""
@@ -209,7 +222,9 @@ class Search:
         for factor in STRETCHED:
             if self.open(self.best()):
                 length_s = factor * duration_s
-                other = {"start_s": start_s + (duration_s - length_s) / 2, "duration_s": length_s}
+                other: dict[str, Value] = {"start_s": start_s + (duration_s - length_s) / 2, "duration_s": length_s}
+                if "rising_share" in values:
+                    other["rising_share"] = values["rising_share"]
                 self.try_values({**attempt.values, name: other}, rounds=POLISH_ROUNDS, beyond=self._rival_chi2())
 
     def _rival_chi2(self) -> float:
@@ -226,6 +241,8 @@ class Search:
         """All that one more effect can do beside each parent; the best of all afterwards."""
         before = self.best()
         for parent in parents:
+            if self.tired:
+                break
             starts = self.setting.starts(parent.values)
             self._lasting_children(parent, starts, first=False)
             self._try_found_in_data(parent, starts)
@@ -267,15 +284,28 @@ class Search:
         if not self.open(best) and best is not parent:
             return
         for lengths in (False, True):
-            windows = self._windows(parent, length=lengths)
-            situation = Situation(setting.rig, o, residual_g, windows)
+            windows, parted = self._windows(parent, length=lengths), self.parted(parent, length=lengths)
+            situation = Situation(setting.rig, o, residual_g, windows, parted)
             best = self.best()
             # With the rope's length the answer is far from linear, and the windows' promise is too small.
-            share = HOPEFUL if lengths else WINDOWS_LEAVE
-            if min(w.left for w in windows) - o.count < max(share * (best.fit.chi2 - o.count), OPEN * o.count):
+            share = HOPEFUL if lengths and (parted or len(parent.values) == len(self.always)) else WINDOWS_LEAVE
+            left = min(w.left for w in (*windows, *([] if parted is None else [parted])))
+            if left - o.count < max(share * (best.fit.chi2 - o.count), OPEN * o.count):
                 for name in TRANSIENT:
                     if (name in CHANGES_LENGTH) == lengths:
                         self._try(parent, name, STARTS[name](situation), starts)
+
+    def parted(self, parent: Attempt, *, length: bool) -> Window | None:
+        """Where the motions before and after an event part beside these effects."""
+        key = (parent.names, length)
+        if key not in self.partings:
+            self.partings[key] = parting(self.setting, parent.values, length=length)
+        return self.partings[key]
+
+    def has_event(self, parent: Attempt) -> bool:
+        """One motion before, another after, and nothing else is missing: no clock and no lost sample does that."""
+        parted, o = self.parted(parent, length=True), self.setting.log
+        return parted is not None and parted.left < (1 + EVENT_LEAVES) * o.count
 
     def _windows(self, parent: Attempt, *, length: bool) -> tuple[Window, ...]:
         setting, o = self.setting, self.setting.log
@@ -298,13 +328,15 @@ class Search:
             several = [{**parent.values, name: values} for values in tried]
             tried = [self.setting.best_beginning(several, "double_pendulum.rigging_length_m")[name]]
         for turn, values in enumerate(tried):
-            if turn and not self.open(self.best()):
+            if turn and (self.tired or not self.open(self.best())):
                 return
             self.try_values({**parent.values, name: values or _first_values(name)}, starts, beyond=self._rival_chi2())
 
     def _swapped(self, best: Attempt) -> Attempt:
         """Each effect of a pair is replaced by the best others, the rest kept."""
         for name in sorted(best.names - set(self.always)):
+            if self.tired:
+                break
             rest = {n: v for n, v in best.values.items() if n != name}
             without = self.attempts.get(frozenset(rest)) or self.try_values(rest)
             if without is not None:

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.twin.effects.pulse import SHARPEST
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.nuisances import local_starts
 from gateway.twin.reconcile.observations import Observations, piece
@@ -83,4 +84,9 @@ class Setting:
         """The initial motion but for the heading, the phases, and the parameters of effects that are not believed."""
         free = np.array([slot.refitted or slot.effect in values for slot in simulator.parameters])
         free[HEADING] = False
+        for i, slot in enumerate(simulator.parameters):
+            sharp = values.get(slot.effect, {}).get("rising_share") == SHARPEST
+            free[i] &= not (
+                sharp and slot.parameter == "rising_share"
+            )  # sharp edges stay: their place decides, not their form
         return free

@@ -55,9 +55,16 @@ class Fit:
         return found
 
 
-LONGEST_STEP = {"start_s": 2.0, "duration_s": 3.0, "coast_s": 3.0, "cutoff_hz": 1.0, "frequency_hz": 0.05}
+LONGEST_STEP = {
+    "start_s": 2.0,
+    "duration_s": 3.0,
+    "coast_s": 3.0,
+    "cutoff_hz": 1.0,
+    "frequency_hz": 0.05,
+    "rising_share": 0.3,
+}
 """Trust region of what the readings answer to only nearby."""
-TIMES = frozenset({"start_s", "duration_s", "coast_s"})
+TIMES = frozenset({"start_s", "duration_s", "coast_s", "rising_share"})
 SETTLING = 2
 """Rounds in which times stand still: where nothing acts yet they have no sensitivity."""
 

@@ -7,7 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects.effect import Value
+from gateway.twin.effects.pulse import SHARPEST
 from gateway.twin.model import TwinRig
+from gateway.twin.reconcile.detectors import SAME
 from gateway.twin.reconcile.events import Window
 from gateway.twin.reconcile.observations import Observations
 from gateway.twin.reconcile.spectrum import machine_line, sine_amplitudes, strongest_line
@@ -25,6 +27,13 @@ SLOWEST_TURN_DEG_S = 0.3
 EVIDENT = 100.0
 """Power of a line over the floor around it."""
 WIDER = 1.5
+RAMPS, MIDDLING_RAMP = (0.2, 0.28, 0.36), 0.25
+"""Share of a drive that is each of its ramps."""
+HALF_RISING = 0.5
+"""Between a gust that swells all the time and a pull with sharp edges."""
+SHORT_S, APART_S = 1.5, 0.15
+"""Of the time of a blow, what can be told from where motions part, and how near a fit must begin to find it."""
+AT_LIMIT = 3
 OFF_GRID_S = 0.013
 """So that no edge stands on a sample."""
 
@@ -39,6 +48,8 @@ class Situation:
     """Of the model so far, shape (n, 3)."""
     windows: tuple[Window, ...]
     """Up to growing lengths, as `LENGTHS_S` has them."""
+    parted: Window | None = None
+    """Where the motion before and the motion after were told apart; surer than the windows."""
 
 
 def nowhere(_situation: Situation) -> list[Values]:
@@ -47,27 +58,45 @@ def nowhere(_situation: Situation) -> list[Values]:
 
 
 def impact(situation: Situation) -> list[Values]:
-    """In the middle of the short windows."""
-    return [{"start_s": (w.from_s + w.to_s) / 2 + OFF_GRID_S} for w in situation.windows[:2]]
+    """Where the motions part, and in the middle of the short windows."""
+    parted = situation.parted
+    first: list[Values] = []
+    if parted is not None and parted.to_s - parted.from_s < SHORT_S:
+        at_s = np.arange(parted.from_s - SHORT_S / 2, parted.to_s, APART_S) + OFF_GRID_S
+        nearest = np.argsort(np.abs(at_s - parted.from_s), kind="stable")
+        first = [{"start_s": float(each)} for each in at_s[nearest]]
+    return first + [{"start_s": (w.from_s + w.to_s) / 2 + OFF_GRID_S} for w in situation.windows[:2]]
 
 
 def gust(situation: Situation) -> list[Values]:
-    """About the windows' middles, longer: a gust swells and dies away."""
-    return [_between(w, WIDER) for w in situation.windows[1:3]]
+    """Between the motions; and about the windows' middles, longer: a gust swells and dies away."""
+    found = [_between(w, WIDER) for w in situation.windows[1:3]]
+    if situation.parted is not None:
+        found.insert(0, _between(situation.parted))
+    return [{**values, "rising_share": HALF_RISING} for values in found]
 
 
 def hoisting(situation: Situation) -> list[Values]:
-    """As long as the windows."""
-    return [_between(w) for w in situation.windows[1:]]
+    """From motion to motion, and as long as the windows; with soft edges and with sharp ones."""
+    sharp = [{**_between(w), "rising_share": SHARPEST} for w in situation.windows[1:]]
+    parted = situation.parted
+    return sharp if parted is None else [_between(parted), {**_between(parted), "rising_share": SHARPEST}, *sharp]
 
 
 def trolley(situation: Situation) -> list[Values]:
-    """Two ramps at the ends of the windows."""
-    found: list[Values] = []
-    for w in situation.windows[2:]:
-        length_s = max(w.to_s - w.from_s, 2.0)
-        found.append({"start_s": w.from_s + OFF_GRID_S, "duration_s": 0.25 * length_s, "coast_s": 0.5 * length_s})
-    return found
+    """Two ramps at the ends, short and long ones between the motions, middling ones in the windows."""
+    found = [_driven(w, MIDDLING_RAMP) for w in situation.windows[2:]]
+    parted = situation.parted
+    return found if parted is None else [_driven(parted, ramp) for ramp in RAMPS] + found
+
+
+def _driven(window: Window, ramp: float) -> Values:
+    length_s = max(window.to_s - window.from_s, 2.0)
+    return {
+        "start_s": window.from_s + OFF_GRID_S,
+        "duration_s": ramp * length_s,
+        "coast_s": (1 - 2 * ramp) * length_s,
+    }
 
 
 def _between(window: Window, wider: float = 1.0) -> Values:
@@ -83,11 +112,16 @@ def vibration(situation: Situation) -> list[Values]:
 
 
 def sines(frequency_hz: float, phasors: NDArray[np.complex128]) -> Values:
-    """Amplitudes with signs about one phase: a sin(angle + phase) is nearest to Re(c exp(i angle))."""
-    phase = float(np.angle((phasors**2).sum()) / 2)
-    amplitudes = (phasors * np.exp(-1j * phase)).real
-    wrapped = (phase + np.pi / 2 + np.pi) % (2 * np.pi) - np.pi
-    return {"frequency_hz": frequency_hz, "amplitude_g": tuple(float(a) for a in amplitudes), "phase_rad": wrapped}
+    """a sin(angle + phase - lag) is Re(c exp(i angle)) with c = a exp(i (phase - lag))/i."""
+    phase, *others = (float(p) for p in _wrapped(np.angle(phasors) + np.pi / 2))
+    lags = tuple(float(lag) for lag in _wrapped(phase - np.array(others)))
+    amplitudes = tuple(float(a) for a in np.abs(phasors))
+    return {"frequency_hz": frequency_hz, "amplitude_g": amplitudes, "lag_rad": lags, "phase_rad": phase}
+
+
+def _wrapped(angle_rad: Array) -> Array:
+    found: Array = (angle_rad + np.pi) % (2 * np.pi) - np.pi
+    return found
 
 
 def bounce(situation: Situation) -> list[Values]:
@@ -155,9 +189,11 @@ def cutoffs(_situation: Situation) -> list[Values]:
 
 
 def limits(situation: Situation) -> list[Values]:
-    """Just under the largest reading."""
+    """At the largest reading, where several stand exactly at it: noise comes before a limit, so it leaves them equal."""
     o = situation.observations
-    return [{"full_scale_g": float(np.quantile(np.abs(o.force_g[o.used]).max(axis=1), 0.98))}]
+    size = np.abs(o.force_g)
+    top_g = float(size.max())
+    return [{"full_scale_g": top_g}] if (size > top_g - SAME).sum() >= AT_LIMIT else []
 
 
 STARTS: dict[str, Callable[[Situation], list[Values]]] = {

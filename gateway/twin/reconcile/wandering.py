@@ -35,8 +35,8 @@ class Walk:
     """Of the samples that are missing."""
     reduced: float
     """Chi-square left, reduced."""
-    prior: float
-    """Cost of the walk under its own spread, in chi-square; about the number of knots for a true one."""
+    wander: float
+    """Cost of the walk under its own spread over the number of its steps that the readings tell: about 1 for a true one."""
     values: Array
     """Start and effects' values."""
 
@@ -45,8 +45,11 @@ class Walk:
         return replace(observations, time_s=self.true_s)
 
 
-def find_walk(simulator: Simulator, values: Array, observations: Observations, fraction: float) -> Walk:
-    """Fit initial motion and walk, from a mean part of lost samples; the simulator has no clock effect."""
+def find_walk(simulator: Simulator, values: Array, observations: Observations, fraction: float) -> Walk | None:
+    """Fit initial motion and walk, from a mean part of lost samples; the simulator has no clock effect.
+
+    None where it runs away: the readings are of another motion.
+    """
     o = observations
     dt = float(np.median(np.diff(o.time_s)))
     knots = np.arange(0, len(o.time_s) + EVERY, EVERY)
@@ -64,14 +67,40 @@ def find_walk(simulator: Simulator, values: Array, observations: Observations, f
         by_start = lin.jacobian[:, :, :HEADING] * (o.used[:, None] / o.noise_g)[:, :, None]
         spread = max(fraction, 1e-3) * EVERY * dt**2
         start_step, walk = _solved(slow(residual, dt), by_time, by_start, walk, left, share, spread)
+        if not (np.isfinite(walk).all() and np.isfinite(start_step).all()):
+            return None
         values[:HEADING] += start_step
         slope = float(np.polyfit(line_s[knots[:-1]], walk[:-1], 1)[0])
         fraction = 1 - (1 - fraction) / (1 + slope)  # the line takes the walk's mean drift
         walk = walk - slope * np.append(line_s[knots[:-1]], line_s[-1])
         walk -= walk[0]
-    prior = float((np.diff(walk) ** 2).sum() / spread)
+    told = _told(by_time, left, share, spread, len(walk))
+    wander = float((np.diff(walk) ** 2).sum() / spread / max(told, 1.0))
     reduced = float((residual**2).sum() / o.count)
-    return Walk(true_s - true_s[0], fraction, reduced, prior, values)
+    return Walk(true_s - true_s[0], fraction, reduced, wander, values)
+
+
+def _told(by_time: Array, left: NDArray[np.int64], share: Array, spread: float, count: int) -> float:
+    """Number of the walk's steps that the readings tell: the trace of what they add to the prior (MacKay 1992)."""
+    matrix = _by_knots((by_time**2).sum(axis=1), left, share, count) + _prior(count, spread)
+    return count - 1 - float(np.trace(np.linalg.solve(matrix[1:, 1:], _prior(count, spread)[1:, 1:])))
+
+
+def _by_knots(square: Array, left: NDArray[np.int64], share: Array, count: int) -> Array:
+    """Sums over samples that each touch two knots, shape (count, count)."""
+    matrix = np.zeros((count, count))
+    sides = ((left, 1 - share), (left + 1, share))
+    for place, weight in sides:
+        for other, by in sides:
+            np.add.at(matrix, (place, other), weight * by * square)
+    return matrix
+
+
+def _prior(count: int, spread: float) -> Array:
+    """Of independent steps, shape (count, count)."""
+    steps = np.diff(np.eye(count), axis=0)
+    prior: Array = steps.T @ steps / spread
+    return prior
 
 
 def slow(residual: Array, dt: float) -> Array:
@@ -98,7 +127,6 @@ def _solved(
     places = np.stack([left, left + 1], axis=1)
     design_time = np.zeros((count, k))
     right = np.zeros(count)
-    matrix = np.zeros((count, count))
     square = (by_time**2).sum(axis=1)
     along = np.einsum("ni,nik->nk", by_time, by_start)
     pulled = (by_time * residual).sum(axis=1)
@@ -106,13 +134,7 @@ def _solved(
     for a in range(2):
         np.add.at(design_time, places[:, a], weights[:, [a]] * along)
         np.add.at(right, places[:, a], weights[:, a] * (pulled + square * now))
-        for b in range(2):
-            np.add.at(matrix, (places[:, a], places[:, b]), weights[:, a] * weights[:, b] * square)
-    first = np.arange(count - 1)
-    matrix[first, first] += 1 / spread
-    matrix[first + 1, first + 1] += 1 / spread
-    matrix[first, first + 1] -= 1 / spread
-    matrix[first + 1, first] -= 1 / spread
+    matrix = _by_knots(square, left, share, count) + _prior(count, spread)
     matrix[0, 0] += 1e12  # the walk begins at 0
     whole = np.block([[flat.T @ flat, design_time.T], [design_time, matrix]])
     solved = np.linalg.solve(

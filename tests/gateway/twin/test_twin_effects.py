@@ -6,6 +6,8 @@ import pytest
 from devices.simulated import pendulum
 from devices.simulated.crane import Crane
 from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.effect import Moment
+from gateway.twin.effects.pulse import Pulse
 from gateway.twin.model import TwinRig
 from gateway.twin.simulator import Simulator
 from tests.gateway.twin.swings import (
@@ -22,6 +24,8 @@ from tests.gateway.twin.swings import (
 
 TIME_S = np.arange(0, 60, 0.02)
 START = (0.1, -0.04, 0.01, 0.02, 0.0)
+HOISTED_M = 0.3 * 8.0 * (1 - 0.1 / 2)
+"""0.3 m/s for 8 s, a tenth of it rising and falling."""
 VOCABULARY = {  # of the published interface
     "viscous_damping",
     "quadratic_drag",
@@ -105,10 +109,16 @@ def test_a_gust_leaves_the_swing_of_its_impulse():
 
 def test_a_trolley_that_comes_to_rest_has_moved_and_the_load_follows():
     effects = {
-        "trolley_acceleration": {"accel_m_s2": (0.2, 0.0), "start_s": 5.0, "duration_s": PERIOD_S, "coast_s": 4.0}
+        # half of the hundredth in which a ramp rises and falls takes off its area: the rest lasts one period
+        "trolley_acceleration": {
+            "accel_m_s2": (0.2, 0.0),
+            "start_s": 5.0,
+            "duration_s": PERIOD_S / 0.995,
+            "coast_s": 4.0,
+        }
     }
     force = predicted(at_pivot(), effects, np.zeros(5), TIME_S)
-    quiet = TIME_S > 5.0 + 2 * PERIOD_S + 4.0 + 0.1  # ramps of one period each leave no swing
+    quiet = TIME_S > 5.0 + 2 * PERIOD_S / 0.995 + 4.0 + 0.1  # ramps of one period each leave no swing
     assert rope_angle(force[quiet]).max() < 2e-4
     moving = (TIME_S > 5.0) & (TIME_S < 5.0 + PERIOD_S)
     assert np.arctan2(*(force[moving].T[[0, 2]])).max() == pytest.approx(0.2 / G, rel=0.01)
@@ -127,7 +137,7 @@ def test_hoisting_keeps_the_angular_momentum_about_the_vertical():
         ]
     )
     before = LENGTH_M**2 * np.sin(0.05) * 0.06
-    assert (LENGTH_M - 2.4) ** 2 * (n[0] * rates[1] - n[1] * rates[0]) == pytest.approx(before, rel=3e-6)
+    assert (LENGTH_M - HOISTED_M) ** 2 * (n[0] * rates[1] - n[1] * rates[0]) == pytest.approx(before, rel=3e-6)
 
 
 def test_the_housing_keeps_its_distance_to_the_load_while_hoisting():
@@ -135,7 +145,7 @@ def test_the_housing_keeps_its_distance_to_the_load_while_hoisting():
     simulator = Simulator(RIG, tuple(effects))
     values = simulator.values(START, effects)
     there = simulator.linearise_segments(np.stack([values[:5]] * 2), values[5:], TIME_S, [0, 1000]).ends[0]
-    later = predicted(TwinRig(LENGTH_M - 2.4, POSITION_M - 2.4), {}, there, TIME_S[1000:])
+    later = predicted(TwinRig(LENGTH_M - HOISTED_M, POSITION_M - HOISTED_M), {}, there, TIME_S[1000:])
     assert predicted(RIG, effects, START, TIME_S)[1000:] == pytest.approx(later, abs=1e-6)
 
 
@@ -242,3 +252,37 @@ def test_times_and_parameters_that_cannot_be_followed_are_refused():
 def test_rigging_ends_above_the_pivot_of_a_short_rope():
     bounds = {slot.label: slot.upper for slot in Simulator(TwinRig(3.0, 1.0), ("double_pendulum",)).of_effects}
     assert bounds["double_pendulum.rigging_length_m"] == pytest.approx(0.95 * 3.0)
+
+
+@pytest.mark.parametrize("share", [0.02, 0.4, 1.0])
+def test_a_pulse_has_its_area_and_its_slope(share):
+    pulse = Pulse(2.0, 3.0, share)
+    time_s = np.linspace(0, 7, 70_001)
+    level, area, slope = (
+        np.array([float(each(Moment(t, t))) for t in time_s]) for each in (pulse.level, pulse.area, pulse.slope)
+    )
+
+    assert level.max() == pytest.approx(1.0)
+    assert level[(time_s < 2) | (time_s > 5)].max() == 0.0
+    assert area[-1] == pytest.approx(3.0 * (1 - share / 2), rel=1e-9)
+    np.testing.assert_allclose(np.diff(area), 1e-4 * (level[1:] + level[:-1]) / 2, atol=1e-7)
+    np.testing.assert_allclose(np.diff(level), 1e-4 * (slope[1:] + slope[:-1]) / 2, atol=1e-3)
+
+
+def test_a_rope_that_stretches_below_the_housing_hangs_lower_there_alone():
+    stretch = {"frequency_hz": 1.0, "above_housing": 0.0}
+    sag_m = G / (2 * np.pi) ** 2
+    hanging = predicted(RIG, {"rope_stretch": stretch}, (*START, 0.0, 0.0), TIME_S)
+    known = predicted(RIG, {"rope_stretch": {**stretch, "sag_unknown": 0.0}}, (*START, 0.0, 0.0), TIME_S)
+
+    assert hanging == pytest.approx(plain(rig=TwinRig(LENGTH_M + sag_m, POSITION_M)), abs=5e-3)
+    assert known == pytest.approx(plain(), abs=5e-3)
+
+
+def test_a_machine_may_shake_on_an_ellipse():
+    line = {"frequency_hz": 3.0, "amplitude_g": (0.01, 0.02, 0.0), "lag_rad": (np.pi / 2, 0.0), "phase_rad": 0.4}
+    shaken = predicted(RIG, {"vibration": line}, START, TIME_S) - plain()
+    angle = 2 * np.pi * 3.0 * TIME_S + 0.4
+
+    np.testing.assert_allclose(shaken[:, 0], 0.01 * np.sin(angle), atol=1e-9)
+    np.testing.assert_allclose(shaken[:, 1], -0.02 * np.cos(angle), atol=1e-9)

@@ -19,7 +19,7 @@ EVENTS_S = {
     "load_change": 17.023,
 }
 NOT_PREDICTED = ("quantization",)
-REACHED = {"clipping": {"full_scale_g": 1.0}}
+REACHED = {"clipping": {"full_scale_g": 1.0}, "wind_gust": {"rising_share": 0.6}}
 
 
 def typical(name):
@@ -61,7 +61,7 @@ def test_what_is_not_there_has_sensitivities_all_the_same():
     simulator = Simulator(RIG, names)
     values = simulator.values(START, {name: {"start_s": start_s} for name, start_s in EVENTS_S.items()})
     jacobian = simulator.linearise(values, TIME_S, TEMPERATURE_C).jacobian
-    when = ("start_s", "duration_s", "coast_s")
+    when = ("start_s", "duration_s", "coast_s", "rising_share")
     seen = {slot.label for slot, by in zip(simulator.parameters, jacobian.T, strict=True) if np.abs(by).max() > 1e-6}
     assert seen >= {slot.label for slot in simulator.of_effects if slot.parameter not in when}
 

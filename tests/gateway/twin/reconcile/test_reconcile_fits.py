@@ -8,6 +8,7 @@ import pytest
 from gateway.twin.reconcile.events import find_windows
 from gateway.twin.reconcile.held_out import judge
 from gateway.twin.reconcile.observations import piece
+from gateway.twin.reconcile.partings import parting
 from gateway.twin.reconcile.search import Search
 from gateway.twin.reconcile.setting import Setting
 from gateway.twin.reconcile.wandering import counted, find_walk
@@ -44,6 +45,28 @@ def test_the_window_of_a_blow_is_where_it_struck(rig, record):
 
     assert first.from_s == pytest.approx(27.3, abs=1.0)
     assert first.to_s == first.from_s
+
+
+@pytest.mark.parametrize(
+    ("effect", "from_s", "to_s", "length"),
+    [
+        ({"wind_gust": {"accel_m_s2": (0.2, 0.1), "start_s": 25.0, "duration_s": 6.0}}, 25.0, 31.0, False),
+        ({"hoisting": {"speed_m_s": -0.1, "start_s": 25.0, "duration_s": 6.0}}, 25.0, 31.0, True),
+        ({"load_change": {"length_change_m": -0.5, "start_s": 28.0}}, 28.0, 28.0, True),
+    ],
+)
+def test_where_the_motions_before_and_after_an_event_part(rig, record, effect, from_s, to_s, length):
+    found = parting(setting(rig, record(effect)), {}, length=length)
+
+    assert found is not None
+    assert found.from_s == pytest.approx(from_s, abs=1.1)
+    assert found.to_s == pytest.approx(to_s, abs=1.1)
+    assert found.left < 1.1 * 3 * 1200
+
+
+def test_nothing_parts_where_nothing_happens_or_the_model_is_wrong_from_the_start(rig, record):
+    assert parting(setting(rig, record({})), {}, length=True) is None
+    assert parting(setting(rig, record({"rope_length": {"relative_error": 0.05}})), {}, length=True) is None
 
 
 def test_lost_samples_are_counted_without_a_trace_in_the_times(rig, record):

@@ -65,6 +65,16 @@ def test_a_recording_that_says_nothing_is_refused_with_the_reason(record, rig, c
     assert said in (unusable(time_s, force_g, rig) or "")
 
 
+def test_a_rope_that_goes_slack_is_no_pendulum(record, rig):
+    observations = record({})
+    force_g = observations.force_g.copy()
+    force_g[400:420] *= 0.1  # a second; the swing takes 5.7 s
+
+    assert "in free fall" in (unusable(observations.time_s, force_g, rig) or "")
+    force_g[400:413] = observations.force_g[400:413]
+    assert unusable(observations.time_s, force_g, rig) is None
+
+
 def test_a_good_recording_is_not_refused(record, rig):
     observations = record({})
 
