@@ -6,12 +6,12 @@ from gateway.twin.effects.effect import Effect, Parameter, parameter_label
 from gateway.twin.state import Structure
 
 TILTS = (
-    ("tilt_x_rad", "rad", 1.4),
-    ("tilt_y_rad", "rad", 1.4),
-    ("rate_x_rad_s", "rad/s", 5.0),
-    ("rate_y_rad_s", "rad/s", 5.0),
+    ("tilt_x_rad", "rad", 3.1),
+    ("tilt_y_rad", "rad", 1.5),
+    ("rate_x_rad_s", "rad/s", 50.0),
+    ("rate_y_rad_s", "rad/s", 50.0),
 )
-"""Names, units and limits; below 90 degrees the coordinates of a start are regular."""
+"""Names, units and limits; the tilt toward y is an arc sine, so a start is regular where that is below 90 degrees."""
 HEADING = ("heading_rad", "rad", 7.0)
 STRETCH = (("stretch_m", "m", 0.5), ("stretch_rate_m_s", "m/s", 5.0))
 SMALL = 1e-3

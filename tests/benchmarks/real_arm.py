@@ -15,8 +15,9 @@ from numpy.typing import NDArray
 from gateway.twin.effects.effect import Value
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.observations import Observations
+from gateway.twin.reconcile.pieces import fit_pieces, starts_from_readings
 from gateway.twin.reconcile.shooting import fit_model
-from gateway.twin.simulator import Segments, Simulator
+from gateway.twin.simulator import Simulator
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).parents[1] / "data" / "real_pendulum" / "arm_angle.csv"
@@ -29,10 +30,8 @@ NOISE_G = 1e-4
 """A round figure above the encoder's local scatter of 33 to 37 microradians."""
 PIECE_S = 1.5
 """Of the arm's time, two swings: pieces with starts of their own, from which the one motion is then fitted."""
-PIECES_ROUNDS, ROUNDS = 6, 30
+ROUNDS = 30
 FIRST_VALUES: dict[str, dict[str, Value]] = {"coulomb_friction": {"decel_m_s2": 0.01}}
-OF_START = 4
-"""Of a start: two tilts and two rates; the heading shows in nothing here."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,65 +119,18 @@ def cut(swing: Swing, seconds: float) -> list[int]:
     return sorted({0, *nearest})
 
 
-def starts_from(swing: Swing, firsts: Sequence[int], size: int) -> Array:
-    """Angle and its difference quotient at the first samples, shape (pieces, size)."""
-    rate = np.gradient(swing.angle_rad, STRETCH * swing.time_s)
-    starts = np.zeros((len(firsts), size))
-    starts[:, 0], starts[:, 2] = swing.angle_rad[list(firsts)], rate[list(firsts)]
-    return starts
-
-
-@dataclass(frozen=True, slots=True)
-class _Piece:
-    """Of a linearisation, in sigma."""
-
-    by_start: Array
-    by_effects: Array
-    residual: Array
-
-    def without_start(self) -> tuple[Array, Array]:
-        """The part of the effects' columns and of the residual that no start makes."""
-        basis = np.linalg.qr(self.by_start)[0]
-        rows: Array = self.by_effects - basis @ (basis.T @ self.by_effects)
-        right: Array = self.residual - basis @ (basis.T @ self.residual)
-        return rows, right
-
-
-def _pieces(found: Segments, residual: Array, firsts: Sequence[int]) -> list[_Piece]:
-    edges = itertools.pairwise([*firsts, len(residual)])
-    return [
-        _Piece(
-            found.force_by_start[first:last, :, :OF_START].reshape(-1, OF_START) / NOISE_G,
-            found.force_by_effects[first:last].reshape(3 * (last - first), -1) / NOISE_G,
-            residual[first:last].ravel(),
-        )
-        for first, last in edges
-    ]
-
-
-def fit_pieces(
+def fit_windows(
     simulator: Simulator, swing: Swing, effects: Array, firsts: Sequence[int], *, held: bool
 ) -> tuple[Array, Array, Array]:
-    """Each piece with a start of its own, all with the same effects, which stay as they are where `held`.
+    """Each window with a start of its own, all with the same effects, which stay as they are where `held`.
 
-    Returns starts, effects' values and the simulated force (n, 3). The starts are eliminated piece by piece.
+    Returns starts, effects' values and the simulated force (n, 3).
     """
     observations = swing.observations()
-    starts, effects = starts_from(swing, firsts, simulator.starts), effects.copy()
-    lower = np.array([slot.lower for slot in simulator.of_effects])
-    upper = np.array([slot.upper for slot in simulator.of_effects])
-    for _ in range(PIECES_ROUNDS):
-        found = simulator.linearise_segments(starts, effects, observations.time_s, firsts)
-        pieces = _pieces(found, observations.residual_sigma(found.force_g), firsts)
-        step = np.zeros(len(effects))
-        if not held:
-            rows, right = (np.concatenate(each) for each in zip(*map(_Piece.without_start, pieces), strict=True))
-            step = np.clip(effects + np.linalg.lstsq(rows, right, rcond=None)[0], lower, upper) - effects
-        effects = effects + step
-        for start, piece in zip(starts, pieces, strict=True):
-            left = piece.residual - piece.by_effects @ step
-            start[:OF_START] += np.linalg.lstsq(piece.by_start, left, rcond=None)[0]
-    return starts, effects, simulator.linearise_segments(starts, effects, observations.time_s, firsts).force_g
+    starts = starts_from_readings(simulator.rig, observations, firsts, simulator.starts)
+    free = np.full(len(effects), not held)
+    starts, effects, found = fit_pieces(simulator, observations, starts, effects, free, firsts)
+    return starts, effects, found.force_g
 
 
 def error_mrad(swing: Swing, force_g: Array) -> float:
@@ -198,7 +150,7 @@ class FittedArm:
 
     def held_out_mrad(self, held_out: Swing, window_s: float) -> float:
         """Only the starts of windows of about this length (of the arm's time) are fitted again."""
-        force_g = fit_pieces(self.simulator, held_out, self.effects, cut(held_out, window_s), held=True)[2]
+        force_g = fit_windows(self.simulator, held_out, self.effects, cut(held_out, window_s), held=True)[2]
         return error_mrad(held_out, force_g)
 
 
@@ -208,7 +160,7 @@ def fit_arm(rig: TwinRig, log: Swing, names: Sequence[str]) -> FittedArm:
     chosen = {name: values for name, values in FIRST_VALUES.items() if name in names}
     effects = simulator.values([], chosen)[simulator.starts :]
     firsts = cut(log, PIECE_S)
-    starts, effects, force_g = fit_pieces(simulator, log, effects, firsts, held=False)
+    starts, effects, force_g = fit_windows(simulator, log, effects, firsts, held=False)
     free = np.array([slot.parameter != "heading_rad" for slot in simulator.parameters])
     fit = fit_model(simulator, log.observations(), starts, effects, free, firsts, ROUNDS)
     return FittedArm(simulator, fit.values[simulator.starts :], error_mrad(log, fit.force_g), error_mrad(log, force_g))

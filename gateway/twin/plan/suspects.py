@@ -4,10 +4,8 @@ from dataclasses import dataclass
 
 from gateway.errors import InputError
 from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.effect import Parameter
 from gateway.twin.slots import Slot
-
-SECONDS = "s"
-"""A parameter in seconds says when an effect acts, not how strongly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,6 +30,11 @@ def part_of(slot: Slot) -> str:
     """The name by which a suspect picks one of an effect's values."""
     parameter = next(p for p in EFFECTS[slot.effect].parameters if p.name == slot.parameter)
     return parameter.components[slot.component] if parameter.components else parameter.name
+
+
+def says_how_strong(parameter: Parameter) -> bool:
+    """Others say when an effect acts, or how it goes on."""
+    return parameter.unit != "s" and parameter.typical != parameter.neutral
 
 
 Group = tuple[Suspect, ...]
@@ -67,7 +70,7 @@ def _suspect(text: str) -> Suspect:
         raise InputError(
             f"--effects {text}: {name} shows as a line, a lag or a lattice of the readings and not by a manoeuvre; leave it out"
         )
-    known = [part for p in effect.parameters if p.unit != SECONDS for part in (p.components or (p.name,))]
+    known = [part for p in effect.parameters if says_how_strong(p) for part in (p.components or (p.name,))]
     parts = tuple(inside.removesuffix("]").split("+")) if bracket else ()
     if (bracket and not inside.endswith("]")) or not set(parts) <= set(known):
         raise InputError(f"--effects {text}: write {name}, or {name}[...] with some of {'+'.join(known)}")

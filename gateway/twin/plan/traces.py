@@ -11,7 +11,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Parameter, Value
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.plan.manoeuvre import INPUTS, Leg, Manoeuvre
-from gateway.twin.plan.suspects import SECONDS, Group, Suspect
+from gateway.twin.plan.suspects import Group, Suspect, says_how_strong
 from gateway.twin.reconcile.isolability import orthonormal
 from gateway.twin.simulation import DEFAULT_RATE_HZ
 from gateway.twin.simulator import Simulator
@@ -69,8 +69,9 @@ class Sensitivities:
     def _trace(self, suspect: Suspect, shared: list[int], known: Array) -> Trace:
         own = [i for i, slot in enumerate(self.slots) if suspect.has(slot)]
         left = beside(self.columns[:, own], self.columns[:, shared], known)
-        strong = [k for k, i in enumerate(own) if self.slots[i].unit != SECONDS]
-        return Trace(left, left[:, strong] * [_size(_parameter(self.slots[own[k]])) for k in strong])
+        parameters = [_parameter(self.slots[i]) for i in own]
+        strong = [k for k, p in enumerate(parameters) if says_how_strong(p)]
+        return Trace(left, left[:, strong] * [_size(parameters[k]) for k in strong])
 
 
 def beside(columns: Array, nuisances: Array, known: Array) -> Array:
@@ -152,13 +153,13 @@ def _event_value(p: Parameter, leg: Leg, index: int) -> Value:
     """Weak, so that nothing else changes, but there, so that its times matter."""
     if p.name == "start_s":
         return EVENTS_FROM * leg.duration_s + APART_S * index
-    if p.unit == SECONDS:
+    if not says_how_strong(p):
         return p.typical
     return (p.scale,) * p.size if p.components else p.scale
 
 
 def _is_loss(p: Parameter) -> bool:
-    return p.unit != SECONDS and p.lower == p.neutral == 0
+    return says_how_strong(p) and p.lower == p.neutral == 0
 
 
 def _size(p: Parameter) -> float:

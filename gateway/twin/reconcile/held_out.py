@@ -10,6 +10,7 @@ from gateway.twin.effects.effect import Value
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.nuisances import local_starts, turned
 from gateway.twin.reconcile.observations import Observations
+from gateway.twin.reconcile.pieces import fit_motion
 from gateway.twin.reconcile.setting import DIRECTED, segments_for
 from gateway.twin.reconcile.shooting import HEADING, Fit, fit_model
 from gateway.twin.reconcile.spectrum import sine_amplitudes
@@ -44,11 +45,11 @@ def judge(rig: TwinRig, values: EffectValues, held_out: Observations, rounds: in
     if "vibration" in values:
         values = {**values, "vibration": {**values["vibration"], "phase_rad": _phase(rig, values, held_out)}}
     at = simulator.values([], values)[simulator.starts :]
-    firsts = segments_for(values, held_out)
+    firsts = segments_for(rig, values, held_out)
     starts = local_starts(simulator, held_out, at, firsts)
     best: Fit | None = None
     for heading_rad in np.arange(HEADINGS) * 2 * np.pi / HEADINGS if free[HEADING] else [0.0]:
-        fit = fit_model(
+        fit = fit_motion(
             simulator, held_out, turned(starts, np.full(len(starts), heading_rad)), at, free, firsts, rounds
         )
         if best is None or fit.chi2 < best.chi2:

@@ -11,6 +11,9 @@ Array = NDArray[np.float64]
 CLOSE = 0.95
 """Cosine from which two effects are reported as hard to tell apart."""
 
+COINCIDE = 0.9999
+"""Cosine from which nothing in their traces tells them apart."""
+
 
 def smallest_angle_cosine(first: Array, second: Array) -> float:
     """Cosine of the smallest principal angle of two column spaces (Bjoerck, Golub 1973)."""
@@ -32,6 +35,11 @@ def confusable(signatures: Mapping[str, Array]) -> tuple[Confusable, ...]:
                 if cosine > CLOSE:
                     found.append(Confusable(first, second, min(1.0, cosine)))
     return tuple(sorted(found, key=lambda pair: -pair.cosine))
+
+
+def coinciding(signatures: Mapping[str, Array]) -> frozenset[frozenset[str]]:
+    """Pairs of effects whose signatures are one."""
+    return frozenset(frozenset((pair.first, pair.second)) for pair in confusable(signatures) if pair.cosine > COINCIDE)
 
 
 def orthonormal(columns: Array) -> Array:

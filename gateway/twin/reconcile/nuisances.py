@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.reconcile.observations import Observations
+from gateway.twin.reconcile.pieces import is_wide, starts_from_readings
 from gateway.twin.reconcile.shooting import HEADING, Fit, fit_model, segments_of
 from gateway.twin.simulator import Simulator
 
@@ -17,6 +18,8 @@ def local_starts(simulator: Simulator, observations: Observations, effects: Arra
     The directions of later segments are turned so that headings go on from segment to segment.
     """
     starts = np.zeros((len(firsts), simulator.starts))
+    if is_wide(observations):
+        starts = starts_from_readings(simulator.rig, observations, firsts, simulator.starts)
     weight = observations.used[:, None] / observations.noise_g
     turns = np.zeros(len(firsts))
     for _ in range(LOCAL_ROUNDS):

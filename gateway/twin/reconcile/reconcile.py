@@ -11,6 +11,7 @@ from gateway.twin.model import Model
 from gateway.twin.reconcile.answering import Findings, reconciliation
 from gateway.twin.reconcile.detectors import coarser, find_limit, find_step, mean_of_steps
 from gateway.twin.reconcile.held_out import judge
+from gateway.twin.reconcile.isolability import coinciding
 from gateway.twin.reconcile.loading import Loaded
 from gateway.twin.reconcile.lost import lost_samples, retimed_held_out, without_clock
 from gateway.twin.reconcile.null_test import largest_by_chance, score
@@ -72,6 +73,7 @@ def reconcile(
         seen,
         search.attempts,
         rng,
+        frozenset() if search.signatures is None else coinciding(search.signatures.of),
     )
     before = judge(model.rig, model.effects, recordings.held_out_as_stamped)
     findings = Findings(model, recordings, search, start, before, contenders, answer, lost)

@@ -12,8 +12,12 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.isolability import orthonormal
+from gateway.twin.reconcile.nuisances import local_starts
+from gateway.twin.reconcile.observations import Observations
+from gateway.twin.reconcile.pieces import fit_pieces, is_wide, pieces_of, without_starts
 from gateway.twin.reconcile.setting import Setting
 from gateway.twin.reconcile.shooting import HEADING, Fit
+from gateway.twin.simulator import Simulator
 
 Array = NDArray[np.float64]
 UNSUITED = frozenset({"double_pendulum", "rope_stretch", "vibration", "clipping", "quantization", "sample_loss"})
@@ -52,6 +56,8 @@ def signatures(
         model["lowpass_lag"] = {"cutoff_hz": NEUTRAL_CUTOFF_HZ}
     at = simulator.values(fit.values[: simulator.starts], model)
     o = setting.log
+    if is_wide(o):
+        return _by_pieces(simulator, o, at[simulator.starts :], own)
     found = simulator.linearise(at, o.time_s, o.temperature_c)
     weight = (o.used[:, None] / o.noise_g)[:, :, None]
     flat = (found.jacobian * weight).reshape(-1, len(simulator.parameters))
@@ -64,4 +70,23 @@ def signatures(
     for name in tried:
         columns = flat[:, [i for i, slot in enumerate(simulator.parameters) if slot.effect == name]]
         of[name] = columns - basis @ (basis.T @ columns)
+    return Signatures(residual - basis @ (basis.T @ residual), of)
+
+
+def _by_pieces(simulator: Simulator, observations: Observations, effects: Array, own: frozenset[str]) -> Signatures:
+    """Of a wide swing: a model that lacks something cannot follow it as one motion, but each piece of it for itself."""
+    firsts = pieces_of(simulator.rig, observations)
+    starts = local_starts(simulator, observations, effects, firsts)
+    held = np.zeros(len(effects), dtype=bool)
+    _, _, found = fit_pieces(simulator, observations, starts, effects, held, firsts)
+    columns, residual = without_starts(found, observations, firsts)
+    places = {
+        name: [i for i, s in enumerate(simulator.of_effects) if s.effect == name] for name in simulator.effect_names
+    }
+    basis = orthonormal(columns[:, [i for name in sorted(own) for i in places[name]]])
+    of = {
+        name: columns[:, place] - basis @ (basis.T @ columns[:, place])
+        for name, place in places.items()
+        if name not in own
+    }
     return Signatures(residual - basis @ (basis.T @ residual), of)

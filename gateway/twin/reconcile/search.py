@@ -42,6 +42,8 @@ LEAST_SHARE = 0.8
 """What the best single effect may leave of the gap for pairs to be looked at: one of two causes does more than that alone."""
 WORTH_GOING_ON = 0.1
 """What pairs leave of the gap, beyond which more effects only bend the model to the data."""
+BENDS = 0.5
+"""What a third effect may leave of what two leave: one that leaves more bends the model to a remainder."""
 POLISHED, POLISH_ROUNDS = 2, 20
 STRETCHED = (2.5, 0.4)
 EDGE_S = 1.0
@@ -161,6 +163,8 @@ class Search:
             ahead = self._grow(self._parents(len(best.values)))
             if ahead is best:
                 break
+            if len(best.values) > len(self.always) + 1 and ahead.reduced - 1 > BENDS * (best.reduced - 1):
+                break
             hopeless = ahead.reduced - 1 > WORTH_GOING_ON * (base.reduced - 1)
             if hopeless:
                 best = self._kept(best, ahead)
@@ -274,8 +278,13 @@ class Search:
             self._try_lasting(parent, name, starts)
 
     def _try_found_in_data(self, parent: Attempt, starts: Array) -> None:
-        """Effects whose times or frequencies have to be found first."""
+        """Effects whose times or frequencies have to be found first: in what a model that follows the motion leaves.
+
+        A wide swing is followed only by a model with the right losses; before that, nothing is to be found there.
+        """
         setting, o = self.setting, self.setting.log
+        if setting.wide:
+            return
         residual_g = o.force_g - parent.fit.force_g
         for name in SPECTRAL:
             if self.open(self.best()):

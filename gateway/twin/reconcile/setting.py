@@ -10,7 +10,8 @@ from gateway.twin.effects.pulse import SHARPEST
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.nuisances import local_starts
 from gateway.twin.reconcile.observations import Observations, piece
-from gateway.twin.reconcile.shooting import HEADING, SEGMENT_S, Fit, fit_model, segments_of
+from gateway.twin.reconcile.pieces import fit_motion, is_wide, pieces_of
+from gateway.twin.reconcile.shooting import HEADING, SEGMENT_S, Fit, segments_of
 from gateway.twin.simulator import Simulator
 
 Array = NDArray[np.float64]
@@ -23,8 +24,10 @@ BEGINNING_S = 40.0
 BEGINNING_ROUNDS = 5
 
 
-def segments_for(values: EffectValues, observations: Observations) -> list[int]:
+def segments_for(rig: TwinRig, values: EffectValues, observations: Observations) -> list[int]:
     """First samples of the pieces that a model is fitted over; a low-pass remembers the piece before, so it gets one piece."""
+    if is_wide(observations):
+        return pieces_of(rig, observations)
     if "lowpass_lag" in values:
         return [0]
     return segments_of(observations, TWO_MODES_SEGMENT_S if "double_pendulum" in values else SEGMENT_S)
@@ -39,6 +42,11 @@ class Setting:
     log: Observations
     tick: Callable[[], None]
 
+    @property
+    def wide(self) -> bool:
+        """The recording is of a swing that only the right model can follow as one motion."""
+        return is_wide(self.log)
+
     def simulator(self, names: frozenset[str] | tuple[str, ...]) -> Simulator:
         """Of the believed effects and these."""
         return Simulator(self.rig, sorted({*self.believed, *names}))
@@ -49,18 +57,16 @@ class Setting:
         """Fit initial motion and all effects in `values`, from there; believed effects keep their values."""
         simulator = self.simulator(tuple(values))
         at = simulator.values([], {**self.believed, **values})[simulator.starts :]
-        firsts = segments_for(values, self.log)
+        free, firsts = self.free(simulator, values), segments_for(self.rig, values, self.log)
         if starts is None or starts.shape != (len(firsts), simulator.starts):
             starts = local_starts(simulator, self.log, at, firsts)
-        return fit_model(
-            simulator, self.log, starts, at, self.free(simulator, values), firsts, rounds, self.tick, beyond
-        )
+        return fit_motion(simulator, self.log, starts, at, free, firsts, rounds, self.tick, beyond)
 
     def starts(self, values: EffectValues) -> Array:
         """Starts piece by piece under a model, to fit its neighbours from."""
         simulator = self.simulator(tuple(values))
         at = simulator.values([], {**self.believed, **values})[simulator.starts :]
-        return local_starts(simulator, self.log, at, segments_for(values, self.log))
+        return local_starts(simulator, self.log, at, segments_for(self.rig, values, self.log))
 
     def best_beginning(self, tried: Sequence[EffectValues], held: str) -> EffectValues:
         """Of several values those from which a fit of the beginning, with one value held, comes out best; as they came out.
@@ -69,13 +75,13 @@ class Setting:
         """
         beginning = piece(self.log, 0, int(np.searchsorted(self.log.time_s, BEGINNING_S)))
         simulator = self.simulator(tuple(tried[0]))
-        firsts = segments_for(tried[0], beginning)
+        firsts = segments_for(self.rig, tried[0], beginning)
         free = self.free(simulator, tried[0]) & np.array([slot.label != held for slot in simulator.parameters])
         fits = []
         for values in tried:
             at = simulator.values([], {**self.believed, **values})[simulator.starts :]
             starts = local_starts(simulator, beginning, at, firsts)
-            fits.append(fit_model(simulator, beginning, starts, at, free, firsts, BEGINNING_ROUNDS, self.tick))
+            fits.append(fit_motion(simulator, beginning, starts, at, free, firsts, BEGINNING_ROUNDS, self.tick))
         fit = min(fits, key=lambda each: each.chi2)
         found = simulator.effects(fit.values)
         return {name: found[name] for name in tried[0]}

@@ -8,6 +8,7 @@ import numpy as np
 from gateway.twin.reconcile.groups import group_of
 from gateway.twin.reconcile.held_out import Judged, taken_off
 from gateway.twin.reconcile.observations import Observations
+from gateway.twin.reconcile.pieces import is_wide
 from gateway.twin.reconcile.result import Verdict
 from gateway.twin.reconcile.search import LEAST_EFFECT, OPEN, Attempt
 from gateway.twin.reconcile.shooting import Fit
@@ -15,10 +16,17 @@ from gateway.twin.reconcile.whiteness import peaks
 
 RIVAL = 12.0
 """Evidence, in chi-square over the noise's colour, below which one model is no better than another: odds of 400 to 1."""
+ALIKE_RIVAL = 60.0
+"""The same for two effects whose signatures coincide: what is between their fits is no evidence of which it is."""
 EXPLAINED = 0.99
 """Share of the held-out gap that a model must close for its effects to keep their names beside an unexplained remainder."""
+EXPLAINED_OF_BOTH, EXPLAINED_AT_LEAST = 0.999, 0.95
+"""Of a wide swing also this share of both recordings' gaps together and that of the held-out one alone: a swing that dies away
+leaves little of the gap to a held-out end of it."""
 LEADING = 0.1
 """Share of the gap that an effect must hold open by its absence to be named beside a remainder."""
+LEFT_WITHOUT = 30.0
+"""Of a wide swing also by how many times as much its absence leaves: the first loss alone closes nearly all of its gap."""
 HARDLY = 0.01
 MUCH_LEFT = 0.5
 """Excess that no wrongly stated noise accounts for."""
@@ -70,16 +78,28 @@ def decide(
     seen: frozenset[str],
     fitted: Mapping[frozenset[str], Attempt],
     rng: np.random.Generator,
+    alike: frozenset[frozenset[str]],
 ) -> Answer:
-    """Contenders best first; the base has nothing but what is always there; `seen` was found outside the models."""
-    answer = _of_models(contenders, base, log, held_out, always, fitted, rng, bool(seen))
+    """Contenders best first; the base has nothing but what is always there; `seen` was found outside the models.
+
+    `alike` are pairs of effects whose signatures coincide.
+    """
+    rivals = rivals_of(contenders, alike)
+    answer = _of_models(contenders[0], rivals, base, log, held_out, always, fitted, rng, bool(seen))
     if answer.verdict not in ("named", "one_of"):
         return answer  # beside something unexplained, a time that wanders may be that, too
     return replace(answer, named=tuple(sorted({*answer.named, *seen})))
 
 
+def rivals_of(contenders: Sequence[Contender], alike: frozenset[frozenset[str]]) -> list[Contender]:
+    """The best one and all that come near it."""
+    best = contenders[0]
+    return [c for c in contenders if c.behind < (ALIKE_RIVAL if c.names ^ best.names in alike else RIVAL)]
+
+
 def _of_models(
-    contenders: Sequence[Contender],
+    best: Contender,
+    rivals: Sequence[Contender],
     base: Contender,
     log: Observations,
     held_out: Observations,
@@ -88,15 +108,13 @@ def _of_models(
     rng: np.random.Generator,
     seen: bool,
 ) -> Answer:
-    best = contenders[0]
     is_open = left_open(log, best.attempt.fit.force_g) or left_open(held_out, best.judged.fit.force_g)
     if best.names == always:
         return _of_base(best, always, is_open, seen)
     if not _helps_on_held_out(best, base, held_out, rng):
         return _of_base(base, always, left_open(log, base.attempt.fit.force_g), seen)
-    rivals = [c for c in contenders if c.behind < RIVAL]
     if is_open:
-        return _with_remainder(best, base, rivals, always, fitted)
+        return _with_remainder(best, base, rivals, always, fitted, wide=is_wide(log))
     if len(best.names - always) > 1:
         leading = _leading(best, base, fitted)
         if leading != best.names and (structured(log, best.attempt.fit) or structured(held_out, best.judged.fit)):
@@ -106,13 +124,19 @@ def _of_models(
     return _named(best, rivals, always)
 
 
-def _leading(best: Contender, base: Contender, fitted: Mapping[frozenset[str], Attempt]) -> frozenset[str]:
+def _leading(
+    best: Contender, base: Contender, fitted: Mapping[frozenset[str], Attempt], *, wide: bool = False
+) -> frozenset[str]:
     """Effects without which much more is left: those that have a share of their own in closing the gap."""
     closed = base.attempt.fit.chi2 - best.attempt.fit.chi2
     found = set(base.names)
     for name in best.names - base.names:
         without = fitted.get(best.names - {name})
-        if without is None or without.fit.chi2 - best.attempt.fit.chi2 > LEADING * closed:
+        if without is None:
+            found.add(name)
+            continue
+        holds_open = without.fit.chi2 - best.attempt.fit.chi2 > LEADING * closed
+        if holds_open or (wide and without.reduced > LEFT_WITHOUT * best.attempt.reduced):
             found.add(name)
     return frozenset(found)
 
@@ -140,14 +164,25 @@ def _with_remainder(
     rivals: Sequence[Contender],
     always: frozenset[str],
     fitted: Mapping[frozenset[str], Attempt],
+    *,
+    wide: bool,
 ) -> Answer:
     closed = (base.judged.reduced - best.judged.reduced) / max(base.judged.reduced - 1, 1e-9)
-    shared = _leading(best, base, fitted)
-    if shared - always and closed > EXPLAINED and len(rivals) == 1:
+    shared = _leading(best, base, fitted, wide=wide)
+    if shared - always and _explained(best, base, closed, wide=wide) and len(rivals) == 1:
         text = f"these close {100 * closed:.1f} % of the held-out gap; what is left is described, not explained"
         return Answer("named_with_remainder", text, best, tuple(sorted(shared)), ())
     text = "no effect of the catalogue, alone or in pairs, explains the data on the held-out recording"
     return Answer("unmodelled", text, best, tuple(sorted(always)), ())
+
+
+def _explained(best: Contender, base: Contender, closed_on_held_out: float, *, wide: bool) -> bool:
+    """Nearly all of the gap is closed."""
+    if closed_on_held_out > EXPLAINED or not wide:
+        return closed_on_held_out > EXPLAINED
+    before, after = base.attempt.reduced + base.judged.reduced, best.attempt.reduced + best.judged.reduced
+    of_both = (before - after) / max(before - 2, 1e-9)
+    return of_both > EXPLAINED_OF_BOTH and closed_on_held_out > EXPLAINED_AT_LEAST
 
 
 def _named(best: Contender, rivals: Sequence[Contender], always: frozenset[str]) -> Answer:

@@ -68,8 +68,8 @@ def test_same_seed_same_recording(rig, tmp_path):
         (["--out", "log.csv", "--initial", "height_m=3"], "the start has no height_m; its coordinates are tilt_x_rad"),
         (["--out", "log.csv", "--effect", "double_pendulum", "--effect", "rope_stretch"], "cannot act together"),
         (
-            ["--out", "log.csv", "--initial", "tilt_x_deg=95"],
-            "initial.tilt_x_rad = 1.65806 should be from -1.4 to 1.4 rad",
+            ["--out", "log.csv", "--initial", "tilt_y_deg=95"],
+            "initial.tilt_y_rad = 1.65806 should be from -1.5 to 1.5 rad",
         ),
         (["--out", "log.csv", "--effect", "double_pendulum:rigging_length_m=9"], "should be from 0.2 to 8.55 m here"),
         (["--out", "log.csv", "--duration", "0.01"], "holds no two samples"),

@@ -1,0 +1,37 @@
+"""Which other models stay beside the best one, and which signatures are one."""
+
+from types import SimpleNamespace
+
+import numpy as np
+
+from gateway.twin.reconcile.isolability import coinciding
+from gateway.twin.reconcile.verdict import Contender, rivals_of
+
+ALIKE = frozenset({frozenset({"slewing", "housing_spin"})})
+
+
+def contender(behind, *names):
+    return Contender(SimpleNamespace(names=frozenset(names)), None, 0.0, behind)
+
+
+def rivals(*others):
+    best = contender(0.0, "housing_spin", "viscous_damping")
+    return [sorted(each.names) for each in rivals_of([best, *others], ALIKE)[1:]]
+
+
+def test_a_model_is_a_rival_as_long_as_the_odds_against_it_are_small():
+    assert rivals(contender(11.9, "slewing")) == [["slewing"]]
+    assert rivals(contender(12.1, "steady_wind")) == []
+
+
+def test_effects_whose_signatures_coincide_stay_rivals_beside_the_same_others():
+    assert rivals(contender(40.0, "slewing", "viscous_damping")) == [["slewing", "viscous_damping"]]
+    assert rivals(contender(40.0, "slewing", "coulomb_friction")) == []
+    assert rivals(contender(61.0, "slewing", "viscous_damping")) == []
+
+
+def test_signatures_coincide_only_where_nothing_is_between_them():
+    first = np.eye(9)[:, :1]
+    near = first + 0.02 * np.eye(9)[:, 1:2]
+    found = coinciding({"a": first, "b": -3 * first, "c": near, "d": np.eye(9)[:, 4:6]})
+    assert found == {frozenset({"a", "b"})}
