@@ -4,6 +4,7 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.measurement.source import Source
 from gateway.stages.clipping import count_clipped
@@ -41,6 +42,8 @@ class Measurement:
     corrected: FormulaAngles
     """For the housing's place on the rope and the low-pass; none where the place or the period is not known."""
     swing: SwingEstimate
+    by_swing: tuple[tuple[FormulaAngles, FormulaAngles], ...]
+    """As published and corrected, over each of `swing.swings`."""
     tilt: TiltAngles
     plain_tilt: TiltAngles
     """By the plain arctangent forms (003 eq. 6-7)."""
@@ -60,6 +63,7 @@ def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2) -> Measur
         formulas=NO_FORMULAS if found is None else published(found),
         corrected=_corrected(source, found, swing, lowpass),
         swing=swing,
+        by_swing=_by_swing(source, lowpassed_g, swing, lowpass),
         tilt=fused_tilt(mean_g),
         plain_tilt=plain_tilt(mean_g),
         axial_rad=float(axial_tilt(mean_g)),
@@ -72,6 +76,20 @@ def _corrected(source: Source, found: Extremes | None, swing: SwingEstimate, low
         return NO_FORMULAS
     passage = Passage(gain_f0=lowpass.gain(1 / swing.period_s), gain_2f0=lowpass.gain(2 / swing.period_s))
     return corrected(found, source.housing.rho_at(swing.length_m), passage)
+
+
+def _by_swing(
+    source: Source, lowpassed_g: NDArray[np.float64], swing: SwingEstimate, lowpass: LowPass
+) -> tuple[tuple[FormulaAngles, FormulaAngles], ...]:
+    """The formulas over the period about each swing's maximum, which the low-pass shows later by its delay."""
+    if swing.period_s is None:
+        return ()
+    middles_s = np.array([peak.time_s for peak in swing.swings]) + lowpass.delay_s(1 / swing.period_s)
+    halves_s = np.array([[-0.5], [0.5]]) * swing.period_s
+    found = [extremes(lowpassed_g[a:b]) for a, b in np.searchsorted(source.recording.time_s, middles_s + halves_s).T]
+    return tuple(
+        (NO_FORMULAS if each is None else published(each), _corrected(source, each, swing, lowpass)) for each in found
+    )
 
 
 def _swing(source: Source) -> SwingEstimate:

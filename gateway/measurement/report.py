@@ -6,7 +6,7 @@ from typing import Any
 from devices.recording import Recording
 from gateway.measurement.measure import Measurement
 from gateway.measurement.source import Source
-from gateway.stages.swing.estimate import SwingEstimate
+from gateway.stages.swing.estimate import FormulaAngles, SwingEstimate
 from gateway.stages.swing.formulas import VALID_RHO
 from gateway.units import degrees
 
@@ -16,17 +16,14 @@ def as_json(source: Source, found: Measurement) -> dict[str, Any]:
     return {
         "samples": _samples(source.recording),
         "calibration": source.calibration,
-        "formulas_deg": {name: degrees(angle_rad) for name, angle_rad in asdict(found.formulas).items()},
-        "formulas_corrected_deg": {name: degrees(angle_rad) for name, angle_rad in asdict(found.corrected).items()},
+        "formulas_deg": _formulas(found.formulas),
+        "formulas_corrected_deg": _formulas(found.corrected),
         "formulas_valid_rho": {name: list(valid) for name, valid in VALID_RHO.items()},
         "swing": _swing(found.swing) if found.swing.swinging else None,
         "swing_upper_bound_deg": _upper_bound_deg(found.swing),
         "swing_reasons": list(found.swing.reasons),
         "hoists_s": [list(when) for when in found.swing.hoists_s],
-        "swings": [
-            {"time_s": peak.time_s, "phi_max_deg": degrees(peak.phi_max_rad), "u_deg": degrees(peak.u_rad)}
-            for peak in found.swing.swings
-        ],
+        "swings": _swings(found),
         "tilt": {
             "pitch_deg": degrees(float(found.tilt.pitch_rad)),
             "roll_deg": degrees(float(found.tilt.roll_rad)),
@@ -55,6 +52,23 @@ def _samples(recording: Recording) -> dict[str, float]:
         "blank": recording.blank,
         "truncated": recording.truncated,
     }
+
+
+def _formulas(angles: FormulaAngles) -> dict[str, float | None]:
+    return {name: degrees(angle_rad) for name, angle_rad in asdict(angles).items()}
+
+
+def _swings(found: Measurement) -> list[dict[str, Any]]:
+    return [
+        {
+            "time_s": peak.time_s,
+            "phi_max_deg": degrees(peak.phi_max_rad),
+            "u_deg": degrees(peak.u_rad),
+            "formulas_deg": _formulas(as_published),
+            "formulas_corrected_deg": _formulas(as_corrected),
+        }
+        for peak, (as_published, as_corrected) in zip(found.swing.swings, found.by_swing, strict=True)
+    ]
 
 
 def _swing(estimate: SwingEstimate) -> dict[str, Any]:

@@ -54,6 +54,9 @@ def test_mid_rope_swing_is_right_where_the_formulas_are_not(plumbline, tmp_path,
     assert found["conditions"]["verdict"] == "swinging"
     assert found["samples"]["count"] == 2000
     assert len(found["swings"]) >= 5
+    for swing in found["swings"][1:-1]:
+        assert swing["formulas_deg"]["arcsin_max_axy"] == pytest.approx(angle_deg / 2, rel=0.1)
+        assert swing["formulas_corrected_deg"]["arcsin_max_axy"] == pytest.approx(swing["phi_max_deg"], rel=0.05)
     assert set(found["tilt"]) == {"pitch_deg", "roll_deg", "axial_deg", "plain_pitch_deg", "plain_roll_deg"}
 
 

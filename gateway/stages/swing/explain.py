@@ -1,5 +1,6 @@
 """From bins to the fit that is believed: spikes left out, disturbed axes weighted down, and the rig doubted where it must be."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,11 +8,11 @@ from numpy.typing import NDArray
 
 from gateway.stages.swing.beliefs import Beliefs, Instrument
 from gateway.stages.swing.bins import Bins
-from gateway.stages.swing.likelihood import Fit, most_likely
+from gateway.stages.swing.likelihood import Fit, improved, linearised, most_likely, reweighted
 from gateway.stages.swing.model import Real
 from gateway.stages.swing.motion import PLAIN, STATES, Motion
 from gateway.stages.swing.peaks import largest_angle
-from gateway.stages.swing.uncertainty import LARGEST_MISFIT, Claim, claim
+from gateway.stages.swing.uncertainty import LARGEST_MISFIT, Claim, claim, misfit
 
 SPIKE_SIGMA = 6.0
 MOST_SPIKES = 0.03
@@ -19,7 +20,9 @@ MOST_SPIKES = 0.03
 UNEVEN = 1.5
 """Inflation of an axis' variance from which on it is weighted down."""
 HOPELESS = 3.0
-"""Times the largest misfit, from which on other weights do not mend a fit."""
+"""Times the largest misfit, from which on other weights or more iterations do not mend a fit."""
+OUTDONE = 10.0
+"""Times the chi-square of another start's fit, from which on a fit that hardly improves is given up."""
 NEGLIGIBLE_MISFIT = 0.003
 """Unexplained part of the signal up to which the rig as stated is not doubted: it costs more than it mends."""
 EXPLAINED = 1.3
@@ -57,40 +60,74 @@ class Finding:
 
 
 def find(
-    bins: Bins, noise_g: Real, motion: Motion, beliefs: Beliefs, iterations: int, instrument: Instrument | None = None
+    bins: Bins,
+    noise_g: Real,
+    motion: Motion,
+    beliefs: Beliefs,
+    iterations: int,
+    instrument: Instrument | None = None,
+    *,
+    worth: float = LARGEST_MISFIT,
 ) -> Finding | None:
-    """The fit of a window; None when the motion leaves the model."""
+    """The fit of a window; None when the motion leaves the model.
+
+    `worth`: unexplained part of the signal up to which the caller has a use for it; one that stays far above is given up early.
+    """
     weight = bins.count[:, None] / noise_g**2
-    fit = most_likely(bins, weight, motion, beliefs, iterations, instrument)
-    if fit is None:
+    fit = linearised(bins, weight, motion, beliefs, instrument)
+    return None if fit is None else _finding(improved(fit, iterations, _hopeless(weight, worth)), weight)
+
+
+def find_from(
+    bins: Bins,
+    noise_g: Real,
+    starts: list[Motion],
+    beliefs: Beliefs,
+    iterations: int,
+    *,
+    worth: float = LARGEST_MISFIT,
+) -> Finding | None:
+    """The fit from the most promising of several starts, the nearest first; the first that noise explains is taken at once."""
+    weight = bins.count[:, None] / noise_g**2
+    motions = [start.with_parameters(beliefs.parameters) for start in starts]
+    fits = [fit for motion in motions if (fit := linearised(bins, weight, motion, beliefs)) is not None]
+    near = OUTDONE * min((fit.cost for fit in fits), default=0.0)
+    best: Fit | None = None
+    for fit in sorted((fit for fit in fits if fit.cost <= near), key=lambda fit: fit.cost) if len(fits) > 1 else []:
+        trial = improved(fit, max(iterations // 2, 1), _hopeless(weight, worth, best))
+        best = trial if best is None or trial.cost < best.cost else best
+        if best.cost < EXPLAINED * weight.size:
+            break
+    best = best or next(iter(fits), None)
+    if best is None:
         return None
+    return _finding(best if best.converged else improved(best, iterations, _hopeless(weight, worth)), weight)
+
+
+def _hopeless(weight: Real, worth: float, rival: Fit | None = None) -> Callable[[Fit], bool]:
+    """Whether a fit that hardly improves any more is given up: far from being of use, or from the best so far."""
+
+    def given_up(fit: Fit) -> bool:
+        return (rival is not None and fit.cost > OUTDONE * rival.cost) or misfit(fit, weight) > HOPELESS * worth
+
+    return given_up
+
+
+def _finding(fit: Fit, weight: Real) -> Finding | None:
+    """What a fit supports, after spikes are left out and uneven axes weighted down; `weight` is by sensor noise alone."""
     spiky = _spikes(fit) & fit.converged
     if spiky.any():
-        bins, weight = bins.select(~spiky), weight[~spiky]
-        fit = most_likely(bins, weight, fit.motion, beliefs, REFIT_ITERATIONS, fit.instrument)
-        if fit is None:
+        bins, weight = fit.bins.select(~spiky), weight[~spiky]
+        without = most_likely(bins, weight, fit.motion, fit.beliefs, REFIT_ITERATIONS, fit.instrument)
+        if without is None:
             return None
+        fit = without
     found = claim(fit, weight)
     widening = float(np.sqrt(found.inflation.max()))
     if widening**2 > UNEVEN and fit.converged and found.misfit < HOPELESS * LARGEST_MISFIT:
-        again = most_likely(bins, weight / found.inflation, fit.motion, beliefs, REFIT_ITERATIONS, fit.instrument)
-        if again is not None:
-            fit, found = again, claim(again, weight)
+        fit = improved(reweighted(fit, weight / found.inflation), REFIT_ITERATIONS)
+        found = claim(fit, weight)
     return Finding(fit, found, widening, int(spiky.sum()))
-
-
-def find_from(bins: Bins, noise_g: Real, starts: list[Motion], beliefs: Beliefs, iterations: int) -> Finding | None:
-    """The fit from the most promising of several starts; the first that noise explains is taken at once."""
-    weight = bins.count[:, None] / noise_g**2
-    best: Fit | None = None
-    for start in starts[: len(starts) if len(starts) > 1 else 0]:
-        trial = most_likely(bins, weight, start.with_parameters(beliefs.parameters), beliefs, max(iterations // 2, 1))
-        if trial is not None and (best is None or trial.cost < best.cost):
-            best = trial
-        if best is not None and best.cost < EXPLAINED * weight.size:
-            break
-    motion = best.motion if best is not None else starts[0].with_parameters(beliefs.parameters)
-    return find(bins, noise_g, motion, beliefs, iterations)
 
 
 def better(plain: Finding | None, doubting: Finding | None) -> Finding | None:

@@ -40,12 +40,31 @@ class Raster:
 
     def rope(self, time_s: Real, length_m: Real | float, speed_m_s: Real) -> Rope:
         """Of speeds, shape (count, ...), and the length before the first, shape (...), at times of any shape: (times, ...)."""
-        s = (time_s[..., None] - self.start_s) / self.step_s - np.arange(self.count)
-        travelled, rate, acceleration = self._sums(s)
+        travelled, rate, acceleration = self._sums(
+            (time_s[..., None] - self.start_s) / self.step_s - np.arange(self.count)
+        )
         return Rope(
             length_m + self.step_s / 6 * travelled @ speed_m_s,
             0.5 * rate @ speed_m_s,
             acceleration @ speed_m_s / self.step_s,
+        )
+
+    def near(self, from_s: Real, span_s: float) -> tuple[NDArray[np.intp], int]:
+        """The first spline that is felt within `span_s` from each time on, of the same shape, and how many are.
+
+        They may lie outside the raster: then they are 0.
+        """
+        first = np.floor((from_s - self.start_s) / self.step_s).astype(np.intp) - SUPPORT + 1
+        return first, int(np.ceil(span_s / self.step_s)) + SUPPORT
+
+    def rope_near(self, time_s: Real, first: NDArray[np.intp], length_m: Real, speed_m_s: Real) -> Rope:
+        """Like `rope`, of few splines each: the first, shape (...), their speeds, (..., few, lanes), the length, (..., lanes)."""
+        place = (time_s - self.start_s) / self.step_s - first
+        travelled, rate, acceleration = self._sums(place[..., None, None] - np.arange(speed_m_s.shape[-2]))
+        return Rope(
+            length_m + self.step_s / 6 * (travelled @ speed_m_s)[..., 0, :],
+            0.5 * (rate @ speed_m_s)[..., 0, :],
+            (acceleration @ speed_m_s)[..., 0, :] / self.step_s,
         )
 
     def moved(self, other: "Raster", speed_m_s: Real) -> tuple[Real, float]:

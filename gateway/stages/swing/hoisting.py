@@ -68,7 +68,7 @@ def hoist_find(
 ) -> Finding | None:
     """The fit of a window whose rope moves between two times; None where that explains nothing. `start` covers the window."""
     raster = Raster.over(*moves_s, step_s or raster_step_s(rig))
-    finding = find(bins, noise_g, start.hoisting(raster), hoisted(rig, raster.count), iterations)
+    finding = find(bins, noise_g, start.hoisting(raster), hoisted(rig, raster.count), iterations, worth=LARGEST_MISFIT)
     return finding if finding is not None and _credible(finding) else None
 
 

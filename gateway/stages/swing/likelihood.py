@@ -1,5 +1,6 @@
 """The likelihood of a window: weighted residuals, beliefs as priors, Gauss-Newton to the most likely motion."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -7,7 +8,8 @@ from numpy.typing import NDArray
 
 from gateway.stages.swing.beliefs import Beliefs, Instrument
 from gateway.stages.swing.bins import Bins
-from gateway.stages.swing.model import Place, Real, specific_force_g
+from gateway.stages.swing.hoist import Rope
+from gateway.stages.swing.model import Place, Real, by_reach, specific_force_g
 from gateway.stages.swing.motion import LN_LENGTH, STATES, Motion
 from gateway.stages.swing.shooting import Response, largest_change, moved, respond
 
@@ -15,6 +17,8 @@ CONVERGED, SETTLED = 0.01, 1.0
 """Fall of chi-square that a step may still promise when it is no longer taken, and when steps no longer keep the promise."""
 STAGNANT = 0.05
 """Fall of chi-square by a step, below which steps do not keep their promise: the axes hardly see what they change."""
+SLOW, UNEXPLAINED = 0.5, 10.0
+"""Part of chi-square that a step leaves, and chi-square per reading, from which on steps are not on their way to an answer."""
 LARGEST_SHARE_OF_MOTION = 0.5
 LARGEST_LENGTH_STEP = 0.15
 
@@ -33,6 +37,10 @@ class Fit:
     """Measured minus predicted, shape (bins, 3)."""
     weight: Real
     """1/variance of the bins, shape (bins, 3)."""
+    unknowns: Real
+    """First state, the motion's parameters, the instrument's errors."""
+    cost: float
+    """Chi-square of the data and of the beliefs."""
     converged: bool
     iterations: int
 
@@ -40,19 +48,6 @@ class Fit:
     def motion(self) -> Motion:
         """The motion."""
         return self.response.motion
-
-    @property
-    def cost(self) -> float:
-        """Chi-square of the data and of the beliefs."""
-        departure = (self.unknowns - self.beliefs.mean)[self.free]
-        return float(np.sum(self.weight * self.residual_g**2) + np.sum(self.beliefs.information * departure**2))
-
-    @property
-    def unknowns(self) -> Real:
-        """First state, the motion's parameters, the instrument's errors."""
-        first = self.motion.nodes[:, 0] / self.motion.unit[:, 0]
-        state = np.stack([first.real, first.imag], axis=1).ravel()
-        return np.concatenate([state, self.motion.parameters, self.instrument.errors])
 
     @property
     def free(self) -> NDArray[np.bool_]:
@@ -63,30 +58,55 @@ class Fit:
 def most_likely(
     bins: Bins, weight: Real, motion: Motion, beliefs: Beliefs, iterations: int, instrument: Instrument | None = None
 ) -> Fit | None:
-    """Gauss-Newton from `motion`, whose grid must cover the bins; None when that leaves the model.
+    """Gauss-Newton from `motion`, whose grid must cover the bins; None when that leaves the model."""
+    fit = linearised(bins, weight, motion, beliefs, instrument)
+    return None if fit is None else improved(fit, iterations)
 
-    A step that makes things worse is tried again at half its length.
+
+def linearised(
+    bins: Bins, weight: Real, motion: Motion, beliefs: Beliefs, instrument: Instrument | None = None
+) -> Fit | None:
+    """A motion held against the data: where Gauss-Newton begins."""
+    return _linearised(bins, weight, motion, instrument or Instrument.ideal(), beliefs, 0)
+
+
+def improved(fit: Fit, iterations: int, hopeless: Callable[[Fit], bool] | None = None) -> Fit:
+    """The fit after some more iterations of Gauss-Newton; it may not have converged.
+
+    A step that makes things worse is tried again at half its length. `hopeless` is asked where two steps in a row have gained
+    little though much is unexplained: what the pendulum explains is found in two or three.
     """
-    best = _linearised(bins, weight, motion, instrument or Instrument.ideal(), beliefs, 0)
-    share = 1.0
+    best, share, slow = fit, 1.0, 0
     for iteration in range(1, iterations + 2):
-        if best is None:
-            return None
         step, promised = _step(best)
         if promised < CONVERGED:
             return replace(best, converged=True)
-        taken = share * _share(best.response, step)
-        trial_motion = moved(best.response, step[: best.response.unknowns], taken)
-        trial_instrument = best.instrument.moved(taken * step[best.response.unknowns :])
-        trial = _linearised(bins, weight, trial_motion, trial_instrument, beliefs, iteration)
-        if trial is not None and trial.cost < best.cost + CONVERGED:
-            stagnant = promised < SETTLED and best.cost - trial.cost < STAGNANT
+        trial = _moved(best, step, share * _share(best.response, step), iteration)
+        before = best.cost
+        if trial is not None and trial.cost < before + CONVERGED:
+            stagnant = promised < SETTLED and before - trial.cost < STAGNANT
             best, share = trial, min(1.0, 2 * share)
             if stagnant:
                 return replace(best, converged=True)
         else:
             share /= 2
+        slow = slow + 1 if iteration > 1 and best.cost > max(SLOW * before, UNEXPLAINED * best.weight.size) else 0
+        if slow >= 2 and hopeless is not None and hopeless(best):
+            return best
     return best
+
+
+def _moved(fit: Fit, step: Real, taken: float, iteration: int) -> Fit | None:
+    """After a share of a step."""
+    motion = moved(fit.response, step[: fit.response.unknowns], taken)
+    instrument = fit.instrument.moved(taken * step[fit.response.unknowns :])
+    return _linearised(fit.bins, fit.weight, motion, instrument, fit.beliefs, iteration)
+
+
+def reweighted(fit: Fit, weight: Real) -> Fit:
+    """The same motion under other weights of the bins."""
+    cost = _cost(fit.residual_g, weight, fit.unknowns, fit.beliefs)
+    return replace(fit, weight=weight, cost=cost, converged=False)
 
 
 def information(fit: Fit) -> Real:
@@ -107,37 +127,49 @@ def _linearised(
     response = respond(motion)
     if not (np.isfinite(response.path.state).all() and np.isfinite(response.follow).all()):
         return None
-    nodes_s = bins.nodes_s().ravel()
-    states = response.states(nodes_s)
-    field = motion.field_at(nodes_s, response.parameters)
-    local = specific_force_g(states, field, _place(motion, instrument, beliefs, nodes_s, response.parameters))
-    by_motion, shift = response.chain(local, nodes_s)
-    base, field = states[..., 0], motion.field_at(nodes_s, motion.parameters)
-    by_position = specific_force_g(base, field, Place(1.0)) - specific_force_g(base, field, Place(0.0))
-    by_position /= beliefs.rig.gravity_m_s2
+    instants = motion.grid.locate(bins.nodes_s().ravel())
+    states = response.states(instants)
+    field, rope = response.segments.field_at(instants)
+    local = specific_force_g(states, field, _place(rope, motion, instrument, beliefs))
+    by_motion, shift = response.chain(local, instants)
+    by_position = by_reach(states[..., 0], field.unperturbed()) / beliefs.rig.gravity_m_s2
     ideal_g = _bin_mean(local[..., 0] + shift)
     by_all = np.concatenate(
         [_bin_mean(by_motion), _bin_mean(by_position)[..., None], instrument.slopes(ideal_g)], axis=-1
     )
+    residual_g = bins.force_g - instrument.reads(ideal_g)
+    unknowns = _unknowns(motion, instrument)
     return Fit(
         response=response,
         instrument=instrument,
         beliefs=beliefs,
         jacobian=by_all[..., beliefs.free],
         bins=bins,
-        residual_g=bins.force_g - instrument.reads(ideal_g),
+        residual_g=residual_g,
         weight=weight,
+        unknowns=unknowns,
+        cost=_cost(residual_g, weight, unknowns, beliefs),
         converged=False,
         iterations=iteration,
     )
 
 
-def _place(motion: Motion, instrument: Instrument, beliefs: Beliefs, time_s: Real, parameters: Real) -> Place:
-    """Where the housing is under each perturbation; one clamped above the load goes with the rope."""
+def _unknowns(motion: Motion, instrument: Instrument) -> Real:
+    first = motion.nodes[:, 0] / motion.unit[:, 0]
+    return np.concatenate([first.view(np.float64), motion.parameters, instrument.errors])
+
+
+def _cost(residual_g: Real, weight: Real, unknowns: Real, beliefs: Beliefs) -> float:
+    departure = (unknowns - beliefs.mean)[beliefs.free]
+    residual = residual_g.ravel()
+    return float((weight.ravel() * residual) @ residual + beliefs.information @ departure**2)
+
+
+def _place(rope: Rope, motion: Motion, instrument: Instrument, beliefs: Beliefs) -> Place:
+    """Where the housing is in every lane; one clamped above the load goes with the rope."""
     rig, gravity_m_s2 = beliefs.rig, beliefs.rig.gravity_m_s2
     if rig.above_load_m is None:
         return Place((float(rig.position_m or 0.0) + instrument.position_error_m) / gravity_m_s2)
-    rope = motion.rope(time_s, parameters)
     reach_m = np.maximum(rope.length_m - rig.above_load_m, 0.0) + instrument.position_error_m
     if motion.raster is None:
         return Place(reach_m / gravity_m_s2)

@@ -32,7 +32,9 @@ LONGEST_INTERVAL_S = 2.5
 UNSETTLED_INTERVAL_S = 1.0
 """While nothing swings, or no pendulum explains what does: news is wanted sooner."""
 FIRST_LOOK_PERIODS = 0.9
-WARM_ITERATIONS, COLD_ITERATIONS = 4, 8
+WARM_ITERATIONS, COLD_ITERATIONS = 4, 6
+RETRY_PERIODS = 1 - SHORT_WINDOW_PERIODS
+"""Longest pause between tries: the first value after a disturbance comes within one period."""
 PATIENCE = 6
 """Failures in a row after which tries become rarer."""
 WHOLE_EVERY = 4
@@ -155,12 +157,17 @@ class SwingTracker:
         return restless_estimate(bins, noise_g, self._rig, from_s) if harmonics.unexplained > RESTLESS else None
 
     def _interval_s(self, estimate: SwingEstimate) -> float:
-        """Until the next estimate: sooner after a disturbance, later where nothing fits for long (such tries cost most)."""
+        """Until the next estimate: sooner after a disturbance, later where nothing fits for long or a fit was tried in vain."""
         settled = estimate.swinging and estimate.coverage95_rad is not None
+        period_s = estimate.period_s or self._belief_s
         longest_s = LONGEST_INTERVAL_S if settled else UNSETTLED_INTERVAL_S
-        interval_s = min((estimate.period_s or self._belief_s) / UPDATES_PER_PERIOD, longest_s)
+        interval_s = min(period_s / UPDATES_PER_PERIOD, longest_s)
         self._failures = self._failures + 1 if estimate.swinging is None else 0
-        return interval_s if self._failures == 0 else interval_s * min(max(self._failures / PATIENCE, 1.0), 4.0) / 2
+        if self._failures == 0:
+            return interval_s
+        again_s = min(RETRY_PERIODS * period_s, UNSETTLED_INTERVAL_S)
+        costly = estimate.reduced_chi_square is not None
+        return again_s if costly else min(interval_s / 2 * max(self._failures / PATIENCE, 1.0), again_s)
 
     def _best(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> Finding | None:
         """The fit of the whole window, or of its last period where the motion has changed since."""
@@ -168,11 +175,16 @@ class SwingTracker:
         lately = from_s > short_s - 0.1 * period_s
         if self._fit is None and not lately and self._failures % WHOLE_EVERY:
             return self._short(short_s, now_s, noise_g, period_s, None)
+        hoisted = self._fit is not None and self._fit.motion.raster is not None
+        hoist = self._hoisting(from_s, now_s, noise_g, period_s) if hoisted else None
+        if hoist is not None and hoist.plain:
+            return hoist
         whole = self._find(from_s, now_s, noise_g, period_s)
         if whole is not None and whole.plain:
             self._plain_s = now_s
             return (self._doubting(whole, noise_g) if whole.claim.misfit > DOUBTFUL_MISFIT else None) or whole
-        hoist = self._hoisting(from_s, now_s, noise_g, period_s)
+        if not hoisted:
+            hoist = self._hoisting(from_s, now_s, noise_g, period_s)
         if hoist is not None and (whole is None or hoist.claim.misfit < CLEARLY * whole.claim.misfit):
             return hoist
         doubting = self._doubting(whole, noise_g)

@@ -18,12 +18,18 @@ The physics is that of `devices.simulated.pendulum` in other coordinates; a test
 """
 
 from dataclasses import dataclass
+from math import nan, sqrt
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 Real = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+Numbers = complex | NDArray[Any]
+"""One motion's in Python's own numbers (a tenth of the cost of arrays of one), or many motions' complex arrays."""
+State = tuple[Numbers, Numbers, Numbers]
+"""u, w in 1/s, l."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,13 +51,28 @@ class Field:
         """The same at every half step of an integration."""
         return self
 
+    def unperturbed(self) -> "Field":
+        """The first lane."""
+        return Field(
+            _first(self.stiffness_1_s2),
+            _first(self.damping_1_s),
+            None if self.drag is None else _first(self.drag),
+            None if self.spin_1_s is None else _first(self.spin_1_s),
+            None if self.lengthening_1_s is None else _first(self.lengthening_1_s),
+        )
+
+
+def _first(lanes: Real | float) -> Real:
+    first: Real = np.asarray(lanes)[..., 0]
+    return first
+
 
 @dataclass(frozen=True, slots=True)
 class Course:
     """What the motion follows while the rope's length changes: the first dimension is the half steps of an integration."""
 
     stiffness_1_s2: Real
-    damping_1_s: Real
+    damping_1_s: Real | float
     lengthening_1_s: Real
 
     def at(self, half_step: int) -> Field:
@@ -82,52 +103,78 @@ class Path:
     step_s: float
 
 
-def vertical(u: Complex) -> Real:
+def vertical(u: Numbers) -> float | Real:
     """u_z, negative: the rope hangs. NaN where the motion has left the model (90 degrees)."""
-    u_z: Real = -np.sqrt(1.0 - (u.real * u.real + u.imag * u.imag))
+    squared: float | Real = 1.0 - (u.real * u.real + u.imag * u.imag)
+    if isinstance(squared, float):
+        return -sqrt(squared) if squared > 0 else nan
+    u_z: Real = -np.sqrt(squared)
     return u_z
 
 
-def transverse_acceleration(u: Complex, w: Complex, pull: Complex, field: Field) -> Complex:
+def transverse_acceleration(u: Numbers, w: Numbers, pull: Numbers, field: Field) -> Numbers:
     """n'' across the rope in 1/s^2: the right-hand side of w'."""
     damping = field.damping_1_s
     if field.drag is not None:
         damping = damping + field.drag * np.abs(w)
     if field.lengthening_1_s is not None:
         damping = damping + 2 * field.lengthening_1_s
-    acceleration: Complex = field.stiffness_1_s2 * (u + pull) - damping * w
+    acceleration: Numbers = field.stiffness_1_s2 * (u + pull) - damping * w
     return acceleration
 
 
-def state_rate(state: Complex, field: Field) -> Complex:
-    """Time derivative of states of shape (3, ...)."""
+def state_rate(state: State, field: Field) -> State:
+    """Time derivatives of u, w and l."""
     u, w, pull = state
     u_z = vertical(u)
-    rate = np.empty_like(state)
-    np.multiply(u_z, w, out=rate[0])
-    rate[1] = transverse_acceleration(u, w, pull, field)
-    np.multiply((pull.real * u.real + pull.imag * u.imag) / -u_z, w, out=rate[2])
-    if field.spin_1_s is not None:
-        rate -= 1j * field.spin_1_s * state
-    return rate
+    by_u, by_w = u_z * w, transverse_acceleration(u, w, pull, field)
+    by_pull = (pull.real * u.real + pull.imag * u.imag) / -u_z * w
+    if field.spin_1_s is None:
+        return by_u, by_w, by_pull
+    turn = 1j * field.spin_1_s
+    return by_u - turn * u, by_w - turn * w, by_pull - turn * pull
 
 
 def integrate(state: Complex, field: Field | Course, step_s: float, steps: int) -> Path:
     """Carry states of shape (3, ...) on by `steps` classical fourth-order Runge-Kutta steps; NaN beyond 90 degrees."""
     states = np.empty((steps + 1, *state.shape), dtype=np.complex128)
     rates = np.empty_like(states)
+    k2, k3, k4 = np.empty((3, *state.shape), dtype=np.complex128)
+    half_s = step_s / 2
+    states[0] = state
+    with np.errstate(invalid="ignore", over="ignore"):
+        for i in range(steps):
+            begin, middle, end = field.at(2 * i), field.at(2 * i + 1), field.at(2 * i + 2)
+            state, k1 = states[i], rates[i]
+            k1[0], k1[1], k1[2] = state_rate(tuple(state), begin)
+            k2[0], k2[1], k2[2] = state_rate(tuple(state + half_s * k1), middle)
+            k3[0], k3[1], k3[2] = state_rate(tuple(state + half_s * k2), middle)
+            k4[0], k4[1], k4[2] = state_rate(tuple(state + step_s * k3), end)
+            np.add(state, step_s / 6 * (k1 + k4 + 2 * (k2 + k3)), out=states[i + 1])
+        rates[steps, 0], rates[steps, 1], rates[steps, 2] = state_rate(tuple(states[steps]), field.at(2 * steps))
+    return Path(states, rates, step_s)
+
+
+def carry(state: State, field: Field | Course, step_s: float, steps: int) -> list[State]:
+    """The same of one motion, in Python's numbers: `steps + 1` states."""
+    path = [state]
     half_s = step_s / 2
     with np.errstate(invalid="ignore", over="ignore"):
         for i in range(steps):
             begin, middle, end = field.at(2 * i), field.at(2 * i + 1), field.at(2 * i + 2)
             k1 = state_rate(state, begin)
-            k2 = state_rate(state + half_s * k1, middle)
-            k3 = state_rate(state + half_s * k2, middle)
-            k4 = state_rate(state + step_s * k3, end)
-            states[i], rates[i] = state, k1
-            state = state + step_s / 6 * (k1 + k4 + 2 * (k2 + k3))
-        states[steps], rates[steps] = state, state_rate(state, field.at(2 * steps))
-    return Path(states, rates, step_s)
+            k2 = state_rate(_after(state, k1, half_s), middle)
+            k3 = state_rate(_after(state, k2, half_s), middle)
+            k4 = state_rate(_after(state, k3, step_s), end)
+            mean = [(a + d + 2 * (b + c)) / 6 for a, b, c, d in zip(k1, k2, k3, k4, strict=True)]
+            state = _after(state, (mean[0], mean[1], mean[2]), step_s)
+            path.append(state)
+    return path
+
+
+def _after(state: State, rate: State, time_s: float) -> State:
+    (u, w, pull), (by_u, by_w, by_pull) = state, rate
+    return u + time_s * by_u, w + time_s * by_w, pull + time_s * by_pull
 
 
 def sample(path: Path, step: NDArray[np.intp], fraction: Real, lane: NDArray[np.intp]) -> Complex:
@@ -142,6 +189,13 @@ def sample(path: Path, step: NDArray[np.intp], fraction: Real, lane: NDArray[np.
     slope = (path.rate[step, :, lane] * (1 - s) - path.rate[step + 1, :, lane] * s) * (s * (1 - s) * path.step_s)
     mixed: Complex = start + weight_after * (end - start) + slope
     return mixed
+
+
+def by_reach(state: Complex, field: Field) -> Real:
+    """Derivative of what the housing reads by r/g, shape (n, 3, ...) for states of shape (n, 3, ...)."""
+    w = state[:, 1]
+    across = transverse_acceleration(state[:, 0], w, state[:, 2], field)
+    return np.stack([across.real, across.imag, w.real * w.real + w.imag * w.imag], axis=1)
 
 
 def specific_force_g(state: Complex, field: Field, place: Place) -> Real:

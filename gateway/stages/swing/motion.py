@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.stages.swing.hoist import Raster, Rope
-from gateway.stages.swing.model import Complex, Course, Field, Real, integrate
+from gateway.stages.swing.model import Complex, Course, Field, Real, State, carry
 
 STATES = 6
 """u_x, u_y, w_x/w0, w_y/w0, l_x, l_y: a state, free of dimension."""
@@ -17,7 +17,7 @@ While the rope's length changes the first two are followed by the speeds of a ra
 """
 PLAIN, FULL = 2, 4
 STEPS_PER_PERIOD = 36
-STEPS_PER_SEGMENT = 6
+STEPS_PER_SEGMENT = 2
 COARSE = 2
 """Steps in one where a motion is only carried on to start from."""
 
@@ -49,11 +49,29 @@ class Grid:
         """Where the last segment ends."""
         return self.start_s + self.segments * self.segment_s
 
-    def locate(self, time_s: Real) -> tuple[NDArray[np.intp], NDArray[np.intp], Real]:
-        """Segment, step in it and fraction of the step, for times inside the grid."""
+    @property
+    def starts_s(self) -> Real:
+        """When each segment begins."""
+        return np.asarray(self.start_s + self.segment_s * np.arange(self.segments), dtype=np.float64)
+
+    def locate(self, time_s: Real) -> "Instants":
+        """Where times, shape (n,), lie; those outside the grid are taken for its nearer end."""
         position = np.clip((time_s - self.start_s) / self.step_s, 0.0, self.segments * STEPS_PER_SEGMENT - 1e-9)
         whole = position.astype(np.intp)
-        return whole // STEPS_PER_SEGMENT, whole % STEPS_PER_SEGMENT, position - whole
+        segment = whole // STEPS_PER_SEGMENT
+        return Instants(time_s, segment, whole - STEPS_PER_SEGMENT * segment, position - whole)
+
+
+@dataclass(frozen=True, slots=True)
+class Instants:
+    """Times on a grid, each of shape (n,)."""
+
+    time_s: Real
+    segment: NDArray[np.intp]
+    step: NDArray[np.intp]
+    """In the segment."""
+    fraction: Real
+    """Of the step."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,45 +95,37 @@ class Motion:
         """Rope length, at the end where it changes."""
         if self.raster is None:
             return float(np.exp(self.parameters[LN_LENGTH]))
-        return float(self.rope(np.array([self.grid.end_s]), self.parameters).length_m[0])
+        return float(self.rope(np.array([self.grid.end_s])).length_m[0])
 
     @property
     def damping_ratio(self) -> float:
         """Of a small swing."""
         return float(self.parameters[DAMPING])
 
-    def rope(self, time_s: Real, parameters: Real) -> Rope:
-        """The rope at times of any shape under parameters of shape (count, ...); constant without a raster."""
-        length_m = np.exp(parameters[LN_LENGTH])
+    def rope(self, time_s: Real) -> Rope:
+        """The rope at times of any shape; constant without a raster."""
+        length_m = np.exp(self.parameters[LN_LENGTH])
         if self.raster is None:
             still = np.zeros(1)
             return Rope(length_m, still, still)
-        return self.raster.rope(time_s, length_m, parameters[PLAIN:])
+        return self.raster.rope(time_s, length_m, self.parameters[PLAIN:])
 
-    def field_at(self, time_s: Real, parameters: Real) -> Field:
-        """What the motion follows at times, under parameters of shape (count, ...)."""
-        if self.raster is None:
-            return field_of(parameters, self.gravity_m_s2)
-        rope = self.rope(time_s, parameters)
-        return Field(
-            self.gravity_m_s2 / rope.length_m,
-            field_of(parameters[:PLAIN], self.gravity_m_s2).damping_1_s,
-            lengthening_1_s=rope.rate_m_s / rope.length_m,
-        )
+    @property
+    def damping_1_s(self) -> float:
+        """Rate at which drag slows the load: the damping ratio is of the rope before it moves."""
+        return float(field_of(self.parameters[:PLAIN], self.gravity_m_s2).damping_1_s)
 
-    def course(self, start_s: Real, step_s: float, steps: int, parameters: Real) -> Field | Course:
-        """What integrations from times, shape (n,), follow under parameters of shape (count, lanes)."""
+    def course(self, start_s: float, step_s: float, steps: int) -> Field | Course:
+        """What the motion follows from a time on."""
         if self.raster is None:
-            return field_of(parameters, self.gravity_m_s2)
-        time_s = start_s + step_s / 2 * np.arange(2 * steps + 1)[:, None]
-        rope = self.rope(time_s, parameters)
-        damping_1_s = np.asarray(field_of(parameters[:PLAIN], self.gravity_m_s2).damping_1_s)
-        return Course(self.gravity_m_s2 / rope.length_m, damping_1_s, rope.rate_m_s / rope.length_m)
+            return field_of(self.parameters, self.gravity_m_s2)
+        rope = self.rope(np.asarray(start_s + step_s / 2 * np.arange(2 * steps + 1), dtype=np.float64))
+        return Course(self.gravity_m_s2 / rope.length_m, self.damping_1_s, rope.rate_m_s / rope.length_m)
 
     def carried(self, state: Complex, from_s: float, step_s: float, steps: int) -> Complex:
-        """States of shape (3, 1) integrated onward: (steps + 1, 3)."""
-        course = self.course(np.array([from_s]), step_s, steps, self.parameters[:, None])
-        return integrate(state[..., None], course, step_s, steps).state[..., 0, 0]
+        """A state of shape (3,) integrated onward: (steps + 1, 3)."""
+        first: State = complex(state[0]), complex(state[1]), complex(state[2])
+        return np.array(carry(first, self.course(from_s, step_s, steps), step_s, steps))
 
     @property
     def period_s(self) -> float:
@@ -149,11 +159,11 @@ class Motion:
     def extended(self, start_s: float, end_s: float) -> "Motion":
         """On a new grid over [start, end], where `start` lies in the old one: the nodes are integrated onward."""
         grid = Grid.over(start_s, end_s, self.period_s)
-        segment, _, _ = self.grid.locate(np.array([start_s]))
-        at_s = self.grid.start_s + float(segment[0]) * self.grid.segment_s
+        segment = int(self.grid.locate(np.array([start_s])).segment[0])
+        at_s = self.grid.start_s + segment * self.grid.segment_s
         state = self.nodes[:, segment]
         if start_s > at_s:
-            state = self.carried(state, at_s, (start_s - at_s) / STEPS_PER_SEGMENT, STEPS_PER_SEGMENT)[-1][:, None]
+            state = self.carried(state, at_s, (start_s - at_s) / STEPS_PER_SEGMENT, STEPS_PER_SEGMENT)[-1]
         coarse = STEPS_PER_SEGMENT // COARSE
         path = self.carried(state, start_s, COARSE * grid.step_s, coarse * (grid.segments - 1))
         return replace(self, grid=grid, nodes=path[::coarse].T)
@@ -162,7 +172,7 @@ class Motion:
         """On a new grid over [start, end], where `start` lies before the old one: integrated backward, then onward."""
         steps = max(1, int(np.ceil((self.grid.start_s - start_s) / self.grid.step_s)))
         back_s = (start_s - self.grid.start_s) / steps
-        first = self.carried(self.nodes[:, :1], self.grid.start_s, back_s, steps)[-1][:, None]
+        first = self.carried(self.nodes[:, 0], self.grid.start_s, back_s, steps)[-1][:, None]
         return replace(self, grid=Grid.over(start_s, start_s, self.period_s), nodes=first).extended(start_s, end_s)
 
 

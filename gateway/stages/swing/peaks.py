@@ -29,7 +29,7 @@ def track(fit: Fit, from_s: float, to_s: float) -> Track:
     """The motion between two times inside its grid."""
     count = max(8, int(np.ceil((to_s - from_s) / fit.motion.period_s * SAMPLES_PER_PERIOD)) + 1)
     time_s = np.linspace(from_s, to_s, count)
-    state = fit.response.states(time_s)[..., 0]
+    state = fit.response.states(fit.motion.grid.locate(time_s))[..., 0]
     u, pull = state[:, 0], state[:, 2]
     equilibrium = -pull / np.sqrt(1 + np.abs(pull) ** 2)
     return Track(time_s, np.arcsin(np.minimum(np.abs(u), 1.0)), u - equilibrium, pull)
@@ -53,8 +53,9 @@ def maxima_s(motion: Track) -> Real:
 
 def angles(fit: Fit, claim: Claim, time_s: Real) -> tuple[Real, Real]:
     """Rope angle and its standard uncertainty at times, each of shape (n,)."""
-    local = fit.response.states(time_s)[:, 0]
-    slope, _ = fit.response.chain(np.stack([local.real, local.imag], axis=1), time_s)
+    instants = fit.motion.grid.locate(time_s)
+    local = fit.response.states(instants)[:, 0]
+    slope, _ = fit.response.chain(np.stack([local.real, local.imag], axis=1), instants)
     u = local[:, 0]
     size = np.maximum(np.abs(u), 1e-12)
     toward = np.stack([u.real, u.imag], axis=1) / size[:, None]

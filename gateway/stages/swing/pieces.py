@@ -80,7 +80,8 @@ class Cutter:
         harmonics = find_harmonics(window, self.noise_g, self.beliefs.rig)
         starts = start_motions(harmonics, self.beliefs.rig, from_s, to_s + FINEST_PERIODS * self.period_s)
         self.fits += len(starts)
-        return self._stretch(from_s, to_s, find_from(window, self.noise_g, starts, self.beliefs, ITERATIONS))
+        finding = find_from(window, self.noise_g, starts, self.beliefs, ITERATIONS, worth=LARGEST_MISFIT)
+        return self._stretch(from_s, to_s, finding)
 
     def _plain_soon(self, from_s: float) -> Stretch | None:
         """A stretch that begins a little later and follows the pendulum to the noise."""
@@ -103,11 +104,9 @@ class Cutter:
             start = piece.finding.fit.motion.extended(piece.from_s, to_s + FINEST_PERIODS * self.period_s)
             window = self._window(piece.from_s, to_s)
             self.fits += 1
-            longer = self._stretch(
-                piece.from_s,
-                to_s,
-                find(window, self.noise_g, start, self.beliefs, ITERATIONS, piece.finding.fit.instrument),
-            )
+            instrument = piece.finding.fit.instrument
+            finding = find(window, self.noise_g, start, self.beliefs, ITERATIONS, instrument, worth=LARGEST_MISFIT)
+            longer = self._stretch(piece.from_s, to_s, finding)
             if longer is None:
                 step /= 2
             else:

@@ -11,73 +11,63 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gateway.stages.swing.model import Complex, Path, Real, integrate, sample
-from gateway.stages.swing.motion import STATES, STEPS_PER_SEGMENT, Motion
+from gateway.stages.swing.motion import STATES, STEPS_PER_SEGMENT, Instants, Motion
+from gateway.stages.swing.segments import PERTURBATION, Segments
 
-PERTURBATION = 1e-6
 LARGEST_TURN_RAD = 1.0
 """Of the swing's azimuth in one step."""
 
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """A motion integrated over all segments with all perturbations, and how each segment's start follows the unknowns.
+    """A motion integrated over all segments with all perturbations, and how each segment's own unknowns follow the motion's.
 
-    The unknowns are the first state (STATES) and the motion's parameters; `unknowns` counts them.
+    The motion's unknowns are the first state (STATES) and its parameters; `unknowns` counts them.
     """
 
-    motion: Motion
+    segments: Segments
     path: Path
-    """Last dimensions: segments, 1 + unknowns (unperturbed first)."""
-    parameters: Real
-    """Of each perturbation, shape (parameters, 1 + unknowns)."""
+    """Last dimensions: segments, lanes (unperturbed first)."""
     follow: Real
-    """Derivative of each segment's first state by the unknowns, shape (segments, STATES, unknowns)."""
-    gap: Real
-    """How far each segment's first state is from where the chain of linearised segments puts it, (segments, STATES)."""
+    """Of each segment's own unknowns: derivative by the motion's, and last how far the chain of linearised segments puts them
+    from where they are; shape (segments, STATES + own, unknowns + 1)."""
+
+    @property
+    def motion(self) -> Motion:
+        """The motion."""
+        return self.segments.motion
 
     @property
     def unknowns(self) -> int:
         """First state and parameters."""
         return STATES + len(self.motion.parameters)
 
-    def states(self, time_s: Real) -> Complex:
-        """States at times, shape (n, 3, 1 + unknowns), with the local perturbations."""
-        segment, step, fraction = self.motion.grid.locate(time_s)
-        return sample(self.path, step, fraction, segment)
+    def states(self, instants: Instants) -> Complex:
+        """States, shape (n, 3, lanes)."""
+        return sample(self.path, instants.step, instants.fraction, instants.segment)
 
-    def chain(self, local: Real, time_s: Real) -> tuple[Real, Real]:
-        """Derivative by the unknowns, (n, ..., unknowns), and shift by the gaps, (n, ...), of quantities at times.
-
-        `local` holds the quantities under all perturbations, shape (n, ..., 1 + unknowns).
-        """
-        segment, _, _ = self.motion.grid.locate(time_s)
+    def chain(self, local: Real, instants: Instants) -> tuple[Real, Real]:
+        """Derivative by the unknowns, (n, ..., unknowns), and shift by the gaps, (n, ...), of quantities in all lanes."""
         slope = (local[..., 1:] - local[..., :1]) / PERTURBATION
-        by_state = slope[..., :STATES]
-        by_unknown: Real = by_state @ self.follow[segment]
-        by_unknown[..., STATES:] += slope[..., STATES:]
-        shift = np.einsum("n...s,ns->n...", by_state, self.gap[segment])
-        return by_unknown, shift
+        chained: Real = slope @ self.follow[instants.segment]
+        return chained[..., :-1], chained[..., -1]
 
 
 def respond(motion: Motion) -> Response:
     """Integrate every segment under every perturbation."""
-    states, parameters = _perturbed(motion)
-    grid = motion.grid
-    starts_s = np.asarray(grid.start_s + grid.segment_s * np.arange(grid.segments), dtype=np.float64)
-    course = motion.course(starts_s, grid.step_s, STEPS_PER_SEGMENT, parameters)
-    path = integrate(states, course, grid.step_s, STEPS_PER_SEGMENT)
+    segments, grid = Segments.of(motion), motion.grid
+    path = integrate(segments.states, segments.course(), grid.step_s, STEPS_PER_SEGMENT)
     ends = _as_reals(path.state[-1], motion)
     slope = (ends[..., 1:] - ends[..., :1]) / PERTURBATION
-    starts = _as_reals(motion.nodes[..., None], motion)[..., 0]
-    segments, unknowns = grid.segments, STATES + len(motion.parameters)
-    follow = np.zeros((segments, STATES, unknowns))
-    gap = np.zeros((segments, STATES))
-    follow[0, :, :STATES] = np.eye(STATES)
-    for k in range(segments - 1):
-        follow[k + 1] = slope[k, :, :STATES] @ follow[k]
-        follow[k + 1, :, STATES:] += slope[k, :, STATES:]
-        gap[k + 1] = slope[k, :, :STATES] @ gap[k] + ends[k, :, 0] - starts[k + 1]
-    return Response(motion, path, parameters, follow, gap)
+    gaps = ends[:-1, :, 0] - _as_reals(motion.nodes[:, 1:, None], motion)[..., 0]
+    unknowns = STATES + len(motion.parameters)
+    follow = np.zeros((grid.segments, slope.shape[-1], unknowns + 1))
+    follow[0, :STATES, :STATES] = np.eye(STATES)
+    follow[:, STATES:, STATES:unknowns] = segments.slope
+    for k in range(grid.segments - 1):
+        np.dot(slope[k], follow[k], out=follow[k + 1, :STATES])
+        follow[k + 1, :STATES, unknowns] += gaps[k]
+    return Response(segments, path, follow)
 
 
 def moved(response: Response, step: Real, share: float) -> Motion:
@@ -110,7 +100,7 @@ Pair = tuple[Complex, Complex]
 def _change(response: Response, step: Real, share: float) -> tuple[Pair, Pair, Complex]:
     """Swing about the equilibrium (u + l, w/w0) at the nodes, its change, and the change of the pull."""
     nodes, rate_1_s = response.motion.nodes, response.motion.grid.rate_1_s
-    change = share * (response.follow @ step + response.gap)
+    change = share * (response.follow[:, :STATES] @ np.append(step, 1.0))
     by_u, by_rate, by_pull = (change[:, 0::2] + 1j * change[:, 1::2]).T
     return (nodes[0] + nodes[2], nodes[1] / rate_1_s), (by_u + by_pull, by_rate), by_pull
 
@@ -131,29 +121,16 @@ def advanced(response: Response, start_s: float, end_s: float) -> Motion:
     nodes = motion.nodes[:, dropped : dropped + segments]
     missing = segments - nodes.shape[1]
     if missing > 0:
-        last = response.path.state[-1, :, -1, :1]
+        last = response.path.state[-1, :, -1, 0]
         path = motion.carried(last, grid.end_s, grid.step_s, STEPS_PER_SEGMENT * (missing - 1))
         nodes = np.concatenate([nodes, path[::STEPS_PER_SEGMENT].T], axis=1)
     grid = replace(grid, start_s=grid.start_s + dropped * grid.segment_s, segments=segments)
     return replace(motion, grid=grid, nodes=nodes)
 
 
-def _perturbed(motion: Motion) -> tuple[Complex, Real]:
-    """States of shape (3, segments, 1 + unknowns) and the parameters of each perturbation."""
-    lanes = 1 + STATES + len(motion.parameters)
-    states = np.repeat(motion.nodes[..., None], lanes, axis=-1)
-    unit = PERTURBATION * motion.unit[:, 0]
-    for row in range(3):
-        states[row, :, 1 + 2 * row] += unit[row]
-        states[row, :, 2 + 2 * row] += 1j * unit[row]
-    parameters = np.repeat(motion.parameters[:, None], lanes, axis=1)
-    for place in range(len(motion.parameters)):
-        parameters[place, 1 + STATES + place] += PERTURBATION
-    return states, parameters
-
-
 def _as_reals(states: Complex, motion: Motion) -> Real:
     """States of shape (3, segments, ...) as (segments, STATES, ...), free of dimension."""
-    scaled = states / motion.unit[..., None]
-    parts = np.stack([scaled.real, scaled.imag], axis=1)
-    return np.moveaxis(parts.reshape(STATES, *states.shape[1:]), 1, 0)
+    scaled = (states / motion.unit[..., None]).swapaxes(0, 1)
+    reals = np.empty((len(scaled), STATES, *states.shape[2:]))
+    reals[:, 0::2], reals[:, 1::2] = scaled.real, scaled.imag
+    return reals

@@ -83,12 +83,13 @@ def find_harmonics(bins: Bins, noise_g: Real, rig: MountedHousing, *, axial: boo
 def _fit(angle: Real, values_g: Real, weight: Real) -> tuple[Real, Real]:
     """Constant, cosine and sine per angle row and column: shape (tries, 3, columns), and variance explained (tries, columns)."""
     basis = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)
-    centred = values_g - weight @ values_g
-    normal = np.einsum("fin,fjn,n->fij", basis, basis, weight, optimize=True) + 1e-9 * np.eye(3)
-    moment = np.einsum("fin,nc,n->fic", basis, centred, weight, optimize=True)
+    mean = weight @ values_g
+    weighted = basis * weight
+    normal = weighted @ basis.transpose(0, 2, 1) + 1e-9 * np.eye(3)
+    moment = weighted @ (values_g - mean)
     solved = np.linalg.solve(normal, moment)
-    explained = np.einsum("fic,fic->fc", moment, solved)
-    solved[:, 0] += weight @ values_g
+    explained = (moment * solved).sum(axis=1)
+    solved[:, 0] += mean
     return solved, explained
 
 

@@ -85,7 +85,7 @@ def claim(fit: Fit, sensor_weight: Real) -> Claim:
         freedom=max(float((len(normalised) / correlation).sum()) - unknowns, 1.0),
         reduced_chi_square=float((sensor_weight * fit.residual_g**2).sum()) / max(normalised.size - unknowns, 1),
         inflation=inflation,
-        misfit=_misfit(fit, sensor_weight),
+        misfit=misfit(fit, sensor_weight),
         other_u_rel=angle_u_rel(fit.beliefs.rig.bandwidth_hz, fit.motion.period_s),
     )
 
@@ -105,8 +105,8 @@ def correlation_sum(values: Real) -> float:
     return total
 
 
-def _misfit(fit: Fit, weight: Real) -> float:
-    """Unexplained over signal, all axes together."""
+def misfit(fit: Fit, weight: Real) -> float:
+    """Unexplained over signal, all axes together; `weight` is 1/variance of the bins by sensor noise alone."""
     residual_g, variance_g2 = _smoothed(fit.residual_g, weight)
     noise_g2 = variance_g2.mean(axis=0)
     chance = 1 + CHANCE * np.sqrt(2 * SMOOTHING_BINS / max(len(fit.residual_g), 1))
