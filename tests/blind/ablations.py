@@ -14,9 +14,10 @@ from unittest.mock import patch
 
 from gateway.cli.main import main as plumbline
 from gateway.twin.reconcile import reconcile, search
+from gateway.twin.reconcile.attempts import Attempt
 from gateway.twin.reconcile.held_out import Judged
 from gateway.twin.reconcile.observations import Observations
-from gateway.twin.reconcile.search import Attempt, Search
+from gateway.twin.reconcile.search import Search
 from gateway.twin.reconcile.verdict import Answer, Contender, decide
 
 

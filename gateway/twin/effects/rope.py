@@ -78,7 +78,9 @@ class RopeStretch(Effect):
     linear_at_neutral = False
     parameters = (
         Parameter("frequency_hz", "Hz", "of the bounce, ω/2π", 0.3, 20.0, 2.0, 0.01, 2.0),
-        Parameter("damping_ratio", "1", "ζ of the bounce", 0.0, 0.5, 0.01, 1e-3, 0.01),
+        Parameter(
+            "damping_ratio", "1", "ζ of the bounce; a rope without any does not exist", 1e-3, 0.5, 0.01, 1e-3, 0.01
+        ),
         Parameter("above_housing", "1", "h, part of the stretch that is above the housing", 0.0, 1.0, 1.0, 0.01, 1.0),
         Parameter(
             "sag_unknown", "1", "q, part of the sag under the load that the belief lacks", 0.0, 1.0, 1.0, 0.01, 1.0

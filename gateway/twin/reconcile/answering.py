@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Parameter, Value
 from gateway.twin.model import Model
+from gateway.twin.reconcile.attempts import LEAST_STATISTIC, Attempt
 from gateway.twin.reconcile.detectors import mean_of_steps
 from gateway.twin.reconcile.disagreement import locate
 from gateway.twin.reconcile.groups import split_by
@@ -25,7 +26,7 @@ from gateway.twin.reconcile.result import (
     Scored,
     Step,
 )
-from gateway.twin.reconcile.search import LEAST_STATISTIC, Attempt, Search
+from gateway.twin.reconcile.search import Search
 from gateway.twin.reconcile.verdict import RIVAL, Answer, Contender
 from gateway.twin.reconcile.whiteness import residual_of
 

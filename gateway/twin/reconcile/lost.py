@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.twin.reconcile.attempts import Attempt, Values
 from gateway.twin.reconcile.observations import Observations
-from gateway.twin.reconcile.search import Attempt, Search, Values
+from gateway.twin.reconcile.search import Search
 from gateway.twin.reconcile.setting import Setting
 from gateway.twin.reconcile.shooting import Fit
 from gateway.twin.reconcile.spectrum import machine_line
@@ -23,7 +24,7 @@ clock that is only slow, twice and more for a swing that itself changed."""
 
 def lost_samples(search: Search, slow_clock: Attempt | None) -> Walk | None:
     """The walk where the log, fitted with a clock that runs slow, shows one; None where nothing is left or nothing wanders."""
-    if slow_clock is None or "clock_drift" not in slow_clock.values or not search.open(search.best()):
+    if slow_clock is None or "clock_drift" not in slow_clock.values or not search.best().open:
         return None
     fraction = -float(np.asarray(slow_clock.values["clock_drift"]["relative"]))
     if fraction < LEAST_FRACTION or {"double_pendulum", "rope_stretch"} & set(slow_clock.values):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gateway.twin.effects.effect import Value
 from gateway.twin.model import Model
 from gateway.twin.reconcile.answering import Findings, reconciliation
+from gateway.twin.reconcile.attempts import LEAST_EFFECT, Attempt
 from gateway.twin.reconcile.detectors import coarser, find_limit, find_step, mean_of_steps
 from gateway.twin.reconcile.held_out import judge
 from gateway.twin.reconcile.isolability import coinciding
@@ -17,7 +18,7 @@ from gateway.twin.reconcile.lost import lost_samples, retimed_held_out, without_
 from gateway.twin.reconcile.null_test import largest_by_chance, score
 from gateway.twin.reconcile.observations import Observations, Recordings, piece
 from gateway.twin.reconcile.result import Reconciliation
-from gateway.twin.reconcile.search import LEAST_EFFECT, Attempt, Search
+from gateway.twin.reconcile.search import Search
 from gateway.twin.reconcile.setting import Setting
 from gateway.twin.reconcile.starting import Situation, vibration
 from gateway.twin.reconcile.verdict import RIVAL, Contender, decide

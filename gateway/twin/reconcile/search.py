@@ -1,6 +1,5 @@
-"""The search for what is missing: singles, pairs, swaps and drops; every set that was fitted is kept with its evidence."""
+"""The search for what is missing: singles, pairs, swaps and drops."""
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
@@ -9,13 +8,13 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Value
+from gateway.twin.reconcile.attempts import Attempt, Attempts
 from gateway.twin.reconcile.events import Window, find_windows
 from gateway.twin.reconcile.groups import mates_of
-from gateway.twin.reconcile.noise import colour
 from gateway.twin.reconcile.partings import parting
+from gateway.twin.reconcile.remainder import OPEN
 from gateway.twin.reconcile.score import UNSUITED, Signatures, signatures
-from gateway.twin.reconcile.setting import SEARCH_ROUNDS, Setting
-from gateway.twin.reconcile.shooting import Fit
+from gateway.twin.reconcile.setting import Setting
 from gateway.twin.reconcile.starting import STARTS, Situation
 
 Array = NDArray[np.float64]
@@ -29,8 +28,6 @@ CHANGES_LENGTH = frozenset({"hoisting", "load_change"})
 SEEN = frozenset({"quantization", "clipping"})
 """Found in the readings themselves: no fit takes them away again."""
 MOST_EFFECTS = 3
-MOST_FITS = 60
-"""Where nothing fits, the search ends with these."""
 PARENTS = 2
 CHILDREN = 4
 HOPELESS = 0.5
@@ -46,29 +43,6 @@ BENDS = 0.5
 """What a third effect may leave of what two leave: one that leaves more bends the model to a remainder."""
 POLISHED, POLISH_ROUNDS = 2, 20
 STRETCHED = (2.5, 0.4)
-EDGE_S = 1.0
-"""An event must begin and end this far inside the recording, or it is no event."""
-LEAST_EFFECT = 0.002
-"""Share of the noise's variance that an effect must take off the residual to be worth a name."""
-LEAST_STATISTIC = 25.0
-"""Chi-square over the noise's colour that an effect must take off: 1 in 10^5 for four parameters, times the family."""
-OPEN = 0.03
-"""Excess of the reduced chi-square that is something left; less cannot be told from a noise stated 1.5 % too low."""
-
-
-@dataclass(frozen=True, slots=True)
-class Attempt:
-    """A set of effects, fitted to the log."""
-
-    values: Values
-    fit: Fit
-    reduced: float
-    parameters: int
-
-    @property
-    def names(self) -> frozenset[str]:
-        """The set."""
-        return frozenset(self.values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,61 +57,16 @@ class Move:
 
 
 @dataclass(slots=True)
-class Search:
-    """All attempts so far."""
+class Search(Attempts):
+    """Attempts, and what led from one to the next."""
 
-    setting: Setting
-    always: Values
-    """Effects found without fitting; every attempt has them."""
-    attempts: dict[frozenset[str], Attempt] = field(default_factory=dict)
     scores: dict[str, float] = field(default_factory=dict)
     """Drop of chi-square beside the nuisances alone, by linearisation."""
     signatures: Signatures | None = None
     """Beside what is always there."""
     history: list[Move] = field(default_factory=list)
-    fits: int = 0
     partings: dict[tuple[frozenset[str], bool], Window | None] = field(default_factory=dict)
     """As found beside a set, with the rope's length or without."""
-
-    def try_values(
-        self, values: Values, starts: Array | None = None, rounds: int = SEARCH_ROUNDS, beyond: float = np.inf
-    ) -> Attempt | None:
-        """Fit a set from these values; the better one is kept where the set was fitted before. None where it cannot be."""
-        setting = self.setting
-        self.fits += 1
-        try:
-            fit = setting.fit(values, starts, rounds, beyond)
-        except (np.linalg.LinAlgError, FloatingPointError, ValueError):
-            return None  # the fit ran to parameters that no integration can follow
-        if not np.isfinite(fit.chi2):
-            return None
-        model = setting.simulator(tuple(values)).effects(fit.values)
-        fitted = {name: model[name] for name in values}
-        if not all(_inside(name, fitted[name], setting.log.duration_s) for name in values):
-            return None
-        simulator = setting.simulator(tuple(values))
-        parameters = sum(slot.effect in values for slot in simulator.parameters) + simulator.starts - 5
-        found = Attempt(fitted, fit, fit.chi2 / setting.log.count, parameters)
-        known = self.attempts.get(found.names)
-        if known is None or found.reduced < known.reduced:
-            self.attempts[found.names] = found
-        return self.attempts[found.names]
-
-    def best(self) -> Attempt:
-        """By BIC over the colour of the noise of the best-fitting."""
-        chi2_unit = self.unit()
-        return min(self.attempts.values(), key=lambda a: self.bic(a, chi2_unit))
-
-    def unit(self) -> float:
-        """Colour of what the best-fitting attempt leaves."""
-        least = min(self.attempts.values(), key=lambda a: a.reduced)
-        return colour(self.setting.log.time_s, self.setting.log.residual_sigma(least.fit.force_g))
-
-    def bic(self, attempt: Attempt, unit: float) -> float:
-        """Chi-square over the noise's colour + parameters x ln(numbers)."""
-        return attempt.fit.chi2 / unit + attempt.parameters * math.log(self.setting.log.count)
-
-    # moves
 
     def lasting(self, base: Attempt) -> Attempt:
         """The best of the base and all single effects beside it that act all the time."""
@@ -158,7 +87,7 @@ class Search:
         if best.reduced - 1 > LEAST_SHARE * (base.reduced - 1):
             return self._kept(best, self._dropped(best))
         for _ in range(MOST_EFFECTS - 1):
-            if not self.open(best) or self.tired:
+            if not best.open or self.tired:
                 break
             ahead = self._grow(self._parents(len(best.values)))
             if ahead is best:
@@ -184,21 +113,12 @@ class Search:
             self.history.append(move)
         return after
 
-    @property
-    def tired(self) -> bool:
-        """So many fits have been made that what is still to find is no single effect and no pair."""
-        return self.fits >= MOST_FITS
-
-    def open(self, attempt: Attempt) -> bool:
-        """Something is left."""
-        return attempt.reduced > 1 + OPEN
-
     def _polished(self, size: int) -> None:
         """Go on with the best fits of events, which creep along narrow valleys."""
         unit = self.unit()
         ranked = sorted((a for a in self.attempts.values() if len(a.values) == size), key=lambda a: self.bic(a, unit))
         for attempt in ranked[:POLISHED]:
-            if self.open(self.best()) and any(EFFECTS[name].transient for name in attempt.values):
+            if self.best().open and any(EFFECTS[name].transient for name in attempt.values):
                 polished = self.try_values(attempt.values, rounds=POLISH_ROUNDS)
                 if polished is not None:
                     for name in sorted(polished.names):
@@ -224,7 +144,7 @@ class Search:
             return
         start_s, duration_s = (float(np.asarray(values[key])) for key in ("start_s", "duration_s"))
         for factor in STRETCHED:
-            if self.open(self.best()):
+            if self.best().open:
                 length_s = factor * duration_s
                 other: dict[str, Value] = {"start_s": start_s + (duration_s - length_s) / 2, "duration_s": length_s}
                 if "rising_share" in values:
@@ -254,13 +174,6 @@ class Search:
         after = self.best()
         return after if self.worth(before, after) else before
 
-    def worth(self, before: Attempt, after: Attempt) -> bool:
-        """The gain is large enough for a name, and no accident."""
-        gain = before.fit.chi2 - after.fit.chi2
-        more = max(1, after.parameters - before.parameters)
-        statistic = gain / self.unit() / (1 + 0.1 * more)
-        return gain > LEAST_EFFECT * self.setting.log.count and statistic > LEAST_STATISTIC
-
     def _lasting_children(self, parent: Attempt, starts: Array, *, first: bool) -> None:
         setting = self.setting
         scored = signatures(setting, parent.fit, parent.values, possible(setting))
@@ -270,7 +183,7 @@ class Search:
             self.signatures = scored
         ranked = sorted(drops, key=lambda name: -drops[name])
         for rank, name in enumerate(ranked):
-            explained = self.best().reduced < 1 + OPEN
+            explained = not self.best().open
             if drops[name] < HOPELESS * drops[ranked[0]] and (explained or rank >= CHILDREN):
                 break
             if not first and rank >= CHILDREN:
@@ -287,10 +200,10 @@ class Search:
             return
         residual_g = o.force_g - parent.fit.force_g
         for name in SPECTRAL:
-            if self.open(self.best()):
+            if self.best().open:
                 self._try(parent, name, STARTS[name](Situation(setting.rig, o, residual_g, ())), None)
         best = self.best()
-        if not self.open(best) and best is not parent:
+        if not best.open and best is not parent:
             return
         for lengths in (False, True):
             windows, parted = self._windows(parent, length=lengths), self.parted(parent, length=lengths)
@@ -337,7 +250,7 @@ class Search:
             several = [{**parent.values, name: values} for values in tried]
             tried = [self.setting.best_beginning(several, "double_pendulum.rigging_length_m")[name]]
         for turn, values in enumerate(tried):
-            if turn and (self.tired or not self.open(self.best())):
+            if turn and (self.tired or not self.best().open):
                 return
             self.try_values({**parent.values, name: values or _first_values(name)}, starts, beyond=self._rival_chi2())
 
@@ -379,13 +292,3 @@ def _first_values(name: str) -> dict[str, Value]:
 
 def _excluded(name: str, names: frozenset[str]) -> bool:
     return {name} | names >= {"double_pendulum", "rope_stretch"}
-
-
-def _inside(name: str, values: Mapping[str, Value], duration_s: float) -> bool:
-    """A transient effect begins and ends inside the recording."""
-    if not EFFECTS[name].transient:
-        return True
-    start = float(np.asarray(values["start_s"]))
-    length = float(np.asarray(values.get("duration_s", 0.0)))
-    end = start + (2 * length + float(np.asarray(values["coast_s"])) if "coast_s" in values else length)
-    return start >= EDGE_S and end <= duration_s - EDGE_S

@@ -5,14 +5,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from gateway.twin.reconcile.attempts import LEAST_EFFECT, Attempt
 from gateway.twin.reconcile.groups import group_of
 from gateway.twin.reconcile.held_out import Judged, taken_off
 from gateway.twin.reconcile.observations import Observations
 from gateway.twin.reconcile.pieces import is_wide
+from gateway.twin.reconcile.remainder import left_open, lines, structured
 from gateway.twin.reconcile.result import Verdict
-from gateway.twin.reconcile.search import LEAST_EFFECT, OPEN, Attempt
-from gateway.twin.reconcile.shooting import Fit
-from gateway.twin.reconcile.whiteness import peaks
 
 RIVAL = 12.0
 """Evidence, in chi-square over the noise's colour, below which one model is no better than another: odds of 400 to 1."""
@@ -27,10 +26,11 @@ LEADING = 0.1
 """Share of the gap that an effect must hold open by its absence to be named beside a remainder."""
 LEFT_WITHOUT = 30.0
 """Of a wide swing also by how many times as much its absence leaves: the first loss alone closes nearly all of its gap."""
-HARDLY = 0.01
-MUCH_LEFT = 0.5
-"""Excess that no wrongly stated noise accounts for."""
 MOST_CANDIDATES = 4
+NEAR_LINE = 3.0
+"""Turns in the recording by which two lines may differ and yet be one that swells and fades."""
+PICK_UP = frozenset({"cross_axis", "mount_misalignment"})
+"""An unsymmetrical pick-up is a symmetrical one and a turn: beside the first, nothing tells the turn from it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,15 +60,6 @@ class Answer:
     candidates: tuple[str, ...]
 
 
-def left_open(observations: Observations, force_g: np.ndarray) -> bool:
-    """A remainder that is no noise: louder than stated, and with lines in it or far louder."""
-    excess = observations.reduced_chi2(force_g) - 1
-    if excess < OPEN:
-        return False
-    residual = observations.residual_sigma(force_g)
-    return excess > MUCH_LEFT or bool(peaks(observations.time_s, residual, observations.noise_g))
-
-
 def decide(
     contenders: Sequence[Contender],
     base: Contender,
@@ -86,9 +77,29 @@ def decide(
     """
     rivals = rivals_of(contenders, alike)
     answer = _of_models(contenders[0], rivals, base, log, held_out, always, fitted, rng, bool(seen))
+    answer = _without_unsteady(answer, log)
     if answer.verdict not in ("named", "one_of"):
         return answer  # beside something unexplained, a time that wanders may be that, too
     return replace(answer, named=tuple(sorted({*answer.named, *seen})))
+
+
+def _without_unsteady(answer: Answer, log: Observations) -> Answer:
+    """An effect that leaves lines close to its own frequency is not what is there: that swells or dies away otherwise."""
+    attempt = answer.model.attempt
+    if not structured(log, attempt.fit):
+        return answer
+    left_hz = np.array([line.hz for line in lines(log, attempt.fit)])
+    near_hz = NEAR_LINE / log.duration_s
+    unsteady = {
+        name
+        for name, values in attempt.values.items()
+        if "frequency_hz" in values and (np.abs(left_hz - np.asarray(values["frequency_hz"])) < near_hz).any()
+    }
+    named = tuple(name for name in answer.named if name not in unsteady)
+    if named == answer.named:
+        return answer
+    text = f"what is left has lines beside that of {', '.join(sorted(unsteady))}: this one swells, or dies away otherwise"
+    return replace(answer, verdict="named_with_remainder" if named else "unmodelled", reason=text, named=named)
 
 
 def rivals_of(contenders: Sequence[Contender], alike: frozenset[frozenset[str]]) -> list[Contender]:
@@ -108,11 +119,11 @@ def _of_models(
     rng: np.random.Generator,
     seen: bool,
 ) -> Answer:
-    is_open = left_open(log, best.attempt.fit.force_g) or left_open(held_out, best.judged.fit.force_g)
+    is_open = left_open(log, best.attempt.fit) or left_open(held_out, best.judged.fit)
     if best.names == always:
         return _of_base(best, always, is_open, seen)
     if not _helps_on_held_out(best, base, held_out, rng):
-        return _of_base(base, always, left_open(log, base.attempt.fit.force_g), seen)
+        return _of_base(base, always, left_open(log, base.attempt.fit), seen)
     if is_open:
         return _with_remainder(best, base, rivals, always, fitted, wide=is_wide(log))
     if len(best.names - always) > 1:
@@ -139,13 +150,6 @@ def _leading(
         if holds_open or (wide and without.reduced > LEFT_WITHOUT * best.attempt.reduced):
             found.add(name)
     return frozenset(found)
-
-
-def structured(observations: Observations, fit: Fit) -> bool:
-    """Lines in what is left, though it is hardly louder than noise."""
-    residual = observations.residual_sigma(fit.force_g)
-    louder = observations.reduced_chi2(fit.force_g) > 1 + HARDLY
-    return louder and bool(peaks(observations.time_s, residual, observations.noise_g))
 
 
 def _of_base(base: Contender, always: frozenset[str], is_open: bool, seen: bool) -> Answer:
@@ -186,6 +190,9 @@ def _explained(best: Contender, base: Contender, closed_on_held_out: float, *, w
 
 
 def _named(best: Contender, rivals: Sequence[Contender], always: frozenset[str]) -> Answer:
+    if len(rivals) == 1 and best.names >= PICK_UP:
+        text = "certain; beside it the housing is askew, or the pick-up is not the same both ways"
+        return Answer("named_with_remainder", text, best, tuple(sorted(best.names - {"mount_misalignment"})), ())
     if len(rivals) == 1:
         return Answer(
             "named",
