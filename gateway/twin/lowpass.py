@@ -1,16 +1,23 @@
 """The one-pole low-pass of `lowpass_lag` on samples at any times, with its sensitivities."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+BEGINNING_S, DEGREE = 1.5, 4
+"""What a polynomial tells of the reading before the recording: part of a swing, and many turns of a machine."""
 
 
 def filtered(reading: Array, time_s: Array, cutoff_hz: float) -> Array:
-    """Shape (n, ...) as the reading; started as if it had always been there and the reading's slope were older."""
+    """Shape (n, ...) as the reading; started as if it had always been there and the reading had always gone as at its beginning.
+
+    A one-pole low-pass of time constant T settles to f - T f' + T^2 f'' - ...
+    """
     after, now, coming = _weights(time_s, cutoff_hz)[0]
     found = np.empty_like(reading)
-    found[0] = _settled(reading, time_s, cutoff_hz)
+    found[0] = np.tensordot(_lags(cutoff_hz), _derivatives(reading, time_s), axes=1)
     for i in range(1, len(reading)):
         found[i] = after[i - 1] * found[i - 1] + now[i - 1] * reading[i - 1] + coming[i - 1] * reading[i]
     return found
@@ -20,23 +27,31 @@ def by_cutoff(reading: Array, lagging: Array, time_s: Array, cutoff_hz: float) -
     """Derivative of `filtered` by the cutoff in 1/Hz, shape as the reading."""
     (after, _, _), (after_by, now_by, coming_by) = _weights(time_s, cutoff_hz)
     found = np.zeros_like(reading)
-    found[0] = _settled_by_cutoff(reading, time_s, cutoff_hz)
+    lags_by = -np.arange(DEGREE + 1) / cutoff_hz * _lags(cutoff_hz)
+    found[0] = np.tensordot(lags_by, _derivatives(reading, time_s), axes=1)
     for i in range(1, len(reading)):
         pushed = after_by[i - 1] * lagging[i - 1] + now_by[i - 1] * reading[i - 1] + coming_by[i - 1] * reading[i]
         found[i] = after[i - 1] * found[i - 1] + pushed
     return found
 
 
-def _settled(reading: Array, time_s: Array, cutoff_hz: float) -> Array:
-    lag_s = 1 / (2 * np.pi * cutoff_hz)
-    settled: Array = reading[0] - lag_s * (reading[1] - reading[0]) / (time_s[1] - time_s[0])
-    return settled
+def _lags(cutoff_hz: float) -> Array:
+    """Powers of -T."""
+    powers: Array = (-1 / (2 * np.pi * cutoff_hz)) ** np.arange(DEGREE + 1.0)
+    return powers
 
 
-def _settled_by_cutoff(reading: Array, time_s: Array, cutoff_hz: float) -> Array:
-    lag_s = 1 / (2 * np.pi * cutoff_hz)
-    by: Array = lag_s / cutoff_hz * (reading[1] - reading[0]) / (time_s[1] - time_s[0])
-    return by
+def _derivatives(reading: Array, time_s: Array) -> Array:
+    """Of the reading at the start, order by order from 0, by a polynomial; shape (DEGREE + 1, ...)."""
+    since = (time_s - time_s[0]) / BEGINNING_S
+    since = since[: max(2 * DEGREE, int(np.searchsorted(since, 1.0)))]
+    orders = np.arange(DEGREE + 1)
+    coefficients = np.linalg.lstsq(since[:, None] ** orders, reading[: len(since)].reshape(len(since), -1), rcond=None)[
+        0
+    ]
+    scale = np.array([math.factorial(order) for order in orders]) / BEGINNING_S**orders
+    found: Array = (scale[:, None] * coefficients).reshape(DEGREE + 1, *reading.shape[1:])
+    return found
 
 
 def _weights(time_s: Array, cutoff_hz: float) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:

@@ -105,7 +105,7 @@ class Scored:
 
     name: str
     drop: float
-    """Part of the remaining chi-square excess that it could take away at most, by linearisation."""
+    """Part of the remaining chi-square excess that it would take away, by linearisation; far from there it may take more."""
     statistic: float
     """Drop over the noise's colour."""
     threshold: float

@@ -1,5 +1,7 @@
 """The answer for a terminal."""
 
+import numpy as np
+
 from gateway.twin.reconcile.result import Estimate, Gap, Reconciliation
 
 SAID = {
@@ -34,11 +36,13 @@ def as_text(result: Reconciliation) -> str:
 
 
 def _estimate(estimate: Estimate) -> str:
-    low, high = estimate.ci95
-    if isinstance(estimate.value, tuple):
-        values = ", ".join(f"{value:.4g}" for value in estimate.value)
-        return f"({values}) {estimate.unit}"
-    return f"{estimate.value:.4g} {estimate.unit} ({low:.4g} to {high:.4g})"
+    low, high = (np.atleast_1d(end) for end in estimate.ci95)
+    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
+    values = [
+        f"{value:.4g}{unit} ({least:.4g} to {most:.4g})"
+        for value, least, most in zip(np.atleast_1d(estimate.value), low, high, strict=True)
+    ]
+    return ", ".join(values)
 
 
 def _gap(gap: Gap) -> str:
@@ -47,5 +51,5 @@ def _gap(gap: Gap) -> str:
         text += f", held-out {gap.before_held_out:.3g} -> {gap.after_held_out:.3g}"
         closed = Gap.closed_percent(gap.before_held_out, gap.after_held_out)
         if closed is not None:
-            text += f" ({closed:.1f} % closed)"
+            text += f" ({min(closed, 100.0):.1f} % closed)"
     return text + " (reduced chi-square; 1 is noise)"

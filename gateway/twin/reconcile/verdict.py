@@ -98,7 +98,9 @@ def _without_unsteady(answer: Answer, log: Observations) -> Answer:
     named = tuple(name for name in answer.named if name not in unsteady)
     if named == answer.named:
         return answer
-    text = f"what is left has lines beside that of {', '.join(sorted(unsteady))}: this one swells, or dies away otherwise"
+    text = (
+        f"what is left has lines beside that of {', '.join(sorted(unsteady))}: this one swells, or dies away otherwise"
+    )
     return replace(answer, verdict="named_with_remainder" if named else "unmodelled", reason=text, named=named)
 
 

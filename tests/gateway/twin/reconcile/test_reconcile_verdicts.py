@@ -1,10 +1,13 @@
 """Each verdict from a situation that calls for it."""
 
+import re
+
 import numpy as np
 import pytest
 
 from gateway.twin.reconcile.loading import Loaded
 from gateway.twin.reconcile.reconcile import reconcile
+from gateway.twin.reconcile.text import as_text
 
 
 def test_nothing_is_missing_even_under_slow_noise(model, loaded):
@@ -23,6 +26,7 @@ def test_damping_is_named_with_its_value(model, loaded):
     low, high = found.effects[0].parameters["damping_ratio"].ci95
     assert low < 0.01 < high
     assert found.gap.after_held_out == pytest.approx(1, abs=0.15)
+    assert re.search(r"damping_ratio = 0\.0\d+ \(0\.0\d+ to 0\.0\d+\)$", as_text(found), re.MULTILINE)
 
 
 def test_what_the_data_cannot_separate_is_one_of_a_group_with_what_would_split_it(model, loaded):
