@@ -70,7 +70,7 @@ class AlertBoard:
             if value_rad is not None and not trusted and value_rad < raises_rad:
                 value_rad = None
             self._values_rad[rule] = value_rad
-            before = self._states.get(rule, RuleState("unknown", time_s))  # nothing known yet is not "normal"
+            before = self._states.get(rule) or RuleState("unknown", time_s)  # nothing known yet is not "normal"
             self._states[rule] = judge(before, value_rad, limits, time_s)
             event = event_between(before, self._states[rule])
             if event != "standing":
@@ -81,7 +81,7 @@ class AlertBoard:
 
     def _judge_calibration(self, drifted: str | None, time_s: float) -> Iterator[tuple[str, Event]]:
         self._drifted = drifted
-        before = self._states.get(CALIBRATION, RuleState("normal", time_s))
+        before = self._states.get(CALIBRATION) or RuleState("normal", time_s)
         self._states[CALIBRATION] = standing(before, stands=drifted is not None, time_s=time_s)
         event = event_between(before, self._states[CALIBRATION])
         if event != "standing":

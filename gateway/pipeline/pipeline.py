@@ -53,6 +53,7 @@ class Pipeline:
         self._headers = headers
         self._stale_ns = round(configuration.alerts.stale_s * 1e9)
         self._lowpass = LowPass(configuration.filter.cutoff_hz, configuration.filter.order, info.odr_hz)
+        self._delay_s = self._lowpass.delay_s()
         self._swing = SwingReading(configuration, info, correction, self._lowpass, runner or AtOnce())
         self._watch = ConditionWatch(info.noise_g, correction.permissible_norm_error_g)
         self._board = AlertBoard(configuration.alerts)
@@ -155,7 +156,7 @@ class Pipeline:
             self._header("tilt", time_ns, clock),
             self._lowpassed(),
             self._correction.u_force_g(self._lowpassed(), self._temperature_c),
-            self._lowpass.delay_s(),
+            self._delay_s,
             temperature_c,
             trusted,
         )

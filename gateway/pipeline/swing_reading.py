@@ -37,6 +37,7 @@ class SwingReading:
         self._rig = rig
         self._correction, self._bandwidth_hz = correction, info.bandwidth_hz
         self._beyond_k = 0
+        self._temperature_c: float | None = None
         self._said: tuple[str, ...] = ()
         self._tracker = None if rig is None else SwingTracker(rig, noise_g=info.noise_g, lowpass_gain=lowpass.gain)
         self._estimate: SwingEstimate | None = None
@@ -72,8 +73,9 @@ class SwingReading:
 
     def _doubt_at(self, temperature_c: float | None) -> MountedHousing | None:
         """The housing as believed at another temperature than up to now; None where nothing changed."""
-        if temperature_c is None or self._rig is None:
+        if temperature_c is None or temperature_c == self._temperature_c or self._rig is None:
             return None
+        self._temperature_c = temperature_c
         beyond_k, before_k = self._correction.beyond_k(temperature_c), self._beyond_k
         self._beyond_k, self._said = beyond_k, self._correction.said_beyond(temperature_c)
         if beyond_k == before_k:

@@ -5,12 +5,12 @@ no accelerometer alone can see them. The gates on stillness, impact and pendulum
 """
 
 from dataclasses import dataclass
-from statistics import median
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.messages import Cause, Verdict
+from gateway.stages.condition_look import SMOOTHED_BINS, Look, smoothed
 from gateway.stages.condition_window import Bin, ConditionWindow
 from gateway.stages.turning import turning_gates
 
@@ -18,18 +18,6 @@ Array = NDArray[np.float64]
 FEWEST_BINS = 10
 STEADY_BINS = 40
 """While nobody knows whether it swings: a load near its turning point looks still for less long than this."""
-STILL_SIGMA = 3.0
-"""A still housing keeps its smoothed bin means within this many standard deviations of a bin, beyond the floor."""
-BARE_STILL_SIGMA = 6.5
-"""The same of means that are not smoothed."""
-STILL_FLOOR_G = 0.0005
-"""Peak-to-peak that still counts as still: 0.015 degrees of lean either way."""
-LEAKAGE = 0.06
-"""Share of vibration that smoothing lets through."""
-SMOOTHED_BINS, ROUGH_SMOOTHED_BINS = 5, 10
-ROUGH_FACTOR = 4.0
-"""Scatter within a bin of more than this many times the noise is vibration."""
-ROUGH_FLOOR_G = 0.004
 ROUGHEST_G = 0.1
 """Vibration beyond which the mean is not believed."""
 IMPACT_G = 0.05
@@ -95,29 +83,18 @@ class ConditionWatch:
         bins = self._window.bins
         if len(bins) < FEWEST_BINS:
             return ConditionFound("unknown", None, False, ("less than a second of data",), {"enough_data": False}, None)
-        means = np.array([b.mean_g for b in bins])
-        gates = {"enough_data": True} | self._sample_gates(bins, means) | self._motion_gates(bins, means, swing)
-        gates |= _turning(bins, swing)
+        look = Look.at(bins, self._noise_g)
+        means = look.means_g
+        gates = {"enough_data": True} | _sample_gates(look) | self._motion_gates(look, swing) | _turning(bins, swing)
         verdict, cause, reasons = _verdict(gates, swing, means)
         trusted = verdict in ("static", "quasi_static", "swinging")
         return ConditionFound(verdict, cause, trusted, reasons, gates, float(np.linalg.norm(means.mean(axis=0))))
 
-    def _sample_gates(self, bins: list[Bin], means: Array) -> dict[str, bool]:
-        """On the samples within the bins."""
-        return {
-            "complete": sum(b.missing for b in bins) <= LOST_SHARE * sum(b.count for b in bins),
-            "not_clipped": not any(b.clipped for b in bins),
-            "no_impact": max(b.peak_g for b in bins) < self._impact_g(bins),
-            "axes_alive": bool(np.all(np.abs(means).max(axis=0) > 0)),
-            "quiet": not self._rough(bins),
-            "not_shaken": _scatter_g(bins) < ROUGHEST_G,
-        }
-
-    def _motion_gates(self, bins: list[Bin], means: Array, swing: SwingSeen) -> dict[str, bool]:
+    def _motion_gates(self, look: Look, swing: SwingSeen) -> dict[str, bool]:
         """On what the bins' means do."""
-        norms = np.linalg.norm(self._smoothed(bins), axis=1)
+        norms = np.linalg.norm(look.smoothed_g, axis=1)
         memory = self._window.memory
-        impact_g = self._impact_g(bins)
+        impact_g = _impact_g(look)
         calm = [b for b in memory if not b.clipped and b.peak_g < impact_g]
         enough = swing.swinging is False or len(memory) >= STEADY_BINS
         widest_rad = WIDEST_RAD if swing.phi_max_rad is None else swing.phi_max_rad
@@ -125,62 +102,40 @@ class ConditionWatch:
         rho = 1.0 if swing.rho is None else swing.rho
         free = bool(swing.swinging) and swing.consistent and not swing.hoisting
         return {
-            "still": self._still(bins),
-            "steady": enough and len(calm) >= FEWEST_BINS and self._still(calm),
+            "still": look.still,
+            "steady": enough and len(calm) >= FEWEST_BINS and Look.at(calm, self._noise_g).still,
             "norm_static": bool(np.all(np.abs(norms - 1) < self._dm_g)),
             "norm_pendulum": bool(
                 np.all(norms > 1 - span - self._dm_g) and np.all(norms < 1 + 2 * rho * span + self._dm_g)
             ),
-            "energy": not free or _keeps_energy(bins, means, swing),
-            "axial": not free or _hangs_freely(means, swing),
-            "rope_keeps_length": not swing.hoisting or self._still(bins),
+            "energy": not free or _keeps_energy(look.bins, look.means_g, swing),
+            "axial": not free or _hangs_freely(look.means_g, swing),
+            "rope_keeps_length": not swing.hoisting or look.still,
             "pendulum": free,
         }
 
-    def _impact_g(self, bins: list[Bin]) -> float:
-        return max(IMPACT_G, CREST * _scatter_g(bins)) + 6 * self._believed_noise_g(bins)
 
-    def _rough(self, bins: list[Bin]) -> bool:
-        """Something shakes in a bin at least."""
-        return max(b.scatter_g for b in bins) >= max(ROUGH_FACTOR * self._believed_noise_g(bins), ROUGH_FLOOR_G)
+def _sample_gates(look: Look) -> dict[str, bool]:
+    """On the samples within the bins."""
+    bins = look.bins
+    return {
+        "complete": sum(b.missing for b in bins) <= LOST_SHARE * sum(b.count for b in bins),
+        "not_clipped": not any(b.clipped for b in bins),
+        "no_impact": max(b.peak_g for b in bins) < _impact_g(look),
+        "axes_alive": bool(np.all(np.abs(look.means_g).max(axis=0) > 0)),
+        "quiet": not look.rough,
+        "not_shaken": look.scatter_g < ROUGHEST_G,
+    }
 
-    def _smoothed(self, bins: list[Bin]) -> Array:
-        """Means with vibration averaged out, shape (m, 3)."""
-        width = ROUGH_SMOOTHED_BINS if self._rough(bins) else SMOOTHED_BINS
-        return _smoothed(np.array([b.mean_g for b in bins]), width)
 
-    def _still(self, bins: list[Bin]) -> bool:
-        """Smoothed means stay where they are, and where nothing shakes the means themselves, the newest too."""
-        per_bin = sum(b.count for b in bins) / len(bins)
-        u_mean_g = min(_scatter_g(bins), ROUGH_FLOOR_G) / np.sqrt(per_bin)
-        rough = self._rough(bins)
-        leaking_g = LEAKAGE * max(b.scatter_g for b in bins) if rough else 0.0
-        spread_g = np.ptp(self._smoothed(bins), axis=0).max()
-        bare_g = 0.0 if rough else np.ptp([b.mean_g for b in bins], axis=0).max()
-        return bool(
-            spread_g < STILL_FLOOR_G + STILL_SIGMA * u_mean_g + leaking_g
-            and bare_g < STILL_FLOOR_G + BARE_STILL_SIGMA * u_mean_g
-        )
-
-    def _believed_noise_g(self, bins: list[Bin]) -> float:
-        return self._noise_g if self._noise_g is not None else min(b.scatter_g for b in bins)
+def _impact_g(look: Look) -> float:
+    return max(IMPACT_G, CREST * look.scatter_g) + 6 * look.noise_g
 
 
 def _turning(bins: list[Bin], swing: SwingSeen) -> dict[str, bool]:
     """On the angular rates; no gates where there are none."""
     rates = [b.rate_rad_s for b in bins if b.rate_rad_s is not None]
     return turning_gates(np.array(rates), swing.phi_max_rad, swing.period_s) if rates else {}
-
-
-def _scatter_g(bins: list[Bin]) -> float:
-    return median(b.scatter_g for b in bins)
-
-
-def _smoothed(means: Array, width: int) -> Array:
-    """Moving average over bins, shape (n - width + 1, 3)."""
-    sums = np.cumsum(np.vstack([np.zeros(3), means]), axis=0)
-    smoothed: Array = (sums[width:] - sums[:-width]) / width
-    return smoothed
 
 
 def _keeps_energy(bins: list[Bin], means: Array, swing: SwingSeen) -> bool:
@@ -193,7 +148,7 @@ def _keeps_energy(bins: list[Bin], means: Array, swing: SwingSeen) -> bool:
     across = means[:, :2] - swing.lean_g
     n = len(across) - 2 * half
     rate = sum(lag * across[half + lag : half + lag + n] for lag in lags) / (spacing_s * (lags**2).sum())
-    place = _smoothed(means, SMOOTHED_BINS)[:, :2] - swing.lean_g
+    place = smoothed(means, SMOOTHED_BINS)[:, :2] - swing.lean_g
     radian_s = swing.period_s / (2 * np.pi)
     amplitude_g = np.sqrt((place**2 + (rate * radian_s) ** 2).sum(axis=1))
     u_mean_g = min(b.scatter_g for b in bins) / np.sqrt(np.mean([b.count for b in bins]))
@@ -205,10 +160,10 @@ def _hangs_freely(means: Array, swing: SwingSeen) -> bool:
     """The force along the rope follows the place in the swing: f_z = const - (1/2 + rho) phi^2, phi = f_t/(1 - rho)."""
     if swing.rho is None or swing.rho > LARGEST_SEEN_RHO:
         return True
-    smoothed = _smoothed(means, SMOOTHED_BINS)
-    square = ((smoothed[:, :2] - swing.lean_g) ** 2).sum(axis=1) / (1 - swing.rho) ** 2
+    place_g = smoothed(means, SMOOTHED_BINS)
+    square = ((place_g[:, :2] - swing.lean_g) ** 2).sum(axis=1) / (1 - swing.rho) ** 2
     expected_g = -(0.5 + swing.rho) * square
-    return bool(np.ptp(smoothed[:, 2] - expected_g) < AXIAL_FLOOR_G + AXIAL_SHARE * np.ptp(expected_g))
+    return bool(np.ptp(place_g[:, 2] - expected_g) < AXIAL_FLOOR_G + AXIAL_SHARE * np.ptp(expected_g))
 
 
 UNUSABLE = {
@@ -267,5 +222,5 @@ def _at_rest(gates: dict[str, bool]) -> tuple[Verdict, Cause | None, tuple[str, 
 
 def _mover(means: Array, swing: SwingSeen) -> Cause:
     """What drives: a hoist shows along the rope, trolley and wind across it."""
-    moved_g = np.ptp(_smoothed(means, SMOOTHED_BINS), axis=0)
+    moved_g = np.ptp(smoothed(means, SMOOTHED_BINS), axis=0)
     return "hoisting" if moved_g[2] > np.hypot(moved_g[0], moved_g[1]) else "trolley"

@@ -37,7 +37,7 @@ def fused_tilt(m: Array, critical_value: float = CRITICAL_VALUE) -> TiltAngles:
 def _fused_angle(along: Array, across: Array, mz: Array, critical_value: float) -> Array:
     """One angle from its own axis and the geometric sum of the two others (001 eq. 18-36)."""
     by_arctangent = np.arctan2(along, across)  # eq. 18-19; across >= 0
-    by_arccosine = np.arccos(np.clip(across, 0.0, 1.0))  # eq. 20-21
+    by_arccosine = np.arccos(np.minimum(across, 1.0))  # eq. 20-21
     signed = np.copysign(by_arccosine, along)  # eq. 22-25
     critical_rad = np.arctan(critical_value)  # eq. 26
     angle = np.where(by_arccosine <= critical_rad, by_arctangent, signed)  # eq. 27-30

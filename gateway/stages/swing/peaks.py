@@ -53,6 +53,13 @@ def maxima_s(motion: Track) -> Real:
 
 def angles(fit: Fit, claim: Claim, time_s: Real) -> tuple[Real, Real]:
     """Rope angle and its standard uncertainty at times, each of shape (n,)."""
+    angle_rad, slope = _angles(fit, time_s)
+    pairs = zip(angle_rad, slope, strict=True)
+    return angle_rad, np.array([claim.angle_deviation(float(a), row) for a, row in pairs])
+
+
+def _angles(fit: Fit, time_s: Real) -> tuple[Real, Real]:
+    """Rope angle at times, shape (n,), and its derivative by the free unknowns, (n, free)."""
     instants = fit.motion.grid.locate(time_s)
     local = fit.response.states(instants)[:, 0]
     slope, _ = fit.response.chain(np.stack([local.real, local.imag], axis=1), instants)
@@ -60,12 +67,9 @@ def angles(fit: Fit, claim: Claim, time_s: Real) -> tuple[Real, Real]:
     size = np.maximum(np.abs(u), 1e-12)
     toward = np.stack([u.real, u.imag], axis=1) / size[:, None]
     gradient = np.einsum("nc,ncp->np", toward, slope) / np.sqrt(1 - np.minimum(size, STEEPEST) ** 2)[:, None]
-    angle_rad = np.arcsin(np.minimum(size, 1.0))
-    unknowns = fit.response.unknowns
     whole = np.zeros((len(time_s), len(fit.free)))
-    whole[:, :unknowns] = gradient
-    pairs = zip(angle_rad, whole[:, fit.free], strict=True)
-    return angle_rad, np.array([claim.angle_deviation(float(a), row) for a, row in pairs])
+    whole[:, : fit.response.unknowns] = gradient
+    return np.arcsin(np.minimum(size, 1.0)), whole[:, fit.free]
 
 
 def half_swing_peaks(fit: Fit, claim: Claim, from_s: float, to_s: float) -> list[SwingPeak]:
@@ -83,11 +87,20 @@ def half_swing_peaks(fit: Fit, claim: Claim, from_s: float, to_s: float) -> list
 
 def largest_angle(fit: Fit, claim: Claim) -> tuple[float, float]:
     """The largest angle in the fitted window and its standard uncertainty."""
+    angle, deviation = angles(fit, claim, _when_largest_s(fit))
+    return float(angle[0]), float(deviation[0])
+
+
+def largest_angle_slope(fit: Fit) -> Real:
+    """Derivative of the largest angle in the fitted window by the free unknowns, shape (free,)."""
+    slope: Real = _angles(fit, _when_largest_s(fit))[1][0]
+    return slope
+
+
+def _when_largest_s(fit: Fit) -> Real:
     times = fit.bins.time_s
     motion = track(fit, float(times[0]), float(times[-1]))
-    when = motion.time_s[np.argmax(motion.angle_rad)]
-    angle, deviation = angles(fit, claim, np.array([when]))
-    return float(angle[0]), float(deviation[0])
+    return motion.time_s[[np.argmax(motion.angle_rad)]]
 
 
 def ellipse(motion: Track) -> tuple[float, float]:

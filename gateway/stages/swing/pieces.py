@@ -12,6 +12,7 @@ from gateway.stages.swing.estimate import SwingEstimate
 from gateway.stages.swing.explain import Finding, find, find_from, widened
 from gateway.stages.swing.hoisting import Stretch, follow, follow_back
 from gateway.stages.swing.model import Real
+from gateway.stages.swing.one_sensor import held_to_one_sensor
 from gateway.stages.swing.peaks import largest_angle
 from gateway.stages.swing.rig import MountedHousing
 from gateway.stages.swing.start import find_harmonics, start_motions
@@ -199,7 +200,9 @@ def _between(core: Stretch, following: Stretch, bins: Bins, noise_g: Real, rig: 
 
 def assess_pieces(pieces: list[Stretch], noise_g: Real, from_s: float, to_s: float, period_s: float) -> SwingEstimate:
     """One estimate of all pieces; without an interval where too much of the recording follows no pendulum."""
-    parts = [assess(_offset_doubted(piece.finding), noise_g, piece.from_s, piece.to_s) for piece in pieces]
+    doubted = [replace(piece, finding=_offset_doubted(piece.finding)) for piece in pieces]
+    pieces, disagreements = held_to_one_sensor(doubted)
+    parts = [assess(piece.finding, noise_g, piece.from_s, piece.to_s) for piece in pieces]
     largest = max(parts, key=lambda part: part.phi_max_rad or 0.0)
     gaps = _gaps(pieces, from_s, to_s)
     hiding = [gap for gap in gaps if gap[1] - gap[0] > HARMLESS_GAP_PERIODS * period_s]
@@ -219,7 +222,7 @@ def assess_pieces(pieces: list[Stretch], noise_g: Real, from_s: float, to_s: flo
         coverage95_rad=coverage_rad,
         hoists_s=hoists_s,
         swings=tuple(swing for part in parts for swing in part.swings),
-        reasons=(*said, *largest.reasons),
+        reasons=(*said, *disagreements, *largest.reasons),
     )
 
 
