@@ -31,6 +31,8 @@ NEAR_LINE = 3.0
 """Turns in the recording by which two lines may differ and yet be one that swells and fades."""
 PICK_UP = frozenset({"cross_axis", "mount_misalignment"})
 """An unsymmetrical pick-up is a symmetrical one and a turn: beside the first, nothing tells the turn from it."""
+TURNING = frozenset({"housing_spin", "slewing"})
+"""No recording tells them apart, whatever a fit says."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,17 +194,25 @@ def _explained(best: Contender, base: Contender, closed_on_held_out: float, *, w
 
 
 def _named(best: Contender, rivals: Sequence[Contender], always: frozenset[str]) -> Answer:
-    if len(rivals) == 1 and best.names >= PICK_UP:
+    return sure(best) if len(rivals) == 1 else _among(best, rivals, always)
+
+
+def sure(best: Contender) -> Answer:
+    """Without a rival: named, but for what no recording tells apart."""
+    if best.names >= PICK_UP:
         text = "certain; beside it the housing is askew, or the pick-up is not the same both ways"
         return Answer("named_with_remainder", text, best, tuple(sorted(best.names - {"mount_misalignment"})), ())
-    if len(rivals) == 1:
-        return Answer(
-            "named",
-            "explains both recordings down to the noise; nothing else does",
-            best,
-            tuple(sorted(best.names)),
-            (),
-        )
+    if not best.names & TURNING:
+        text = "explains both recordings down to the noise; nothing else does"
+        return Answer("named", text, best, tuple(sorted(best.names)), ())
+    if best.names <= TURNING:
+        return Answer("one_of", "no recording tells these apart", best, (), tuple(sorted(TURNING)))
+    text = "certain; beside it the crane slews or the housing spins, which no recording tells apart"
+    return Answer("named_with_remainder", text, best, tuple(sorted(best.names - TURNING)), ())
+
+
+def _among(best: Contender, rivals: Sequence[Contender], always: frozenset[str]) -> Answer:
+    """Of several that no evidence decides between."""
     different = frozenset().union(*(c.names for c in rivals)) - frozenset.intersection(*(c.names for c in rivals))
     shared = frozenset.intersection(*(c.names for c in rivals)) - always
     single = all(len(c.names - always) == 1 for c in rivals)

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from gateway.twin.reconcile.isolability import coinciding
-from gateway.twin.reconcile.verdict import Contender, rivals_of
+from gateway.twin.reconcile.verdict import Contender, rivals_of, sure
 
 ALIKE = frozenset({frozenset({"slewing", "housing_spin"})})
 
@@ -35,3 +35,12 @@ def test_signatures_coincide_only_where_nothing_is_between_them():
     near = first + 0.02 * np.eye(9)[:, 1:2]
     found = coinciding({"a": first, "b": -3 * first, "c": near, "d": np.eye(9)[:, 4:6]})
     assert found == {frozenset({"a", "b"})}
+
+
+def test_what_no_recording_tells_apart_is_not_named():
+    assert sure(contender(0.0, "slewing")).candidates == ("housing_spin", "slewing")
+    beside = sure(contender(0.0, "slewing", "impact"))
+    assert (beside.verdict, beside.named) == ("named_with_remainder", ("impact",))
+    askew = sure(contender(0.0, "cross_axis", "mount_misalignment", "wind_gust"))
+    assert (askew.verdict, askew.named) == ("named_with_remainder", ("cross_axis", "wind_gust"))
+    assert sure(contender(0.0, "mount_misalignment")).named == ("mount_misalignment",)
