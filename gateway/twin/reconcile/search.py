@@ -43,6 +43,7 @@ BENDS = 0.5
 """What a third effect may leave of what two leave: one that leaves more bends the model to a remainder."""
 POLISHED, POLISH_ROUNDS = 2, 20
 STRETCHED = (2.5, 0.4)
+EDGES = (0.1, 0.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,18 +139,13 @@ class Search(Attempts):
         self._try(parent, name, STARTS[name](situation) if turns else [{}], None if turns else starts)
 
     def _stretched(self, attempt: Attempt, name: str) -> None:
-        """Once more with an event shorter and longer about the same middle: a short strong one is much like a long weak one."""
-        values = attempt.values[name]
-        if not EFFECTS[name].transient or "duration_s" not in values or "coast_s" in values:
-            return
-        start_s, duration_s = (float(np.asarray(values[key])) for key in ("start_s", "duration_s"))
-        for factor in STRETCHED:
+        """Once more with an event shorter and longer about the same middle, and with other edges.
+
+        A short strong one is much like a long weak one; from sharp edges no small step leads to slow ones.
+        """
+        for changed in _stretches(name, attempt.values[name]):
             if self.best().open:
-                length_s = factor * duration_s
-                other: dict[str, Value] = {"start_s": start_s + (duration_s - length_s) / 2, "duration_s": length_s}
-                if "rising_share" in values:
-                    other["rising_share"] = values["rising_share"]
-                self.try_values({**attempt.values, name: other}, rounds=POLISH_ROUNDS, beyond=self._rival_chi2())
+                self.try_values({**attempt.values, name: changed}, rounds=POLISH_ROUNDS, beyond=self._rival_chi2())
 
     def _rival_chi2(self) -> float:
         """Above this a set is no rival to the best; twice what is left, since fits still creep."""
@@ -288,6 +284,19 @@ def possible(setting: Setting) -> tuple[str, ...]:
 
 def _first_values(name: str) -> dict[str, Value]:
     return {"cutoff_hz": 2.0} if name == "lowpass_lag" else {}
+
+
+def _stretches(name: str, values: Mapping[str, Value]) -> Iterable[Mapping[str, Value]]:
+    if not EFFECTS[name].transient:
+        return
+    if "duration_s" in values and "coast_s" not in values:
+        start_s, duration_s = (float(np.asarray(values[key])) for key in ("start_s", "duration_s"))
+        for factor in STRETCHED:
+            length_s = factor * duration_s
+            yield {**values, "start_s": start_s + (duration_s - length_s) / 2, "duration_s": length_s}
+    if "rising_share" in values:
+        for share in EDGES:
+            yield {**values, "rising_share": share}
 
 
 def _excluded(name: str, names: frozenset[str]) -> bool:
