@@ -13,7 +13,7 @@ from typing import Any
 from unittest.mock import patch
 
 from gateway.cli.main import main as plumbline
-from gateway.twin.reconcile import reconcile, search
+from gateway.twin.reconcile import reconcile, search, verdict
 from gateway.twin.reconcile.attempts import Attempt
 from gateway.twin.reconcile.held_out import Judged
 from gateway.twin.reconcile.observations import Observations
@@ -30,7 +30,11 @@ def isolability() -> Iterator[None]:
         contenders, base = judged(*arguments)
         return contenders[:1], base
 
-    with patch.object(reconcile, "judged", alone), patch.object(search, "mates_of", lambda _names: frozenset()):
+    with (
+        patch.object(reconcile, "judged", alone),
+        patch.object(search, "mates_of", lambda _names: frozenset()),
+        patch.object(verdict, "TURNING", frozenset()),
+    ):
         yield
 
 
