@@ -1,0 +1,33 @@
+"""What a WitMotion sensor sends."""
+
+import struct
+
+import numpy as np
+
+from devices.witmotion_frames import Readings
+
+GOLDEN = bytes.fromhex("55 51 00 00 00 00 00 08 C4 09 7B")
+NOISE = np.random.default_rng(7).integers(0, 256, 4096, dtype=np.uint8).tobytes()
+
+
+def frame(id_: int, *words: int) -> bytes:
+    head = struct.pack("<BB4h", 0x55, id_, *words)
+    return head + bytes([sum(head) & 0xFF])
+
+
+def sample(number: int) -> bytes:
+    """An acceleration frame that carries its own number."""
+    return frame(0x51, number, -number, 2048, 2500 + number % 100)
+
+
+def stream(numbers: range) -> bytes:
+    return b"".join(sample(number) for number in numbers)
+
+
+def cycle(number: int) -> bytes:
+    """What a sensor sends by default: acceleration, rate, angle, magnetic field."""
+    return sample(number) + b"".join(frame(id_, number, 2, 3, 4) for id_ in (0x52, 0x53, 0x54))
+
+
+def numbers_of(readings: Readings) -> list[int]:
+    return readings.counts[:, 0].tolist()
