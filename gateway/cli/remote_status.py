@@ -10,6 +10,7 @@ if TYPE_CHECKING:
 ANSWER_S = 2.0
 NOT_WATCHED = "not watched yet: no hour of rest has been seen since the record was made"
 NO_RECORD = "not watched: no calibration record is in force"
+NOT_TOLD = "not known yet: no message on health since this calibration came into force"
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argparse.ArgumentParser:
@@ -33,14 +34,17 @@ def _status(arguments: argparse.Namespace) -> int:
         raise InputError(f"no gateway {arguments.gateway} answers at {arguments.connect}")
     found = {str(reply.key_expr).removesuffix("/rpc/status"): json.loads(reply.payload.to_bytes()) for reply in replies}
     for key, topics in found.items():
-        topics["drift"] = {"at_rest": at_rest(topics.get("health")), "by_records": _by_records(arguments.connect, key)}
+        rest = at_rest(topics.get("health"), topics.get("calibration"))
+        topics["drift"] = {"at_rest": rest, "by_records": _by_records(arguments.connect, key)}
     print(json.dumps(found, indent=1))
     return 0
 
 
-def at_rest(health: dict[str, Any] | None) -> str:
+def at_rest(health: dict[str, Any] | None, calibration: dict[str, Any] | None) -> str:
     """What readings at rest say of the record in force, in a line. Silence is never told as good news."""
-    drift = None if health is None else health.get("drift")
+    if health is None or calibration is None or health["calibration_id"] != calibration["calibration_id"]:
+        return NOT_TOLD
+    drift = health.get("drift")
     if drift is None:
         return NO_RECORD
     if drift["norm_error_mg"] is None:

@@ -124,6 +124,7 @@ class Processor(Worker[SamplerItem]):
         self._desk.serve()
         if anew := self._desk.changes_pipeline():
             self._open_pipeline()
+            self._next_second_ns = 0  # nobody may read the health of the record before as that of this one
         else:
             self._pipeline.recalibrating(self._desk.view, self._desk.suspended)
         if self._desk.is_news() or anew:

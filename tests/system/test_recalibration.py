@@ -128,6 +128,8 @@ def test_a_session_from_request_to_record_over_a_kill(site, tmp_path):
     )
     np.testing.assert_allclose(np.array(record["offset"]) / COUNTS_PER_G, OFFSET_G, atol=5e-4)
 
+    assert site.peer.wait_for("health", lambda health: health["calibration_id"] == record["id"])["drift"]
+
     fetched = site.remote("fetch", "--out", str(tmp_path))
     assert fetched.returncode == 0, fetched.stderr
     assert json.loads((tmp_path / f"{record['id']}.json").read_text()) == record

@@ -5,7 +5,7 @@ import pytest
 
 from gateway.bus.client import Said
 from gateway.calibration.record import CalibrationError, content_hash
-from gateway.cli.remote_status import NO_RECORD, NOT_WATCHED, at_rest, by_records
+from gateway.cli.remote_status import NO_RECORD, NOT_TOLD, NOT_WATCHED, at_rest, by_records
 
 WATCHED = {
     "state": "watching",
@@ -20,8 +20,6 @@ WATCHED = {
 @pytest.mark.parametrize(
     ("health", "said"),
     [
-        (None, NO_RECORD),
-        ({}, NO_RECORD),
         ({"drift": None}, NO_RECORD),
         (
             {"drift": WATCHED | {"state": "no_rest", "norm_error_mg": None, "limit_mg": None, "trend": None}},
@@ -35,9 +33,22 @@ WATCHED = {
     ],
 )
 def test_rest_in_a_line(health, said):
-    assert at_rest(health) == said
+    assert at_rest(health | {"calibration_id": "r1"}, {"calibration_id": "r1"}) == said
     assert "not watched" in NO_RECORD
     assert "not watched yet" in NOT_WATCHED
+
+
+@pytest.mark.parametrize(
+    ("health", "calibration"),
+    [
+        (None, None),
+        (None, {"calibration_id": "r2"}),
+        ({"calibration_id": "r1", "drift": WATCHED}, {"calibration_id": "r2"}),
+        ({"calibration_id": None, "drift": None}, {"calibration_id": "r2"}),
+    ],
+)
+def test_the_health_of_another_record_says_nothing_of_this_one(health, calibration):
+    assert at_rest(health, calibration) == NOT_TOLD
 
 
 class Store:
