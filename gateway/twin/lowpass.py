@@ -35,6 +35,12 @@ def by_cutoff(reading: Array, lagging: Array, time_s: Array, cutoff_hz: float) -
     return found
 
 
+def fading(time_s: Array, cutoff_hz: float) -> Array:
+    """What is left at each time of a filter's state at the first, shape (n, 1)."""
+    found: Array = np.exp(-2 * np.pi * cutoff_hz * (time_s - time_s[0]))[:, None]
+    return found
+
+
 def _lags(cutoff_hz: float) -> Array:
     """Powers of -T."""
     powers: Array = (-1 / (2 * np.pi * cutoff_hz)) ** np.arange(DEGREE + 1.0)

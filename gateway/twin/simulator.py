@@ -11,7 +11,7 @@ from gateway.twin.assembly import Beliefs
 from gateway.twin.compiled import compiled
 from gateway.twin.effects.effect import Value
 from gateway.twin.flight import Flight, fly
-from gateway.twin.lowpass import by_cutoff, filtered
+from gateway.twin.lowpass import by_cutoff, fading, filtered
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.slots import Slot, effect_slots, initial_slots
 
@@ -106,7 +106,8 @@ class Simulator:
         inputs, _ = self._sampled(flight, elapsed, self._temperature(temperature_c, elapsed), p)
         reading = self._compiled.reading(inputs, p)
         if self._cutoff is not None:
-            reading = filtered(reading, elapsed, p[self._cutoff])
+            began_g = p[self._cutoff + 1 : self._cutoff + 4]
+            reading = filtered(reading, elapsed, p[self._cutoff]) + fading(elapsed, p[self._cutoff]) * began_g
         return self._compiled.output([reading.T], p) if self._clips else reading
 
     def linearise(self, values: Array, time_s: Array, temperature_c: Array | None = None) -> Linearisation:
@@ -179,11 +180,14 @@ class Simulator:
     def _handed_on(self, reading: Array, by: Array, elapsed: Array, p: Array) -> tuple[Array, Array]:
         """Low-pass and clipping, with their sensitivities."""
         if self._cutoff is not None:
-            cutoff_hz = p[self._cutoff]
+            place, cutoff_hz = self.starts + self._cutoff, p[self._cutoff]
+            began_g, fades = p[self._cutoff + 1 : self._cutoff + 4], fading(elapsed, cutoff_hz)
             lagging = filtered(reading, elapsed, cutoff_hz)
             by = filtered(by, elapsed, cutoff_hz)
-            by[..., self.starts + self._cutoff] += by_cutoff(reading, lagging, elapsed, cutoff_hz)
-            reading = lagging
+            by[..., place] += by_cutoff(reading, lagging, elapsed, cutoff_hz)
+            by[..., place] -= 2 * np.pi * elapsed[:, None] * fades * began_g
+            by[..., place + 1 : place + 4] += fades[:, :, None] * np.eye(3)
+            reading = lagging + fades * began_g
         if self._clips:
             jacobian = self._compiled.output_jacobian([reading.T], p)
             by = jacobian[..., :3] @ by

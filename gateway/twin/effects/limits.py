@@ -5,6 +5,8 @@ import casadi as ca
 from devices.simulated.equations import Scalar, Vector
 from gateway.twin.effects.effect import Effect, Parameter, Symbols
 
+STATE = "the filter at the first sample, beside where the motion alone would have brought it"
+
 
 class LowpassLag(Effect):
     """The reading follows late."""
@@ -15,7 +17,10 @@ class LowpassLag(Effect):
     reference = "one-pole low-pass, solved exactly between samples (first-order hold)"
     enters = "sensor"
     linear_at_neutral = False
-    parameters = (Parameter("cutoff_hz", "Hz", "f_c, −3 dB", 0.05, 1000.0, 20.0, 0.02, 1.0),)
+    parameters = (
+        Parameter("cutoff_hz", "Hz", "f_c, −3 dB", 0.05, 1000.0, 20.0, 0.02, 1.0),
+        Parameter("began_g", "g", STATE, -2.0, 2.0, 0.0, 1e-3, (0.0, 0.0, 0.0), ("x", "y", "z"), True),
+    )
 
 
 class Clipping(Effect):

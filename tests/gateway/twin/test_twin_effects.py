@@ -225,6 +225,15 @@ def test_lowpass_lags_as_one_pole_does(cutoff_hz):
     assert force[settled] == pytest.approx(expected[settled], abs=2e-4)
 
 
+def test_what_the_lowpass_began_with_fades():
+    began_g, time_s = np.array([0.01, -0.02, 0.005]), TIME_S[TIME_S < 3]
+    settled, other = (
+        predicted(RIG, {"lowpass_lag": {"cutoff_hz": 0.5, "began_g": tuple(began)}}, START, time_s)
+        for began in (np.zeros(3), began_g)
+    )
+    assert other - settled == pytest.approx(np.exp(-np.pi * time_s)[:, None] * began_g, abs=1e-12)
+
+
 def test_two_structures_at_once_are_refused():
     with pytest.raises(ValueError, match="cannot act together"):
         Simulator(RIG, ("double_pendulum", "rope_stretch"))

@@ -19,7 +19,11 @@ EVENTS_S = {
     "load_change": 17.023,
 }
 NOT_PREDICTED = ("quantization",)
-REACHED = {"clipping": {"full_scale_g": 1.0}, "wind_gust": {"rising_share": 0.6}}
+REACHED = {
+    "clipping": {"full_scale_g": 1.0},
+    "wind_gust": {"rising_share": 0.6},
+    "lowpass_lag": {"began_g": (0.01, -0.02, 0.005)},
+}
 
 
 def typical(name):
