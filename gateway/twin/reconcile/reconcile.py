@@ -19,6 +19,7 @@ from gateway.twin.reconcile.null_test import largest_by_chance, score
 from gateway.twin.reconcile.observations import Observations, Recordings, piece
 from gateway.twin.reconcile.result import Reconciliation
 from gateway.twin.reconcile.search import Search
+from gateway.twin.reconcile.second_look import beside
 from gateway.twin.reconcile.setting import Setting
 from gateway.twin.reconcile.starting import Situation, vibration
 from gateway.twin.reconcile.verdict import RIVAL, Contender, decide
@@ -63,6 +64,7 @@ def reconcile(
     if not (_beyond_chance(search, base, best, rng) and _beyond_steps(search, base, best)):
         best = base
     tick("held-out")
+    best = beside(search, best, recordings.held_out, rng)
     contenders, base_contender = judged(search, best, recordings, frozenset(base.values))
     seen = frozenset({"sample_loss"} if lost is not None else ())
     answer = decide(

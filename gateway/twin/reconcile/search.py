@@ -15,7 +15,7 @@ from gateway.twin.reconcile.partings import parting
 from gateway.twin.reconcile.remainder import OPEN
 from gateway.twin.reconcile.score import UNSUITED, Signatures, signatures
 from gateway.twin.reconcile.setting import Setting
-from gateway.twin.reconcile.starting import STARTS, Situation
+from gateway.twin.reconcile.starting import STARTS, Situation, first_values
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, Value]]
@@ -248,7 +248,7 @@ class Search(Attempts):
         for turn, values in enumerate(tried):
             if turn and (self.tired or not self.best().open):
                 return
-            self.try_values({**parent.values, name: values or _first_values(name)}, starts, beyond=self._rival_chi2())
+            self.try_values({**parent.values, name: values or first_values(name)}, starts, beyond=self._rival_chi2())
 
     def _swapped(self, best: Attempt) -> Attempt:
         """Each effect of a pair is replaced by the best others, the rest kept."""
@@ -280,10 +280,6 @@ class Search(Attempts):
 def possible(setting: Setting) -> tuple[str, ...]:
     """Lasting effects that the recording could show: without a temperature none shows a drift by it."""
     return tuple(n for n in LASTING if n != "thermal_drift" or setting.log.temperature_c is not None)
-
-
-def _first_values(name: str) -> dict[str, Value]:
-    return {"cutoff_hz": 2.0} if name == "lowpass_lag" else {}
 
 
 def _stretches(name: str, values: Mapping[str, Value]) -> Iterable[Mapping[str, Value]]:

@@ -183,9 +183,9 @@ def turning(situation: Situation) -> list[Values]:
     return [{"rate_deg_s": rate_deg_s}, {}] if abs(rate_deg_s) > SLOWEST_TURN_DEG_S else [{}]
 
 
-def cutoffs(_situation: Situation) -> list[Values]:
-    """The lag at high cutoffs is linear in 1/f_c; start in the middle of what matters to a swing."""
-    return [{"cutoff_hz": 2.0}]
+def first_values(name: str) -> Values:
+    """Of an effect that is there all the time: neutral, but a low-pass in the middle of what matters to a swing."""
+    return {"cutoff_hz": 2.0} if name == "lowpass_lag" else {}
 
 
 def limits(situation: Situation) -> list[Values]:
@@ -207,6 +207,5 @@ STARTS: dict[str, Callable[[Situation], list[Values]]] = {
     "vibration": vibration,
     "rope_stretch": bounce,
     "double_pendulum": two_modes,
-    "lowpass_lag": cutoffs,
     "clipping": limits,
 }

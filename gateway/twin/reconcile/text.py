@@ -16,11 +16,16 @@ SAID = {
 
 def as_text(result: Reconciliation) -> str:
     """A few lines."""
-    names = result.candidates or tuple(effect.name for effect in result.effects)
+    named = tuple(effect.name for effect in result.effects)
+    names = result.candidates if result.verdict == "one_of" else named
     lines = [
         f"verdict      {SAID[result.verdict]} {', '.join(names)}".rstrip(),
         f"because      {result.reason}",
     ]
+    if result.verdict == "one_of" and named:
+        lines.append(f"beside it    {', '.join(named)}, certainly")
+    if result.verdict != "one_of" and result.candidates:
+        lines.append(f"beside it    one of {', '.join(result.candidates)}")
     for effect in result.effects:
         lines.append(f"  {effect.name}: {effect.explains}")
         lines += [f"    {name} = {_estimate(estimate)}" for name, estimate in effect.parameters.items()]

@@ -79,7 +79,7 @@ def decide(
     """
     rivals = rivals_of(contenders, alike)
     answer = _of_models(contenders[0], rivals, base, log, held_out, always, fitted, rng, bool(seen))
-    answer = _without_unsteady(answer, log)
+    answer = told_apart(_without_unsteady(answer, log))
     if answer.verdict not in ("named", "one_of"):
         return answer  # beside something unexplained, a time that wanders may be that, too
     return replace(answer, named=tuple(sorted({*answer.named, *seen})))
@@ -194,45 +194,47 @@ def _explained(best: Contender, base: Contender, closed_on_held_out: float, *, w
 
 
 def _named(best: Contender, rivals: Sequence[Contender], always: frozenset[str]) -> Answer:
-    return sure(best) if len(rivals) == 1 else _among(best, rivals, always)
+    if len(rivals) > 1:
+        return _among(best, rivals, always)
+    return Answer(
+        "named", "explains both recordings down to the noise; nothing else does", best, _sorted(best.names), ()
+    )
 
 
-def sure(best: Contender) -> Answer:
-    """Without a rival: named, but for what no recording tells apart."""
-    if best.names >= PICK_UP:
+def told_apart(answer: Answer) -> Answer:
+    """Without what no recording tells, whatever a fit says: whether crane or housing turns, and a turn beside a pick-up."""
+    named = frozenset(answer.named)
+    if named >= PICK_UP:
         text = "certain; beside it the housing is askew, or the pick-up is not the same both ways"
-        return Answer("named_with_remainder", text, best, tuple(sorted(best.names - {"mount_misalignment"})), ())
-    if not best.names & TURNING:
-        text = "explains both recordings down to the noise; nothing else does"
-        return Answer("named", text, best, tuple(sorted(best.names)), ())
-    if best.names <= TURNING:
-        return Answer("one_of", "no recording tells these apart", best, (), tuple(sorted(TURNING)))
-    text = "certain; beside it the crane slews or the housing spins, which no recording tells apart"
-    return Answer("named_with_remainder", text, best, tuple(sorted(best.names - TURNING)), ())
+        kept = _sorted(named - {"mount_misalignment"})
+        answer = replace(answer, verdict="named_with_remainder", reason=text, named=kept)
+    if not named & TURNING:
+        return answer
+    verdict: Verdict = "one_of" if answer.verdict == "named" else answer.verdict
+    text = "the crane slews or the housing spins, and no recording tells these apart"
+    kept = _sorted(frozenset(answer.named) - TURNING)
+    return replace(answer, verdict=verdict, reason=text, named=kept, candidates=_sorted(TURNING))
 
 
 def _among(best: Contender, rivals: Sequence[Contender], always: frozenset[str]) -> Answer:
     """Of several that no evidence decides between."""
-    different = frozenset().union(*(c.names for c in rivals)) - frozenset.intersection(*(c.names for c in rivals))
-    shared = frozenset.intersection(*(c.names for c in rivals)) - always
-    single = all(len(c.names - always) == 1 for c in rivals)
-    if single and len(different) <= MOST_CANDIDATES:
+    everywhere = frozenset.intersection(*(c.names for c in rivals))
+    different = frozenset().union(*(c.names for c in rivals)) - everywhere
+    certain = _sorted(everywhere | always)
+    if all(len(c.names - everywhere) == 1 for c in rivals) and len(different) <= MOST_CANDIDATES:
         group = group_of(different)
         text = "these explain the data equally well" + (
             "" if group else ", and no group of the catalogue holds them all"
         )
-        return Answer("one_of", text, best, (), tuple(sorted(different)))
-    if shared:
-        return Answer(
-            "named_with_remainder",
-            "certain; what acts beside it is not decided",
-            best,
-            tuple(sorted(shared | always)),
-            (),
-        )
-    return Answer(
-        "one_of", "several sets explain the data equally well", best, (), tuple(sorted(different))[:MOST_CANDIDATES]
-    )
+        return Answer("one_of", text, best, certain, _sorted(different))
+    if everywhere - always:
+        return Answer("named_with_remainder", "certain; what acts beside it is not decided", best, certain, ())
+    text = "several sets explain the data equally well"
+    return Answer("one_of", text, best, certain, _sorted(different)[:MOST_CANDIDATES])
+
+
+def _sorted(names: frozenset[str]) -> tuple[str, ...]:
+    return tuple(sorted(names))
 
 
 def helps(before: Judged, after: Judged, held_out: Observations, rng: np.random.Generator) -> bool:

@@ -3,9 +3,10 @@
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from gateway.twin.reconcile.isolability import coinciding
-from gateway.twin.reconcile.verdict import Contender, rivals_of, sure
+from gateway.twin.reconcile.verdict import Answer, Contender, rivals_of, told_apart
 
 ALIKE = frozenset({frozenset({"slewing", "housing_spin"})})
 
@@ -37,10 +38,20 @@ def test_signatures_coincide_only_where_nothing_is_between_them():
     assert found == {frozenset({"a", "b"})}
 
 
-def test_what_no_recording_tells_apart_is_not_named():
-    assert sure(contender(0.0, "slewing")).candidates == ("housing_spin", "slewing")
-    beside = sure(contender(0.0, "slewing", "impact"))
-    assert (beside.verdict, beside.named) == ("named_with_remainder", ("impact",))
-    askew = sure(contender(0.0, "cross_axis", "mount_misalignment", "wind_gust"))
+def answer(verdict, *names):
+    return Answer(verdict, "", contender(0.0, *names), names, ())
+
+
+def test_whether_the_crane_or_the_housing_turns_is_not_named():
+    assert told_apart(answer("named", "slewing")).candidates == ("housing_spin", "slewing")
+    beside = told_apart(answer("named", "impact", "slewing"))
+    assert (beside.verdict, beside.named, beside.candidates) == ("one_of", ("impact",), ("housing_spin", "slewing"))
+    more = told_apart(answer("named_with_remainder", "housing_spin", "impact"))
+    assert (more.verdict, more.named) == ("named_with_remainder", ("impact",))
+
+
+@pytest.mark.parametrize("verdict", ["named", "named_with_remainder"])
+def test_a_turn_beside_a_pick_up_is_not_named(verdict):
+    askew = told_apart(answer(verdict, "cross_axis", "mount_misalignment", "wind_gust"))
     assert (askew.verdict, askew.named) == ("named_with_remainder", ("cross_axis", "wind_gust"))
-    assert sure(contender(0.0, "mount_misalignment")).named == ("mount_misalignment",)
+    assert told_apart(answer(verdict, "mount_misalignment")).named == ("mount_misalignment",)
