@@ -28,6 +28,10 @@ def compiled(beliefs: Beliefs, names: frozenset[str]) -> "Compiled":
     return Compiled(Assembly(beliefs, names))
 
 
+class IntegrationError(ValueError):
+    """Parameters that no integration can follow."""
+
+
 class Compiled:
     """All functions that a simulator needs, for one structure of the model; each is made when it is first used."""
 
@@ -47,7 +51,7 @@ class Compiled:
         swing_s = FINEST_TURN_RAD * (beliefs.length_m / beliefs.gravity_m_s2) ** 0.5
         wanted_s = float(np.min([swing_s, *self._step_limits(p).full()[:, 0]]))
         if not wanted_s > 0:
-            raise ValueError("no integration can follow these parameters; keep them inside their bounds")
+            raise IntegrationError("no integration can follow these parameters; keep them inside their bounds")
         rungs = math.ceil(RUNGS_PER_OCTAVE * math.log2(LONGEST_STEP_S / wanted_s))
         return float(LONGEST_STEP_S * 2 ** (-rungs / RUNGS_PER_OCTAVE))
 
