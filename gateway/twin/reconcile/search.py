@@ -35,6 +35,8 @@ HOPELESS = 0.5
 HOPEFUL, WINDOWS_LEAVE = 1.3, 0.6
 """An event is tried where its window leaves less than this part of what the best model so far leaves."""
 EVENT_LEAVES = 0.2
+TAKES_MOST = 0.5
+"""What the best lasting effect may leave of the gap for pairs of it to be tried before events."""
 LEAST_SHARE = 0.8
 """What the best single effect may leave of the gap for pairs to be looked at: one of two causes does more than that alone."""
 WORTH_GOING_ON = 0.1
@@ -76,6 +78,7 @@ class Search(Attempts):
 
     def singles(self, base: Attempt) -> Attempt:
         """The best of the base and all single effects; `lasting` comes first."""
+        self._pairs_of_lasting(base)
         starts = self.setting.starts(base.values)
         self._try_found_in_data(base, starts)
         self._polished(len(base.values) + 1)
@@ -131,6 +134,15 @@ class Search(Attempts):
         for name in sorted(mates_of(best.names - parent.names) & set(possible(self.setting))):
             if frozenset({*parent.names, name}) not in self.attempts:
                 self._try_lasting(parent, name, starts)
+
+    def _pairs_of_lasting(self, base: Attempt) -> None:
+        """Where the best single effect takes most of the gap: others beside it, which are quicker to try than events."""
+        best = self.best()
+        if best.open and best.reduced - 1 < TAKES_MOST * (base.reduced - 1) and not self.setting.wide:
+            self._lasting_children(best, self.setting.starts(best.values), first=False)
+            pair = self.best()
+            if not pair.open and len(pair.values) > len(best.values):
+                self._swapped(pair)
 
     def _try_lasting(self, parent: Attempt, name: str, starts: Array) -> None:
         setting = self.setting
