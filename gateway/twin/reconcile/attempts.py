@@ -21,6 +21,8 @@ MOST_FITS = 60
 """Where nothing fits, the search ends with these."""
 EDGE_S = 1.0
 """An event must begin and end this far inside the recording, or it is no event."""
+SHORTEST_GUST_S = 0.5
+"""A push that lasts for less is a blow, and no wind."""
 LEAST_EFFECT = 0.002
 """Share of the noise's variance that an effect must take off the residual to be worth a name."""
 LEAST_STATISTIC = 25.0
@@ -106,10 +108,12 @@ class Attempts:
 
 
 def _inside(name: str, values: Mapping[str, Value], duration_s: float) -> bool:
-    """A transient effect begins and ends inside the recording."""
+    """A transient effect begins and ends inside the recording, and a gust takes its time."""
     if not EFFECTS[name].transient:
         return True
     start = float(np.asarray(values["start_s"]))
     length = float(np.asarray(values.get("duration_s", 0.0)))
+    if name == "wind_gust" and length < SHORTEST_GUST_S:
+        return False
     end = start + (2 * length + float(np.asarray(values["coast_s"])) if "coast_s" in values else length)
     return start >= EDGE_S and end <= duration_s - EDGE_S

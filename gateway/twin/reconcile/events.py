@@ -4,10 +4,13 @@ Whatever acts on the load for a time leaves it in another free motion. With the 
 linear, and running sums give the fit for every pair of edges at once.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+
+from gateway.twin.model import EffectValues
+from gateway.twin.reconcile.observations import Observations
 
 Array = NDArray[np.float64]
 GRID_S = 0.5
@@ -16,6 +19,8 @@ LENGTHS_S = (0.0, 5.0, 12.0, 25.0)
 MARGIN_S = 4.0
 INSIDE = 3.05
 """Each sample inside counts as noise and a little more, so that the shortest of equal windows wins."""
+OWN_COURSE, BESIDE_S = frozenset({"hoisting", "impact"}), 0.5
+"""Events that no two times go alike; before and after them, what is left of one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +49,19 @@ def find_windows(time_s: Array, residual: Array, jacobian: Array, used: NDArray[
         i, j = np.unravel_index(np.argmin(allowed), cost.shape)
         found.append(Window(float(edges_s[i]), float(edges_s[j]), float(allowed[i, j])))
     return tuple(found)
+
+
+def outside_events(log: Observations, effects: EffectValues) -> Observations:
+    """The log without the samples while the rope changed its length and while a blow struck.
+
+    How a winch starts and stops, and how what is struck gives way, is its own; what takes longer than an event is not left out.
+    """
+    away = np.ones(len(log.time_s), dtype=np.bool_)
+    for name in OWN_COURSE & set(effects):
+        start_s, length_s = (float(np.asarray(effects[name].get(key, 0.0))) for key in ("start_s", "duration_s"))
+        if length_s <= LENGTHS_S[-1]:
+            away &= (log.time_s < start_s - BESIDE_S) | (log.time_s > start_s + length_s + BESIDE_S)
+    return replace(log, used=log.used & away)
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,6 +29,8 @@ NOT_AT_LOAD = 0.7
 NEAR_BELIEF, FAR_FROM_BELIEF, PRESENT = 1.15, 1.25, 0.01
 """The rig is not this one when the swing's frequency is off by a quarter (the rope by 1.6), and less than this part of the power
 is near the believed frequency; a second mode may be the stronger one."""
+AROUND_BELIEF, ALONE = 2.0, 10.0
+"""Beside a strong second mode: a line that much above all else within a factor of two of the believed frequency is the swing."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,12 +137,23 @@ def _swing_fault(time_s: Array, force_g: Array, twin: TwinRig, period_s: float) 
     frequency_hz = np.fft.rfftfreq(8 * count, bin_s)
     band = frequency_hz > 0.2 / period_s
     found_hz = float(frequency_hz[band][np.argmax(power[band])])
-    believed = np.abs(np.log(frequency_hz[band] * period_s)) < np.log(NEAR_BELIEF)
     elsewhere = abs(np.log(found_hz * period_s)) > np.log(FAR_FROM_BELIEF)
-    if elsewhere and power[band][believed].max(initial=0.0) < PRESENT * power[band].max():
+    if elsewhere and not _swings_as_believed(frequency_hz[band], power[band], period_s):
         length_m = twin.gravity_m_s2 / (2 * np.pi * found_hz) ** 2
         return (
             f"the rig is wrong: the load swings once in {1 / found_hz:.3g} s, a rope of {twin.length_m:.4g} m would in "
             f"{period_s:.3g} s; check rope.length_m ({length_m:.3g} m would fit)"
         )
     return None
+
+
+def _swings_as_believed(frequency_hz: Array, power: Array, period_s: float) -> bool:
+    """Much of the power is at the believed frequency; or a line stands there alone, below a second mode that is the main one."""
+    off = np.log(frequency_hz * period_s)
+    near = np.abs(off) < np.log(NEAR_BELIEF)
+    at_belief = power[near].max(initial=0.0)
+    if at_belief >= PRESENT * power.max():
+        return True
+    around = power[~near & (np.abs(off) < np.log(AROUND_BELIEF))]
+    second_mode = off[np.argmax(power)] > np.log(FAR_FROM_BELIEF)
+    return bool(second_mode and len(around) and at_belief > ALONE * around.max())

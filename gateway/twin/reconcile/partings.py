@@ -4,7 +4,7 @@ Nothing is linearised, so it tells even where the swing after the event has noth
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +26,8 @@ BLOCK_S, FEWEST = 0.5, 20
 """Length of a block, and least number of samples in it."""
 PARTED = 1.8
 """Mean square of a block from which it has parted; noise of 75 numbers gets there once in 30 000 blocks."""
+FAR = 5.0
+"""The same of a block by itself: a winch that starts is loud at once, and quiet again while it runs."""
 JOINED = 1.15
 """Reduced chi-square of a piece that is one motion."""
 CHANGED = ("rope_length", "housing_position")
@@ -33,8 +35,24 @@ CHANGED = ("rope_length", "housing_position")
 EXTENSIONS = 6
 NEARLY = 1.05
 """Where a beginning goes on for less than this times its own length, it parts."""
-HALVINGS = 6
+HALVINGS = 8
 ROUNDS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Beginning:
+    """Of a log, until something happens."""
+
+    values: Values
+    """The effects as fitted there."""
+    fit: Fit
+    """Carried on over the log."""
+    last: int
+    """The sample where the log parts from it."""
+
+    def chi2(self, log: Observations, last: int) -> float:
+        """Of samples before this one."""
+        return float((piece(log, 0, last).residual_sigma(self.fit.force_g[:last]) ** 2).sum())
 
 
 def parting(setting: Setting, values: Values, *, length: bool) -> Window | None:
@@ -45,50 +63,60 @@ def parting(setting: Setting, values: Values, *, length: bool) -> Window | None:
     """
     if any(EFFECTS[name].transient for name in values):
         return None
-    found = _beginning(setting, values)
-    if found is None:
-        return None
-    fit, last = found
+    begun = beginning(setting, values)
+    return None if begun is None else parting_after(setting, begun, length=length)
+
+
+def parting_after(setting: Setting, begun: Beginning, *, length: bool) -> Window | None:
+    """The same where the beginning is known already."""
     log = setting.log
-    fitted = setting.simulator(tuple(values)).effects(fit.values)
-    known = replace(setting, believed={**setting.believed, **{name: fitted[name] for name in values}})
-    extra: Values = {name: {} for name in CHANGED if length and name not in known.believed}
-    ending = _ending(known, extra, last)
+    extra: Values = {name: {} for name in CHANGED if length and name not in setting.believed}
+    ending = _ending(setting, begun.values, extra, begun.last)
     if ending is None:
         return None
     first, after = ending
-    before = piece(log, 0, last).residual_sigma(fit.force_g[:last])
-    left = float((before**2).sum()) + after + INSIDE * (first - last)
-    return Window(float(log.time_s[last]), float(log.time_s[first]), left)
+    left = begun.chi2(log, begun.last) + after + INSIDE * (first - begun.last)
+    return Window(float(log.time_s[begun.last]), float(log.time_s[first]), left)
 
 
-def _beginning(setting: Setting, values: Values) -> tuple[Fit, int] | None:
-    """A fit of the longest beginning that is one motion, carried on over the log, and the sample where it parts."""
+def beginning(setting: Setting, values: Values) -> Beginning | None:
+    """The longest beginning that is one motion with these effects; None where the first 20 s are none, or all of the log is one.
+
+    What 20 s say of a small effect may carry the motion past an event without showing it: then the end is sought by halving.
+    """
     log, simulator = setting.log, setting.simulator(tuple(values))
-    last = int(np.searchsorted(log.time_s, FIRST_S))
-    for left in reversed(range(EXTENSIONS)):
+    last, beyond = int(np.searchsorted(log.time_s, FIRST_S)), len(log.time_s)
+    good, found = 0, None
+    for _ in range(EXTENSIONS):
         part = piece(log, 0, last)
-        fit = replace(setting, log=part).fit(values, rounds=ROUNDS)
-        if fit.chi2 > JOINED * part.count:
-            return None
+        bound = JOINED * part.count
+        fit = replace(setting, log=part).fit(values, rounds=ROUNDS, beyond=bound)
+        if fit.chi2 > bound:
+            if found is None:
+                return None
+            beyond, last = last, (good + last) // 2
+            continue
         force_g = simulator.predict(fit.values, log.time_s, log.temperature_c)
-        fit, reached = replace(fit, force_g=force_g), _parts_at(log, force_g)
-        if reached is None:
+        reached = min(_parts_at(log, force_g), beyond)
+        if reached == len(log.time_s):
             return None
-        if reached <= last * NEARLY or not left:
-            return fit, reached
+        fitted = simulator.effects(fit.values)
+        good, found = last, Beginning({name: fitted[name] for name in values}, replace(fit, force_g=force_g), reached)
+        if reached <= last * NEARLY:
+            break
         last = reached - int(np.searchsorted(log.time_s, BLOCK_S))
-    return None
+    return found
 
 
-def _parts_at(log: Observations, force_g: Array) -> int | None:
-    """First sample of the first two blocks that have parted; None where none has."""
+def _parts_at(log: Observations, force_g: Array) -> int:
+    """First sample of the first two blocks that have parted, or of one that has by far; the log's length where none has."""
     length = max(FEWEST, int(np.searchsorted(log.time_s, BLOCK_S)))
     square = (log.residual_sigma(force_g) ** 2).mean(axis=1)
     count = len(square) // length
-    loud = square[: count * length].reshape(count, length).mean(axis=1) > PARTED
-    both = np.flatnonzero(loud[:-1] & loud[1:])
-    return int(both[0]) * length if len(both) else None
+    blocks = square[: count * length].reshape(count, length).mean(axis=1)
+    loud = blocks > PARTED
+    parted = np.flatnonzero((loud[:-1] & loud[1:]) | (blocks[:-1] > FAR))
+    return int(parted[0]) * length if len(parted) else len(log.time_s)
 
 
 def _from_then(values: Values, then_s: float) -> Values:
@@ -100,30 +128,47 @@ def _from_then(values: Values, then_s: float) -> Values:
     return {**values, "vibration": {**line, "phase_rad": (turned + np.pi) % (2 * np.pi) - np.pi}}
 
 
-def _ending(setting: Setting, extra: Values, from_sample: int) -> tuple[int, float] | None:
-    """The first sample from which the log is one motion, and its chi-square; found by halving."""
+def _ending(setting: Setting, known: Values, extra: Values, from_sample: int) -> tuple[int, float] | None:
+    """The first sample from which the log is one motion, and its chi-square; found by halving.
+
+    With the effects as the beginning has them; where that holds nowhere, they are fitted again: a wind's direction turns
+    with the housing, and a beginning does not tell every value well.
+    """
     log = setting.log
-
-    def chi2(first: int) -> float:
-        believed = _from_then(setting.believed, float(log.time_s[first]))
-        return (
-            replace(setting, believed=believed, log=piece(log, first, len(log.time_s))).fit(extra, rounds=ROUNDS).chi2
-        )
-
-    def joined(first: int, value: float) -> bool:
-        return value < JOINED * piece(log, first, len(log.time_s)).count
-
     low, high = from_sample, int(np.searchsorted(log.time_s, log.time_s[-1] - SHORTEST_S))
     if high <= low:
         return None
-    best = chi2(high)
-    if not joined(high, best):
+    for free in ({}, known) if known else ({},):
+        held = {**setting.believed, **{name: each for name, each in known.items() if name not in free}}
+        after = _Ending(replace(setting, believed=held), {**extra, **free})
+        if after.begins(high):
+            break
+    else:
         return None
     for _ in range(HALVINGS):
         middle = (low + high) // 2
-        tried = chi2(middle)
-        if joined(middle, tried):
-            high, best = middle, tried
-        else:
-            low = middle
-    return high, best
+        low, high = (low, middle) if after.begins(middle) else (middle, high)
+    return high, after.chi2
+
+
+@dataclass(slots=True)
+class _Ending:
+    """The longest end so far that is one motion: what was fitted to it starts the next fit."""
+
+    setting: Setting
+    values: Values
+    chi2: float = np.inf
+
+    def begins(self, first: int) -> bool:
+        """From this sample on the log is one motion; kept, if so."""
+        log = piece(self.setting.log, first, len(self.setting.log.time_s))
+        then_s = float(self.setting.log.time_s[first])
+        known = replace(self.setting, believed=_from_then(self.setting.believed, then_s), log=log)
+        bound = JOINED * log.count
+        fit = known.fit(_from_then(self.values, then_s), rounds=ROUNDS, beyond=bound)
+        if not fit.chi2 < bound:
+            return False
+        found = known.simulator(tuple(self.values)).effects(fit.values)
+        self.values = _from_then({name: found[name] for name in self.values}, -then_s)
+        self.chi2 = fit.chi2
+        return True

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.observations import Observations
 from gateway.twin.reconcile.shooting import HEADING, Fit, fit_model
+from gateway.twin.reconcile.spectrum import FINER
 from gateway.twin.simulator import Segments, Simulator
 
 Array = NDArray[np.float64]
@@ -25,6 +26,8 @@ BEGINNING = 0.25
 """Part of a recording that says whether a wide swing dies away in it; one that an event sets going begins at rest."""
 LOW = 0.02
 """Quantile of the axial reading: at the ends of a swing it is the cosine of the amplitude, wherever the housing sits."""
+AROUND_HALF, ACROSS = 0.4, 0.1
+"""How near half the axial frequency a swing's is, and the least part of what is read across the rope that is there."""
 SHIFT = 0.55
 """Part of a period within which there is a passage through the lowest point."""
 AHEAD = 0.02
@@ -51,8 +54,19 @@ def amplitude_rad(observations: Observations) -> float:
 
 
 def is_wide(observations: Observations) -> bool:
-    """A swing that begins too wide for fits from rest."""
-    return amplitude_rad(observations) > WIDE_RAD
+    """A swing that begins too wide for fits from rest; a load that bounces reads as low, but at no turning points of a swing."""
+    return amplitude_rad(observations) > WIDE_RAD and _turns(observations)
+
+
+def _turns(observations: Observations) -> bool:
+    """A swing reads low along the rope twice in its period: there is something across the rope at half the axial frequency."""
+    beginning = observations.force_g[observations.time_s <= BEGINNING * observations.duration_s]
+    windowed = (beginning - beginning.mean(axis=0)) * np.hanning(len(beginning))[:, None]
+    power = np.abs(np.fft.rfft(windowed, FINER * len(beginning), axis=0)) ** 2
+    half = np.argmax(power[:, 2]) / 2
+    near = slice(int((1 - AROUND_HALF) * half), int((1 + AROUND_HALF) * half) + 1)
+    across = power[:, :2].sum(axis=1)
+    return bool(across[near].sum() > ACROSS * across.sum())
 
 
 def pieces_of(rig: TwinRig, observations: Observations) -> list[int]:

@@ -14,13 +14,15 @@ from gateway.twin.reconcile.detectors import coarser, find_limit, find_step, mea
 from gateway.twin.reconcile.held_out import judge
 from gateway.twin.reconcile.isolability import coinciding
 from gateway.twin.reconcile.loading import Loaded
-from gateway.twin.reconcile.lost import lost_samples, retimed_held_out, without_clock
+from gateway.twin.reconcile.lost import lost_samples, retimed_held_out
 from gateway.twin.reconcile.null_test import largest_by_chance, score
 from gateway.twin.reconcile.observations import Observations, Recordings, piece
+from gateway.twin.reconcile.remainder import left_open
 from gateway.twin.reconcile.result import Reconciliation
 from gateway.twin.reconcile.search import Search
 from gateway.twin.reconcile.second_look import beside
 from gateway.twin.reconcile.setting import Setting
+from gateway.twin.reconcile.spectrum import machine_line
 from gateway.twin.reconcile.starting import Situation, vibration
 from gateway.twin.reconcile.verdict import RIVAL, Contender, decide
 
@@ -57,7 +59,8 @@ def reconcile(
         return unusable(model, log, "the model as believed cannot be fitted")
     search, base, recordings, lost = _singles(believed, start, recordings, always)
     best = search.run(base, search.best())
-    again = None if lost is not None or search.has_event(base) else _at_true_times(search, best, recordings, always)
+    wandering = lost is None and not search.has_event(base) and _runs_slow(search, best, recordings.held_out)
+    again = _at_true_times(search, best, recordings, always) if wandering else None
     if again is not None:
         search, base, recordings, lost = again
         best = search.run(base, search.best())
@@ -92,24 +95,41 @@ def _singles(
 ) -> tuple[Search, Attempt, Recordings, float | None]:
     """Single effects beside what the readings themselves show; again at true times where samples were lost."""
     search, base = _based(believed, start, always, recordings.held_out)
-    search.lasting(base)
-    slow_clock = search.attempts.get(frozenset({*search.always, "clock_drift"}))
-    found = None if search.has_event(base) else _at_true_times(search, slow_clock, recordings, always)
+    slow_clock = _slow_clock(search, search.lasting(base))
+    found = None
+    if not search.has_event(base) and slow_clock is not None and search.best().open:
+        found = _at_true_times(search, slow_clock, recordings, always)
     if found is not None:
         return found
     search.singles(base)
     return search, base, recordings, None
 
 
+def _slow_clock(search: Search, best: Attempt) -> Attempt | None:
+    """Beside what is always there; where that hides the clock, beside the best that acts all the time."""
+    alone = search.attempts.get(frozenset({*search.always, "clock_drift"}))
+    if alone is not None or not best.open:
+        return alone
+    return search.try_values({**best.values, "clock_drift": {}})
+
+
+def _runs_slow(search: Search, best: Attempt, held_out: Observations) -> bool:
+    """With a clock that does not explain both recordings."""
+    if "clock_drift" not in best.values:
+        return False
+    rig, values = search.setting.rig, {**search.setting.believed, **best.values}
+    return best.open or left_open(held_out, judge(rig, values, held_out).fit)
+
+
 def _at_true_times(
-    search: Search, slow_clock: Attempt | None, recordings: Recordings, always: Values
+    search: Search, slow_clock: Attempt, recordings: Recordings, always: Values
 ) -> tuple[Search, Attempt, Recordings, float | None] | None:
     """Single effects once more where samples turn out to be lost; None where none are."""
-    walk = lost_samples(search, slow_clock)
-    if walk is None or slow_clock is None:
+    lost = lost_samples(search.setting, slow_clock)
+    if lost is None:
         return None
-    held_out = retimed_held_out(search.setting, without_clock(slow_clock.values), recordings.held_out, walk)
-    recordings = replace(recordings, log=walk.retimed(recordings.log), held_out=held_out)
+    held_out = retimed_held_out(search.setting, lost, recordings.held_out)
+    recordings = replace(recordings, log=lost.walk.retimed(recordings.log), held_out=held_out)
     again = Search(replace(search.setting, log=recordings.log), {})
     start = again.try_values({})
     if start is None:
@@ -117,7 +137,7 @@ def _at_true_times(
     search, base = _based(again, start, {name: search.always[name] for name in always}, held_out)
     search.lasting(base)
     search.singles(base)
-    return search, base, recordings, walk.fraction
+    return search, base, recordings, lost.walk.fraction
 
 
 def _beyond_chance(search: Search, base: Attempt, best: Attempt, rng: np.random.Generator) -> bool:
@@ -172,23 +192,24 @@ def _seen_in_readings(recordings: Recordings) -> tuple[Recordings, Values]:
 def _with_line(search: Search, base: Attempt, always: Values, held_out: Observations) -> Values:
     """A machine's line stands far above the swing's frequencies and hides nothing: it is added before the search.
 
-    Only if the same line is in the held-out recording, too: steps of the readings and the swing make lines of their own.
+    Only if the same line is in the held-out recording, too: steps of the readings and the swing make lines of their own. So do
+    a second mode and a bounce, up to several times their frequency: the line is looked for in what those leave.
     """
-    log = search.setting.log
-    if "vibration" in search.setting.believed:
+    log, rig, effects = search.setting.log, search.setting.rig, search.setting.believed
+    if "vibration" in effects or machine_line(log.time_s, log.force_g - base.fit.force_g, log.noise_g) is None:
         return always
-    situation = Situation(search.setting.rig, log, log.force_g - base.fit.force_g, ())
-    found = vibration(situation)
+    beside = search.structure(base)
+    found = vibration(Situation(rig, log, log.force_g - beside.fit.force_g, ()))
     if not found:
         return always
-    tried = search.try_values({**always, "vibration": found[0]})
-    if tried is None or base.fit.chi2 - tried.fit.chi2 < LEAST_EFFECT * log.count:
+    tried = search.try_values({**beside.values, "vibration": found[0]})
+    if tried is None or beside.fit.chi2 - tried.fit.chi2 < LEAST_EFFECT * log.count:
         return always
-    rig, effects = search.setting.rig, search.setting.believed
-    without, with_it = (judge(rig, {**effects, **each.values}, held_out).reduced for each in (base, tried))
-    if without - with_it < SAME_GAIN * (base.reduced - tried.reduced):
+    without, with_it = (judge(rig, {**effects, **each.values}, held_out).reduced for each in (beside, tried))
+    if without - with_it < SAME_GAIN * (beside.reduced - tried.reduced):
         return always
-    return {name: tried.values[name] for name in (*always, "vibration")}
+    alone = tried if beside is base else search.try_values({**base.values, "vibration": tried.values["vibration"]})
+    return always if alone is None else {name: alone.values[name] for name in (*always, "vibration")}
 
 
 def judged(

@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Value
-from gateway.twin.reconcile.attempts import Attempt, Attempts
-from gateway.twin.reconcile.events import Window, find_windows
+from gateway.twin.reconcile.attempts import LEAST_EFFECT, Attempt, Attempts
+from gateway.twin.reconcile.beginnings import one_motion_with
+from gateway.twin.reconcile.events import Window, find_windows, outside_events
 from gateway.twin.reconcile.groups import mates_of
-from gateway.twin.reconcile.partings import parting
-from gateway.twin.reconcile.remainder import OPEN
+from gateway.twin.reconcile.partings import Beginning, parting, parting_after
+from gateway.twin.reconcile.remainder import OPEN, to_go_on_with
 from gateway.twin.reconcile.score import UNSUITED, Signatures, signatures
 from gateway.twin.reconcile.setting import Setting
 from gateway.twin.reconcile.starting import STARTS, Situation, first_values
@@ -21,14 +22,23 @@ Array = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, Value]]
 LASTING = tuple(n for n, e in EFFECTS.items() if not e.transient and n not in UNSUITED)
 TRANSIENT = tuple(n for n, e in EFFECTS.items() if e.transient)
-SPECTRAL = ("clipping", "rope_stretch", "double_pendulum")
+STRUCTURES = ("rope_stretch", "double_pendulum")
+SPECTRAL = ("clipping", *STRUCTURES)
+STRUCTURAL = 0.5
+"""What a second mode or a bounce may leave of the gap for other lines to be looked for in what it leaves."""
+NEARLY = 2.0
+"""Reduced chi-square below which a double pendulum's fit is gone on with: before, what else is missing decides where it ends."""
 TURNING = frozenset({"housing_spin", "slewing"})
 """Pieces cannot be told to join before it is known how fast they turn."""
 CHANGES_LENGTH = frozenset({"hoisting", "load_change"})
+INSTANT = frozenset({"impact", "load_change"})
+"""Tried first: they have starts only where the motions before and after are close to each other."""
 SEEN = frozenset({"quantization", "clipping"})
 """Found in the readings themselves: no fit takes them away again."""
 MOST_EFFECTS = 3
 PARENTS = 2
+FAR_BEHIND = 100.0
+"""Times as much as the best of a size leaves: what leaves more than that lacks what the best has."""
 CHILDREN = 4
 HOPELESS = 0.5
 """An effect whose signature reaches less than this share of what the best one's reaches is no rival to one that explains all."""
@@ -80,18 +90,29 @@ class Search(Attempts):
         """The best of the base and all single effects; `lasting` comes first."""
         self._pairs_of_lasting(base)
         starts = self.setting.starts(base.values)
+        self._try_beside_beginnings(base)
         self._try_found_in_data(base, starts)
         self._polished(len(base.values) + 1)
         self._mates(base, starts)
         best = self.best()
         return self._kept(base, best if self.worth(base, best) else base)
 
+    def structure(self, base: Attempt) -> Attempt:
+        """A second mode or a bounce beside the base, where that is most of what is left; else the base."""
+        if self.setting.wide:
+            return base
+        for name in STRUCTURES:
+            self._try_spectral(base, name, self.setting.log.force_g - base.fit.force_g)
+        tried = [self.attempts[names] for name in STRUCTURES if (names := base.names | {name}) in self.attempts]
+        best = min([base, *tried], key=lambda a: a.reduced)
+        return best if best.reduced - 1 < STRUCTURAL * (base.reduced - 1) else base
+
     def run(self, base: Attempt, best: Attempt) -> Attempt:
         """On from the best single effect, until nothing worth a name is left."""
         if best.reduced - 1 > LEAST_SHARE * (base.reduced - 1):
             return self._kept(best, self._dropped(best))
         for _ in range(MOST_EFFECTS - 1):
-            if not best.open or self.tired:
+            if not self._more_is_missing(best) or self.tired:
                 break
             ahead = self._grow(self._parents(len(best.values)))
             if ahead is best:
@@ -103,7 +124,14 @@ class Search(Attempts):
                 best = self._kept(best, ahead)
                 break
             best = self._kept(best, self._swapped(ahead))
+        best = self._settled(best)
         return self._kept(best, self._dropped(best))
+
+    def _settled(self, best: Attempt) -> Attempt:
+        """A double pendulum's fit creeps on below what the log asks for; another swing asks for more of it."""
+        if "double_pendulum" not in best.names or best.reduced > NEARLY:
+            return best
+        return self.try_values(best.values, rounds=POLISH_ROUNDS) or best
 
     def _kept(self, before: Attempt, after: Attempt) -> Attempt:
         if before.names != after.names:
@@ -117,12 +145,16 @@ class Search(Attempts):
             self.history.append(move)
         return after
 
+    def _more_is_missing(self, attempt: Attempt) -> bool:
+        """Something is left, and not only while an event went on that has a course of its own."""
+        return attempt.open and to_go_on_with(outside_events(self.setting.log, attempt.values), attempt.fit)
+
     def _polished(self, size: int) -> None:
-        """Go on with the best fits of events, which creep along narrow valleys."""
+        """Go on with the best fits of what creeps along narrow valleys."""
         unit = self.unit()
         ranked = sorted((a for a in self.attempts.values() if len(a.values) == size), key=lambda a: self.bic(a, unit))
         for attempt in ranked[:POLISHED]:
-            if self.best().open and any(EFFECTS[name].transient for name in attempt.values):
+            if self.best().open and _creeps(attempt):
                 polished = self.try_values(attempt.values, rounds=POLISH_ROUNDS)
                 if polished is not None:
                     for name in sorted(polished.names):
@@ -156,7 +188,7 @@ class Search(Attempts):
         A short strong one is much like a long weak one; from sharp edges no small step leads to slow ones.
         """
         for changed in _stretches(name, attempt.values[name]):
-            if self.best().open:
+            if self._more_is_missing(self.best()):
                 self.try_values({**attempt.values, name: changed}, rounds=POLISH_ROUNDS, beyond=self._rival_chi2())
 
     def _rival_chi2(self) -> float:
@@ -167,7 +199,8 @@ class Search(Attempts):
     def _parents(self, size: int) -> list[Attempt]:
         unit = self.unit()
         ranked = sorted((a for a in self.attempts.values() if len(a.values) == size), key=lambda a: self.bic(a, unit))
-        return ranked[:PARENTS]
+        most = PARENTS if size == len(self.always) + 1 else 1
+        return [a for a in ranked[:most] if a.fit.chi2 < FAR_BEHIND * ranked[0].fit.chi2]
 
     def _grow(self, parents: list[Attempt]) -> Attempt:
         """All that one more effect can do beside each parent; the best of all afterwards."""
@@ -208,8 +241,8 @@ class Search(Attempts):
             return
         residual_g = o.force_g - parent.fit.force_g
         for name in SPECTRAL:
-            if self.best().open:
-                self._try(parent, name, STARTS[name](Situation(setting.rig, o, residual_g, ())), None)
+            if self.best().open and parent.names | {name} not in self.attempts:
+                self._try_spectral(parent, name, residual_g)
         best = self.best()
         if not best.open and best is not parent:
             return
@@ -224,6 +257,48 @@ class Search(Attempts):
                 for name in TRANSIENT:
                     if (name in CHANGES_LENGTH) == lengths:
                         self._try(parent, name, STARTS[name](situation), starts)
+
+    def _try_spectral(self, parent: Attempt, name: str, residual_g: Array) -> None:
+        situation = Situation(self.setting.rig, self.setting.log, residual_g, ())
+        self._try(parent, name, STARTS[name](situation), None)
+
+    def _try_beside_beginnings(self, base: Attempt) -> None:
+        """Events beside what acts all the time and shows before them; over the whole log the event hides it."""
+        setting = self.setting
+        if setting.wide or not self.best().open or self._parts_cleanly(base):
+            return
+        begun = one_motion_with(setting, base.values, possible(setting))
+        for first in begun[:PARENTS]:
+            self._try_events_after(first)
+            self._polished(len(first.values) + 1)
+            if not self._more_is_missing(self.best()):
+                break
+        best = self.best()
+        events = {name: each for name, each in best.values.items() if EFFECTS[name].transient}
+        for other in begun if events else []:
+            if frozenset({*other.values, *events}) not in self.attempts:
+                self.try_values({**other.values, **events}, beyond=self._rival_chi2())
+
+    def _try_events_after(self, begun: Beginning) -> None:
+        """What the motion after it says of the rope tells what may have happened."""
+        setting, o = self.setting, self.setting.log
+        starts = setting.starts(begun.values)
+        enough = (1 + EVENT_LEAVES) * o.count
+        for length in (False, True):
+            parted = parting_after(setting, begun, length=length)
+            if parted is None or parted.left > enough:
+                continue
+            enough = parted.left - LEAST_EFFECT * o.count  # a rope that makes no difference did not change
+            situation = Situation(setting.rig, o, o.force_g - begun.fit.force_g, (), parted)
+            for name in sorted(TRANSIENT, key=lambda name: name not in INSTANT):
+                if (name in CHANGES_LENGTH) == length:
+                    self._try_starts(begun.values, name, STARTS[name](situation), starts)
+
+    def _parts_cleanly(self, base: Attempt) -> bool:
+        """An event alone explains it."""
+        count = self.setting.log.count
+        both = (self.parted(base, length=length) for length in (False, True))
+        return any(parted is not None and parted.left < (1 + OPEN) * count for parted in both)
 
     def parted(self, parent: Attempt, *, length: bool) -> Window | None:
         """Where the motions before and after an event part beside these effects."""
@@ -256,11 +331,17 @@ class Search(Attempts):
         tried = list(starts_of)
         if name == "double_pendulum" and tried:
             several = [{**parent.values, name: values} for values in tried]
-            tried = [self.setting.best_beginning(several, "double_pendulum.rigging_length_m")[name]]
+            tried = [self.setting.best_rigging(several)[name]]
+        self._try_starts(parent.values, name, tried, starts)
+
+    def _try_starts(
+        self, others: Values, name: str, tried: Iterable[Mapping[str, Value]], starts: Array | None
+    ) -> None:
+        """One after another until nothing is left."""
         for turn, values in enumerate(tried):
             if turn and (self.tired or not self.best().open):
                 return
-            self.try_values({**parent.values, name: values or first_values(name)}, starts, beyond=self._rival_chi2())
+            self.try_values({**others, name: values or first_values(name)}, starts, beyond=self._rival_chi2())
 
     def _swapped(self, best: Attempt) -> Attempt:
         """Each effect of a pair is replaced by the best others, the rest kept."""
@@ -269,7 +350,8 @@ class Search(Attempts):
                 break
             rest = {n: v for n, v in best.values.items() if n != name}
             without = self.attempts.get(frozenset(rest)) or self.try_values(rest)
-            if without is not None:
+            decided = without is not None and name in STRUCTURES and without.fit.chi2 > FAR_BEHIND * best.fit.chi2
+            if without is not None and not decided:
                 starts = self.setting.starts(without.values)
                 scored = signatures(self.setting, without.fit, without.values, possible(self.setting))
                 likely = sorted(scored.of, key=lambda n: -scored.drop(n))[:CHILDREN]
@@ -283,7 +365,7 @@ class Search(Attempts):
         """Without what is not worth its name."""
         for name in sorted(best.names - SEEN):
             rest = {n: v for n, v in best.values.items() if n != name}
-            without = self.try_values(rest, rounds=POLISH_ROUNDS)
+            without = self.try_values(rest, rounds=POLISH_ROUNDS, beyond=np.inf if best.open else self._rival_chi2())
             if without is not None and not self.worth(without, best):
                 return self._dropped(without)
         return best
@@ -305,6 +387,13 @@ def _stretches(name: str, values: Mapping[str, Value]) -> Iterable[Mapping[str, 
     if "rising_share" in values:
         for share in EDGES:
             yield {**values, "rising_share": share}
+
+
+def _creeps(attempt: Attempt) -> bool:
+    """An event's fit, and that of a double pendulum near its end, where rigging and hook make up for each other."""
+    if any(EFFECTS[name].transient for name in attempt.values):
+        return True
+    return "double_pendulum" in attempt.values and attempt.reduced < NEARLY
 
 
 def _excluded(name: str, names: frozenset[str]) -> bool:

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.twin.compiled import IntegrationError
 from gateway.twin.effects.pulse import SHARPEST
 from gateway.twin.model import EffectValues, TwinRig
+from gateway.twin.reconcile.by_modes import ByModes
 from gateway.twin.reconcile.nuisances import local_starts
 from gateway.twin.reconcile.observations import Observations, piece
 from gateway.twin.reconcile.pieces import fit_motion, is_wide, pieces_of
@@ -60,7 +62,26 @@ class Setting:
         free, firsts = self.free(simulator, values), segments_for(self.rig, values, self.log)
         if starts is None or starts.shape != (len(firsts), simulator.starts):
             starts = local_starts(simulator, self.log, at, firsts)
-        return fit_motion(simulator, self.log, starts, at, free, firsts, rounds, self.tick, beyond)
+        return self._fitted(simulator, self.log, starts, at, free, firsts, rounds, beyond)
+
+    def _fitted(
+        self,
+        simulator: Simulator,
+        observations: Observations,
+        starts: Array,
+        at: Array,
+        free: NDArray[np.bool_],
+        firsts: list[int],
+        rounds: int,
+        beyond: float = np.inf,
+    ) -> Fit:
+        if "double_pendulum" not in simulator.effect_names:
+            return fit_motion(simulator, observations, starts, at, free, firsts, rounds, self.tick, beyond)
+        modes = ByModes(self.rig, simulator.effect_names)
+        at_mode = modes.by_mode(at)
+        with np.errstate(over="ignore", invalid="ignore"):  # no step to a motion that runs away is taken
+            fit = fit_motion(modes, observations, starts, at_mode, free, firsts, rounds, self.tick, beyond)
+            return modes.fit_by_mass(fit)
 
     def starts(self, values: EffectValues) -> Array:
         """Starts piece by piece under a model, to fit its neighbours from."""
@@ -68,23 +89,39 @@ class Setting:
         at = simulator.values([], {**self.believed, **values})[simulator.starts :]
         return local_starts(simulator, self.log, at, segments_for(self.rig, values, self.log))
 
-    def best_beginning(self, tried: Sequence[EffectValues], held: str) -> EffectValues:
-        """Of several values those from which a fit of the beginning, with one value held, comes out best; as they came out.
+    def best_rigging(self, tried: Sequence[EffectValues]) -> EffectValues:
+        """Of several rigging lengths, and the one that they point to, the best in a fit of the beginning that holds it.
 
-        Where one parameter makes up for another in a narrow, curved valley, this walks along it in steps.
+        As it came out. Rigging and hook make up for each other in a narrow valley; this walks along it in steps.
         """
         beginning = piece(self.log, 0, int(np.searchsorted(self.log.time_s, BEGINNING_S)))
         simulator = self.simulator(tuple(tried[0]))
         firsts = segments_for(self.rig, tried[0], beginning)
-        free = self.free(simulator, tried[0]) & np.array([slot.label != held for slot in simulator.parameters])
-        fits = []
-        for values in tried:
+        rigging = [slot.label for slot in simulator.parameters].index("double_pendulum.rigging_length_m")
+        free = self.free(simulator, tried[0])
+        free[rigging] = False
+
+        def fitted(values: EffectValues) -> list[Fit]:
             at = simulator.values([], {**self.believed, **values})[simulator.starts :]
-            starts = local_starts(simulator, beginning, at, firsts)
-            fits.append(fit_motion(simulator, beginning, starts, at, free, firsts, BEGINNING_ROUNDS, self.tick))
-        fit = min(fits, key=lambda each: each.chi2)
-        found = simulator.effects(fit.values)
-        return {name: found[name] for name in tried[0]}
+            try:
+                starts = local_starts(simulator, beginning, at, firsts)
+                fit = self._fitted(simulator, beginning, starts, at, free, firsts, BEGINNING_ROUNDS)
+            except (np.linalg.LinAlgError, FloatingPointError, IntegrationError):
+                return []  # the fit ran to parameters that no integration can follow
+            return [fit] if np.isfinite(fit.chi2) else []
+
+        fits = [fit for values in tried for fit in fitted(values)]
+        if not fits:
+            return tried[0]
+        between = _lowest(np.log([fit.values[rigging] for fit in fits]), np.array([fit.chi2 for fit in fits]))
+        if between is not None:
+            modes = ByModes(self.rig, simulator.effect_names)
+            by_mode = modes.by_mode(min(fits, key=lambda each: each.chi2).values)
+            by_mode[rigging] = np.exp(between)
+            found = simulator.effects(modes.by_mass(by_mode))
+            fits += fitted({name: found[name] for name in tried[0]})
+        best = simulator.effects(min(fits, key=lambda each: each.chi2).values)
+        return {name: best[name] for name in tried[0]}
 
     def free(self, simulator: Simulator, values: EffectValues) -> NDArray[np.bool_]:
         """The initial motion but for the heading, the phases, and the parameters of effects that are not believed."""
@@ -96,3 +133,12 @@ class Setting:
                 sharp and slot.parameter == "rising_share"
             )  # sharp edges stay: their place decides, not their form
         return free
+
+
+def _lowest(at: Array, chi2: Array) -> float | None:
+    """Where the parabola through the least of rising places and its neighbours is lowest; None at an end."""
+    k = int(np.argmin(chi2))
+    if not 0 < k < len(at) - 1:
+        return None
+    slopes, middles = np.diff(chi2[k - 1 : k + 2]) / np.diff(at[k - 1 : k + 2]), (at[k - 1 : k + 1] + at[k : k + 2]) / 2
+    return float(middles[0] - slopes[0] * (middles[1] - middles[0]) / (slopes[1] - slopes[0]))

@@ -45,6 +45,7 @@ def machine_line(time_s: Array, residual_g: Array, noise_g: Array) -> MachineLin
         return None
     steps_hz = np.arange(-LINE_REACH_HZ, LINE_REACH_HZ, 0.25 / (time_s[-1] - time_s[0]))
     tried_hz = rough.frequency_hz + steps_hz
+    tried_hz = tried_hz[tried_hz > MACHINE_HZ]
     turning = np.exp(-2j * np.pi * tried_hz[0] * time_s)
     turn = np.exp(-2j * np.pi * (steps_hz[1] - steps_hz[0]) * time_s)
     power = np.empty(len(tried_hz))
@@ -54,6 +55,8 @@ def machine_line(time_s: Array, residual_g: Array, noise_g: Array) -> MachineLin
     if power.max() < LINE_POWER * np.median(power):
         return None
     line_hz = refined_frequency(time_s, residual, float(tried_hz[int(np.argmax(power))]))
+    if power.argmax() == 0 or line_hz < MACHINE_HZ:
+        return None  # the flank of something slower
     return MachineLine(line_hz, sine_amplitudes(time_s, residual_g, line_hz))
 
 

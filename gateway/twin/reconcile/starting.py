@@ -21,14 +21,22 @@ RIGGING_PARTS = (0.08, 0.13, 0.2, 0.27, 0.35, 0.45, 0.6)
 FASTER = 1.01
 APART = (1.5, 12.0)
 """Fast mode over slow mode of a hook block with weight; nearer lines are one swing that changes."""
+LEAST_FAST = 0.05
+"""Size of the fast mode's line over the slow one's: overtones of a swing that changes are fainter."""
 SWINGS_HZ = (0.03, 2.0)
 SWING_MIDDLE_HZ = 0.5
 SLOWEST_TURN_DEG_S = 0.3
+BOUNCING = 30.0
+"""Power of a bounce over the floor around it: it dies away, so its line is broad and low."""
 EVIDENT = 100.0
 """Power of a line over the floor around it."""
 WIDER = 1.5
 RAMPS, MIDDLING_RAMP = (0.2, 0.28, 0.36), 0.25
 """Share of a drive that is each of its ramps."""
+SECOND_HZ = 0.4
+"""Above the slow swing of a rope of 2 m or more."""
+OVERTONES, TURNS_OFF = (2, 3, 4, 5), 3.0
+"""Multiples of a line, and by how many turns in the recording one may be off: the line itself moves as it dies away."""
 HALF_RISING = 0.5
 """Between a gust that swells all the time and a pull with sharp edges."""
 SHORT_S, APART_S = 1.5, 0.15
@@ -105,10 +113,23 @@ def _between(window: Window, wider: float = 1.0) -> Values:
 
 
 def vibration(situation: Situation) -> list[Values]:
-    """At the strongest line above the pendulum's frequencies; none if there is none."""
+    """At the strongest line above the pendulum's frequencies; none if there is none, or an overtone of a second mode."""
     o = situation.observations
     line = machine_line(o.time_s, situation.residual_g, o.noise_g)
-    return [] if line is None else [sines(line.frequency_hz, line.phasors_g)]
+    if line is None or _is_overtone(situation, line.frequency_hz):
+        return []
+    return [sines(line.frequency_hz, line.phasors_g)]
+
+
+def _is_overtone(situation: Situation, line_hz: float) -> bool:
+    """A multiple of the main line of the swings, as far as the recording tells: a wide motion's readings are not sines."""
+    o = situation.observations
+    lateral = (o.force_g - o.force_g.mean(axis=0)) * [1.0, 1.0, 0.0] * np.hanning(len(o.force_g))[:, None] / o.noise_g
+    main = strongest_line(o.time_s, lateral, SECOND_HZ, SWINGS_HZ[1])
+    if main is None or main.total < EVIDENT:
+        return False
+    off_hz = np.abs(line_hz - np.array(OVERTONES) * main.frequency_hz)
+    return bool((off_hz < TURNS_OFF / o.duration_s).any())
 
 
 def sines(frequency_hz: float, phasors: NDArray[np.complex128]) -> Values:
@@ -129,23 +150,29 @@ def bounce(situation: Situation) -> list[Values]:
     o = situation.observations
     axial = situation.residual_g * [0.0, 0.0, 1.0] / o.noise_g
     line = strongest_line(o.time_s, axial, *BOUNCE_HZ)
-    return [] if line is None or line.power[2] < EVIDENT else [{"frequency_hz": line.frequency_hz}]
+    return [] if line is None or line.power[2] < BOUNCING else [{"frequency_hz": line.frequency_hz}]
 
 
 def two_modes(situation: Situation) -> list[Values]:
-    """Rigging and hook whose two modes are the two strongest lines of the lateral readings."""
+    """Rigging and hook whose slow mode is near the believed swing and whose fast mode is the strongest line above it.
+
+    Either may be the stronger one. A line whose size or frequency changes has flanks that outdo the other mode's line: the
+    window takes them away but near the line, and each mode is looked for on its own side.
+    """
     o, rig = situation.observations, situation.rig
     lateral = o.force_g * [1.0, 1.0, 0.0] / o.noise_g
-    lines: list[float] = []
-    for _ in range(2):
-        line = strongest_line(o.time_s, lateral, *SWINGS_HZ)
-        if line is None or float(line.power[:2].sum()) < EVIDENT:
-            return []
-        lines.append(line.frequency_hz)
-        for hz in line.frequency_hz * np.array([1.0, 2.0, 3.0]):
-            phasors = sine_amplitudes(o.time_s, lateral, hz)
-            lateral = lateral - (phasors * np.exp(2j * np.pi * hz * o.time_s)[:, None]).real
-    if not APART[0] < max(lines) / min(lines) < APART[1]:
+    between_hz = APART[0] * float(np.sqrt(rig.gravity_m_s2 / rig.length_m)) / (2 * np.pi)
+    slow = _evident(o.time_s, lateral, SWINGS_HZ[0], between_hz)
+    if slow is None:
+        return []
+    swing = np.linalg.norm(sine_amplitudes(o.time_s, lateral, slow))
+    for hz in slow * np.array([1.0, 2.0, 3.0]):
+        phasors = sine_amplitudes(o.time_s, lateral, hz)
+        lateral = lateral - (phasors * np.exp(2j * np.pi * hz * o.time_s)[:, None]).real
+    fast = _evident(o.time_s, lateral, between_hz, SWINGS_HZ[1])
+    if fast is None or not APART[0] < fast / slow < APART[1]:
+        return []
+    if np.linalg.norm(sine_amplitudes(o.time_s, lateral, fast)) < LEAST_FAST * swing:
         return []
     found: list[Values] = []
     ratio = np.geomspace(0.01, 3.0, 300)
@@ -153,9 +180,16 @@ def two_modes(situation: Situation) -> list[Values]:
         # The fast mode at a large swing is slower than the small-swing formula says, so many pairs are worth a look.
         length_m = part * rig.length_m
         fast_hz = modes_hz(rig, np.full_like(ratio, length_m), ratio)[1]
-        best = int(np.argmin(np.abs(fast_hz - FASTER * max(lines))))
+        best = int(np.argmin(np.abs(fast_hz - FASTER * fast)))
         found.append({"rigging_length_m": length_m, "hook_mass_ratio": float(ratio[best])})
     return found
+
+
+def _evident(time_s: Array, lateral: Array, from_hz: float, to_hz: float) -> float | None:
+    """Frequency of the strongest line in a band, if it stands out."""
+    windowed = (lateral - lateral.mean(axis=0)) * np.hanning(len(lateral))[:, None]
+    line = strongest_line(time_s, windowed, from_hz, to_hz)
+    return None if line is None or float(line.power[:2].sum()) < EVIDENT else line.frequency_hz
 
 
 def modes_hz(rig: TwinRig, rigging_m: Array, hook_mass_ratio: Array) -> tuple[Array, Array]:

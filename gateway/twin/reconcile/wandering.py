@@ -1,22 +1,25 @@
 """Samples lost without a trace in the time stamps: the recording's time runs behind true time by whole samples, at random.
 
 True time by recorded time is then a line plus a random walk whose steps are one sample. The walk is estimated from how the
-readings change with time: least squares with the walk's own spread as prior (a Kalman smoother written as one linear system).
+readings change with time, by least squares with the walk's own spread as prior.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.twin.reconcile.detectors import mean_of_steps
+from gateway.twin.reconcile.free_time import EVERY, free_time, knots_of, told_steps
 from gateway.twin.reconcile.observations import Observations
 from gateway.twin.reconcile.shooting import HEADING
 from gateway.twin.reconcile.spectrum import MachineLine, machine_line
 from gateway.twin.simulator import Simulator
 
 Array = NDArray[np.float64]
-EVERY = 5
-"""Samples from knot to knot of the walk."""
+MOTION = tuple(range(HEADING))
+"""What is free of a start: not the heading."""
 ROUNDS = 6
 COUNTED_ROUNDS = 4
 REACH = 12
@@ -37,6 +40,8 @@ class Walk:
     """Chi-square left, reduced."""
     wander: float
     """Cost of the walk under its own spread over the number of its steps that the readings tell: about 1 for a true one."""
+    cost: float
+    """Chi-square of the walk's steps."""
     values: Array
     """Start and effects' values."""
 
@@ -45,62 +50,87 @@ class Walk:
         return replace(observations, time_s=self.true_s)
 
 
-def find_walk(simulator: Simulator, values: Array, observations: Observations, fraction: float) -> Walk | None:
-    """Fit initial motion and walk, from a mean part of lost samples; the simulator has no clock effect.
+def find_walk(
+    simulator: Simulator, values: Array, observations: Observations, fraction: float, free: Sequence[int] = MOTION
+) -> Walk | None:
+    """Fit walk, initial motion and what else is free, from a mean part of lost samples; the simulator has no clock effect.
 
     None where it runs away: the readings are of another motion.
     """
-    o = observations
-    dt = float(np.median(np.diff(o.time_s)))
-    knots = np.arange(0, len(o.time_s) + EVERY, EVERY)
-    left, share = np.arange(len(o.time_s)) // EVERY, (np.arange(len(o.time_s)) % EVERY) / EVERY
-    walk = np.zeros(len(knots))
-    values = values.copy()
+    o, dt = observations, float(np.median(np.diff(observations.time_s)))
+    knots, values = knots_of(len(o.time_s)), values.copy()
+    walk, beginnings = np.zeros(knots.count), np.arange(knots.count - 1) * EVERY
     for turn in range(ROUNDS):
         line_s = o.time_s / (1 - fraction)
-        true_s = _rising(line_s + walk[left] * (1 - share) + walk[left + 1] * share, dt)
-        lin = simulator.linearise(values, true_s, o.temperature_c)
-        residual = o.residual_sigma(lin.force_g)
+        true_s = _rising(line_s + knots.at_samples(walk), dt)
+        force_g, by_time, by_values = answers(simulator, values, o, true_s)
+        residual, spread = o.residual_sigma(force_g), spread_of(fraction, dt)
         if turn == ROUNDS - 1:
             break
-        by_time = np.gradient(lin.force_g, true_s, axis=0) / o.noise_g * o.used[:, None]
-        by_start = lin.jacobian[:, :, :HEADING] * (o.used[:, None] / o.noise_g)[:, :, None]
-        spread = max(fraction, 1e-3) * EVERY * dt**2
-        start_step, walk = _solved(slow(residual, dt), by_time, by_start, walk, left, share, spread)
-        if not (np.isfinite(walk).all() and np.isfinite(start_step).all()):
+        equations = free_time(slow(residual, dt), by_time, by_values, walk, knots, spread)
+        step, _ = equations.solved(free)
+        walk = equations.walk(free, step)
+        if not (np.isfinite(walk).all() and np.isfinite(step).all()):
             return None
-        values[:HEADING] += start_step
-        slope = float(np.polyfit(line_s[knots[:-1]], walk[:-1], 1)[0])
+        values[list(free)] = _moved(simulator, values, free, step)
+        slope = float(np.polyfit(line_s[beginnings], walk[:-1], 1)[0])
         fraction = 1 - (1 - fraction) / (1 + slope)  # the line takes the walk's mean drift
-        walk = walk - slope * np.append(line_s[knots[:-1]], line_s[-1])
+        walk = walk - slope * np.append(line_s[beginnings], line_s[-1])
         walk -= walk[0]
-    told = _told(by_time, left, share, spread, len(walk))
-    wander = float((np.diff(walk) ** 2).sum() / spread / max(told, 1.0))
+    cost, told = float((np.diff(walk) ** 2).sum() / spread), told_steps(by_time, knots, spread)
     reduced = float((residual**2).sum() / o.count)
-    return Walk(true_s - true_s[0], fraction, reduced, wander, values)
+    return Walk(true_s - true_s[0], fraction, reduced, cost / max(told, 1.0), cost, values)
 
 
-def _told(by_time: Array, left: NDArray[np.int64], share: Array, spread: float, count: int) -> float:
-    """Number of the walk's steps that the readings tell: the trace of what they add to the prior (MacKay 1992)."""
-    matrix = _by_knots((by_time**2).sum(axis=1), left, share, count) + _prior(count, spread)
-    return count - 1 - float(np.trace(np.linalg.solve(matrix[1:, 1:], _prior(count, spread)[1:, 1:])))
+def answers(simulator: Simulator, values: Array, o: Observations, true_s: Array) -> tuple[Array, Array, Array]:
+    """A prediction in g, (n, 3), as read; in sigma how it changes with time, (n, 3), and with all values, (n, 3, values).
+
+    With cutoffs by their inverse: a lag is a shift of time, which the initial motion makes up for in proportion.
+    """
+    lin = simulator.linearise(values, true_s, o.temperature_c)
+    weight = o.used[:, None] / o.noise_g
+    by_values = lin.jacobian * weight[:, :, None]
+    for i in _cutoffs(simulator):
+        by_values[:, :, i] *= -(values[i] ** 2)
+    return as_read(simulator, values, lin.force_g), np.gradient(lin.force_g, true_s, axis=0) * weight, by_values
 
 
-def _by_knots(square: Array, left: NDArray[np.int64], share: Array, count: int) -> Array:
-    """Sums over samples that each touch two knots, shape (count, count)."""
-    matrix = np.zeros((count, count))
-    sides = ((left, 1 - share), (left + 1, share))
-    for place, weight in sides:
-        for other, by in sides:
-            np.add.at(matrix, (place, other), weight * by * square)
-    return matrix
+def as_read(simulator: Simulator, values: Array, force_g: Array) -> Array:
+    """In coarse steps their mean: what a lattice does to a swing is no wandering of time."""
+    step_g = _step_g(simulator, values)
+    return force_g if step_g is None else mean_of_steps(force_g, step_g, np.array(simulator.rig.noise_g))
 
 
-def _prior(count: int, spread: float) -> Array:
-    """Of independent steps, shape (count, count)."""
-    steps = np.diff(np.eye(count), axis=0)
-    prior: Array = steps.T @ steps / spread
-    return prior
+def one_reading(simulator: Simulator, values: Array, force_g: Array) -> Array:
+    """With noise, and in steps where they are coarse: they leave more noise where a reading stands between two."""
+    noisy_g = force_g + np.array(simulator.rig.noise_g) * np.random.default_rng(0).normal(size=force_g.shape)
+    step_g = _step_g(simulator, values)
+    return noisy_g if step_g is None else step_g * np.round(noisy_g / step_g)
+
+
+def _step_g(simulator: Simulator, values: Array) -> float | None:
+    steps = simulator.effects(values).get("quantization")
+    return None if steps is None else float(np.asarray(steps["lsb_g"]))
+
+
+def spread_of(fraction: float, dt: float) -> float:
+    """Variance of true time's step from knot to knot where this part of the samples is lost, s^2."""
+    return max(fraction, 1e-3) * EVERY * dt**2
+
+
+def _moved(simulator: Simulator, values: Array, free: Sequence[int], step: Array) -> Array:
+    """The free values after a step, inside their bounds."""
+    lower, upper = (np.array([getattr(simulator.parameters[i], side) for i in free]) for side in ("lower", "upper"))
+    lags = np.isin(free, _cutoffs(simulator))
+    now = values[list(free)]
+    moved = now + step
+    moved[lags] = 1 / np.clip(1 / now[lags] + step[lags], 1 / upper[lags], 1 / lower[lags])
+    found: Array = np.clip(moved, lower, upper)
+    return found
+
+
+def _cutoffs(simulator: Simulator) -> list[int]:
+    return [i for i, slot in enumerate(simulator.parameters) if slot.parameter == "cutoff_hz"]
 
 
 def slow(residual: Array, dt: float) -> Array:
@@ -114,33 +144,6 @@ def _rising(true_s: Array, dt: float) -> Array:
     """Times at least a tenth of a sample apart."""
     steps = np.maximum(np.diff(true_s), 0.1 * dt)
     return np.concatenate([true_s[:1], true_s[0] + np.cumsum(steps)])
-
-
-def _solved(
-    residual: Array, by_time: Array, by_start: Array, walk: Array, left: NDArray[np.int64], share: Array, spread: float
-) -> tuple[Array, Array]:
-    """Step of the start and the new walk, by least squares with the prior on the walk's steps."""
-    count, k = len(walk), by_start.shape[2]
-    flat = by_start.reshape(-1, k)
-    # Samples to knots: each touches two.
-    weights = np.stack([1 - share, share], axis=1)
-    places = np.stack([left, left + 1], axis=1)
-    design_time = np.zeros((count, k))
-    right = np.zeros(count)
-    square = (by_time**2).sum(axis=1)
-    along = np.einsum("ni,nik->nk", by_time, by_start)
-    pulled = (by_time * residual).sum(axis=1)
-    now = walk[left] * weights[:, 0] + walk[left + 1] * weights[:, 1]
-    for a in range(2):
-        np.add.at(design_time, places[:, a], weights[:, [a]] * along)
-        np.add.at(right, places[:, a], weights[:, a] * (pulled + square * now))
-    matrix = _by_knots(square, left, share, count) + _prior(count, spread)
-    matrix[0, 0] += 1e12  # the walk begins at 0
-    whole = np.block([[flat.T @ flat, design_time.T], [design_time, matrix]])
-    solved = np.linalg.solve(
-        whole, np.concatenate([flat.T @ residual.ravel() + (along * now[:, None]).sum(axis=0), right])
-    )
-    return solved[:k], solved[k:]
 
 
 def counted(simulator: Simulator, walk: Walk, observations: Observations) -> Walk:

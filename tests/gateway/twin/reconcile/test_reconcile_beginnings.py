@@ -1,0 +1,101 @@
+"""What lasts is found before an event that hides it; then the event beside it."""
+
+import numpy as np
+import pytest
+
+from gateway.twin.reconcile.beginnings import one_motion_with
+from gateway.twin.reconcile.events import outside_events
+from gateway.twin.reconcile.partings import beginning, parting_after
+from gateway.twin.reconcile.reconcile import reconcile
+from gateway.twin.reconcile.search import Search, possible
+from gateway.twin.reconcile.setting import Setting
+
+HOIST = {"hoisting": {"speed_m_s": -0.15, "start_s": 32.0, "duration_s": 6.0}}
+BLOW = {"impact": {"delta_v_m_s": (0.3, -0.2), "start_s": 32.3}}
+WIND = {"steady_wind": {"accel_m_s2": (0.15, -0.1)}}
+
+
+@pytest.fixture
+def setting_of(rig, record):
+    return lambda effects: Setting(rig, {}, record(effects), lambda: None)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "value"),
+    [
+        ("viscous_damping", "damping_ratio", 0.01),
+        ("axis_offset", "offset_g", (0.01, -0.01, 0.01)),
+        ("clock_drift", "relative", 0.015),
+    ],
+)
+@pytest.mark.parametrize(("event", "begins_s"), [(HOIST, 32.0), (BLOW, 32.3)])
+def test_what_acts_all_the_time_is_first_on_the_beginning_with_its_value(
+    setting_of, name, parameter, value, event, begins_s
+):
+    setting = setting_of({name: {parameter: value}, **event})
+    first = one_motion_with(setting, {}, possible(setting))[0]
+
+    assert set(first.values) == {name}
+    assert np.asarray(first.values[name][parameter]) == pytest.approx(np.asarray(value), rel=0.15)
+    assert setting.log.time_s[first.last] == pytest.approx(begins_s, abs=0.8)
+
+
+@pytest.mark.parametrize("effects", [HOIST, BLOW, {}])
+def test_no_lasting_effect_is_proposed_where_the_motion_was_free_until_the_event(setting_of, effects):
+    setting = setting_of(effects)
+
+    assert one_motion_with(setting, {}, possible(setting)) == []
+
+
+def test_a_small_effect_does_not_carry_the_beginning_past_an_event(setting_of):
+    setting = setting_of({"viscous_damping": {"damping_ratio": 0.002}, **BLOW})
+    begun = beginning(setting, {"viscous_damping": {}})
+
+    assert begun is not None
+    assert setting.log.time_s[begun.last] == pytest.approx(32.3, abs=0.8)
+
+
+def test_the_end_is_found_though_a_wind_seems_to_turn_with_the_housing(setting_of):
+    setting = setting_of({**WIND, **HOIST})
+    begun = beginning(setting, {"steady_wind": {}})
+    assert begun is not None
+    found = parting_after(setting, begun, length=True)
+
+    assert found is not None
+    assert (found.from_s, found.to_s) == pytest.approx((32.0, 38.0), abs=0.8)
+    assert found.left < 1.1 * setting.log.count
+
+
+@pytest.mark.parametrize(
+    ("effects", "from_s", "to_s"),
+    [
+        ({"hoisting": {"start_s": 20.0, "duration_s": 10.0}}, 19.5, 30.5),
+        ({"impact": {"start_s": 20.0}}, 19.5, 20.5),
+        ({"wind_gust": {"start_s": 20.0, "duration_s": 10.0}}, 20.0, 20.0),
+        ({"hoisting": {"start_s": 20.0, "duration_s": 30.0}}, 20.0, 20.0),
+        ({}, 20.0, 20.0),
+    ],
+)
+def test_samples_of_an_event_with_a_course_of_its_own_are_left_out(record, effects, from_s, to_s):
+    log = record({})
+    inside = (log.time_s > from_s) & (log.time_s < to_s)
+    on_edge = np.isclose(log.time_s, from_s) | np.isclose(log.time_s, to_s)
+
+    assert np.array_equal(outside_events(log, effects).used[~on_edge], (log.used & ~inside)[~on_edge])
+
+
+@pytest.mark.parametrize(("duration_s", "is_one"), [(0.2, False), (3.0, True)])
+def test_a_push_that_is_over_at_once_is_no_gust(setting_of, duration_s, is_one):
+    gust = {"accel_m_s2": (0.4 / duration_s, 0.0), "start_s": 32.0, "duration_s": duration_s}
+    search = Search(setting_of({"wind_gust": gust}), {})
+
+    assert (search.try_values({"wind_gust": gust}) is not None) == is_one
+
+
+@pytest.mark.parametrize("event", [HOIST, BLOW])
+def test_an_event_beside_what_acts_all_the_time_is_named_with_it(model, loaded, event):
+    hidden = {"viscous_damping": {"damping_ratio": 0.01}, **event}
+    answer = reconcile(model, loaded(hidden), loaded(hidden, "held_out"))
+
+    assert answer.verdict == "named"
+    assert {effect.name for effect in answer.effects} == set(hidden)
