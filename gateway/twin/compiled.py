@@ -32,6 +32,10 @@ class IntegrationError(ValueError):
     """Parameters that no integration can follow."""
 
 
+UNFOLLOWED = (np.linalg.LinAlgError, FloatingPointError, IntegrationError)
+"""What is raised where a fit runs to such parameters."""
+
+
 class Compiled:
     """All functions that a simulator needs, for one structure of the model; each is made when it is first used."""
 

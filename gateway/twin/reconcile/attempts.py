@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.compiled import IntegrationError
+from gateway.twin.compiled import UNFOLLOWED
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Value
 from gateway.twin.reconcile.noise import colour
@@ -64,7 +64,7 @@ class Attempts:
         self.fits += 1
         try:
             fit = setting.fit(values, starts, rounds, beyond)
-        except (np.linalg.LinAlgError, FloatingPointError, IntegrationError):
+        except UNFOLLOWED:
             return None  # the fit ran to parameters that no integration can follow
         if not np.isfinite(fit.chi2):
             return None

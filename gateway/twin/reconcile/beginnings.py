@@ -11,7 +11,7 @@ import numpy as np
 
 from gateway.twin.effects.effect import Value
 from gateway.twin.reconcile.observations import piece
-from gateway.twin.reconcile.partings import FIRST_S, JOINED, ROUNDS, Beginning, beginning
+from gateway.twin.reconcile.partings import FIRST_S, JOINED, ROUNDS, Beginning, beginning, one_motion
 from gateway.twin.reconcile.score import signatures
 from gateway.twin.reconcile.setting import Setting
 from gateway.twin.reconcile.starting import first_values
@@ -45,8 +45,8 @@ def one_motion_with(setting: Setting, base: Values, names: Sequence[str]) -> lis
 
 def _promising(setting: Setting, base: Values, names: Sequence[str]) -> list[Values]:
     """By the score test; those that a fit shows to make one motion of the beginning, where the base makes none."""
-    bound, fit = JOINED * setting.log.count, setting.fit(base, rounds=ROUNDS)
-    if fit.chi2 < bound:
+    fit = setting.fit(base, rounds=ROUNDS)
+    if fit.chi2 < JOINED * setting.log.count:
         return []
     scored = signatures(setting, fit, base, names)
     drops = {name: scored.drop(name) for name in scored.of}
@@ -54,4 +54,4 @@ def _promising(setting: Setting, base: Values, names: Sequence[str]) -> list[Val
     tried: list[Values] = [
         {**base, name: first_values(name)} for name in ranked if drops[name] > REACHES * drops[ranked[0]]
     ]
-    return [values for values in tried if setting.fit(values, rounds=ROUNDS, beyond=bound).chi2 < bound]
+    return [values for values in tried if one_motion(setting, values) is not None]

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.compiled import IntegrationError
+from gateway.twin.compiled import UNFOLLOWED
 from gateway.twin.reconcile.attempts import Attempt, Values
 from gateway.twin.reconcile.companions import companions, free_places
 from gateway.twin.reconcile.held_out import judge
@@ -117,7 +117,7 @@ def _walk(setting: Setting, steady: Steady) -> Lost | None:
     free = [*MOTION, *free_places(simulator, steady.others)]
     try:
         walk = find_walk(simulator, values, o, steady.missing, free)
-    except (np.linalg.LinAlgError, FloatingPointError, IntegrationError):
+    except UNFOLLOWED:
         return None  # it ran to parameters that no integration can follow
     if walk is None:
         return None

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.twin.compiled import UNFOLLOWED
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Value
 from gateway.twin.reconcile.events import INSIDE, Window
@@ -32,6 +33,8 @@ JOINED = 1.15
 """Reduced chi-square of a piece that is one motion."""
 CHANGED = ("rope_length", "housing_position")
 """After hoisting both are others; after a change of the load the first."""
+LIKE_ANOTHER_ROPE = frozenset({"rope_length", "housing_position", "clock_drift"})
+"""Fitted to an end again, these would make up for a rope that became another."""
 EXTENSIONS = 6
 NEARLY = 1.05
 """Where a beginning goes on for less than this times its own length, it parts."""
@@ -84,28 +87,48 @@ def beginning(setting: Setting, values: Values) -> Beginning | None:
 
     What 20 s say of a small effect may carry the motion past an event without showing it: then the end is sought by halving.
     """
-    log, simulator = setting.log, setting.simulator(tuple(values))
+    log = setting.log
     last, beyond = int(np.searchsorted(log.time_s, FIRST_S)), len(log.time_s)
     good, found = 0, None
     for _ in range(EXTENSIONS):
-        part = piece(log, 0, last)
-        bound = JOINED * part.count
-        fit = replace(setting, log=part).fit(values, rounds=ROUNDS, beyond=bound)
-        if fit.chi2 > bound:
+        carried = _carried_on(setting, values, last)
+        if carried is None:
             if found is None:
                 return None
             beyond, last = last, (good + last) // 2
             continue
-        force_g = simulator.predict(fit.values, log.time_s, log.temperature_c)
-        reached = min(_parts_at(log, force_g), beyond)
+        reached = min(_parts_at(log, carried.force_g), beyond)
         if reached == len(log.time_s):
             return None
-        fitted = simulator.effects(fit.values)
-        good, found = last, Beginning({name: fitted[name] for name in values}, replace(fit, force_g=force_g), reached)
+        fitted = setting.simulator(tuple(values)).effects(carried.values)
+        good, found = last, Beginning({name: fitted[name] for name in values}, carried, reached)
         if reached <= last * NEARLY:
             break
         last = reached - int(np.searchsorted(log.time_s, BLOCK_S))
     return found
+
+
+def one_motion(setting: Setting, values: Values) -> Fit | None:
+    """A fit of these effects to the log; None where the log is not one motion with them, or none that can be followed."""
+    bound = JOINED * setting.log.count
+    try:
+        fit = setting.fit(values, rounds=ROUNDS, beyond=bound)
+    except UNFOLLOWED:
+        return None
+    return fit if fit.chi2 < bound else None
+
+
+def _carried_on(setting: Setting, values: Values, last: int) -> Fit | None:
+    """The samples before this one as one motion, carried on over the log."""
+    log = setting.log
+    fit = one_motion(replace(setting, log=piece(log, 0, last)), values)
+    if fit is None:
+        return None
+    try:
+        force_g = setting.simulator(tuple(values)).predict(fit.values, log.time_s, log.temperature_c)
+    except UNFOLLOWED:
+        return None
+    return replace(fit, force_g=force_g)
 
 
 def _parts_at(log: Observations, force_g: Array) -> int:
@@ -138,7 +161,8 @@ def _ending(setting: Setting, known: Values, extra: Values, from_sample: int) ->
     low, high = from_sample, int(np.searchsorted(log.time_s, log.time_s[-1] - SHORTEST_S))
     if high <= low:
         return None
-    for free in ({}, known) if known else ({},):
+    again = {name: each for name, each in known.items() if name not in LIKE_ANOTHER_ROPE}
+    for free in ({}, again) if again else ({},):
         held = {**setting.believed, **{name: each for name, each in known.items() if name not in free}}
         after = _Ending(replace(setting, believed=held), {**extra, **free})
         if after.begins(high):
@@ -164,9 +188,8 @@ class _Ending:
         log = piece(self.setting.log, first, len(self.setting.log.time_s))
         then_s = float(self.setting.log.time_s[first])
         known = replace(self.setting, believed=_from_then(self.setting.believed, then_s), log=log)
-        bound = JOINED * log.count
-        fit = known.fit(_from_then(self.values, then_s), rounds=ROUNDS, beyond=bound)
-        if not fit.chi2 < bound:
+        fit = one_motion(known, _from_then(self.values, then_s))
+        if fit is None:
             return False
         found = known.simulator(tuple(self.values)).effects(fit.values)
         self.values = _from_then({name: found[name] for name in self.values}, -then_s)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.compiled import IntegrationError
+from gateway.twin.compiled import UNFOLLOWED
 from gateway.twin.effects.pulse import SHARPEST
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.by_modes import ByModes
@@ -106,7 +106,7 @@ class Setting:
             try:
                 starts = local_starts(simulator, beginning, at, firsts)
                 fit = self._fitted(simulator, beginning, starts, at, free, firsts, BEGINNING_ROUNDS)
-            except (np.linalg.LinAlgError, FloatingPointError, IntegrationError):
+            except UNFOLLOWED:
                 return []  # the fit ran to parameters that no integration can follow
             return [fit] if np.isfinite(fit.chi2) else []
 

@@ -37,6 +37,8 @@ SECOND_HZ = 0.4
 """Above the slow swing of a rope of 2 m or more."""
 OVERTONES, TURNS_OFF = (2, 3, 4, 5), 3.0
 """Multiples of a line, and by how many turns in the recording one may be off: the line itself moves as it dies away."""
+MUCH_STRONGER = 10.0
+"""What is left of the main line over a line below its last overtone that is none of a machine's."""
 HALF_RISING = 0.5
 """Between a gust that swells all the time and a pull with sharp edges."""
 SHORT_S, APART_S = 1.5, 0.15
@@ -122,12 +124,18 @@ def vibration(situation: Situation) -> list[Values]:
 
 
 def _is_overtone(situation: Situation, line_hz: float) -> bool:
-    """A multiple of the main line of the swings, as far as the recording tells: a wide motion's readings are not sines."""
+    """A multiple of the main line of the swings, as far as the recording tells: a wide motion's readings are not sines.
+
+    Where that line itself is left, its multiples may stand beside themselves, too: a figure that turns splits them.
+    """
     o = situation.observations
     lateral = (o.force_g - o.force_g.mean(axis=0)) * [1.0, 1.0, 0.0] * np.hanning(len(o.force_g))[:, None] / o.noise_g
     main = strongest_line(o.time_s, lateral, SECOND_HZ, SWINGS_HZ[1])
     if main is None or main.total < EVIDENT:
         return False
+    left_g, size_g = (sine_amplitudes(o.time_s, situation.residual_g, hz) for hz in (main.frequency_hz, line_hz))
+    if line_hz < OVERTONES[-1] * main.frequency_hz and np.linalg.norm(left_g) > MUCH_STRONGER * np.linalg.norm(size_g):
+        return True
     off_hz = np.abs(line_hz - np.array(OVERTONES) * main.frequency_hz)
     return bool((off_hz < TURNS_OFF / o.duration_s).any())
 

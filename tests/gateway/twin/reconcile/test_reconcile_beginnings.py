@@ -66,6 +66,15 @@ def test_the_end_is_found_though_a_wind_seems_to_turn_with_the_housing(setting_o
     assert found.left < 1.1 * setting.log.count
 
 
+def test_a_clock_does_not_make_up_for_a_rope_that_became_another(setting_of):
+    setting = setting_of({"clock_drift": {"relative": 0.015}, **HOIST})
+    begun = beginning(setting, {"clock_drift": {}})
+
+    assert begun is not None
+    assert parting_after(setting, begun, length=False) is None
+    assert parting_after(setting, begun, length=True) is not None
+
+
 @pytest.mark.parametrize(
     ("effects", "from_s", "to_s"),
     [

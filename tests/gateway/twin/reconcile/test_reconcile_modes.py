@@ -104,16 +104,19 @@ def test_an_overtone_of_a_second_mode_is_no_machine(rig):
     time_s = np.arange(0, 60, 1 / rig.sample_rate_hz)
     noise_g = np.array(rig.noise_g)
 
-    def found(line_hz):
+    def found(line_hz, left_of_main_g=0.0):
         readings_g = noise_g * np.random.default_rng(1).normal(size=(len(time_s), 3)) + [0.0, 0.0, 1.0]
         for hz, size_g in ((0.16, 0.05), (1.31, 0.2), (line_hz, 0.004)):
             readings_g[:, 0] += size_g * np.sin(2 * np.pi * hz * time_s)
         observations = observe(time_s, readings_g, None, noise_g)
         left_g = noise_g * np.random.default_rng(2).normal(size=(len(time_s), 3))
-        left_g[:, 0] += 0.004 * np.sin(2 * np.pi * line_hz * time_s)
+        for hz, size_g in ((1.31, left_of_main_g), (line_hz, 0.004)):
+            left_g[:, 0] += size_g * np.sin(2 * np.pi * hz * time_s)
         return vibration(Situation(rig, observations, left_g, ()))
 
     assert found(3 * 1.31) == []
+    assert found(3 * 1.31 + 0.2, left_of_main_g=0.1) == []
+    assert found(8.3, left_of_main_g=0.1)[0]["frequency_hz"] == pytest.approx(8.3, abs=1e-3)
     assert found(3 * 1.31 + 0.2)[0]["frequency_hz"] == pytest.approx(3 * 1.31 + 0.2, abs=1e-3)
 
 
