@@ -11,9 +11,11 @@ from gateway.twin.reconcile.attempts import Attempt, Values
 from gateway.twin.reconcile.companions import companions, free_places
 from gateway.twin.reconcile.held_out import judge
 from gateway.twin.reconcile.observations import Observations
+from gateway.twin.reconcile.remainder import OPEN
 from gateway.twin.reconcile.setting import DIRECTED, Setting
 from gateway.twin.reconcile.shooting import HEADING, Fit, fit_model
 from gateway.twin.reconcile.spectrum import machine_line
+from gateway.twin.reconcile.starting import first_values
 from gateway.twin.reconcile.wandering import MOTION, Walk, as_read, counted, find_walk, one_reading, slow
 from gateway.twin.simulator import Simulator
 
@@ -24,6 +26,8 @@ CLOSED = 0.8
 WANDERS = (0.65, 1.6)
 """Cost of the walk for each of its steps that the readings tell: 1 for lost samples, by their own law; half of it and less for a
 clock that is only slow, twice and more for a swing that itself changed."""
+LAG = "lowpass_lag"
+"""A linear look says little of it: to first order it is a shift of time."""
 MOST_BESIDE = 3
 """Effects that are looked for beside the walk."""
 STEADY_ROUNDS = 3
@@ -68,20 +72,31 @@ def lost_samples(setting: Setting, slow_clock: Attempt) -> Lost | None:
     if "clock_drift" not in slow_clock.values or {"double_pendulum", "rope_stretch"} & slow_clock.names:
         return None
     steady, found = Steady(slow_clock.values, slow_clock.fit), None
-    tried = [steady]
-    for _ in range(MOST_BESIDE + 1):
-        walks = [walk for each in tried if (walk := _walk(setting, each)) is not None]
-        lost = min(walks, key=lambda each: each.evidence, default=None)
-        if lost is not None and len(lost.others) > len(steady.others):
-            clock: Values = {"clock_drift": {"relative": -lost.walk.fraction}}
-            steady = _steady(setting, {**lost.others, **clock}, lost.walk.values)
+    if steady.missing < LEAST_FRACTION:
+        return None
+    lost = _walk(setting, steady)
+    for _ in range(MOST_BESIDE):
         if lost is not None and not _believed(setting, steady, lost):
             lost = None
         found = lost or found
-        tried = [_with(setting, steady, name) for name in _beside(setting, steady, lost)]
-        if not tried:
+        names = _beside(setting, steady, lost)
+        lost = _likeliest(setting, steady, names)
+        if lost is None:
             break
+        clock: Values = {"clock_drift": {"relative": -lost.walk.fraction}}
+        steady = _steady(setting, {**lost.others, **clock}, lost.walk.values)
+    if lost is not None and _believed(setting, steady, lost):
+        found = lost
     return None if found is None else _counted(setting, found)
+
+
+def _likeliest(setting: Setting, steady: Steady, names: list[str]) -> Lost | None:
+    """The walk beside one more effect that leaves least; a lag is tried, too, where none of them explains all."""
+    walks = [walk for name in names if (walk := _walk(setting, _with(setting, steady, name))) is not None]
+    if walks and LAG not in {*names, *steady.values} and min(walk.walk.reduced for walk in walks) > 1 + OPEN:
+        lagging = _walk(setting, _with(setting, steady, LAG))
+        walks += [] if lagging is None else [lagging]
+    return min(walks, key=lambda each: each.evidence, default=None)
 
 
 def _beside(setting: Setting, steady: Steady, lost: Lost | None) -> list[str]:
@@ -93,9 +108,12 @@ def _beside(setting: Setting, steady: Steady, lost: Lost | None) -> list[str]:
 
 
 def _with(setting: Setting, steady: Steady, name: str) -> Steady:
-    """One more effect, at rest; a lag first with the steady clock, since its readings do not follow it in proportion."""
-    values: Values = {**steady.values, name: {}}
-    return _steady(setting, values, steady.fit.values) if name == "lowpass_lag" else Steady(values, steady.fit)
+    """One more effect, at rest; a lag first with the steady clock, since the readings do not follow it in proportion."""
+    values: Values = {**steady.values, name: first_values(name)}
+    try:
+        return _as_fitted(setting, values, setting.fit(values)) if name == LAG else Steady(values, steady.fit)
+    except UNFOLLOWED:
+        return Steady(values, steady.fit)
 
 
 def _steady(setting: Setting, values: Values, start: Array) -> Steady:
@@ -104,12 +122,16 @@ def _steady(setting: Setting, values: Values, start: Array) -> Steady:
     at = simulator.values(start[:START], {**setting.believed, **values})
     free = setting.free(simulator, values)
     fit = fit_model(simulator, setting.log, at[None, :START], at[START:], free, [0], STEADY_ROUNDS, setting.tick)
-    model = simulator.effects(fit.values)
-    return Steady({each: model[each] for each in values}, fit)
+    return _as_fitted(setting, values, fit)
+
+
+def _as_fitted(setting: Setting, values: Values, fit: Fit) -> Steady:
+    model = setting.simulator(tuple(values)).effects(fit.values)
+    return Steady({name: model[name] for name in values}, fit)
 
 
 def _walk(setting: Setting, steady: Steady) -> Lost | None:
-    """Beside effects that are fitted with it; None where the clock does not run slow, or the readings are of another motion."""
+    """Beside effects that are fitted with it; None where no clock runs slow, or one that runs straight leaves less."""
     if steady.missing < LEAST_FRACTION:
         return None
     o, simulator = setting.log, setting.simulator(tuple(steady.others))
@@ -119,7 +141,7 @@ def _walk(setting: Setting, steady: Steady) -> Lost | None:
         walk = find_walk(simulator, values, o, steady.missing, free)
     except UNFOLLOWED:
         return None  # it ran to parameters that no integration can follow
-    if walk is None:
+    if walk is None or not walk.reduced * o.count <= steady.fit.chi2:
         return None
     model = simulator.effects(walk.values)
     evidence = walk.reduced * o.count + walk.cost + len(free) * math.log(o.count)

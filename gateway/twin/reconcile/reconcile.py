@@ -106,11 +106,14 @@ def _singles(
 
 
 def _slow_clock(search: Search, best: Attempt) -> Attempt | None:
-    """Beside what is always there; where that hides the clock, beside the best that acts all the time."""
+    """Beside what is always there; where that hides the clock, beside the best that acts all the time.
+
+    The latter is for a look only: the search does not begin with a pair.
+    """
     alone = search.attempts.get(frozenset({*search.always, "clock_drift"}))
     if alone is not None or not best.open:
         return alone
-    return search.try_values({**best.values, "clock_drift": {}})
+    return Search(search.setting, search.always).try_values({**best.values, "clock_drift": {}})
 
 
 def _runs_slow(search: Search, best: Attempt, held_out: Observations) -> bool:

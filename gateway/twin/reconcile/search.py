@@ -12,7 +12,7 @@ from gateway.twin.reconcile.attempts import LEAST_EFFECT, Attempt, Attempts
 from gateway.twin.reconcile.beginnings import one_motion_with
 from gateway.twin.reconcile.events import Window, find_windows, outside_events
 from gateway.twin.reconcile.groups import mates_of
-from gateway.twin.reconcile.partings import Beginning, parting, parting_after
+from gateway.twin.reconcile.partings import LIKE_ANOTHER_ROPE, Beginning, parting, parting_after
 from gateway.twin.reconcile.remainder import OPEN, to_go_on_with
 from gateway.twin.reconcile.score import UNSUITED, Signatures, signatures
 from gateway.twin.reconcile.setting import Setting
@@ -80,6 +80,8 @@ class Search(Attempts):
     history: list[Move] = field(default_factory=list)
     partings: dict[tuple[frozenset[str], bool], Window | None] = field(default_factory=dict)
     """As found beside a set, with the rope's length or without."""
+    beginnings: dict[frozenset[str], list[Beginning]] = field(default_factory=dict)
+    """As found beside a set."""
 
     def lasting(self, base: Attempt) -> Attempt:
         """The best of the base and all single effects beside it that act all the time."""
@@ -264,10 +266,7 @@ class Search(Attempts):
 
     def _try_beside_beginnings(self, base: Attempt) -> None:
         """Events beside what acts all the time and shows before them; over the whole log the event hides it."""
-        setting = self.setting
-        if setting.wide or not self.best().open or self._parts_cleanly(base):
-            return
-        begun = one_motion_with(setting, base.values, possible(setting))
+        begun = self._begun(base)
         for first in begun[:PARENTS]:
             self._try_events_after(first)
             self._polished(len(first.values) + 1)
@@ -285,7 +284,7 @@ class Search(Attempts):
         starts = setting.starts(begun.values)
         enough = (1 + EVENT_LEAVES) * o.count
         for length in (False, True):
-            parted = parting_after(setting, begun, length=length)
+            parted = self._parted_after(begun, length=length)
             if parted is None or parted.left > enough:
                 continue
             enough = parted.left - LEAST_EFFECT * o.count  # a rope that makes no difference did not change
@@ -309,8 +308,25 @@ class Search(Attempts):
 
     def has_event(self, parent: Attempt) -> bool:
         """One motion before, another after, and nothing else is missing: no clock and no lost sample does that."""
-        parted, o = self.parted(parent, length=True), self.setting.log
-        return parted is not None and parted.left < (1 + EVENT_LEAVES) * o.count
+        parted, count = self.parted(parent, length=True), self.setting.log.count
+        if parted is not None and parted.left < (1 + EVENT_LEAVES) * count:
+            return True
+        beside = [self._parted_after(begun, length=True) for begun in self._begun(parent)[:1] if not _slow(begun)]
+        return any(parted is not None and parted.left < (1 + OPEN) * count for parted in beside)
+
+    def _begun(self, parent: Attempt) -> list[Beginning]:
+        """With what acts all the time beside these effects, as it shows before an event; best first."""
+        if self.setting.wide or not self.best().open or self._parts_cleanly(parent):
+            return []
+        if parent.names not in self.beginnings:
+            self.beginnings[parent.names] = one_motion_with(self.setting, parent.values, possible(self.setting))
+        return self.beginnings[parent.names]
+
+    def _parted_after(self, begun: Beginning, *, length: bool) -> Window | None:
+        key = (frozenset(begun.values), length)
+        if key not in self.partings:
+            self.partings[key] = parting_after(self.setting, begun, length=length)
+        return self.partings[key]
 
     def _windows(self, parent: Attempt, *, length: bool) -> tuple[Window, ...]:
         setting, o = self.setting, self.setting.log
@@ -387,6 +403,11 @@ def _stretches(name: str, values: Mapping[str, Value]) -> Iterable[Mapping[str, 
     if "rising_share" in values:
         for share in EDGES:
             yield {**values, "rising_share": share}
+
+
+def _slow(begun: Beginning) -> bool:
+    """With what a slow clock is like: lost samples make an end of another rope."""
+    return bool(LIKE_ANOTHER_ROPE & set(begun.values))
 
 
 def _creeps(attempt: Attempt) -> bool:

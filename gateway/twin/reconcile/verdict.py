@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gateway.twin.reconcile.attempts import LEAST_EFFECT, Attempt
+from gateway.twin.reconcile.events import outside_events
 from gateway.twin.reconcile.groups import group_of
 from gateway.twin.reconcile.held_out import Judged, taken_off
 from gateway.twin.reconcile.observations import Observations
@@ -123,13 +124,15 @@ def _of_models(
     rng: np.random.Generator,
     seen: bool,
 ) -> Answer:
+    wide = is_wide(log)
+    log, held_out = (outside_events(each, best.attempt.values) for each in (log, held_out))
     is_open = left_open(log, best.attempt.fit) or left_open(held_out, best.judged.fit)
     if best.names == always:
         return _of_base(best, always, is_open, seen)
     if not _helps_on_held_out(best, base, held_out, rng):
         return _of_base(base, always, left_open(log, base.attempt.fit), seen)
     if is_open:
-        return _with_remainder(best, base, rivals, always, fitted, wide=is_wide(log))
+        return _with_remainder(best, base, rivals, always, fitted, wide=wide)
     if len(best.names - always) > 1:
         leading = _leading(best, base, fitted)
         if leading != best.names and (structured(log, best.attempt.fit) or structured(held_out, best.judged.fit)):
