@@ -35,6 +35,9 @@ PICK_UP = frozenset({"cross_axis", "mount_misalignment"})
 TURNING = frozenset({"housing_spin", "slewing"})
 """No recording tells them apart, whatever a fit says."""
 
+PACE = frozenset({"clock_drift", "rope_length"})
+"""Beside something unexplained these have no name: whatever makes time wander runs slow on the whole."""
+
 
 @dataclass(frozen=True, slots=True)
 class Contender:
@@ -132,7 +135,7 @@ def _of_models(
     if not _helps_on_held_out(best, base, held_out, rng):
         return _of_base(base, always, left_open(log, base.attempt.fit), seen)
     if is_open:
-        return _with_remainder(best, base, rivals, always, fitted, wide=wide)
+        return beside_a_remainder(best, base, rivals, always, fitted, wide=wide)
     if len(best.names - always) > 1:
         leading = _leading(best, base, fitted)
         if leading != best.names and (structured(log, best.attempt.fit) or structured(held_out, best.judged.fit)):
@@ -169,7 +172,7 @@ def _of_base(base: Contender, always: frozenset[str], is_open: bool, seen: bool)
     return Answer("none_missing", "the model as believed explains both recordings down to the noise", base, (), ())
 
 
-def _with_remainder(
+def beside_a_remainder(
     best: Contender,
     base: Contender,
     rivals: Sequence[Contender],
@@ -178,8 +181,9 @@ def _with_remainder(
     *,
     wide: bool,
 ) -> Answer:
+    """Where something is left: the effects that hold the gap open by their absence, if with them nearly all of it is closed."""
     closed = (base.judged.reduced - best.judged.reduced) / max(base.judged.reduced - 1, 1e-9)
-    shared = _leading(best, base, fitted, wide=wide)
+    shared = _leading(best, base, fitted, wide=wide) - PACE
     if shared - always and _explained(best, base, closed, wide=wide) and len(rivals) == 1:
         text = f"these close {100 * closed:.1f} % of the held-out gap; what is left is described, not explained"
         return Answer("named_with_remainder", text, best, tuple(sorted(shared)), ())

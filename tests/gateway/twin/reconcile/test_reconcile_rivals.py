@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from gateway.twin.reconcile.isolability import coinciding
-from gateway.twin.reconcile.verdict import Answer, Contender, rivals_of, told_apart
+from gateway.twin.reconcile.verdict import Answer, Contender, beside_a_remainder, rivals_of, told_apart
 
 ALIKE = frozenset({frozenset({"slewing", "housing_spin"})})
 
@@ -55,3 +55,15 @@ def test_a_turn_beside_a_pick_up_is_not_named(verdict):
     askew = told_apart(answer(verdict, "cross_axis", "mount_misalignment", "wind_gust"))
     assert (askew.verdict, askew.named) == ("named_with_remainder", ("cross_axis", "wind_gust"))
     assert told_apart(answer(verdict, "mount_misalignment")).named == ("mount_misalignment",)
+
+
+def fitted(chi2, *names):
+    attempt = SimpleNamespace(names=frozenset(names), fit=SimpleNamespace(chi2=chi2), reduced=chi2 / 1000)
+    return Contender(attempt, SimpleNamespace(reduced=chi2 / 1000), 0.0, 0.0)
+
+
+@pytest.mark.parametrize(("name", "named"), [("viscous_damping", True), ("clock_drift", False), ("rope_length", False)])
+def test_a_pace_is_not_named_beside_what_nothing_explains(name, named):
+    base, best = fitted(900_000.0), fitted(2_000.0, name)
+    found = beside_a_remainder(best, base, [best], frozenset(), {frozenset(): base.attempt}, wide=False)
+    assert (found.verdict, found.named) == (("named_with_remainder", (name,)) if named else ("unmodelled", ()))
