@@ -54,7 +54,7 @@ class Compiled:
         beliefs = self.assembly.beliefs
         swing_s = FINEST_TURN_RAD * (beliefs.length_m / beliefs.gravity_m_s2) ** 0.5
         wanted_s = float(np.min([swing_s, *self._step_limits(p).full()[:, 0]]))
-        if not wanted_s > 0:
+        if not (wanted_s > 0 and np.isfinite(p).all()):
             raise IntegrationError("no integration can follow these parameters; keep them inside their bounds")
         rungs = math.ceil(RUNGS_PER_OCTAVE * math.log2(LONGEST_STEP_S / wanted_s))
         return float(LONGEST_STEP_S * 2 ** (-rungs / RUNGS_PER_OCTAVE))

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.twin.compiled import IntegrationError
 from gateway.twin.reconcile.observations import Observations
 from gateway.twin.simulator import Simulator
 
@@ -126,10 +127,10 @@ def fit_model(
             step = _as_lags(at + step, lags) - values
             moved = starts + now.close + now.follow @ step
             changed = effects + step[simulator.starts :]
-            if len(starts) == 1 and _single(simulator, observations, moved[0], changed) >= chi2:
-                continue  # a prediction alone is several times quicker
-            tried = _condensed(simulator, observations, moved, changed, firsts)
-            tried_chi2 = float((tried.residual**2).sum())
+            found = _tried(simulator, observations, moved, changed, firsts, chi2)
+            if found is None:
+                continue
+            tried, tried_chi2 = found, float((found.residual**2).sum())
             if tried_chi2 < chi2 or (now.gap > CLOSED and tried.gap < now.gap / 2):
                 accepted, damping = True, level
                 break
@@ -151,6 +152,18 @@ def fit_model(
             now = _condensed(simulator, observations, starts, effects, firsts)
             chi2 = float((now.residual**2).sum())
     return _finished(simulator, observations, np.concatenate([starts[0], effects]), free, now)
+
+
+def _tried(
+    simulator: Simulator, observations: Observations, starts: Array, effects: Array, firsts: Sequence[int], chi2: float
+) -> _Condensed | None:
+    """Where a step leads; None where one motion leaves as much as before, or none can be followed."""
+    try:
+        if len(starts) == 1 and _single(simulator, observations, starts[0], effects) >= chi2:
+            return None  # a prediction alone is several times quicker
+        return _condensed(simulator, observations, starts, effects, firsts)
+    except IntegrationError:
+        return None
 
 
 def _single(simulator: Simulator, observations: Observations, start: Array, effects: Array) -> float:

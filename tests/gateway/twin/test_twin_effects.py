@@ -5,6 +5,7 @@ import pytest
 
 from devices.simulated import pendulum
 from devices.simulated.crane import Crane
+from gateway.twin.compiled import IntegrationError
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Moment
 from gateway.twin.effects.pulse import Pulse
@@ -250,9 +251,10 @@ def test_crane_and_twin_move_alike():
 
 def test_times_and_parameters_that_cannot_be_followed_are_refused():
     simulator = Simulator(RIG, ("rope_stretch",))
-    values = simulator.values(np.zeros(7), {"rope_stretch": {"frequency_hz": -1.0}})
-    with pytest.raises(ValueError, match="keep them inside their bounds"):
-        simulator.predict(values, TIME_S)
+    for frequency_hz in (-1.0, np.nan):
+        values = simulator.values(np.zeros(7), {"rope_stretch": {"frequency_hz": frequency_hz}})
+        with pytest.raises(IntegrationError, match="keep them inside their bounds"):
+            simulator.predict(values, TIME_S)
     for times in (TIME_S[:1], TIME_S[::-1], np.zeros(3)):
         with pytest.raises(ValueError, match="each later than the one before"):
             Simulator(RIG).predict(np.zeros(5), times)
