@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from gateway.twin.reconcile.attempts import LEAST_EFFECT, LEAST_STATISTIC, Values
 from gateway.twin.reconcile.free_time import FreeTime, free_time, knots_of
 from gateway.twin.reconcile.noise import colour
-from gateway.twin.reconcile.score import NEUTRAL_CUTOFF_HZ
-from gateway.twin.reconcile.search import possible
+from gateway.twin.reconcile.score import NEUTRAL_CUTOFF_HZ, possible
 from gateway.twin.reconcile.setting import Setting
 from gateway.twin.reconcile.shooting import TIMES
 from gateway.twin.reconcile.wandering import MOTION, answers, as_read, slow, spread_of

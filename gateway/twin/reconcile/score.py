@@ -22,6 +22,7 @@ from gateway.twin.simulator import Simulator
 Array = NDArray[np.float64]
 UNSUITED = frozenset({"double_pendulum", "rope_stretch", "vibration", "clipping", "quantization", "sample_loss"})
 NEUTRAL_CUTOFF_HZ = 20.0
+LASTING = tuple(n for n, e in EFFECTS.items() if not e.transient and n not in UNSUITED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,6 +72,11 @@ def signatures(
         columns = flat[:, [i for i, slot in enumerate(simulator.parameters) if slot.effect == name]]
         of[name] = columns - basis @ (basis.T @ columns)
     return Signatures(residual - basis @ (basis.T @ residual), of)
+
+
+def possible(setting: Setting) -> tuple[str, ...]:
+    """Lasting effects that the recording could show: without a temperature none shows a drift by it."""
+    return tuple(n for n in LASTING if n != "thermal_drift" or setting.log.temperature_c is not None)
 
 
 def _by_pieces(simulator: Simulator, observations: Observations, effects: Array, own: frozenset[str]) -> Signatures:

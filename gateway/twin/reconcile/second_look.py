@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from gateway.twin.reconcile.attempts import Attempt, Values
+from gateway.twin.reconcile.event_search import POLISH_ROUNDS
 from gateway.twin.reconcile.held_out import Judged, judge
 from gateway.twin.reconcile.observations import Observations
 from gateway.twin.reconcile.remainder import left_open
-from gateway.twin.reconcile.score import signatures
-from gateway.twin.reconcile.search import POLISH_ROUNDS, Search, possible
+from gateway.twin.reconcile.score import possible, signatures
+from gateway.twin.reconcile.search import Search
 from gateway.twin.reconcile.starting import first_values
 from gateway.twin.reconcile.verdict import helps
 

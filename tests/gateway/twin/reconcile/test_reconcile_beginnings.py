@@ -7,7 +7,8 @@ from gateway.twin.reconcile.beginnings import one_motion_with
 from gateway.twin.reconcile.events import outside_events
 from gateway.twin.reconcile.partings import beginning, parting_after
 from gateway.twin.reconcile.reconcile import reconcile
-from gateway.twin.reconcile.search import Search, possible
+from gateway.twin.reconcile.score import possible
+from gateway.twin.reconcile.search import Search
 from gateway.twin.reconcile.setting import Setting
 
 HOIST = {"hoisting": {"speed_m_s": -0.15, "start_s": 32.0, "duration_s": 6.0}}
