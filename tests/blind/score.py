@@ -58,14 +58,16 @@ def answer_of(report: Mapping[str, Any]) -> Answer:
 
 
 def judge(truth: frozenset[str], answer: Answer) -> str:
-    """One word: right, right_group, wrong_group, partly, wrong_name, extra_name, false_alarm or missed."""
+    """One word: right, right_group, beside_group, wrong_group, partly, wrong_name, extra_name, false_alarm or missed.
+
+    `beside_group` is not counted as right: some names are certain and right, and the rest is in the group of the others.
+    """
     if not truth:
         return RIGHT if answer.verdict == "none_missing" else "false_alarm"
     if truth - CATALOGUE.keys():
         return _judge_outside(truth, answer)
     if answer.verdict == "one_of":
-        inside = any(truth | answer.group <= group for group in INSEPARABLE) and len(answer.group) <= LARGEST_GROUP
-        return RIGHT_GROUP if inside else "wrong_group"
+        return _judge_group(truth, answer)
     if answer.verdict in ("named", "named_with_remainder"):
         return _judge_names(truth, answer.named)
     return "missed"
@@ -75,6 +77,16 @@ def _judge_outside(truth: frozenset[str], answer: Answer) -> str:
     if answer.verdict in ("unmodelled", "named_with_remainder") and answer.named <= truth:
         return RIGHT
     return "wrong_name" if answer.named else "missed"
+
+
+def _judge_group(truth: frozenset[str], answer: Answer) -> str:
+    if answer.named - truth:
+        return _judge_names(truth, answer.named)
+    hidden = truth - answer.named
+    inside = any(hidden | answer.group <= group for group in INSEPARABLE) and len(answer.group) <= LARGEST_GROUP
+    if not inside:
+        return "wrong_group"
+    return "beside_group" if answer.named else RIGHT_GROUP
 
 
 def _judge_names(truth: frozenset[str], named: frozenset[str]) -> str:

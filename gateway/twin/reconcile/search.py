@@ -10,7 +10,7 @@ from gateway.twin.effects.effect import Value
 from gateway.twin.reconcile.attempts import Attempt
 from gateway.twin.reconcile.event_search import NEARLY, PARENTS, POLISH_ROUNDS, EventSearch
 from gateway.twin.reconcile.groups import mates_of
-from gateway.twin.reconcile.score import Signatures, possible, signatures
+from gateway.twin.reconcile.score import LASTING, Signatures, possible, signatures
 from gateway.twin.reconcile.starting import STARTS, Situation
 
 Array = NDArray[np.float64]
@@ -73,8 +73,16 @@ class Search(EventSearch):
         self._try_found_in_data(base, starts)
         self._polished(len(base.values) + 1)
         self._mates(base, starts)
-        best = self.best()
+        best = self._to_go_on_from(base)
         return self._kept(base, best if self.worth(base, best) else base)
+
+    def _to_go_on_from(self, base: Attempt) -> Attempt:
+        """The best; not a pair of lasting effects that leaves something: events beside either have not been tried then."""
+        best, size = self.best(), len(base.values) + 1
+        if len(best.values) <= size or not set(best.values) <= set(LASTING) | set(base.values) or not best.open:
+            return best
+        unit = self.unit()
+        return min((a for a in self.attempts.values() if len(a.values) <= size), key=lambda a: self.bic(a, unit))
 
     def structure(self, base: Attempt) -> Attempt:
         """A second mode or a bounce beside the base, where that is most of what is left; else the base."""
@@ -134,11 +142,13 @@ class Search(EventSearch):
     def _pairs_of_lasting(self, base: Attempt) -> None:
         """Where the best single effect takes most of the gap: others beside it, which are quicker to try than events."""
         best = self.best()
-        if best.open and best.reduced - 1 < TAKES_MOST * (base.reduced - 1) and not self.setting.wide:
-            self._lasting_children(best, self.setting.starts(best.values), first=False)
-            pair = self.best()
-            if not pair.open and len(pair.values) > len(best.values):
-                self._swapped(pair)
+        if not best.open or best.reduced - 1 > TAKES_MOST * (base.reduced - 1) or self.setting.wide:
+            return
+        for parent in self._parents(len(base.values) + 1):
+            self._lasting_children(parent, self.setting.starts(parent.values), first=False)
+        pair = self.best()
+        if not pair.open and len(pair.values) > len(best.values):
+            self._swapped(pair)
 
     def _try_lasting(self, parent: Attempt, name: str, starts: Array) -> None:
         setting = self.setting
@@ -179,7 +189,8 @@ class Search(EventSearch):
                 break
             if not first and rank >= CHILDREN:
                 break
-            self._try_lasting(parent, name, starts)
+            if parent.names | {name} not in self.attempts:
+                self._try_lasting(parent, name, starts)
 
     def _try_found_in_data(self, parent: Attempt, starts: Array) -> None:
         """Effects whose times or frequencies have to be found first: in what a model that follows the motion leaves.
