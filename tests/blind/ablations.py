@@ -13,7 +13,7 @@ from typing import Any
 from unittest.mock import patch
 
 from gateway.cli.main import main as plumbline
-from gateway.twin.reconcile import reconcile, search, verdict
+from gateway.twin.reconcile import always_there, reconcile, search, verdict
 from gateway.twin.reconcile.attempts import Attempt
 from gateway.twin.reconcile.held_out import Judged
 from gateway.twin.reconcile.observations import Observations
@@ -41,7 +41,7 @@ def isolability() -> Iterator[None]:
 @contextmanager
 def held_out() -> Iterator[None]:
     """The log alone decides; the prediction of the held-out recording is still made, to be scored."""
-    with_line = reconcile._with_line
+    with_line = always_there.with_line
 
     def on_log(
         contenders: Sequence[Contender], base: Contender, log: Observations, _held_out: Observations, *others: Any
@@ -55,7 +55,15 @@ def held_out() -> Iterator[None]:
     def line_on_log(search: Search, base: Attempt, always: reconcile.Values, _held_out: Observations) -> Any:
         return with_line(search, base, always, search.setting.log)
 
-    with patch.object(reconcile, "decide", on_log), patch.object(reconcile, "_with_line", line_on_log):
+    def slow_on_log(_search: Search, best: Attempt, _held_out: Observations) -> bool:
+        return "clock_drift" in best.values and best.open
+
+    with (
+        patch.object(reconcile, "decide", on_log),
+        patch.object(reconcile, "beside", lambda _search, best, *_others: best),
+        patch.object(reconcile, "_runs_slow", slow_on_log),
+        patch.object(always_there, "with_line", line_on_log),
+    ):
         yield
 
 

@@ -8,31 +8,26 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects.effect import Value
 from gateway.twin.model import Model
+from gateway.twin.reconcile.always_there import SAME_GAIN, based, recordings_of, seen_in_readings
 from gateway.twin.reconcile.answering import Findings, reconciliation
-from gateway.twin.reconcile.attempts import LEAST_EFFECT, Attempt
-from gateway.twin.reconcile.detectors import coarser, find_limit, find_step, mean_of_steps
+from gateway.twin.reconcile.attempts import Attempt
+from gateway.twin.reconcile.detectors import mean_of_steps
 from gateway.twin.reconcile.held_out import judge
 from gateway.twin.reconcile.isolability import coinciding
 from gateway.twin.reconcile.loading import Loaded
 from gateway.twin.reconcile.lost import lost_samples, retimed_held_out
 from gateway.twin.reconcile.null_test import largest_by_chance, score
-from gateway.twin.reconcile.observations import Observations, Recordings, piece
+from gateway.twin.reconcile.observations import Observations, Recordings
 from gateway.twin.reconcile.remainder import left_open
 from gateway.twin.reconcile.result import Reconciliation
 from gateway.twin.reconcile.search import Search
 from gateway.twin.reconcile.second_look import beside
 from gateway.twin.reconcile.setting import Setting
-from gateway.twin.reconcile.spectrum import machine_line
-from gateway.twin.reconcile.starting import Situation, vibration
 from gateway.twin.reconcile.verdict import RIVAL, Contender, decide
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, Value]]
-HELD_BACK = 1 / 3
-"""Part at the end of the log that is held out where there is no second recording."""
 JUDGED = 4
-SAME_GAIN = 0.5
-"""A gain that is more than an accident of one recording, or of its steps, comes to at least this part in the other look."""
 NEAR = 5.0
 """Sets within this many times `RIVAL` of the best on the log are judged on held-out data."""
 
@@ -49,8 +44,8 @@ def reconcile(
     fault = log.fault or (None if held_out is None or held_out.fault is None else f"held-out: {held_out.fault}")
     if fault is not None or log.observations is None:
         return unusable(model, log, fault or "no samples")
-    recordings = _recordings(log.observations, None if held_out is None else held_out.observations)
-    recordings, always = _seen_in_readings(recordings)
+    recordings = recordings_of(log.observations, None if held_out is None else held_out.observations)
+    recordings, always = seen_in_readings(recordings)
     rng = np.random.default_rng(seed)
     tick("baseline")
     believed = _search(model, recordings.log, {}, tick)
@@ -94,7 +89,7 @@ def _singles(
     believed: Search, start: Attempt, recordings: Recordings, always: Values
 ) -> tuple[Search, Attempt, Recordings, float | None]:
     """Single effects beside what the readings themselves show; again at true times where samples were lost."""
-    search, base = _based(believed, start, always, recordings.held_out)
+    search, base = based(believed, start, always, recordings.held_out)
     slow_clock = _slow_clock(search, search.lasting(base))
     found = None
     if not search.has_event(base) and slow_clock is not None and search.best().open:
@@ -137,7 +132,7 @@ def _at_true_times(
     start = again.try_values({})
     if start is None:
         return None
-    search, base = _based(again, start, {name: search.always[name] for name in always}, held_out)
+    search, base = based(again, start, {name: search.always[name] for name in always}, held_out)
     search.lasting(base)
     search.singles(base)
     return search, base, recordings, lost.walk.fraction
@@ -163,56 +158,6 @@ def _beyond_steps(search: Search, base: Attempt, best: Attempt) -> bool:
         return log.reduced_chi2(mean_of_steps(attempt.fit.force_g, step_g, np.array(rig.noise_g)))
 
     return stepped(base) - stepped(best) > SAME_GAIN * (base.reduced - best.reduced)
-
-
-def _based(search: Search, start: Attempt, always: Values, held_out: Observations) -> tuple[Search, Attempt]:
-    """The search on what is always there: what the values show, and a machine's line."""
-    base = search.try_values(always) or start
-    search.always = _with_line(search, base, always, held_out)
-    return search, search.attempts[frozenset(search.always)]
-
-
-def _recordings(log: Observations, held_out: Observations | None) -> Recordings:
-    if held_out is not None:
-        return Recordings(log, held_out, held_out, last_third=False)
-    cut = int(len(log.time_s) * (1 - HELD_BACK))
-    held_back = piece(log, cut, len(log.time_s))
-    return Recordings(piece(log, 0, cut), held_back, held_back, last_third=True)
-
-
-def _seen_in_readings(recordings: Recordings) -> tuple[Recordings, Values]:
-    """Steps and limits, which need no model."""
-    log, held_out = recordings.log, recordings.held_out
-    step_g = find_step(log.force_g, log.noise_g)
-    if step_g is not None:
-        coarse = coarser(log, step_g)
-        log, held_out = replace(log, noise_g=coarse), replace(held_out, noise_g=coarse)
-        return Recordings(log, held_out, held_out, recordings.last_third), {"quantization": {"lsb_g": step_g}}
-    limit_g = find_limit(log.force_g)
-    return recordings, {} if limit_g is None else {"clipping": {"full_scale_g": limit_g}}
-
-
-def _with_line(search: Search, base: Attempt, always: Values, held_out: Observations) -> Values:
-    """A machine's line stands far above the swing's frequencies and hides nothing: it is added before the search.
-
-    Only if the same line is in the held-out recording, too: steps of the readings and the swing make lines of their own. So do
-    a second mode and a bounce, up to several times their frequency: the line is looked for in what those leave.
-    """
-    log, rig, effects = search.setting.log, search.setting.rig, search.setting.believed
-    if "vibration" in effects or machine_line(log.time_s, log.force_g - base.fit.force_g, log.noise_g) is None:
-        return always
-    beside = search.structure(base)
-    found = vibration(Situation(rig, log, log.force_g - beside.fit.force_g, ()))
-    if not found:
-        return always
-    tried = search.try_values({**beside.values, "vibration": found[0]})
-    if tried is None or beside.fit.chi2 - tried.fit.chi2 < LEAST_EFFECT * log.count:
-        return always
-    without, with_it = (judge(rig, {**effects, **each.values}, held_out).reduced for each in (beside, tried))
-    if without - with_it < SAME_GAIN * (beside.reduced - tried.reduced):
-        return always
-    alone = tried if beside is base else search.try_values({**base.values, "vibration": tried.values["vibration"]})
-    return always if alone is None else {name: alone.values[name] for name in (*always, "vibration")}
 
 
 def judged(

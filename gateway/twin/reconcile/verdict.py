@@ -138,7 +138,9 @@ def _of_models(
         return beside_a_remainder(best, base, rivals, always, fitted, wide=wide)
     if len(best.names - always) > 1:
         leading = _leading(best, base, fitted)
-        bends = len(best.names - always) > 2 or structured(log, best.attempt.fit) or structured(held_out, best.judged.fit)
+        bends = (
+            len(best.names - always) > 2 or structured(log, best.attempt.fit) or structured(held_out, best.judged.fit)
+        )
         if leading != best.names and bends:
             text = "what else was tried only bends the model to what is left, and something is left"
             verdict: Verdict = "named_with_remainder" if leading else "unmodelled"
