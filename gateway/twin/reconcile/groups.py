@@ -27,12 +27,19 @@ GROUPS: tuple[tuple[frozenset[str], str], ...] = (
         "repeat with the crane's slewing locked; or look at the housing while the load swings",
     ),
 )
+TURNING = frozenset({"housing_spin", "slewing"})
+"""No recording tells these two apart, whatever a fit says."""
 OTHERWISE = "record for longer and from a wider swing"
 
 
 def group_of(names: frozenset[str]) -> frozenset[str] | None:
     """A group that holds all of these."""
     return next((group for group, _ in GROUPS if names <= group), None)
+
+
+def is_beyond(names: frozenset[str], best: frozenset[str]) -> bool:
+    """More than the best has, or its twin with the other one of those that turn: what is more has no worth of its own."""
+    return names >= best or bool(best & TURNING and names & TURNING and names - TURNING > best - TURNING)
 
 
 def mates_of(names: frozenset[str]) -> frozenset[str]:

@@ -54,7 +54,7 @@ def judge(rig: TwinRig, values: EffectValues, held_out: Observations, rounds: in
         )
         if best is None or fit.chi2 < best.chi2:
             best = fit
-        if best.chi2 < 1.2 * held_out.count:
+        if best.chi2 < NOISE * held_out.count:
             break
     assert best is not None
     if best.chi2 > NOISE * held_out.count:  # a heading is slow to settle

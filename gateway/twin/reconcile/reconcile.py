@@ -12,6 +12,7 @@ from gateway.twin.reconcile.always_there import SAME_GAIN, based, recordings_of,
 from gateway.twin.reconcile.answering import Findings, reconciliation
 from gateway.twin.reconcile.attempts import Attempt
 from gateway.twin.reconcile.detectors import mean_of_steps
+from gateway.twin.reconcile.groups import is_beyond
 from gateway.twin.reconcile.held_out import judge
 from gateway.twin.reconcile.isolability import coinciding
 from gateway.twin.reconcile.loading import Loaded
@@ -170,7 +171,7 @@ def judged(
     near = [
         a
         for a in ranked
-        if not a.names >= best.names and always <= a.names and search.bic(a, unit) < least + NEAR * RIVAL
+        if not is_beyond(a.names, best.names) and always <= a.names and search.bic(a, unit) < least + NEAR * RIVAL
     ]
 
     def contender(attempt: Attempt) -> Contender:

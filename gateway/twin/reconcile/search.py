@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gateway.twin.effects.effect import Value
 from gateway.twin.reconcile.attempts import Attempt
 from gateway.twin.reconcile.event_search import NEARLY, PARENTS, POLISH_ROUNDS, EventSearch
-from gateway.twin.reconcile.groups import mates_of
+from gateway.twin.reconcile.groups import TURNING, mates_of
 from gateway.twin.reconcile.score import LASTING, Signatures, possible, signatures
 from gateway.twin.reconcile.starting import STARTS, Situation
 
@@ -19,8 +19,6 @@ STRUCTURES = ("rope_stretch", "double_pendulum")
 SPECTRAL = ("clipping", *STRUCTURES)
 STRUCTURAL = 0.5
 """What a second mode or a bounce may leave of the gap for other lines to be looked for in what it leaves."""
-TURNING = frozenset({"housing_spin", "slewing"})
-"""Pieces cannot be told to join before it is known how fast they turn."""
 SEEN = frozenset({"quantization", "clipping"})
 """Found in the readings themselves: no fit takes them away again."""
 MOST_EFFECTS = 3
@@ -152,7 +150,7 @@ class Search(EventSearch):
 
     def _try_lasting(self, parent: Attempt, name: str, starts: Array) -> None:
         setting = self.setting
-        turns = name in TURNING
+        turns = name in TURNING  # pieces cannot be told to join before it is known how fast they turn
         situation = Situation(setting.rig, setting.log, setting.log.force_g - parent.fit.force_g, ())
         self._try(parent, name, STARTS[name](situation) if turns else [{}], None if turns else starts)
 

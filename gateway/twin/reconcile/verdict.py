@@ -7,7 +7,7 @@ import numpy as np
 
 from gateway.twin.reconcile.attempts import LEAST_EFFECT, Attempt
 from gateway.twin.reconcile.events import outside_events
-from gateway.twin.reconcile.groups import group_of
+from gateway.twin.reconcile.groups import TURNING, group_of
 from gateway.twin.reconcile.held_out import Judged, taken_off
 from gateway.twin.reconcile.observations import Observations
 from gateway.twin.reconcile.pieces import is_wide
@@ -32,8 +32,6 @@ NEAR_LINE = 3.0
 """Turns in the recording by which two lines may differ and yet be one that swells and fades."""
 PICK_UP = frozenset({"cross_axis", "mount_misalignment"})
 """An unsymmetrical pick-up is a symmetrical one and a turn: beside the first, nothing tells the turn from it."""
-TURNING = frozenset({"housing_spin", "slewing"})
-"""No recording tells them apart, whatever a fit says."""
 
 PACE = frozenset({"clock_drift", "rope_length"})
 """Beside something unexplained these have no name: whatever makes time wander runs slow on the whole."""

@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from gateway.twin.reconcile.groups import is_beyond
 from gateway.twin.reconcile.isolability import coinciding
 from gateway.twin.reconcile.verdict import Answer, Contender, beside_a_remainder, rivals_of, told_apart
 
@@ -55,6 +56,22 @@ def test_a_turn_beside_a_pick_up_is_not_named(verdict):
     askew = told_apart(answer(verdict, "cross_axis", "mount_misalignment", "wind_gust"))
     assert (askew.verdict, askew.named) == ("named_with_remainder", ("cross_axis", "wind_gust"))
     assert told_apart(answer(verdict, "mount_misalignment")).named == ("mount_misalignment",)
+
+
+@pytest.mark.parametrize(
+    ("names", "beyond"),
+    [
+        ("slewing", True),
+        ("housing_spin", False),
+        ("slewing impact", True),
+        ("housing_spin impact", True),
+        ("impact", False),
+        ("housing_spin viscous_damping", True),
+    ],
+)
+def test_more_than_the_best_or_its_twin_is_no_rival(names, beyond):
+    assert is_beyond(frozenset(names.split()), frozenset({"slewing"})) == beyond
+    assert not is_beyond(frozenset({"impact", "rope_length"}), frozenset({"impact", "clock_drift"}))
 
 
 def fitted(chi2, *names):
