@@ -16,8 +16,8 @@ from gateway.twin.reconcile.result import Verdict
 
 RIVAL = 12.0
 """Evidence, in chi-square over the noise's colour, below which one model is no better than another: odds of 400 to 1."""
-ALIKE_RIVAL = 60.0
-"""The same for two effects whose signatures coincide: what is between their fits is no evidence of which it is."""
+ALIKE_RIVAL = 20.0
+"""The same for two effects whose signatures coincide: between their fits a wrong one has been ahead by 6."""
 EXPLAINED = 0.99
 """Share of the held-out gap that a model must close for its effects to keep their names beside an unexplained remainder."""
 EXPLAINED_OF_BOTH, EXPLAINED_AT_LEAST = 0.999, 0.95
