@@ -218,9 +218,12 @@ def told_apart(answer: Answer) -> Answer:
         answer = replace(answer, verdict="named_with_remainder", reason=text, named=kept)
     if not named & TURNING:
         return answer
-    verdict: Verdict = "one_of" if answer.verdict == "named" else answer.verdict
     text = "the crane slews or the housing spins, and no recording tells these apart"
     kept = _sorted(frozenset(answer.named) - TURNING)
+    left: Verdict = "named_with_remainder" if kept else "unmodelled"
+    if answer.verdict != "named":
+        text += "; beside that something is left"
+    verdict: Verdict = "one_of" if answer.verdict == "named" else left
     return replace(answer, verdict=verdict, reason=text, named=kept, candidates=_sorted(TURNING))
 
 

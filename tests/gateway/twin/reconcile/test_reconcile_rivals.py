@@ -49,6 +49,8 @@ def test_whether_the_crane_or_the_housing_turns_is_not_named():
     assert (beside.verdict, beside.named, beside.candidates) == ("one_of", ("impact",), ("housing_spin", "slewing"))
     more = told_apart(answer("named_with_remainder", "housing_spin", "impact"))
     assert (more.verdict, more.named) == ("named_with_remainder", ("impact",))
+    bare = told_apart(answer("named_with_remainder", "housing_spin"))
+    assert (bare.verdict, bare.named, bare.candidates) == ("unmodelled", (), ("housing_spin", "slewing"))
 
 
 @pytest.mark.parametrize("verdict", ["named", "named_with_remainder"])
