@@ -2,10 +2,14 @@
 
 import importlib.util
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import pytest
+
+from tests.devices.adxl355_rig import Rig
 
 HERE = Path(__file__).parent
 
@@ -20,3 +24,13 @@ def chips() -> ModuleType:
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module
+
+
+@pytest.fixture
+def rig(chips: ModuleType) -> Callable[..., Rig]:
+    """Makes an ADXL355 at the bus with its driver."""
+
+    def make(**arguments: Any) -> Rig:
+        return Rig(chips, **arguments)
+
+    return make
