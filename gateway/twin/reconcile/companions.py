@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from gateway.twin.reconcile.attempts import LEAST_EFFECT, LEAST_STATISTIC, Values
 from gateway.twin.reconcile.free_time import FreeTime, free_time, knots_of
+from gateway.twin.reconcile.groups import LIKE_ANOTHER_ROPE
 from gateway.twin.reconcile.noise import colour
 from gateway.twin.reconcile.score import NEUTRAL_CUTOFF_HZ, possible
 from gateway.twin.reconcile.setting import Setting
@@ -19,9 +20,6 @@ from gateway.twin.reconcile.wandering import MOTION, answers, as_read, slow, spr
 from gateway.twin.simulator import Simulator
 
 Array = NDArray[np.float64]
-OF_TIME = frozenset({"clock_drift", "rope_length", "housing_position"})
-"""Beside lost samples these are the mean part of them, or nothing tells them from it."""
-
 HELD = frozenset({"quantization", "clipping", "vibration"})
 """Seen in the readings, and not where a swing lives."""
 RIVALS, NEAR = 3, 0.7
@@ -34,7 +32,7 @@ def companions(setting: Setting, others: Values, start: Array, true_s: Array, fr
     `start` is the motion's under the others.
     """
     o, own = setting.log, setting.simulator(tuple(others))
-    tried = [name for name in possible(setting) if name not in {*others, *setting.believed, *OF_TIME}]
+    tried = [name for name in possible(setting) if name not in {*others, *setting.believed, *LIKE_ANOTHER_ROPE}]
     simulator = setting.simulator((*others, *tried))
     resting: Values = {"lowpass_lag": {"cutoff_hz": NEUTRAL_CUTOFF_HZ}} if "lowpass_lag" in tried else {}
     at = simulator.values(start, {**setting.believed, **others, **resting})
@@ -71,7 +69,7 @@ def _drop(equations: FreeTime, simulator: Simulator, fixed: list[int], places: l
     """By how much chi-square falls beside what is fitted anyway; signs of one-sided parameters are kept."""
     step, drop = equations.solved([*fixed, *places])
     slot = simulator.parameters[places[0]]
-    one_sided = len(places) == 1 and (slot.lower == 0 or slot.parameter == "cutoff_hz")
+    one_sided = len(places) == 1 and slot.lower == 0
     if one_sided and step[-1] < 0:
         return 0.0
     return drop - equations.solved(fixed)[1]

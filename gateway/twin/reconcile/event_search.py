@@ -11,7 +11,8 @@ from gateway.twin.effects.effect import Value
 from gateway.twin.reconcile.attempts import LEAST_EFFECT, Attempt, Attempts
 from gateway.twin.reconcile.beginnings import one_motion_with
 from gateway.twin.reconcile.events import Window, find_windows, outside_events
-from gateway.twin.reconcile.partings import LIKE_ANOTHER_ROPE, Beginning, parting, parting_after
+from gateway.twin.reconcile.groups import LIKE_ANOTHER_ROPE
+from gateway.twin.reconcile.partings import Beginning, parting, parting_after
 from gateway.twin.reconcile.remainder import OPEN, to_go_on_with
 from gateway.twin.reconcile.score import possible
 from gateway.twin.reconcile.starting import STARTS, Situation, first_values

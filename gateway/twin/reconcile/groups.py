@@ -27,6 +27,8 @@ GROUPS: tuple[tuple[frozenset[str], str], ...] = (
         "repeat with the crane's slewing locked; or look at the housing while the load swings",
     ),
 )
+LIKE_ANOTHER_ROPE = frozenset({"rope_length", "housing_position", "clock_drift"})
+"""To an end after an event, and beside lost samples, each of these is like another rope."""
 TURNING = frozenset({"housing_spin", "slewing"})
 """No recording tells these two apart, whatever a fit says."""
 OTHERWISE = "record for longer and from a wider swing"

@@ -13,6 +13,7 @@ from gateway.twin.compiled import UNFOLLOWED
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Value
 from gateway.twin.reconcile.events import INSIDE, Window
+from gateway.twin.reconcile.groups import LIKE_ANOTHER_ROPE
 from gateway.twin.reconcile.observations import Observations, piece
 from gateway.twin.reconcile.setting import Setting
 from gateway.twin.reconcile.shooting import Fit
@@ -33,8 +34,6 @@ JOINED = 1.15
 """Reduced chi-square of a piece that is one motion."""
 CHANGED = ("rope_length", "housing_position")
 """After hoisting both are others; after a change of the load the first."""
-LIKE_ANOTHER_ROPE = frozenset({"rope_length", "housing_position", "clock_drift"})
-"""Fitted to an end again, these would make up for a rope that became another."""
 EXTENSIONS = 6
 NEARLY = 1.05
 """Where a beginning goes on for less than this times its own length, it parts."""
@@ -161,6 +160,7 @@ def _ending(setting: Setting, known: Values, extra: Values, from_sample: int) ->
     low, high = from_sample, int(np.searchsorted(log.time_s, log.time_s[-1] - SHORTEST_S))
     if high <= low:
         return None
+    # Fitted again, what is like another rope would make up for a rope that became another.
     again = {name: each for name, each in known.items() if name not in LIKE_ANOTHER_ROPE}
     for free in ({}, again) if again else ({},):
         held = {**setting.believed, **{name: each for name, each in known.items() if name not in free}}

@@ -39,7 +39,7 @@ class Signatures:
         columns = self.of[name]
         solved, *_ = np.linalg.lstsq(columns, self.residual, rcond=1e-9)
         lower = np.array([p.lower for p in EFFECTS[name].parameters])
-        if columns.shape[1] == 1 and lower[0] == 0 and solved[0] < 0 and name != "lowpass_lag":
+        if columns.shape[1] == 1 and lower[0] == 0 and solved[0] < 0:
             return 0.0
         fitted = columns @ solved
         return float(fitted @ self.residual)
