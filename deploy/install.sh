@@ -31,6 +31,8 @@ done
 [ -x "$program/.venv/bin/python" ] || "$python" -m venv "$program/.venv"
 "$program/.venv/bin/python" -m pip install --quiet --disable-pip-version-check --only-binary :all: --require-hashes \
     -r "$program/requirements.lock"
+# The distribution's former name: left installed, it would own the same command.
+"$program/.venv/bin/python" -m pip uninstall --quiet --quiet --yes plumbline
 "$program/.venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-build-isolation --no-deps --editable "$program"
 
 echo "settings   $settings/plumbline.toml"

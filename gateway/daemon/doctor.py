@@ -103,7 +103,7 @@ def _page(configuration: Configuration) -> Iterator[Finding]:
         return
     missing = [name for name in PAGE_MODULES if importlib.util.find_spec(name) is None]
     if missing:
-        yield Finding("bad", "page", f"{', '.join(missing)} not installed; install plumbline[page]")
+        yield Finding("bad", "page", f"{', '.join(missing)} not installed; install plumbline-gateway[page]")
         return
     try:
         socket.create_server(configuration.page.address).close()

@@ -29,7 +29,7 @@ class PageProcess:
         missing = [name for name in PAGE_MODULES if importlib.util.find_spec(name) is None]
         if missing:
             raise PageError(
-                f"page: {', '.join(missing)} not installed; install plumbline[page], or set page.enabled = false"
+                f"page: {', '.join(missing)} not installed; install plumbline-gateway[page], or set page.enabled = false"
             )
         self._parameters = page_parameters(configuration)
         self._socket = _bind(*configuration.page.address)

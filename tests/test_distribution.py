@@ -1,0 +1,31 @@
+"""The name under which the distribution is installed, and the hints that tell users to install its extras."""
+
+import re
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+HINT = re.compile(r"\binstall '?([\w-]+)\[(\w+)\]")
+
+
+def _hints() -> Iterator[tuple[str, str, str]]:
+    """Yield file, distribution and extra of every hint."""
+    for folder in ("gateway", "devices", "docs", "deploy"):
+        for path in sorted((ROOT / folder).rglob("*")):
+            if path.suffix in {".py", ".md", ".sh"}:
+                for distribution, extra in HINT.findall(path.read_text()):
+                    yield path.name, distribution, extra
+
+
+def test_every_installation_hint_names_this_distribution_and_one_of_its_extras() -> None:
+    hints = list(_hints())
+    assert {"extras.py", "doctor.py", "page_process.py"} <= {file for file, _, _ in hints}
+    for file, distribution, extra in hints:
+        assert (file, distribution) == (file, PROJECT["name"])
+        assert extra in PROJECT["optional-dependencies"]
+
+
+def test_the_command_is_named_plumbline() -> None:
+    assert PROJECT["scripts"] == {"plumbline": "gateway.cli.main:main"}
