@@ -4,7 +4,7 @@ import importlib.util
 
 from gateway.errors import InputError
 
-OF_THE_TWIN = ("casadi", "matplotlib")
+OF_THE_TWIN = ("casadi", "matplotlib", "scipy")
 
 
 def require_twin() -> None:
