@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.errors import RecordingError
+from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2
 from devices.recording import Recording, Rows, recording_from_rows
-from devices.simulated.pendulum import STANDARD_GRAVITY_M_S2
 
 Column = str | int
 """A column by its name in the header, or by its 1-based number where there is no header."""

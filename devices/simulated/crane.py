@@ -10,8 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.simulated import equations, pendulum
-from devices.simulated.equations import Vector
+from devices.pendulum import equations, pendulum
+from devices.pendulum.equations import Vector
 from devices.simulated.schedule import Drive, Event, Gust, Hoist, Schedule, TrolleyMove
 
 Array = NDArray[np.float64]

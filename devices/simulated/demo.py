@@ -8,8 +8,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2, start_motion
 from devices.simulated.crane import Crane
-from devices.simulated.pendulum import STANDARD_GRAVITY_M_S2, start_motion
 from devices.simulated.schedule import Event, Gust, Hoist, TrolleyMove
 
 DAMPING_RATIO = 0.006

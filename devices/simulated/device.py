@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
 from devices.errors import DeviceError
+from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2
 from devices.simulated.accelerometer import (
     SCALE_FACTOR_LIMIT_PER_K,
     ZERO_G_OFFSET_LIMIT_G,
@@ -22,7 +23,6 @@ from devices.simulated.accelerometer import (
 from devices.simulated.crane import Crane, Truth
 from devices.simulated.demo import demo_crane
 from devices.simulated.factory import factory_calibration
-from devices.simulated.pendulum import STANDARD_GRAVITY_M_S2
 
 LONGEST_WAIT_S: Final = 0.5
 LONGEST_LAG_S: Final = 1.0

@@ -7,9 +7,9 @@ import numpy as np
 
 from gateway.bench.nominal import nominal_for
 from gateway.bench.tables import Session, TableOptions, read_session
-from gateway.calibration.collecting import Collecting
 from gateway.calibration.methods import procedure_for
 from gateway.calibration.norm_fit import FRAME_U_DEG
+from gateway.calibration.pose_procedure import Collecting
 from gateway.calibration.poses import Nominal
 from gateway.calibration.procedure import CalibrationFit, RawReadings
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError

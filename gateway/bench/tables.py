@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2
 from devices.recording import Recording
-from devices.simulated.pendulum import STANDARD_GRAVITY_M_S2
 from devices.table import HEADER_LINES, TableLayout, read_table
 from gateway.errors import InputError
 

@@ -1,9 +1,9 @@
 """The ways of calibrating, as procedures that are fed readings; live sessions and the offline command build them here."""
 
-from gateway.calibration.collecting import Collecting
 from gateway.calibration.norm_fit import FRAME_U_DEG
 from gateway.calibration.norm_fit import METHOD as NORM_FIT
 from gateway.calibration.plans import NormFitPlan, SixPositionPlan
+from gateway.calibration.pose_procedure import Collecting
 from gateway.calibration.poses import Nominal
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.six_position import METHOD as SIX_POSITION

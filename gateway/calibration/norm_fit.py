@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.calibration.assembly import assemble
-from gateway.calibration.directions import conditioning, refuse_undetermined
+from gateway.calibration.experiment_design import conditioning, refuse_undetermined
 from gateway.calibration.frame import Frame, frame_of, nominal_frame, rotation_covariance
 from gateway.calibration.misalignment import inverse
 from gateway.calibration.noise import quantisation_u

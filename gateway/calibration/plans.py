@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.calibration.collecting import Poses, Wanted
-from gateway.calibration.directions import CONDITION_LIMIT, conditioning, next_direction
+from gateway.calibration.experiment_design import CONDITION_LIMIT, conditioning, next_direction
 from gateway.calibration.geometry import FACE_DIRECTIONS, FACES, direction_text, face_of, off_face_deg
 from gateway.calibration.norm_fit import METHOD as NORM_FIT
 from gateway.calibration.norm_fit import NEEDED, fit_norm
+from gateway.calibration.pose_procedure import Poses, Wanted
 from gateway.calibration.poses import TURN_LIMIT_G, Nominal
 from gateway.calibration.procedure import CalibrationFit, Pose
 from gateway.calibration.record import CalibrationRecord

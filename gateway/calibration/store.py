@@ -14,8 +14,8 @@ from urllib.parse import quote
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from gateway.atomic_io import write_durably
 from gateway.calibration.record import CalibrationError, CalibrationRecord
-from gateway.durable import write_durably
 
 ID_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,119}$"
 """Of a record: it is a file's name."""

@@ -5,7 +5,7 @@ import sys
 import time
 from typing import TYPE_CHECKING, TextIO
 
-from gateway.cli.values import above_zero
+from gateway.cli.argument_types import above_zero
 
 if TYPE_CHECKING:
     from gateway.bus.client import Client
@@ -63,8 +63,8 @@ def watch(client: "Client", screws: "ScrewMechanics", out: TextIO) -> int:
     """Show advice as tilts come, until the housing is aligned; a lost link is waited for."""
     import zenoh
 
-    from gateway.cli.line import MovingLine
-    from gateway.daemon.dropping_queue import DroppingQueue
+    from gateway.cli.status_line import MovingLine
+    from gateway.daemon.bounded_queue import DroppingQueue
     from gateway.recalibration.aligning import Aligning
     from gateway.topics import adapter
 

@@ -6,7 +6,7 @@ import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
-from gateway.cli.values import above_zero
+from gateway.cli.argument_types import above_zero
 
 UNIDENTIFIED = "unidentified"
 
@@ -96,8 +96,8 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.bench.session import BenchOptions, calibrate
     from gateway.bench.tables import TableOptions
     from gateway.calibration.acceptance import judge
-    from gateway.calibration.make import make_record
     from gateway.calibration.record import NotDeterminedError
+    from gateway.calibration.record_factory import make_record
     from gateway.certificate.page import certificate
     from gateway.cli.output import write_json, write_text
 

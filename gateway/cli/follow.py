@@ -7,8 +7,8 @@ from typing import Any, TextIO
 import zenoh
 
 from gateway.bus.client import Client
-from gateway.cli.line import MovingLine
-from gateway.daemon.dropping_queue import DroppingQueue
+from gateway.cli.status_line import MovingLine
+from gateway.daemon.bounded_queue import DroppingQueue
 
 STALE_ANSWERS = 4
 """A gateway that has just accepted a session may still tell of the time before, so often at most."""

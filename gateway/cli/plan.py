@@ -33,16 +33,16 @@ def wants_plan(arguments: argparse.Namespace) -> bool:
 
 def run_plan(arguments: argparse.Namespace) -> int:
     """Plan and tell; exit code 1 where no manoeuvre tells anything apart."""
-    from gateway.cli.extras import require_twin
+    from gateway.cli.optional_dependencies import require_twin
 
     require_twin()
     from gateway.cli.output import write_json
     from gateway.cli.progress import Progress
     from gateway.measurement.rig import read_rig
+    from gateway.twin.experiment_design.hypotheses import GROUPS, suspects
+    from gateway.twin.experiment_design.plan import plan
+    from gateway.twin.experiment_design.text import as_json, as_text
     from gateway.twin.model import model_of
-    from gateway.twin.plan.plan import plan
-    from gateway.twin.plan.suspects import GROUPS, suspects
-    from gateway.twin.plan.text import as_json, as_text
 
     model = model_of(read_rig(arguments.plan), str(arguments.plan))
     groups = GROUPS if arguments.effects is None else (suspects(arguments.effects),)

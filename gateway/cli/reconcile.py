@@ -4,9 +4,9 @@ import argparse
 import sys
 from pathlib import Path
 
+from gateway.cli.argument_types import whole_number
 from gateway.cli.plan import add_plan_arguments, run_plan, wants_plan
 from gateway.cli.reconcile_files import check_outputs, texts
-from gateway.cli.values import whole_number
 
 EXAMPLE = """examples:
   plumbline reconcile log.csv --rig rig.toml --held-out second.csv --json result.json --report report.html
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Reconcile and tell; exit code 1 where something is missing that has no name, or the data cannot be used."""
     if wants_plan(arguments):
         return run_plan(arguments)
-    from gateway.cli.extras import require_twin
+    from gateway.cli.optional_dependencies import require_twin
 
     require_twin()
     import time
@@ -57,10 +57,10 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.measurement.rig import read_rig
     from gateway.measurement.source import read_source
     from gateway.twin.model import model_of
-    from gateway.twin.reconcile.json_form import as_json
-    from gateway.twin.reconcile.loading import believed_by, prepared
+    from gateway.twin.reconcile.data.data_checks import believed_by, prepared
+    from gateway.twin.reconcile.output.serialisation import as_json
+    from gateway.twin.reconcile.output.text import as_text
     from gateway.twin.reconcile.reconcile import reconcile
-    from gateway.twin.reconcile.text import as_text
 
     begin_s = time.monotonic()
     _check_files(arguments)

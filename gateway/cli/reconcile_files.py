@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from gateway.errors import InputError
 
 if TYPE_CHECKING:
-    from gateway.twin.reconcile.result import Curves, Reconciliation
+    from gateway.twin.reconcile.output.result import Curves, Reconciliation
 
 
 def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None]) -> None:
@@ -36,7 +36,7 @@ def _fault(path: Path) -> str:
 
 def texts(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float) -> dict[Path, str]:
     """Prediction, model and report as far as they were asked for, by their places."""
-    from gateway.twin.reconcile.writing import model_toml
+    from gateway.twin.reconcile.output.export import model_toml
 
     made = {}
     if arguments.prediction is not None:
@@ -50,7 +50,7 @@ def texts(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: fl
 
 def _prediction(result: "Reconciliation", *, of_second: bool) -> str:
     """Of the held-out recording, or of the log in its two parts."""
-    from gateway.twin.reconcile.writing import prediction_csv
+    from gateway.twin.reconcile.output.export import prediction_csv
 
     curves: list[Curves | None] = [result.held_out] if of_second else [result.log, result.held_out]
     return prediction_csv([each for each in curves if each is not None])

@@ -43,7 +43,7 @@ def _watch(arguments: argparse.Namespace) -> int:
     import zenoh
 
     from gateway.bus.session import open_session
-    from gateway.daemon.dropping_queue import DroppingQueue
+    from gateway.daemon.bounded_queue import DroppingQueue
     from gateway.errors import InputError
     from gateway.topics import TOPICS
 

@@ -8,7 +8,7 @@ import threading
 from pathlib import Path
 from types import FrameType
 
-from gateway.cli.values import above_zero
+from gateway.cli.argument_types import above_zero
 
 WITH_LOSSES, FAILED = 3, 1
 

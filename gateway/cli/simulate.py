@@ -4,7 +4,7 @@ import argparse
 import math
 from pathlib import Path
 
-from gateway.cli.values import above_zero, whole_number
+from gateway.cli.argument_types import above_zero, whole_number
 
 EXAMPLE = """examples:
   plumbline simulate rig.toml --out log.csv --effect viscous_damping
@@ -47,7 +47,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Simulate and write."""
-    from gateway.cli.extras import require_twin
+    from gateway.cli.optional_dependencies import require_twin
 
     require_twin()
     from gateway.cli.output import write_text

@@ -12,9 +12,9 @@ from gateway import __version__
 from gateway.bus.session import open_session
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
-from gateway.daemon.calibration_shelf import CalibrationShelf
+from gateway.daemon.calibration_provider import CalibrationShelf
 from gateway.daemon.device_factory import make_device
-from gateway.daemon.drift_keeper import DriftKeeper
+from gateway.daemon.drift_state_store import DriftKeeper
 from gateway.daemon.health import HealthReport
 from gateway.daemon.instance import InstanceLock
 from gateway.daemon.logs import RecordingHandler
@@ -22,12 +22,12 @@ from gateway.daemon.notify import ServiceNotifier
 from gateway.daemon.page_process import PageProcess
 from gateway.daemon.processor import Processor
 from gateway.daemon.publisher import Publisher
-from gateway.daemon.recalibration_desk import RecalibrationDesk
+from gateway.daemon.recalibration_service import RecalibrationDesk
 from gateway.daemon.recording_worker import RecordingWorker
 from gateway.daemon.sampler import Sampler
 from gateway.daemon.wall_clock import WallClockWatch
 from gateway.messages import Log
-from gateway.pipeline.emission import Emission
+from gateway.pipeline.outgoing_message import Emission
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.standard import StandardMethods
 from gateway.recording.events import EventMarks

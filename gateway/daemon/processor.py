@@ -7,18 +7,18 @@ from dataclasses import dataclass
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.configuration.model import Configuration
-from gateway.daemon.calibration_shelf import CalibrationShelf
-from gateway.daemon.drift_keeper import DriftKeeper
+from gateway.daemon.calibration_provider import CalibrationShelf
+from gateway.daemon.drift_state_store import DriftKeeper
 from gateway.daemon.logs import RECORDED_ONLY
 from gateway.daemon.publisher import Publisher
-from gateway.daemon.recalibration_desk import RecalibrationDesk
+from gateway.daemon.recalibration_service import RecalibrationDesk
 from gateway.daemon.recording_worker import InForce, RecordingWorker
 from gateway.daemon.sampler import SamplerItem
 from gateway.daemon.wall_clock import WallClockWatch
 from gateway.daemon.worker import Worker
 from gateway.messages import Clock, Condition, Health
-from gateway.pipeline.emission import Emission
 from gateway.pipeline.header import Header, HeaderMaker
+from gateway.pipeline.outgoing_message import Emission
 from gateway.pipeline.pipeline import Pipeline
 from gateway.topics import TOPICS
 

@@ -8,9 +8,9 @@ from functools import partial
 import zenoh
 from pydantic_core import to_json
 
-from gateway.daemon.recalibration_desk import Asked, RecalibrationDesk
+from gateway.daemon.recalibration_service import Asked, RecalibrationDesk
 from gateway.daemon.worker import Worker
-from gateway.pipeline.emission import Emission
+from gateway.pipeline.outgoing_message import Emission
 from gateway.recalibration.journal import Answer
 from gateway.recalibration.requests import LARGEST_PAYLOAD, VERBS
 from gateway.topics import TOPICS, encode

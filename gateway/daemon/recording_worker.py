@@ -7,7 +7,7 @@ from pathlib import Path
 
 from devices.block import DeviceInfo
 from gateway.daemon.worker import Worker
-from gateway.pipeline.emission import Emission
+from gateway.pipeline.outgoing_message import Emission
 from gateway.recording.calibration_files import CalibrationFiles
 from gateway.recording.writer import Recorder, RecorderError
 

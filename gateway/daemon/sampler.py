@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from devices.block import DeviceInfo, SampleBlock
 from devices.device import Device, EndOfRecording
 from devices.errors import DeviceError
-from gateway.daemon.dropping_queue import DroppingQueue
+from gateway.daemon.bounded_queue import DroppingQueue
 from gateway.daemon.notify import ServiceNotifier
 
 log = logging.getLogger("plumbline.device")

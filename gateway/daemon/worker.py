@@ -5,7 +5,7 @@ import threading
 from abc import abstractmethod
 from typing import Generic, TypeVar
 
-from gateway.daemon.dropping_queue import DroppingQueue
+from gateway.daemon.bounded_queue import DroppingQueue
 
 Item = TypeVar("Item")
 WAIT_S = 0.1

@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from gateway.measurement.source import Source
 from gateway.stages.clipping import count_clipped
-from gateway.stages.condition_window import WINDOW_S
-from gateway.stages.conditions import ConditionFound, ConditionWatch, SwingSeen
+from gateway.stages.conditions.monitor import ConditionFound, ConditionWatch, SwingSeen
+from gateway.stages.conditions.window import WINDOW_S
 from gateway.stages.lowpass import LowPass
-from gateway.stages.swing.estimate import FormulaAngles, SwingEstimate
-from gateway.stages.swing.formulas import Extremes, Passage, corrected, extremes, published
-from gateway.stages.swing.recording import estimate_swing
 from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt, plain_tilt
+from gateway.swing.estimate import FormulaAngles, SwingEstimate
+from gateway.swing.formulas import Extremes, Passage, corrected, extremes, published
+from gateway.swing.offline import estimate_swing
 
 BLOCK_S = 0.1
 JUDGE_EVERY = 5

@@ -6,8 +6,8 @@ from typing import Any
 from devices.recording import Recording
 from gateway.measurement.measure import Measurement
 from gateway.measurement.source import Source
-from gateway.stages.swing.estimate import FormulaAngles, SwingEstimate
-from gateway.stages.swing.formulas import VALID_RHO
+from gateway.swing.estimate import FormulaAngles, SwingEstimate
+from gateway.swing.formulas import VALID_RHO
 from gateway.units import degrees
 
 

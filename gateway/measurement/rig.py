@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from gateway.errors import InputError
-from gateway.stages.swing.rig import MountedHousing
+from gateway.swing.rig import MountedHousing
 
 LONGEST_RHO = 2.0
 Positive = Annotated[float, Field(gt=0)]

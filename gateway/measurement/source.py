@@ -17,7 +17,7 @@ from gateway.configuration.model import Configuration
 from gateway.measurement.rig import Rig
 from gateway.pipeline.mounting import mounted_housing, with_sensor
 from gateway.recording.run import RecordedRun, read_samples
-from gateway.stages.swing.rig import MountedHousing
+from gateway.swing.rig import MountedHousing
 
 AXES_AS_THEY_ARE = ((0, 1), (1, 1), (2, 1))
 

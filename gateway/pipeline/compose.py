@@ -6,9 +6,9 @@ from numpy.typing import NDArray
 from devices.block import DeviceInfo
 from gateway.calibration.correction import Correction
 from gateway.messages import Alert, Calibration, CalibrationSession, Condition, Formulas, Swing, Tilt
-from gateway.pipeline.alert_board import AlertChange
+from gateway.pipeline.alert_manager import AlertChange
 from gateway.pipeline.header import Header
-from gateway.stages.conditions import ConditionFound
+from gateway.stages.conditions.monitor import ConditionFound
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty, fused_tilt, lean_direction
 from gateway.units import degrees, finite
 

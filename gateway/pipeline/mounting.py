@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
-from gateway.stages.swing.rig import MountedHousing
+from gateway.swing.rig import MountedHousing
 
 POSITION_U_M = 0.05
 """Standard uncertainty of the housing's place on the rope, as measured with a tape."""

@@ -16,16 +16,16 @@ from gateway.configuration.model import Configuration
 from gateway.messages import NO_SESSION, CalibrationSession, Condition
 from gateway.packing import pack
 from gateway.pipeline import compose
-from gateway.pipeline.alert_board import AlertBoard, AlertChange
+from gateway.pipeline.alert_manager import AlertBoard, AlertChange
 from gateway.pipeline.clock_state import ClockState
-from gateway.pipeline.emission import Emission
+from gateway.pipeline.drift_monitor import RestReading
+from gateway.pipeline.executor import AtOnce, Runner
 from gateway.pipeline.header import Header, HeaderMaker
-from gateway.pipeline.pace import Pace
-from gateway.pipeline.rest_reading import RestReading
-from gateway.pipeline.runner import AtOnce, Runner
-from gateway.pipeline.swing_reading import SwingReading
+from gateway.pipeline.outgoing_message import Emission
+from gateway.pipeline.rate_limiter import Pace
+from gateway.pipeline.swing_stage import SwingReading
 from gateway.stages.clipping import count_clipped
-from gateway.stages.conditions import ConditionFound, ConditionWatch
+from gateway.stages.conditions.monitor import ConditionFound, ConditionWatch
 from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty
 

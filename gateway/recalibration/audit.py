@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gateway.durable import append_durably
+from gateway.atomic_io import append_durably
 
 LARGEST_FILE = 8_000_000
 """Then the file becomes the previous one, of which there is one."""

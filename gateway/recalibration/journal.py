@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from gateway.durable import write_durably
+from gateway.atomic_io import write_durably
 from gateway.recalibration.session import Session
 
 MOST_ANSWERS = 64

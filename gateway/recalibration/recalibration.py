@@ -16,15 +16,15 @@ from gateway.calibration.zero import LEAST_S
 from gateway.errors import PlumblineError
 from gateway.recalibration import requests
 from gateway.recalibration.audit import Audit
+from gateway.recalibration.commands import Outcome, Planner
+from gateway.recalibration.fetch_handler import read_store
 from gateway.recalibration.interlock import LoadWatch
 from gateway.recalibration.journal import MOST_ANSWERS, Answer, Journal
 from gateway.recalibration.methods import Methods
-from gateway.recalibration.moment import Moment
-from gateway.recalibration.plans import Outcome, Planner
-from gateway.recalibration.reading import read_store
-from gateway.recalibration.readings import Readings
 from gateway.recalibration.requests import Request
+from gateway.recalibration.sample_buffer import Readings
 from gateway.recalibration.session import Session
+from gateway.recalibration.timestamp import Moment
 
 MARGIN_S = 1.0
 """Readings are kept for this much longer than zeroing needs."""

@@ -11,7 +11,7 @@ from devices.errors import RecordingError
 from gateway import messages
 from gateway.packing import unpack
 from gateway.recording import header as names
-from gateway.recording.frames import Losses
+from gateway.recording.mcap_salvage import Losses
 from gateway.recording.reader import RecordedMessage, RecordingFile, open_recording
 
 GAP_PERIODS = 1.5

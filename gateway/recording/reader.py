@@ -10,7 +10,7 @@ from mcap.well_known import MessageEncoding
 from pydantic import ValidationError
 
 from devices.errors import RecordingError
-from gateway.recording.frames import Losses, open_mcap, records
+from gateway.recording.mcap_salvage import Losses, open_mcap, records
 from gateway.topics import TOPICS, adapter
 
 TOPIC_OF_PATH = {topic.path: topic.name for topic in TOPICS.values()}

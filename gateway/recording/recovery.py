@@ -10,9 +10,9 @@ from mcap.records import Channel
 from mcap.writer import Writer
 
 from devices.errors import RecordingError
-from gateway.durable import sync_folder
-from gateway.recording.frames import Losses
+from gateway.atomic_io import sync_folder
 from gateway.recording.header import RECOVERED
+from gateway.recording.mcap_salvage import Losses
 from gateway.recording.reader import RecordingFile, open_recording
 
 

@@ -12,8 +12,8 @@ from devices.recording import Recording, in_order, missing_before
 from gateway import messages
 from gateway.packing import unpack
 from gateway.recording import header as names
-from gateway.recording.frames import Losses
 from gateway.recording.header import device_from_metadata
+from gateway.recording.mcap_salvage import Losses
 from gateway.recording.reader import RecordingFile, open_recording
 
 

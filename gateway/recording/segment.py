@@ -11,7 +11,7 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
 from devices.block import DeviceInfo
-from gateway.durable import partial_of, sync_folder
+from gateway.atomic_io import partial_of, sync_folder
 from gateway.recording import header as names
 from gateway.recording.calibration_files import AttachedFile
 from gateway.recording.header import RecordingHeader, device_metadata

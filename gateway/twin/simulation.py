@@ -10,7 +10,7 @@ from devices.simulated.accelerometer import Accelerometer, no_errors
 from gateway.errors import InputError
 from gateway.twin.effects.modes import modes
 from gateway.twin.model import Model
-from gateway.twin.simulator import Simulator
+from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
 FIRST_SWING_RAD = math.radians(5.0)

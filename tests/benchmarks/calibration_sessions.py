@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.calibration.directions import next_direction
+from gateway.calibration.experiment_design import next_direction
 from gateway.calibration.procedure import RawReadings
 
 Array = NDArray[np.float64]

@@ -17,9 +17,9 @@ from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.configuration.render import to_toml
 from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.executor import AtOnce
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
-from gateway.pipeline.runner import AtOnce
 from gateway.recording.header import RecordingHeader
 from gateway.recording.info import summarise
 from gateway.recording.writer import Recorder

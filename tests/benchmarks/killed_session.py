@@ -14,9 +14,9 @@ import numpy as np
 from devices.block import DeviceInfo, SampleBlock
 from devices.simulated.accelerometer import Accelerometer, typical_errors
 from gateway.calibration.store import CalibrationStore
-from gateway.recalibration.moment import Moment
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.standard import StandardMethods
+from gateway.recalibration.timestamp import Moment
 from tests.benchmarks.faulty_disk import FaultyDisk
 
 RATE_HZ = 125.0

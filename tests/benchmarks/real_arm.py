@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects.effect import Value
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.observations import Observations
-from gateway.twin.reconcile.pieces import fit_pieces, starts_from_readings
-from gateway.twin.reconcile.shooting import fit_model
-from gateway.twin.simulator import Simulator
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.fit.multiple_shooting import fit_model
+from gateway.twin.reconcile.fit.windowed_fit import fit_pieces, starts_from_readings
+from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
 DATA = Path(__file__).parents[1] / "data" / "real_pendulum" / "arm_angle.csv"

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from gateway.stages.lowpass import LowPass
-from gateway.stages.swing import (
+from gateway.swing import (
     Extremes,
     FormulaAngles,
     Passage,

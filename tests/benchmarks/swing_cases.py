@@ -5,8 +5,8 @@ from itertools import product
 
 import numpy as np
 
-from devices.simulated import pendulum
-from gateway.stages.swing import MountedHousing, SwingEstimate
+from devices.pendulum import pendulum
+from gateway.swing import MountedHousing, SwingEstimate
 
 GRAVITY_M_S2 = pendulum.STANDARD_GRAVITY_M_S2
 RHOS = (0.02, 0.2, 0.5, 0.8, 0.95, 1.0)

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from devices.simulated import pendulum
+from devices.pendulum import pendulum
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import TrolleyMove
-from gateway.stages.swing import SwingEstimate, SwingTracker
+from gateway.swing import SwingEstimate, SwingTracker
 from tests.benchmarks.swing_cases import GRAVITY_M_S2, NOISES_G, RATE_HZ, covers, largest, maxima, rig
 
 LIMIT_DEG = 6.0

@@ -13,12 +13,14 @@ from typing import Any
 from unittest.mock import patch
 
 from gateway.cli.main import main as plumbline
-from gateway.twin.reconcile import always_there, reconcile, search, verdict
-from gateway.twin.reconcile.attempts import Attempt
-from gateway.twin.reconcile.held_out import Judged
-from gateway.twin.reconcile.observations import Observations
-from gateway.twin.reconcile.search import Search
-from gateway.twin.reconcile.verdict import Answer, Contender, decide
+from gateway.twin.reconcile import reconcile
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.decision import verdict
+from gateway.twin.reconcile.decision.verdict import Answer, Contender, decide
+from gateway.twin.reconcile.fit.validation import Judged
+from gateway.twin.reconcile.search import baseline, search
+from gateway.twin.reconcile.search.candidate_fits import Attempt
+from gateway.twin.reconcile.search.search import Search
 
 
 @contextmanager
@@ -41,7 +43,7 @@ def isolability() -> Iterator[None]:
 @contextmanager
 def held_out() -> Iterator[None]:
     """The log alone decides; the prediction of the held-out recording is still made, to be scored."""
-    with_line = always_there.with_line
+    with_line = baseline.with_line
 
     def on_log(
         contenders: Sequence[Contender], base: Contender, log: Observations, _held_out: Observations, *others: Any
@@ -62,7 +64,7 @@ def held_out() -> Iterator[None]:
         patch.object(reconcile, "decide", on_log),
         patch.object(reconcile, "beside", lambda _search, best, *_others: best),
         patch.object(reconcile, "_runs_slow", slow_on_log),
-        patch.object(always_there, "with_line", line_on_log),
+        patch.object(baseline, "with_line", line_on_log),
     ):
         yield
 

@@ -8,11 +8,12 @@ import pytest
 
 from gateway.measurement.rig import read_rig
 from gateway.twin.model import Model, model_of
-from gateway.twin.reconcile import reconcile, search
-from gateway.twin.reconcile.loading import Loaded
-from gateway.twin.reconcile.observations import observe
-from gateway.twin.reconcile.search import Search
-from gateway.twin.reconcile.setting import Setting
+from gateway.twin.reconcile import reconcile
+from gateway.twin.reconcile.data.data_checks import Loaded
+from gateway.twin.reconcile.data.observations import observe
+from gateway.twin.reconcile.fit.fit_context import Setting
+from gateway.twin.reconcile.search import search
+from gateway.twin.reconcile.search.search import Search
 from tests.blind import ablations
 from tests.blind.cases import generate
 from tests.blind.plan import Plan

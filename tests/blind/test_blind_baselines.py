@@ -5,7 +5,7 @@ import json
 import pytest
 
 from gateway.twin.model import TwinRig
-from gateway.twin.simulator import Simulator
+from gateway.twin.simulator.simulator import Simulator
 from tests.blind.asking import case_arguments
 from tests.blind.baselines.files import answer, read_measured
 from tests.blind.baselines.fitting import base_fit, conclude, free_on_log, levenberg_marquardt

@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from gateway.durable import append_durably, write_durably
+from gateway.atomic_io import append_durably, write_durably
 
 
 def test_a_file_is_replaced_in_folders_that_are_made(tmp_path):

@@ -6,8 +6,8 @@ import math
 import numpy as np
 import pytest
 
+from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
-from devices.simulated.pendulum import start_motion
 
 LENGTH_M, POSITION_M, RATE_HZ, NOISE_G = 9.0, 4.5, 50.0, 0.0004
 RIG = f"""

@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 
 from devices.replay import table_info
 from devices.table import TableLayout, read_table
-from gateway.calibration.make import seal
+from gateway.calibration.record_factory import seal
 from gateway.calibration.store import CalibrationStore
 from gateway.recording.reader import open_recording
 from tests.benchmarks.turned_radio import COUNTS_PER_G, FACES, GAIN, NOISE_G, OFFSET_G, TurnedRadio

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 from devices.adxl355 import Adxl355
+from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
-from devices.simulated.pendulum import start_motion
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.pipeline.clock_state import ClockState

@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from devices.simulated.equations import Vector, dot, times
+from devices.pendulum.equations import Vector, dot, times
 from gateway.twin.effects.effect import Body, Effect, Moment, Parameter, Symbols
 
 SLOWEST_M_S = 1e-3

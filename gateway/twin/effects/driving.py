@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from devices.simulated.equations import Scalar, Vector
+from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Body, Effect, Moment, Parameter, Symbols
 from gateway.twin.effects.pulse import SHARPEST, Pulse, duration, rising_share, start
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import ClassVar
 
-from devices.simulated.equations import Scalar, Vector
+from devices.pendulum.equations import Scalar, Vector
 
 Symbols = Mapping[str, Scalar]
 Value = float | tuple[float, ...]

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import casadi as ca
 
-from devices.simulated.equations import Scalar, Vector
+from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Body, Effect, Moment, Parameter, Ropes, Symbols
 from gateway.twin.effects.rope import longer
 

@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from devices.simulated.equations import Scalar, Vector
+from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Effect, Parameter, Symbols
 
 STATE = "the filter at the first sample, beside where the motion alone would have brought it"

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from typing import Any
 
-from devices.simulated.equations import Scalar
-from devices.simulated.pendulum import STANDARD_GRAVITY_M_S2
+from devices.pendulum.equations import Scalar
+from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from devices.simulated.equations import Scalar
+from devices.pendulum.equations import Scalar
 from gateway.twin.effects.effect import Moment, Parameter
 
 SHARPEST = 0.01

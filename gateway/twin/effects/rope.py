@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import casadi as ca
 
-from devices.simulated.equations import Scalar
-from devices.simulated.pendulum import STANDARD_GRAVITY_M_S2
+from devices.pendulum.equations import Scalar
+from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2
 from gateway.twin.effects.effect import Effect, Moment, Parameter, Ropes, Symbols
 from gateway.twin.effects.modes import modes
 from gateway.twin.effects.pulse import Pulse, duration, rising_share, start

@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from devices.simulated.equations import Vector
+from devices.pendulum.equations import Vector
 from gateway.twin.effects.effect import Effect, Moment, Parameter, Symbols
 
 AXES = ("x", "y", "z")

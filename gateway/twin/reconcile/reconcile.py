@@ -8,23 +8,23 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects.effect import Value
 from gateway.twin.model import Model
-from gateway.twin.reconcile.always_there import SAME_GAIN, based, recordings_of, seen_in_readings
-from gateway.twin.reconcile.answering import Findings, reconciliation
-from gateway.twin.reconcile.attempts import Attempt
-from gateway.twin.reconcile.detectors import mean_of_steps
-from gateway.twin.reconcile.groups import is_beyond
-from gateway.twin.reconcile.held_out import judge
-from gateway.twin.reconcile.isolability import coinciding
-from gateway.twin.reconcile.loading import Loaded
-from gateway.twin.reconcile.lost import lost_samples, retimed_held_out
-from gateway.twin.reconcile.null_test import largest_by_chance, score
-from gateway.twin.reconcile.observations import Observations, Recordings
-from gateway.twin.reconcile.remainder import left_open
-from gateway.twin.reconcile.result import Reconciliation
-from gateway.twin.reconcile.search import Search
-from gateway.twin.reconcile.second_look import beside
-from gateway.twin.reconcile.setting import Setting
-from gateway.twin.reconcile.verdict import RIVAL, Contender, decide
+from gateway.twin.reconcile.data.artefact_detectors import mean_of_steps
+from gateway.twin.reconcile.data.data_checks import Loaded
+from gateway.twin.reconcile.data.observations import Observations, Recordings
+from gateway.twin.reconcile.decision.ambiguity_groups import is_beyond
+from gateway.twin.reconcile.decision.verdict import RIVAL, Contender, decide
+from gateway.twin.reconcile.fit.fit_context import Setting
+from gateway.twin.reconcile.fit.validation import judge
+from gateway.twin.reconcile.output.result import Reconciliation
+from gateway.twin.reconcile.output.result_builder import Findings, reconciliation
+from gateway.twin.reconcile.residual.isolability import coinciding
+from gateway.twin.reconcile.residual.residual_tests import left_open
+from gateway.twin.reconcile.residual.surrogate_test import largest_by_chance, score
+from gateway.twin.reconcile.search.baseline import SAME_GAIN, based, recordings_of, seen_in_readings
+from gateway.twin.reconcile.search.candidate_fits import Attempt
+from gateway.twin.reconcile.search.search import Search
+from gateway.twin.reconcile.search.validation_search import beside
+from gateway.twin.reconcile.timing.sample_loss import lost_samples, retimed_held_out
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, Value]]

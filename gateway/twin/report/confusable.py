@@ -2,7 +2,7 @@
 
 import math
 
-from gateway.twin.reconcile.result import Confusable, Reconciliation
+from gateway.twin.reconcile.output.result import Confusable, Reconciliation
 from gateway.twin.report.markup import Html, element, items, joined, missing, paragraph, section, table
 from gateway.twin.report.words import listed, plain, sentence
 

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from gateway.twin.reconcile.result import Curves, Disagreement, Reconciliation
+from gateway.twin.reconcile.output.result import Curves, Disagreement, Reconciliation
 from gateway.twin.report.drawing import curve, drawn, legend, panels
 from gateway.twin.report.markup import Html, illustration, joined, missing, paragraph, section, table
 from gateway.twin.report.models import only_name, same

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from gateway.twin.effects.effect import Value
-from gateway.twin.reconcile.result import Reconciliation
+from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.report.markup import Html, element, items, joined, missing, paragraph, section
 from gateway.twin.report.models import caution, final_name
 

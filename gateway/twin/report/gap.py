@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gateway.twin.reconcile.result import Gap, Reconciliation, Step
+from gateway.twin.reconcile.output.result import Gap, Reconciliation, Step
 from gateway.twin.report.drawing import decades, drawn, legend
 from gateway.twin.report.markup import Html, illustration, missing, paragraph, section
 from gateway.twin.report.models import BELIEVED, caution, final_name, fitted_part

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gateway.twin.reconcile.result import Curves, Reconciliation
+from gateway.twin.reconcile.output.result import Curves, Reconciliation
 
 BELIEVED = "model as believed"
 FINAL = {"one_of": "one of the group, as fitted", "unmodelled": "best attempt, no explanation"}

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from gateway.twin.reconcile.result import Curves, NamedEffect, Reconciliation
+from gateway.twin.reconcile.output.result import Curves, NamedEffect, Reconciliation
 from gateway.twin.report.drawing import POINTS, curve, drawn, legend, panels
 from gateway.twin.report.markup import Html, element, illustration, joined, missing, paragraph, section
 from gateway.twin.report.models import BELIEVED, caution, final_name, only_name, same

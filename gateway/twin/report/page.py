@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from gateway.twin.reconcile.result import Reconciliation
+from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.report.confusable import confusable_part
 from gateway.twin.report.disagreement import disagreement_part
 from gateway.twin.report.equations import equations_part

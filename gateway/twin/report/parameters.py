@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Value
-from gateway.twin.reconcile.result import Estimate, NamedEffect, Reconciliation
+from gateway.twin.reconcile.output.result import Estimate, NamedEffect, Reconciliation
 from gateway.twin.report.markup import Html, element, joined, missing, paragraph, section, table
 from gateway.twin.report.models import same
 from gateway.twin.report.words import plain, sentence, span, with_interval

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.result import Reconciliation
+from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.report.markup import Html, element, facts, items, missing, paragraph, section
 from gateway.twin.report.words import number, plain
 

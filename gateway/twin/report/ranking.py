@@ -3,7 +3,7 @@
 import math
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.reconcile.result import Candidate, Reconciliation, Scored
+from gateway.twin.reconcile.output.result import Candidate, Reconciliation, Scored
 from gateway.twin.report.markup import Html, bar, element, joined, missing, paragraph, section, table
 from gateway.twin.report.words import listed, number, percent, plain
 

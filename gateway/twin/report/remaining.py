@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from gateway.twin.reconcile.result import Curves, Peak, Reconciliation, Residual, Spectrum
+from gateway.twin.reconcile.output.result import Curves, Peak, Reconciliation, Residual, Spectrum
 from gateway.twin.report.disagreement import residual_sigma
 from gateway.twin.report.drawing import curve, decades, drawn, legend, panels
 from gateway.twin.report.markup import Html, element, illustration, joined, missing, paragraph, section, table

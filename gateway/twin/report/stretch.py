@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.reconcile.result import Curves, Disagreement, NamedEffect, Reconciliation
+from gateway.twin.reconcile.output.result import Curves, Disagreement, NamedEffect, Reconciliation
 from gateway.twin.report.models import same
 
 Array = NDArray[np.float64]

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.reconcile.result import Gap, NamedEffect, Reconciliation
+from gateway.twin.reconcile.output.result import Gap, NamedEffect, Reconciliation
 from gateway.twin.report.markup import Html, element, facts, items, joined, paragraph
 from gateway.twin.report.models import fitted_part
 from gateway.twin.report.words import listed, number, percent, plain, sentence, span, times_noise

@@ -9,7 +9,7 @@ import numpy as np
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.model import TwinRig
-from gateway.twin.simulator import Simulator
+from gateway.twin.simulator.simulator import Simulator
 from tests.blind.baselines.files import Found, Measured, answer
 from tests.blind.baselines.fitting import (
     NO_READING,

@@ -7,7 +7,7 @@ import numpy as np
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.model import EffectValues, TwinRig
-from gateway.twin.simulator import Simulator
+from gateway.twin.simulator.simulator import Simulator
 from tests.blind.baselines.files import Found, Measured
 from tests.blind.mechanics import Array
 

@@ -17,7 +17,7 @@ from pysindy.differentiation import SmoothedFiniteDifference
 from pysindy.optimizers import STLSQ
 
 from gateway.twin.model import TwinRig
-from gateway.twin.simulator import Simulator
+from gateway.twin.simulator.simulator import Simulator
 from tests.blind.baselines.files import Found, Measured, answer
 from tests.blind.baselines.fitting import base_fit, conclude, free_on_log, levenberg_marquardt
 from tests.blind.mechanics import Array

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from devices.simulated import pendulum
+from devices.pendulum import pendulum
 from devices.simulated.crane import HISTORY_S, Crane
 from devices.simulated.demo import FIRST_SWING_RAD, demo_crane, demo_events
 from devices.simulated.schedule import Event, Gust, Hoist, Schedule, TrolleyMove

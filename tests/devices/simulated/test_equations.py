@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from devices.simulated import equations
+from devices.pendulum import equations
 
 N, N_RATE, DRIVE = (0.1, -0.05, -0.993), (0.02, 0.3, -0.013), (0.4, 0.1, -9.7)
 M, M_RATE = (0.05, 0.02, -0.9985), (0.1, -0.2, 0.001)

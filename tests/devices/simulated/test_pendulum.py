@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from devices.simulated import pendulum
+from devices.pendulum import pendulum
 
 LENGTH_M = 8.0
 GRAVITY = np.array([0.0, 0.0, -pendulum.STANDARD_GRAVITY_M_S2])

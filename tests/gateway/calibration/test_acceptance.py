@@ -7,8 +7,8 @@ import pytest
 
 from gateway.calibration.acceptance import change, judge
 from gateway.calibration.geometry import FACE_DIRECTIONS
-from gateway.calibration.make import make_record
 from gateway.calibration.procedure import OUTLIER, Pose
+from gateway.calibration.record_factory import make_record
 from gateway.calibration.six_position import fit_six_positions
 
 

@@ -10,7 +10,7 @@ from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.drift.rest import DAYS_KEPT, HOLD_HOURS, HOURS_KEPT, NS_PER_HOUR, RestWatch, at_rest
 from gateway.calibration.drift.rest_status import rest_status
 from gateway.calibration.record import CalibrationError, CalibrationRecord, content_hash
-from gateway.stages.conditions import ConditionWatch, SwingSeen
+from gateway.stages.conditions.monitor import ConditionWatch, SwingSeen
 
 MADE_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.calibration.directions import conditioning, next_direction, worst_combination
+from gateway.calibration.experiment_design import conditioning, next_direction, worst_combination
 from gateway.calibration.geometry import candidate_directions
-from gateway.calibration.make import make_record
 from gateway.calibration.norm_fit import fit_norm
 from gateway.calibration.procedure import Pose
 from gateway.calibration.record import NotDeterminedError
+from gateway.calibration.record_factory import make_record
 
 GAIN = np.array([[1.03, 0.02, -0.02], [0.01, 0.97, 0.02], [-0.02, 0.02, 1.03]])
 OFFSET = np.array([0.05, -0.05, 0.05])

@@ -8,9 +8,9 @@ import pytest
 from devices.simulated.accelerometer import Accelerometer, no_errors
 from devices.simulated.factory import factory_calibration
 from gateway.calibration.geometry import FACE_DIRECTIONS
-from gateway.calibration.make import make_record
 from gateway.calibration.procedure import Pose
 from gateway.calibration.record import CalibrationRecord
+from gateway.calibration.record_factory import make_record
 from gateway.calibration.six_position import fit_six_positions
 
 FIELDS = {

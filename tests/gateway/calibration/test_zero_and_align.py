@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from gateway.calibration.align import ScrewMechanics, advise
-from gateway.calibration.make import make_record
 from gateway.calibration.procedure import CalibrationFit, RawReadings
 from gateway.calibration.record import CalibrationError, NotDeterminedError
+from gateway.calibration.record_factory import make_record
 from gateway.calibration.zero import SUM_WARNING, zero, zeroing_rotation
 
 STRAIGHT = np.eye(3)

@@ -2,7 +2,7 @@ import argparse
 
 import pytest
 
-from gateway.cli.values import above_zero, whole_number
+from gateway.cli.argument_types import above_zero, whole_number
 
 
 def test_a_number_above_zero_is_taken() -> None:

@@ -11,8 +11,8 @@ from devices.block import DeviceInfo
 from gateway.calibration.drift.rest import NS_PER_HOUR
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
-from gateway.daemon.calibration_shelf import CalibrationShelf
-from gateway.daemon.drift_keeper import DriftKeeper
+from gateway.daemon.calibration_provider import CalibrationShelf
+from gateway.daemon.drift_state_store import DriftKeeper
 from gateway.daemon.recording_worker import InForce, RecordingWorker
 from gateway.recording.writer import RecorderError
 

@@ -8,7 +8,7 @@ import pytest
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import HostClock
-from gateway.daemon.recalibration_desk import WAITING, Asked, RecalibrationDesk
+from gateway.daemon.recalibration_service import WAITING, Asked, RecalibrationDesk
 from gateway.daemon.wall_clock import WallClockWatch
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.standard import StandardMethods

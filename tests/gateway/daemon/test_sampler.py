@@ -8,7 +8,7 @@ import pytest
 from devices.block import DeviceInfo, SampleBlock
 from devices.device import EndOfRecording
 from devices.errors import TransferError
-from gateway.daemon.dropping_queue import DroppingQueue
+from gateway.daemon.bounded_queue import DroppingQueue
 from gateway.daemon.notify import ServiceNotifier
 from gateway.daemon.sampler import DeviceReopened, Sampler
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from devices.block import SampleBlock
+from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from devices.simulated.device import SimulatedCrane
-from devices.simulated.pendulum import start_motion
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.messages import NO_SESSION

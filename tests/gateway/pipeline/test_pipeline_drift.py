@@ -12,9 +12,9 @@ from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.configuration.loading import validate
 from gateway.messages import NO_SESSION
 from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.drift_monitor import DRIFTED, RestReading
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
-from gateway.pipeline.rest_reading import DRIFTED, RestReading
 
 RATE_HZ, BLOCK = 50.0, 10
 MADE_NS = 1_767_225_600_000_000_000

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo, SampleBlock
+from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2, start_motion
 from devices.simulated.crane import Crane
-from devices.simulated.pendulum import STANDARD_GRAVITY_M_S2, start_motion
 from gateway.calibration.correction import Correction
 from gateway.configuration.loading import validate
 from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.executor import AtOnce
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
-from gateway.pipeline.runner import AtOnce
-from gateway.pipeline.swing_reading import SwingReading
+from gateway.pipeline.swing_stage import SwingReading
 from gateway.stages.lowpass import LowPass
 
 RATE_HZ, NOISE_G, WARMER_K = 50.0, 2e-4, 40.0

@@ -9,9 +9,9 @@ import pytest
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.procedure import CalibrationFit, Pose, Progress
 from gateway.calibration.store import CalibrationStore
-from gateway.recalibration.moment import Moment
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.session import Judgement
+from gateway.recalibration.timestamp import Moment
 
 START_NS = 1_767_225_600_000_000_000
 DEVICE = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)

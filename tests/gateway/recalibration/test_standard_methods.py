@@ -11,9 +11,9 @@ from gateway.calibration.methods import procedure_for
 from gateway.calibration.poses import Nominal
 from gateway.calibration.procedure import RawReadings
 from gateway.calibration.record import CalibrationRecord
-from gateway.recalibration.moment import Moment
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.standard import StandardMethods
+from gateway.recalibration.timestamp import Moment
 from gateway.recalibration.view import view_of
 
 RATE_HZ, BLOCK = 125.0, 25

@@ -12,9 +12,9 @@ import pytest
 from mcap.reader import make_reader
 
 from devices.errors import RecordingError
-from gateway.recording.frames import Losses
 from gateway.recording.info import summarise
 from gateway.recording.info_text import info_text
+from gateway.recording.mcap_salvage import Losses
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
 from gateway.recording.writer import Recorder

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gateway.stages.conditions import ConditionWatch, SwingSeen
+from gateway.stages.conditions.monitor import ConditionWatch, SwingSeen
 
 RATE_HZ, NOISE_G, DM_G = 100.0, 0.0004, 0.002
 STILL = SwingSeen(swinging=False, phi_max_rad=0.001, consistent=True)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from gateway.stages.conditions import ConditionWatch, SwingSeen
+from gateway.stages.conditions.monitor import ConditionWatch, SwingSeen
 
 RATE_HZ, NOISE_G, DM_G, PERIOD_S = 100.0, 0.0004, 0.002, 6.0
 PHI_MAX_RAD, RHO = math.radians(8), 0.3

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gateway.twin.model import TwinRig
-from gateway.twin.simulator import Simulator
+from gateway.twin.simulator.simulator import Simulator
 
 G = 9.80665
 LENGTH_M, POSITION_M = 12.0, 5.0

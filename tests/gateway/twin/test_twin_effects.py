@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from devices.simulated import pendulum
+from devices.pendulum import pendulum
 from devices.simulated.crane import Crane
-from gateway.twin.compiled import IntegrationError
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Moment
 from gateway.twin.effects.pulse import Pulse
 from gateway.twin.model import TwinRig
-from gateway.twin.simulator import Simulator
+from gateway.twin.simulator.compiled_model import IntegrationError
+from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.swings import (
     LENGTH_M,
     PERIOD_S,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.twin.lowpass import by_cutoff, filtered
+from gateway.twin.simulator.first_order_lowpass import by_cutoff, filtered
 
 TIME_S = np.arange(0.0, 20.0, 0.02)
 SWING_HZ, MACHINE_HZ = 0.16, 12.0

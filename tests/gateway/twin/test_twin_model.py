@@ -9,7 +9,7 @@ import tomli_w
 from gateway.errors import InputError
 from gateway.measurement.rig import read_rig
 from gateway.twin.model import as_tables, checked, model_of, with_effects
-from gateway.twin.simulator import Simulator
+from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.swings import RIG
 
 BELIEFS = """[rope]

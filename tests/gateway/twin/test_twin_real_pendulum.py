@@ -8,7 +8,7 @@ import pytest
 from gateway.measurement.rig import read_rig
 from gateway.measurement.source import read_source
 from gateway.twin.model import TwinRig, model_of
-from gateway.twin.reconcile.loading import prepared, unusable
+from gateway.twin.reconcile.data.data_checks import prepared, unusable
 from tests.benchmarks.real_arm import STRETCH, FittedArm, Swing, angle_of, error_mrad, fit_arm, read_swings, rig_of
 from tests.benchmarks.real_pendulum import periods, write
 

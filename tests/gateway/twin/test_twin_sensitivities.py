@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.simulator import Simulator
+from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.swings import RIG
 
 TIME_S = np.arange(0, 30, 0.1)

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from gateway.twin.tape import AT_ONCE, JacobianTape, Tape
+from gateway.twin.simulator.vectorised_function import AT_ONCE, JacobianTape, Tape
 
 
 def test_every_operation_and_more_columns_than_go_at_once():

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from gateway.twin.model import Model, TwinRig
-from gateway.twin.reconcile.loading import Loaded
-from gateway.twin.reconcile.observations import Observations, observe
-from gateway.twin.simulator import Simulator
+from gateway.twin.reconcile.data.data_checks import Loaded
+from gateway.twin.reconcile.data.observations import Observations, observe
+from gateway.twin.simulator.simulator import Simulator
 
 RIG = TwinRig(
     length_m=8.0, position_m=4.0, gravity_m_s2=9.80665, noise_g=(5e-4,) * 3, sample_rate_hz=20.0, full_scale_g=2.0

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.beginnings import one_motion_with
-from gateway.twin.reconcile.events import outside_events
-from gateway.twin.reconcile.partings import beginning, parting_after
+from gateway.twin.reconcile.changepoints.changepoint import beginning, parting_after
+from gateway.twin.reconcile.changepoints.changepoint_scan import outside_events
+from gateway.twin.reconcile.changepoints.pre_event_candidates import one_motion_with
+from gateway.twin.reconcile.fit.fit_context import Setting
 from gateway.twin.reconcile.reconcile import reconcile
-from gateway.twin.reconcile.score import possible
-from gateway.twin.reconcile.search import Search
-from gateway.twin.reconcile.setting import Setting
+from gateway.twin.reconcile.search.score_test import possible
+from gateway.twin.reconcile.search.search import Search
 
 HOIST = {"hoisting": {"speed_m_s": -0.15, "start_s": 32.0, "duration_s": 6.0}}
 BLOW = {"impact": {"delta_v_m_s": (0.3, -0.2), "start_s": 32.3}}

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.events import find_windows
-from gateway.twin.reconcile.held_out import judge
-from gateway.twin.reconcile.observations import piece
-from gateway.twin.reconcile.partings import parting
-from gateway.twin.reconcile.search import Search
-from gateway.twin.reconcile.setting import Setting
-from gateway.twin.reconcile.wandering import counted, find_walk
+from gateway.twin.reconcile.changepoints.changepoint import parting
+from gateway.twin.reconcile.changepoints.changepoint_scan import find_windows
+from gateway.twin.reconcile.data.observations import piece
+from gateway.twin.reconcile.fit.fit_context import Setting
+from gateway.twin.reconcile.fit.validation import judge
+from gateway.twin.reconcile.search.search import Search
+from gateway.twin.reconcile.timing.timing_jitter import counted, find_walk
 
 
 def setting(rig, observations):

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.detectors import coarser
-from gateway.twin.reconcile.free_time import EVERY, free_time, knots_of, told_steps
-from gateway.twin.reconcile.lost import lost_samples, retimed_held_out
-from gateway.twin.reconcile.search import Search
-from gateway.twin.reconcile.setting import Setting
+from gateway.twin.reconcile.data.artefact_detectors import coarser
+from gateway.twin.reconcile.fit.fit_context import Setting
+from gateway.twin.reconcile.search.search import Search
+from gateway.twin.reconcile.timing.sample_loss import lost_samples, retimed_held_out
+from gateway.twin.reconcile.timing.time_warp_smoother import EVERY, free_time, knots_of, told_steps
 
 FRACTION = 0.03
 STEP_G = 0.003

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.by_modes import ByModes
-from gateway.twin.reconcile.loading import unusable
-from gateway.twin.reconcile.observations import observe
-from gateway.twin.reconcile.pieces import WIDE_RAD, amplitude_rad, is_wide
-from gateway.twin.reconcile.setting import Setting
-from gateway.twin.reconcile.spectrum import machine_line
-from gateway.twin.reconcile.starting import Situation, modes_hz, two_modes, vibration
-from gateway.twin.simulator import Simulator
+from gateway.twin.reconcile.data.data_checks import unusable
+from gateway.twin.reconcile.data.observations import observe
+from gateway.twin.reconcile.fit.fit_context import Setting
+from gateway.twin.reconcile.fit.modal_parameterisation import ByModes
+from gateway.twin.reconcile.fit.windowed_fit import WIDE_RAD, amplitude_rad, is_wide
+from gateway.twin.reconcile.residual.spectrum import machine_line
+from gateway.twin.reconcile.search.initial_guesses import Situation, modes_hz, two_modes, vibration
+from gateway.twin.simulator.simulator import Simulator
 
 HOOK = {"rigging_length_m": 2.4, "hook_mass_ratio": 0.11}
 LEANING = {"faint": (0.01, 0.0, 0.0, 0.0), "strong": (0.12, 0.05, 0.0, 0.0)}

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.detectors import find_limit, find_step, mean_of_steps
-from gateway.twin.reconcile.loading import unusable
-from gateway.twin.reconcile.observations import spikes
+from gateway.twin.reconcile.data.artefact_detectors import find_limit, find_step, mean_of_steps
+from gateway.twin.reconcile.data.data_checks import unusable
+from gateway.twin.reconcile.data.observations import spikes
 
 NOISE_G = np.full(3, 5e-4)
 

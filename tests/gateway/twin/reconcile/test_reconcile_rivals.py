@@ -5,9 +5,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.groups import is_beyond
-from gateway.twin.reconcile.isolability import coinciding
-from gateway.twin.reconcile.verdict import Answer, Contender, beside_a_remainder, rivals_of, told_apart
+from gateway.twin.reconcile.decision.ambiguity_groups import is_beyond
+from gateway.twin.reconcile.decision.verdict import Answer, Contender, beside_a_remainder, rivals_of, told_apart
+from gateway.twin.reconcile.residual.isolability import coinciding
 
 ALIKE = frozenset({frozenset({"slewing", "housing_spin"})})
 

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.held_out import taken_off
-from gateway.twin.reconcile.isolability import confusable, smallest_angle_cosine
-from gateway.twin.reconcile.noise import colour
-from gateway.twin.reconcile.null_test import largest_by_chance, score, surrogate
-from gateway.twin.reconcile.spectrum import machine_line
-from gateway.twin.reconcile.whiteness import chi2_tail, ljung_box_p, peaks
+from gateway.twin.reconcile.fit.validation import taken_off
+from gateway.twin.reconcile.residual.isolability import confusable, smallest_angle_cosine
+from gateway.twin.reconcile.residual.noise_inflation import colour
+from gateway.twin.reconcile.residual.spectrum import machine_line
+from gateway.twin.reconcile.residual.surrogate_test import largest_by_chance, score, surrogate
+from gateway.twin.reconcile.residual.whiteness import chi2_tail, ljung_box_p, peaks
 
 RATE_HZ = 20.0
 TIME_S = np.arange(1200) / RATE_HZ

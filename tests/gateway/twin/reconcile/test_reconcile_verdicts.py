@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.loading import Loaded
+from gateway.twin.reconcile.data.data_checks import Loaded
+from gateway.twin.reconcile.output.text import as_text
 from gateway.twin.reconcile.reconcile import reconcile
-from gateway.twin.reconcile.text import as_text
 
 
 def test_nothing_is_missing_even_under_slow_noise(model, loaded):

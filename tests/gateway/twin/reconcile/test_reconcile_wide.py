@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.held_out import judge
-from gateway.twin.reconcile.observations import Observations, observe
-from gateway.twin.reconcile.pieces import amplitude_rad, fit_pieces, is_wide, pieces_of, starts_from_readings
-from gateway.twin.reconcile.score import signatures
-from gateway.twin.reconcile.setting import Setting
-from gateway.twin.simulator import Simulator
+from gateway.twin.reconcile.data.observations import Observations, observe
+from gateway.twin.reconcile.fit.fit_context import Setting
+from gateway.twin.reconcile.fit.validation import judge
+from gateway.twin.reconcile.fit.windowed_fit import amplitude_rad, fit_pieces, is_wide, pieces_of, starts_from_readings
+from gateway.twin.reconcile.search.score_test import signatures
+from gateway.twin.simulator.simulator import Simulator
 from tests.benchmarks.real_arm import Swing, believed_length_m, error_mrad, read_swings, rig_of
 
 LENGTH_M, EVERY = 8.0, 2

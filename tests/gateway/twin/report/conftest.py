@@ -10,7 +10,7 @@ import pytest
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.result import (
+from gateway.twin.reconcile.output.result import (
     Candidate,
     Confusable,
     Curves,

@@ -8,7 +8,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.result import Confusable, Disagreement, NamedEffect, Peak, Reconciliation, Residual
+from gateway.twin.reconcile.output.result import Confusable, Disagreement, NamedEffect, Peak, Reconciliation, Residual
 from gateway.twin.report import report
 from gateway.twin.report.confusable import confusable_part
 from gateway.twin.report.equations import equations_part

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from gateway.twin.reconcile.result import Disagreement, Gap, Reconciliation, Step
+from gateway.twin.reconcile.output.result import Disagreement, Gap, Reconciliation, Step
 from gateway.twin.report.drawing import drawn, thinned
 from gateway.twin.report.gap import rows_of
 from gateway.twin.report.remaining import banded

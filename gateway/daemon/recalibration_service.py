@@ -1,0 +1,129 @@
+"""Where requests wait for the processing thread, and what of a session is news."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from devices.block import DeviceInfo, SampleBlock
+from gateway.daemon.bounded_queue import DroppingQueue
+from gateway.daemon.wall_clock import WallClockWatch
+from gateway.messages import NO_SESSION, CalibrationSession, Verdict
+from gateway.pipeline.rate_limiter import Pace
+from gateway.recalibration.interlock import LoadSaid
+from gateway.recalibration.journal import Answer
+from gateway.recalibration.recalibration import Recalibration
+from gateway.recalibration.session import Session
+from gateway.recalibration.timestamp import Moment
+from gateway.recalibration.view import view_of
+
+log = logging.getLogger("plumbline.recalibration")
+WAITING = 16
+NEWS_PERIOD_S = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """A request on its way; `reply` may be called from the processing thread."""
+
+    verb: str
+    payload: bytes
+    reply: Callable[[Answer], object]
+
+
+class LoadSignal(BaseModel):
+    """What a load cell or the crane's controller puts on `<gateway>/load`."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
+
+    loaded: bool
+
+
+class RecalibrationDesk:
+    """Serves the recalibration; all but `ask` and `hear_load` is called by the processing thread."""
+
+    def __init__(self, recalibration: Recalibration, watch: WallClockWatch) -> None:
+        self._recalibration = recalibration
+        self._watch = watch
+        self._waiting: DroppingQueue[Asked] = DroppingQueue(WAITING)
+        self._loads: DroppingQueue[bytes] = DroppingQueue(WAITING)
+        self._pace = Pace(NEWS_PERIOD_S)
+        self._told = NO_SESSION
+        self._seen: Session | None = None
+        self._generation = 0
+        self.view = NO_SESSION
+
+    def ask(self, asked: Asked) -> bool:
+        """Hand a request over; False when too many wait. Called by any thread."""
+        return self._waiting.put(asked)
+
+    def hear_load(self, payload: bytes) -> None:
+        """Hand over what the load signal said. Called by any thread."""
+        self._loads.put(payload)
+
+    @property
+    def dropped(self) -> int:
+        """Requests that found too many waiting."""
+        return self._waiting.dropped
+
+    @property
+    def suspended(self) -> str | None:
+        """Why nothing may be said of the load; None: it may."""
+        return self._recalibration.suspended
+
+    def open(self, info: DeviceInfo) -> None:
+        """A device has been opened."""
+        self._recalibration.open(info, self._now())
+        self._look()
+
+    def take(self, block: SampleBlock) -> None:
+        """A block of raw samples."""
+        self._recalibration.feed(block, self._now())
+
+    def judged(self, verdict: Verdict, time_ns: int) -> None:
+        """What the condition stage said."""
+        self._recalibration.watch.verdict(verdict, time_ns)
+
+    def serve(self) -> None:
+        """Answer what waits, and let time pass."""
+        while len(self._loads) and (payload := self._loads.get(0.0)) is not None:
+            self._load(payload)
+        self._recalibration.tick(self._now())
+        while len(self._waiting) and (asked := self._waiting.get(0.0)) is not None:
+            asked.reply(self._recalibration.answer(asked.verb, asked.payload, self._now()))
+        self._look()
+
+    def changes_pipeline(self) -> bool:
+        """Whether the pipeline must be opened anew since this was last asked."""
+        changed = self._generation != self._recalibration.generation
+        self._generation = self._recalibration.generation
+        return changed
+
+    def is_news(self) -> bool:
+        """Whether the session must be told of now: at once when it has changed, at its pace while it collects."""
+        changed = self.view is not self._told and _but_numbers(self.view) != _but_numbers(self._told)
+        due = self.view.phase == "collecting" and self._pace.due(self._watch.clock.now_ns())
+        self._told = self.view
+        return changed or due
+
+    def _look(self) -> None:
+        session, progress = self._recalibration.session, self._recalibration.progress
+        if session is not self._seen or progress is not None:
+            self._seen, self.view = session, view_of(session, progress)
+
+    def _load(self, payload: bytes) -> None:
+        try:
+            said = LoadSignal.model_validate_json(payload)
+        except ValidationError as error:
+            log.error('load signal: %s; it must be JSON such as {"loaded": true}', error.errors()[0]["msg"])
+            return
+        self._recalibration.watch.load(LoadSaid(said.loaded, self._watch.clock.now_ns()))
+
+    def _now(self) -> Moment:
+        now_ns = self._watch.clock.now_ns()
+        return Moment(now_ns, now_ns + self._watch.state.wall_offset_ns)
+
+
+def _but_numbers(view: CalibrationSession) -> CalibrationSession:
+    return replace(view, pose_fraction=0.0, seconds_left=None, next_direction=None)

@@ -1,0 +1,169 @@
+"""The swing stage inside the pipeline: how it is set up, how long its word holds, how it becomes a message."""
+
+from collections import deque
+from dataclasses import asdict, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.block import DeviceInfo
+from gateway.calibration.correction import Correction
+from gateway.configuration.model import Configuration
+from gateway.messages import Formulas, Swing
+from gateway.pipeline.executor import Answer, Runner
+from gateway.pipeline.header import Header
+from gateway.pipeline.mounting import mounted_housing, with_sensor
+from gateway.stages.conditions.monitor import SwingSeen
+from gateway.stages.lowpass import LowPass
+from gateway.swing.estimate import SwingEstimate
+from gateway.swing.live import SwingTracker
+from gateway.swing.rig import MountedHousing
+from gateway.units import degrees
+
+AFTER_S = 0.25
+"""An estimate counts this long after the samples that it was made of: time for the fit, the same live and replayed."""
+HOLDS_S = 2.0
+"""An estimate holds for this long, or for one period."""
+K95 = 1.96
+
+
+class SwingReading:
+    """Feeds the tracker and keeps its last word."""
+
+    def __init__(
+        self, configuration: Configuration, info: DeviceInfo, correction: Correction, lowpass: LowPass, runner: Runner
+    ) -> None:
+        rig = mounted_housing(configuration, correction, info.bandwidth_hz)
+        self._rig = rig
+        self._correction, self._bandwidth_hz = correction, info.bandwidth_hz
+        self._beyond_k = 0
+        self._temperature_c: float | None = None
+        self._said: tuple[str, ...] = ()
+        self._tracker = None if rig is None else SwingTracker(rig, noise_g=info.noise_g, lowpass_gain=lowpass.gain)
+        self._estimate: SwingEstimate | None = None
+        self._runner = runner
+        self._answers: deque[tuple[float, Answer[SwingEstimate | None]]] = deque()
+        self._now_s = 0.0
+
+    def take(
+        self,
+        time_s: NDArray[np.float64],
+        force_g: NDArray[np.float64],
+        lowpassed_g: NDArray[np.float64],
+        temperature_c: float | None = None,
+    ) -> bool:
+        """Take a block; whether an estimate counts from now on, made of what had come `AFTER_S` ago.
+
+        `temperature_c`: the part's own; beyond the calibration's range it widens the intervals.
+        """
+        self._now_s = float(time_s[-1])
+        if self._tracker is None:
+            return False
+        doubt = self._doubt_at(temperature_c)
+        self._answers.append(
+            (self._now_s, self._runner.submit(self._tracker.update, time_s, force_g, lowpassed_g, doubt))
+        )
+        found = None
+        while self._answers and self._answers[0][0] <= self._now_s - AFTER_S:
+            found = self._answers.popleft()[1].result() or found
+        if found is None:
+            return False
+        self._estimate = replace(found, reasons=(*found.reasons, *self._said))
+        return True
+
+    def _doubt_at(self, temperature_c: float | None) -> MountedHousing | None:
+        """The housing as believed at another temperature than up to now; None where nothing changed."""
+        if temperature_c is None or temperature_c == self._temperature_c or self._rig is None:
+            return None
+        self._temperature_c = temperature_c
+        beyond_k, before_k = self._correction.beyond_k(temperature_c), self._beyond_k
+        self._beyond_k, self._said = beyond_k, self._correction.said_beyond(temperature_c)
+        if beyond_k == before_k:
+            return None
+        return with_sensor(self._rig, self._correction.beyond(beyond_k), self._bandwidth_hz)
+
+    @property
+    def _current(self) -> SwingEstimate | None:
+        """The last estimate while its word holds."""
+        estimate = self._estimate
+        if estimate is None:
+            return None
+        holds_s = max(HOLDS_S, estimate.period_s or 0.0)
+        return estimate if self._now_s - estimate.to_s <= holds_s else None
+
+    def seen(self) -> SwingSeen:
+        """What the condition stage needs to know."""
+        estimate = self._current
+        if estimate is None:
+            return SwingSeen(None, None, consistent=False)
+        coverage = estimate.coverage95_rad
+        rho = None if self._rig is None or estimate.length_m is None else self._rig.rho_at(estimate.length_m)
+        widest_rad = estimate.phi_max_rad if coverage is None else coverage[1]
+        return SwingSeen(
+            estimate.swinging,
+            widest_rad,
+            consistent=coverage is not None,
+            rho=rho,
+            period_s=estimate.period_s,
+            lean_g=estimate.lean_g,
+            hoisting=estimate.hoisting,
+        )
+
+    @property
+    def why_unknown(self) -> tuple[str, ...]:
+        """Why there is no interval to hold against a limit; nothing where there is one."""
+        if self._tracker is None:
+            return ("where the housing is on the rope is not configured",)
+        estimate = self._current
+        if estimate is None:
+            return ("not yet a full swing to judge by",)
+        return () if estimate.coverage95_rad is not None else estimate.reasons
+
+    def upper_ends(self) -> tuple[float | None, float | None]:
+        """Upper ends of the 95 % intervals of swing and lean in radians; None where they are not known."""
+        estimate = self._current
+        if estimate is None:
+            return None, None
+        swing_rad = None if estimate.coverage95_rad is None else estimate.coverage95_rad[1]
+        if estimate.prediction is not None and estimate.prediction.u_rad is not None and swing_rad is not None:
+            swing_rad = max(swing_rad, estimate.prediction.phi_max_rad + K95 * estimate.prediction.u_rad)
+        if estimate.lean_rad is None or estimate.lean_u_rad is None:
+            return swing_rad, None
+        return swing_rad, estimate.lean_rad + K95 * estimate.lean_u_rad
+
+    def message(self, header: Header) -> Swing:
+        """The last estimate in degrees."""
+        estimate = self._estimate
+        if estimate is None:
+            raise ValueError("there is no estimate yet")
+        coverage, prediction = estimate.coverage95_rad, estimate.prediction
+        return Swing(
+            **header,
+            swinging=estimate.swinging,
+            phi_max_deg=degrees(estimate.phi_max_rad),
+            u_deg=degrees(estimate.u_rad),
+            coverage95_deg=None if coverage is None else [float(np.degrees(end)) for end in coverage],
+            minor_phi_max_deg=degrees(estimate.minor_phi_max_rad),
+            azimuth_deg=degrees(estimate.azimuth_rad),
+            lean_deg=degrees(estimate.lean_rad),
+            lean_azimuth_deg=degrees(estimate.lean_azimuth_rad),
+            period_s=estimate.period_s,
+            predicted_phi_max_deg=None if prediction is None else degrees(prediction.phi_max_rad),
+            predicted_u_deg=None if prediction is None else degrees(prediction.u_rad),
+            time_to_peak_s=self._time_to_peak_s(estimate),
+            formulas_deg=formulas_message(estimate),
+            reasons=list(estimate.reasons),
+        )
+
+    def _time_to_peak_s(self, estimate: SwingEstimate) -> float | None:
+        """From the newest sample on; 0 where the peak has passed while the fit was made."""
+        if estimate.prediction is None:
+            return None
+        return max(0.0, estimate.to_s + estimate.prediction.time_to_peak_s - self._now_s)
+
+
+def formulas_message(estimate: SwingEstimate) -> Formulas:
+    """The four published formulas over the last swing, in degrees."""
+    if estimate.formulas is None:
+        return Formulas(arccos_min_az=None, arcsin_max_axy=None, arctan_max_axy_min_az=None, arccos_max_az=None)
+    return Formulas(**{name: degrees(angle_rad) for name, angle_rad in asdict(estimate.formulas).items()})

@@ -1,0 +1,1 @@
+"""Operating conditions of a reading: static, swinging, disturbed, unknown."""

@@ -1,0 +1,48 @@
+"""Sensor noise from the samples themselves."""
+
+import numpy as np
+
+from gateway.swing.model import Real
+
+DIFFERENCE_ORDER = 6
+"""High enough that a swing of 2 s seen at 10 Hz leaves less than a tenth of a usual noise."""
+_GAIN = float(np.sqrt(924.0))  # sum of the squared binomials of order 6
+LEAST_SAMPLES = 24
+SMALLEST_NOISE_G = 1e-6
+NOISIER = 1.1
+"""Times the stated noise, from which on what is seen is believed."""
+
+
+def noise_from_differences(force_g: Real) -> Real | None:
+    """Noise per sample and axis, 1 sigma, shape (3,), of evenly spaced samples, shape (n, 3); None with too few.
+
+    Sixth differences leave white noise and nothing of a swing. Their median resists spikes; where quantisation makes most of
+    them equal, their rms stands in, and noise is never below that of the smallest step that is seen.
+    """
+    if len(force_g) < LEAST_SAMPLES:
+        return None
+    differences = np.diff(force_g, n=DIFFERENCE_ORDER, axis=0) / _GAIN
+    noise_g = np.median(np.abs(differences), axis=0) / 0.6745
+    calm = np.abs(differences) <= 6 * noise_g
+    trimmed = np.sqrt((differences**2 * calm).sum(axis=0) / np.maximum(calm.sum(axis=0), 1))
+    rms = np.sqrt((differences**2).mean(axis=0))
+    found: Real = np.maximum(np.where(noise_g > 0, trimmed, rms), SMALLEST_NOISE_G)
+    return found
+
+
+def quantum_g(force_g: Real) -> Real:
+    """Smallest step between any two readings of an axis, shape (3,); 0 where there is only one value."""
+    steps = [np.diff(np.unique(force_g[:, axis])) for axis in range(force_g.shape[1])]
+    return np.array([float(s.min()) if len(s) else 0.0 for s in steps])
+
+
+def believed_noise_g(force_g: Real, stated_g: float | Real | None) -> Real:
+    """Noise to reckon with, shape (3,): the larger of what is stated and what is seen, never below quantisation."""
+    seen_g = noise_from_differences(force_g)
+    floor_g = np.maximum(quantum_g(force_g) / np.sqrt(12), SMALLEST_NOISE_G)
+    noise_g: Real = np.maximum(
+        floor_g, 0.0 if stated_g is None else np.broadcast_to(np.asarray(stated_g, dtype=float), 3)
+    )
+    if seen_g is not None:
+        noise_g = np.where(seen_g > NOISIER * noise_g, seen_g, noise_g)
+    return noise_g

@@ -1,0 +1,1 @@
+"""When an event began and ended: changepoints of the motion."""

@@ -1,0 +1,1 @@
+"""From validated candidate fits to one verdict."""

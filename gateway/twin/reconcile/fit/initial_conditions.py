@@ -1,0 +1,70 @@
+"""The initial motion: found piece by piece from the readings, then as one motion over the whole recording."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit, fit_model, segments_of
+from gateway.twin.reconcile.fit.windowed_fit import is_wide, starts_from_readings
+from gateway.twin.simulator.simulator import Simulator
+
+Array = NDArray[np.float64]
+LOCAL_ROUNDS = 3
+
+
+def local_starts(simulator: Simulator, observations: Observations, effects: Array, firsts: list[int]) -> Array:
+    """A start for each segment from that segment's readings alone, shape (segments, starts).
+
+    The directions of later segments are turned so that headings go on from segment to segment.
+    """
+    starts = np.zeros((len(firsts), simulator.starts))
+    if is_wide(observations):
+        starts = starts_from_readings(simulator.rig, observations, firsts, simulator.starts)
+    weight = observations.used[:, None] / observations.noise_g
+    turns = np.zeros(len(firsts))
+    for _ in range(LOCAL_ROUNDS):
+        found = simulator.linearise_segments(starts, effects, observations.time_s, firsts, observations.temperature_c)
+        residual = observations.residual_sigma(found.force_g)
+        for i, (first, last) in enumerate(zip(firsts, [*firsts[1:], len(residual)], strict=True)):
+            by = found.force_by_start[first:last] * weight[first:last, :, None]
+            by[..., HEADING] = 0.0
+            starts[i] += _damped(by.reshape(-1, simulator.starts), residual[first:last].ravel())
+        turns = found.ends[:, HEADING]
+    return turned(starts, np.concatenate([[0.0], np.cumsum(turns[:-1])]))
+
+
+def turned(starts: Array, by_rad: Array) -> Array:
+    """Starts (segments, starts) seen from a world turned about the vertical: the same readings, other directions and headings."""
+    found = starts.copy()
+    cos, sin = np.cos(by_rad), np.sin(by_rad)
+    pairs = [(0, 1), (2, 3)] + ([(5, 6), (7, 8)] if starts.shape[1] == 9 else [])
+    for x, y in pairs:
+        found[:, x] = cos * starts[:, x] - sin * starts[:, y]
+        found[:, y] = sin * starts[:, x] + cos * starts[:, y]
+    found[:, HEADING] += by_rad
+    return found
+
+
+def _damped(flat: Array, residual: Array) -> Array:
+    normal = flat.T @ flat
+    scale = np.sqrt(np.diag(normal)) + 1e-9
+    matrix = normal / np.outer(scale, scale) + 1e-4 * np.eye(len(scale))
+    step: Array = np.linalg.solve(matrix, flat.T @ residual / scale) / scale
+    return np.clip(step, -0.7, 0.7)
+
+
+def free_values(simulator: Simulator, *, heading: bool, held: frozenset[str] = frozenset()) -> NDArray[np.bool_]:
+    """All values that are fitted: the heading only where directions of the world are told apart by it."""
+    return np.array(
+        [(heading if slot.parameter == "heading_rad" else slot.label not in held) for slot in simulator.parameters]
+    )
+
+
+def fit_nuisances(simulator: Simulator, observations: Observations, effects: Array) -> tuple[Fit, Array]:
+    """Only the initial motion is fitted, the effects' values stay; also returns the starts piece by piece."""
+    firsts = segments_of(observations)
+    starts = local_starts(simulator, observations, effects, firsts)
+    free = np.zeros(len(simulator.parameters), dtype=bool)
+    free[: simulator.starts] = True
+    free[HEADING] = False
+    return fit_model(simulator, observations, starts, effects, free, firsts), starts

@@ -1,0 +1,1 @@
+"""The result of a reconciliation and its forms: JSON, text, files."""

@@ -1,0 +1,39 @@
+"""What a reconciliation writes: predictions as recordings, the found model as a rig."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import tomli_w
+
+from gateway.twin.model import as_tables
+from gateway.twin.reconcile.output.result import Curves, Reconciliation
+
+
+def prediction_csv(curves: Sequence[Curves]) -> str:
+    """The final model's prediction, one row per row of the recording; parts of one recording follow each other."""
+    lines = ["time_s,ax_g,ay_g,az_g"]
+    begin_s = 0.0
+    for each in curves:
+        rows = np.column_stack([each.time_s + begin_s, each.after_g])
+        lines += ["{:.6f},{:.7f},{:.7f},{:.7f}".format(*row) for row in rows.tolist()]
+        begin_s += 2 * float(each.time_s[-1]) - float(each.time_s[-2])
+    return "\n".join([*lines, ""])
+
+
+def model_toml(result: Reconciliation) -> str:
+    """The rig with the model that was found, in the form that `--rig` reads."""
+    rig = result.rig
+    sensor: dict[str, object] = {"noise_g": list(rig.noise_g)}
+    if rig.sample_rate_hz is not None:
+        sensor["sample_rate_hz"] = rig.sample_rate_hz
+    if rig.full_scale_g is not None:
+        sensor["full_scale_g"] = rig.full_scale_g
+    return tomli_w.dumps(
+        {
+            "rope": {"length_m": rig.length_m},
+            "housing": {"position_m": rig.position_m},
+            "sensor": sensor,
+            "site": {"gravity_m_s2": rig.gravity_m_s2},
+            "model": as_tables(result.model),
+        }
+    )

@@ -1,0 +1,83 @@
+"""The answer as the JSON that `reconcile --json` writes."""
+
+from typing import Any
+
+from gateway.twin.reconcile.output.result import Estimate, Gap, NamedEffect, Reconciliation
+
+
+def as_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
+    """Names as published; what could not be computed is null."""
+    return {
+        "verdict": result.verdict,
+        "reason": result.reason,
+        "effects": [_effect(effect) for effect in result.effects],
+        "candidates": list(result.candidates),
+        "split_by": result.split_by,
+        "disagreement": [
+            {"axis": d.axis, "from_s": d.from_s, "to_s": d.to_s, "band_hz": list(d.band_hz), "rms_sigma": d.rms_sigma}
+            for d in result.disagreement
+        ],
+        "gap": _gap(result.gap),
+        "residual": _residual(result),
+        "steps": [
+            {
+                "added": list(step.added),
+                "dropped": list(step.dropped),
+                "gap_log": step.gap_log,
+                "gap_held_out": step.gap_held_out,
+                "bic": step.bic,
+            }
+            for step in result.steps
+        ],
+        "refitted_on_held_out": list(result.refitted_on_held_out),
+        "ranking": [
+            {
+                "names": list(c.names),
+                "chi2_log": c.chi2_log,
+                "chi2_held_out": c.chi2_held_out,
+                "behind": c.behind,
+                "rival": c.rival,
+            }
+            for c in result.ranking
+        ],
+        "samples": dict(result.counts),
+        "runtime_s": runtime_s,
+    }
+
+
+def _effect(effect: NamedEffect) -> dict[str, Any]:
+    return {
+        "name": effect.name,
+        "parameters": {name: _estimate(estimate) for name, estimate in effect.parameters.items()},
+        "when_s": None if effect.when_s is None else list(effect.when_s),
+    }
+
+
+def _estimate(estimate: Estimate) -> dict[str, Any]:
+    def plain(value: Any) -> Any:
+        return list(value) if isinstance(value, tuple) else value
+
+    return {"value": plain(estimate.value), "ci95": [plain(bound) for bound in estimate.ci95], "unit": estimate.unit}
+
+
+def _gap(gap: Gap | None) -> dict[str, Any]:
+    if gap is None:
+        nothing = {"log": None, "held_out": None}
+        return {"before": nothing, "after": nothing, "closed_percent": nothing}
+    before = {"log": gap.before_log, "held_out": gap.before_held_out}
+    after = {"log": gap.after_log, "held_out": gap.after_held_out}
+    return {
+        "before": before,
+        "after": after,
+        "closed_percent": {key: Gap.closed_percent(before[key], after[key]) for key in before},
+    }
+
+
+def _residual(result: Reconciliation) -> dict[str, Any] | None:
+    if result.residual is None:
+        return None
+    return {
+        "white": result.residual.white,
+        "ljung_box_p": result.residual.ljung_box_p,
+        "peaks": [{"hz": p.hz, "axis": p.axis, "amplitude_g": p.amplitude_g} for p in result.residual.peaks],
+    }

@@ -1,0 +1,60 @@
+"""The answer for a terminal."""
+
+import numpy as np
+
+from gateway.twin.reconcile.output.result import Estimate, Gap, Reconciliation
+
+SAID = {
+    "data_unusable": "the data cannot be used",
+    "none_missing": "nothing is missing",
+    "named": "missing:",
+    "one_of": "missing is one of:",
+    "named_with_remainder": "something without a name here, and:",
+    "unmodelled": "something is missing that the catalogue does not hold",
+}
+
+
+def as_text(result: Reconciliation) -> str:
+    """A few lines."""
+    named = tuple(effect.name for effect in result.effects)
+    names = result.candidates if result.verdict == "one_of" else named
+    lines = [
+        f"verdict      {SAID[result.verdict]} {', '.join(names)}".rstrip(),
+        f"because      {result.reason}",
+    ]
+    if result.verdict == "one_of" and named:
+        lines.append(f"beside it    {', '.join(named)}, certainly")
+    if result.verdict != "one_of" and result.candidates:
+        lines.append(f"beside it    one of {', '.join(result.candidates)}")
+    for effect in result.effects:
+        lines.append(f"  {effect.name}: {effect.explains}")
+        lines += [f"    {name} = {_estimate(estimate)}" for name, estimate in effect.parameters.items()]
+    if result.split_by is not None:
+        lines.append(f"to decide    {result.split_by}")
+    if result.gap is not None:
+        lines.append(f"gap          {_gap(result.gap)}")
+    if result.verdict in ("unmodelled", "named_with_remainder") and result.residual is not None:
+        lines += [
+            f"remains      {p.amplitude_g * 1e3:.3g} mg at {p.hz:.4g} Hz on {p.axis}" for p in result.residual.peaks
+        ]
+    return "\n".join(lines)
+
+
+def _estimate(estimate: Estimate) -> str:
+    low, high = (np.atleast_1d(end) for end in estimate.ci95)
+    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
+    values = [
+        f"{value:.4g}{unit} ({least:.4g} to {most:.4g})"
+        for value, least, most in zip(np.atleast_1d(estimate.value), low, high, strict=True)
+    ]
+    return ", ".join(values)
+
+
+def _gap(gap: Gap) -> str:
+    text = f"log {gap.before_log:.3g} -> {gap.after_log:.3g}"
+    if gap.before_held_out is not None and gap.after_held_out is not None:
+        text += f", held-out {gap.before_held_out:.3g} -> {gap.after_held_out:.3g}"
+        closed = Gap.closed_percent(gap.before_held_out, gap.after_held_out)
+        if closed is not None:
+            text += f" ({min(closed, 100.0):.1f} % closed)"
+    return text + " (reduced chi-square; 1 is noise)"

@@ -1,0 +1,87 @@
+"""Is what remains noise? Autocorrelation and lines."""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.twin.reconcile.output.result import Peak, Residual, Spectrum
+from gateway.twin.reconcile.residual.spectrum import FINER, periodogram
+
+Array = NDArray[np.float64]
+LAGS = 40
+WHITE_P = 0.001
+CERTAIN = 1e-4
+"""Chance, over all bins of all axes, of a peak that noise alone makes."""
+NEIGHBOURS = 60
+"""Bins on each side that tell the floor under a peak."""
+MOST_PEAKS = 6
+DRAWN = 600
+
+
+def ljung_box_p(residual: Array) -> float:
+    """Smallest over the axes of (n, 3), times three: chance of such an autocorrelation in white noise (Ljung, Box 1978)."""
+    found = []
+    for axis in residual.T:
+        centred = axis - axis.mean()
+        n, lags = len(centred), min(LAGS, len(centred) // 5)
+        square = float(centred @ centred)
+        if square == 0.0:
+            continue
+        rho = np.array([centred[k:] @ centred[:-k] for k in range(1, lags + 1)]) / square
+        q = n * (n + 2) * float((rho**2 / (n - np.arange(1, lags + 1))).sum())
+        found.append(chi2_tail(q, lags))
+    return min(1.0, len(found) * min(found, default=1.0))
+
+
+def chi2_tail(value: float, degrees: int) -> float:
+    """Chance that chi-square exceeds a value; Wilson and Hilferty 1931."""
+    z = ((max(value, 0.0) / degrees) ** (1 / 3) - (1 - 2 / (9 * degrees))) / math.sqrt(2 / (9 * degrees))
+    return 0.5 * math.erfc(z / math.sqrt(2))
+
+
+def peaks(time_s: Array, residual: Array, noise_g: Array) -> tuple[Peak, ...]:
+    """Lines of (n, 3) in sigma that stand out of the floor around them, strongest first."""
+    frequency_hz, power = periodogram(time_s, residual)
+    bins = slice(FINER, None)  # below one turn in the recording there is no line
+    found: list[tuple[float, Peak]] = []
+    for axis, name in enumerate("xyz"):
+        over = power[bins, axis] / floor_around(power[bins, axis])
+        level = math.log(3 * len(over) / FINER / CERTAIN)
+        for i in np.flatnonzero(over > level):
+            around = over[max(0, i - FINER) : i + FINER + 1]
+            if over[i] == around.max():
+                amplitude_g = 2 * math.sqrt(power[bins, axis][i] / len(time_s)) * noise_g[axis]
+                found.append((float(over[i]), Peak(float(frequency_hz[bins][i]), name, float(amplitude_g))))
+    found.sort(key=lambda each: -each[0])
+    return tuple(peak for _, peak in found[:MOST_PEAKS])
+
+
+def floor_around(power: Array) -> Array:
+    """Running median of a power spectrum, as the mean of noise; narrower toward low frequencies, shape (m,)."""
+    found = np.empty_like(power)
+    reach = NEIGHBOURS * FINER
+    for first in range(0, len(power), reach // 4):
+        middle = first + reach // 8
+        wide = min(reach, max(12 * FINER, middle))
+        part = power[max(0, middle - wide) : middle + wide]
+        found[first : first + reach // 4] = np.median(part) / math.log(2) + 1e-12
+    return found
+
+
+def residual_of(time_s: Array, before: Array, after: Array, noise_g: Array) -> Residual:
+    """What a model leaves, (n, 3) in sigma, beside what the one before left."""
+    p = ljung_box_p(after)
+    return Residual(p > WHITE_P, p, peaks(time_s, after, noise_g), drawn_spectrum(time_s, before, after))
+
+
+def drawn_spectrum(time_s: Array, before: Array, after: Array) -> Spectrum:
+    """Averaged over bins for a drawing."""
+    frequency_hz, power_before = periodogram(time_s, before)
+    _, power_after = periodogram(time_s, after)
+    edges = np.unique(np.geomspace(FINER, len(frequency_hz), DRAWN).astype(int))
+
+    def mean(values: Array) -> Array:
+        return np.add.reduceat(values, edges[:-1], axis=0) / np.diff([*edges[:-1], len(values)])[:, None]
+
+    return Spectrum(mean(frequency_hz[:, None])[:, 0], mean(power_before), mean(power_after))

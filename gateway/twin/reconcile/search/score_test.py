@@ -1,0 +1,98 @@
+"""Score test: what each effect could take off the residual, from one linearisation of the model with all of them at rest.
+
+Rao 1948: the gradient of the likelihood by an effect's parameters where the effect is absent, projected off what is fitted
+anyway, over its own covariance. One linearisation serves all effects.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.twin.effects import EFFECTS
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.fit.fit_context import Setting
+from gateway.twin.reconcile.fit.initial_conditions import local_starts
+from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit
+from gateway.twin.reconcile.fit.windowed_fit import fit_pieces, is_wide, pieces_of, without_starts
+from gateway.twin.reconcile.residual.isolability import orthonormal
+from gateway.twin.simulator.simulator import Simulator
+
+Array = NDArray[np.float64]
+UNSUITED = frozenset({"double_pendulum", "rope_stretch", "vibration", "clipping", "quantization", "sample_loss"})
+NEUTRAL_CUTOFF_HZ = 20.0
+LASTING = tuple(n for n, e in EFFECTS.items() if not e.transient and n not in UNSUITED)
+
+
+@dataclass(frozen=True, slots=True)
+class Signatures:
+    """How the readings answer to each effect, the nuisances and the model's own parameters projected out."""
+
+    residual: Array
+    """Sigma, projected, shape (3 n,)."""
+    of: Mapping[str, Array]
+    """Effect -> projected columns in sigma, shape (3 n, parameters)."""
+
+    def drop(self, name: str) -> float:
+        """By how much chi-square would fall, as if the effect were linear; signs of one-sided parameters are kept."""
+        columns = self.of[name]
+        solved, *_ = np.linalg.lstsq(columns, self.residual, rcond=1e-9)
+        lower = np.array([p.lower for p in EFFECTS[name].parameters])
+        if columns.shape[1] == 1 and lower[0] == 0 and solved[0] < 0:
+            return 0.0
+        fitted = columns @ solved
+        return float(fitted @ self.residual)
+
+
+def signatures(
+    setting: Setting, fit: Fit, values: Mapping[str, Mapping[str, object]], names: Sequence[str]
+) -> Signatures:
+    """Of effects that are smooth where they vanish, beside a fitted model."""
+    own = frozenset(values)
+    tried = [n for n in names if n not in own and n not in UNSUITED and not EFFECTS[n].transient]
+    simulator = setting.simulator((*own, *tried))
+    model = setting.simulator(tuple(own)).effects(fit.values)
+    if "lowpass_lag" in tried:
+        model["lowpass_lag"] = {"cutoff_hz": NEUTRAL_CUTOFF_HZ}
+    at = simulator.values(fit.values[: simulator.starts], model)
+    o = setting.log
+    if is_wide(o):
+        return _by_pieces(simulator, o, at[simulator.starts :], own)
+    found = simulator.linearise(at, o.time_s, o.temperature_c)
+    weight = (o.used[:, None] / o.noise_g)[:, :, None]
+    flat = (found.jacobian * weight).reshape(-1, len(simulator.parameters))
+    nuisance = [
+        i for i, slot in enumerate(simulator.parameters) if (slot.refitted or slot.effect in own) and i != HEADING
+    ]
+    basis = orthonormal(flat[:, nuisance])
+    residual = o.residual_sigma(fit.force_g).ravel()
+    of = {}
+    for name in tried:
+        columns = flat[:, [i for i, slot in enumerate(simulator.parameters) if slot.effect == name]]
+        of[name] = columns - basis @ (basis.T @ columns)
+    return Signatures(residual - basis @ (basis.T @ residual), of)
+
+
+def possible(setting: Setting) -> tuple[str, ...]:
+    """Lasting effects that the recording could show: without a temperature none shows a drift by it."""
+    return tuple(n for n in LASTING if n != "thermal_drift" or setting.log.temperature_c is not None)
+
+
+def _by_pieces(simulator: Simulator, observations: Observations, effects: Array, own: frozenset[str]) -> Signatures:
+    """Of a wide swing: a model that lacks something cannot follow it as one motion, but each piece of it for itself."""
+    firsts = pieces_of(simulator.rig, observations)
+    starts = local_starts(simulator, observations, effects, firsts)
+    held = np.zeros(len(effects), dtype=bool)
+    _, _, found = fit_pieces(simulator, observations, starts, effects, held, firsts)
+    columns, residual = without_starts(found, observations, firsts)
+    places = {
+        name: [i for i, s in enumerate(simulator.of_effects) if s.effect == name] for name in simulator.effect_names
+    }
+    basis = orthonormal(columns[:, [i for name in sorted(own) for i in places[name]]])
+    of = {
+        name: columns[:, place] - basis @ (basis.T @ columns[:, place])
+        for name, place in places.items()
+        if name not in own
+    }
+    return Signatures(residual - basis @ (basis.T @ residual), of)

@@ -1,0 +1,239 @@
+"""The search for what is missing: singles, pairs, swaps and drops."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.twin.effects.effect import Value
+from gateway.twin.reconcile.decision.ambiguity_groups import TURNING, mates_of
+from gateway.twin.reconcile.search.candidate_fits import Attempt
+from gateway.twin.reconcile.search.event_search import NEARLY, PARENTS, POLISH_ROUNDS, EventSearch
+from gateway.twin.reconcile.search.initial_guesses import STARTS, Situation
+from gateway.twin.reconcile.search.score_test import LASTING, Signatures, possible, signatures
+
+Array = NDArray[np.float64]
+Values = Mapping[str, Mapping[str, Value]]
+STRUCTURES = ("rope_stretch", "double_pendulum")
+SPECTRAL = ("clipping", *STRUCTURES)
+STRUCTURAL = 0.5
+"""What a second mode or a bounce may leave of the gap for other lines to be looked for in what it leaves."""
+SEEN = frozenset({"quantization", "clipping"})
+"""Found in the readings themselves: no fit takes them away again."""
+MOST_EFFECTS = 3
+FAR_BEHIND = 100.0
+"""Times as much as the best of a size leaves: what leaves more than that lacks what the best has."""
+CHILDREN = 4
+HOPELESS = 0.5
+"""An effect whose signature reaches less than this share of what the best one's reaches is no rival to one that explains all."""
+TAKES_MOST = 0.5
+"""What the best lasting effect may leave of the gap for pairs of it to be tried before events."""
+LEAST_SHARE = 0.8
+"""What the best single effect may leave of the gap for pairs to be looked at: one of two causes does more than that alone."""
+WORTH_GOING_ON = 0.1
+"""What pairs leave of the gap, beyond which more effects only bend the model to the data."""
+BENDS = 0.5
+"""What a third effect may leave of what two leave: one that leaves more bends the model to a remainder."""
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """A step of the search that was kept."""
+
+    added: frozenset[str]
+    dropped: frozenset[str]
+    names: frozenset[str]
+    reduced: float
+    bic: float
+
+
+@dataclass(slots=True)
+class Search(EventSearch):
+    """Attempts, and what led from one to the next."""
+
+    scores: dict[str, float] = field(default_factory=dict)
+    """Drop of chi-square beside the nuisances alone, by linearisation."""
+    signatures: Signatures | None = None
+    """Beside what is always there."""
+    history: list[Move] = field(default_factory=list)
+
+    def lasting(self, base: Attempt) -> Attempt:
+        """The best of the base and all single effects beside it that act all the time."""
+        self._lasting_children(base, self.setting.starts(base.values), first=True)
+        return self.best()
+
+    def singles(self, base: Attempt) -> Attempt:
+        """The best of the base and all single effects; `lasting` comes first."""
+        self._pairs_of_lasting(base)
+        starts = self.setting.starts(base.values)
+        self._try_beside_beginnings(base)
+        self._try_found_in_data(base, starts)
+        self._polished(len(base.values) + 1)
+        self._mates(base, starts)
+        best = self._to_go_on_from(base)
+        return self._kept(base, best if self.worth(base, best) else base)
+
+    def _to_go_on_from(self, base: Attempt) -> Attempt:
+        """The best; not a pair of lasting effects that leaves something: events beside either have not been tried then."""
+        best, size = self.best(), len(base.values) + 1
+        if len(best.values) <= size or not set(best.values) <= set(LASTING) | set(base.values) or not best.open:
+            return best
+        unit = self.unit()
+        return min((a for a in self.attempts.values() if len(a.values) <= size), key=lambda a: self.bic(a, unit))
+
+    def structure(self, base: Attempt) -> Attempt:
+        """A second mode or a bounce beside the base, where that is most of what is left; else the base."""
+        if self.setting.wide:
+            return base
+        for name in STRUCTURES:
+            self._try_spectral(base, name, self.setting.log.force_g - base.fit.force_g)
+        tried = [self.attempts[names] for name in STRUCTURES if (names := base.names | {name}) in self.attempts]
+        best = min([base, *tried], key=lambda a: a.reduced)
+        return best if best.reduced - 1 < STRUCTURAL * (base.reduced - 1) else base
+
+    def run(self, base: Attempt, best: Attempt) -> Attempt:
+        """On from the best single effect, until nothing worth a name is left."""
+        if best.reduced - 1 > LEAST_SHARE * (base.reduced - 1):
+            return self._kept(best, self._dropped(best))
+        for _ in range(MOST_EFFECTS - 1):
+            if not self._more_is_missing(best) or self.tired:
+                break
+            ahead = self._grow(self._parents(len(best.values)))
+            if ahead is best:
+                break
+            if len(best.values) > len(self.always) + 1 and ahead.reduced - 1 > BENDS * (best.reduced - 1):
+                break
+            hopeless = ahead.reduced - 1 > WORTH_GOING_ON * (base.reduced - 1)
+            if hopeless:
+                best = self._kept(best, ahead)
+                break
+            best = self._kept(best, self._swapped(ahead))
+        best = self._settled(best)
+        return self._kept(best, self._dropped(best))
+
+    def _settled(self, best: Attempt) -> Attempt:
+        """A double pendulum's fit creeps on below what the log asks for; another swing asks for more of it."""
+        if "double_pendulum" not in best.names or best.reduced > NEARLY:
+            return best
+        return self.try_values(best.values, rounds=POLISH_ROUNDS) or best
+
+    def _kept(self, before: Attempt, after: Attempt) -> Attempt:
+        if before.names != after.names:
+            move = Move(
+                after.names - before.names,
+                before.names - after.names,
+                after.names,
+                after.reduced,
+                self.bic(after, self.unit()),
+            )
+            self.history.append(move)
+        return after
+
+    def _mates(self, parent: Attempt, starts: Array) -> None:
+        """Whatever is hard to tell from the best is fitted, too, however little a linear look promised of it."""
+        best = self.best()
+        for name in sorted(mates_of(best.names - parent.names) & set(possible(self.setting))):
+            if frozenset({*parent.names, name}) not in self.attempts:
+                self._try_lasting(parent, name, starts)
+
+    def _pairs_of_lasting(self, base: Attempt) -> None:
+        """Where the best single effect takes most of the gap: others beside it, which are quicker to try than events."""
+        best = self.best()
+        if not best.open or best.reduced - 1 > TAKES_MOST * (base.reduced - 1) or self.setting.wide:
+            return
+        for parent in self._parents(len(base.values) + 1):
+            self._lasting_children(parent, self.setting.starts(parent.values), first=False)
+        pair = self.best()
+        if not pair.open and len(pair.values) > len(best.values):
+            self._swapped(pair)
+
+    def _try_lasting(self, parent: Attempt, name: str, starts: Array) -> None:
+        setting = self.setting
+        turns = name in TURNING  # pieces cannot be told to join before it is known how fast they turn
+        situation = Situation(setting.rig, setting.log, setting.log.force_g - parent.fit.force_g, ())
+        self._try(parent, name, STARTS[name](situation) if turns else [{}], None if turns else starts)
+
+    def _parents(self, size: int) -> list[Attempt]:
+        unit = self.unit()
+        ranked = sorted((a for a in self.attempts.values() if len(a.values) == size), key=lambda a: self.bic(a, unit))
+        most = PARENTS if size == len(self.always) + 1 else 1
+        return [a for a in ranked[:most] if a.fit.chi2 < FAR_BEHIND * ranked[0].fit.chi2]
+
+    def _grow(self, parents: list[Attempt]) -> Attempt:
+        """All that one more effect can do beside each parent; the best of all afterwards."""
+        before = self.best()
+        for parent in parents:
+            if self.tired:
+                break
+            starts = self.setting.starts(parent.values)
+            self._lasting_children(parent, starts, first=False)
+            self._try_found_in_data(parent, starts)
+        self._polished(len(parents[0].values) + 1)
+        after = self.best()
+        return after if self.worth(before, after) else before
+
+    def _lasting_children(self, parent: Attempt, starts: Array, *, first: bool) -> None:
+        setting = self.setting
+        scored = signatures(setting, parent.fit, parent.values, possible(setting))
+        drops = {name: scored.drop(name) for name in scored.of}
+        if first:
+            self.scores.update(drops)
+            self.signatures = scored
+        ranked = sorted(drops, key=lambda name: -drops[name])
+        for rank, name in enumerate(ranked):
+            explained = not self.best().open
+            if drops[name] < HOPELESS * drops[ranked[0]] and (explained or rank >= CHILDREN):
+                break
+            if not first and rank >= CHILDREN:
+                break
+            if parent.names | {name} not in self.attempts:
+                self._try_lasting(parent, name, starts)
+
+    def _try_found_in_data(self, parent: Attempt, starts: Array) -> None:
+        """Effects whose times or frequencies have to be found first: in what a model that follows the motion leaves.
+
+        A wide swing is followed only by a model with the right losses; before that, nothing is to be found there.
+        """
+        setting, o = self.setting, self.setting.log
+        if setting.wide:
+            return
+        residual_g = o.force_g - parent.fit.force_g
+        for name in SPECTRAL:
+            if self.best().open and parent.names | {name} not in self.attempts:
+                self._try_spectral(parent, name, residual_g)
+        best = self.best()
+        if not best.open and best is not parent:
+            return
+        self._try_windows(parent, starts, residual_g, alone=len(parent.values) == len(self.always))
+
+    def _try_spectral(self, parent: Attempt, name: str, residual_g: Array) -> None:
+        situation = Situation(self.setting.rig, self.setting.log, residual_g, ())
+        self._try(parent, name, STARTS[name](situation), None)
+
+    def _swapped(self, best: Attempt) -> Attempt:
+        """Each effect of a pair is replaced by the best others, the rest kept."""
+        for name in sorted(best.names - set(self.always)):
+            if self.tired:
+                break
+            rest = {n: v for n, v in best.values.items() if n != name}
+            without = self.attempts.get(frozenset(rest)) or self.try_values(rest)
+            decided = without is not None and name in STRUCTURES and without.fit.chi2 > FAR_BEHIND * best.fit.chi2
+            if without is not None and not decided:
+                starts = self.setting.starts(without.values)
+                scored = signatures(self.setting, without.fit, without.values, possible(self.setting))
+                likely = sorted(scored.of, key=lambda n: -scored.drop(n))[:CHILDREN]
+                for other in sorted({*likely, *(mates_of(frozenset({name})) & set(scored.of))}):
+                    if frozenset({*rest, other}) not in self.attempts:
+                        self._try_lasting(without, other, starts)
+        found = self.best()
+        return found if self.worth(best, found) or len(found.values) <= len(best.values) else best
+
+    def _dropped(self, best: Attempt) -> Attempt:
+        """Without what is not worth its name."""
+        for name in sorted(best.names - SEEN):
+            rest = {n: v for n, v in best.values.items() if n != name}
+            without = self.try_values(rest, rounds=POLISH_ROUNDS, beyond=np.inf if best.open else self._rival_chi2())
+            if without is not None and not self.worth(without, best):
+                return self._dropped(without)
+        return best

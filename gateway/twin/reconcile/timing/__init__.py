@@ -1,0 +1,1 @@
+"""Errors of the time stamps: timing jitter and lost samples."""

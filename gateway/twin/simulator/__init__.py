@@ -1,0 +1,1 @@
+"""The simulator: symbolic equations assembled from effects, compiled, integrated with exact sensitivities."""

@@ -1,0 +1,59 @@
+"""What a simulator's values mean, one by one."""
+
+from dataclasses import dataclass
+
+from gateway.twin.effects.effect import Effect, Parameter, parameter_label
+from gateway.twin.simulator.state import Structure
+
+TILTS = (
+    ("tilt_x_rad", "rad", 3.1),
+    ("tilt_y_rad", "rad", 1.5),
+    ("rate_x_rad_s", "rad/s", 50.0),
+    ("rate_y_rad_s", "rad/s", 50.0),
+)
+"""Names, units and limits; the tilt toward y is an arc sine, so a start is regular where that is below 90 degrees."""
+HEADING = ("heading_rad", "rad", 7.0)
+STRETCH = (("stretch_m", "m", 0.5), ("stretch_rate_m_s", "m/s", 5.0))
+SMALL = 1e-3
+
+
+@dataclass(frozen=True, slots=True)
+class Slot:
+    """One number among the simulator's values."""
+
+    label: str
+    """`steady_wind.accel_m_s2[x]`, `initial.tilt_x_rad`."""
+    effect: str
+    """Empty for the initial motion."""
+    parameter: str
+    component: int
+    unit: str
+    lower: float
+    upper: float
+    neutral: float
+    scale: float
+    refitted: bool
+    """Belongs to the recording and not to the rig: initial motion, heading, phases."""
+
+
+def initial_slots(structure: Structure) -> tuple[Slot, ...]:
+    """The start's coordinates."""
+    kinds = [*TILTS, HEADING]
+    if structure is Structure.RIGGING:
+        kinds += [(f"rigging_{name}", unit, limit) for name, unit, limit in TILTS]
+    if structure is Structure.ELASTIC:
+        kinds += STRETCH
+    return tuple(
+        Slot(f"initial.{name}", "", name, 0, unit, -limit, limit, 0.0, SMALL, True) for name, unit, limit in kinds
+    )
+
+
+def effect_slots(effect: Effect, length_m: float) -> tuple[Slot, ...]:
+    """An effect's numbers, on a rope of a believed length."""
+    return tuple(_slot(effect, p, i, length_m) for p in effect.parameters for i in range(p.size))
+
+
+def _slot(effect: Effect, p: Parameter, component: int, length_m: float) -> Slot:
+    label, upper = f"{effect.name}.{parameter_label(p, component)}", effect.upper_bound(p, length_m)
+    neutral = min(p.neutral, upper)
+    return Slot(label, effect.name, p.name, component, p.unit, p.lower, upper, neutral, p.scale, p.refitted)

@@ -1,0 +1,129 @@
+"""The state of a motion, and the coordinates of its start that can be fitted; both as symbols.
+
+State x: n, n' and the housing's x axis; with a double pendulum the rigging's direction m and m', with an elastic rope its
+stretch beyond that of a load at rest, and the stretch's rate.
+Start z: the rope's tilts toward world x and y, their rates, the housing's heading; then the rigging's tilts and rates, or the
+stretch and its rate.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Enum
+from typing import Any
+
+import casadi as ca
+
+from devices.pendulum import equations as eq
+from devices.pendulum.equations import Scalar, Vector
+
+Expression = Any
+NOTHING: Vector = (0.0, 0.0, 0.0)
+
+
+class Structure(Enum):
+    """What hangs from the pivot."""
+
+    ROPE = "rope"
+    RIGGING = "double pendulum"
+    ELASTIC = "elastic rope"
+
+    @property
+    def states(self) -> int:
+        """Length of x."""
+        return {Structure.ROPE: 9, Structure.RIGGING: 15, Structure.ELASTIC: 11}[self]
+
+    @property
+    def starts(self) -> int:
+        """Length of z."""
+        return {Structure.ROPE: 5, Structure.RIGGING: 9, Structure.ELASTIC: 7}[self]
+
+
+def structure_of(names: Iterable[str]) -> Structure:
+    """Of a model with these effects. Raises `ValueError` for two that exclude each other."""
+    chosen = {"double_pendulum", "rope_stretch"} & set(names)
+    if len(chosen) == 2:
+        raise ValueError("double_pendulum and rope_stretch cannot act together: leave one of them out")
+    if not chosen:
+        return Structure.ROPE
+    return Structure.RIGGING if "double_pendulum" in chosen else Structure.ELASTIC
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """x by its parts; what a structure has not is zero."""
+
+    n: Vector
+    n_rate: Vector
+    x_axis: Vector
+    m: Vector = NOTHING
+    m_rate: Vector = NOTHING
+    stretch: Scalar = 0.0
+    stretch_rate: Scalar = 0.0
+
+    @classmethod
+    def of(cls, x: Expression, structure: Structure) -> "State":
+        """The parts of a column."""
+        rope = vector(x, 0), vector(x, 3), vector(x, 6)
+        if structure is Structure.RIGGING:
+            return cls(*rope, vector(x, 9), vector(x, 12))
+        if structure is Structure.ELASTIC:
+            return cls(*rope, stretch=x[9], stretch_rate=x[10])
+        return cls(*rope)
+
+    def column(self, structure: Structure) -> Expression:
+        """x of the parts; of their rates just so."""
+        parts = [*self.n, *self.n_rate, *self.x_axis]
+        if structure is Structure.RIGGING:
+            parts += [*self.m, *self.m_rate]
+        if structure is Structure.ELASTIC:
+            parts += [self.stretch, self.stretch_rate]
+        return ca.vertcat(*parts)
+
+
+def vector(column: Expression, first: int) -> Vector:
+    """Three components of a column."""
+    return column[first], column[first + 1], column[first + 2]
+
+
+def state_from_start(z: Expression, structure: Structure) -> Expression:
+    """x of z."""
+    n, n_rate = _direction(z[0], z[1], z[2], z[3])
+    across, along = _reference_axes(n)
+    x_axis = eq.plus(eq.times(ca.cos(z[4]), across), eq.times(ca.sin(z[4]), along))
+    state = State(n, n_rate, x_axis)
+    if structure is Structure.RIGGING:
+        state = State(n, n_rate, x_axis, *_direction(z[5], z[6], z[7], z[8]))
+    if structure is Structure.ELASTIC:
+        state = State(n, n_rate, x_axis, stretch=z[5], stretch_rate=z[6])
+    return state.column(structure)
+
+
+def start_from_state(x: Expression, structure: Structure) -> Expression:
+    """z of x."""
+    state = State.of(x, structure)
+    across, along = _reference_axes(state.n)
+    heading = ca.atan2(eq.dot(state.x_axis, along), eq.dot(state.x_axis, across))
+    z = [*_tilts(state.n, state.n_rate), heading]
+    if structure is Structure.RIGGING:
+        z += _tilts(state.m, state.m_rate)
+    if structure is Structure.ELASTIC:
+        z += [state.stretch, state.stretch_rate]
+    return ca.vertcat(*z)
+
+
+def _direction(tilt_x: Any, tilt_y: Any, rate_x: Any, rate_y: Any) -> tuple[Vector, Vector]:
+    angles = (ca.sin(tilt_x), ca.cos(tilt_x), ca.sin(tilt_y), ca.cos(tilt_y))
+    by_x, by_y = eq.direction_by_tilts(*angles)
+    return eq.direction(*angles), eq.plus(eq.times(rate_x, by_x), eq.times(rate_y, by_y))
+
+
+def _tilts(n: Vector, n_rate: Vector) -> list[Any]:
+    tilt_x, tilt_y = ca.atan2(n[0], -n[2]), ca.asin(n[1])
+    by_x, by_y = eq.direction_by_tilts(ca.sin(tilt_x), ca.cos(tilt_x), ca.sin(tilt_y), ca.cos(tilt_y))
+    return [tilt_x, tilt_y, eq.dot(n_rate, by_x) / eq.dot(by_x, by_x), eq.dot(n_rate, by_y)]
+
+
+def _reference_axes(n: Vector) -> tuple[Vector, Vector]:
+    """The axis at right angles to the rope that is nearest to the world's x, and the third one: (x, y) of heading 0."""
+    x_axis = eq.nearest_to_x(n, ca.sqrt(1 - n[0] * n[0]))
+    return x_axis, eq.cross(eq.times(-1, n), x_axis)

@@ -1,0 +1,88 @@
+"""Binning, noise from the samples, and data that no pendulum made."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.swing.bins import bin_samples, concatenate, merge
+from gateway.swing.input_checks import fault_of
+from gateway.swing.noise import believed_noise_g, noise_from_differences, quantum_g
+
+RNG = np.random.default_rng(3)
+
+
+def test_two_nodes_carry_the_boxcar_exactly():
+    """The mean of a slow signal over a bin is its mean at the bin's two nodes, uneven and missing samples included."""
+    time_s = np.sort(RNG.uniform(0.0, 20.0, 900))
+    signal = np.sin(2.1 * time_s)
+
+    bins = bin_samples(time_s, np.stack([signal] * 3, axis=1), 0.2)
+
+    assert np.abs(np.sin(2.1 * bins.nodes_s()).mean(axis=0) - bins.force_g[:, 0]).max() < 5e-4
+    centre = np.sin(2.1 * bins.time_s)
+    assert np.abs(centre - bins.force_g[:, 0]).max() > 5e-3  # what ignoring the boxcar would cost
+
+
+@given(st.integers(1, 400), st.integers(1, 60))
+def test_binning_in_blocks_is_binning_at_once(count, cut):
+    time_s = np.linspace(0.0, 7.0, count)
+    force_g = np.random.default_rng(count).normal(size=(count, 3))
+    cut = min(cut, count)
+
+    at_once = bin_samples(time_s, force_g, 0.5)
+    early, late = (bin_samples(time_s[part], force_g[part], 0.1) for part in (slice(cut), slice(cut, None)))
+    in_blocks = merge(concatenate(early, late), 0.5)
+
+    assert in_blocks.count == pytest.approx(at_once.count)
+    assert in_blocks.time_s == pytest.approx(at_once.time_s)
+    assert in_blocks.spread_s == pytest.approx(at_once.spread_s, abs=1e-7)
+    assert in_blocks.force_g == pytest.approx(at_once.force_g)
+
+
+def test_noise_is_seen_through_a_fast_swing_and_spikes():
+    time_s = np.arange(600) / 10.0
+    swing = 0.1 * np.sin(2 * np.pi * time_s / 2.5)
+    force_g = swing[:, None] + [[1e-3, 2e-3, 4e-4]] * RNG.normal(size=(600, 3))
+    force_g[::97] += 0.5
+
+    assert noise_from_differences(force_g) == pytest.approx([1e-3, 2e-3, 4e-4], rel=0.25)
+
+
+def test_noise_is_never_below_quantisation_nor_below_what_is_stated():
+    coarse = np.round(RNG.normal(scale=1e-4, size=(500, 3)) / 0.004) * 0.004 + [[0.0, 0.004, 1.0]]
+    coarse[7] += 0.004
+
+    assert quantum_g(coarse) == pytest.approx([0.004] * 3)
+    assert (believed_noise_g(coarse, None) >= 0.004 / np.sqrt(12)).all()
+    assert believed_noise_g(RNG.normal(scale=1e-3, size=(500, 3)), 5e-3) == pytest.approx([5e-3] * 3)
+    assert believed_noise_g(RNG.normal(scale=1e-3, size=(500, 3)), 1e-4) == pytest.approx([1e-3] * 3, rel=0.2)
+
+
+def swinging_g():
+    time_s = np.arange(2000) / 50.0
+    swing = 0.08 * np.sin(2 * np.pi * time_s / 6.0)
+    ideal = np.stack([swing, 0.3 * swing, 1.0 + 0.1 * swing**2], axis=1)
+    return ideal + 5e-4 * RNG.normal(size=(2000, 3))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "named"),
+    [
+        (lambda f: f * [1, 0, 1], "y does not change"),
+        (lambda f: np.minimum(f, [0.04, 9, 9]), "clipped: x piles up at +0.0400 g"),
+        (lambda f: np.maximum(f, [-9, -0.02, -9]), "clipped: y piles up at -0.0200 g"),
+        (lambda f: f * 1.25, "wrong unit or scale"),
+        (lambda f: f * 9.80665, "wrong unit or scale"),
+        (lambda f: f * [1, -1, -1], "not upright"),
+        (lambda f: f[:, [2, 0, 1]], "not upright"),
+    ],
+)
+def test_data_that_no_pendulum_made_are_named(spoil, named):
+    assert named in fault_of(spoil(swinging_g()))
+
+
+def test_a_swing_and_a_coarse_sensor_at_rest_are_plausible():
+    assert fault_of(swinging_g()) is None
+    rest = np.array([[0.0, 0.0, 1.0]]) + 1e-3 * RNG.normal(size=(3000, 3))
+    assert fault_of(np.round(rest / 0.0039) * 0.0039) is None

@@ -1,0 +1,69 @@
+"""What a try in vain may cost: fits that lead nowhere are given up, and tries follow each other no faster than they must."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from gateway.swing import MountedHousing, SwingTracker
+from gateway.swing.bins import bin_samples
+from gateway.swing.initial_guess import find_harmonics, start_motions
+from gateway.swing.likelihood import improved, linearised
+from gateway.swing.priors import believed
+
+PERIOD_S = 2 * np.pi * np.sqrt(9.0 / 9.80665)
+NOISE_G = np.full(3, 4e-4)
+BLOCK = 16
+
+
+@pytest.fixture(scope="module")
+def driven(simulated):
+    """Swung all the time by a trolley that goes to and fro at another rhythm than the load's."""
+
+    def trolley(time_s):
+        return (1.5 * np.sin(0.55 * time_s), 0.8 * np.sin(1.9 * time_s + 1), 0.0)
+
+    return simulated(rho=0.4, amplitude_deg=4.0, duration_s=40, push=trolley)
+
+
+def begun(recording, rig):
+    bins = bin_samples(recording.time_s, recording.force_g, PERIOD_S / 32)
+    starts = start_motions(find_harmonics(bins, NOISE_G, rig), rig, 0.0, float(bins.time_s[-1]) + 0.5)
+    return linearised(bins, bins.count[:, None] / NOISE_G**2, starts[0], believed(rig))
+
+
+def test_a_fit_that_leads_nowhere_is_given_up(driven):
+    fit = begun(driven, MountedHousing(length_m=9.0, position_m=driven.position_m))
+
+    given_up = improved(fit, 25, lambda _: True)
+
+    assert not given_up.converged
+    assert given_up.iterations <= 4
+
+
+def test_a_fit_that_settles_is_never_asked_about(simulated):
+    recording = simulated(rho=0.4, duration_s=40)
+    asked = []
+
+    fit = improved(begun(recording, MountedHousing(length_m=9.5, position_m=recording.position_m)), 25, asked.append)
+
+    assert fit.converged
+    assert not asked
+
+
+def test_tries_in_vain_are_spaced_and_none_waits_longer_than_the_first_value_may(driven):
+    tracker = SwingTracker(MountedHousing(length_m=9.0, position_m=driven.position_m), noise_g=4e-4)
+    heard = []
+    for begin in range(0, len(driven.time_s), BLOCK):
+        part = slice(begin, begin + BLOCK)
+        estimate = tracker.update(driven.time_s[part], driven.force_g[part])
+        if estimate is not None:
+            heard.append((float(driven.time_s[part][-1]), estimate))
+
+    waits = [(e, after_s - at_s) for (at_s, e), (after_s, _) in pairwise(heard) if e.swinging is None]
+    pauses_s = [wait_s for _, wait_s in waits]
+    costly_s = [wait_s for e, wait_s in waits if e.reduced_chi_square is not None]
+
+    assert len(pauses_s) > 20
+    assert max(pauses_s) < 0.15 * PERIOD_S + 2 * BLOCK / 50
+    assert min(costly_s, default=1.0) >= 0.15 * PERIOD_S - 1e-9

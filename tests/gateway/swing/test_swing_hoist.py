@@ -1,0 +1,136 @@
+"""A rope whose length changes: the spline, the equations, whole recordings and the live tracker."""
+
+import numpy as np
+import pytest
+
+from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2, start_motion
+from devices.simulated.crane import Crane
+from devices.simulated.schedule import Hoist, TrolleyMove
+from gateway.swing import MountedHousing, SwingTracker, estimate_swing
+from gateway.swing.model import Course, Place, integrate, specific_force_g
+from gateway.swing.rope_spline import Raster
+
+NOISE_G = 4e-4
+TIME_S = np.arange(50 * 50) / 50.0
+HOIST_S = (15.0, 27.0)
+
+
+def recorded(by_m, *, rho=0.5, length_m=9.0, events=None):
+    """Specific force in g of a swing during which the rope's length changes, and the truth."""
+    crane = Crane(
+        length_m=length_m,
+        position_m=rho * length_m,
+        events=[Hoist(HOIST_S[0], HOIST_S[1] - HOIST_S[0], by_m)] if events is None else events,
+        motion=start_motion(0.12, 0.0, 0.0, 0.02),
+        damping_ratio=0.002,
+    )
+    force_g = crane.specific_force_m_s2(TIME_S) / STANDARD_GRAVITY_M_S2
+    return force_g + NOISE_G * np.random.default_rng(3).normal(size=force_g.shape), crane.truth(TIME_S)
+
+
+def clamped(rho=0.5, length_m=9.0):
+    return MountedHousing(length_m=1.1 * length_m, above_load_m=(1 - rho) * length_m)
+
+
+def test_length_speed_and_acceleration_of_a_raster_belong_together():
+    raster = Raster.over(2.0, 5.0, 0.5)
+    time_s = np.linspace(0, 8, 80001)
+    speeds = np.random.default_rng(0).normal(size=raster.count)
+
+    rope = raster.rope(time_s, 3.0, speeds)
+
+    assert np.gradient(rope.length_m, time_s) == pytest.approx(rope.rate_m_s, abs=1e-6)
+    assert np.gradient(rope.rate_m_s, time_s)[1:-1] == pytest.approx(rope.acceleration_m_s2[1:-1], abs=1e-3)
+    assert (rope.length_m[0], rope.length_m[-1]) == pytest.approx((3.0, 3.0 + 0.5 * speeds.sum()))
+
+
+def test_another_raster_of_the_same_step_carries_the_length_on():
+    raster, later = Raster.over(2.0, 5.0, 0.5), Raster.over(3.2, 7.0, 0.5)
+    speeds = np.random.default_rng(1).normal(size=raster.count)
+    time_s = np.linspace(3.2, 5.0, 50)
+
+    moved, way_m = raster.moved(later, speeds)
+
+    assert later.rope(time_s, 3.0 + way_m, moved).length_m == pytest.approx(raster.rope(time_s, 3.0, speeds).length_m)
+
+
+@pytest.mark.parametrize("goes_with_the_rope", [True, False])
+def test_equations_agree_with_the_simulated_crane(goes_with_the_rope):
+    """A rope that becomes longer at a constant speed, and one whose speed changes."""
+    from devices.pendulum import pendulum  # noqa: PLC0415
+
+    gravity, step_s, steps = STANDARD_GRAVITY_M_S2, 0.02, 500
+    half_s = step_s / 2 * np.arange(2 * steps + 1)
+    length_m, rate_m_s, second_m_s2 = 9 + 0.3 * half_s + 0.02 * half_s**2, 0.3 + 0.04 * half_s, 0.04
+
+    def rate(time_s, motion):
+        at = round(2 * time_s / step_s)
+        return pendulum.motion_rate(motion, np.array([0.0, 0.0, -gravity]), length_m[at], rate_m_s[at])
+
+    motions = [start_motion(0.3, -0.1, 0.05, 0.2)]
+    for step in range(steps):
+        motions.append(pendulum.runge_kutta_step(rate, step * step_s, motions[-1], step_s))
+    position_m = length_m[::2] - 4.0 if goes_with_the_rope else np.full(steps + 1, 5.0)
+    moves = 1.0 if goes_with_the_rope else 0.0
+    forces = [
+        pendulum.specific_force_m_s2(
+            m, rate(i * step_s, m)[1], np.zeros(3), gravity, position_m[i], moves * rate_m_s[2 * i], moves * second_m_s2
+        )
+        for i, m in enumerate(motions)
+    ]
+
+    axes = pendulum.housing_axes(motions[0])
+    first = [axes @ [0.0, 0.0, -1.0], axes @ motions[0][1], np.zeros(3)]
+    start = np.array([[[v[0] + 1j * v[1]]] for v in first])
+    course = Course((gravity / length_m)[:, None, None], np.zeros(1), (rate_m_s / length_m)[:, None, None])
+    path = integrate(start, course, step_s, steps)
+    states = path.state[:, :, 0]
+    place = Place(position_m[:, None] / gravity, moves * rate_m_s[::2, None] / gravity, moves * second_m_s2 / gravity)
+    modelled_g = np.stack([specific_force_g(states, course.at(2 * i), place)[i, :, 0] for i in range(0, steps + 1, 50)])
+
+    assert modelled_g == pytest.approx(np.array(forces)[::50] / gravity, abs=1e-7)
+
+
+@pytest.mark.parametrize(("by_m", "rho"), [(-3.0, 0.5), (4.0, 0.3)])
+def test_a_recording_with_a_hoist_has_an_interval_that_holds(by_m, rho):
+    force_g, truth = recorded(by_m, rho=rho)
+
+    estimate = estimate_swing(TIME_S, force_g, rig=clamped(rho), noise_g=NOISE_G)
+
+    low, high = estimate.coverage95_rad
+    assert low < truth.rope_angle_rad.max() < high
+    assert estimate.u_rad < 0.02 * estimate.phi_max_rad
+    assert any("hoisting within" in reason for reason in estimate.reasons)
+    begin_s, end_s = estimate.hoists_s[0][0], estimate.hoists_s[-1][1]
+    assert (begin_s, end_s) == pytest.approx(HOIST_S, abs=3.0)
+
+
+def test_a_push_of_the_trolley_is_not_called_hoisting():
+    force_g, _ = recorded(0.0, events=[TrolleyMove(20.0, 6.0, 1.5, 0.8, 0.4)])
+
+    estimate = estimate_swing(TIME_S, force_g, rig=clamped(), noise_g=NOISE_G)
+
+    assert estimate.hoists_s == ()
+    assert estimate.coverage95_rad is None
+
+
+def test_live_goes_on_while_hoisting_and_says_so():
+    force_g, truth = recorded(-3.0)
+    tracker = SwingTracker(clamped(), noise_g=NOISE_G)
+    heard = []
+    for begin in range(0, len(TIME_S), 10):
+        part = slice(begin, begin + 10)
+        estimate = tracker.update(TIME_S[part], force_g[part])
+        if estimate is not None:
+            heard.append(estimate)
+
+    within = [e for e in heard if HOIST_S[0] + 4 < e.to_s < HOIST_S[1] - 1]
+    assert np.mean([e.hoisting for e in within]) > 0.6
+    assert all(e.rope_speed_m_s < 0 for e in within if e.hoisting)
+    for e in heard:
+        if e.coverage95_rad is not None:
+            reached = truth.rope_angle_rad[(e.from_s - 1e-9 <= TIME_S) & (e.to_s + 1e-9 >= TIME_S)].max()
+            assert abs(e.phi_max_rad - reached) < 5 * e.u_rad
+    assert np.mean([e.coverage95_rad is not None for e in heard]) > 0.9
+    assert heard[-1].length_m == pytest.approx(6.0, rel=0.01)
+    assert not heard[-1].hoisting

@@ -1,0 +1,83 @@
+"""The low-pass inside a sensor: planted as a single pole, it is taken out, and what is not known of it is in the uncertainty."""
+
+import numpy as np
+import pytest
+
+from gateway.swing import MountedHousing, SwingTracker, estimate_swing
+
+BANDWIDTH_HZ = 1.0
+RATE_HZ = 50.0
+
+
+def one_pole(force_g, bandwidth_hz=BANDWIDTH_HZ):
+    share = 1 - np.exp(-2 * np.pi * bandwidth_hz / RATE_HZ)
+    out, state = np.empty_like(force_g), force_g[0]
+    for i, now in enumerate(force_g):
+        state = state + share * (now - state)
+        out[i] = state
+    return out
+
+
+def estimated(recording, force_g, bandwidth_hz, position_m=None):
+    rig = MountedHousing(
+        length_m=recording.length_m,
+        position_m=recording.position_m if position_m is None else position_m,
+        bandwidth_hz=bandwidth_hz,
+    )
+    return estimate_swing(recording.time_s, force_g, rig=rig)
+
+
+@pytest.fixture(scope="module", params=[0.05, 0.6])
+def filtered(request, simulated):
+    recording = simulated(rho=request.param, length_m=6.0, noise_g=0.0, duration_s=40)
+    noise_g = 1e-4 * np.random.default_rng(2).normal(size=recording.force_g.shape)
+    return recording, one_pole(recording.force_g) + noise_g
+
+
+def test_attenuation_is_corrected_and_stands_in_the_budget(filtered):
+    recording, force_g = filtered
+
+    taken_as_it_is = estimated(recording, force_g, None)
+    corrected = estimated(recording, force_g, BANDWIDTH_HZ)
+
+    wrong, right = (abs(e.phi_max_rad / recording.phi_max_rad - 1) for e in (taken_as_it_is, corrected))
+    assert wrong > 0.01
+    assert right < 0.4 * wrong
+    low, high = corrected.coverage95_rad
+    assert low < recording.phi_max_rad < high
+
+
+def test_delay_is_corrected(filtered):
+    recording, force_g = filtered
+
+    late, right = (estimated(recording, force_g, hz) for hz in (None, BANDWIDTH_HZ))
+
+    moved_s = np.mean([a.time_s - b.time_s for a, b in zip(late.swings[1:-1], right.swings[1:-1], strict=True)])
+    assert moved_s == pytest.approx(1 / (2 * np.pi * BANDWIDTH_HZ), rel=0.15)
+
+
+def test_live_is_corrected_too(filtered):
+    recording, force_g = filtered
+    rig = MountedHousing(length_m=6.0, position_m=recording.position_m, bandwidth_hz=BANDWIDTH_HZ)
+    tracker, heard = SwingTracker(rig, noise_g=1e-4), []
+    for begin in range(0, len(force_g), 25):
+        estimate = tracker.update(recording.time_s[begin : begin + 25], force_g[begin : begin + 25])
+        heard += [estimate] if estimate is not None else []
+
+    for e in heard[-8:]:
+        reached = recording.angle_rad[(recording.time_s >= e.from_s) & (recording.time_s <= e.to_s)].max()
+        assert e.coverage95_rad[0] < reached < e.coverage95_rad[1]
+
+
+def test_a_wide_band_changes_nothing_that_matters(simulated):
+    recording = simulated(duration_s=30)
+
+    plain, wide = (estimated(recording, recording.force_g, hz) for hz in (None, 31.25))
+
+    assert wide.phi_max_rad == pytest.approx(plain.phi_max_rad, abs=plain.u_rad)
+    assert wide.u_rad == pytest.approx(plain.u_rad, rel=0.02)
+
+
+def test_a_bandwidth_that_cannot_be_is_refused():
+    with pytest.raises(ValueError, match="bandwidth"):
+        MountedHousing(length_m=9.0, position_m=3.0, bandwidth_hz=0.0)

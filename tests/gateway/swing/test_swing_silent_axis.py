@@ -1,0 +1,70 @@
+"""A dead axis that only makes noise: named, and no swing that merely runs along an axis is taken for one."""
+
+import numpy as np
+import pytest
+
+from gateway.swing import MountedHousing, SwingTracker, estimate_swing
+
+NOISE_G = 4e-4
+RIG = {"position_u_m": 0.05, "zero_g_offset_u_g": (5e-4,) * 3, "scale_u": (3e-4,) * 3}
+
+
+def housing(recording):
+    return MountedHousing(length_m=9.5, position_m=recording.position_m, **RIG)
+
+
+def deadened(recording, axis, level_g):
+    force_g = recording.force_g.copy()
+    force_g[:, axis] = level_g + NOISE_G * np.random.default_rng(9).normal(size=len(force_g))
+    return force_g
+
+
+@pytest.mark.parametrize(
+    ("rho", "azimuth_deg", "axis"),
+    [(0.1, 35, 1), (0.5, 35, 0), (0.5, 60, 0), (0.5, 0, 0), (0.1, 60, 2), (0.5, 15, 2)],
+)
+def test_a_noisy_dead_axis_is_named(simulated, rho, azimuth_deg, axis):
+    recording = simulated(rho=rho, azimuth_deg=azimuth_deg, amplitude_deg=6, duration_s=45)
+    force_g = deadened(recording, axis, 0.998 if axis == 2 else 0.01)
+
+    estimate = estimate_swing(recording.time_s, force_g, rig=housing(recording), noise_g=NOISE_G)
+
+    assert estimate.swinging is None
+    assert estimate.coverage95_rad is None
+    assert "dead axis" in estimate.reasons[0]
+    assert "xyz"[axis] in estimate.reasons[0].split(" shows")[0]
+
+
+def test_live_too(simulated):
+    recording = simulated(rho=0.5, azimuth_deg=40, amplitude_deg=6, duration_s=40)
+    force_g, tracker = deadened(recording, 1, 0.0), SwingTracker(housing(recording), noise_g=NOISE_G)
+    parts = [slice(begin, begin + 16) for begin in range(0, len(force_g), 16)]
+
+    heard = [e for part in parts if (e := tracker.update(recording.time_s[part], force_g[part])) is not None]
+
+    assert len(heard) > 10
+    assert all(e.coverage95_rad is None and "y shows nothing" in e.reasons[0] for e in heard if e.to_s > 18)
+
+
+@pytest.mark.parametrize("rho", [0.1, 0.8])
+@pytest.mark.parametrize("azimuth_deg", [0, 90, 3, 45])
+def test_a_planar_swing_along_any_azimuth_is_no_dead_axis(simulated, rho, azimuth_deg):
+    recording = simulated(rho=rho, azimuth_deg=azimuth_deg, amplitude_deg=6, duration_s=40)
+
+    estimate = estimate_swing(recording.time_s, recording.force_g, rig=housing(recording), noise_g=NOISE_G)
+
+    assert estimate.swinging
+    assert estimate.phi_max_rad == pytest.approx(recording.phi_max_rad, abs=4 * estimate.u_rad)
+    assert estimate.u_rad < 0.02 * recording.phi_max_rad
+
+
+@pytest.mark.parametrize(("rho", "azimuth_deg"), [(0.5, 15), (0.8, 35)])
+def test_while_it_is_open_whether_an_axis_is_broken_the_interval_holds_both(simulated, rho, azimuth_deg):
+    """Near x a dead y takes little, and near the load the housing's place explains as much."""
+    recording = simulated(rho=rho, azimuth_deg=azimuth_deg, amplitude_deg=6, duration_s=45)
+    force_g = deadened(recording, 1, 0.0)
+
+    estimate = estimate_swing(recording.time_s, force_g, rig=housing(recording), noise_g=NOISE_G)
+
+    low, high = estimate.coverage95_rad
+    assert low < recording.phi_max_rad < high
