@@ -25,3 +25,13 @@ def test_every_file_that_the_docs_name_exists():
     for page in pages:
         named = re.findall(r"\]\(([\w./-]+)\)", page.read_text())
         assert [name for name in named if not (page.parent / name).exists()] == [], page
+
+
+def test_every_package_that_the_docs_name_exists():
+    pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")]
+    for page in pages:
+        if not page.exists():
+            continue
+        named = re.findall(r"`((?:gateway|devices|tests)(?:\.\w+)*)`", page.read_text())
+        paths = [ROOT / name.replace(".", "/") for name in named]
+        assert [str(path) for path in paths if not path.is_dir() and not path.with_suffix(".py").exists()] == [], page
