@@ -232,7 +232,7 @@ class Adxl355:
         deadline_ns = start_ns + LONGEST_WAIT_NS
         while not self._blocks:
             level = self._await_level(deadline_ns, early_ns)
-            self._blocks.extend(self._take(level))
+            self._blocks.extend(self._drain_fifo(level))
             if level.read_ns >= deadline_ns:
                 break
             if not self._blocks:
@@ -272,10 +272,10 @@ class Adxl355:
             return _Level(0, read_ns)
         if status & OVERRUN:
             self._faults["overrun"] += 1
-            self._lose_count(1)
+            self._reset_sample_index(1)
         return _Level(entries, read_ns)
 
-    def _take(self, level: _Level) -> list[SampleBlock]:
+    def _drain_fifo(self, level: _Level) -> list[SampleBlock]:
         """Read so many entries out of the FIFO. A burst that broke off has taken out nobody knows how many."""
         if not level.entries:
             return []
@@ -285,7 +285,7 @@ class Adxl355:
             self._burst_failures += 1
             if self._burst_failures == BURST_FAILURES:
                 raise
-            self._lose_count(0)
+            self._reset_sample_index(0)
             return []
         self._burst_failures = 0
         runs, self._tail = split_entries(self._tail + burst)
@@ -303,7 +303,7 @@ class Adxl355:
                 yield SampleBlock(time_ns, decode_counts(run.entries), self._temperature_c, lost)
                 self._last_ns, self._lost, self._lost_at_least = int(time_ns[-1]), 0, None
 
-    def _lose_count(self, at_least: int) -> None:
+    def _reset_sample_index(self, at_least: int) -> None:
         """Samples were lost, nobody knows how many: the clock learns its phase anew, and time tells their number."""
         self._lost_at_least = max(at_least, self._lost_at_least or 0)
         self._tail = b""

@@ -71,7 +71,7 @@ class Recording:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rows:
+class SampleRows:
     """Rows that hold numbers, as they came; NaN and times out of order among them."""
 
     place: Integers
@@ -96,7 +96,7 @@ def typical_interval(time: Floats) -> float:
     return float(interval[np.abs(interval - median) <= 0.5 * median].mean())
 
 
-def in_order(time_ns: Integers) -> NDArray[np.bool_]:
+def longest_increasing_mask(time_ns: Integers) -> NDArray[np.bool_]:
     """Mask of the longest strictly increasing sequence: the fewest entries are left out, whatever one wild time says.
 
     Patience sorting; of equal times the first one stays.
@@ -122,7 +122,7 @@ def in_order(time_ns: Integers) -> NDArray[np.bool_]:
     return mask
 
 
-def recording_from_rows(rows: Rows, unit: RawUnit, blank: int = 0, truncated: int = 0) -> Recording:
+def recording_from_rows(rows: SampleRows, unit: RawUnit, blank: int = 0, truncated: int = 0) -> Recording:
     """Leave out what cannot be used, count it by kind, and tell the gaps.
 
     Raises `ValueError` when fewer than two samples are left, or when the times are no order of the rows: less than half of
@@ -133,8 +133,8 @@ def recording_from_rows(rows: Rows, unit: RawUnit, blank: int = 0, truncated: in
     if len(numbers) < 2:
         raise ValueError(f"no two usable samples in {rows.count} rows; check its columns, unit and delimiter")
     time_ns = elapsed_ns(rows.time_s[numbers])
-    mask = in_order(time_ns)
-    repeated = ~mask & (time_ns == _kept_before(time_ns, mask))
+    mask = longest_increasing_mask(time_ns)
+    repeated = ~mask & (time_ns == _index_after_filter(time_ns, mask))
     backward = ~mask & ~repeated
     if mask.sum() < max(2, len(numbers) / 2) or backward.sum() > len(numbers) / 4:
         text = f"time repeats in {repeated.sum()} and goes back in {backward.sum()} of {len(numbers)} rows"
@@ -158,7 +158,7 @@ def recording_from_rows(rows: Rows, unit: RawUnit, blank: int = 0, truncated: in
     )
 
 
-def _lost_before(rows: Rows, kept: Integers, out_of_order: Integers, repeated: Integers) -> Integers:
+def _lost_before(rows: SampleRows, kept: Integers, out_of_order: Integers, repeated: Integers) -> Integers:
     """Samples that a gap is wide and that did not come, shape of `kept`.
 
     A row without numbers stands for one sample of the gap that it came in, a row out of order for one of the gap that its time
@@ -182,7 +182,7 @@ def missing_before(time_s: Floats) -> Integers:
     return np.concatenate([[0], np.maximum(intervals - 1, 0)])
 
 
-def _kept_before(time_ns: Integers, mask: NDArray[np.bool_]) -> Integers:
+def _index_after_filter(time_ns: Integers, mask: NDArray[np.bool_]) -> Integers:
     """For each entry the last one of the mask up to it; an entry before all of them stands for its first."""
     latest: Integers = time_ns[mask][np.maximum(np.cumsum(mask) - 1, 0)]
     return latest

@@ -49,7 +49,7 @@ class _Line:
     def time_of(self, count: int) -> int:
         return self.time_ns + round(self.period_ns * (count - self.count))
 
-    def height_of(self, sighting: Sighting) -> int:
+    def residual_of(self, sighting: Sighting) -> int:
         return sighting[1] - self.time_of(sighting[0])
 
 
@@ -91,8 +91,8 @@ class _Window:
             if line is not None:
                 self._bound(line, read_ns)
         else:
-            height_ns = line.height_of(sighting)
-            if height_ns < line.height_of(self._sightings[-1]):
+            height_ns = line.residual_of(sighting)
+            if height_ns < line.residual_of(self._sightings[-1]):
                 self._sightings[-1] = sighting
             if height_ns >= 0:
                 return line
@@ -104,7 +104,7 @@ class _Window:
         kept = self._sightings
         if len(kept) > BUCKETS and self._bucket_ns < WINDOW_NS // BUCKETS:
             self._bucket_ns = min(2 * (read_ns - kept[0][1]) // BUCKETS, WINDOW_NS // BUCKETS)
-            self._sightings = [min(kept[i : i + 2], key=line.height_of) for i in range(0, len(kept), 2)]
+            self._sightings = [min(kept[i : i + 2], key=line.residual_of) for i in range(0, len(kept), 2)]
         while len(self._sightings) > BUCKETS or self._sightings[0][1] < read_ns - WINDOW_NS:
             del self._sightings[0]
 
@@ -154,10 +154,10 @@ class SampleClock:
         if self._count + behind == 0:  # not even the first sample has been made
             return np.empty(0, dtype=np.int64)
         newest = self._count - 1
-        line = self._see((newest + behind, read_ns))
+        line = self._add_observation((newest + behind, read_ns))
         if n == 0:
             return np.empty(0, dtype=np.int64)
-        times_ns = self._spread(line, n, newest)
+        times_ns = self._interpolate_times(line, n, newest)
         self._last_ns, self._last_count = int(times_ns[-1]), newest
         return times_ns
 
@@ -197,7 +197,7 @@ class SampleClock:
         self._misfit_start_ns = 0
         self._last_count = None
 
-    def _see(self, sighting: Sighting) -> _Line:
+    def _add_observation(self, sighting: Sighting) -> _Line:
         """Take in a sighting that is new and plausible; after too many that are not, begin anew."""
         count, read_ns = sighting
         line = self._window.line
@@ -218,9 +218,9 @@ class SampleClock:
 
     def _fits(self, line: _Line, sighting: Sighting) -> bool:
         drift_ns = 4 * line.period_u * (sighting[1] - self._seen_ns)
-        return abs(line.height_of(sighting)) <= MISFIT_DELAY_NS + 2 * line.period_ns + drift_ns
+        return abs(line.residual_of(sighting)) <= MISFIT_DELAY_NS + 2 * line.period_ns + drift_ns
 
-    def _spread(self, line: _Line, n: int, newest: int) -> NDArray[np.int64]:
+    def _interpolate_times(self, line: _Line, n: int, newest: int) -> NDArray[np.int64]:
         """Even times up to the newest sample's: what the line has moved since the last call is taken up over the block."""
         end_ns = line.time_of(newest)
         start_ns, periods = end_ns - round(n * line.period_ns), n

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from devices.errors import RecordingError
 from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2
-from devices.recording import Recording, Rows, recording_from_rows
+from devices.recording import Recording, SampleRows, recording_from_rows
 
 Column = str | int
 """A column by its name in the header, or by its 1-based number where there is no header."""
@@ -276,7 +276,7 @@ def _numbers(entries: list[str], required: int) -> list[float] | None:
         return None
 
 
-def _rows(layout: TableLayout, columns: _Columns, read: _Read) -> Rows:
+def _rows(layout: TableLayout, columns: _Columns, read: _Read) -> SampleRows:
     """In seconds and in g or counts; what cannot be a time or a reading becomes NaN."""
     place = np.concatenate(read.places)
     values = np.concatenate(read.values)
@@ -287,7 +287,7 @@ def _rows(layout: TableLayout, columns: _Columns, read: _Read) -> Rows:
     if layout.unit == "counts":
         broken |= np.rint(raw) != raw
     raw = np.where(broken, np.nan, raw)
-    return Rows(
+    return SampleRows(
         place=place,
         count=read.count,
         time_s=np.where(np.abs(time) < TIME_LIMIT_S * rate_hz, time, np.nan) / rate_hz,

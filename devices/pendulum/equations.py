@@ -30,12 +30,12 @@ def cross(a: Vector, b: Vector) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def plus(a: Vector, b: Vector) -> Vector:
+def add(a: Vector, b: Vector) -> Vector:
     """Sum."""
     return a[0] + b[0], a[1] + b[1], a[2] + b[2]
 
 
-def times(factor: Scalar, a: Vector) -> Vector:
+def scale(factor: Scalar, a: Vector) -> Vector:
     """A vector, scaled."""
     return factor * a[0], factor * a[1], factor * a[2]
 
@@ -52,7 +52,7 @@ def acceleration_of_direction(n: Vector, n_rate: Vector, drive: Vector, length: 
 
 def transport_rate(n: Vector, n_rate: Vector, x_axis: Vector) -> Vector:
     """x' in 1/s of an axis at right angles to the rope that has no angular velocity along it."""
-    return times(-dot(x_axis, n_rate), n)
+    return scale(-dot(x_axis, n_rate), n)
 
 
 def specific_force(
@@ -75,7 +75,7 @@ def specific_force(
 
 def in_housing(n: Vector, x_axis: Vector, vector: Vector) -> Vector:
     """Components of a world's vector along the housing's x, y and z axes."""
-    z_axis = times(-1, n)
+    z_axis = scale(-1, n)
     return dot(x_axis, vector), dot(cross(z_axis, x_axis), vector), dot(z_axis, vector)
 
 
@@ -107,7 +107,7 @@ def tensions_of_two(
     """
     aligned = dot(n, m)
     rope = dot(n, hook_drive) + lengths[0] * dot(n_rate, n_rate) - length_acceleration
-    between = dot(m, plus(load_drive, times(-1, hook_drive)))
+    between = dot(m, add(load_drive, scale(-1, hook_drive)))
     rigging = (between + aligned * rope + lengths[1] * dot(m_rate, m_rate)) / (1 + hook_mass_ratio - aligned * aligned)
     return rope + rigging * aligned, rigging
 
@@ -128,14 +128,14 @@ def accelerations_of_two(
     rope, rigging = tensions_of_two(
         n, n_rate, m, m_rate, hook_drive, load_drive, lengths, length_acceleration, hook_mass_ratio
     )
-    n_drive = plus(hook_drive, times(rigging, m))
-    m_drive = plus(plus(load_drive, times(-1, hook_drive)), times(rope, n))
+    n_drive = add(hook_drive, scale(rigging, m))
+    m_drive = add(add(load_drive, scale(-1, hook_drive)), scale(rope, n))
     return (
         acceleration_of_direction(n, n_rate, n_drive, lengths[0], length_rate),
         acceleration_of_direction(m, m_rate, m_drive, lengths[1], 0.0),
     )
 
 
-def nearest_to_x(n: Vector, sin_from_x: Scalar) -> Vector:
+def reference_axis(n: Vector, sin_from_x: Scalar) -> Vector:
     """The unit vector at right angles to n that is nearest to world x; `sin_from_x` is sqrt(1 - n_x^2)."""
     return sin_from_x, -n[0] * n[1] / sin_from_x, -n[0] * n[2] / sin_from_x

@@ -84,8 +84,8 @@ def start_motion(tilt_x_rad: float, tilt_y_rad: float, rate_x_rad_s: float, rate
     turns = (math.sin(tilt_x_rad), math.cos(tilt_x_rad), math.sin(tilt_y_rad), math.cos(tilt_y_rad))
     n = equations.direction(*turns)
     by_x, by_y = equations.direction_by_tilts(*turns)
-    n_rate = equations.plus(equations.times(rate_x_rad_s, by_x), equations.times(rate_y_rad_s, by_y))
-    x_axis = equations.nearest_to_x(n, math.sqrt(1 - n[0] * n[0]))
+    n_rate = equations.add(equations.scale(rate_x_rad_s, by_x), equations.scale(rate_y_rad_s, by_y))
+    x_axis = equations.reference_axis(n, math.sqrt(1 - n[0] * n[0]))
     return np.array([n, n_rate, x_axis])
 
 

@@ -32,7 +32,7 @@ class Ambient:
 
 
 @dataclass(frozen=True, slots=True)
-class PlantedErrors:
+class InjectedErrors:
     """The part's errors, in its own axes; the truth that a calibration is held against."""
 
     zero_g_offset_g: Array
@@ -62,16 +62,16 @@ def typical_ambient(random: np.random.Generator) -> Ambient:
     )
 
 
-def no_errors() -> PlantedErrors:
+def no_errors() -> InjectedErrors:
     """A perfect part in a perfect mount."""
-    return PlantedErrors(np.zeros(3), np.zeros(3), np.zeros((3, 3)), np.zeros(3), 25.0, np.eye(3))
+    return InjectedErrors(np.zeros(3), np.zeros(3), np.zeros((3, 3)), np.zeros(3), 25.0, np.eye(3))
 
 
-def typical_errors(random: np.random.Generator, reference_temperature_c: float) -> PlantedErrors:
+def typical_errors(random: np.random.Generator, reference_temperature_c: float) -> InjectedErrors:
     """A part as it comes, mounted true: within the datasheet's limits."""
     cross_axis = random.normal(0.0, 0.005, (3, 3))
     np.fill_diagonal(cross_axis, 0.0)
-    return PlantedErrors(
+    return InjectedErrors(
         zero_g_offset_g=np.clip(random.normal(0.0, 0.025, 3), -ZERO_G_OFFSET_LIMIT_G, ZERO_G_OFFSET_LIMIT_G),
         scale_factor_error=random.normal(0.0, 0.008, 3),
         cross_axis_sensitivity=cross_axis,
@@ -85,7 +85,7 @@ def typical_errors(random: np.random.Generator, reference_temperature_c: float) 
 class Accelerometer:
     """From specific force to counts."""
 
-    errors: PlantedErrors
+    errors: InjectedErrors
     odr_hz: float
     range_g: float = 2.0
 

@@ -25,7 +25,7 @@ HISTORY_S = HISTORY_STEPS * STEP_S / 2
 
 
 @dataclass(frozen=True, slots=True)
-class Truth:
+class GroundTruth:
     """What is true of the crane at n instants."""
 
     rope_angle_rad: Array
@@ -87,10 +87,10 @@ class Crane:
         """
         return np.concatenate([self._specific_force_m_s2(part) for part in self._parts(time_s)])
 
-    def truth(self, time_s: Array) -> Truth:
+    def truth(self, time_s: Array) -> GroundTruth:
         """What is true at instants (n,) that increase; raises `ValueError` as `specific_force_m_s2`."""
         parts = [self._truth(part) for part in self._parts(time_s)]
-        return Truth(*(np.concatenate([getattr(part, name) for part in parts]) for name in Truth.__slots__))
+        return GroundTruth(*(np.concatenate([getattr(part, name) for part in parts]) for name in GroundTruth.__slots__))
 
     def _parts(self, time_s: Array) -> list[Array]:
         """Stretches that fit into the history."""
@@ -102,7 +102,7 @@ class Crane:
     def _specific_force_m_s2(self, time_s: Array) -> Array:
         motion, drive = self._motion(time_s), self._schedule.at(time_s)
         n, n_rate = motion[:, 0], motion[:, 1]
-        acting_m_s2 = self._damped(self._acting(drive), n_rate, drive.length_m)
+        acting_m_s2 = self._with_damping(self._acting(drive), n_rate, drive.length_m)
         return pendulum.specific_force_m_s2(
             motion,
             pendulum.acceleration_of_direction(n, n_rate, acting_m_s2, drive.length_m, drive.length_rate_m_s),
@@ -113,11 +113,11 @@ class Crane:
             drive.length_acceleration_m_s2,
         )
 
-    def _truth(self, time_s: Array) -> Truth:
+    def _truth(self, time_s: Array) -> GroundTruth:
         motion, schedule = self._motion(time_s), self._schedule
         n = motion[:, 0]
         length_m = schedule.at(time_s).length_m[:, 0]
-        return Truth(
+        return GroundTruth(
             rope_angle_rad=np.arctan2(np.hypot(n[:, 0], n[:, 1]), -n[:, 2]),
             direction=n,
             up_in_housing=pendulum.housing_axes(motion)[:, :, 2],
@@ -164,12 +164,12 @@ class Crane:
         self._motions[kept] = motions
         self._rates[kept] = [rate(step * STEP_S, each) for step, each in enumerate(motions)]
         self._newest = first + STEPS_AT_ONCE
-        self._schedule.forget((self._newest - HISTORY_STEPS) * STEP_S)
+        self._schedule.prune_past((self._newest - HISTORY_STEPS) * STEP_S)
 
     def _rate(self, motion: list[Vector], acting: Vector, length: float, length_rate: float) -> list[Vector]:
         """Rows of a motion's derivative, with plain numbers: for a single motion that is quicker than arrays."""
         n, n_rate, x_axis = motion
-        drive = equations.plus(acting, equations.times(-self._damping_hz * length, n_rate))
+        drive = equations.add(acting, equations.scale(-self._damping_hz * length, n_rate))
         n_acceleration = equations.acceleration_of_direction(n, n_rate, drive, length, length_rate)
         return [n_rate, n_acceleration, equations.transport_rate(n, n_rate, x_axis)]
 
@@ -178,7 +178,7 @@ class Crane:
         gravity_m_s2: Array = np.array([0.0, 0.0, -self.gravity_m_s2])
         return drive.force_m_s2 - drive.pivot_acceleration_m_s2 + gravity_m_s2
 
-    def _damped(self, acting_m_s2: Array, n_rate: Array, length_m: Array) -> Array:
+    def _with_damping(self, acting_m_s2: Array, n_rate: Array, length_m: Array) -> Array:
         return acting_m_s2 - self._damping_hz * length_m * n_rate
 
 

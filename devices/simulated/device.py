@@ -16,11 +16,11 @@ from devices.simulated.accelerometer import (
     ZERO_G_OFFSET_LIMIT_G,
     ZERO_G_OFFSET_LIMIT_G_PER_K,
     Accelerometer,
-    PlantedErrors,
+    InjectedErrors,
     typical_ambient,
     typical_errors,
 )
-from devices.simulated.crane import Crane, Truth
+from devices.simulated.crane import Crane, GroundTruth
 from devices.simulated.demo import demo_crane
 from devices.simulated.factory import factory_calibration
 
@@ -48,7 +48,7 @@ class SimulatedCrane:
         gravity_m_s2: float = STANDARD_GRAVITY_M_S2,
         seed: int = 1,
         crane: Crane | None = None,
-        errors: PlantedErrors | None = None,
+        errors: InjectedErrors | None = None,
     ) -> None:
         """The same seed gives the same readings; a `crane` handed in replaces the demonstration, `errors` the part's own."""
         if odr_hz <= 0 or range_g <= 0 or block_samples < 1:
@@ -79,7 +79,7 @@ class SimulatedCrane:
         if self._newest_ns is None:
             self._crane_start_ns = now_ns
         else:
-            self._stand_still(now_ns - self._newest_ns)
+            self._shift_own_time(now_ns - self._newest_ns)
         self._opened_ns, self._next, self._lost = now_ns, 0, 0
         self._ready.clear()
         return DeviceInfo(
@@ -106,7 +106,7 @@ class SimulatedCrane:
         now_ns = self._clock.now_ns()
         wait_s = (int(self._ready[0].time_ns[-1]) - now_ns) / 1e9
         if wait_s < -LONGEST_LAG_S:
-            self._skip(self._opened_ns, now_ns)
+            self._drop_samples(self._opened_ns, now_ns)
             wait_s = 0.0
         if wait_s > LONGEST_WAIT_S:
             self._clock.sleep_s(LONGEST_WAIT_S)
@@ -125,7 +125,7 @@ class SimulatedCrane:
         """`overrun`: how many times samples were skipped because nobody read for too long."""
         return self._faults
 
-    def truth(self, time_ns: NDArray[np.int64]) -> Truth:
+    def truth(self, time_ns: NDArray[np.int64]) -> GroundTruth:
         """What is true of the crane at sample times (n,) of the last half minute."""
         return self.crane.truth((time_ns - self._crane_start_ns) / 1e9)
 
@@ -142,16 +142,16 @@ class SimulatedCrane:
             yield SampleBlock(time_ns[block], raw[block], round(float(temperature_c[block][-1]), 2), self._lost)
             self._lost = 0
 
-    def _skip(self, opened_ns: int, now_ns: int) -> None:
+    def _drop_samples(self, opened_ns: int, now_ns: int) -> None:
         """Go on with the newest whole block, and say how many samples were lost before it."""
         newest = int((now_ns - opened_ns) / self._period_ns) - self._block_samples + 1
         self._lost = newest - self._next
         self._next = newest
         self._faults["overrun"] += 1
-        self._stand_still(now_ns - int(self._ready[-1].time_ns[-1]))
+        self._shift_own_time(now_ns - int(self._ready[-1].time_ns[-1]))
         self._ready.clear()
         self._ready.extend(self._simulate(opened_ns))
 
-    def _stand_still(self, absent_ns: int) -> None:
+    def _shift_own_time(self, absent_ns: int) -> None:
         """Hold the crane's own time back by all but the last of a long absence: nobody waits for what nobody saw."""
         self._crane_start_ns += max(0, absent_ns - round(LONGEST_CATCH_UP_S * 1e9))

@@ -68,7 +68,7 @@ def smooth_step(progress: Array) -> Array:
     return progress**3 * (10 + progress * (6 * progress - 15))
 
 
-def bump(progress: Array) -> Array:
+def smooth_step_derivative(progress: Array) -> Array:
     """Derivative of `smooth_step`: area 1, peak 1.875."""
     return 30 * (progress * (1 - progress)) ** 2
 
@@ -108,7 +108,7 @@ class Schedule:
             if isinstance(event, TrolleyMove):
                 pivot += _trolley_m_s2(event, time_s)[:, None] * horizontal(event.azimuth_rad)
             elif isinstance(event, Gust):
-                pulse = bump(progress(time_s, event.start_s, event.duration_s)) / 1.875
+                pulse = smooth_step_derivative(progress(time_s, event.start_s, event.duration_s)) / 1.875
                 force += event.force_m_s2 * pulse[:, None] * horizontal(event.azimuth_rad)
         return Drive(pivot, force, *self._length(time_s, acting))
 
@@ -120,7 +120,7 @@ class Schedule:
                 found |= _changing(event, time_s)
         return found
 
-    def forget(self, before_s: float) -> None:
+    def prune_past(self, before_s: float) -> None:
         """No earlier instant will be asked for."""
         while self._events and _ended(self._events[0], before_s):
             ended = self._events.pop(0)
@@ -139,14 +139,14 @@ class Schedule:
             if isinstance(event, Hoist):
                 done = progress(time_s, event.start_s, event.duration_s)
                 length += event.by_m * smooth_step(done)
-                rate += event.by_m / event.duration_s * bump(done)
+                rate += event.by_m / event.duration_s * smooth_step_derivative(done)
                 acceleration += event.by_m / event.duration_s**2 * bump_rate(done)
         return length[:, None], rate[:, None], acceleration[:, None]
 
 
 def _trolley_m_s2(move: TrolleyMove, time_s: Array) -> Array:
-    speeding = bump(progress(time_s, move.start_s, move.ramp_s))
-    slowing = bump(progress(time_s, move.start_s + move.duration_s - move.ramp_s, move.ramp_s))
+    speeding = smooth_step_derivative(progress(time_s, move.start_s, move.ramp_s))
+    slowing = smooth_step_derivative(progress(time_s, move.start_s + move.duration_s - move.ramp_s, move.ramp_s))
     return move.speed_m_s / move.ramp_s * (speeding - slowing)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 
 from gateway.bench.tables import Floats, Session
-from gateway.calibration.poses import NORM_LIMIT, Nominal
+from gateway.calibration.poses import NORM_LIMIT, NominalSensitivity
 from gateway.calibration.record import NotDeterminedError
 
 BLOCK = 16
@@ -14,13 +14,13 @@ LARGEST_ZERO = 0.5
 """In g. A zero further off is that of an analogue part, in the middle of its supply."""
 
 
-def nominal_for(sessions: list[Session], units_per_g: float | None) -> Nominal:
+def nominal_for(sessions: list[Session], units_per_g: float | None) -> NominalSensitivity:
     """Nominal sensitivity and zero. Raises `NotDeterminedError` where the readings do not tell them."""
     unit = sessions[0].unit
     means = np.concatenate([_block_means(session.raw) for session in sessions])
     norm = float(np.median(np.linalg.norm(means, axis=1)))
     if unit == "g" and abs(norm - 1) <= NORM_LIMIT:
-        return Nominal(1.0)
+        return NominalSensitivity(1.0)
     analogue = _from_extremes(means, units_per_g)
     if analogue is not None and (unit == "V" or np.max(np.abs(analogue.zero)) > LARGEST_ZERO * analogue.units_per_g):
         return analogue
@@ -28,7 +28,7 @@ def nominal_for(sessions: list[Session], units_per_g: float | None) -> Nominal:
         raise NotDeterminedError(
             "the readings do not tell volts per g: every axis has to point up once and down once; take the missing poses"
         )
-    return Nominal(units_per_g or norm)
+    return NominalSensitivity(units_per_g or norm)
 
 
 def _block_means(raw: Floats) -> Floats:
@@ -36,7 +36,7 @@ def _block_means(raw: Floats) -> Floats:
     return raw[:whole].reshape(-1, BLOCK, 3).mean(axis=1) if whole else raw
 
 
-def _from_extremes(means: Floats, units_per_g: float | None) -> Nominal | None:
+def _from_extremes(means: Floats, units_per_g: float | None) -> NominalSensitivity | None:
     """Zero between the extremes of each axis; where an axis has one of them only, at its median: it lay across mostly.
 
     None where an axis was not turned.
@@ -48,4 +48,4 @@ def _from_extremes(means: Floats, units_per_g: float | None) -> Nominal | None:
     if scale < LEAST_TURN or np.any(np.maximum(high - zero, zero - low) < (1 - NORM_LIMIT) * scale):
         return None
     x, y, z = zero.tolist()
-    return Nominal(scale, (x, y, z))
+    return NominalSensitivity(scale, (x, y, z))

@@ -9,8 +9,8 @@ from gateway.bench.nominal import nominal_for
 from gateway.bench.tables import Session, TableOptions, read_session
 from gateway.calibration.methods import procedure_for
 from gateway.calibration.norm_fit import FRAME_U_DEG
-from gateway.calibration.pose_procedure import Collecting
-from gateway.calibration.poses import Nominal
+from gateway.calibration.pose_procedure import PoseProcedure
+from gateway.calibration.poses import NominalSensitivity
 from gateway.calibration.procedure import CalibrationFit, RawReadings
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.calibration.six_position import PLACEMENT_U_DEG
@@ -37,7 +37,7 @@ class BenchResult:
 
     fit: CalibrationFit
     unit: str
-    nominal: Nominal
+    nominal: NominalSensitivity
     notes: tuple[str, ...]
 
 
@@ -76,7 +76,7 @@ def calibrate(paths: list[Path], tables: TableOptions, options: BenchOptions) ->
     return BenchResult(fit, sessions[0].unit, nominal, tuple(notes))
 
 
-def feed_session(procedure: Collecting, session: Session) -> None:
+def feed_session(procedure: PoseProcedure, session: Session) -> None:
     """All readings of a file, in blocks; its end ends a pose."""
     for start in range(0, len(session.time_s), BLOCK):
         part = slice(start, start + BLOCK)

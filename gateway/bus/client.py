@@ -19,7 +19,7 @@ PAUSE_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class RpcReply:
     """What a gateway answered."""
 
     accepted: bool
@@ -40,7 +40,7 @@ class Client:
         self._session = self._open()
         self._subscribers: list[zenoh.Subscriber[None]] = []
         try:
-            self.key = self._one(pattern)
+            self.key = self._resolve_single_gateway(pattern)
         except InputError:
             self._session.close()
             raise
@@ -48,7 +48,7 @@ class Client:
     def _open(self) -> zenoh.Session:
         return open_session("client", [self._connect], [], connect_timeout_ms=CONNECT_MS)
 
-    def _one(self, pattern: str) -> str:
+    def _resolve_single_gateway(self, pattern: str) -> str:
         replies = [reply.ok for reply in self._session.get(f"{pattern}/rpc/status", timeout=ANSWER_S) if reply.ok]
         keys = sorted({str(reply.key_expr).removesuffix("/rpc/status") for reply in replies})
         if not keys:
@@ -57,7 +57,7 @@ class Client:
             raise InputError(f"{len(keys)} gateways answer; name one with --gateway: {', '.join(keys)}")
         return keys[0]
 
-    def ask(self, verb: str, request: dict[str, Any], patience_s: float) -> Said | None:
+    def ask(self, verb: str, request: dict[str, Any], patience_s: float) -> RpcReply | None:
         """Ask until there is an answer; None where there is none in time, and the request may have been done or not."""
         end_s = time.monotonic() + patience_s
         while True:
@@ -73,7 +73,7 @@ class Client:
         said = self._ask_once("status", None)
         return None if said is None or not said.accepted else said.content
 
-    def _ask_once(self, verb: str, request: dict[str, Any] | None) -> Said | None:
+    def _ask_once(self, verb: str, request: dict[str, Any] | None) -> RpcReply | None:
         payload = None if request is None else json.dumps(request)
         try:
             for reply in self._session.get(f"{self.key}/rpc/{verb}", payload=payload, timeout=ANSWER_S):
@@ -83,7 +83,7 @@ class Client:
             return None  # the link is down; whoever waits asks again
         return None
 
-    def hear(self, topic: str, take: Callable[[zenoh.Sample], object]) -> None:
+    def subscribe(self, topic: str, take: Callable[[zenoh.Sample], object]) -> None:
         """Hand messages of a topic on until the next `reconnect` or `close`."""
         self._subscribers.append(self._session.declare_subscriber(f"{self.key}/{topic}", take))
 
@@ -103,7 +103,7 @@ class Client:
             self._session.close()
 
 
-def _said(reply: zenoh.Reply) -> Said | None:
+def _said(reply: zenoh.Reply) -> RpcReply | None:
     """The gateway's word; None for an error of the bus itself, such as a time-out."""
     answer = reply.ok or reply.err
     if answer is None:
@@ -112,4 +112,4 @@ def _said(reply: zenoh.Reply) -> Said | None:
         content = json.loads(answer.payload.to_bytes())
     except ValueError:
         return None
-    return Said(reply.ok is not None, content) if isinstance(content, dict) else None
+    return RpcReply(reply.ok is not None, content) if isinstance(content, dict) else None

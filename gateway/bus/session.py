@@ -47,10 +47,10 @@ def open_session(
             config.insert_json5(key, json.dumps(value))
         return zenoh.open(config)
     except zenoh.ZError as error:
-        raise BusError(f"bus: {', '.join([*listen, *connect])}: {_mend(str(error))}") from error
+        raise BusError(f"bus: {', '.join([*listen, *connect])}: {_explain_error(str(error))}") from error
 
 
-def _mend(text: str) -> str:
+def _explain_error(text: str) -> str:
     """The library's reason in an operator's words."""
     if "Address already in use" in text:
         return "the address is in use, by another gateway or a router; choose another bus.listen"

@@ -46,7 +46,7 @@ def judge(
     needs_reason = [text for text in new.warnings if text.startswith(OUTLIER)]
     notes = [text for text in new.warnings if not text.startswith(OUTLIER)]
     if parent is not None:
-        needs_reason += _against(new, parent, limits)
+        needs_reason += _comparison_text(new, parent, limits)
         needs_reason += changed_readings(_poses(new), tuple(parent.poses))
         notes.append(_change_text(new, parent))
     return Acceptance(tuple(_refusals(new, limits)), tuple(needs_reason), tuple(notes))
@@ -101,7 +101,7 @@ def change(new: CalibrationFit | CalibrationRecord, parent: CalibrationRecord) -
     )
 
 
-def _against(new: CalibrationFit | CalibrationRecord, parent: CalibrationRecord, limits: Limits) -> list[str]:
+def _comparison_text(new: CalibrationFit | CalibrationRecord, parent: CalibrationRecord, limits: Limits) -> list[str]:
     seen = change(new, parent)
     found = []
     for axis, moved_g, scale in zip("xyz", seen.offset_g, seen.scale, strict=True):

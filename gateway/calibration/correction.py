@@ -72,7 +72,7 @@ class Correction:
             u_scale_factor=np.hypot(self.u_scale_factor, kelvin * self.u_scale_factor_per_k),
         )
 
-    def said_beyond(self, temperature_c: float | None) -> tuple[str, ...]:
+    def range_warnings(self, temperature_c: float | None) -> tuple[str, ...]:
         """That a reading lies beyond the calibration's temperatures, for people; nothing where it does not."""
         if self.calibrated_c is None or not self.beyond_k(temperature_c):
             return ()

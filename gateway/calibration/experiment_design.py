@@ -58,7 +58,7 @@ def next_direction(up: Array) -> Array:
     return np.asarray(candidates[int(np.argmax(gain))])
 
 
-def refuse_undetermined(up: Array) -> None:
+def require_well_conditioned(up: Array) -> None:
     """Raise `NotDeterminedError` naming what is open and the pose that would help, where the condition number is too large."""
     found = conditioning(up)
     if found > CONDITION_LIMIT:

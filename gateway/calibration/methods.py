@@ -3,8 +3,8 @@
 from gateway.calibration.norm_fit import FRAME_U_DEG
 from gateway.calibration.norm_fit import METHOD as NORM_FIT
 from gateway.calibration.plans import NormFitPlan, SixPositionPlan
-from gateway.calibration.pose_procedure import Collecting
-from gateway.calibration.poses import Nominal
+from gateway.calibration.pose_procedure import PoseProcedure
+from gateway.calibration.poses import NominalSensitivity
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.six_position import METHOD as SIX_POSITION
 from gateway.calibration.six_position import PLACEMENT_U_DEG
@@ -14,12 +14,12 @@ METHODS = (SIX_POSITION, NORM_FIT)
 
 def procedure_for(
     method: str,
-    nominal: Nominal,
+    nominal: NominalSensitivity,
     *,
     placement_u_deg: float = PLACEMENT_U_DEG,
     frame_u_deg: float = FRAME_U_DEG,
     parent: CalibrationRecord | None = None,
-) -> Collecting:
+) -> PoseProcedure:
     """A fresh procedure; the standard uncertainties are those of `fit_six_positions` and `fit_norm`.
 
     `parent` is the record in force: a norm fit, which cannot see the frame, keeps its frame.
@@ -27,7 +27,7 @@ def procedure_for(
     Raises `CalibrationError` for a method that there is not.
     """
     if method == SIX_POSITION:
-        return Collecting(SixPositionPlan(placement_u_deg), nominal)
+        return PoseProcedure(SixPositionPlan(placement_u_deg), nominal)
     if method == NORM_FIT:
-        return Collecting(NormFitPlan(nominal, frame_u_deg, parent), nominal)
+        return PoseProcedure(NormFitPlan(nominal, frame_u_deg, parent), nominal)
     raise CalibrationError(f"no method {method}; there are {', '.join(METHODS)}")

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.calibration.assembly import assemble
-from gateway.calibration.experiment_design import conditioning, refuse_undetermined
+from gateway.calibration.experiment_design import conditioning, require_well_conditioned
 from gateway.calibration.frame import Frame, frame_of, nominal_frame, rotation_covariance
 from gateway.calibration.misalignment import inverse
 from gateway.calibration.noise import quantisation_u
@@ -63,7 +63,7 @@ def fit_norm(
     u = _pose_u(used)
     centre, radius = _sphere(mean, units_per_g)
     up = (mean - centre) / np.linalg.norm(mean - centre, axis=1, keepdims=True)
-    refuse_undetermined(up)
+    require_well_conditioned(up)
     solution = _solve((mean - centre) / radius, u / radius)
     symmetric = solution.matrix / radius
     frame = nominal_frame(frame_u_deg) if parent is None else frame_of(parent, symmetric)

@@ -8,8 +8,8 @@ from gateway.calibration.experiment_design import CONDITION_LIMIT, conditioning,
 from gateway.calibration.geometry import FACE_DIRECTIONS, FACES, direction_text, face_of, off_face_deg
 from gateway.calibration.norm_fit import METHOD as NORM_FIT
 from gateway.calibration.norm_fit import NEEDED, fit_norm
-from gateway.calibration.pose_procedure import Poses, Wanted
-from gateway.calibration.poses import TURN_LIMIT_G, Nominal
+from gateway.calibration.pose_procedure import Poses, RequestedPose
+from gateway.calibration.poses import TURN_LIMIT_G, NominalSensitivity
 from gateway.calibration.procedure import CalibrationFit, Pose
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.six_position import METHOD as SIX_POSITION
@@ -36,12 +36,14 @@ class SixPositionPlan:
         count = 1 + sum(one.face == pose.face for one in earlier)
         return pose, f"{pose.face} taken" + (f" again: {count} are averaged" if count > 1 else "")
 
-    def next(self, poses: Poses) -> Wanted:
+    def next(self, poses: Poses) -> RequestedPose:
         """The first missing face."""
         missing = missing_faces(poses)
         if not missing:
-            return Wanted(None, None, "all six faces are taken")
-        return Wanted(missing[0], FACE_DIRECTIONS[missing[0]], f"next: {missing[0]} up; missing: {', '.join(missing)}")
+            return RequestedPose(None, None, "all six faces are taken")
+        return RequestedPose(
+            missing[0], FACE_DIRECTIONS[missing[0]], f"next: {missing[0]} up; missing: {', '.join(missing)}"
+        )
 
     def fit(self, poses: Poses) -> CalibrationFit:
         """See `fit_six_positions`."""
@@ -54,7 +56,7 @@ class NormFitPlan:
     method = NORM_FIT
     wanted = NORM_FIT_WANTED
 
-    def __init__(self, nominal: Nominal, frame_u_deg: float, parent: CalibrationRecord | None) -> None:
+    def __init__(self, nominal: NominalSensitivity, frame_u_deg: float, parent: CalibrationRecord | None) -> None:
         self._nominal = nominal
         self._frame_u_deg = frame_u_deg
         self._parent = parent
@@ -67,14 +69,14 @@ class NormFitPlan:
                 return None, f"too near pose {number}: adds nothing, not used; turn it further"
         return pose, f"pose {len(earlier) + 1} taken"
 
-    def next(self, poses: Poses) -> Wanted:
+    def next(self, poses: Poses) -> RequestedPose:
         """The direction that helps most."""
         readings = np.array([self._nominal.in_g(pose.mean) for pose in poses]).reshape(-1, 3)
         up = readings / np.linalg.norm(readings, axis=1, keepdims=True)
         if len(up) >= NORM_FIT_WANTED and conditioning(up) <= CONDITION_LIMIT:
-            return Wanted(None, None, "the poses are enough")
+            return RequestedPose(None, None, "the poses are enough")
         direction = next_direction(up)
-        return Wanted(face_of(direction), direction, f"helps most: {direction_text(direction)}")
+        return RequestedPose(face_of(direction), direction, f"helps most: {direction_text(direction)}")
 
     def fit(self, poses: Poses) -> CalibrationFit:
         """See `fit_norm`."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from gateway.calibration.poses import Nominal, PoseFinder
+from gateway.calibration.poses import NominalSensitivity, PoseFinder
 from gateway.calibration.procedure import Array, CalibrationFit, Face, Pose, Progress, RawReadings
 
 LARGEST_COUNT = 200
@@ -13,7 +13,7 @@ Poses = tuple[Pose, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class RequestedPose:
     """What is still to be done."""
 
     face: Face | None
@@ -22,7 +22,7 @@ class Wanted:
     text: str
 
 
-class Plan(Protocol):
+class PosePlan(Protocol):
     """Which poses a method takes, and what it makes of them."""
 
     @property
@@ -39,7 +39,7 @@ class Plan(Protocol):
         """The pose as it is kept, None where it is refused, and what to tell the rigger."""
         ...
 
-    def next(self, poses: Poses) -> Wanted:
+    def next(self, poses: Poses) -> RequestedPose:
         """What to do next."""
         ...
 
@@ -48,10 +48,10 @@ class Plan(Protocol):
         ...
 
 
-class Collecting:
+class PoseProcedure:
     """`Procedure`: feed, progress, resume, finish."""
 
-    def __init__(self, plan: Plan, nominal: Nominal) -> None:
+    def __init__(self, plan: PosePlan, nominal: NominalSensitivity) -> None:
         self._plan = plan
         self._finder = PoseFinder(nominal)
         self._poses: Poses = ()
@@ -76,7 +76,7 @@ class Collecting:
         """Go on from poses that were taken before a restart."""
         self._poses = tuple(poses)
         if poses:
-            self._finder.know(poses[-1].mean)
+            self._finder.set_expected_pose(poses[-1].mean)
 
     def progress(self) -> Progress:
         """How far it has come."""

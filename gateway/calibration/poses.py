@@ -11,7 +11,7 @@ from gateway.calibration.stillness import STILL_RATIO, StillnessGate, Window, Wi
 
 
 @dataclass(frozen=True, slots=True)
-class Nominal:
+class NominalSensitivity:
     """What is believed of the sensor before it is calibrated."""
 
     units_per_g: float
@@ -43,7 +43,7 @@ SETTLING_WINDOWS = 1
 
 
 @dataclass(slots=True)
-class _Rest:
+class _RestInterval:
     """Windows of the rest that is being taken."""
 
     windows: list[Window] = field(default_factory=list)
@@ -72,7 +72,7 @@ class _Rest:
         counts = np.array([window.count for window in self.windows], dtype=np.float64)
         return np.asarray(sigma / np.sqrt(self.count) * correlation_factor(means, counts, sigma))
 
-    def pose(self, nominal: Nominal) -> Pose:
+    def pose(self, nominal: NominalSensitivity) -> Pose:
         mean, type_a, sigma = self.mean(), self.type_a(), self.sigma()
         known = [window.temperature_c for window in self.windows if window.temperature_c is not None]
         steps = [window.step for window in self.windows if window.step > 0]
@@ -90,13 +90,13 @@ class _Rest:
 class PoseFinder:
     """Readings in, resting poses out. A pose ends when the sensor moves; the next one needs a turn."""
 
-    def __init__(self, nominal: Nominal) -> None:
+    def __init__(self, nominal: NominalSensitivity) -> None:
         self.nominal = nominal
         self.still = False
         self.text = "lay the sensor down and let it rest"
         self._windows = Windows()
         self._gate = StillnessGate(nominal.units_per_g)
-        self._rest = _Rest()
+        self._rest = _RestInterval()
         self._settling = SETTLING_WINDOWS
         self._last: Array | None = None
         self._turned = True
@@ -130,7 +130,7 @@ class PoseFinder:
         self._turned = True
         return [] if pose is None else [pose]
 
-    def know(self, mean: tuple[float, float, float]) -> None:
+    def set_expected_pose(self, mean: tuple[float, float, float]) -> None:
         """Go on after this pose: it is the last one that was taken."""
         self._last, self._turned = np.array(mean), False
         self._lying_on = "this pose is taken; turn the sensor to the next one"
@@ -141,7 +141,7 @@ class PoseFinder:
         return noise_g <= max(STILL_RATIO * self._gate.noise_g, pose.step / self.nominal.units_per_g)
 
     def _judge(self, window: Window) -> Pose | None:
-        self.still = self._gate.admits(window)
+        self.still = self._gate.is_still(window)
         if (
             self._last is not None
             and np.linalg.norm(window.mean - self._last) > TURN_LIMIT_G * self.nominal.units_per_g
@@ -190,13 +190,13 @@ class PoseFinder:
         self.text = f"moved after {rest.count} of {READINGS} readings: not taken; lay it down again"
         if rest.duration_s >= LEAST_S and float(np.max(rest.type_a())) <= TYPE_A_LIMIT_G * self.nominal.units_per_g:
             return self._take()
-        self._rest = _Rest()
+        self._rest = _RestInterval()
         return None
 
     def _take(self) -> Pose | None:
-        pose, self._rest = self._rest.pose(self.nominal), _Rest()
+        pose, self._rest = self._rest.pose(self.nominal), _RestInterval()
         norm = float(np.linalg.norm(self.nominal.in_g(pose.mean)))
-        self.know(pose.mean)
+        self.set_expected_pose(pose.mean)
         if abs(norm - 1) > NORM_LIMIT:
             self.text = f"reads {norm:.2f} g at rest: not taken; is it held still, and its sensitivity right?"
             self._lying_on = self.text

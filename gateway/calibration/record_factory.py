@@ -35,7 +35,7 @@ def make_record(
         **fit_as_json(fit),
         **extra,
     }
-    return seal(content)
+    return add_content_hash(content)
 
 
 def fit_as_json(fit: CalibrationFit) -> dict[str, Any]:
@@ -56,7 +56,7 @@ def fit_as_json(fit: CalibrationFit) -> dict[str, Any]:
     }
 
 
-def seal(content: dict[str, Any]) -> CalibrationRecord:
+def add_content_hash(content: dict[str, Any]) -> CalibrationRecord:
     """Give a record's content its id and its hash."""
     content = {key: value for key, value in content.items() if key not in {"id", "sha256"}}
     stamp = re.sub(r"[^0-9TZ]", "", re.sub(r"\.\d+", "", content["created_utc"]).replace("+00:00", "Z"))

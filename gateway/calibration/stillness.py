@@ -121,7 +121,7 @@ class StillnessGate:
         """Of a reading, from the quiet windows so far; 0 before any."""
         return float(np.quantile(self._quiet, QUIET_QUANTILE)) if self._quiet else 0.0
 
-    def admits(self, window: Window) -> bool:
+    def is_still(self, window: Window) -> bool:
         """Take the window into account and judge it."""
         scatter_g = float(np.max(window.scatter)) / self._units_per_g
         step_g = window.step / self._units_per_g

@@ -88,7 +88,7 @@ def zeroing_rotation(direction: Array) -> Array:
 def _resting(readings: RawReadings, units_per_g: float) -> list[Window]:
     windows = Windows().feed(readings)
     gate = StillnessGate(units_per_g)
-    judged = [(window, gate.admits(window)) for window in windows]
+    judged = [(window, gate.is_still(window)) for window in windows]
     last_gap = max((place for place, (window, _) in enumerate(judged) if window.after_gap), default=0)
     judged = judged[last_gap:]
     duration_s = judged[-1][0].end_s - judged[0][0].start_s if judged else 0.0

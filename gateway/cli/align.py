@@ -63,30 +63,30 @@ def watch(client: "Client", screws: "ScrewMechanics", out: TextIO) -> int:
     """Show advice as tilts come, until the housing is aligned; a lost link is waited for."""
     import zenoh
 
-    from gateway.cli.status_line import MovingLine
-    from gateway.daemon.bounded_queue import DroppingQueue
+    from gateway.cli.status_line import StatusLine
+    from gateway.daemon.bounded_queue import BoundedQueue
     from gateway.recalibration.aligning import Aligning
     from gateway.topics import adapter
 
-    tilts: DroppingQueue[zenoh.Sample] = DroppingQueue(WAITING)
-    client.hear("tilt", tilts.put)
-    line, aligning = MovingLine(out), Aligning(screws)
+    tilts: BoundedQueue[zenoh.Sample] = BoundedQueue(WAITING)
+    client.subscribe("tilt", tilts.put)
+    line, aligning = StatusLine(out), Aligning(screws)
     while True:
         if (sample := tilts.get(SILENT_S)) is None:
-            line.moves(SILENT, SILENT)
+            line.update(SILENT, SILENT)
             if client.reconnect():
-                client.hear("tilt", tilts.put)
+                client.subscribe("tilt", tilts.put)
             else:
                 time.sleep(SILENT_S)
             continue
-        view = aligning.take(adapter("tilt").validate_json(sample.payload.to_bytes()))
+        view = aligning.add_samples(adapter("tilt").validate_json(sample.payload.to_bytes()))
         if view.advice.state == "aligned":
             known = (
                 "" if view.u_calibration_deg is None else f"; by the calibration, u = {view.u_calibration_deg:.3f} deg"
             )
-            line.stays(read_out(view) + known)
+            line.commit(read_out(view) + known)
             return 0
-        line.moves(read_out(view), _gist(view.advice))
+        line.update(read_out(view), _summary_line(view.advice))
 
 
 def read_out(view: "AligningView") -> str:
@@ -102,6 +102,6 @@ def _angle(value_deg: float | None) -> str:
     return "?" if value_deg is None else f"{value_deg:+.3f}"
 
 
-def _gist(advice: "AligningAdvice") -> str:
+def _summary_line(advice: "AligningAdvice") -> str:
     """What makes a line worth another one in a file: not each new digit of an angle."""
     return f"{advice.screw} {advice.direction}" if advice.state == "turn" else advice.text

@@ -7,8 +7,8 @@ from typing import Any, TextIO
 import zenoh
 
 from gateway.bus.client import Client
-from gateway.cli.status_line import MovingLine
-from gateway.daemon.bounded_queue import DroppingQueue
+from gateway.cli.status_line import StatusLine
+from gateway.daemon.bounded_queue import BoundedQueue
 
 STALE_ANSWERS = 4
 """A gateway that has just accepted a session may still tell of the time before, so often at most."""
@@ -21,7 +21,7 @@ NO_ANSWER = "no answer from the gateway; waiting for it"
 GOES_ON = "the session goes on: plumbline remote recalibrate --follow shows it, plumbline remote cancel ends it"
 
 
-def follow(client: Client, session_id: str | None, out: TextIO) -> int:
+def watch_session(client: Client, session_id: str | None, out: TextIO) -> int:
     """Show a session until it is reviewed or has ended; 0 where its record may be committed, or has been."""
     screen = Screen(out)
     news = _listen(client)
@@ -47,22 +47,22 @@ def follow(client: Client, session_id: str | None, out: TextIO) -> int:
         raise
 
 
-def _listen(client: Client) -> DroppingQueue[zenoh.Sample]:
-    news: DroppingQueue[zenoh.Sample] = DroppingQueue(WAITING)
-    client.hear("calibration", news.put)
+def _listen(client: Client) -> BoundedQueue[zenoh.Sample]:
+    news: BoundedQueue[zenoh.Sample] = BoundedQueue(WAITING)
+    client.subscribe("calibration", news.put)
     return news
 
 
-def _next(client: Client, news: DroppingQueue[zenoh.Sample], screen: "Screen") -> dict[str, Any] | None:
+def _next(client: Client, news: BoundedQueue[zenoh.Sample], screen: "Screen") -> dict[str, Any] | None:
     """The session as it stands next; None while nobody answers, and the link is opened again."""
     sample = news.get(LOOK_S)
     if sample is not None:
         return _session(json.loads(sample.payload.to_bytes()))
     session = _asked(client)
     if session is None:
-        screen.waits()
+        screen.show_waiting()
         if client.reconnect():
-            client.hear("calibration", news.put)
+            client.subscribe("calibration", news.put)
         else:
             time.sleep(LOOK_S)
     return session
@@ -91,11 +91,11 @@ class Screen:
     """A bar in a terminal; elsewhere a line each time that the words change."""
 
     def __init__(self, out: TextIO) -> None:
-        self._line = MovingLine(out)
+        self._line = StatusLine(out)
 
     def show(self, session: dict[str, Any]) -> None:
         """How the session stands."""
-        taken, wanted = _taken(session), max(session["wanted"], 1)
+        taken, wanted = _poses_line(session), max(session["wanted"], 1)
         if session["phase"] != "collecting":
             self.line(f"{session['phase']}: {session['text']}")
             return
@@ -103,22 +103,22 @@ class Screen:
         if self._line.is_terminal:
             done = min((taken + session["pose_fraction"]) / wanted, 1.0)
             bar = ("#" * round(done * BAR)).ljust(BAR, "-")
-            self._line.moves(
+            self._line.update(
                 f"{taken}/{wanted} [{bar}] {_stillness(session):14} {_next_face(session)}{session['text']}", said
             )
         else:
-            self._line.moves(said, said)
+            self._line.update(said, said)
 
-    def waits(self) -> None:
+    def show_waiting(self) -> None:
         """Nobody answers."""
-        self._line.moves(NO_ANSWER, NO_ANSWER)
+        self._line.update(NO_ANSWER, NO_ANSWER)
 
     def line(self, text: str) -> None:
         """A line that stays."""
-        self._line.stays(text)
+        self._line.commit(text)
 
 
-def _taken(session: dict[str, Any]) -> int:
+def _poses_line(session: dict[str, Any]) -> int:
     """Poses that count: a face that lay up twice is one of six."""
     used = [pose for pose in session["poses"] if pose["used"]]
     return len({pose["face"] for pose in used}) if session["method"] == SIX_POSITION else len(used)

@@ -51,4 +51,4 @@ def run_plan(arguments: argparse.Namespace) -> int:
     if arguments.json is not None:
         write_json(arguments.json, as_json(found))
     print(as_text(found))
-    return 0 if found.helps else 1
+    return 0 if found.improves_separation else 1

@@ -57,18 +57,18 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.measurement.rig import read_rig
     from gateway.measurement.source import read_source
     from gateway.twin.model import model_of
-    from gateway.twin.reconcile.data.data_checks import believed_by, prepared
-    from gateway.twin.reconcile.output.serialisation import as_json
-    from gateway.twin.reconcile.output.text import as_text
+    from gateway.twin.reconcile.data.data_checks import check_recording, model_from_recording
+    from gateway.twin.reconcile.output.serialisation import to_json
+    from gateway.twin.reconcile.output.text import to_text
     from gateway.twin.reconcile.reconcile import reconcile
 
     begin_s = time.monotonic()
     _check_files(arguments)
     rig = None if arguments.rig is None else read_rig(arguments.rig)
     source = read_source(arguments.log, rig)
-    model = believed_by(source) if rig is None else model_of(rig, str(arguments.rig))
-    log = prepared(source, model.rig)
-    second = None if arguments.held_out is None else prepared(read_source(arguments.held_out, rig), model.rig)
+    model = model_from_recording(source) if rig is None else model_of(rig, str(arguments.rig))
+    log = check_recording(source, model.rig)
+    second = None if arguments.held_out is None else check_recording(read_source(arguments.held_out, rig), model.rig)
     try:
         with Progress() as progress:
             result = reconcile(model, log, second, seed=arguments.seed, tick=progress.tick)
@@ -79,10 +79,10 @@ def run(arguments: argparse.Namespace) -> int:
         print("plumbline reconcile: stopped; nothing was written", file=sys.stderr)
         raise
     if arguments.json is not None:
-        write_json(arguments.json, as_json(result, runtime_s))
+        write_json(arguments.json, to_json(result, runtime_s))
     for path, text in made.items():
         write_text(path, text)
-    print(as_text(result))
+    print(to_text(result))
     return 1 if result.verdict in ("unmodelled", "data_unusable") else 0
 
 

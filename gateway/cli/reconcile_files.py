@@ -36,13 +36,13 @@ def _fault(path: Path) -> str:
 
 def texts(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float) -> dict[Path, str]:
     """Prediction, model and report as far as they were asked for, by their places."""
-    from gateway.twin.reconcile.output.export import model_toml
+    from gateway.twin.reconcile.output.export import format_model_toml
 
     made = {}
     if arguments.prediction is not None:
         made[arguments.prediction] = _prediction(result, of_second=arguments.held_out is not None)
     if arguments.write_model is not None:
-        made[arguments.write_model] = model_toml(result)
+        made[arguments.write_model] = format_model_toml(result)
     if arguments.report is not None:
         made[arguments.report] = _report(arguments, result, runtime_s)
     return made
@@ -50,10 +50,10 @@ def texts(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: fl
 
 def _prediction(result: "Reconciliation", *, of_second: bool) -> str:
     """Of the held-out recording, or of the log in its two parts."""
-    from gateway.twin.reconcile.output.export import prediction_csv
+    from gateway.twin.reconcile.output.export import format_prediction_csv
 
     curves: list[Curves | None] = [result.held_out] if of_second else [result.log, result.held_out]
-    return prediction_csv([each for each in curves if each is not None])
+    return format_prediction_csv([each for each in curves if each is not None])
 
 
 def _report(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float) -> str:

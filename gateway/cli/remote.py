@@ -43,14 +43,14 @@ def _watch(arguments: argparse.Namespace) -> int:
     import zenoh
 
     from gateway.bus.session import open_session
-    from gateway.daemon.bounded_queue import DroppingQueue
+    from gateway.daemon.bounded_queue import BoundedQueue
     from gateway.errors import InputError
     from gateway.topics import TOPICS
 
     topics = [topic.strip() for topic in arguments.topics.split(",")]
     if unknown := [topic for topic in topics if topic not in TOPICS]:
         raise InputError(f"no topic {', '.join(unknown)}; there are {', '.join(TOPICS)}")
-    samples: DroppingQueue[zenoh.Sample] = DroppingQueue(10_000)
+    samples: BoundedQueue[zenoh.Sample] = BoundedQueue(10_000)
     with open_session("client", [arguments.connect], [], connect_timeout_ms=2000) as session:
         subscribers = [session.declare_subscriber(f"{arguments.gateway}/{topic}", samples.put) for topic in topics]
         seen = 0

@@ -33,11 +33,11 @@ def _fetch(arguments: argparse.Namespace) -> int:
 
     client = Client(arguments.connect, arguments.gateway)
     try:
-        listed = asked(client, {}, PATIENCE_S)
+        listed = fetch_request(client, {}, PATIENCE_S)
         records, spoilt = fetched_records(client, listed, PATIENCE_S)
         reviewed = listed["review"]
         candidate = None if reviewed is None else _record(client, reviewed, PATIENCE_S)
-        audit = asked(client, {"what": "audit", "lines": 1000}, PATIENCE_S)["audit"]
+        audit = fetch_request(client, {"what": "audit", "lines": 1000}, PATIENCE_S)["audit"]
     finally:
         client.close()
     for record in records:
@@ -71,7 +71,7 @@ def fetched_records(
     return records, spoilt
 
 
-def asked(client: "Client", request: dict[str, Any], patience_s: float) -> dict[str, Any]:
+def fetch_request(client: "Client", request: dict[str, Any], patience_s: float) -> dict[str, Any]:
     """The answer to a request to read. Raises `InputError`."""
     from gateway.errors import InputError
 
@@ -86,7 +86,7 @@ def asked(client: "Client", request: dict[str, Any], patience_s: float) -> dict[
 def _record(client: "Client", record_id: str, patience_s: float) -> "CalibrationRecord":
     from gateway.calibration.store import parse
 
-    content = asked(client, {"what": "record", "record": record_id}, patience_s)["record"]
+    content = fetch_request(client, {"what": "record", "record": record_id}, patience_s)["record"]
     return parse(content, str(content.get("device_id")), f"record {record_id} of {client.key}")
 
 

@@ -43,7 +43,7 @@ def _verb(
 
 
 def _recalibrate(arguments: argparse.Namespace) -> int:
-    from gateway.cli.follow import follow
+    from gateway.cli.follow import watch_session
 
     client = _client(arguments)
     try:
@@ -54,7 +54,7 @@ def _recalibrate(arguments: argparse.Namespace) -> int:
             if code != 0:
                 return code
             session_id = request["id"]
-        return follow(client, session_id, sys.stdout)
+        return watch_session(client, session_id, sys.stdout)
     finally:
         client.close()
 

@@ -74,8 +74,8 @@ def _by_records(connect: str, key: str) -> str:
 def by_records(client: "Client") -> str:
     """The forecast of the records that a gateway has. Raises `InputError` where it cannot be made."""
     from gateway.certificate.forecast import forecast, sentence
-    from gateway.cli.remote_fetch import asked, fetched_records
+    from gateway.cli.remote_fetch import fetch_request, fetched_records
 
-    records, _ = fetched_records(client, asked(client, {}, 0.0), 0.0)
+    records, _ = fetched_records(client, fetch_request(client, {}, 0.0), 0.0)
     report = forecast(records)
     return "; ".join([sentence(report), *report.warnings])

@@ -53,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.cli.output import write_text
     from gateway.errors import InputError
     from gateway.measurement.rig import read_rig
-    from gateway.twin.model import Model, model_of, with_effects
+    from gateway.twin.model import Model, model_of, parse_effect_assignments
     from gateway.twin.recording import as_csv, write_mcap
     from gateway.twin.simulation import simulate
 
@@ -61,7 +61,7 @@ def run(arguments: argparse.Namespace) -> int:
     if out.suffix not in FORMATS:
         raise InputError(f"--out {out}: should end in .csv or .mcap")
     believed = model_of(read_rig(arguments.rig), str(arguments.rig))
-    model = Model(believed.rig, with_effects(believed.effects, arguments.effect))
+    model = Model(believed.rig, parse_effect_assignments(believed.effects, arguments.effect))
     simulated = simulate(model, arguments.duration, arguments.seed, _start(arguments.initial))
     if out.suffix == ".csv":
         write_text(out, as_csv(simulated))

@@ -7,7 +7,7 @@ from typing import TextIO
 LONGEST = 118
 
 
-class MovingLine:
+class StatusLine:
     """Never longer than the terminal is wide: what wraps is not written over."""
 
     def __init__(self, out: TextIO) -> None:
@@ -20,16 +20,16 @@ class MovingLine:
         """Whether somebody looks on."""
         return self._moves
 
-    def moves(self, text: str, gist: str) -> None:
+    def update(self, text: str, gist: str) -> None:
         """Show a text now; outside a terminal only where its gist is another than before."""
         if self._moves:
             self._out.write(f"\r\x1b[K{text[: min(LONGEST, self._columns() - 1)]}")
             self._out.flush()
         elif gist != self._said:
             self._said = gist
-            self.stays(text)
+            self.commit(text)
 
-    def stays(self, text: str) -> None:
+    def commit(self, text: str) -> None:
         """A line that is kept."""
         self._out.write(f"\r\x1b[K{text}\n" if self._moves else f"{text}\n")
         self._out.flush()

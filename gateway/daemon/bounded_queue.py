@@ -6,7 +6,7 @@ from typing import Generic, TypeVar
 Item = TypeVar("Item")
 
 
-class DroppingQueue(Generic[Item]):
+class BoundedQueue(Generic[Item]):
     """`put` never waits: when the reader has fallen behind by `size` items, the newest is dropped and counted."""
 
     def __init__(self, size: int) -> None:

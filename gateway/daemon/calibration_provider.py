@@ -17,7 +17,7 @@ Axes = tuple[tuple[int, int], ...]
 """(sensor axis, sign) of each housing axis."""
 
 
-class CalibrationShelf:
+class CalibrationProvider:
     """Reads the records of whichever device is open."""
 
     def __init__(self, data_dir: Path, axes: Axes) -> None:

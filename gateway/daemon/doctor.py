@@ -114,7 +114,7 @@ def _page(configuration: Configuration) -> Iterator[Finding]:
 
 
 def _clock(_configuration: Configuration) -> Iterator[Finding]:
-    quality = WallClockWatch(HostClock()).look().quality
+    quality = WallClockWatch(HostClock()).poll().quality
     if quality == "synchronised":
         yield Finding("good", "clock", "synchronised")
     else:

@@ -7,31 +7,31 @@ from typing import Any
 
 from gateway.atomic_io import write_durably
 from gateway.calibration.correction import Correction
-from gateway.calibration.drift.rest import RestWatch
+from gateway.calibration.drift.rest import RestDriftMonitor
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
-from gateway.pipeline.drift_monitor import RestReading
+from gateway.pipeline.drift_monitor import DriftMonitor
 
 log = logging.getLogger("plumbline.drift")
 
 
-class DriftKeeper:
+class DriftStateStore:
     """Begins a watch with each record, goes on with it after a restart, and keeps it once an hour and at the end."""
 
     def __init__(self, data_dir: Path) -> None:
         self._data_dir = data_dir
         self._path: Path | None = None
         self._kept: dict[str, Any] | None = None
-        self.rest = RestReading(None)
+        self.rest = DriftMonitor(None)
 
-    def open(self, device_id: str, correction: Correction) -> RestReading:
+    def open(self, device_id: str, correction: Correction) -> DriftMonitor:
         """The watch of the record behind a correction: the one under way where it is the same, else its own."""
         path = CalibrationStore(self._data_dir, device_id).folder / "drift.json"
         if path == self._path and self.rest.calibration_id == correction.calibration_id:
             return self.rest
         self.keep()
         self._path = path
-        self.rest = RestReading(_watch(correction, path))
+        self.rest = DriftMonitor(_watch(correction, path))
         self._kept = self.rest.told
         return self.rest
 
@@ -51,11 +51,11 @@ class DriftKeeper:
             log.error("%s: the drift watch cannot be kept: %s", self._path, error)
 
 
-def _watch(correction: Correction, path: Path) -> RestWatch | None:
+def _watch(correction: Correction, path: Path) -> RestDriftMonitor | None:
     if correction.record is None:
         return None
     try:
-        return RestWatch(correction, _stored(path))
+        return RestDriftMonitor(correction, _stored(path))
     except CalibrationError as error:
         log.error("%s; its drift is not watched", error)
         return None

@@ -12,9 +12,9 @@ from gateway import __version__
 from gateway.bus.session import open_session
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
-from gateway.daemon.calibration_provider import CalibrationShelf
+from gateway.daemon.calibration_provider import CalibrationProvider
 from gateway.daemon.device_factory import make_device
-from gateway.daemon.drift_state_store import DriftKeeper
+from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.health import HealthReport
 from gateway.daemon.instance import InstanceLock
 from gateway.daemon.logs import RecordingHandler
@@ -22,15 +22,15 @@ from gateway.daemon.notify import ServiceNotifier
 from gateway.daemon.page_process import PageProcess
 from gateway.daemon.processor import Processor
 from gateway.daemon.publisher import Publisher
-from gateway.daemon.recalibration_service import RecalibrationDesk
+from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.recording_worker import RecordingWorker
 from gateway.daemon.sampler import Sampler
 from gateway.daemon.wall_clock import WallClockWatch
 from gateway.messages import Log
-from gateway.pipeline.outgoing_message import Emission
+from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.standard import StandardMethods
-from gateway.recording.events import EventMarks
+from gateway.recording.events import AlertEventIndex
 from gateway.recording.header import RecordingHeader
 from gateway.recording.writer import Recorder
 
@@ -74,7 +74,7 @@ class Gateway:
                 segment_s=configuration.recorder.segment_s,
                 fsync_s=configuration.recorder.fsync_s,
                 quota_mb=configuration.recorder.quota_mb,
-                marks=EventMarks(configuration.recorder.pre_event_s, configuration.recorder.post_event_s),
+                marks=AlertEventIndex(configuration.recorder.pre_event_s, configuration.recorder.post_event_s),
             )
             self.recording_path = recorder.start(clock.now_ns())
             undo.callback(recorder.close)
@@ -90,10 +90,10 @@ class Gateway:
         recalibration = Recalibration(
             section.data_dir, StandardMethods(configuration.device.axes), software=__version__, tell=log.warning
         )
-        desk = RecalibrationDesk(recalibration, watch)
+        desk = RecalibrationService(recalibration, watch)
         self._publisher.serve(desk)
-        shelf = CalibrationShelf(section.data_dir, configuration.device.axes)
-        drift = DriftKeeper(section.data_dir)
+        shelf = CalibrationProvider(section.data_dir, configuration.device.axes)
+        drift = DriftStateStore(section.data_dir)
         self.processor = Processor(configuration, info, shelf, drift, watch, desk, self._recording, self._publisher)
         self._sampler = Sampler(device, info, self.processor.inbox, self._notifier)
         self._health = HealthReport(
@@ -103,7 +103,7 @@ class Gateway:
 
     def _record_line(self, line: Log, now_ns: int) -> None:
         """A line of the log goes into the recording; called by any thread."""
-        self._recording.inbox.put(Emission("log", now_ns, line))
+        self._recording.inbox.put(OutgoingMessage("log", now_ns, line))
 
     def describe(self) -> str:
         """Where everything is, for the person who started it."""

@@ -7,18 +7,18 @@ from dataclasses import dataclass
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.configuration.model import Configuration
-from gateway.daemon.calibration_provider import CalibrationShelf
-from gateway.daemon.drift_state_store import DriftKeeper
+from gateway.daemon.calibration_provider import CalibrationProvider
+from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.logs import RECORDED_ONLY
 from gateway.daemon.publisher import Publisher
-from gateway.daemon.recalibration_service import RecalibrationDesk
+from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.recording_worker import InForce, RecordingWorker
 from gateway.daemon.sampler import SamplerItem
 from gateway.daemon.wall_clock import WallClockWatch
 from gateway.daemon.worker import Worker
 from gateway.messages import Clock, Condition, Health
 from gateway.pipeline.header import Header, HeaderMaker
-from gateway.pipeline.outgoing_message import Emission
+from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline
 from gateway.topics import TOPICS
 
@@ -46,10 +46,10 @@ class Processor(Worker[SamplerItem]):
         self,
         configuration: Configuration,
         info: DeviceInfo,
-        shelf: CalibrationShelf,
-        drift: DriftKeeper,
+        shelf: CalibrationProvider,
+        drift: DriftStateStore,
         watch: WallClockWatch,
-        desk: RecalibrationDesk,
+        desk: RecalibrationService,
         recording: RecordingWorker,
         publisher: Publisher,
     ) -> None:
@@ -101,7 +101,7 @@ class Processor(Worker[SamplerItem]):
             self.counts.lost += item.lost
             self.counts.invalid += item.invalid
             self._desk.take(item)
-            self._attend()
+            self._serve_requests()
             self._hand_on(self._pipeline.process(item, self._watch.state))
         elif item.info != self.info:
             self._open(item.info)
@@ -109,17 +109,17 @@ class Processor(Worker[SamplerItem]):
 
     def idle(self) -> None:
         """No block came for a moment: the reading may have become stale."""
-        self._attend()
+        self._serve_requests()
         self._hand_on(self._pipeline.idle(self._watch.clock.now_ns(), self._watch.state))
         self._each_second()
 
-    def leave(self) -> None:
+    def close(self) -> None:
         """Say a last word on health, and keep what the drift watch has seen."""
         self._fitting.shutdown(wait=True, cancel_futures=True)
         self._hand_on(self._seconds_messages(self._watch.clock.now_ns()))
         self.drift.keep()
 
-    def _attend(self) -> None:
+    def _serve_requests(self) -> None:
         """Answer requests; a change of the session or of the record in force is told at once."""
         self._desk.serve()
         if anew := self._desk.changes_pipeline():
@@ -127,7 +127,7 @@ class Processor(Worker[SamplerItem]):
             self._next_second_ns = 0  # nobody may read the health of the record before as that of this one
         else:
             self._pipeline.recalibrating(self._desk.view, self._desk.suspended)
-        if self._desk.is_news() or anew:
+        if self._desk.has_changed() or anew:
             newest_ns = self.counts.newest_ns
             time_ns = self._watch.clock.now_ns() if newest_ns is None else newest_ns
             self._hand_on([self._pipeline.calibration(time_ns, self._watch.state)])
@@ -140,20 +140,20 @@ class Processor(Worker[SamplerItem]):
         self._hand_on(self._seconds_messages(now_ns))
         self.drift.tick()
 
-    def _seconds_messages(self, now_ns: int) -> Iterable[Emission]:
-        state = self._watch.look()
+    def _seconds_messages(self, now_ns: int) -> Iterable[OutgoingMessage]:
+        state = self._watch.poll()
         stepped, self._clock_steps = self._watch.steps > self._clock_steps, self._watch.steps
         header = self._headers.make("clock", now_ns, state, self.correction.calibration_id)
         clock = Clock(**header, log_time_ns=now_ns, wall_offset_ns=state.wall_offset_ns, stepped=stepped)
-        yield Emission("clock", now_ns, clock)
+        yield OutgoingMessage("clock", now_ns, clock)
         if self.health is not None:
             header = self._headers.make("health", now_ns, state, self.correction.calibration_id)
-            yield Emission("health", now_ns, self.health(header))
+            yield OutgoingMessage("health", now_ns, self.health(header))
 
-    def _hand_on(self, emissions: Iterable[Emission]) -> None:
+    def _hand_on(self, emissions: Iterable[OutgoingMessage]) -> None:
         for emission in emissions:
             if isinstance(emission.message, Condition):
-                self._desk.judged(emission.message.verdict, emission.log_time_ns)
+                self._desk.set_condition(emission.message.verdict, emission.log_time_ns)
             topic = TOPICS[emission.topic]
             if topic.published:
                 self._publisher.inbox.put(emission)

@@ -8,9 +8,9 @@ from functools import partial
 import zenoh
 from pydantic_core import to_json
 
-from gateway.daemon.recalibration_service import Asked, RecalibrationDesk
+from gateway.daemon.recalibration_service import PendingRequest, RecalibrationService
 from gateway.daemon.worker import Worker
-from gateway.pipeline.outgoing_message import Emission
+from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.recalibration.journal import Answer
 from gateway.recalibration.requests import LARGEST_PAYLOAD, VERBS
 from gateway.topics import TOPICS, encode
@@ -44,7 +44,7 @@ class Load:
     sample: zenoh.Sample
 
 
-class Publisher(Worker[Emission | Query | Reply | Load]):
+class Publisher(Worker[OutgoingMessage | Query | Reply | Load]):
     """Owns the bus session from start to stop."""
 
     def __init__(self, session: zenoh.Session, key: str) -> None:
@@ -66,10 +66,10 @@ class Publisher(Worker[Emission | Query | Reply | Load]):
         # The bus may not be called from its callbacks: what comes joins the inbox and is answered by this thread.
         self._queryables = [self._queryable("status")]
         self._load: zenoh.Subscriber[None] | None = None
-        self._desk: RecalibrationDesk | None = None
+        self._desk: RecalibrationService | None = None
         self._alive = session.liveliness().declare_token(f"{key}/alive")
 
-    def serve(self, desk: RecalibrationDesk) -> None:
+    def serve(self, desk: RecalibrationService) -> None:
         """Take requests for the recalibration, and the load signal; to be called before the thread starts."""
         self._desk = desk
         self._queryables += [self._queryable(verb) for verb in (*VERBS, "fetch")]
@@ -81,19 +81,19 @@ class Publisher(Worker[Emission | Query | Reply | Load]):
     def _receive(self, verb: str, query: zenoh.Query) -> None:
         self.inbox.put(Query(verb, query))
 
-    def handle(self, item: Emission | Query | Reply | Load) -> None:
+    def handle(self, item: OutgoingMessage | Query | Reply | Load) -> None:
         """Put a message, take a query, or answer one."""
         match item:
-            case Emission():
+            case OutgoingMessage():
                 self._publish(item)
             case Query():
                 self._take(item)
             case Reply():
                 self._answer(item.query, item.answer)
             case Load() if self._desk is not None and len(item.sample.payload) <= LARGEST_PAYLOAD:
-                self._desk.hear_load(item.sample.payload.to_bytes())
+                self._desk.set_load_signal(item.sample.payload.to_bytes())
 
-    def _publish(self, emission: Emission) -> None:
+    def _publish(self, emission: OutgoingMessage) -> None:
         payload = encode(emission.topic, emission.message)
         if emission.topic in STATUS_TOPICS:
             self._latest[emission.topic] = payload
@@ -110,8 +110,8 @@ class Publisher(Worker[Emission | Query | Reply | Load]):
             self._answer(query, Answer(id="", request="", accepted=False, text=why))
         else:
             payload = b"" if query.query.payload is None else query.query.payload.to_bytes()
-            asked = Asked(query.verb, payload, lambda answer: self.inbox.put(Reply(query, answer)))
-            if not self._desk.ask(asked):
+            asked = PendingRequest(query.verb, payload, lambda answer: self.inbox.put(Reply(query, answer)))
+            if not self._desk.submit(asked):
                 self._answer(query, Answer(id="", request="", accepted=False, text="busy: too many requests wait"))
 
     def _refusal(self, query: Query) -> str | None:
@@ -140,7 +140,7 @@ class Publisher(Worker[Emission | Query | Reply | Load]):
         except zenoh.ZError as error:
             log.error("rpc/%s could not be answered: %s", query.verb, error)
 
-    def leave(self) -> None:
+    def close(self) -> None:
         """Leave the bus; the liveliness token goes with the session."""
         for queryable in self._queryables:
             queryable.undeclare()

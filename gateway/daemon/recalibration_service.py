@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from devices.block import DeviceInfo, SampleBlock
-from gateway.daemon.bounded_queue import DroppingQueue
+from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.wall_clock import WallClockWatch
 from gateway.messages import NO_SESSION, CalibrationSession, Verdict
-from gateway.pipeline.rate_limiter import Pace
-from gateway.recalibration.interlock import LoadSaid
+from gateway.pipeline.rate_limiter import RateLimiter
+from gateway.recalibration.interlock import LoadState
 from gateway.recalibration.journal import Answer
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.session import Session
-from gateway.recalibration.timestamp import Moment
-from gateway.recalibration.view import view_of
+from gateway.recalibration.timestamp import Timestamp
+from gateway.recalibration.view import session_message
 
 log = logging.getLogger("plumbline.recalibration")
 WAITING = 16
@@ -24,7 +24,7 @@ NEWS_PERIOD_S = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Asked:
+class PendingRequest:
     """A request on its way; `reply` may be called from the processing thread."""
 
     verb: str
@@ -40,25 +40,25 @@ class LoadSignal(BaseModel):
     loaded: bool
 
 
-class RecalibrationDesk:
+class RecalibrationService:
     """Serves the recalibration; all but `ask` and `hear_load` is called by the processing thread."""
 
     def __init__(self, recalibration: Recalibration, watch: WallClockWatch) -> None:
         self._recalibration = recalibration
         self._watch = watch
-        self._waiting: DroppingQueue[Asked] = DroppingQueue(WAITING)
-        self._loads: DroppingQueue[bytes] = DroppingQueue(WAITING)
-        self._pace = Pace(NEWS_PERIOD_S)
+        self._waiting: BoundedQueue[PendingRequest] = BoundedQueue(WAITING)
+        self._loads: BoundedQueue[bytes] = BoundedQueue(WAITING)
+        self._pace = RateLimiter(NEWS_PERIOD_S)
         self._told = NO_SESSION
         self._seen: Session | None = None
         self._generation = 0
         self.view = NO_SESSION
 
-    def ask(self, asked: Asked) -> bool:
+    def submit(self, asked: PendingRequest) -> bool:
         """Hand a request over; False when too many wait. Called by any thread."""
         return self._waiting.put(asked)
 
-    def hear_load(self, payload: bytes) -> None:
+    def set_load_signal(self, payload: bytes) -> None:
         """Hand over what the load signal said. Called by any thread."""
         self._loads.put(payload)
 
@@ -81,7 +81,7 @@ class RecalibrationDesk:
         """A block of raw samples."""
         self._recalibration.feed(block, self._now())
 
-    def judged(self, verdict: Verdict, time_ns: int) -> None:
+    def set_condition(self, verdict: Verdict, time_ns: int) -> None:
         """What the condition stage said."""
         self._recalibration.watch.verdict(verdict, time_ns)
 
@@ -100,17 +100,17 @@ class RecalibrationDesk:
         self._generation = self._recalibration.generation
         return changed
 
-    def is_news(self) -> bool:
+    def has_changed(self) -> bool:
         """Whether the session must be told of now: at once when it has changed, at its pace while it collects."""
-        changed = self.view is not self._told and _but_numbers(self.view) != _but_numbers(self._told)
-        due = self.view.phase == "collecting" and self._pace.due(self._watch.clock.now_ns())
+        changed = self.view is not self._told and _without_counters(self.view) != _without_counters(self._told)
+        due = self.view.phase == "collecting" and self._pace.is_due(self._watch.clock.now_ns())
         self._told = self.view
         return changed or due
 
     def _look(self) -> None:
         session, progress = self._recalibration.session, self._recalibration.progress
         if session is not self._seen or progress is not None:
-            self._seen, self.view = session, view_of(session, progress)
+            self._seen, self.view = session, session_message(session, progress)
 
     def _load(self, payload: bytes) -> None:
         try:
@@ -118,12 +118,12 @@ class RecalibrationDesk:
         except ValidationError as error:
             log.error('load signal: %s; it must be JSON such as {"loaded": true}', error.errors()[0]["msg"])
             return
-        self._recalibration.watch.load(LoadSaid(said.loaded, self._watch.clock.now_ns()))
+        self._recalibration.watch.load(LoadState(said.loaded, self._watch.clock.now_ns()))
 
-    def _now(self) -> Moment:
+    def _now(self) -> Timestamp:
         now_ns = self._watch.clock.now_ns()
-        return Moment(now_ns, now_ns + self._watch.state.wall_offset_ns)
+        return Timestamp(now_ns, now_ns + self._watch.state.wall_offset_ns)
 
 
-def _but_numbers(view: CalibrationSession) -> CalibrationSession:
+def _without_counters(view: CalibrationSession) -> CalibrationSession:
     return replace(view, pose_fraction=0.0, seconds_left=None, next_direction=None)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from devices.block import DeviceInfo
 from gateway.daemon.worker import Worker
-from gateway.pipeline.outgoing_message import Emission
+from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.recording.calibration_files import CalibrationFiles
 from gateway.recording.writer import Recorder, RecorderError
 
@@ -24,7 +24,7 @@ class InForce:
     """None: no record is in force."""
 
 
-class RecordingWorker(Worker[Emission | DeviceInfo | InForce]):
+class RecordingWorker(Worker[OutgoingMessage | DeviceInfo | InForce]):
     """Owns the recorder, which has been started, from start to stop."""
 
     def __init__(self, recorder: Recorder, now_ns: Callable[[], int]) -> None:
@@ -42,7 +42,7 @@ class RecordingWorker(Worker[Emission | DeviceInfo | InForce]):
         """The file being written; None while nothing is recorded."""
         return self._recorder.path
 
-    def handle(self, item: Emission | DeviceInfo | InForce) -> None:
+    def handle(self, item: OutgoingMessage | DeviceInfo | InForce) -> None:
         """Write one message, or note which device the next ones are from, or which record makes their numbers."""
         if self.error is not None and self._now_ns() >= self._retry_at_ns:
             self._try_again()
@@ -68,7 +68,7 @@ class RecordingWorker(Worker[Emission | DeviceInfo | InForce]):
         except RecorderError as error:
             self._fail(error)
 
-    def leave(self) -> None:
+    def close(self) -> None:
         """Close the file."""
         try:
             self._recorder.close()

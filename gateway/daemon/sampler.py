@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from devices.block import DeviceInfo, SampleBlock
 from devices.device import Device, EndOfRecording
 from devices.errors import DeviceError
-from gateway.daemon.bounded_queue import DroppingQueue
+from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.notify import ServiceNotifier
 
 log = logging.getLogger("plumbline.device")
@@ -29,7 +29,7 @@ class Sampler(threading.Thread):
     """Owns the device from start to stop; `ended` is set when a recording has been read to its end."""
 
     def __init__(
-        self, device: Device, info: DeviceInfo, blocks: DroppingQueue[SamplerItem], notifier: ServiceNotifier
+        self, device: Device, info: DeviceInfo, blocks: BoundedQueue[SamplerItem], notifier: ServiceNotifier
     ) -> None:
         super().__init__(name="sampler", daemon=True)
         self._device = device

@@ -18,7 +18,7 @@ class WallClockWatch:
         self.state = ClockState("free_running", 0)
         self.steps = 0
 
-    def look(self) -> ClockState:
+    def poll(self) -> ClockState:
         """The state now; counts jumps of the wall clock."""
         offset_ns = self.clock.wall_offset_ns()
         if abs(offset_ns - self.state.wall_offset_ns) > STEP_NS:

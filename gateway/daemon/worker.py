@@ -5,7 +5,7 @@ import threading
 from abc import abstractmethod
 from typing import Generic, TypeVar
 
-from gateway.daemon.bounded_queue import DroppingQueue
+from gateway.daemon.bounded_queue import BoundedQueue
 
 Item = TypeVar("Item")
 WAIT_S = 0.1
@@ -17,7 +17,7 @@ class Worker(threading.Thread, Generic[Item]):
 
     def __init__(self, name: str, size: int) -> None:
         super().__init__(name=name, daemon=True)
-        self.inbox: DroppingQueue[Item] = DroppingQueue(size)
+        self.inbox: BoundedQueue[Item] = BoundedQueue(size)
         self._finishing = threading.Event()
 
     def finish(self) -> None:
@@ -36,7 +36,7 @@ class Worker(threading.Thread, Generic[Item]):
                 else:
                     self.idle()
         finally:
-            self.leave()
+            self.close()
 
     @abstractmethod
     def handle(self, item: Item) -> None:
@@ -46,5 +46,5 @@ class Worker(threading.Thread, Generic[Item]):
         """Nothing came for a moment."""
 
     @abstractmethod
-    def leave(self) -> None:
+    def close(self) -> None:
         """Release what the thread owns."""

@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from gateway.measurement.source import Source
 from gateway.stages.clipping import count_clipped
-from gateway.stages.conditions.monitor import ConditionFound, ConditionWatch, SwingSeen
+from gateway.stages.conditions.monitor import ConditionMonitor, ConditionResult, SwingContext
 from gateway.stages.conditions.window import WINDOW_S
 from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt, plain_tilt
 from gateway.swing.estimate import FormulaAngles, SwingEstimate
-from gateway.swing.formulas import Extremes, Passage, corrected, extremes, published
+from gateway.swing.formulas import Extremes, LowpassGain, as_published, corrected, extremes
 from gateway.swing.offline import estimate_swing
 
 BLOCK_S = 0.1
@@ -60,7 +60,7 @@ def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2) -> Measur
     swing = _swing(source)
     mean_g = lowpassed_g.mean(axis=0)
     return Measurement(
-        formulas=NO_FORMULAS if found is None else published(found),
+        formulas=NO_FORMULAS if found is None else as_published(found),
         corrected=_corrected(source, found, swing, lowpass),
         swing=swing,
         by_swing=_by_swing(source, lowpassed_g, swing, lowpass),
@@ -74,7 +74,7 @@ def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2) -> Measur
 def _corrected(source: Source, found: Extremes | None, swing: SwingEstimate, lowpass: LowPass) -> FormulaAngles:
     if found is None or source.housing is None or swing.length_m is None or swing.period_s is None:
         return NO_FORMULAS
-    passage = Passage(gain_f0=lowpass.gain(1 / swing.period_s), gain_2f0=lowpass.gain(2 / swing.period_s))
+    passage = LowpassGain(gain_f0=lowpass.gain(1 / swing.period_s), gain_2f0=lowpass.gain(2 / swing.period_s))
     return corrected(found, source.housing.rho_at(swing.length_m), passage)
 
 
@@ -88,7 +88,8 @@ def _by_swing(
     halves_s = np.array([[-0.5], [0.5]]) * swing.period_s
     found = [extremes(lowpassed_g[a:b]) for a, b in np.searchsorted(source.recording.time_s, middles_s + halves_s).T]
     return tuple(
-        (NO_FORMULAS if each is None else published(each), _corrected(source, each, swing, lowpass)) for each in found
+        (NO_FORMULAS if each is None else as_published(each), _corrected(source, each, swing, lowpass))
+        for each in found
     )
 
 
@@ -106,8 +107,8 @@ def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
     recording, housing = source.recording, source.housing
     noise_g = None if source.noise_g is None else float(np.max(source.noise_g))
     rho = None if housing is None or swing.length_m is None else housing.rho_at(swing.length_m)
-    watch = ConditionWatch(noise_g, source.permissible_norm_error_g)
-    seen = SwingSeen(
+    watch = ConditionMonitor(noise_g, source.permissible_norm_error_g)
+    seen = SwingContext(
         swing.swinging,
         swing.phi_max_rad,
         consistent=swing.coverage95_rad is not None,
@@ -115,7 +116,7 @@ def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
         period_s=swing.period_s,
         lean_g=swing.lean_g,
     )
-    windows: dict[str, list[ConditionFound]] = defaultdict(list)
+    windows: dict[str, list[ConditionResult]] = defaultdict(list)
     n = max(1, round(BLOCK_S * recording.rate_hz))
     for index, begin in enumerate(range(0, len(recording), n)):
         block = slice(begin, begin + n)

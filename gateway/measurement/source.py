@@ -105,7 +105,7 @@ def _from_run(path: Path) -> Source:
         housing=None if configuration is None else mounted_housing(configuration, widened, bandwidth_hz),
         correction=widened,
         bandwidth_hz=bandwidth_hz,
-        remarks=correction.said_beyond(farthest_c),
+        remarks=correction.range_warnings(farthest_c),
     )
 
 

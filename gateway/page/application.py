@@ -11,7 +11,7 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from gateway.page import metrics
-from gateway.page.hub import Hub, event
+from gateway.page.hub import EventStream, event
 from gateway.page.inbox import Inbox
 from gateway.page.state import PageState
 
@@ -30,7 +30,7 @@ HEADERS = [
 """On every response. Nothing is cached: an upgraded gateway must not be shown by an old script."""
 
 
-def application(state: PageState, hub: Hub, inbox: Inbox) -> Starlette:
+def application(state: PageState, hub: EventStream, inbox: Inbox) -> Starlette:
     """Routes over what the page process knows. All endpoints are coroutines: they run in the one thread of the state."""
 
     async def healthz(_request: Request) -> Response:
@@ -46,7 +46,7 @@ def application(state: PageState, hub: Hub, inbox: Inbox) -> Starlette:
             return Response("too many browsers\n", 503)
         now_s = time.monotonic()
         history = {"points": state.history.rows(since=0, now_s=now_s)}
-        greeting = event("history", history, number=0) + event("state", state.brief(now_s), number=0)
+        greeting = event("history", history, number=0) + event("state", state.summary(now_s), number=0)
         return StreamingResponse(hub.stream(greeting), media_type="text/event-stream")
 
     async def prometheus(_request: Request) -> Response:

@@ -28,7 +28,7 @@ class Client:
         self.queue.put_nowait(None)
 
 
-class Hub:
+class EventStream:
     """The browsers that listen."""
 
     def __init__(self) -> None:

@@ -11,7 +11,7 @@ import time
 import uvicorn
 
 from gateway.page.application import HEADERS, application
-from gateway.page.hub import Hub, event
+from gateway.page.hub import EventStream, event
 from gateway.page.inbox import Inbox
 from gateway.page.link import Link, configuration
 from gateway.page.parameters import LONGEST_LINE, parse
@@ -39,7 +39,7 @@ def main() -> int:
     except ValueError as error:
         print(f"page: start parameters on standard input: {error}", file=sys.stderr)
         return 2
-    state, hub = PageState(parameters), Hub()
+    state, hub = PageState(parameters), EventStream()
     page = Page(state, hub)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: page.stop())
@@ -47,10 +47,10 @@ def main() -> int:
     return asyncio.run(page.serve(link, listener))
 
 
-class _Server(uvicorn.Server):
+class _UvicornServer(uvicorn.Server):
     """Ends the event streams before it stops: it would wait for them for ever."""
 
-    def __init__(self, config: uvicorn.Config, hub: Hub) -> None:
+    def __init__(self, config: uvicorn.Config, hub: EventStream) -> None:
         super().__init__(config)
         self._hub = hub
 
@@ -62,11 +62,11 @@ class _Server(uvicorn.Server):
 class Page:
     """Joins the parts: inbox to state, state to browsers."""
 
-    def __init__(self, state: PageState, hub: Hub) -> None:
+    def __init__(self, state: PageState, hub: EventStream) -> None:
         self.inbox = Inbox(self._wake)
         self._state = state
         self._hub = hub
-        self._server = _Server(_http(application(state, hub, self.inbox)), hub)
+        self._server = _UvicornServer(_http(application(state, hub, self.inbox)), hub)
         self._news = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._exit_code = 0
@@ -100,9 +100,9 @@ class Page:
 
     def _wake(self) -> None:
         if self._loop is not None:
-            self._loop.call_soon_threadsafe(self._take_in)
+            self._loop.call_soon_threadsafe(self._drain_inbox)
 
-    def _take_in(self) -> None:
+    def _drain_inbox(self) -> None:
         self._state.receive(self.inbox.take())
         self._news.set()
 
@@ -119,7 +119,7 @@ class Page:
             if len(self._hub):
                 number += 1
                 points = self._state.history.rows(since=shown, now_s=now_s)
-                self._hub.publish(event("state", {**self._state.brief(now_s), "points": points}, number=number))
+                self._hub.publish(event("state", {**self._state.summary(now_s), "points": points}, number=number))
             shown = self._state.history.next_index
             await asyncio.sleep(PUSH_INTERVAL_S - GATHER_S)
 

@@ -71,7 +71,7 @@ class PageState:
         self.received[topic] += 1
         before = self._latest.get(topic)
         if isinstance(message, Tilt) and (before is None or message.time_ns != before.time_ns):
-            self._aligned = self._aligning.take(message)
+            self._aligned = self._aligning.add_samples(message)
         if topic not in MEASURED or before is None or message.time_ns != before.time_ns:
             self._news_s[topic] = arrival.at_s
         self._latest[topic] = message
@@ -107,7 +107,7 @@ class PageState:
             "page": self._page(),
         }
 
-    def brief(self, now_s: float) -> dict[str, Any]:
+    def summary(self, now_s: float) -> dict[str, Any]:
         """What is pushed to browsers: the snapshot without the calibration record, which they do not show."""
         state = self.snapshot(now_s)
         calibration = state["topics"].get("calibration")

@@ -18,7 +18,7 @@ M = TypeVar("M", bound=Message)
 
 
 @dataclass(frozen=True, slots=True)
-class Face:
+class VerdictStyle:
     """How a verdict looks: told apart by word, by shape and by colour."""
 
     label: str
@@ -26,16 +26,16 @@ class Face:
     shape: str
 
 
-FACES: dict[Word, Face] = {
-    "NO DATA": Face("NO DATA", "black", "empty"),
-    "STALE": Face("STALE", "black", "hourglass"),
-    "TRIP": Face("STOP", "red", "octagon"),
-    "WARN": Face("WARN", "amber", "triangle"),
-    "SUSPENDED": Face("SUSPENDED", "violet", "pause"),
-    "UNCALIBRATED": Face("UNCALIBRATED", "violet", "slash"),
-    "DISTURBED": Face("DISTURBED", "violet", "zigzag"),
-    "UNKNOWN": Face("UNKNOWN", "violet", "question"),
-    "OK": Face("OK", "green", "circle"),
+FACES: dict[Word, VerdictStyle] = {
+    "NO DATA": VerdictStyle("NO DATA", "black", "empty"),
+    "STALE": VerdictStyle("STALE", "black", "hourglass"),
+    "TRIP": VerdictStyle("STOP", "red", "octagon"),
+    "WARN": VerdictStyle("WARN", "amber", "triangle"),
+    "SUSPENDED": VerdictStyle("SUSPENDED", "violet", "pause"),
+    "UNCALIBRATED": VerdictStyle("UNCALIBRATED", "violet", "slash"),
+    "DISTURBED": VerdictStyle("DISTURBED", "violet", "zigzag"),
+    "UNKNOWN": VerdictStyle("UNKNOWN", "violet", "question"),
+    "OK": VerdictStyle("OK", "green", "circle"),
 }
 """In the order in which one goes before another."""
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from gateway.configuration.model import AlertsSection
 from gateway.messages import ActiveAlert, Level
-from gateway.stages.alerts import Event, Limits, RuleState, event_between, judge, standing, worst
+from gateway.stages.alerts import Event, Limits, RuleState, event_between, initial_state, judge, overall_level
 from gateway.units import degrees
 
 LEAN_CLEAR_SHARE = 0.8
@@ -26,7 +26,7 @@ class AlertChange:
     text: str
 
 
-class AlertBoard:
+class AlertManager:
     """Holds the rules' states. Angles are the upper ends of their intervals, in radians; None is not known."""
 
     def __init__(self, limits: AlertsSection) -> None:
@@ -82,7 +82,7 @@ class AlertBoard:
     def _judge_calibration(self, drifted: str | None, time_s: float) -> Iterator[tuple[str, Event]]:
         self._drifted = drifted
         before = self._states.get(CALIBRATION) or RuleState("normal", time_s)
-        self._states[CALIBRATION] = standing(before, stands=drifted is not None, time_s=time_s)
+        self._states[CALIBRATION] = initial_state(before, stands=drifted is not None, time_s=time_s)
         event = event_between(before, self._states[CALIBRATION])
         if event != "standing":
             yield CALIBRATION, event
@@ -110,7 +110,7 @@ class AlertBoard:
 
     def _change(self, rule: str | None, event: Event) -> AlertChange:
         active = [self._active(name) for name, state in self._states.items() if state.level != "normal"]
-        level = worst([state.level for state in self._states.values()])
+        level = overall_level([state.level for state in self._states.values()])
         text = "; ".join(alert.text for alert in active) or "all normal"
         return AlertChange(rule, event, level, active, text)
 

@@ -8,7 +8,7 @@ from gateway.calibration.correction import Correction
 from gateway.messages import Alert, Calibration, CalibrationSession, Condition, Formulas, Swing, Tilt
 from gateway.pipeline.alert_manager import AlertChange
 from gateway.pipeline.header import Header
-from gateway.stages.conditions.monitor import ConditionFound
+from gateway.stages.conditions.monitor import ConditionResult
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty, fused_tilt, lean_direction
 from gateway.units import degrees, finite
 
@@ -58,7 +58,7 @@ def no_swing_message(header: Header, why: str) -> Swing:
     )
 
 
-def condition_message(header: Header, found: ConditionFound, correction: Correction) -> Condition:
+def condition_message(header: Header, found: ConditionResult, correction: Correction) -> Condition:
     """The verdict with its gates."""
     return Condition(
         **header,

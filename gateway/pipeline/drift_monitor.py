@@ -6,16 +6,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.calibration.drift.rest import NS_PER_HOUR, RestWatch, at_rest
+from gateway.calibration.drift.rest import NS_PER_HOUR, RestDriftMonitor, at_rest
 from gateway.calibration.drift.rest_status import RestStatus, rest_status
 
 DRIFTED = "at rest the norm has left the record's interval: calibrate"
 
 
-class RestReading:
+class DriftMonitor:
     """Outlives the pipelines of one record: whoever opens a pipeline hands it in."""
 
-    def __init__(self, watch: RestWatch | None) -> None:
+    def __init__(self, watch: RestDriftMonitor | None) -> None:
         """`watch` is None where there is no record to drift from."""
         self._watch = watch
         self._hour: int | None = None
@@ -47,12 +47,12 @@ class RestReading:
         self.unkept = True
         if (hour := utc_ns // NS_PER_HOUR) != self._hour:
             self._hour = hour
-            self._tell(rest_status(self._watch))
+            self._emit(rest_status(self._watch))
 
     def state(self) -> dict[str, Any] | None:
         """What a restart goes on from; None where nothing is watched."""
         self.unkept = False
         return None if self._watch is None else self._watch.state()
 
-    def _tell(self, status: RestStatus) -> None:
+    def _emit(self, status: RestStatus) -> None:
         self._status, self.told = status, status.as_json()

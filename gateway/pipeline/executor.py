@@ -17,7 +17,7 @@ class Answer(Protocol[T_co]):
         ...
 
 
-class Runner(Protocol):
+class Executor(Protocol):
     """Does pieces of work in the order in which they come; a `concurrent.futures` executor of one worker is one."""
 
     def submit(self, work: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Answer[T]:
@@ -26,7 +26,7 @@ class Runner(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Done(Generic[T]):
+class CompletedFuture(Generic[T]):
     """An answer that is there."""
 
     answer: T
@@ -36,9 +36,9 @@ class Done(Generic[T]):
         return self.answer
 
 
-class AtOnce:
+class ImmediateExecutor:
     """Works in the caller's thread: for replays, tests and benchmarks."""
 
-    def submit(self, work: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Done[T]:
+    def submit(self, work: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> CompletedFuture[T]:
         """Do the work now."""
-        return Done(work(*args, **kwargs))
+        return CompletedFuture(work(*args, **kwargs))

@@ -6,7 +6,7 @@ from gateway.messages import Log, Message
 
 
 @dataclass(frozen=True, slots=True)
-class Emission:
+class OutgoingMessage:
     """A message on its way: its topic, and when it belongs in gateway time."""
 
     topic: str

@@ -10,10 +10,10 @@ from devices.block import DeviceInfo
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.messages import Formulas, Swing
-from gateway.pipeline.executor import Answer, Runner
+from gateway.pipeline.executor import Answer, Executor
 from gateway.pipeline.header import Header
 from gateway.pipeline.mounting import mounted_housing, with_sensor
-from gateway.stages.conditions.monitor import SwingSeen
+from gateway.stages.conditions.monitor import SwingContext
 from gateway.stages.lowpass import LowPass
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.live import SwingTracker
@@ -27,11 +27,11 @@ HOLDS_S = 2.0
 K95 = 1.96
 
 
-class SwingReading:
+class SwingStage:
     """Feeds the tracker and keeps its last word."""
 
     def __init__(
-        self, configuration: Configuration, info: DeviceInfo, correction: Correction, lowpass: LowPass, runner: Runner
+        self, configuration: Configuration, info: DeviceInfo, correction: Correction, lowpass: LowPass, runner: Executor
     ) -> None:
         rig = mounted_housing(configuration, correction, info.bandwidth_hz)
         self._rig = rig
@@ -59,7 +59,7 @@ class SwingReading:
         self._now_s = float(time_s[-1])
         if self._tracker is None:
             return False
-        doubt = self._doubt_at(temperature_c)
+        doubt = self._uncertainty_at(temperature_c)
         self._answers.append(
             (self._now_s, self._runner.submit(self._tracker.update, time_s, force_g, lowpassed_g, doubt))
         )
@@ -71,13 +71,13 @@ class SwingReading:
         self._estimate = replace(found, reasons=(*found.reasons, *self._said))
         return True
 
-    def _doubt_at(self, temperature_c: float | None) -> MountedHousing | None:
+    def _uncertainty_at(self, temperature_c: float | None) -> MountedHousing | None:
         """The housing as believed at another temperature than up to now; None where nothing changed."""
         if temperature_c is None or temperature_c == self._temperature_c or self._rig is None:
             return None
         self._temperature_c = temperature_c
         beyond_k, before_k = self._correction.beyond_k(temperature_c), self._beyond_k
-        self._beyond_k, self._said = beyond_k, self._correction.said_beyond(temperature_c)
+        self._beyond_k, self._said = beyond_k, self._correction.range_warnings(temperature_c)
         if beyond_k == before_k:
             return None
         return with_sensor(self._rig, self._correction.beyond(beyond_k), self._bandwidth_hz)
@@ -91,15 +91,15 @@ class SwingReading:
         holds_s = max(HOLDS_S, estimate.period_s or 0.0)
         return estimate if self._now_s - estimate.to_s <= holds_s else None
 
-    def seen(self) -> SwingSeen:
+    def condition_context(self) -> SwingContext:
         """What the condition stage needs to know."""
         estimate = self._current
         if estimate is None:
-            return SwingSeen(None, None, consistent=False)
+            return SwingContext(None, None, consistent=False)
         coverage = estimate.coverage95_rad
         rho = None if self._rig is None or estimate.length_m is None else self._rig.rho_at(estimate.length_m)
         widest_rad = estimate.phi_max_rad if coverage is None else coverage[1]
-        return SwingSeen(
+        return SwingContext(
             estimate.swinging,
             widest_rad,
             consistent=coverage is not None,
@@ -119,7 +119,7 @@ class SwingReading:
             return ("not yet a full swing to judge by",)
         return () if estimate.coverage95_rad is not None else estimate.reasons
 
-    def upper_ends(self) -> tuple[float | None, float | None]:
+    def upper_confidence_limits(self) -> tuple[float | None, float | None]:
         """Upper ends of the 95 % intervals of swing and lean in radians; None where they are not known."""
         estimate = self._current
         if estimate is None:

@@ -36,7 +36,7 @@ class Aligning:
         self._still: deque[tuple[int, float, float]] = deque(maxlen=MOST)
         """(time, pitch, roll in degrees), in a row at rest."""
 
-    def take(self, tilt: Tilt) -> AligningView:
+    def add_samples(self, tilt: Tilt) -> AligningView:
         """What to do, by this tilt and those before it."""
         pitch_deg, roll_deg = tilt.pitch_deg, tilt.roll_deg
         if tilt.calibration_id is None:

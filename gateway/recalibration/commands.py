@@ -11,12 +11,12 @@ from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.record_factory import make_record
 from gateway.calibration.store import CalibrationStore
 from gateway.errors import PlumblineError
-from gateway.recalibration.interlock import LoadWatch
+from gateway.recalibration.interlock import LoadInterlock
 from gateway.recalibration.methods import Methods
 from gateway.recalibration.requests import Cancel, Commit, Recalibrate, Request, Rollback, Zero
-from gateway.recalibration.sample_buffer import Readings
+from gateway.recalibration.sample_buffer import RecentSamples
 from gateway.recalibration.session import Session
-from gateway.recalibration.timestamp import Moment
+from gateway.recalibration.timestamp import Timestamp
 
 
 class Refused(PlumblineError):  # noqa: N818  (not an error: the answer is no, and the text says why)
@@ -24,7 +24,7 @@ class Refused(PlumblineError):  # noqa: N818  (not an error: the answer is no, a
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class Action:
     """What came of a request."""
 
     text: str
@@ -33,22 +33,22 @@ class Outcome:
 
 
 ON_AGAIN = "alerts are on again: the housing must hang on the rope"
-Act = Callable[[], Outcome]
+Act = Callable[[], Action]
 """Does what was planned. Raises `OSError` or `CalibrationError` where the disk does not let it."""
 
 
 @dataclass(frozen=True, slots=True)
-class Planner:
+class CommandHandler:
     """Plans for one device."""
 
     device: DeviceInfo
     store: CalibrationStore
     methods: Methods
-    watch: LoadWatch
-    readings: Readings
+    watch: LoadInterlock
+    readings: RecentSamples
     software: str
 
-    def plan(self, request: Request, session: Session | None, moment: Moment) -> Act:
+    def plan(self, request: Request, session: Session | None, moment: Timestamp) -> Act:
         """How to do what is asked. Raises `Refused` or `CalibrationError` where it must not be done."""
         active = session if session is not None and session.active else None
         match request:
@@ -77,7 +77,7 @@ class Planner:
             return stored
         return CalibrationRecord.model_validate(self.device.factory_calibration)
 
-    def record(self, fit: CalibrationFit, *, by: str, request: str, moment: Moment) -> CalibrationRecord:
+    def record(self, fit: CalibrationFit, *, by: str, request: str, moment: Timestamp) -> CalibrationRecord:
         """The record of a fit. Raises `CalibrationError`."""
         parent = self.parent()
         try:
@@ -95,8 +95,8 @@ class Planner:
             first = error.errors(include_url=False)[0]
             raise CalibrationError(f"the fit is no record: {first['loc']}: {first['msg']}") from error
 
-    def _session(self, request: Recalibrate, moment: Moment) -> Act:
-        why = self.watch.against_recalibrating(confirmed=request.housing_off_rope, now_ns=moment.time_ns)
+    def _session(self, request: Recalibrate, moment: Timestamp) -> Act:
+        why = self.watch.recalibration_refusal(confirmed=request.housing_off_rope, now_ns=moment.time_ns)
         if why is not None:
             raise Refused(why)
         parent = self.parent()
@@ -110,13 +110,13 @@ class Planner:
             begun_ns=moment.time_ns,
             touched_ns=moment.time_ns,
         )
-        return lambda: Outcome("collecting; swing alerts are suspended until the session ends", session)
+        return lambda: Action("collecting; swing alerts are suspended until the session ends", session)
 
-    def _zero(self, request: Zero, moment: Moment) -> Act:
+    def _zero(self, request: Zero, moment: Timestamp) -> Act:
         parent = self.parent()
         if parent is None:
             raise Refused("no calibration is in force that could be zeroed; recalibrate first")
-        if (why := self.watch.against_zero()) is not None:
+        if (why := self.watch.zeroing_refusal()) is not None:
             raise Refused(why)
         fit = self.methods.zero(self.readings.recent(), parent, self.device)
         record = self.record(fit, by=request.by, request=request.id, moment=moment)
@@ -136,7 +136,7 @@ class Planner:
         )
         return lambda: self._put_in_force(record, session, request, moment)
 
-    def _commit(self, request: Commit, session: Session | None, moment: Moment) -> Act:
+    def _commit(self, request: Commit, session: Session | None, moment: Timestamp) -> Act:
         if session is None or session.candidate is None or session.judgement is None:
             raise Refused("no record is in review" if session is None else "the session is still collecting poses")
         if request.record is not None and request.record != session.record_id:
@@ -147,7 +147,7 @@ class Planner:
         ended = session.ended("committed", f"record {record.id} is in force", moment.time_ns, left=False)
         return lambda: self._put_in_force(record, ended, request, moment)
 
-    def _rollback(self, request: Rollback, session: Session | None, moment: Moment) -> Act:
+    def _rollback(self, request: Rollback, session: Session | None, moment: Timestamp) -> Act:
         now = self.store.state().in_force
         target = request.to if request.to is not None else self._parent_of(now)
         if target == now:
@@ -156,9 +156,9 @@ class Planner:
             self.store.record(target)
         said = "the device's factory record, or none," if target is None else f"record {target}"
 
-        def act() -> Outcome:
+        def act() -> Action:
             self._change(target, request, moment)
-            return Outcome(f"{said} is in force again", session, target)
+            return Action(f"{said} is in force again", session, target)
 
         return act
 
@@ -173,21 +173,21 @@ class Planner:
             return None
         raise Refused(f"parent {parent} of record {record_id} is not in the store; name another with to")
 
-    def _cancel(self, request: Cancel, session: Session | None, moment: Moment) -> Act:
+    def _cancel(self, request: Cancel, session: Session | None, moment: Timestamp) -> Act:
         if session is not None and session.left:
             confirmed = session.model_copy(update={"left": False})
-            return lambda: Outcome("alerts are on again: the housing hangs on the rope", confirmed)
+            return lambda: Action("alerts are on again: the housing hangs on the rope", confirmed)
         if session is None or not session.active:
             raise Refused("no session is under way")
         ended = session.ended("rejected", f"cancelled by {request.by}", moment.time_ns, left=False)
-        return lambda: Outcome(f"{ended.text}; {ON_AGAIN}", ended)
+        return lambda: Action(f"{ended.text}; {ON_AGAIN}", ended)
 
-    def _put_in_force(self, record: CalibrationRecord, ended: Session, request: Request, moment: Moment) -> Outcome:
+    def _put_in_force(self, record: CalibrationRecord, ended: Session, request: Request, moment: Timestamp) -> Action:
         self.store.add(record)
         self._change(record.id, request, moment)
-        return Outcome(f"record {record.id} is in force; {ON_AGAIN}", ended, record.id)
+        return Action(f"record {record.id} is in force; {ON_AGAIN}", ended, record.id)
 
-    def _change(self, record_id: str | None, request: Request, moment: Moment) -> None:
+    def _change(self, record_id: str | None, request: Request, moment: Timestamp) -> None:
         """Raises `OSError` where nothing has changed."""
         try:
             self.store.put_in_force(

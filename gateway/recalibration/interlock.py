@@ -16,19 +16,19 @@ STILL: tuple[Verdict, ...] = ("static", "quasi_static")
 
 
 @dataclass(frozen=True, slots=True)
-class LoadSaid:
+class LoadState:
     """What the crane's own load signal said."""
 
     loaded: bool
     time_ns: int
 
 
-class LoadWatch:
+class LoadInterlock:
     """Remembers the condition's verdicts of the last minute, and the load signal. Times are those of the samples."""
 
     def __init__(self) -> None:
         self._verdicts: deque[tuple[int, Verdict]] = deque(maxlen=MOST_VERDICTS)
-        self._load: LoadSaid | None = None
+        self._load: LoadState | None = None
 
     def verdict(self, verdict: Verdict, time_ns: int) -> None:
         """What the condition stage judged."""
@@ -36,7 +36,7 @@ class LoadWatch:
         while time_ns - self._verdicts[0][0] > MEMORY_S * 1e9:
             self._verdicts.popleft()
 
-    def load(self, said: LoadSaid) -> None:
+    def load(self, said: LoadState) -> None:
         """What a load cell or the crane's controller said."""
         self._load = said
 
@@ -51,7 +51,7 @@ class LoadWatch:
         kept = [time_ns for time_ns, _ in self._verdicts if not moved or time_ns > moved[-1]]
         return (kept[-1] - kept[0]) / 1e9 if kept else 0.0
 
-    def against_recalibrating(self, *, confirmed: bool, now_ns: int) -> str | None:
+    def recalibration_refusal(self, *, confirmed: bool, now_ns: int) -> str | None:
         """Why the housing may not be taken off the rope now; None: it may. `confirmed`: that has been done."""
         if self._load is not None and self._load.loaded and now_ns - self._load.time_ns < LOAD_HOLDS_S * 1e9:
             return "the load signal says that a load hangs; its swing must stay watched"
@@ -64,7 +64,7 @@ class LoadWatch:
             return "whether the load swings is not known; wait, or confirm that the housing is off the rope"
         return None
 
-    def against_zero(self) -> str | None:
+    def zeroing_refusal(self) -> str | None:
         """Why the rope is not a plumb line now; None: it is."""
         if self.static_s < STATIC_S:
             return f"static for {self.static_s:.0f} s; {STATIC_S:.0f} s are needed, the load hanging still"

@@ -16,15 +16,15 @@ from gateway.calibration.zero import LEAST_S
 from gateway.errors import PlumblineError
 from gateway.recalibration import requests
 from gateway.recalibration.audit import Audit
-from gateway.recalibration.commands import Outcome, Planner
+from gateway.recalibration.commands import Action, CommandHandler
 from gateway.recalibration.fetch_handler import read_store
-from gateway.recalibration.interlock import LoadWatch
+from gateway.recalibration.interlock import LoadInterlock
 from gateway.recalibration.journal import MOST_ANSWERS, Answer, Journal
 from gateway.recalibration.methods import Methods
 from gateway.recalibration.requests import Request
-from gateway.recalibration.sample_buffer import Readings
+from gateway.recalibration.sample_buffer import RecentSamples
 from gateway.recalibration.session import Session
-from gateway.recalibration.timestamp import Moment
+from gateway.recalibration.timestamp import Timestamp
 
 MARGIN_S = 1.0
 """Readings are kept for this much longer than zeroing needs."""
@@ -42,25 +42,25 @@ class Recalibration:
         self._tell = tell
         self._journal = Journal(folder / "session.json")
         self._audit = Audit(folder / "audit.jsonl", tell)
-        self._readings = Readings(LEAST_S + MARGIN_S)
+        self._readings = RecentSamples(LEAST_S + MARGIN_S)
         self._procedure: Procedure | None = None
         self._progress: Progress | None = None
-        self._planner: Planner | None = None
+        self._planner: CommandHandler | None = None
         self.session = self._journal.session
         """The last session, active or ended."""
-        self.watch = LoadWatch()
+        self.watch = LoadInterlock()
         self.generation = 0
         """Counts what the pipeline must be opened anew for."""
 
-    def open(self, device: DeviceInfo, moment: Moment) -> None:
+    def open(self, device: DeviceInfo, moment: Timestamp) -> None:
         """A device has been opened, at start or again: an unfinished session goes on with it, or ends."""
         store = CalibrationStore(self._data_dir, device.device_id)
-        self._planner = Planner(device, store, self._methods, self.watch, self._readings, self._software)
+        self._planner = CommandHandler(device, store, self._methods, self.watch, self._readings, self._software)
         self._readings.forget()
         self.watch.forget()
         self._procedure = self._progress = None
         if self._journal.complaint is not None:
-            self._note(moment, "journal", text=self._journal.complaint)
+            self._write_audit(moment, "journal", text=self._journal.complaint)
             self.session = _unknown(device.device_id, self._journal.complaint, moment)
             self._journal.complaint = None
         session = self.session
@@ -73,7 +73,7 @@ class Recalibration:
         elif (why := session.lost_by_restart(moment.time_ns)) is not None:
             self._end("rejected", why, moment)
         else:
-            self._note(moment, "resumed", session=session.id, phase=session.phase, poses=len(session.poses))
+            self._write_audit(moment, "resumed", session=session.id, phase=session.phase, poses=len(session.poses))
             self._keep(session.resumed(), moment)
             self._resume(self.session)
 
@@ -87,7 +87,7 @@ class Recalibration:
         """Why the alerts are suspended; None: they are not."""
         return None if self.session is None else self.session.suspends
 
-    def feed(self, block: SampleBlock, moment: Moment) -> None:
+    def feed(self, block: SampleBlock, moment: Timestamp) -> None:
         """Take a block of raw samples."""
         readings = self._readings.take(block)
         if self._procedure is None or self.session is None:
@@ -99,19 +99,19 @@ class Recalibration:
         if progress.complete and self._procedure is not None:
             self._review(self._procedure, moment)
 
-    def tick(self, moment: Moment) -> None:
+    def tick(self, moment: Timestamp) -> None:
         """End a session that has lasted too long."""
         if self.session is not None and (why := self.session.timed_out(moment.time_ns)) is not None:
             self._end("rejected", why, moment)
 
-    def answer(self, verb: str, payload: bytes, moment: Moment) -> Answer:
+    def answer(self, verb: str, payload: bytes, moment: Timestamp) -> Answer:
         """Do what is asked, or say why not. The same request has the same answer, and is done once."""
         if verb == "fetch":
             return read_store(payload, self._opened.store, self._audit, self.session)
         try:
             request = requests.parse_request(verb, payload)
         except requests.RequestError as error:
-            self._note(moment, "request", verb=verb, accepted=False, why=str(error))
+            self._write_audit(moment, "request", verb=verb, accepted=False, why=str(error))
             return Answer(id="", request="", accepted=False, text=str(error))
         fingerprint = f"{verb} {request.model_dump_json()}"
         known = self._journal.answer(request.id) or self._done_before(request, fingerprint)
@@ -122,12 +122,12 @@ class Recalibration:
         text = f"id {request.id} is that of another request; choose a new one"
         return Answer(id=request.id, request=fingerprint, accepted=False, text=text)
 
-    def _decide(self, verb: str, request: Request, fingerprint: str, moment: Moment) -> Answer:
+    def _decide(self, verb: str, request: Request, fingerprint: str, moment: Timestamp) -> Answer:
         asked = {"verb": verb, **request.model_dump(mode="json")}
         try:
             act = self._opened.plan(request, self.session, moment)
         except (PlumblineError, ValueError, ArithmeticError) as refusal:
-            self._note(moment, "request", **asked, accepted=False, why=str(refusal))
+            self._write_audit(moment, "request", **asked, accepted=False, why=str(refusal))
             answer = Answer(id=request.id, request=fingerprint, accepted=False, text=str(refusal))
             self._save(self.session, answer)
             return answer
@@ -135,13 +135,13 @@ class Recalibration:
             self._audit.write(moment.utc, "request", **asked, accepted=True)
             outcome = act()
         except (OSError, CalibrationError) as error:
-            self._note(moment, "failed", id=request.id, text=str(error))
+            self._write_audit(moment, "failed", id=request.id, text=str(error))
             return Answer(id=request.id, request=fingerprint, accepted=False, text=f"could not be done: {error}")
         content = {} if outcome.record_id is None else {"record": outcome.record_id}
         answer = Answer(id=request.id, request=fingerprint, accepted=True, text=outcome.text, content=content)
         return self._take(outcome, answer, moment)
 
-    def _take(self, outcome: Outcome, answer: Answer, moment: Moment) -> Answer:
+    def _take(self, outcome: Action, answer: Answer, moment: Timestamp) -> Answer:
         """Keep what came of a request and its answer in one step."""
         begins = outcome.session is not None and outcome.session.active
         if not self._save(outcome.session, answer) and begins:
@@ -150,7 +150,7 @@ class Recalibration:
         self._procedure = self._progress = None
         self._resume(outcome.session)
         self._pipeline_changes()
-        self._note(moment, "done", id=answer.id, text=answer.text)
+        self._write_audit(moment, "done", id=answer.id, text=answer.text)
         return answer
 
     def _resume(self, session: Session | None) -> None:
@@ -161,7 +161,7 @@ class Recalibration:
         self._procedure.resume(session.poses)
         self._progress = self._procedure.progress()
 
-    def _review(self, procedure: Procedure, moment: Moment) -> None:
+    def _review(self, procedure: Procedure, moment: Timestamp) -> None:
         """All poses are there: the fit, the record and the judge's word on it."""
         session = self.session
         assert session is not None
@@ -173,22 +173,22 @@ class Recalibration:
             return
         self._procedure = self._progress = None
         self._keep(session.reviewed(record.model_dump(mode="json"), judgement, moment.time_ns), moment)
-        self._note(moment, "review", session=session.id, record=record.id, **judgement.model_dump(mode="json"))
+        self._write_audit(moment, "review", session=session.id, record=record.id, **judgement.model_dump(mode="json"))
 
-    def _keep(self, session: Session, moment: Moment) -> None:
+    def _keep(self, session: Session, moment: Timestamp) -> None:
         """A session that a restart could not go on with does not go on now."""
         if self._save(session):
             self.session = session
         else:
             self._end("rejected", "the session cannot be kept on the disk", moment)
 
-    def _end(self, phase: Literal["committed", "rejected"], text: str, moment: Moment) -> None:
+    def _end(self, phase: Literal["committed", "rejected"], text: str, moment: Timestamp) -> None:
         assert self.session is not None
         self.session = self.session.ended(phase, text, moment.time_ns, left=phase == "rejected")
         self._procedure = self._progress = None
         self._save(self.session)
         self._pipeline_changes()
-        self._note(moment, phase, session=self.session.id, text=text)
+        self._write_audit(moment, phase, session=self.session.id, text=text)
 
     def _pipeline_changes(self) -> None:
         self.generation += 1
@@ -218,7 +218,7 @@ class Recalibration:
             return False
         return True
 
-    def _note(self, moment: Moment, event: str, **content: object) -> None:
+    def _write_audit(self, moment: Timestamp, event: str, **content: object) -> None:
         """An audit entry of what is so anyway: where it cannot be kept, the log has it."""
         try:
             self._audit.write(moment.utc, event, **content)
@@ -226,13 +226,13 @@ class Recalibration:
             self._tell(f"the audit cannot be written: {error}")
 
     @property
-    def _opened(self) -> Planner:
+    def _opened(self) -> CommandHandler:
         if self._planner is None:
             raise ValueError("no device has been opened yet")
         return self._planner
 
 
-def _unknown(device_id: str, complaint: str, moment: Moment) -> Session:
+def _unknown(device_id: str, complaint: str, moment: Timestamp) -> Session:
     """Whether a session was under way is not known: as if one had been left."""
     return Session(
         id="unknown",

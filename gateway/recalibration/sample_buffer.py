@@ -8,7 +8,7 @@ from devices.block import SampleBlock
 from gateway.calibration.procedure import RawReadings
 
 
-class Readings:
+class RecentSamples:
     """Turns blocks into readings on one time axis and remembers the newest."""
 
     def __init__(self, memory_s: float) -> None:

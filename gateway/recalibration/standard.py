@@ -5,7 +5,7 @@ import numpy as np
 from devices.block import DeviceInfo
 from gateway.calibration import acceptance
 from gateway.calibration.methods import procedure_for
-from gateway.calibration.poses import Nominal
+from gateway.calibration.poses import NominalSensitivity
 from gateway.calibration.procedure import CalibrationFit, Procedure, RawReadings
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.zero import zero
@@ -25,7 +25,7 @@ class StandardMethods:
 
     def procedure(self, method: str, device: DeviceInfo, parent: CalibrationRecord | None) -> Procedure:
         """A procedure that has seen nothing yet; a norm fit, which cannot see the frame, keeps that of `parent`."""
-        return procedure_for(method, Nominal(device.units_per_g), parent=parent)
+        return procedure_for(method, NominalSensitivity(device.units_per_g), parent=parent)
 
     def zero(self, readings: RawReadings, parent: CalibrationRecord, device: DeviceInfo) -> CalibrationFit:
         """The parent with the mount's two angles removed. Raises `CalibrationError`."""

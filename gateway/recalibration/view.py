@@ -5,7 +5,7 @@ from gateway.messages import NO_SESSION, CalibrationSession, SessionPose
 from gateway.recalibration.session import CONFIRM, Session
 
 
-def view_of(session: Session | None, progress: Progress | None) -> CalibrationSession:
+def session_message(session: Session | None, progress: Progress | None) -> CalibrationSession:
     """What is published of a session; `progress` of its procedure while it collects."""
     if session is None:
         return NO_SESSION

@@ -8,7 +8,7 @@ from gateway.recording.retention import marker_of
 MOST_REMEMBERED = 128
 
 
-class EventMarks:
+class AlertEventIndex:
     """Marks segments by an empty file beside them, which survives a restart."""
 
     def __init__(self, pre_event_s: float, post_event_s: float) -> None:

@@ -11,7 +11,7 @@ from devices.errors import RecordingError
 from gateway import messages
 from gateway.packing import unpack
 from gateway.recording import header as names
-from gateway.recording.mcap_salvage import Losses
+from gateway.recording.mcap_salvage import SalvageReport
 from gateway.recording.reader import RecordedMessage, RecordingFile, open_recording
 
 GAP_PERIODS = 1.5
@@ -80,7 +80,7 @@ class RecordingInfo:
     path: str
     size_bytes: int
     closed: bool
-    losses: Losses
+    losses: SalvageReport
     from_utc_ns: int
     to_utc_ns: int
     """First and last log time, corrected by the last known offset of the wall clock."""
@@ -111,7 +111,7 @@ class RecordingInfo:
 def summarise(path: Path | str) -> RecordingInfo:
     """Read a recording, whole or torn. Raises `RecordingError` where it is no recording or has no message."""
     file = open_recording(path)
-    tally = _Tally()
+    tally = _SummaryBuilder()
     for recorded in file.messages():
         tally.count(recorded)
         content = file.decode(recorded)
@@ -121,11 +121,11 @@ def summarise(path: Path | str) -> RecordingInfo:
             file.losses.unreadable_messages += 1
     if tally.from_ns is None or tally.to_ns is None:
         raise RecordingError(f"{file.path}: holds no message; the gateway was stopped before it wrote the first one")
-    return _told(file, tally, tally.from_ns, tally.to_ns)
+    return _build_info(file, tally, tally.from_ns, tally.to_ns)
 
 
 @dataclass(slots=True)
-class _Tally:
+class _SummaryBuilder:
     """What has been seen so far."""
 
     from_ns: int | None = None
@@ -191,7 +191,7 @@ class _Tally:
         )
 
 
-def _told(file: RecordingFile, tally: _Tally, from_ns: int, to_ns: int) -> RecordingInfo:
+def _build_info(file: RecordingFile, tally: _SummaryBuilder, from_ns: int, to_ns: int) -> RecordingInfo:
     samples = tally.samples()
     size_bytes = file.path.stat().st_size
     duration_s = (to_ns - from_ns) / 1e9
@@ -221,7 +221,7 @@ def _told(file: RecordingFile, tally: _Tally, from_ns: int, to_ns: int) -> Recor
     )
 
 
-def _topics(file: RecordingFile, tally: _Tally, duration_s: float) -> list[TopicInfo]:
+def _topics(file: RecordingFile, tally: _SummaryBuilder, duration_s: float) -> list[TopicInfo]:
     schema_of = {
         channel.topic: file.schemas[channel.schema_id].name
         for channel in file.channels.values()

@@ -45,7 +45,7 @@ def _stream(content: bytes) -> ReadDataStream:
 
 
 @dataclass(slots=True)
-class Losses:
+class SalvageReport:
     """What of a file could not be read; complete once its records have been read to the end."""
 
     closed: bool = False
@@ -75,7 +75,7 @@ def open_mcap(path: Path) -> BinaryIO:
     raise RecordingError(f"{path}: is not an MCAP file; give one that the gateway wrote, or a .csv")
 
 
-def records(file: BinaryIO, losses: Losses) -> Iterator[McapRecord]:
+def records(file: BinaryIO, losses: SalvageReport) -> Iterator[McapRecord]:
     """Every whole record from here on, those in chunks one by one. Raises `OSError` of the disk."""
     size = os.fstat(file.fileno()).st_size
     checksum = zlib.crc32(MCAP0_MAGIC)
@@ -109,7 +109,7 @@ def _promised_checksum(content: bytes) -> int:
     return int.from_bytes(content[:4], "little")
 
 
-def _parsed(opcode: int, content: bytes, losses: Losses) -> list[McapRecord]:
+def _parsed(opcode: int, content: bytes, losses: SalvageReport) -> list[McapRecord]:
     try:
         record = PARSERS[opcode](content)
         return breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]

@@ -10,7 +10,7 @@ from mcap.well_known import MessageEncoding
 from pydantic import ValidationError
 
 from devices.errors import RecordingError
-from gateway.recording.mcap_salvage import Losses, open_mcap, records
+from gateway.recording.mcap_salvage import SalvageReport, open_mcap, records
 from gateway.topics import TOPICS, adapter
 
 TOPIC_OF_PATH = {topic.path: topic.name for topic in TOPICS.values()}
@@ -49,11 +49,11 @@ class RecordingFile:
     channels: dict[int, Channel] = field(default_factory=dict)
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, Attachment] = field(default_factory=dict)
-    losses: Losses = field(default_factory=Losses)
+    losses: SalvageReport = field(default_factory=SalvageReport)
 
     def messages(self) -> Iterator[RecordedMessage]:
         """Every message that can be recovered, in the order of writing. Raises `RecordingError`."""
-        self.losses = Losses()
+        self.losses = SalvageReport()
         with open_mcap(self.path) as file:
             try:
                 for record in records(file, self.losses):

@@ -12,7 +12,7 @@ from mcap.writer import Writer
 from devices.errors import RecordingError
 from gateway.atomic_io import sync_folder
 from gateway.recording.header import RECOVERED
-from gateway.recording.mcap_salvage import Losses
+from gateway.recording.mcap_salvage import SalvageReport
 from gateway.recording.reader import RecordingFile, open_recording
 
 
@@ -21,7 +21,7 @@ class Recovered:
     """What was saved and what was not."""
 
     messages: int
-    losses: Losses
+    losses: SalvageReport
 
 
 def recover(path: Path | str, out: Path | str) -> Recovered:

@@ -85,7 +85,7 @@ class Retention:
         self._closed: list[ClosedSegment] = []
         self.undeletable = 0
 
-    def look(self) -> None:
+    def rescan(self) -> None:
         """See which segments there are, while none of them is open. Raises `OSError`."""
         self._names.remove_unfinished(self._data_dir)
         self._closed = self._names.found(self._data_dir)

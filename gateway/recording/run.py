@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.errors import RecordingError
-from devices.recording import Recording, in_order, missing_before
+from devices.recording import Recording, longest_increasing_mask, missing_before
 from gateway import messages
 from gateway.packing import unpack
 from gateway.recording import header as names
 from gateway.recording.header import device_from_metadata
-from gateway.recording.mcap_salvage import Losses
+from gateway.recording.mcap_salvage import SalvageReport
 from gateway.recording.reader import RecordingFile, open_recording
 
 
@@ -38,7 +38,7 @@ class RecordedRun:
     configuration_toml: str | None
     calibrations: tuple[CalibrationInForce, ...]
     """The one in force at the start and each other one that followed."""
-    losses: Losses
+    losses: SalvageReport
 
     @property
     def time_ns(self) -> NDArray[np.int64]:
@@ -52,7 +52,7 @@ class RecordedRun:
         """
         time_ns = self.time_ns
         raw = np.concatenate([block.raw for block in self.blocks]).astype(np.float64)
-        kept = in_order(time_ns)
+        kept = longest_increasing_mask(time_ns)
         if kept.sum() < 2:
             raise RecordingError(f"{self.path}: holds a single sample; choose a longer recording")
         repeated = np.isin(time_ns[~kept], time_ns[kept])
@@ -124,11 +124,11 @@ def _add_block(file: RecordingFile, blocks: list[SampleBlock], samples: messages
 
 def _add_calibration(calibrations: list[CalibrationInForce], log_time_ns: int, content: messages.Calibration) -> None:
     known = calibrations[-1].message if calibrations else None
-    if known is None or _what_applies(known) != _what_applies(content):
+    if known is None or _calibration_intervals(known) != _calibration_intervals(content):
         calibrations.append(CalibrationInForce(log_time_ns, content))
 
 
-def _what_applies(content: messages.Calibration) -> tuple[object, ...]:
+def _calibration_intervals(content: messages.Calibration) -> tuple[object, ...]:
     return content.calibration_id, content.status, content.record, content.in_force
 
 

@@ -11,7 +11,7 @@ from devices.block import DeviceInfo
 from gateway.errors import PlumblineError
 from gateway.messages import Alert, Log, Message, Samples
 from gateway.recording.calibration_files import AttachedFile, CalibrationFiles
-from gateway.recording.events import EventMarks
+from gateway.recording.events import AlertEventIndex
 from gateway.recording.header import RecordingHeader
 from gateway.recording.retention import BYTES_PER_MB, Retention, SegmentNames
 from gateway.recording.segment import EncodedMessage, Segment
@@ -58,7 +58,7 @@ class Recorder:
         segment_s: float,
         fsync_s: float,
         quota_mb: float,
-        marks: EventMarks | None = None,
+        marks: AlertEventIndex | None = None,
     ) -> None:
         """`marks` remembers which segments hold alerts; without it all are alike to the quota."""
         self._data_dir = data_dir
@@ -92,7 +92,7 @@ class Recorder:
         self.close()
         try:
             self._data_dir.mkdir(parents=True, exist_ok=True)
-            self._retention.look()
+            self._retention.rescan()
             self._segment = self._new_segment(now_ns)
             if self._marks is not None:
                 self._marks.segment_begins(self._segment.path, now_ns)

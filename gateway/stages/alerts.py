@@ -50,7 +50,7 @@ def judge(state: RuleState, value_rad: float | None, limits: Limits, time_s: flo
     return replace(state, below_since_s=below_since_s)
 
 
-def standing(state: RuleState, *, stands: bool, time_s: float) -> RuleState:
+def initial_state(state: RuleState, *, stands: bool, time_s: float) -> RuleState:
     """The next state of a rule that was judged elsewhere, its hold included: a warning while it stands."""
     level: Level = "warn" if stands else "normal"
     return state if state.level == level else RuleState(level, time_s)
@@ -68,7 +68,7 @@ def _level_of(value_rad: float, limits: Limits) -> Level:
     return "normal"
 
 
-def worst(levels: list[Level]) -> Level:
+def overall_level(levels: list[Level]) -> Level:
     """The level that an operator must act on first."""
     return max(levels, key=lambda level: RANK[level], default="unknown")
 

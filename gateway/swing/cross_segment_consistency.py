@@ -10,18 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.swing.hoist_tracking import Stretch
+from gateway.swing.hoist_tracking import FittedInterval
 from gateway.swing.model import Real
 from gateway.swing.peaks import largest_angle, largest_angle_slope
 from gateway.swing.priors import ERRORS
-from gateway.swing.robust_fit import Finding, widened
+from gateway.swing.robust_fit import FitResult, inflate_uncertainty
 
 CHANCE = 1.5
 """Standard deviations by which two may differ."""
 
 
 @dataclass(frozen=True, slots=True)
-class Witness:
+class SegmentEstimate:
     """What a piece says of the errors of sensor and housing that are unknown, in standard deviations of the beliefs."""
 
     errors: Real
@@ -34,7 +34,7 @@ class Witness:
     """By which the angle follows when the errors are known to be others."""
 
 
-def held_to_one_sensor(pieces: list[Stretch]) -> tuple[list[Stretch], tuple[str, ...]]:
+def enforce_common_sensor_errors(pieces: list[FittedInterval]) -> tuple[list[FittedInterval], tuple[str, ...]]:
     """The pieces, and what is to be said of them.
 
     Where a piece's angle would be another with the sensor that the others show, the part of the difference that chance does
@@ -46,13 +46,13 @@ def held_to_one_sensor(pieces: list[Stretch]) -> tuple[list[Stretch], tuple[str,
     found, odd = [], []
     for place, (piece, witness) in enumerate(zip(pieces, witnesses, strict=True)):
         unexplained_rad = _unexplained_rad(witness, witnesses[:place] + witnesses[place + 1 :])
-        found.append(replace(piece, finding=widened(piece.finding, unexplained_rad / witness.angle_rad)))
+        found.append(replace(piece, finding=inflate_uncertainty(piece.finding, unexplained_rad / witness.angle_rad)))
         if unexplained_rad > witness.u_rad:
             odd.append(f"{piece.from_s:.0f}-{piece.to_s:.0f} s")
     return found, (f"widened: alone, {', '.join(odd)} would show another sensor than the rest",) if odd else ()
 
 
-def _unexplained_rad(one: Witness, others: list[Witness]) -> float:
+def _unexplained_rad(one: SegmentEstimate, others: list[SegmentEstimate]) -> float:
     """How much farther an angle moves under the sensor of the others than chance lets it."""
     believed = np.eye(len(one.errors))
     theirs = np.linalg.inv(believed + sum(other.gained for other in others))
@@ -64,14 +64,14 @@ def _unexplained_rad(one: Witness, others: list[Witness]) -> float:
     return float(np.sqrt(max(shift_rad**2 - CHANCE**2 * chance_rad2, 0.0)))
 
 
-def _witness(finding: Finding) -> Witness:
+def _witness(finding: FitResult) -> SegmentEstimate:
     fit, free = finding.fit, _free(finding)
     count, deviation = int(free.sum()), fit.beliefs.deviation[-ERRORS:][free]
     covariance = finding.claim.covariance[:, -count:] / deviation
     own = covariance[-count:] / deviation[:, None]
     values, vectors = np.linalg.eigh(np.linalg.inv((own + own.T) / 2) - np.eye(count))
     angle_rad, u_rad = largest_angle(fit, finding.claim)
-    return Witness(
+    return SegmentEstimate(
         errors=fit.instrument.errors[free] / deviation,
         gained=(vectors * np.maximum(values, 0.0)) @ vectors.T,
         angle_rad=max(angle_rad, 1e-6),
@@ -80,6 +80,6 @@ def _witness(finding: Finding) -> Witness:
     )
 
 
-def _free(finding: Finding) -> NDArray[np.bool_]:
+def _free(finding: FitResult) -> NDArray[np.bool_]:
     """Which of the errors of sensor and housing are unknown."""
     return finding.fit.free[-ERRORS:]

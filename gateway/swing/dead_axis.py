@@ -32,7 +32,7 @@ LIVELY = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Silence:
+class DeadAxis:
     """What follows from an axis that shows nothing of the swing."""
 
     fault: str | None = None
@@ -41,32 +41,32 @@ class Silence:
     """Relative uncertainty of the angle while the others leave it open whether it is broken."""
 
 
-def silence_in(bins: Bins, noise_g: Real, rig: MountedHousing, length_m: float) -> Silence:
+def silence_in(bins: Bins, noise_g: Real, rig: MountedHousing, length_m: float) -> DeadAxis:
     """Of a stretch of a few swings, on a rope of this length by its period."""
     scatter_g = bins.force_g.std(axis=0)
     if scatter_g.min() > LIVELY * scatter_g.max() and scatter_g[2] > 2 * noise_g[2] / np.sqrt(bins.count.mean()):
-        return Silence()
+        return DeadAxis()
     return _silence(find_harmonics(bins, noise_g, rig), rig, length_m)
 
 
-def silence_of(bins: Bins, noise_g: Real, rig: MountedHousing, length_m: float) -> Silence:
+def silence_of(bins: Bins, noise_g: Real, rig: MountedHousing, length_m: float) -> DeadAxis:
     """Of a whole recording: what more than half of its stretches say."""
     period_s = 2 * np.pi * np.sqrt(length_m / rig.gravity_m_s2)
     edges_s = np.arange(bins.time_s[0], bins.time_s[-1] - period_s, WINDOW_PERIODS * period_s)
     stretches = [bins.select((bins.time_s >= a) & (bins.time_s < a + WINDOW_PERIODS * period_s)) for a in edges_s]
     found = [silence_in(stretch, noise_g, rig, length_m) for stretch in stretches if len(stretch) > 0]
     if not found:
-        return Silence()
+        return DeadAxis()
     faults = [silence.fault for silence in found if silence.fault is not None]
     if 2 * len(faults) > len(found):
-        return Silence(faults[0])
-    return Silence(angle_u_rel=float(np.median([silence.angle_u_rel for silence in found])))
+        return DeadAxis(faults[0])
+    return DeadAxis(angle_u_rel=float(np.median([silence.angle_u_rel for silence in found])))
 
 
-def _silence(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> Silence:
+def _silence(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> DeadAxis:
     rho = rig.rho_at(length_m)
     if harmonics.unexplained > LARGEST_UNEXPLAINED or rho > LARGEST_SEEN_RHO:
-        return Silence()
+        return DeadAxis()
     size, u_g = np.abs(harmonics.amplitude_g), harmonics.u_g
     along, across = rho / 2 + 0.25, (1 - rho) ** 2
     by_xy = complex((harmonics.amplitude_g[:2] ** 2).sum()) / across
@@ -80,9 +80,9 @@ def _silence(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> Sile
     z_lacks = abs(by_z) < abs(by_xy)
     broken = "z" * bool(silent[2]) if z_lacks else " or ".join(np.array(["x", "y"])[silent[:2]])
     if not broken:
-        return Silence()
+        return DeadAxis()
     if apart > APART * largest + largest**2 / 2 + APART_SIGMA * u:
-        return Silence(
+        return DeadAxis(
             f"{broken} shows nothing of the swing that the other axes show: a dead axis, or the housing is not where stated"
         )
-    return Silence() if z_lacks else Silence(angle_u_rel=apart / (2 * largest))
+    return DeadAxis() if z_lacks else DeadAxis(angle_u_rel=apart / (2 * largest))

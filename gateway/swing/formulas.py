@@ -51,7 +51,7 @@ class Extremes:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Passage:
+class LowpassGain:
     """What a low-pass lets through of a swing: the corrected forms divide by it."""
 
     gain_f0: float = 1.0
@@ -72,7 +72,7 @@ def extremes(force_g: Real) -> Extremes | None:
     )
 
 
-def published(e: Extremes) -> FormulaAngles:
+def as_published(e: Extremes) -> FormulaAngles:
     """000 eq. 22-25 exactly as printed."""
     across = math.sqrt(e.max_x_g**2 + e.max_y_g**2)
     return FormulaAngles(
@@ -83,12 +83,12 @@ def published(e: Extremes) -> FormulaAngles:
     )
 
 
-def corrected(e: Extremes, rho: float, passage: Passage | None = None) -> FormulaAngles:
+def corrected(e: Extremes, rho: float, passage: LowpassGain | None = None) -> FormulaAngles:
     """The same four inverted for a housing at `rho` in [0, 1] behind a low-pass; None also where rho leaves nothing to invert.
 
     (23) and (24) take the largest sqrt(a_x^2 + a_y^2), which is right for elliptical swings too. A lean is not allowed for.
     """
-    passage = passage or Passage()
+    passage = passage or LowpassGain()
     across = e.max_across_g / passage.gain_f0
     centre, half = (e.max_z_g + e.min_z_g) / 2, (e.max_z_g - e.min_z_g) / (2 * passage.gain_2f0)
     low, high = centre - half, centre + half

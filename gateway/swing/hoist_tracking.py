@@ -7,10 +7,10 @@ import numpy as np
 from gateway.swing.bins import Bins
 from gateway.swing.model import Real
 from gateway.swing.motion import PLAIN, Motion
-from gateway.swing.priors import hoisted
+from gateway.swing.priors import hoisting_prior
 from gateway.swing.rig import MountedHousing
-from gateway.swing.robust_fit import Finding, find
-from gateway.swing.rope_spline import Raster
+from gateway.swing.robust_fit import FitResult, fit_robust
+from gateway.swing.rope_spline import SplineGrid
 
 RASTER_STEPS_PER_PERIOD = 10
 MARGIN_PERIODS = 0.05
@@ -30,12 +30,12 @@ FASTEST_M_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
-class Stretch:
+class FittedInterval:
     """What a fit says of a part of its window."""
 
     from_s: float
     to_s: float
-    finding: Finding
+    finding: FitResult
 
     @property
     def period_s(self) -> float:
@@ -65,21 +65,23 @@ def hoist_find(
     moves_s: tuple[float, float],
     iterations: int,
     step_s: float | None = None,
-) -> Finding | None:
+) -> FitResult | None:
     """The fit of a window whose rope moves between two times; None where that explains nothing. `start` covers the window."""
-    raster = Raster.over(*moves_s, step_s or raster_step_s(rig))
-    finding = find(bins, noise_g, start.hoisting(raster), hoisted(rig, raster.count), iterations, worth=LARGEST_MISFIT)
+    raster = SplineGrid.over(*moves_s, step_s or raster_step_s(rig))
+    finding = fit_robust(
+        bins, noise_g, start.hoisting(raster), hoisting_prior(rig, raster.count), iterations, worth=LARGEST_MISFIT
+    )
     return finding if finding is not None and _credible(finding) else None
 
 
-def follow(
+def track_forward(
     bins: Bins, noise_g: Real, rig: MountedHousing, motion: Motion, *, from_s: float, plain_to_s: float, to_s: float
-) -> list[Stretch]:
+) -> list[FittedInterval]:
     """The stretches from `plain_to_s` up to `to_s`, of a rope that moves from about then on, as far as that explains them.
 
     `motion` explains what lies between `from_s` and `plain_to_s`.
     """
-    found: list[Stretch] = []
+    found: list[FittedInterval] = []
     moves_from_s = plain_to_s - BACK_PERIODS * motion.period_s
     end_s = known_s = plain_to_s
     while end_s < to_s:
@@ -94,16 +96,16 @@ def follow(
         motion = finding.fit.motion
         if finding.sound and (end_s == to_s or end_s - known_s > SETTLED_PERIODS * period_s):
             settled_s = end_s if end_s == to_s else end_s - OPEN_PERIODS * period_s
-            found.append(Stretch(known_s, settled_s, finding))
+            found.append(FittedInterval(known_s, settled_s, finding))
             known_s = settled_s
     return found
 
 
-def follow_back(
+def track_backward(
     bins: Bins, noise_g: Real, rig: MountedHousing, motion: Motion, *, from_s: float, plain_from_s: float, to_s: float
-) -> list[Stretch]:
+) -> list[FittedInterval]:
     """The same backward, from `plain_from_s` down to `from_s`; `motion` explains what lies between `plain_from_s` and `to_s`."""
-    found: list[Stretch] = []
+    found: list[FittedInterval] = []
     moves_to_s = plain_from_s + BACK_PERIODS * motion.period_s
     begin_s = known_s = plain_from_s
     while begin_s > from_s:
@@ -111,18 +113,18 @@ def follow_back(
         begin_s = max(begin_s - STRIDE_PERIODS * period_s, from_s)
         to_s = min(to_s, begin_s + WINDOW_PERIODS * period_s)
         window = bins.select((bins.time_s >= begin_s) & (bins.time_s <= to_s))
-        start = motion.reaching_back(begin_s, to_s + MARGIN_PERIODS * period_s)
+        start = motion.extended_backward(begin_s, to_s + MARGIN_PERIODS * period_s)
         finding = hoist_find(window, noise_g, rig, start, (begin_s, min(moves_to_s, to_s)), ITERATIONS)
         if finding is None:
             break
         motion = finding.fit.motion
         if finding.sound and (begin_s == from_s or known_s - begin_s > SETTLED_PERIODS * period_s):
             settled_s = begin_s if begin_s == from_s else begin_s + OPEN_PERIODS * period_s
-            found.insert(0, Stretch(settled_s, known_s, finding))
+            found.insert(0, FittedInterval(settled_s, known_s, finding))
             known_s = settled_s
     return found
 
 
-def _credible(finding: Finding) -> bool:
+def _credible(finding: FitResult) -> bool:
     speeds_m_s = finding.fit.motion.parameters[PLAIN:]
     return finding.claim.misfit <= LARGEST_MISFIT and bool((np.abs(speeds_m_s) < FASTEST_M_S).all())

@@ -16,7 +16,7 @@ PILE, PILE_OVER_NEXT = 8, 4
 def fault_of(force_g: Real) -> str | None:
     """What is wrong with samples of specific force, shape (n, 3), or None."""
     for axis, values in zip("xyz", force_g.T, strict=True):
-        end = _piled_up(values)
+        end = _saturation_level(values)
         if end is not None:
             return f"clipped: {axis} piles up at {end:+.4f} g"
     return fault_of_means(force_g)
@@ -36,7 +36,7 @@ def fault_of_means(force_g: Real) -> str | None:
     return None
 
 
-def _piled_up(values: Real) -> float | None:
+def _saturation_level(values: Real) -> float | None:
     """The value at an end of the range where too many readings lie."""
     distinct, counts = np.unique(values, return_counts=True)
     if len(distinct) < FEWEST_VALUES:

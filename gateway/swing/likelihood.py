@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.swing.bins import Bins
-from gateway.swing.model import Place, Real, by_reach, specific_force_g
+from gateway.swing.model import Real, SensorPlacement, position_jacobian, specific_force_g
 from gateway.swing.motion import LN_LENGTH, STATES, Motion
-from gateway.swing.multiple_shooting import Response, largest_change, moved, respond
-from gateway.swing.priors import Beliefs, Instrument
+from gateway.swing.multiple_shooting import SensitivityChain, largest_change, linearise_segments, moved
+from gateway.swing.priors import Prior, SensorModel
 from gateway.swing.rope_spline import Rope
 
 CONVERGED, SETTLED = 0.01, 1.0
@@ -27,9 +27,9 @@ LARGEST_LENGTH_STEP = 0.15
 class Fit:
     """The most likely motion with everything that its uncertainty is made from."""
 
-    response: Response
-    instrument: Instrument
-    beliefs: Beliefs
+    response: SensitivityChain
+    instrument: SensorModel
+    beliefs: Prior
     jacobian: Real
     """Derivative of the bins' specific force in g by the free unknowns, shape (bins, 3, free)."""
     bins: Bins
@@ -55,8 +55,8 @@ class Fit:
         return self.beliefs.free
 
 
-def most_likely(
-    bins: Bins, weight: Real, motion: Motion, beliefs: Beliefs, iterations: int, instrument: Instrument | None = None
+def maximum_a_posteriori(
+    bins: Bins, weight: Real, motion: Motion, beliefs: Prior, iterations: int, instrument: SensorModel | None = None
 ) -> Fit | None:
     """Gauss-Newton from `motion`, whose grid must cover the bins; None when that leaves the model."""
     fit = linearised(bins, weight, motion, beliefs, instrument)
@@ -64,10 +64,10 @@ def most_likely(
 
 
 def linearised(
-    bins: Bins, weight: Real, motion: Motion, beliefs: Beliefs, instrument: Instrument | None = None
+    bins: Bins, weight: Real, motion: Motion, beliefs: Prior, instrument: SensorModel | None = None
 ) -> Fit | None:
     """A motion held against the data: where Gauss-Newton begins."""
-    return _linearised(bins, weight, motion, instrument or Instrument.ideal(), beliefs, 0)
+    return _linearised(bins, weight, motion, instrument or SensorModel.ideal(), beliefs, 0)
 
 
 def improved(fit: Fit, iterations: int, hopeless: Callable[[Fit], bool] | None = None) -> Fit:
@@ -81,7 +81,7 @@ def improved(fit: Fit, iterations: int, hopeless: Callable[[Fit], bool] | None =
         step, promised = _step(best)
         if promised < CONVERGED:
             return replace(best, converged=True)
-        trial = _moved(best, step, share * _share(best.response, step), iteration)
+        trial = _moved(best, step, share * _step_fraction(best.response, step), iteration)
         before = best.cost
         if trial is not None and trial.cost < before + CONVERGED:
             stagnant = promised < SETTLED and before - trial.cost < STAGNANT
@@ -122,9 +122,9 @@ def weighted_square(jacobian: Real, weight: Real) -> Real:
 
 
 def _linearised(
-    bins: Bins, weight: Real, motion: Motion, instrument: Instrument, beliefs: Beliefs, iteration: int
+    bins: Bins, weight: Real, motion: Motion, instrument: SensorModel, beliefs: Prior, iteration: int
 ) -> Fit | None:
-    response = respond(motion)
+    response = linearise_segments(motion)
     if not (np.isfinite(response.path.state).all() and np.isfinite(response.follow).all()):
         return None
     instants = motion.grid.locate(bins.nodes_s().ravel())
@@ -132,7 +132,7 @@ def _linearised(
     field, rope = response.segments.field_at(instants)
     local = specific_force_g(states, field, _place(rope, motion, instrument, beliefs))
     by_motion, shift = response.chain(local, instants)
-    by_position = by_reach(states[..., 0], field.unperturbed()) / beliefs.rig.gravity_m_s2
+    by_position = position_jacobian(states[..., 0], field.unperturbed()) / beliefs.rig.gravity_m_s2
     ideal_g = _bin_mean(local[..., 0] + shift)
     by_all = np.concatenate(
         [_bin_mean(by_motion), _bin_mean(by_position)[..., None], instrument.slopes(ideal_g)], axis=-1
@@ -154,26 +154,26 @@ def _linearised(
     )
 
 
-def _unknowns(motion: Motion, instrument: Instrument) -> Real:
+def _unknowns(motion: Motion, instrument: SensorModel) -> Real:
     first = motion.nodes[:, 0] / motion.unit[:, 0]
     return np.concatenate([first.view(np.float64), motion.parameters, instrument.errors])
 
 
-def _cost(residual_g: Real, weight: Real, unknowns: Real, beliefs: Beliefs) -> float:
+def _cost(residual_g: Real, weight: Real, unknowns: Real, beliefs: Prior) -> float:
     departure = (unknowns - beliefs.mean)[beliefs.free]
     residual = residual_g.ravel()
     return float((weight.ravel() * residual) @ residual + beliefs.information @ departure**2)
 
 
-def _place(rope: Rope, motion: Motion, instrument: Instrument, beliefs: Beliefs) -> Place:
+def _place(rope: Rope, motion: Motion, instrument: SensorModel, beliefs: Prior) -> SensorPlacement:
     """Where the housing is in every lane; one clamped above the load goes with the rope."""
     rig, gravity_m_s2 = beliefs.rig, beliefs.rig.gravity_m_s2
     if rig.above_load_m is None:
-        return Place((float(rig.position_m or 0.0) + instrument.position_error_m) / gravity_m_s2)
+        return SensorPlacement((float(rig.position_m or 0.0) + instrument.position_error_m) / gravity_m_s2)
     reach_m = np.maximum(rope.length_m - rig.above_load_m, 0.0) + instrument.position_error_m
     if motion.raster is None:
-        return Place(reach_m / gravity_m_s2)
-    return Place(reach_m / gravity_m_s2, rope.rate_m_s / gravity_m_s2, rope.acceleration_m_s2 / gravity_m_s2)
+        return SensorPlacement(reach_m / gravity_m_s2)
+    return SensorPlacement(reach_m / gravity_m_s2, rope.rate_m_s / gravity_m_s2, rope.acceleration_m_s2 / gravity_m_s2)
 
 
 def _bin_mean(at_nodes: Real) -> Real:
@@ -191,7 +191,7 @@ def _step(fit: Fit) -> tuple[Real, float]:
     return step, float(gradient @ step[fit.free])
 
 
-def _share(response: Response, step: Real) -> float:
+def _step_fraction(response: SensitivityChain, step: Real) -> float:
     """How much of a step is taken: it must not throw the motion or the length far from where it was linearised."""
     by_motion = LARGEST_SHARE_OF_MOTION / max(largest_change(response, step[: response.unknowns]), 1e-12)
     return min(1.0, by_motion, LARGEST_LENGTH_STEP / max(abs(float(step[STATES + LN_LENGTH])), 1e-12))

@@ -6,22 +6,22 @@ from dataclasses import replace
 import numpy as np
 
 from gateway.swing.bins import Bins, merge
-from gateway.swing.dead_axis import Silence, silence_in
+from gateway.swing.dead_axis import DeadAxis, silence_in
 from gateway.swing.estimate import SwingEstimate
-from gateway.swing.formulas import Passage, corrected, published
+from gateway.swing.formulas import LowpassGain, as_published, corrected
 from gateway.swing.hoist_tracking import BACK_PERIODS, hoist_find, raster_step_s
 from gateway.swing.initial_guess import find_harmonics, start_motions
 from gateway.swing.input_checks import fault_of_means
 from gateway.swing.likelihood import Fit
-from gateway.swing.make_estimate import NO_MOTION, assess, predict, surely_moves_s
+from gateway.swing.make_estimate import NO_MOTION, assess, hoisting_duration_s, predict
 from gateway.swing.model import Real
 from gateway.swing.motion import PLAIN
 from gateway.swing.multiple_shooting import advanced
 from gateway.swing.offline import BINS_PER_PERIOD, RESTLESS
-from gateway.swing.priors import believed, doubted
-from gateway.swing.rest_detection import FAINTEST_GAIN, faint, restless_estimate, still_estimate
+from gateway.swing.priors import nominal_prior, relaxed_prior
+from gateway.swing.rest_detection import FAINTEST_GAIN, at_rest_estimate, irregular_motion_estimate, is_below_detection
 from gateway.swing.rig import MountedHousing
-from gateway.swing.robust_fit import Finding, better, find, find_from, widened
+from gateway.swing.robust_fit import FitResult, choose_prior, fit_robust, fit_robust_from, inflate_uncertainty
 from gateway.swing.window import RecentWindow
 
 WINDOW_PERIODS = 3.0
@@ -66,7 +66,7 @@ class SwingTracker:
         lowpass_gain: Callable[[float], float] | None = None,
     ) -> None:
         """`noise_g`: stated sensor noise, 1 sigma per sample. `lowpass_gain`: amplitude ratio of the low-pass at a frequency."""
-        self._rig, self._beliefs = rig, believed(rig)
+        self._rig, self._beliefs = rig, nominal_prior(rig)
         self._lowpass_gain = lowpass_gain
         self._belief_s = float(2 * np.pi * np.sqrt(rig.length_m / rig.gravity_m_s2))
         longest_s = min(1.3 * (WINDOW_PERIODS + 0.5) * self._belief_s, LONGEST_WINDOW_S)
@@ -91,19 +91,19 @@ class SwingTracker:
         same housing with other uncertainties, believed from now on (a sensor that warms up is less well known).
         """
         if rig is not None:
-            self._rig, self._beliefs = rig, believed(rig)
+            self._rig, self._beliefs = rig, nominal_prior(rig)
         if len(time_s) == 0:
             return None
         newest_s = self._window.newest_s
         if newest_s is not None and (time_s[0] < newest_s or time_s[0] - newest_s > self._belief_s):
             self.restart()
-        self._window.take(time_s, specific_force_g, lowpassed_g)
+        self._window.push(time_s, specific_force_g, lowpassed_g)
         if self._from_s is None or self._due_s is None:
             self._from_s, self._due_s = float(time_s[0]), float(time_s[0]) + FIRST_LOOK_PERIODS * self._belief_s
         now_s = float(time_s[-1])
         if now_s < self._due_s:
             return None
-        self._window.settle()
+        self._window.flush()
         estimate = self._estimate(now_s)
         self._due_s = now_s + self._interval_s(estimate)
         return self._with_formulas(estimate, now_s)
@@ -120,31 +120,31 @@ class SwingTracker:
         period_s = self._period_s()
         self._from_s = from_s = max(self._from_s, now_s - WINDOW_PERIODS * period_s, float(fine.time_s[0]))
         bins = self._bins(from_s)
-        other = self._other_than_swing(bins, noise_g, from_s, now_s)
+        other = self._no_swing_result(bins, noise_g, from_s, now_s)
         if other is not None:
             self._fit = None
             return other
         finding = self._best(from_s, now_s, noise_g, period_s)
-        silence = Silence() if finding is None else self._silence(now_s, noise_g, finding.fit.motion.length_m)
+        silence = DeadAxis() if finding is None else self._silence(now_s, noise_g, finding.fit.motion.length_m)
         if silence.fault is not None:
             self._fit = None
             return SwingEstimate(from_s=from_s, to_s=now_s, swinging=None, reasons=(silence.fault,))
         self._fit = finding.fit if finding is not None and finding.sound else None
         if finding is None:
             return SwingEstimate(from_s=from_s, to_s=now_s, swinging=None, reasons=(NO_MOTION,))
-        if finding.sound and faint(finding):
+        if finding.sound and is_below_detection(finding):
             self._fit = None
-            return still_estimate(bins, noise_g, self._rig, find_harmonics(bins, noise_g, self._rig), from_s)
-        finding = widened(finding, silence.angle_u_rel)
+            return at_rest_estimate(bins, noise_g, self._rig, find_harmonics(bins, noise_g, self._rig), from_s)
+        finding = inflate_uncertainty(finding, silence.angle_u_rel)
         estimate = assess(finding, noise_g, max(self._from_s, now_s - finding.fit.motion.period_s), now_s)
         return replace(estimate, prediction=predict(finding, now_s))
 
-    def _silence(self, now_s: float, noise_g: Real, length_m: float) -> Silence:
+    def _silence(self, now_s: float, noise_g: Real, length_m: float) -> DeadAxis:
         """Of the last swings, those before a change too: they tell of the sensor."""
         recent = self._bins(now_s - WINDOW_PERIODS * self._period_s())
         return silence_in(recent, noise_g, self._rig, length_m)
 
-    def _other_than_swing(self, bins: Bins, noise_g: Real, from_s: float, now_s: float) -> SwingEstimate | None:
+    def _no_swing_result(self, bins: Bins, noise_g: Real, from_s: float, now_s: float) -> SwingEstimate | None:
         """A broken sensor, a still load, a restless rope; None: a swing is to be looked for, or is being followed."""
         fault = fault_of_means(bins.force_g)
         if fault is not None:
@@ -153,8 +153,8 @@ class SwingTracker:
             return None
         harmonics = find_harmonics(bins, noise_g, self._rig)
         if harmonics.gain < FAINTEST_GAIN:
-            return still_estimate(bins, noise_g, self._rig, harmonics, from_s)
-        return restless_estimate(bins, noise_g, self._rig, from_s) if harmonics.unexplained > RESTLESS else None
+            return at_rest_estimate(bins, noise_g, self._rig, harmonics, from_s)
+        return irregular_motion_estimate(bins, noise_g, self._rig, from_s) if harmonics.unexplained > RESTLESS else None
 
     def _interval_s(self, estimate: SwingEstimate) -> float:
         """Until the next estimate: sooner after a disturbance, later where nothing fits for long or a fit was tried in vain."""
@@ -169,7 +169,7 @@ class SwingTracker:
         costly = estimate.reduced_chi_square is not None
         return again_s if costly else min(interval_s / 2 * max(self._failures / PATIENCE, 1.0), again_s)
 
-    def _best(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> Finding | None:
+    def _best(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> FitResult | None:
         """The fit of the whole window, or of its last period where the motion has changed since."""
         short_s = now_s - SHORT_WINDOW_PERIODS * period_s
         lately = from_s > short_s - 0.1 * period_s
@@ -182,19 +182,21 @@ class SwingTracker:
         whole = self._find(from_s, now_s, noise_g, period_s)
         if whole is not None and whole.plain:
             self._plain_s = now_s
-            return (self._doubting(whole, noise_g) if whole.claim.misfit > DOUBTFUL_MISFIT else None) or whole
+            return (
+                self._fit_with_relaxed_prior(whole, noise_g) if whole.claim.misfit > DOUBTFUL_MISFIT else None
+            ) or whole
         if not hoisted:
             hoist = self._hoisting(from_s, now_s, noise_g, period_s)
         if hoist is not None and (whole is None or hoist.claim.misfit < CLEARLY * whole.claim.misfit):
             return hoist
-        doubting = self._doubting(whole, noise_g)
+        doubting = self._fit_with_relaxed_prior(whole, noise_g)
         if doubting is not None or lately:
             return doubting or whole
         return self._short(short_s, now_s, noise_g, period_s, whole)
 
     def _short(
-        self, short_s: float, now_s: float, noise_g: Real, period_s: float, whole: Finding | None
-    ) -> Finding | None:
+        self, short_s: float, now_s: float, noise_g: Real, period_s: float, whole: FitResult | None
+    ) -> FitResult | None:
         """The last period by itself, where that leaves clearly less than the whole window."""
         short = self._cold(short_s, now_s, noise_g, period_s)
         if short is None or (whole is not None and short.claim.misfit > 0.7 * whole.claim.misfit):
@@ -202,16 +204,16 @@ class SwingTracker:
         self._from_s = short_s
         return short
 
-    def _doubting(self, whole: Finding | None, noise_g: Real) -> Finding | None:
+    def _fit_with_relaxed_prior(self, whole: FitResult | None, noise_g: Real) -> FitResult | None:
         """What explains the window when the rig as stated does not: a wrong position, offset, scale; None where nothing does."""
         if whole is None or not whole.sound:
             return None
-        beliefs = doubted(self._rig)
+        beliefs = relaxed_prior(self._rig)
         start = whole.fit.motion.with_parameters(beliefs.parameters)
-        finding = find(whole.fit.bins, noise_g, start, beliefs, COLD_ITERATIONS, whole.fit.instrument)
-        return better(whole, finding) if finding is not None and finding.plain else None
+        finding = fit_robust(whole.fit.bins, noise_g, start, beliefs, COLD_ITERATIONS, whole.fit.instrument)
+        return choose_prior(whole, finding) if finding is not None and finding.plain else None
 
-    def _hoisting(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> Finding | None:
+    def _hoisting(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> FitResult | None:
         """The last answer carried on, on a rope that moves since a plain pendulum last explained the motion."""
         if self._fit is None or self._plain_s is None:
             return None
@@ -223,24 +225,24 @@ class SwingTracker:
         moves_s = max(from_s, self._plain_s - BACK_PERIODS * period_s), end_s
         start, step_s = motion.extended(from_s, end_s), max(raster_step_s(self._rig), LIVE_RASTER_S)
         finding = hoist_find(self._bins(from_s), noise_g, self._rig, start, moves_s, WARM_ITERATIONS, step_s)
-        sure = finding is not None and finding.sound and bool(surely_moves_s(finding, from_s, now_s))
+        sure = finding is not None and finding.sound and bool(hoisting_duration_s(finding, from_s, now_s))
         return finding if sure else None
 
-    def _find(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> Finding | None:
+    def _find(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> FitResult | None:
         """From the last answer; cold where there is none."""
         if self._fit is None:
             return self._cold(from_s, now_s, noise_g, period_s)
         end_s = now_s + AHEAD_PERIODS * period_s
-        motion = self._fit.motion.settled().with_parameters(PLAIN)
+        motion = self._fit.motion.with_constant_length().with_parameters(PLAIN)
         raster_s = 2 * np.pi / motion.grid.rate_1_s
         if abs(raster_s / period_s - 1) > LARGEST_RASTER_ERROR or len(self._fit.motion.parameters) != PLAIN:
             start = motion.extended(max(from_s, motion.grid.start_s), end_s)
         else:
             start = advanced(self._fit.response, from_s, end_s)
         instrument = self._fit.instrument if self._fit.beliefs is self._beliefs else None
-        return find(self._bins(from_s), noise_g, start, self._beliefs, WARM_ITERATIONS, instrument)
+        return fit_robust(self._bins(from_s), noise_g, start, self._beliefs, WARM_ITERATIONS, instrument)
 
-    def _cold(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> Finding | None:
+    def _cold(self, from_s: float, now_s: float, noise_g: Real, period_s: float) -> FitResult | None:
         bins = self._bins(from_s)
         if len(bins) < FEWEST_BINS:
             return None
@@ -248,7 +250,7 @@ class SwingTracker:
         if harmonics.unexplained > LARGEST_UNEXPLAINED:
             return None
         starts = start_motions(harmonics, self._rig, from_s, now_s + AHEAD_PERIODS * period_s)
-        return find_from(bins, noise_g, starts, self._beliefs, COLD_ITERATIONS)
+        return fit_robust_from(bins, noise_g, starts, self._beliefs, COLD_ITERATIONS)
 
     def _period_s(self) -> float:
         return self._belief_s if self._fit is None else self._fit.motion.period_s
@@ -265,6 +267,6 @@ class SwingTracker:
         if found is None:
             return estimate
         gain = self._lowpass_gain or (lambda _frequency_hz: 1.0)
-        passage = Passage(gain_f0=gain(1 / estimate.period_s), gain_2f0=gain(2 / estimate.period_s))
+        passage = LowpassGain(gain_f0=gain(1 / estimate.period_s), gain_2f0=gain(2 / estimate.period_s))
         rho = self._rig.rho_at(estimate.length_m)
-        return replace(estimate, formulas=published(found), corrected_formulas=corrected(found, rho, passage))
+        return replace(estimate, formulas=as_published(found), corrected_formulas=corrected(found, rho, passage))

@@ -6,8 +6,8 @@ from gateway.swing.estimate import SLOWEST_HOIST_M_S, SURE, PeakPrediction, Swin
 from gateway.swing.model import Real
 from gateway.swing.motion import PLAIN, STATES
 from gateway.swing.peaks import angles, ellipse, half_swing_peaks, maxima_s, track
-from gateway.swing.robust_fit import Finding
-from gateway.swing.uncertainty import Claim
+from gateway.swing.robust_fit import FitResult
+from gateway.swing.uncertainty import UncertaintyModel
 
 NOTABLE_WIDENING = 1.5
 CHOICE = 1.08
@@ -19,10 +19,10 @@ UNSETTLED = "the fit did not settle"
 NO_MOTION = "no pendulum motion fits the data"
 
 
-def assess(finding: Finding, noise_g: Real, from_s: float, to_s: float) -> SwingEstimate:
+def assess(finding: FitResult, noise_g: Real, from_s: float, to_s: float) -> SwingEstimate:
     """The estimate of the swing between two times inside the fitted window; no angle where the pendulum does not describe it."""
     if not finding.sound:
-        return _unsound(finding, noise_g, from_s, to_s)
+        return _invalid_reason(finding, noise_g, from_s, to_s)
     fit, claim = finding.fit, finding.claim
     motion = track(fit, from_s, to_s)
     period_s = fit.motion.period_s
@@ -56,7 +56,7 @@ def assess(finding: Finding, noise_g: Real, from_s: float, to_s: float) -> Swing
     )
 
 
-def _unsound(finding: Finding, noise_g: Real, from_s: float, to_s: float) -> SwingEstimate:
+def _invalid_reason(finding: FitResult, noise_g: Real, from_s: float, to_s: float) -> SwingEstimate:
     return SwingEstimate(
         from_s=from_s,
         to_s=to_s,
@@ -67,14 +67,14 @@ def _unsound(finding: Finding, noise_g: Real, from_s: float, to_s: float) -> Swi
     )
 
 
-def coverage(peak: SwingPeak, claim: Claim) -> tuple[float, float]:
+def coverage(peak: SwingPeak, claim: UncertaintyModel) -> tuple[float, float]:
     """The 95 % interval of a peak."""
     half = CHOICE * claim.coverage_factor * peak.u_rad
     low = peak.phi_max_rad - half if peak.u_rad < FAINT * peak.phi_max_rad else 0.0
     return max(0.0, low), min(peak.phi_max_rad + half, np.pi)
 
 
-def remarks(finding: Finding) -> tuple[str, ...]:
+def remarks(finding: FitResult) -> tuple[str, ...]:
     """Why a number is missing, or larger in its uncertainty than noise alone would make it."""
     claim = finding.claim
     if not finding.fit.converged:
@@ -106,7 +106,7 @@ def full_swings(peaks: list[SwingPeak], from_s: float, to_s: float, period_s: fl
     return tuple(swings)
 
 
-def predict(finding: Finding, now_s: float) -> PeakPrediction | None:
+def predict(finding: FitResult, now_s: float) -> PeakPrediction | None:
     """The coming maximum after `now_s`, where the fit's grid reaches it and the fit is sound."""
     fit = finding.fit
     if not finding.sound:
@@ -122,7 +122,7 @@ def predict(finding: Finding, now_s: float) -> PeakPrediction | None:
     )
 
 
-def _rope_speed(finding: Finding, time_s: float) -> tuple[float | None, float | None]:
+def _rope_speed(finding: FitResult, time_s: float) -> tuple[float | None, float | None]:
     """L' and its standard uncertainty; None for a rope that was taken to keep its length."""
     if finding.fit.motion.raster is None:
         return None, None
@@ -130,7 +130,7 @@ def _rope_speed(finding: Finding, time_s: float) -> tuple[float | None, float | 
     return float(speed_m_s[0]), float(u_m_s[0])
 
 
-def _rope_speeds(finding: Finding, time_s: Real) -> tuple[Real, Real]:
+def _rope_speeds(finding: FitResult, time_s: Real) -> tuple[Real, Real]:
     """L' and its standard uncertainty at times, each of shape (n,)."""
     motion = finding.fit.motion
     if motion.raster is None:
@@ -141,7 +141,7 @@ def _rope_speeds(finding: Finding, time_s: Real) -> tuple[Real, Real]:
     return by_speed @ motion.parameters[PLAIN:], np.sqrt(np.maximum(variance, 0.0))
 
 
-def surely_moves_s(finding: Finding, from_s: float, to_s: float) -> tuple[tuple[float, float], ...]:
+def hoisting_duration_s(finding: FitResult, from_s: float, to_s: float) -> tuple[tuple[float, float], ...]:
     """When between two times the rope's length surely changes, to a quarter of a second."""
     edges_s = np.arange(from_s, to_s + LOOK_S, LOOK_S)
     speed_m_s, u_m_s = _rope_speeds(finding, (edges_s[:-1] + edges_s[1:]) / 2)
@@ -150,7 +150,7 @@ def surely_moves_s(finding: Finding, from_s: float, to_s: float) -> tuple[tuple[
     return tuple((float(edges_s[a]), float(edges_s[b])) for a, b in changes.reshape(-1, 2))
 
 
-def _lean_deviation(finding: Finding) -> float:
+def _lean_deviation(finding: FitResult) -> float:
     """Along the lean's own direction, or the larger one where there is none."""
     covariance = finding.claim.covariance[4:STATES, 4:STATES]
     pull = finding.fit.motion.nodes[2, 0]

@@ -33,7 +33,7 @@ State = tuple[Numbers, Numbers, Numbers]
 
 
 @dataclass(frozen=True, slots=True)
-class Field:
+class ForceField:
     """What the motion follows; each of shape (...,) that broadcasts against the motions, or a scalar."""
 
     stiffness_1_s2: Real | float
@@ -47,13 +47,13 @@ class Field:
     lengthening_1_s: Real | float | None = None
     """L'/L; None: the rope keeps its length."""
 
-    def at(self, _half_step: int) -> "Field":
+    def at(self, _half_step: int) -> "ForceField":
         """The same at every half step of an integration."""
         return self
 
-    def unperturbed(self) -> "Field":
+    def unperturbed(self) -> "ForceField":
         """The first lane."""
-        return Field(
+        return ForceField(
             _first(self.stiffness_1_s2),
             _first(self.damping_1_s),
             None if self.drag is None else _first(self.drag),
@@ -68,20 +68,22 @@ def _first(lanes: Real | float) -> Real:
 
 
 @dataclass(frozen=True, slots=True)
-class Course:
+class TrajectoryInput:
     """What the motion follows while the rope's length changes: the first dimension is the half steps of an integration."""
 
     stiffness_1_s2: Real
     damping_1_s: Real | float
     lengthening_1_s: Real
 
-    def at(self, half_step: int) -> Field:
+    def at(self, half_step: int) -> ForceField:
         """At a half step."""
-        return Field(self.stiffness_1_s2[half_step], self.damping_1_s, lengthening_1_s=self.lengthening_1_s[half_step])
+        return ForceField(
+            self.stiffness_1_s2[half_step], self.damping_1_s, lengthening_1_s=self.lengthening_1_s[half_step]
+        )
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class SensorPlacement:
     """Where the housing is on the rope, each of shape (n, ...) or a scalar, in units of g."""
 
     reach_s2: Real | float
@@ -112,7 +114,7 @@ def vertical(u: Numbers) -> float | Real:
     return u_z
 
 
-def transverse_acceleration(u: Numbers, w: Numbers, pull: Numbers, field: Field) -> Numbers:
+def transverse_acceleration(u: Numbers, w: Numbers, pull: Numbers, field: ForceField) -> Numbers:
     """n'' across the rope in 1/s^2: the right-hand side of w'."""
     damping = field.damping_1_s
     if field.drag is not None:
@@ -123,7 +125,7 @@ def transverse_acceleration(u: Numbers, w: Numbers, pull: Numbers, field: Field)
     return acceleration
 
 
-def state_rate(state: State, field: Field) -> State:
+def state_rate(state: State, field: ForceField) -> State:
     """Time derivatives of u, w and l."""
     u, w, pull = state
     u_z = vertical(u)
@@ -135,7 +137,7 @@ def state_rate(state: State, field: Field) -> State:
     return by_u - turn * u, by_w - turn * w, by_pull - turn * pull
 
 
-def integrate(state: Complex, field: Field | Course, step_s: float, steps: int) -> Path:
+def integrate(state: Complex, field: ForceField | TrajectoryInput, step_s: float, steps: int) -> Path:
     """Carry states of shape (3, ...) on by `steps` classical fourth-order Runge-Kutta steps; NaN beyond 90 degrees."""
     states = np.empty((steps + 1, *state.shape), dtype=np.complex128)
     rates = np.empty_like(states)
@@ -155,7 +157,7 @@ def integrate(state: Complex, field: Field | Course, step_s: float, steps: int) 
     return Path(states, rates, step_s)
 
 
-def carry(state: State, field: Field | Course, step_s: float, steps: int) -> list[State]:
+def propagate(state: State, field: ForceField | TrajectoryInput, step_s: float, steps: int) -> list[State]:
     """The same of one motion, in Python's numbers: `steps + 1` states."""
     path = [state]
     half_s = step_s / 2
@@ -191,14 +193,14 @@ def sample(path: Path, step: NDArray[np.intp], fraction: Real, lane: NDArray[np.
     return mixed
 
 
-def by_reach(state: Complex, field: Field) -> Real:
+def position_jacobian(state: Complex, field: ForceField) -> Real:
     """Derivative of what the housing reads by r/g, shape (n, 3, ...) for states of shape (n, 3, ...)."""
     w = state[:, 1]
     across = transverse_acceleration(state[:, 0], w, state[:, 2], field)
     return np.stack([across.real, across.imag, w.real * w.real + w.imag * w.imag], axis=1)
 
 
-def specific_force_g(state: Complex, field: Field, place: Place) -> Real:
+def specific_force_g(state: Complex, field: ForceField, place: SensorPlacement) -> Real:
     """What the housing reads, shape (n, 3, ...) for states of shape (n, 3, ...)."""
     u, w, pull = state[:, 0], state[:, 1], state[:, 2]
     across = place.reach_s2 * transverse_acceleration(u, w, pull, field) + 2 * place.rate_s * w - u

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.swing.model import Complex, Course, Field, Real, State, carry
-from gateway.swing.rope_spline import Raster, Rope
+from gateway.swing.model import Complex, ForceField, Real, State, TrajectoryInput, propagate
+from gateway.swing.rope_spline import Rope, SplineGrid
 
 STATES = 6
 """u_x, u_y, w_x/w0, w_y/w0, l_x, l_y: a state, free of dimension."""
@@ -87,7 +87,7 @@ class Motion:
     With a raster: ln(L/m) before it, damping ratio on that length, speeds in m/s: shape (PLAIN + raster.count,).
     """
     gravity_m_s2: float
-    raster: Raster | None = None
+    raster: SplineGrid | None = None
     """None: the rope keeps its length."""
 
     @property
@@ -115,17 +115,17 @@ class Motion:
         """Rate at which drag slows the load: the damping ratio is of the rope before it moves."""
         return float(field_of(self.parameters[:PLAIN], self.gravity_m_s2).damping_1_s)
 
-    def course(self, start_s: float, step_s: float, steps: int) -> Field | Course:
+    def course(self, start_s: float, step_s: float, steps: int) -> ForceField | TrajectoryInput:
         """What the motion follows from a time on."""
         if self.raster is None:
             return field_of(self.parameters, self.gravity_m_s2)
         rope = self.rope(np.asarray(start_s + step_s / 2 * np.arange(2 * steps + 1), dtype=np.float64))
-        return Course(self.gravity_m_s2 / rope.length_m, self.damping_1_s, rope.rate_m_s / rope.length_m)
+        return TrajectoryInput(self.gravity_m_s2 / rope.length_m, self.damping_1_s, rope.rate_m_s / rope.length_m)
 
-    def carried(self, state: Complex, from_s: float, step_s: float, steps: int) -> Complex:
+    def propagated(self, state: Complex, from_s: float, step_s: float, steps: int) -> Complex:
         """A state of shape (3,) integrated onward: (steps + 1, 3)."""
         first: State = complex(state[0]), complex(state[1]), complex(state[2])
-        return np.array(carry(first, self.course(from_s, step_s, steps), step_s, steps))
+        return np.array(propagate(first, self.course(from_s, step_s, steps), step_s, steps))
 
     @property
     def period_s(self) -> float:
@@ -142,7 +142,7 @@ class Motion:
         kept = self.parameters[:count]
         return replace(self, parameters=np.concatenate([kept, np.zeros(count - len(kept))]))
 
-    def hoisting(self, raster: Raster) -> "Motion":
+    def hoisting(self, raster: SplineGrid) -> "Motion":
         """With a raster of speeds: those that it has already, else 0."""
         if self.raster is None:
             return replace(self.with_parameters(PLAIN + raster.count), raster=raster)
@@ -150,7 +150,7 @@ class Motion:
         first = np.exp(self.parameters[LN_LENGTH]) + way_m
         return replace(self, raster=raster, parameters=np.array([np.log(first), self.damping_ratio, *speeds]))
 
-    def settled(self) -> "Motion":
+    def with_constant_length(self) -> "Motion":
         """On a rope that keeps the length that it has at the end."""
         if self.raster is None:
             return self
@@ -163,23 +163,23 @@ class Motion:
         at_s = self.grid.start_s + segment * self.grid.segment_s
         state = self.nodes[:, segment]
         if start_s > at_s:
-            state = self.carried(state, at_s, (start_s - at_s) / STEPS_PER_SEGMENT, STEPS_PER_SEGMENT)[-1]
+            state = self.propagated(state, at_s, (start_s - at_s) / STEPS_PER_SEGMENT, STEPS_PER_SEGMENT)[-1]
         coarse = STEPS_PER_SEGMENT // COARSE
-        path = self.carried(state, start_s, COARSE * grid.step_s, coarse * (grid.segments - 1))
+        path = self.propagated(state, start_s, COARSE * grid.step_s, coarse * (grid.segments - 1))
         return replace(self, grid=grid, nodes=path[::coarse].T)
 
-    def reaching_back(self, start_s: float, end_s: float) -> "Motion":
+    def extended_backward(self, start_s: float, end_s: float) -> "Motion":
         """On a new grid over [start, end], where `start` lies before the old one: integrated backward, then onward."""
         steps = max(1, int(np.ceil((self.grid.start_s - start_s) / self.grid.step_s)))
         back_s = (start_s - self.grid.start_s) / steps
-        first = self.carried(self.nodes[:, 0], self.grid.start_s, back_s, steps)[-1][:, None]
+        first = self.propagated(self.nodes[:, 0], self.grid.start_s, back_s, steps)[-1][:, None]
         return replace(self, grid=Grid.over(start_s, start_s, self.period_s), nodes=first).extended(start_s, end_s)
 
 
-def field_of(parameters: Real, gravity_m_s2: float) -> Field:
+def field_of(parameters: Real, gravity_m_s2: float) -> ForceField:
     """The field of parameters of shape (count, ...)."""
     stiffness = gravity_m_s2 * np.exp(-parameters[LN_LENGTH])
     damping = 2 * parameters[DAMPING] * np.sqrt(stiffness)
     if len(parameters) == PLAIN:
-        return Field(stiffness, damping)
-    return Field(stiffness, damping, parameters[DRAG], parameters[SPIN])
+        return ForceField(stiffness, damping)
+    return ForceField(stiffness, damping, parameters[DRAG], parameters[SPIN])

@@ -19,7 +19,7 @@ LARGEST_TURN_RAD = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Response:
+class SensitivityChain:
     """A motion integrated over all segments with all perturbations, and how each segment's own unknowns follow the motion's.
 
     The motion's unknowns are the first state (STATES) and its parameters; `unknowns` counts them.
@@ -53,7 +53,7 @@ class Response:
         return chained[..., :-1], chained[..., -1]
 
 
-def respond(motion: Motion) -> Response:
+def linearise_segments(motion: Motion) -> SensitivityChain:
     """Integrate every segment under every perturbation."""
     segments, grid = Segments.of(motion), motion.grid
     path = integrate(segments.states, segments.course(), grid.step_s, STEPS_PER_SEGMENT)
@@ -67,10 +67,10 @@ def respond(motion: Motion) -> Response:
     for k in range(grid.segments - 1):
         np.dot(slope[k], follow[k], out=follow[k + 1, :STATES])
         follow[k + 1, :STATES, unknowns] += gaps[k]
-    return Response(segments, path, follow)
+    return SensitivityChain(segments, path, follow)
 
 
-def moved(response: Response, step: Real, share: float) -> Motion:
+def moved(response: SensitivityChain, step: Real, share: float) -> Motion:
     """The motion after a `share` of a Gauss-Newton step of the unknowns, shape (unknowns,).
 
     What of the step turns the swing about the vertical is done as a turn: near the hook the azimuth is hardly seen and steps in
@@ -86,7 +86,7 @@ def moved(response: Response, step: Real, share: float) -> Motion:
     return replace(motion, nodes=np.stack([u, w, pull]), parameters=motion.parameters + share * step[STATES:])
 
 
-def largest_change(response: Response, step: Real) -> float:
+def largest_change(response: SensitivityChain, step: Real) -> float:
     """How far a whole step moves the swing, relative to its size, turns about the vertical left out."""
     (about, rate), (by_about, by_rate), _ = _change(response, step, 1.0)
     angle = _turning((about, rate), (by_about, by_rate))
@@ -97,7 +97,7 @@ def largest_change(response: Response, step: Real) -> float:
 Pair = tuple[Complex, Complex]
 
 
-def _change(response: Response, step: Real, share: float) -> tuple[Pair, Pair, Complex]:
+def _change(response: SensitivityChain, step: Real, share: float) -> tuple[Pair, Pair, Complex]:
     """Swing about the equilibrium (u + l, w/w0) at the nodes, its change, and the change of the pull."""
     nodes, rate_1_s = response.motion.nodes, response.motion.grid.rate_1_s
     change = share * (response.follow[:, :STATES] @ np.append(step, 1.0))
@@ -113,7 +113,7 @@ def _turning(swing: Pair, change: Pair) -> Real:
     return angle
 
 
-def advanced(response: Response, start_s: float, end_s: float) -> Motion:
+def advanced(response: SensitivityChain, start_s: float, end_s: float) -> Motion:
     """The motion on the same raster with whole segments dropped before `start_s` and added up to `end_s`: cheap."""
     motion, grid = response.motion, response.motion.grid
     dropped = int(np.clip((start_s - grid.start_s) // grid.segment_s, 0, grid.segments - 1))
@@ -122,7 +122,7 @@ def advanced(response: Response, start_s: float, end_s: float) -> Motion:
     missing = segments - nodes.shape[1]
     if missing > 0:
         last = response.path.state[-1, :, -1, 0]
-        path = motion.carried(last, grid.end_s, grid.step_s, STEPS_PER_SEGMENT * (missing - 1))
+        path = motion.propagated(last, grid.end_s, grid.step_s, STEPS_PER_SEGMENT * (missing - 1))
         nodes = np.concatenate([nodes, path[::STEPS_PER_SEGMENT].T], axis=1)
     grid = replace(grid, start_s=grid.start_s + dropped * grid.segment_s, segments=segments)
     return replace(motion, grid=grid, nodes=nodes)

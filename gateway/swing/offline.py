@@ -12,20 +12,27 @@ from gateway.swing.input_checks import fault_of
 from gateway.swing.make_estimate import NO_MOTION, assess
 from gateway.swing.model import Real
 from gateway.swing.noise import believed_noise_g
-from gateway.swing.priors import Beliefs, believed, doubted
+from gateway.swing.priors import Prior, nominal_prior, relaxed_prior
 from gateway.swing.rest_detection import (
     FAINTEST_AXIAL_GAIN,
     FAINTEST_GAIN,
     WORTH_A_FIT,
-    barely_seen,
-    faint,
+    at_rest_estimate,
     gains,
-    restless_estimate,
-    still_estimate,
+    irregular_motion_estimate,
+    is_below_detection,
+    upper_bound_amplitude,
 )
 from gateway.swing.rig import MountedHousing
-from gateway.swing.robust_fit import Finding, better, find, find_from, plainer, widened
-from gateway.swing.segmentation import Cutter, assess_pieces, bridged
+from gateway.swing.robust_fit import (
+    FitResult,
+    choose_fit,
+    choose_prior,
+    fit_robust,
+    fit_robust_from,
+    inflate_uncertainty,
+)
+from gateway.swing.segmentation import Segmenter, assess_pieces, fit_gaps_with_hoisting
 from gateway.swing.sensor_lowpass import delay_s
 from gateway.swing.spikes import lone_spikes
 
@@ -76,8 +83,8 @@ def _of_bins(bins: Bins, noise: Real, rig: MountedHousing, from_s: float, to_s: 
     """Still, faint, restless or swinging."""
     harmonics = find_harmonics(bins, noise, rig)
     if harmonics.gain < FAINTEST_GAIN:
-        return _faint_estimate(bins, noise, rig, still_estimate(bins, noise, rig, harmonics, from_s))
-    restless = restless_estimate(bins, noise, rig, from_s) if harmonics.unexplained > RESTLESS else None
+        return _faint_estimate(bins, noise, rig, at_rest_estimate(bins, noise, rig, harmonics, from_s))
+    restless = irregular_motion_estimate(bins, noise, rig, from_s) if harmonics.unexplained > RESTLESS else None
     return restless or _swinging_estimate(bins, noise, rig, harmonics, from_s, to_s)
 
 
@@ -88,33 +95,33 @@ def _faint_estimate(bins: Bins, noise_g: Real, rig: MountedHousing, still: Swing
         return still
     from_s, to_s = still.from_s, still.to_s
     starts = start_motions(harmonics, rig, from_s, to_s + MARGIN * _believed_period_s(rig))
-    finding = find_from(bins, noise_g, starts, believed(rig), FIRST_ITERATIONS)
+    finding = fit_robust_from(bins, noise_g, starts, nominal_prior(rig), FIRST_ITERATIONS)
     if finding is None or not finding.sound or gains(finding)[2] < FAINTEST_AXIAL_GAIN:
         return still
-    return barely_seen(assess(finding, noise_g, from_s, to_s), still)
+    return upper_bound_amplitude(assess(finding, noise_g, from_s, to_s), still)
 
 
 def _swinging_estimate(
     bins: Bins, noise_g: Real, rig: MountedHousing, harmonics: Harmonics, from_s: float, to_s: float
 ) -> SwingEstimate:
     """Something moves: a pendulum with the rig as stated, else one with the rig doubted, else free stretches of one."""
-    finding = grow(bins, noise_g, believed(rig), from_s, to_s)
+    finding = grow(bins, noise_g, nominal_prior(rig), from_s, to_s)
     if finding is None or not finding.plain:  # the first periods may have been taken for a swing the other way round
         starts = start_motions(harmonics, rig, from_s, to_s + MARGIN * _believed_period_s(rig))
-        finding = plainer(finding, find_from(bins, noise_g, starts, believed(rig), FIRST_ITERATIONS))
+        finding = choose_fit(finding, fit_robust_from(bins, noise_g, starts, nominal_prior(rig), FIRST_ITERATIONS))
     silence = silence_of(bins, noise_g, rig, _length_m(finding, harmonics, rig))
     if silence.fault is not None:
         return SwingEstimate(from_s=from_s, to_s=to_s, swinging=None, reasons=(silence.fault,))
     if finding is None or not finding.plain:
-        finding = better(finding, grow(bins, noise_g, doubted(rig), from_s, to_s))
-    if finding is not None and finding.sound and faint(finding):
-        return _faint_estimate(bins, noise_g, rig, still_estimate(bins, noise_g, rig, harmonics, from_s))
+        finding = choose_prior(finding, grow(bins, noise_g, relaxed_prior(rig), from_s, to_s))
+    if finding is not None and finding.sound and is_below_detection(finding):
+        return _faint_estimate(bins, noise_g, rig, at_rest_estimate(bins, noise_g, rig, harmonics, from_s))
     if finding is not None and finding.sound and finding.claim.misfit < NO_EVENT_MISFIT:
-        return assess(widened(finding, silence.angle_u_rel), noise_g, from_s, to_s)
+        return assess(inflate_uncertainty(finding, silence.angle_u_rel), noise_g, from_s, to_s)
     return _piecewise(finding, bins, noise_g, rig, from_s, to_s)
 
 
-def _length_m(finding: Finding | None, harmonics: Harmonics, rig: MountedHousing) -> float:
+def _length_m(finding: FitResult | None, harmonics: Harmonics, rig: MountedHousing) -> float:
     """By the period: of the fit, or where there is none of the harmonics."""
     if finding is not None and finding.sound:
         return finding.fit.motion.length_m
@@ -122,14 +129,14 @@ def _length_m(finding: Finding | None, harmonics: Harmonics, rig: MountedHousing
 
 
 def _piecewise(
-    whole: Finding | None, bins: Bins, noise_g: Real, rig: MountedHousing, from_s: float, to_s: float
+    whole: FitResult | None, bins: Bins, noise_g: Real, rig: MountedHousing, from_s: float, to_s: float
 ) -> SwingEstimate:
     """Something happened, or the pendulum is a poor model: free stretches by themselves, where that is better."""
     sound = whole is not None and whole.sound
     period_s = whole.fit.motion.period_s if whole is not None and sound else _believed_period_s(rig)
-    pieces = Cutter(bins, noise_g, believed(rig), period_s, to_s).cut(from_s)
+    pieces = Segmenter(bins, noise_g, nominal_prior(rig), period_s, to_s).cut(from_s)
     if pieces:
-        pieces = bridged(pieces, bins, noise_g, believed(rig), (from_s, to_s))
+        pieces = fit_gaps_with_hoisting(pieces, bins, noise_g, nominal_prior(rig), (from_s, to_s))
         estimate = assess_pieces(pieces, noise_g, from_s, to_s, period_s)
         if estimate.u_rad is not None or not sound:
             return estimate
@@ -142,21 +149,21 @@ def _believed_period_s(rig: MountedHousing) -> float:
     return float(2 * np.pi * np.sqrt(rig.length_m / rig.gravity_m_s2))
 
 
-def grow(bins: Bins, noise_g: Real, beliefs: Beliefs, from_s: float, to_s: float) -> Finding | None:
+def grow(bins: Bins, noise_g: Real, beliefs: Prior, from_s: float, to_s: float) -> FitResult | None:
     """Fit the first periods from harmonics, then ever longer windows, each from the last."""
     rig = beliefs.rig
     belief_s = _believed_period_s(rig)
     span_s = FIRST_WINDOW_PERIODS * belief_s
-    finding: Finding | None = None
+    finding: FitResult | None = None
     while True:
         window = bins.select(bins.time_s < from_s + span_s)
         end_s = min(from_s + span_s, to_s) + MARGIN * belief_s
         if finding is None:
             starts = start_motions(find_harmonics(window, noise_g, rig), rig, from_s, end_s)
-            finding = find_from(window, noise_g, starts, beliefs, FIRST_ITERATIONS)
+            finding = fit_robust_from(window, noise_g, starts, beliefs, FIRST_ITERATIONS)
         else:
             start = finding.fit.motion.extended(from_s, end_s)
-            finding = find(window, noise_g, start, beliefs, FIRST_ITERATIONS)
+            finding = fit_robust(window, noise_g, start, beliefs, FIRST_ITERATIONS)
         hopeless = finding is None or finding.claim.misfit > HOPELESS_MISFIT
         if hopeless or len(window) == len(bins):
             return finding

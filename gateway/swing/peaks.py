@@ -7,7 +7,7 @@ import numpy as np
 from gateway.swing.estimate import SwingPeak
 from gateway.swing.likelihood import Fit
 from gateway.swing.model import Complex, Real
-from gateway.swing.uncertainty import Claim
+from gateway.swing.uncertainty import UncertaintyModel
 
 SAMPLES_PER_PERIOD = 48
 STEEPEST = 0.999
@@ -15,7 +15,7 @@ STEEPEST = 0.999
 
 
 @dataclass(frozen=True, slots=True)
-class Track:
+class AngleSeries:
     """Rope angle along the motion, on a fine grid."""
 
     time_s: Real
@@ -25,17 +25,17 @@ class Track:
     pull: Complex
 
 
-def track(fit: Fit, from_s: float, to_s: float) -> Track:
+def track(fit: Fit, from_s: float, to_s: float) -> AngleSeries:
     """The motion between two times inside its grid."""
     count = max(8, int(np.ceil((to_s - from_s) / fit.motion.period_s * SAMPLES_PER_PERIOD)) + 1)
     time_s = np.linspace(from_s, to_s, count)
     state = fit.response.states(fit.motion.grid.locate(time_s))[..., 0]
     u, pull = state[:, 0], state[:, 2]
     equilibrium = -pull / np.sqrt(1 + np.abs(pull) ** 2)
-    return Track(time_s, np.arcsin(np.minimum(np.abs(u), 1.0)), u - equilibrium, pull)
+    return AngleSeries(time_s, np.arcsin(np.minimum(np.abs(u), 1.0)), u - equilibrium, pull)
 
 
-def maxima_s(motion: Track) -> Real:
+def maxima_s(motion: AngleSeries) -> Real:
     """Times of the local maxima of the angle, ends included where the angle falls away from them."""
     a = motion.angle_rad
     rises, falls = np.diff(a) > 0, np.diff(a) <= 0
@@ -51,7 +51,7 @@ def maxima_s(motion: Track) -> Real:
     return times
 
 
-def angles(fit: Fit, claim: Claim, time_s: Real) -> tuple[Real, Real]:
+def angles(fit: Fit, claim: UncertaintyModel, time_s: Real) -> tuple[Real, Real]:
     """Rope angle and its standard uncertainty at times, each of shape (n,)."""
     angle_rad, slope = _angles(fit, time_s)
     pairs = zip(angle_rad, slope, strict=True)
@@ -72,7 +72,7 @@ def _angles(fit: Fit, time_s: Real) -> tuple[Real, Real]:
     return np.arcsin(np.minimum(size, 1.0)), whole[:, fit.free]
 
 
-def half_swing_peaks(fit: Fit, claim: Claim, from_s: float, to_s: float) -> list[SwingPeak]:
+def half_swing_peaks(fit: Fit, claim: UncertaintyModel, from_s: float, to_s: float) -> list[SwingPeak]:
     """The largest angle of every half swing between two times, oldest first; at least one."""
     motion = track(fit, from_s, to_s)
     times = maxima_s(motion)
@@ -85,7 +85,7 @@ def half_swing_peaks(fit: Fit, claim: Claim, from_s: float, to_s: float) -> list
     ]
 
 
-def largest_angle(fit: Fit, claim: Claim) -> tuple[float, float]:
+def largest_angle(fit: Fit, claim: UncertaintyModel) -> tuple[float, float]:
     """The largest angle in the fitted window and its standard uncertainty."""
     angle, deviation = angles(fit, claim, _when_largest_s(fit))
     return float(angle[0]), float(deviation[0])
@@ -103,7 +103,7 @@ def _when_largest_s(fit: Fit) -> Real:
     return motion.time_s[[np.argmax(motion.angle_rad)]]
 
 
-def ellipse(motion: Track) -> tuple[float, float]:
+def ellipse(motion: AngleSeries) -> tuple[float, float]:
     """Semi-minor axis and azimuth of the major one in (-pi/2, pi/2], both in radians, of a stretch of one period."""
     square = np.mean(motion.swing * motion.swing)
     size = float(np.mean(np.abs(motion.swing) ** 2))

@@ -24,14 +24,14 @@ ERRORS = 1 + 3 + 9
 
 
 @dataclass(frozen=True, slots=True)
-class Instrument:
+class SensorModel:
     """How the housing departs from what is believed of it."""
 
     errors: Real
     """Position in m, zero-g offset in g (3), relative errors of the 3 x 3 matrix (9)."""
 
     @classmethod
-    def ideal(cls) -> "Instrument":
+    def ideal(cls) -> "SensorModel":
         """As believed."""
         return cls(np.zeros(ERRORS))
 
@@ -52,13 +52,13 @@ class Instrument:
         by_matrix = np.einsum("ij,nk->nijk", np.eye(3), ideal_g).reshape(len(ideal_g), 3, 9)
         return np.concatenate([by_offset, by_matrix], axis=-1)
 
-    def moved(self, step: Real) -> "Instrument":
+    def moved(self, step: Real) -> "SensorModel":
         """After a step."""
-        return Instrument(self.errors + step)
+        return SensorModel(self.errors + step)
 
 
 @dataclass(frozen=True, slots=True)
-class Beliefs:
+class Prior:
     """Prior mean and standard deviation of the first state, the motion's parameters and the instrument's errors."""
 
     rig: MountedHousing
@@ -82,7 +82,7 @@ class Beliefs:
         return len(self.mean) - STATES - ERRORS
 
 
-def believed(rig: MountedHousing) -> Beliefs:
+def nominal_prior(rig: MountedHousing) -> Prior:
     """The rig as stated."""
     matrix = np.diag(rig.scale_u)
     matrix[2, :2] = rig.cross_axis_u  # x and y read of z what an offset reads already
@@ -90,18 +90,18 @@ def believed(rig: MountedHousing) -> Beliefs:
     return _beliefs(rig, np.array([DAMPING_PRIOR]), errors)
 
 
-def hoisted(rig: MountedHousing, speeds: int) -> Beliefs:
+def hoisting_prior(rig: MountedHousing, speeds: int) -> Prior:
     """The rig as stated, on a rope whose length changes by so many unknown speeds."""
-    beliefs = believed(rig)
+    beliefs = nominal_prior(rig)
     place = STATES + LN_LENGTH + 2
-    return Beliefs(
+    return Prior(
         rig,
         np.insert(beliefs.mean, place, np.zeros(speeds)),
         np.insert(beliefs.deviation, place, np.full(speeds, SPEED_PRIOR_M_S)),
     )
 
 
-def doubted(rig: MountedHousing) -> Beliefs:
+def relaxed_prior(rig: MountedHousing) -> Prior:
     """Everything that is stated of housing and sensor may be wrong, drag may be quadratic, the housing may turn."""
     matrix = np.full((3, 3), CROSS_AXIS_DOUBT)
     np.fill_diagonal(matrix, np.maximum(rig.scale_u, SCALE_DOUBT))
@@ -111,9 +111,9 @@ def doubted(rig: MountedHousing) -> Beliefs:
     return _beliefs(rig, np.array([DAMPING_PRIOR, DRAG_PRIOR, SPIN_PRIOR_1_S]), errors)
 
 
-def _beliefs(rig: MountedHousing, damping_drag_spin: Real, errors: Real) -> Beliefs:
+def _beliefs(rig: MountedHousing, damping_drag_spin: Real, errors: Real) -> Prior:
     length = np.sqrt(np.log1p(rig.length_u_rel**2))
     deviation = np.array([*STATE_PRIOR, length, *damping_drag_spin, *errors])
     mean = np.zeros(len(deviation))
     mean[STATES + LN_LENGTH] = np.log(rig.length_m)
-    return Beliefs(rig, mean, deviation)
+    return Prior(rig, mean, deviation)

@@ -9,7 +9,7 @@ from gateway.swing.estimate import SwingEstimate
 from gateway.swing.initial_guess import Harmonics
 from gateway.swing.model import Real
 from gateway.swing.rig import MountedHousing
-from gateway.swing.robust_fit import Finding
+from gateway.swing.robust_fit import FitResult
 from gateway.swing.uncertainty import NORMAL_QUANTILE
 
 FAINTEST_GAIN = 40.0
@@ -26,7 +26,7 @@ BOUND_FACTOR = 2.5
 LARGEST_RESTLESS_RAD = np.radians(1.0)
 
 
-def still_estimate(
+def at_rest_estimate(
     bins: Bins, noise_g: Real, rig: MountedHousing, harmonics: Harmonics, from_s: float
 ) -> SwingEstimate:
     """The answer that nothing swings, with the lean and an upper bound of the rope's angle."""
@@ -35,7 +35,7 @@ def still_estimate(
     return _still(bins, noise_g, rig, harmonics.mean_g, from_s, swing_rad, np.sqrt(wander[:2]) * harmonics.u_g[:2])
 
 
-def restless_estimate(bins: Bins, noise_g: Real, rig: MountedHousing, from_s: float) -> SwingEstimate | None:
+def irregular_motion_estimate(bins: Bins, noise_g: Real, rig: MountedHousing, from_s: float) -> SwingEstimate | None:
     """The same for a rope that moves, though not as a load swings, where no instant shows more than a small angle; else None.
 
     A load that is driven reads more than its angle, so what any one bin departs from the mean bounds the angle.
@@ -74,7 +74,7 @@ def _still(
     )
 
 
-def barely_seen(estimate: SwingEstimate, still: SwingEstimate) -> SwingEstimate:
+def upper_bound_amplitude(estimate: SwingEstimate, still: SwingEstimate) -> SwingEstimate:
     """A swing that hardly shows in the noise: its interval holds everything that standing still leaves possible too."""
     if estimate.coverage95_rad is None or still.coverage95_rad is None:
         return estimate
@@ -87,7 +87,7 @@ def barely_seen(estimate: SwingEstimate, still: SwingEstimate) -> SwingEstimate:
     )
 
 
-def gains(finding: Finding) -> Real:
+def gains(finding: FitResult) -> Real:
     """Twice the log-likelihood that the fit gains against standing still, shape (3,): by axis."""
     fit = finding.fit
     mean_g = np.average(fit.bins.force_g, axis=0, weights=fit.bins.count)
@@ -97,7 +97,7 @@ def gains(finding: Finding) -> Real:
     return gained
 
 
-def faint(finding: Finding) -> bool:
+def is_below_detection(finding: FitResult) -> bool:
     """Standing still would explain the window as well as the fit does."""
     return bool(gains(finding).sum() < FAINTEST_GAIN)
 

@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.swing.bins import Bins
-from gateway.swing.likelihood import Fit, improved, linearised, most_likely, reweighted
+from gateway.swing.likelihood import Fit, improved, linearised, maximum_a_posteriori, reweighted
 from gateway.swing.model import Real
 from gateway.swing.motion import PLAIN, STATES, Motion
 from gateway.swing.peaks import largest_angle
-from gateway.swing.priors import Beliefs, Instrument
-from gateway.swing.uncertainty import LARGEST_MISFIT, Claim, claim, misfit
+from gateway.swing.priors import Prior, SensorModel
+from gateway.swing.uncertainty import LARGEST_MISFIT, UncertaintyModel, misfit, uncertainty_of
 
 SPIKE_SIGMA = 6.0
 MOST_SPIKES = 0.03
@@ -36,11 +36,11 @@ REFIT_ITERATIONS = 12
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class FitResult:
     """A fit, what it supports, and why it is not the plain one."""
 
     fit: Fit
-    claim: Claim
+    claim: UncertaintyModel
     widening: float = 1.0
     """By which the noise would have had to be larger to explain the residual."""
     spikes: int = 0
@@ -59,16 +59,16 @@ class Finding:
         return self.fit.converged and self.claim.misfit < NEGLIGIBLE_MISFIT
 
 
-def find(
+def fit_robust(
     bins: Bins,
     noise_g: Real,
     motion: Motion,
-    beliefs: Beliefs,
+    beliefs: Prior,
     iterations: int,
-    instrument: Instrument | None = None,
+    instrument: SensorModel | None = None,
     *,
     worth: float = LARGEST_MISFIT,
-) -> Finding | None:
+) -> FitResult | None:
     """The fit of a window; None when the motion leaves the model.
 
     `worth`: unexplained part of the signal up to which the caller has a use for it; one that stays far above is given up early.
@@ -78,15 +78,15 @@ def find(
     return None if fit is None else _finding(improved(fit, iterations, _hopeless(weight, worth)), weight)
 
 
-def find_from(
+def fit_robust_from(
     bins: Bins,
     noise_g: Real,
     starts: list[Motion],
-    beliefs: Beliefs,
+    beliefs: Prior,
     iterations: int,
     *,
     worth: float = LARGEST_MISFIT,
-) -> Finding | None:
+) -> FitResult | None:
     """The fit from the most promising of several starts, the nearest first; the first that noise explains is taken at once."""
     weight = bins.count[:, None] / noise_g**2
     motions = [start.with_parameters(beliefs.parameters) for start in starts]
@@ -113,45 +113,45 @@ def _hopeless(weight: Real, worth: float, rival: Fit | None = None) -> Callable[
     return given_up
 
 
-def _finding(fit: Fit, weight: Real) -> Finding | None:
+def _finding(fit: Fit, weight: Real) -> FitResult | None:
     """What a fit supports, after spikes are left out and uneven axes weighted down; `weight` is by sensor noise alone."""
     spiky = _spikes(fit) & fit.converged
     if spiky.any():
         bins, weight = fit.bins.select(~spiky), weight[~spiky]
-        without = most_likely(bins, weight, fit.motion, fit.beliefs, REFIT_ITERATIONS, fit.instrument)
+        without = maximum_a_posteriori(bins, weight, fit.motion, fit.beliefs, REFIT_ITERATIONS, fit.instrument)
         if without is None:
             return None
         fit = without
-    found = claim(fit, weight)
+    found = uncertainty_of(fit, weight)
     widening = float(np.sqrt(found.inflation.max()))
     if widening**2 > UNEVEN and fit.converged and found.misfit < HOPELESS * LARGEST_MISFIT:
         fit = improved(reweighted(fit, weight / found.inflation), REFIT_ITERATIONS)
-        found = claim(fit, weight)
-    return Finding(fit, found, widening, int(spiky.sum()))
+        found = uncertainty_of(fit, weight)
+    return FitResult(fit, found, widening, int(spiky.sum()))
 
 
-def better(plain: Finding | None, doubting: Finding | None) -> Finding | None:
+def choose_prior(plain: FitResult | None, doubting: FitResult | None) -> FitResult | None:
     """Of a fit that takes the rig as stated and one that doubts it, the one to believe."""
     if doubting is None or not doubting.sound or not _credible(doubting.fit):
         return plain
     if plain is not None and plain.sound and _deviation(plain) < _deviation(doubting):
         return _widened_by(plain, doubting)
-    return replace(doubting, explained_by=_demanded(doubting))
+    return replace(doubting, explained_by=_significant_errors(doubting))
 
 
-def _widened_by(plain: Finding, doubting: Finding) -> Finding:
+def _widened_by(plain: FitResult, doubting: FitResult) -> FitResult:
     """The fit under the rig as stated, with what the other one says of the angle in its uncertainty."""
     angle_rad, other_rad = (largest_angle(each.fit, each.claim)[0] for each in (plain, doubting))
-    return widened(plain, abs(other_rad / angle_rad - 1))
+    return inflate_uncertainty(plain, abs(other_rad / angle_rad - 1))
 
 
-def widened(finding: Finding, angle_u_rel: float) -> Finding:
+def inflate_uncertainty(finding: FitResult, angle_u_rel: float) -> FitResult:
     """With a further relative uncertainty of its angles."""
     u_rel = float(np.hypot(finding.claim.other_u_rel, angle_u_rel))
     return replace(finding, claim=replace(finding.claim, other_u_rel=u_rel))
 
 
-def plainer(first: Finding | None, second: Finding | None) -> Finding | None:
+def choose_fit(first: FitResult | None, second: FitResult | None) -> FitResult | None:
     """Of two fits under the same beliefs, the one that settled and leaves less of the signal."""
     if second is None or not second.fit.converged:
         return first
@@ -169,7 +169,7 @@ def _spikes(fit: Fit) -> NDArray[np.bool_]:
     return spiky & few
 
 
-def _deviation(finding: Finding) -> float:
+def _deviation(finding: FitResult) -> float:
     """Standard uncertainty of the largest angle."""
     return largest_angle(finding.fit, finding.claim)[1]
 
@@ -180,17 +180,17 @@ def _credible(fit: Fit) -> bool:
     return bool((np.abs(fit.instrument.errors) <= INCREDIBLE * prior).all())
 
 
-def _demanded(finding: Finding) -> tuple[str, ...]:
+def _significant_errors(finding: FitResult) -> tuple[str, ...]:
     """What the data demand beyond the rig as stated, the surest first."""
     fit = finding.fit
     found = np.concatenate([fit.motion.parameters[PLAIN:], fit.instrument.errors])
     deviation = np.sqrt(np.diag(finding.claim.covariance))[-len(found) :]
     surest = np.argsort(-np.abs(found) / deviation)[:MOST_EXPLANATIONS]
-    named = tuple(_sayings(found)[i] for i in surest if abs(found[i]) > DEMANDED * deviation[i])
+    named = tuple(_explanations(found)[i] for i in surest if abs(found[i]) > DEMANDED * deviation[i])
     return named or ("several small errors together",)
 
 
-def _sayings(found: Real) -> list[str]:
+def _explanations(found: Real) -> list[str]:
     """Drag, spin, position, offsets and matrix in words."""
     drag, spin_1_s, position_m, *rest = found
     offsets = [f"{axis} zero-g offset {1e3 * g:+.1f} mg" for axis, g in zip("xyz", rest[:3], strict=True)]

@@ -25,7 +25,7 @@ class Rope:
 
 
 @dataclass(frozen=True, slots=True)
-class Raster:
+class SplineGrid:
     """Where the splines lie: number k rises from 0 at `start_s + k step_s` and is 0 again three steps later."""
 
     start_s: float
@@ -33,7 +33,7 @@ class Raster:
     count: int
 
     @classmethod
-    def over(cls, from_s: float, to_s: float, step_s: float) -> "Raster":
+    def over(cls, from_s: float, to_s: float, step_s: float) -> "SplineGrid":
         """All splines that are not 0 somewhere in between; rasters of one step share their instants."""
         first, last = np.floor(from_s / step_s) - SUPPORT + 1, np.ceil(to_s / step_s)
         return cls(float(first * step_s), step_s, int(last - first))
@@ -67,7 +67,7 @@ class Raster:
             (acceleration @ speed_m_s)[..., 0, :] / self.step_s,
         )
 
-    def moved(self, other: "Raster", speed_m_s: Real) -> tuple[Real, float]:
+    def moved(self, other: "SplineGrid", speed_m_s: Real) -> tuple[Real, float]:
         """Speeds, shape (count,), on another raster of the same step, and the way of the splines that end before it.
 
         Splines that `other` has and this has not are 0.

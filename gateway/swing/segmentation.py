@@ -6,16 +6,16 @@ from itertools import pairwise
 import numpy as np
 
 from gateway.swing.bins import Bins
-from gateway.swing.cross_segment_consistency import held_to_one_sensor
+from gateway.swing.cross_segment_consistency import enforce_common_sensor_errors
 from gateway.swing.estimate import SwingEstimate
-from gateway.swing.hoist_tracking import Stretch, follow, follow_back
+from gateway.swing.hoist_tracking import FittedInterval, track_backward, track_forward
 from gateway.swing.initial_guess import find_harmonics, start_motions
-from gateway.swing.make_estimate import CHOICE, assess, surely_moves_s
+from gateway.swing.make_estimate import CHOICE, assess, hoisting_duration_s
 from gateway.swing.model import Real
 from gateway.swing.peaks import largest_angle
-from gateway.swing.priors import Beliefs
+from gateway.swing.priors import Prior
 from gateway.swing.rig import MountedHousing
-from gateway.swing.robust_fit import Finding, find, find_from, widened
+from gateway.swing.robust_fit import FitResult, fit_robust, fit_robust_from, inflate_uncertainty
 from gateway.swing.uncertainty import NORMAL_QUANTILE
 
 SHORTEST_PERIODS, LONGEST_PERIODS = 1.2, 8.0
@@ -45,20 +45,20 @@ HARMLESS_GAP_PERIODS = 0.5
 
 
 @dataclass(slots=True)
-class Cutter:
+class Segmenter:
     """Cuts a recording into pieces, with a bounded number of fits."""
 
     bins: Bins
     noise_g: Real
-    beliefs: Beliefs
+    beliefs: Prior
     period_s: float
     to_s: float
     fits: int = 0
     most_fits: float = FEWEST_FITS
 
-    def cut(self, from_s: float) -> list[Stretch]:
+    def cut(self, from_s: float) -> list[FittedInterval]:
         """All pieces from `from_s` on, oldest first."""
-        found: list[Stretch] = []
+        found: list[FittedInterval] = []
         self.most_fits = max(FEWEST_FITS, FITS_PER_PERIOD * (self.to_s - from_s) / self.period_s)
         while from_s + SHORTEST_PERIODS * self.period_s <= self.to_s and self.fits < self.most_fits:
             piece = self._first(from_s)
@@ -73,7 +73,7 @@ class Cutter:
             from_s = piece.to_s
         return found
 
-    def _first(self, from_s: float) -> Stretch | None:
+    def _first(self, from_s: float) -> FittedInterval | None:
         to_s = min(from_s + SHORTEST_PERIODS * self.period_s, self.to_s)
         window = self._window(from_s, to_s)
         if len(window) < 12:
@@ -81,10 +81,10 @@ class Cutter:
         harmonics = find_harmonics(window, self.noise_g, self.beliefs.rig)
         starts = start_motions(harmonics, self.beliefs.rig, from_s, to_s + FINEST_PERIODS * self.period_s)
         self.fits += len(starts)
-        finding = find_from(window, self.noise_g, starts, self.beliefs, ITERATIONS, worth=LARGEST_MISFIT)
+        finding = fit_robust_from(window, self.noise_g, starts, self.beliefs, ITERATIONS, worth=LARGEST_MISFIT)
         return self._stretch(from_s, to_s, finding)
 
-    def _plain_soon(self, from_s: float) -> Stretch | None:
+    def _plain_soon(self, from_s: float) -> FittedInterval | None:
         """A stretch that begins a little later and follows the pendulum to the noise."""
         for later in LATER_PERIODS:
             begin_s = from_s + later * self.period_s
@@ -94,7 +94,7 @@ class Cutter:
                     return piece
         return None
 
-    def _longest(self, piece: Stretch) -> Stretch:
+    def _longest(self, piece: FittedInterval) -> FittedInterval:
         """The piece drawn out until it no longer fits."""
         step = 0.5
         plain = piece
@@ -106,7 +106,9 @@ class Cutter:
             window = self._window(piece.from_s, to_s)
             self.fits += 1
             instrument = piece.finding.fit.instrument
-            finding = find(window, self.noise_g, start, self.beliefs, ITERATIONS, instrument, worth=LARGEST_MISFIT)
+            finding = fit_robust(
+                window, self.noise_g, start, self.beliefs, ITERATIONS, instrument, worth=LARGEST_MISFIT
+            )
             longer = self._stretch(piece.from_s, to_s, finding)
             if longer is None:
                 step /= 2
@@ -118,15 +120,15 @@ class Cutter:
     def _window(self, from_s: float, to_s: float) -> Bins:
         return self.bins.select((self.bins.time_s >= from_s) & (self.bins.time_s <= to_s))
 
-    def _stretch(self, from_s: float, to_s: float, finding: Finding | None) -> Stretch | None:
+    def _stretch(self, from_s: float, to_s: float, finding: FitResult | None) -> FittedInterval | None:
         if finding is None or not finding.sound or finding.claim.misfit > LARGEST_MISFIT:
             return None
-        return Stretch(from_s, to_s, finding)
+        return FittedInterval(from_s, to_s, finding)
 
 
-def bridged(
-    pieces: list[Stretch], bins: Bins, noise_g: Real, beliefs: Beliefs, ends_s: tuple[float, float]
-) -> list[Stretch]:
+def fit_gaps_with_hoisting(
+    pieces: list[FittedInterval], bins: Bins, noise_g: Real, beliefs: Prior, ends_s: tuple[float, float]
+) -> list[FittedInterval]:
     """The pieces; where the rope's length changes between those that are long and plain, what that explains in their place."""
     rig, (from_s, to_s) = beliefs.rig, ends_s
     harmless_s = HARMLESS_GAP_PERIODS * pieces[0].period_s
@@ -137,7 +139,7 @@ def bridged(
     cores = [core for piece in pieces if (core := _core(piece, bins, noise_g, beliefs, ends_s)) is not None]
     if not cores:
         return pieces
-    hoists: list[Stretch] = []
+    hoists: list[FittedInterval] = []
     if cores[0].from_s - from_s > FINEST_PERIODS * cores[0].period_s:
         hoists += _before(cores[0], bins, noise_g, rig, from_s)
     for core, following in pairwise(cores):
@@ -151,7 +153,7 @@ def bridged(
     return sorted(found, key=lambda stretch: stretch.from_s)
 
 
-def _lengths_differ(pieces: list[Stretch]) -> bool:
+def _lengths_differ(pieces: list[FittedInterval]) -> bool:
     """The rope is not as long in one piece as in the next."""
     return any(
         abs(np.log(one.finding.fit.motion.length_m / other.finding.fit.motion.length_m))
@@ -160,7 +162,9 @@ def _lengths_differ(pieces: list[Stretch]) -> bool:
     )
 
 
-def _core(piece: Stretch, bins: Bins, noise_g: Real, beliefs: Beliefs, ends_s: tuple[float, float]) -> Stretch | None:
+def _core(
+    piece: FittedInterval, bins: Bins, noise_g: Real, beliefs: Prior, ends_s: tuple[float, float]
+) -> FittedInterval | None:
     """A long plain piece without the ends at which the rope may have begun to move unnoticed; None of another piece."""
     if not piece.finding.plain:
         return None
@@ -170,23 +174,27 @@ def _core(piece: Stretch, bins: Bins, noise_g: Real, beliefs: Beliefs, ends_s: t
     from_s, to_s = piece.from_s + float(away_s[0]), piece.to_s - float(away_s[1])
     window = bins.select((bins.time_s >= from_s) & (bins.time_s <= to_s))
     start = piece.finding.fit.motion.extended(from_s, to_s + FINEST_PERIODS * piece.period_s)
-    finding = find(window, noise_g, start, beliefs, ITERATIONS, piece.finding.fit.instrument)
-    return Stretch(from_s, to_s, finding) if finding is not None and finding.sound else None
+    finding = fit_robust(window, noise_g, start, beliefs, ITERATIONS, piece.finding.fit.instrument)
+    return FittedInterval(from_s, to_s, finding) if finding is not None and finding.sound else None
 
 
-def _after(core: Stretch, bins: Bins, noise_g: Real, rig: MountedHousing, to_s: float) -> list[Stretch]:
+def _after(core: FittedInterval, bins: Bins, noise_g: Real, rig: MountedHousing, to_s: float) -> list[FittedInterval]:
     from_s = max(core.from_s, core.to_s - TAIL_PERIODS * core.period_s)
     motion = core.finding.fit.motion
-    return follow(bins, noise_g, rig, motion, from_s=from_s, plain_to_s=core.to_s, to_s=to_s)
+    return track_forward(bins, noise_g, rig, motion, from_s=from_s, plain_to_s=core.to_s, to_s=to_s)
 
 
-def _before(core: Stretch, bins: Bins, noise_g: Real, rig: MountedHousing, from_s: float) -> list[Stretch]:
+def _before(
+    core: FittedInterval, bins: Bins, noise_g: Real, rig: MountedHousing, from_s: float
+) -> list[FittedInterval]:
     to_s = min(core.to_s, core.from_s + TAIL_PERIODS * core.period_s)
     motion = core.finding.fit.motion
-    return follow_back(bins, noise_g, rig, motion, from_s=from_s, plain_from_s=core.from_s, to_s=to_s)
+    return track_backward(bins, noise_g, rig, motion, from_s=from_s, plain_from_s=core.from_s, to_s=to_s)
 
 
-def _between(core: Stretch, following: Stretch, bins: Bins, noise_g: Real, rig: MountedHousing) -> list[Stretch]:
+def _between(
+    core: FittedInterval, following: FittedInterval, bins: Bins, noise_g: Real, rig: MountedHousing
+) -> list[FittedInterval]:
     """Forward into the next one, else backward for what is left."""
     overlap_s = min(following.from_s + OVERLAP_PERIODS * following.period_s, following.to_s)
     found = [
@@ -198,22 +206,24 @@ def _between(core: Stretch, following: Stretch, bins: Bins, noise_g: Real, rig: 
     return found if known_s >= following.from_s else found + _before(following, bins, noise_g, rig, known_s)
 
 
-def assess_pieces(pieces: list[Stretch], noise_g: Real, from_s: float, to_s: float, period_s: float) -> SwingEstimate:
+def assess_pieces(
+    pieces: list[FittedInterval], noise_g: Real, from_s: float, to_s: float, period_s: float
+) -> SwingEstimate:
     """One estimate of all pieces; without an interval where too much of the recording follows no pendulum."""
     doubted = [replace(piece, finding=_offset_doubted(piece.finding)) for piece in pieces]
-    pieces, disagreements = held_to_one_sensor(doubted)
+    pieces, disagreements = enforce_common_sensor_errors(doubted)
     parts = [assess(piece.finding, noise_g, piece.from_s, piece.to_s) for piece in pieces]
     largest = max(parts, key=lambda part: part.phi_max_rad or 0.0)
     gaps = _gaps(pieces, from_s, to_s)
     hiding = [gap for gap in gaps if gap[1] - gap[0] > HARMLESS_GAP_PERIODS * period_s]
-    hoists_s = tuple(when for p in pieces for when in surely_moves_s(p.finding, p.from_s, p.to_s))
+    hoists_s = tuple(when for p in pieces for when in hoisting_duration_s(p.finding, p.from_s, p.to_s))
     said = [f"fitted in {len(pieces)} pieces"]
     if hoists_s:
         said.append(f"hoisting within {hoists_s[0][0]:.0f}-{hoists_s[-1][1]:.0f} s")
     if hiding:
         when = ", ".join(f"{a:.0f}-{b:.0f} s" for a, b in hiding)
         said.append(f"no free pendulum, and the largest angle unknown, at {when}")
-    coverage_rad = None if hiding else _joint(parts)
+    coverage_rad = None if hiding else _combine_segments(parts)
     return replace(
         largest,
         from_s=from_s,
@@ -226,14 +236,14 @@ def assess_pieces(pieces: list[Stretch], noise_g: Real, from_s: float, to_s: flo
     )
 
 
-def _offset_doubted(finding: Finding) -> Finding:
+def _offset_doubted(finding: FitResult) -> FitResult:
     """With a part of the stated offset in the angle: what a short piece sees of it, other errors of the axes may have made."""
     offset_g = float(max(finding.fit.beliefs.rig.zero_g_offset_u_g[:2]))
     angle_rad, _ = largest_angle(finding.fit, finding.claim)
-    return widened(finding, OFFSET_SHARE * offset_g / max(angle_rad, 1e-6))
+    return inflate_uncertainty(finding, OFFSET_SHARE * offset_g / max(angle_rad, 1e-6))
 
 
-def _joint(parts: list[SwingEstimate]) -> tuple[float, float] | None:
+def _combine_segments(parts: list[SwingEstimate]) -> tuple[float, float] | None:
     """The interval of the largest angle of all: any part may hold it."""
     coverages = [part.coverage95_rad for part in parts]
     known = [coverage for coverage in coverages if coverage is not None]
@@ -248,7 +258,7 @@ def _joint_u_rad(largest: SwingEstimate, coverage_rad: tuple[float, float]) -> f
     return max(largest.u_rad or 0.0, above_rad / (CHOICE * NORMAL_QUANTILE))
 
 
-def _gaps(pieces: list[Stretch], from_s: float, to_s: float) -> list[tuple[float, float]]:
+def _gaps(pieces: list[FittedInterval], from_s: float, to_s: float) -> list[tuple[float, float]]:
     """Stretches between the pieces and at the ends."""
     starts = np.array([*(piece.from_s for piece in pieces), to_s])
     ends = np.array([from_s, *(piece.to_s for piece in pieces)])

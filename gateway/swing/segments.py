@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.swing.model import Complex, Course, Field, Real
+from gateway.swing.model import Complex, ForceField, Real, TrajectoryInput
 from gateway.swing.motion import DAMPING, LN_LENGTH, PLAIN, STATES, STEPS_PER_SEGMENT, Instants, Motion, field_of
 from gateway.swing.rope_spline import Rope
 
@@ -44,7 +44,7 @@ class Segments:
         first, own, slope = _near(motion)
         return cls(motion, _states(motion, own.shape[1]), _perturbed(own), slope, first)
 
-    def course(self) -> Field | Course:
+    def course(self) -> ForceField | TrajectoryInput:
         """What all follow side by side, at every half step."""
         if self.first is None:
             return field_of(self.parameters, self.motion.gravity_m_s2)
@@ -52,18 +52,18 @@ class Segments:
         halves_s = grid.starts_s + grid.step_s / 2 * np.arange(2 * STEPS_PER_SEGMENT + 1)[:, None]
         rope = self._rope(halves_s, self.first, self.parameters)
         damping_1_s = self.parameters[:, DAMPING]
-        return Course(self.motion.gravity_m_s2 / rope.length_m, damping_1_s, rope.rate_m_s / rope.length_m)
+        return TrajectoryInput(self.motion.gravity_m_s2 / rope.length_m, damping_1_s, rope.rate_m_s / rope.length_m)
 
-    def field_at(self, instants: Instants) -> tuple[Field, Rope]:
+    def field_at(self, instants: Instants) -> tuple[ForceField, Rope]:
         """What the motion follows, and the rope, shape (n, lanes)."""
         if self.first is None:
-            return field_of(self.parameters, self.motion.gravity_m_s2), self._still()
+            return field_of(self.parameters, self.motion.gravity_m_s2), self._constant_length()
         own = self.parameters[instants.segment]
         rope = self._rope(instants.time_s, self.first[instants.segment], own)
         stiffness = self.motion.gravity_m_s2 / rope.length_m
-        return Field(stiffness, own[:, DAMPING], lengthening_1_s=rope.rate_m_s / rope.length_m), rope
+        return ForceField(stiffness, own[:, DAMPING], lengthening_1_s=rope.rate_m_s / rope.length_m), rope
 
-    def _still(self) -> Rope:
+    def _constant_length(self) -> Rope:
         none = np.zeros(1)
         return Rope(np.exp(self.parameters[LN_LENGTH]), none, none)
 

@@ -25,7 +25,7 @@ SMOOTHING_BINS = 4
 
 
 @dataclass(frozen=True, slots=True)
-class Claim:
+class UncertaintyModel:
     """Second moments of the unknowns and how far the model can be believed."""
 
     covariance: Real
@@ -67,7 +67,7 @@ class Claim:
         return z + first + second + third
 
 
-def claim(fit: Fit, sensor_weight: Real) -> Claim:
+def uncertainty_of(fit: Fit, sensor_weight: Real) -> UncertaintyModel:
     """What the fit supports; `sensor_weight` is 1/variance of the bins by sensor noise alone, shape (bins, 3).
 
     The residual's variance and its correlation over time (the sum of its autocorrelation) multiply the variance that sensor
@@ -80,7 +80,7 @@ def claim(fit: Fit, sensor_weight: Real) -> Claim:
     bread = np.linalg.inv(information(fit))
     filling = weighted_square(fit.jacobian, fit.weight * inflation) + np.diag(fit.beliefs.information)
     unknowns = fit.jacobian.shape[-1]
-    return Claim(
+    return UncertaintyModel(
         covariance=bread @ filling @ bread,
         freedom=max(float((len(normalised) / correlation).sum()) - unknowns, 1.0),
         reduced_chi_square=float((sensor_weight * fit.residual_g**2).sum()) / max(normalised.size - unknowns, 1),

@@ -44,7 +44,7 @@ class RecentWindow:
         self.fine = Bins(np.empty(0), np.empty(0), np.empty((0, 3)), np.empty(0))
         self.newest_s: float | None = None
 
-    def take(self, time_s: Real, force_g: Real, lowpassed_g: Real | None) -> None:
+    def push(self, time_s: Real, force_g: Real, lowpassed_g: Real | None) -> None:
         """Put a block aside, which costs next to nothing; it is looked at when the window is settled."""
         self._times_s.append(time_s)
         self._forces_g.append(force_g)
@@ -52,7 +52,7 @@ class RecentWindow:
         if lowpassed_g is not None:
             self._lowpassed_g.append(lowpassed_g)
 
-    def settle(self) -> None:
+    def flush(self) -> None:
         """Bin what was put aside and drop what is too old. Raises ValueError for times that fall."""
         if not self._times_s or self.newest_s is None:
             return

@@ -95,7 +95,7 @@ def as_tables(effects: EffectValues) -> dict[str, dict[str, Any]]:
     }
 
 
-def with_effects(effects: EffectValues, wanted: Sequence[str]) -> EffectValues:
+def parse_effect_assignments(effects: EffectValues, wanted: Sequence[str]) -> EffectValues:
     """More effects, each as `name` or `name:parameter=value:parameter=value,value`; what is not given is typical.
 
     Raises `InputError`.

@@ -51,11 +51,11 @@ def simulate(model: Model, duration_s: float, seed: int, initial: dict[str, floa
     time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
     if len(time_s) < 2:
         raise InputError(f"{duration_s:g} s at {rate_hz:g} Hz holds no two samples; choose a longer duration")
-    time_s = _kept(model, time_s, random)
+    time_s = _drop_samples(model, time_s, random)
     temperature_c = model.rig.reference_temperature_c + WARMS_UP_BY_C * -np.expm1(-time_s / WARM_UP_S)
     force_g = _prediction(model, initial, random, time_s, temperature_c)
     part = Accelerometer(no_errors(), rate_hz, model.rig.full_scale_g or DEFAULT_RANGE_G)
-    noisy_g = force_g + _beyond_the_part(model, part) * random.standard_normal(force_g.shape)
+    noisy_g = force_g + _excess_noise_g(model, part) * random.standard_normal(force_g.shape)
     handed_g = part.counts(noisy_g, temperature_c, random) / part.units_per_g
     stamped_s = np.arange(len(time_s)) / rate_hz  # stamps count samples: what was lost leaves no trace in them
     noise_g = float(np.sqrt(np.mean(np.square(model.rig.noise_g))))
@@ -78,7 +78,7 @@ def _prediction(
         if name not in known:
             raise InputError(f"the start has no {name}; its coordinates are {', '.join(known)}")
         start[known.index(name)] = value
-    values[: simulator.starts] = start
+    values[: simulator.n_initial_states] = start
     _refuse_outside(simulator, values)
     return simulator.predict(values, time_s, temperature_c)
 
@@ -98,7 +98,7 @@ def _start(simulator: Simulator, model: Model, random: np.random.Generator) -> A
     along = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad)])
     tilt = FIRST_SWING_RAD * along
     rate = FIRST_ROUNDNESS * math.sqrt(rig.gravity_m_s2 / rig.length_m) * FIRST_SWING_RAD * along[::-1] * [-1, 1]
-    start = np.zeros(simulator.starts)
+    start = np.zeros(simulator.n_initial_states)
     start[:4] = [*tilt, *rate]
     if "double_pendulum" in model.effects:
         hung = model.effects["double_pendulum"]
@@ -110,12 +110,12 @@ def _start(simulator: Simulator, model: Model, random: np.random.Generator) -> A
     return start
 
 
-def _kept(model: Model, time_s: Array, random: np.random.Generator) -> Array:
+def _drop_samples(model: Model, time_s: Array, random: np.random.Generator) -> Array:
     loss = model.effects.get("sample_loss")
     return time_s if loss is None else time_s[(random.random(len(time_s)) >= loss["fraction"]) | (time_s == time_s[0])]
 
 
-def _beyond_the_part(model: Model, part: Accelerometer) -> Array:
+def _excess_noise_g(model: Model, part: Accelerometer) -> Array:
     """What the believed noise has more than the part's own, shape (3,)."""
     squares = np.square(model.rig.noise_g) - part.noise_g**2
     if (squares < 0).any():

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from gateway.calibration.geometry import face_of
 from gateway.calibration.methods import procedure_for
 from gateway.calibration.norm_fit import fit_norm
-from gateway.calibration.poses import Nominal
+from gateway.calibration.poses import NominalSensitivity
 from gateway.calibration.procedure import CalibrationFit, Pose
 from gateway.calibration.six_position import fit_six_positions
 from tests.benchmarks.calibration_sessions import (
@@ -38,7 +38,9 @@ NAMES = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz", "offset x", "offs
 def session_fit(method: str, part: Part, errors: Planted, random: np.random.Generator) -> CalibrationFit:
     """One session from counts to fit. The norm fit states nothing of the frame, which it cannot see."""
     poses = laid_faces(random, PLACEMENT_DEG) if method == "six-position" else all_round(random)
-    procedure = procedure_for(method, Nominal(part.units_per_g), placement_u_deg=PLACEMENT_DEG, frame_u_deg=0.0)
+    procedure = procedure_for(
+        method, NominalSensitivity(part.units_per_g), placement_u_deg=PLACEMENT_DEG, frame_u_deg=0.0
+    )
     for readings in blocks(counts_of(random, part, errors, force_of(random, poses))):
         procedure.feed(readings)
     return procedure.finish()

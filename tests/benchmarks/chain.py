@@ -17,7 +17,7 @@ from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.configuration.render import to_toml
 from gateway.pipeline.clock_state import ClockState
-from gateway.pipeline.executor import AtOnce
+from gateway.pipeline.executor import ImmediateExecutor
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.header import RecordingHeader
@@ -48,7 +48,7 @@ class FastClock(HostClock):
         self.now += max(0, round(seconds * 1e9))
 
 
-class TimedRunner(AtOnce):
+class TimedRunner(ImmediateExecutor):
     """Makes the swing fits at once, and keeps account of what they cost."""
 
     def __init__(self) -> None:

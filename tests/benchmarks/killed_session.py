@@ -16,7 +16,7 @@ from devices.simulated.accelerometer import Accelerometer, typical_errors
 from gateway.calibration.store import CalibrationStore
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.standard import StandardMethods
-from gateway.recalibration.timestamp import Moment
+from gateway.recalibration.timestamp import Timestamp
 from tests.benchmarks.faulty_disk import FaultyDisk
 
 RATE_HZ = 125.0
@@ -43,7 +43,7 @@ class Site:
 
     @property
     def moment(self):
-        return Moment(self.now_ns, self.now_ns)
+        return Timestamp(self.now_ns, self.now_ns)
 
     def ask(self, verb, request_id, **content):
         payload = json.dumps({"id": request_id, "by": "ann", "reason": "trial", **content}).encode()

@@ -16,7 +16,7 @@ from gateway.twin.effects.effect import Value
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
-from gateway.twin.reconcile.fit.windowed_fit import fit_pieces, starts_from_readings
+from gateway.twin.reconcile.fit.windowed_fit import fit_windows, initial_state_from_samples
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
@@ -119,7 +119,7 @@ def cut(swing: Swing, seconds: float) -> list[int]:
     return sorted({0, *nearest})
 
 
-def fit_windows(
+def fit_recording_windows(
     simulator: Simulator, swing: Swing, effects: Array, firsts: Sequence[int], *, held: bool
 ) -> tuple[Array, Array, Array]:
     """Each window with a start of its own, all with the same effects, which stay as they are where `held`.
@@ -127,9 +127,9 @@ def fit_windows(
     Returns starts, effects' values and the simulated force (n, 3).
     """
     observations = swing.observations()
-    starts = starts_from_readings(simulator.rig, observations, firsts, simulator.starts)
+    starts = initial_state_from_samples(simulator.rig, observations, firsts, simulator.n_initial_states)
     free = np.full(len(effects), not held)
-    starts, effects, found = fit_pieces(simulator, observations, starts, effects, free, firsts)
+    starts, effects, found = fit_windows(simulator, observations, starts, effects, free, firsts)
     return starts, effects, found.force_g
 
 
@@ -150,7 +150,7 @@ class FittedArm:
 
     def held_out_mrad(self, held_out: Swing, window_s: float) -> float:
         """Only the starts of windows of about this length (of the arm's time) are fitted again."""
-        force_g = fit_windows(self.simulator, held_out, self.effects, cut(held_out, window_s), held=True)[2]
+        force_g = fit_recording_windows(self.simulator, held_out, self.effects, cut(held_out, window_s), held=True)[2]
         return error_mrad(held_out, force_g)
 
 
@@ -158,9 +158,11 @@ def fit_arm(rig: TwinRig, log: Swing, names: Sequence[str]) -> FittedArm:
     """These effects and the rope's length: first over pieces, then by multiple shooting as one motion over the whole log."""
     simulator = Simulator(rig, sorted({"rope_length", *names}))
     chosen = {name: values for name, values in FIRST_VALUES.items() if name in names}
-    effects = simulator.values([], chosen)[simulator.starts :]
+    effects = simulator.values([], chosen)[simulator.n_initial_states :]
     firsts = cut(log, PIECE_S)
-    starts, effects, force_g = fit_windows(simulator, log, effects, firsts, held=False)
+    starts, effects, force_g = fit_recording_windows(simulator, log, effects, firsts, held=False)
     free = np.array([slot.parameter != "heading_rad" for slot in simulator.parameters])
     fit = fit_model(simulator, log.observations(), starts, effects, free, firsts, ROUNDS)
-    return FittedArm(simulator, fit.values[simulator.starts :], error_mrad(log, fit.force_g), error_mrad(log, force_g))
+    return FittedArm(
+        simulator, fit.values[simulator.n_initial_states :], error_mrad(log, fit.force_g), error_mrad(log, force_g)
+    )

@@ -51,7 +51,7 @@ def print_dampings(log: Swing, held_out: Swing) -> None:
         for names in itertools.combinations(DAMPINGS, count):
             fitted = fit_arm(rig, log, names)
             errors = [fitted.log_mrad, *(fitted.held_out_mrad(held_out, window_s) for window_s in WINDOWS_S)]
-            values = zip(fitted.simulator.of_effects, fitted.effects, strict=True)
+            values = zip(fitted.simulator.effect_parameters, fitted.effects, strict=True)
             said = ", ".join(f"{slot.label} {value:.3g}" for slot, value in values)
             print(f"{' + '.join(names):56}" + "".join(f"{error:8.2f}" for error in errors) + f"   {said}")
 

@@ -15,12 +15,12 @@ from gateway.stages.lowpass import LowPass
 from gateway.swing import (
     Extremes,
     FormulaAngles,
-    Passage,
+    LowpassGain,
     SwingEstimate,
+    as_published,
     corrected,
     estimate_swing,
     extremes,
-    published,
 )
 from tests.benchmarks.swing_cases import (
     AMPLITUDES_DEG,
@@ -67,7 +67,7 @@ def _print_ideal() -> None:
             min_z_g=float(np.cos(phi)),
             max_z_g=float(1 + 2 * rho * (1 - np.cos(phi))),
         )
-        print(f"  {rho:4.2f}" + "".join(f"{degrees(angle):9.2f}" for angle in asdict(published(ideal)).values()))
+        print(f"  {rho:4.2f}" + "".join(f"{degrees(angle):9.2f}" for angle in asdict(as_published(ideal)).values()))
 
 
 def _print_errors(recordings: Recordings) -> dict[str, np.ndarray]:
@@ -123,9 +123,9 @@ def _formula_answers(recordings: Recordings) -> dict[tuple[str, int], np.ndarray
         lowpass = LowPass(CUTOFF_HZ, ORDER, RATE_HZ)
         found = extremes(lowpass.apply(force_g))
         frequency_hz = np.sqrt(GRAVITY_M_S2 / length_m) / (2 * np.pi)
-        passage = Passage(gain_f0=lowpass.gain(frequency_hz), gain_2f0=lowpass.gain(2 * frequency_hz))
+        passage = LowpassGain(gain_f0=lowpass.gain(frequency_hz), gain_2f0=lowpass.gain(2 * frequency_hz))
         for form, angles in zip(
-            FORMS, (published(found), corrected(found, rho), corrected(found, rho, passage)), strict=True
+            FORMS, (as_published(found), corrected(found, rho), corrected(found, rho, passage)), strict=True
         ):
             for name, angle_rad in asdict(angles).items():
                 answers[form, EQUATIONS[name]].append(degrees(angle_rad))

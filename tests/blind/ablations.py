@@ -16,19 +16,19 @@ from gateway.cli.main import main as plumbline
 from gateway.twin.reconcile import reconcile
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision import verdict
-from gateway.twin.reconcile.decision.verdict import Answer, Contender, decide
-from gateway.twin.reconcile.fit.validation import Judged
+from gateway.twin.reconcile.decision.verdict import Decision, RankedCandidate, decide
+from gateway.twin.reconcile.fit.validation import ValidationFit
 from gateway.twin.reconcile.search import baseline, search
-from gateway.twin.reconcile.search.candidate_fits import Attempt
+from gateway.twin.reconcile.search.candidate_fits import CandidateFit
 from gateway.twin.reconcile.search.search import Search
 
 
 @contextmanager
 def isolability() -> Iterator[None]:
     """Look-alikes are neither fitted nor held as rivals: the best stands alone."""
-    judged = reconcile.judged
+    judged = reconcile.validate_candidates
 
-    def alone(*arguments: Any) -> tuple[list[Contender], Contender]:
+    def alone(*arguments: Any) -> tuple[list[RankedCandidate], RankedCandidate]:
         contenders, base = judged(*arguments)
         return contenders[:1], base
 
@@ -43,22 +43,26 @@ def isolability() -> Iterator[None]:
 @contextmanager
 def held_out() -> Iterator[None]:
     """The log alone decides; the prediction of the held-out recording is still made, to be scored."""
-    with_line = baseline.with_line
+    with_line = baseline.add_machine_line
 
     def on_log(
-        contenders: Sequence[Contender], base: Contender, log: Observations, _held_out: Observations, *others: Any
-    ) -> Answer:
+        contenders: Sequence[RankedCandidate],
+        base: RankedCandidate,
+        log: Observations,
+        _held_out: Observations,
+        *others: Any,
+    ) -> Decision:
         least = min(each.bic for each in contenders)
         ranked = sorted(contenders, key=lambda each: each.bic)
         answer = decide([_fitted(each, least) for each in ranked], _fitted(base, least), log, log, *others)
-        model = next(each for each in (*ranked, base) if each.attempt is answer.model.attempt)
+        model = next(each for each in (*ranked, base) if each.candidate is answer.model.candidate)
         return replace(answer, model=model)
 
-    def line_on_log(search: Search, base: Attempt, always: reconcile.Values, _held_out: Observations) -> Any:
+    def line_on_log(search: Search, base: CandidateFit, always: reconcile.Values, _held_out: Observations) -> Any:
         return with_line(search, base, always, search.setting.log)
 
-    def slow_on_log(_search: Search, best: Attempt, _held_out: Observations) -> bool:
-        return "clock_drift" in best.values and best.open
+    def slow_on_log(_search: Search, best: CandidateFit, _held_out: Observations) -> bool:
+        return "clock_drift" in best.values and best.has_unexplained_residual
 
     with (
         patch.object(reconcile, "decide", on_log),
@@ -69,11 +73,13 @@ def held_out() -> Iterator[None]:
         yield
 
 
-def _fitted(contender: Contender, least_bic: float) -> Contender:
+def _fitted(contender: RankedCandidate, least_bic: float) -> RankedCandidate:
     """As if the recording that it was fitted to were the one to judge it."""
-    attempt = contender.attempt
+    attempt = contender.candidate
     return replace(
-        contender, judged=Judged(attempt.fit, attempt.reduced, ()), behind=max(0.0, contender.bic - least_bic)
+        contender,
+        validation=ValidationFit(attempt.fit, attempt.reduced_chi2, ()),
+        evidence_deficit=max(0.0, contender.bic - least_bic),
     )
 
 

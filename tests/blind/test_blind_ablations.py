@@ -9,9 +9,9 @@ import pytest
 from gateway.measurement.rig import read_rig
 from gateway.twin.model import Model, model_of
 from gateway.twin.reconcile import reconcile
-from gateway.twin.reconcile.data.data_checks import Loaded
-from gateway.twin.reconcile.data.observations import observe
-from gateway.twin.reconcile.fit.fit_context import Setting
+from gateway.twin.reconcile.data.data_checks import CheckedRecording
+from gateway.twin.reconcile.data.observations import make_observations
+from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.search import search
 from gateway.twin.reconcile.search.search import Search
 from tests.blind import ablations
@@ -26,20 +26,20 @@ LENGTHS_S = {"log": 24.0, "held_out": 16.0}
 def asked(tmp_path):
     """A rig of which is believed what is true, and recordings of it by name."""
 
-    def ask(*hidden: str, seed: int) -> tuple[Model, dict[str, Loaded]]:
+    def ask(*hidden: str, seed: int) -> tuple[Model, dict[str, CheckedRecording]]:
         case = generate(Plan(0, seed, "single" if hidden else "null", hidden), LENGTHS_S)
         write_case(case, tmp_path)
         model = model_of(read_rig(tmp_path / "rig.toml"), "rig.toml")
         noise_g = np.full(3, case.rig.noise_g)
         return model, {
-            name: Loaded(observe(each.time_s, each.force_g, None, noise_g), None, {}, each.time_s)
+            name: CheckedRecording(make_observations(each.time_s, each.force_g, None, noise_g), None, {}, each.time_s)
             for name, each in case.recordings.items()
         }
 
     return ask
 
 
-def verdict(model: Model, log: Loaded, held_out: Loaded) -> tuple[str, list[str]]:
+def verdict(model: Model, log: CheckedRecording, held_out: CheckedRecording) -> tuple[str, list[str]]:
     found = reconcile.reconcile(model, log, held_out)
     return found.verdict, [effect.name for effect in found.effects]
 
@@ -50,11 +50,11 @@ def test_without_isolability_one_of_a_group_is_named(asked):
 
     with ablations.isolability():
         said, names = verdict(model, recorded["log"], recorded["held_out"])
-        assert search.mates_of(frozenset({"slewing"})) == frozenset()
+        assert search.ambiguity_partners(frozenset({"slewing"})) == frozenset()
 
     assert said == "named"
     assert len(names) == 1
-    assert search.mates_of(frozenset({"slewing"})) == {"housing_spin"}
+    assert search.ambiguity_partners(frozenset({"slewing"})) == {"housing_spin"}
 
 
 def test_without_held_out_what_one_recording_holds_is_named(asked):
@@ -71,13 +71,13 @@ def test_without_held_out_what_one_recording_holds_is_named(asked):
 
 def test_without_drop_what_was_added_stays(asked):
     model, recorded = asked(seed=3)
-    tried = Search(Setting(model.rig, model.effects, recorded["log"].observations, lambda: None), {})
-    tried.try_values({})
-    needless = tried.try_values({"axis_offset": {}})
-    assert tried._dropped(needless).names == frozenset()
+    tried = Search(FitContext(model.rig, model.effects, recorded["log"].observations, lambda: None), {})
+    tried.fit_candidate({})
+    needless = tried.fit_candidate({"axis_offset": {}})
+    assert tried._backward_elimination(needless).names == frozenset()
 
     with ablations.drop():
-        assert tried._dropped(needless).names == {"axis_offset"}
+        assert tried._backward_elimination(needless).names == {"axis_offset"}
 
 
 def test_prediction_of_a_command_without_a_gate_is_of_the_held_out_recording(tmp_path):

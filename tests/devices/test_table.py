@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from devices.errors import RecordingError
-from devices.recording import Recording, in_order
+from devices.recording import Recording, longest_increasing_mask
 from devices.table import NATIVE, TableLayout, read_table
 
 REAL = Path(__file__).parents[1] / "data" / "real"
@@ -389,7 +389,7 @@ def test_every_row_is_accounted_for(tmp_path, kinds):
 
 @given(st.lists(st.integers(-8, 8), min_size=1, max_size=12))
 def test_in_order_leaves_out_the_fewest(times):
-    mask = in_order(np.array(times, dtype=np.int64))
+    mask = longest_increasing_mask(np.array(times, dtype=np.int64))
     assert (np.diff(np.array(times)[mask]) > 0).all()
     longest = [1] * len(times)
     for later, time in enumerate(times):

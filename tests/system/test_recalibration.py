@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 
 from devices.replay import table_info
 from devices.table import TableLayout, read_table
-from gateway.calibration.record_factory import seal
+from gateway.calibration.record_factory import add_content_hash
 from gateway.calibration.store import CalibrationStore
 from gateway.recording.reader import open_recording
 from tests.benchmarks.turned_radio import COUNTS_PER_G, FACES, GAIN, NOISE_G, OFFSET_G, TurnedRadio
@@ -336,7 +336,7 @@ def test_zero_in_place_while_the_load_hangs_still(start_gateway, join_bus, tmp_p
     layout = TableLayout(axes=("x", "y", "z"), unit="counts", rate_hz=rate_hz, units_per_g=2048)
     device_id = table_info(path, layout, read_table(path, layout)).device_id
     covariance = np.diag([1e-14] * 9 + [0.01] * 3).tolist()
-    parent = seal(
+    parent = add_content_hash(
         {
             "format": 1,
             "device_id": device_id,

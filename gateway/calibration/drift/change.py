@@ -59,7 +59,7 @@ def change_between(earlier: CalibrationRecord, later: CalibrationRecord) -> Drif
     return _change(earlier, later, covariance_of_earlier=np.array(earlier.covariance, dtype=np.float64))
 
 
-def seen_from(reference: CalibrationRecord, record: CalibrationRecord) -> DriftChange:
+def observable_change(reference: CalibrationRecord, record: CalibrationRecord) -> DriftChange:
     """The change with the uncertainty of `record` alone: points of a series that share one reference.
 
     Raises `CalibrationError` where the two are of different devices or units.

@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.calibration.drift.change import reading_error_g, seen_from
+from gateway.calibration.drift.change import observable_change, reading_error_g
 from gateway.calibration.drift.line import Line, line_of_measurements
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 
@@ -96,7 +96,7 @@ def drift_of(
         raise CalibrationError(
             f"a drift needs two calibrations at least; of {len(records)} records, {len(measuring)} measured offset and scale"
         )
-    seen = [seen_from(measuring[0], record) for record in measuring]
+    seen = [observable_change(measuring[0], record) for record in measuring]
     day = np.array(
         [(created(record) - created(measuring[0])).total_seconds() / SECONDS_PER_DAY for record in measuring]
     )

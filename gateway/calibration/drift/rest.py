@@ -71,7 +71,7 @@ class RestReading:
     """Hours since 1970, UTC."""
 
 
-class RestWatch:
+class RestDriftMonitor:
     """Fed with low-passed readings while the housing is `at_rest`; bounded, reads no clock."""
 
     def __init__(self, correction: Correction, state: Mapping[str, Any] | None = None) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from gateway.calibration.drift.line import Line, line_of_means
-from gateway.calibration.drift.rest import RestReading, RestWatch
+from gateway.calibration.drift.rest import RestDriftMonitor, RestReading
 from gateway.calibration.drift.rest_mean import RestMean, joined
 
 FEWEST_DAYS = 8
@@ -48,7 +48,7 @@ class RestStatus:
         return asdict(self)
 
 
-def rest_status(watch: RestWatch) -> RestStatus:
+def rest_status(watch: RestDriftMonitor) -> RestStatus:
     """Judge what the watch holds; costs some milliseconds, so once an hour."""
     reading = watch.reading()
     if reading is None:
@@ -105,7 +105,7 @@ def _shows(reading: RestReading) -> str:
     )
 
 
-def _reasons(watch: RestWatch, reading: RestReading) -> tuple[str, ...]:
+def _reasons(watch: RestDriftMonitor, reading: RestReading) -> tuple[str, ...]:
     said = []
     if watch.alarm_since_hour is not None:
         said.append(

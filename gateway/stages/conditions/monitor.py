@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gateway.messages import Cause, Verdict
 from gateway.stages.conditions.gyro_gates import turning_gates
 from gateway.stages.conditions.window import Bin, ConditionWindow
-from gateway.stages.conditions.window_features import SMOOTHED_BINS, Look, smoothed
+from gateway.stages.conditions.window_features import SMOOTHED_BINS, WindowFeatures, smoothed
 
 Array = NDArray[np.float64]
 FEWEST_BINS = 10
@@ -36,7 +36,7 @@ LARGEST_SEEN_RHO = 0.9
 
 
 @dataclass(frozen=True, slots=True)
-class SwingSeen:
+class SwingContext:
     """What the swing stage says of the same stretch."""
 
     swinging: bool | None
@@ -53,7 +53,7 @@ class SwingSeen:
 
 
 @dataclass(frozen=True, slots=True)
-class ConditionFound:
+class ConditionResult:
     """The verdict with its gates."""
 
     verdict: Verdict
@@ -64,7 +64,7 @@ class ConditionFound:
     norm_g: float | None
 
 
-class ConditionWatch:
+class ConditionMonitor:
     """Keeps the last seconds and judges them."""
 
     def __init__(self, noise_g: float | None, permissible_norm_error_g: float) -> None:
@@ -78,19 +78,21 @@ class ConditionWatch:
         """Take a block: times (n,), specific force (n, 3), how many samples were clipped or are missing, angular rates (n, 3)."""
         self._window.update(time_s, force_g, clipped, missing, rate_rad_s)
 
-    def judge(self, swing: SwingSeen) -> ConditionFound:
+    def judge(self, swing: SwingContext) -> ConditionResult:
         """The verdict on the window."""
         bins = self._window.bins
         if len(bins) < FEWEST_BINS:
-            return ConditionFound("unknown", None, False, ("less than a second of data",), {"enough_data": False}, None)
-        look = Look.at(bins, self._noise_g)
+            return ConditionResult(
+                "unknown", None, False, ("less than a second of data",), {"enough_data": False}, None
+            )
+        look = WindowFeatures.at(bins, self._noise_g)
         means = look.means_g
         gates = {"enough_data": True} | _sample_gates(look) | self._motion_gates(look, swing) | _turning(bins, swing)
         verdict, cause, reasons = _verdict(gates, swing, means)
         trusted = verdict in ("static", "quasi_static", "swinging")
-        return ConditionFound(verdict, cause, trusted, reasons, gates, float(np.linalg.norm(means.mean(axis=0))))
+        return ConditionResult(verdict, cause, trusted, reasons, gates, float(np.linalg.norm(means.mean(axis=0))))
 
-    def _motion_gates(self, look: Look, swing: SwingSeen) -> dict[str, bool]:
+    def _motion_gates(self, look: WindowFeatures, swing: SwingContext) -> dict[str, bool]:
         """On what the bins' means do."""
         norms = np.linalg.norm(look.smoothed_g, axis=1)
         memory = self._window.memory
@@ -103,19 +105,19 @@ class ConditionWatch:
         free = bool(swing.swinging) and swing.consistent and not swing.hoisting
         return {
             "still": look.still,
-            "steady": enough and len(calm) >= FEWEST_BINS and Look.at(calm, self._noise_g).still,
+            "steady": enough and len(calm) >= FEWEST_BINS and WindowFeatures.at(calm, self._noise_g).still,
             "norm_static": bool(np.all(np.abs(norms - 1) < self._dm_g)),
             "norm_pendulum": bool(
                 np.all(norms > 1 - span - self._dm_g) and np.all(norms < 1 + 2 * rho * span + self._dm_g)
             ),
-            "energy": not free or _keeps_energy(look.bins, look.means_g, swing),
-            "axial": not free or _hangs_freely(look.means_g, swing),
+            "energy": not free or _energy_gate(look.bins, look.means_g, swing),
+            "axial": not free or _is_free_pendulum(look.means_g, swing),
             "rope_keeps_length": not swing.hoisting or look.still,
             "pendulum": free,
         }
 
 
-def _sample_gates(look: Look) -> dict[str, bool]:
+def _sample_gates(look: WindowFeatures) -> dict[str, bool]:
     """On the samples within the bins."""
     bins = look.bins
     return {
@@ -128,17 +130,17 @@ def _sample_gates(look: Look) -> dict[str, bool]:
     }
 
 
-def _impact_g(look: Look) -> float:
+def _impact_g(look: WindowFeatures) -> float:
     return max(IMPACT_G, CREST * look.scatter_g) + 6 * look.noise_g
 
 
-def _turning(bins: list[Bin], swing: SwingSeen) -> dict[str, bool]:
+def _turning(bins: list[Bin], swing: SwingContext) -> dict[str, bool]:
     """On the angular rates; no gates where there are none."""
     rates = [b.rate_rad_s for b in bins if b.rate_rad_s is not None]
     return turning_gates(np.array(rates), swing.phi_max_rad, swing.period_s) if rates else {}
 
 
-def _keeps_energy(bins: list[Bin], means: Array, swing: SwingSeen) -> bool:
+def _energy_gate(bins: list[Bin], means: Array, swing: SwingContext) -> bool:
     """A free swing's amplitude, sqrt(f^2 + (f'/w)^2), is the same at every instant, planar or not."""
     if swing.period_s is None:
         return True
@@ -156,7 +158,7 @@ def _keeps_energy(bins: list[Bin], means: Array, swing: SwingSeen) -> bool:
     return bool(np.ptp(amplitude_g) < ENERGY_FLOOR_G + ENERGY_SHARE * amplitude_g.max() + ENERGY_SIGMA * u_rate_g)
 
 
-def _hangs_freely(means: Array, swing: SwingSeen) -> bool:
+def _is_free_pendulum(means: Array, swing: SwingContext) -> bool:
     """The force along the rope follows the place in the swing: f_z = const - (1/2 + rho) phi^2, phi = f_t/(1 - rho)."""
     if swing.rho is None or swing.rho > LARGEST_SEEN_RHO:
         return True
@@ -183,14 +185,16 @@ DISTURBING: dict[str, tuple[Cause | None, str]] = {
 }
 
 
-def _verdict(gates: dict[str, bool], swing: SwingSeen, means: Array) -> tuple[Verdict, Cause | None, tuple[str, ...]]:
+def _verdict(
+    gates: dict[str, bool], swing: SwingContext, means: Array
+) -> tuple[Verdict, Cause | None, tuple[str, ...]]:
     """From gates to verdict and cause; the reasons name the gates that decided."""
     if unusable := tuple(text for gate, text in UNUSABLE.items() if not gates[gate]):
         return "unknown", None, unusable
     if disturbed := [said for gate, said in DISTURBING.items() if not gates.get(gate, True)]:
         cause = next((cause for cause, _ in disturbed if cause is not None), None)
         if cause is None and not gates["still"]:
-            cause = _mover(means, swing)
+            cause = _infer_cause(means, swing)
         return "disturbed", cause, tuple(text for _, text in disturbed)
     if gates["pendulum"]:
         return "swinging", None, ("moves as a pendulum does",)
@@ -198,7 +202,7 @@ def _verdict(gates: dict[str, bool], swing: SwingSeen, means: Array) -> tuple[Ve
 
 
 def _without_swing(
-    gates: dict[str, bool], swing: SwingSeen, means: Array
+    gates: dict[str, bool], swing: SwingContext, means: Array
 ) -> tuple[Verdict, Cause | None, tuple[str, ...]]:
     if gates["still"] and gates["norm_static"]:
         if not gates["steady"]:
@@ -208,7 +212,7 @@ def _without_swing(
         return "unknown", None, ("moving; not yet a full swing to judge by",)
     if gates["still"]:
         return "disturbed", None, ("still, but the magnitude is not 1 g",)
-    cause = _mover(means, swing)
+    cause = _infer_cause(means, swing)
     return "disturbed", cause, (f"{cause}: moves as no pendulum does",)
 
 
@@ -220,7 +224,7 @@ def _at_rest(gates: dict[str, bool]) -> tuple[Verdict, Cause | None, tuple[str, 
     return "quasi_static", "vibration", ("vibration about a steady mean of 1 g",)
 
 
-def _mover(means: Array, swing: SwingSeen) -> Cause:
+def _infer_cause(means: Array, swing: SwingContext) -> Cause:
     """What drives: a hoist shows along the rope, trolley and wind across it."""
     moved_g = np.ptp(smoothed(means, SMOOTHED_BINS), axis=0)
     return "hoisting" if moved_g[2] > np.hypot(moved_g[0], moved_g[1]) else "trolley"

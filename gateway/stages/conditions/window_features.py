@@ -24,7 +24,7 @@ ROUGH_FLOOR_G = 0.004
 
 
 @dataclass(frozen=True, slots=True)
-class Look:
+class WindowFeatures:
     """Bins, oldest first, at least as many as are smoothed."""
 
     bins: list[Bin]
@@ -42,7 +42,7 @@ class Look:
     """Smoothed means stay where they are, and where nothing shakes the means themselves, the newest too."""
 
     @classmethod
-    def at(cls, bins: list[Bin], noise_g: float | None) -> "Look":
+    def at(cls, bins: list[Bin], noise_g: float | None) -> "WindowFeatures":
         """`noise_g`: of the device, None where it is not known."""
         means_g = np.array([b.mean_g for b in bins])
         scatters_g = [b.scatter_g for b in bins]

@@ -2,8 +2,8 @@
 
 import casadi as ca
 
-from devices.pendulum.equations import Vector, dot, times
-from gateway.twin.effects.effect import Body, Effect, Moment, Parameter, Symbols
+from devices.pendulum.equations import Vector, dot, scale
+from gateway.twin.effects.effect import BodyState, Effect, EvaluationContext, Parameter, Symbols
 
 SLOWEST_M_S = 1e-3
 """Coulomb friction turns over within this speed; without it the force would jump at every turning point."""
@@ -19,9 +19,9 @@ class ViscousDamping(Effect):
     enters = "force on the load"
     parameters = (Parameter("damping_ratio", "1", "part of critical damping", 0.0, 0.5, 0.0, 1e-3, 5e-3),)
 
-    def force_m_s2(self, p: Symbols, now: Moment, load: Body) -> Vector:
+    def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
         """Against the velocity, in proportion to it."""
-        return times(-2 * p["damping_ratio"] * load.swing_rate, load.velocity)
+        return scale(-2 * p["damping_ratio"] * load.swing_rate, load.velocity)
 
 
 class QuadraticDrag(Effect):
@@ -34,10 +34,10 @@ class QuadraticDrag(Effect):
     enters = "force on the load"
     parameters = (Parameter("drag_per_m", "1/m", "k", 0.0, 1.0, 0.0, 1e-3, 5e-3),)
 
-    def force_m_s2(self, p: Symbols, now: Moment, load: Body) -> Vector:
+    def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
         """Against the velocity, as its square."""
         speed = ca.sqrt(dot(load.velocity, load.velocity) + SLOWEST_M_S**2)
-        return times(-p["drag_per_m"] * speed, load.velocity)
+        return scale(-p["drag_per_m"] * speed, load.velocity)
 
 
 class CoulombFriction(Effect):
@@ -50,7 +50,7 @@ class CoulombFriction(Effect):
     enters = "force on the load"
     parameters = (Parameter("decel_m_s2", "m/s²", "μ", 0.0, 0.5, 0.0, 1e-3, 4e-3),)
 
-    def force_m_s2(self, p: Symbols, now: Moment, load: Body) -> Vector:
+    def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
         """Against the velocity, whatever its size."""
         speed = ca.sqrt(dot(load.velocity, load.velocity) + SLOWEST_M_S**2)
-        return times(-p["decel_m_s2"] / speed, load.velocity)
+        return scale(-p["decel_m_s2"] / speed, load.velocity)

@@ -3,8 +3,8 @@
 from typing import Any
 
 from devices.pendulum.equations import Scalar, Vector
-from gateway.twin.effects.effect import Body, Effect, Moment, Parameter, Symbols
-from gateway.twin.effects.pulse import SHARPEST, Pulse, duration, rising_share, start
+from gateway.twin.effects.effect import BodyState, Effect, EvaluationContext, Parameter, Symbols
+from gateway.twin.effects.pulse import SHARPEST, Pulse, duration, ramp_fraction, start
 
 HORIZONTAL = ("x", "y")
 
@@ -26,7 +26,7 @@ class SteadyWind(Effect):
         Parameter("accel_m_s2", "m/s²", "force over the load's mass", -2.0, 2.0, 0.0, 0.01, (0.2, 0.0), HORIZONTAL),
     )
 
-    def force_m_s2(self, p: Symbols, now: Moment, load: Body) -> Vector:
+    def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
         """The same always."""
         return horizontal(p["accel_m_s2"], 1.0)
 
@@ -46,10 +46,10 @@ class WindGust(Effect):
         Parameter("accel_m_s2", "m/s²", "force over the load's mass", -5.0, 5.0, 0.0, 0.01, (0.25, 0.1), HORIZONTAL),
         start(30.0),
         duration(5.0),
-        rising_share(1.0),
+        ramp_fraction(1.0),
     )
 
-    def edges(self, p: Symbols) -> tuple[Scalar, ...]:
+    def discontinuities_s(self, p: Symbols) -> tuple[Scalar, ...]:
         """Where it starts, is full, falls and ends."""
         return self._pulse(p).edges
 
@@ -57,9 +57,9 @@ class WindGust(Effect):
         """Eight steps at least."""
         return p["duration_s"] / 8
 
-    def force_m_s2(self, p: Symbols, now: Moment, load: Body) -> Vector:
+    def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
         """Rises to the full force, stays, and falls again."""
-        return horizontal(p["accel_m_s2"], self._pulse(p).level(now))
+        return horizontal(p["accel_m_s2"], self._pulse(p).value(now))
 
     @staticmethod
     def _pulse(p: Symbols) -> Pulse:
@@ -80,11 +80,11 @@ class Impact(Effect):
         start(30.0),
     )
 
-    def edges(self, p: Symbols) -> tuple[Scalar, ...]:
+    def discontinuities_s(self, p: Symbols) -> tuple[Scalar, ...]:
         """The instant of the blow."""
         return (p["start_s"],)
 
-    def kick(self, p: Symbols) -> Vector:
+    def velocity_jump_m_s(self, p: Symbols) -> Vector:
         """The jump."""
         return horizontal(p["delta_v_m_s"], 1.0)
 
@@ -103,18 +103,18 @@ class TrolleyAcceleration(Effect):
         start(30.0),
         duration(3.0),
         duration(5.0, "coast_s"),
-        rising_share(SHARPEST),
+        ramp_fraction(SHARPEST),
     )
 
-    def edges(self, p: Symbols) -> tuple[Scalar, ...]:
+    def discontinuities_s(self, p: Symbols) -> tuple[Scalar, ...]:
         """Of speeding up and of slowing down."""
         speeding, slowing = self._pulses(p)
         return *speeding.edges, *slowing.edges
 
-    def pivot_m_s2(self, p: Symbols, now: Moment) -> Vector:
+    def pivot_m_s2(self, p: Symbols, now: EvaluationContext) -> Vector:
         """Constant on each ramp but for its rise and fall."""
         speeding, slowing = self._pulses(p)
-        return horizontal(p["accel_m_s2"], speeding.level(now) - slowing.level(now))
+        return horizontal(p["accel_m_s2"], speeding.value(now) - slowing.value(now))
 
     @staticmethod
     def _pulses(p: Symbols) -> tuple[Pulse, Pulse]:

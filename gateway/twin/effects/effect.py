@@ -44,7 +44,7 @@ class Parameter:
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class EvaluationContext:
     """An instant inside an integration step. Steps end at the edges of events, so a step is wholly inside or outside."""
 
     time_s: Scalar
@@ -55,17 +55,17 @@ class Moment:
     stretch: tuple[Scalar, Scalar, Scalar] = NOTHING
     """Of an elastic rope beyond that of a load at rest, with its two derivatives."""
 
-    def within(self, start_s: Scalar, end_s: Scalar) -> Scalar:
+    def is_between(self, start_s: Scalar, end_s: Scalar) -> Scalar:
         """1 between two edges, 0 outside."""
         return (self.middle_s >= start_s) * (self.middle_s < end_s)
 
-    def after(self, start_s: Scalar) -> Scalar:
+    def step_at(self, start_s: Scalar) -> Scalar:
         """1 from an edge on, 0 before."""
         return self.middle_s >= start_s
 
 
 @dataclass(frozen=True, slots=True)
-class Ropes:
+class RopeGeometry:
     """Lengths at an instant with their first two derivatives, in m, m/s, m/s^2."""
 
     length: tuple[Scalar, Scalar, Scalar]
@@ -75,7 +75,7 @@ class Ropes:
 
 
 @dataclass(frozen=True, slots=True)
-class Body:
+class BodyState:
     """The load, or the housing, at an instant, in the world."""
 
     place: Vector
@@ -111,43 +111,43 @@ class Effect:
         """Of a parameter, on a rope of a believed length."""
         return parameter.upper
 
-    def edges(self, p: Symbols) -> tuple[Scalar, ...]:
+    def discontinuities_s(self, p: Symbols) -> tuple[Scalar, ...]:
         """Times at which what acts has a jump."""
         return ()
 
-    def kick(self, p: Symbols) -> Vector | None:
+    def velocity_jump_m_s(self, p: Symbols) -> Vector | None:
         """A jump of the load's velocity in m/s at the first of the edges."""
         return None
 
-    def ropes(self, p: Symbols, now: Moment, ropes: Ropes) -> Ropes:
+    def ropes(self, p: Symbols, now: EvaluationContext, ropes: RopeGeometry) -> RopeGeometry:
         """Lengths with this effect."""
         return ropes
 
-    def stretch_m_s2(self, p: Symbols, now: Moment, beyond_rest_m_s2: Scalar) -> Scalar:
+    def stretch_m_s2(self, p: Symbols, now: EvaluationContext, beyond_rest_m_s2: Scalar) -> Scalar:
         """Second derivative of the stretch; given is what pulls the load along the rope beyond its weight at rest."""
         return 0.0
 
-    def force_m_s2(self, p: Symbols, now: Moment, load: Body) -> Vector:
+    def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
         """Force on the load over its mass."""
         return NOTHING
 
-    def pivot_m_s2(self, p: Symbols, now: Moment) -> Vector:
+    def pivot_m_s2(self, p: Symbols, now: EvaluationContext) -> Vector:
         """Acceleration of the pivot."""
         return NOTHING
 
-    def felt_m_s2(self, p: Symbols, now: Moment, housing: Body) -> Vector:
+    def fictitious_acceleration_m_s2(self, p: Symbols, now: EvaluationContext, housing: BodyState) -> Vector:
         """What the housing feels beyond its acceleration against the pivot's frame, where that frame turns."""
         return NOTHING
 
-    def turn_rad(self, p: Symbols, now: Moment) -> Scalar:
+    def housing_rotation_rad(self, p: Symbols, now: EvaluationContext) -> Scalar:
         """By how much the housing has turned about the rope, right-handed about its z axis."""
         return 0.0
 
-    def reading_g(self, p: Symbols, now: Moment, reading: Vector) -> Vector:
+    def reading_g(self, p: Symbols, now: EvaluationContext, reading: Vector) -> Vector:
         """What the sensor makes of what it feels, before its low-pass."""
         return reading
 
-    def output_g(self, p: Symbols, reading: Vector) -> Vector:
+    def output_stage_g(self, p: Symbols, reading: Vector) -> Vector:
         """What it hands on of a filtered reading."""
         return reading
 

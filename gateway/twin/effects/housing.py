@@ -5,8 +5,8 @@ from dataclasses import replace
 import casadi as ca
 
 from devices.pendulum.equations import Scalar, Vector
-from gateway.twin.effects.effect import Body, Effect, Moment, Parameter, Ropes, Symbols
-from gateway.twin.effects.rope import longer
+from gateway.twin.effects.effect import BodyState, Effect, EvaluationContext, Parameter, RopeGeometry, Symbols
+from gateway.twin.effects.rope import add_length
 
 
 class HousingPosition(Effect):
@@ -19,9 +19,9 @@ class HousingPosition(Effect):
     enters = "housing"
     parameters = (Parameter("error_m", "m", "further from the pivot is positive", -100.0, 100.0, 0.0, 0.02, 1.0),)
 
-    def ropes(self, p: Symbols, now: Moment, ropes: Ropes) -> Ropes:
+    def ropes(self, p: Symbols, now: EvaluationContext, ropes: RopeGeometry) -> RopeGeometry:
         """The housing alone."""
-        return replace(ropes, position=longer(ropes.position, p["error_m"]))
+        return replace(ropes, position=add_length(ropes.position, p["error_m"]))
 
 
 class HousingSpin(Effect):
@@ -34,7 +34,7 @@ class HousingSpin(Effect):
     enters = "housing"
     parameters = (Parameter("rate_deg_s", "°/s", "Ω", -60.0, 60.0, 0.0, 0.02, 2.0),)
 
-    def turn_rad(self, p: Symbols, now: Moment) -> Scalar:
+    def housing_rotation_rad(self, p: Symbols, now: EvaluationContext) -> Scalar:
         """In proportion to time."""
         return ca.pi / 180 * p["rate_deg_s"] * now.time_s
 
@@ -51,13 +51,13 @@ class Slewing(Effect):
     enters = "force on the load"
     parameters = (Parameter("rate_deg_s", "°/s", "Ω, anticlockwise from above", -30.0, 30.0, 0.0, 0.02, 2.0),)
 
-    def force_m_s2(self, p: Symbols, now: Moment, load: Body) -> Vector:
+    def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
         """In the frame of the crane."""
         rate = ca.pi / 180 * p["rate_deg_s"]
         (x_rate, y_rate, _), (x, y, _) = load.velocity, load.place
         return 2 * rate * y_rate + rate**2 * x, -2 * rate * x_rate + rate**2 * y, 0.0
 
-    def felt_m_s2(self, p: Symbols, now: Moment, housing: Body) -> Vector:
+    def fictitious_acceleration_m_s2(self, p: Symbols, now: EvaluationContext, housing: BodyState) -> Vector:
         """The same, of the housing: what is fictitious in the crane's frame is not felt."""
         x, y, z = self.force_m_s2(p, now, housing)
         return -x, -y, -z

@@ -34,7 +34,7 @@ class Clipping(Effect):
     linear_at_neutral = False
     parameters = (Parameter("full_scale_g", "g", "c", 0.05, 100.0, 16.0, 1e-3, 1.005),)
 
-    def output_g(self, p: Symbols, reading: Vector) -> Vector:
+    def output_stage_g(self, p: Symbols, reading: Vector) -> Vector:
         """Each axis for itself."""
         x, y, z = (ca.fmin(ca.fmax(f, -p["full_scale_g"]), p["full_scale_g"]) for f in reading)
         return x, y, z

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import casadi as ca
 
 from devices.pendulum.equations import Scalar
-from gateway.twin.effects.effect import Moment, Parameter
+from gateway.twin.effects.effect import EvaluationContext, Parameter
 
 SHARPEST = 0.01
 """Least part of an event in which it rises and falls."""
@@ -21,7 +21,7 @@ def duration(typical: float, name: str = "duration_s") -> Parameter:
     return Parameter(name, "s", "how long it lasts", 0.05, 600.0, 5.0, 0.1, typical)
 
 
-def rising_share(typical: float) -> Parameter:
+def ramp_fraction(typical: float) -> Parameter:
     """How sharp its edges are."""
     return Parameter("rising_share", "1", "part in which it rises and falls", SHARPEST, 1.0, typical, 0.1, typical)
 
@@ -45,31 +45,31 @@ class Pulse:
         end_s = self.start_s + self.duration_s
         return self.start_s, self.start_s + self.rise_s, end_s - self.rise_s, end_s
 
-    def level(self, now: Moment) -> Scalar:
+    def value(self, now: EvaluationContext) -> Scalar:
         """w."""
         begin, full, falls, end = self.edges
-        rising = now.within(begin, full) * (1 - ca.cos(self._angle(now.time_s - begin))) / 2
-        falling = now.within(falls, end) * (1 - ca.cos(self._angle(end - now.time_s))) / 2
-        return rising + now.within(full, falls) + falling
+        rising = now.is_between(begin, full) * (1 - ca.cos(self._angle(now.time_s - begin))) / 2
+        falling = now.is_between(falls, end) * (1 - ca.cos(self._angle(end - now.time_s))) / 2
+        return rising + now.is_between(full, falls) + falling
 
-    def slope(self, now: Moment) -> Scalar:
+    def slope(self, now: EvaluationContext) -> Scalar:
         """w'; of the sharpest edges nothing, they fall between the samples."""
         begin, full, falls, end = self.edges
-        rising = now.within(begin, full) * ca.sin(self._angle(now.time_s - begin))
-        falling = now.within(falls, end) * ca.sin(self._angle(end - now.time_s))
+        rising = now.is_between(begin, full) * ca.sin(self._angle(now.time_s - begin))
+        falling = now.is_between(falls, end) * ca.sin(self._angle(end - now.time_s))
         return (self.rising_share > SHARPEST) * ca.pi / (2 * self.rise_s) * (rising - falling)
 
-    def area(self, now: Moment) -> Scalar:
+    def area(self, now: EvaluationContext) -> Scalar:
         """Of w until now."""
         begin, full, falls, end = self.edges
-        rising = now.within(begin, full) * self._flank(now.time_s - begin)
-        flat = now.within(full, falls) * (now.time_s - begin - self.rise_s / 2)
+        rising = now.is_between(begin, full) * self._ramp_integral(now.time_s - begin)
+        flat = now.is_between(full, falls) * (now.time_s - begin - self.rise_s / 2)
         whole = self.duration_s - self.rise_s
-        falling = now.within(falls, end) * (whole - self._flank(end - now.time_s))
-        return rising + flat + falling + now.after(end) * whole
+        falling = now.is_between(falls, end) * (whole - self._ramp_integral(end - now.time_s))
+        return rising + flat + falling + now.step_at(end) * whole
 
     def _angle(self, since_s: Scalar) -> Scalar:
         return ca.pi * since_s / self.rise_s
 
-    def _flank(self, since_s: Scalar) -> Scalar:
+    def _ramp_integral(self, since_s: Scalar) -> Scalar:
         return (since_s - self.rise_s / ca.pi * ca.sin(self._angle(since_s))) / 2

@@ -6,16 +6,16 @@ import casadi as ca
 
 from devices.pendulum.equations import Scalar
 from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2
-from gateway.twin.effects.effect import Effect, Moment, Parameter, Ropes, Symbols
+from gateway.twin.effects.effect import Effect, EvaluationContext, Parameter, RopeGeometry, Symbols
 from gateway.twin.effects.modes import modes
-from gateway.twin.effects.pulse import Pulse, duration, rising_share, start
+from gateway.twin.effects.pulse import Pulse, duration, ramp_fraction, start
 
 Length = tuple[Scalar, Scalar, Scalar]
 LONGEST_RIGGING = 0.95
 """Share of the believed length."""
 
 
-def longer(length: Length, by: Scalar, rate: Scalar = 0.0, acceleration: Scalar = 0.0) -> Length:
+def add_length(length: Length, by: Scalar, rate: Scalar = 0.0, acceleration: Scalar = 0.0) -> Length:
     """A length with its two derivatives, and something added to each."""
     return length[0] + by, length[1] + rate, length[2] + acceleration
 
@@ -33,18 +33,18 @@ class Hoisting(Effect):
         Parameter("speed_m_s", "m/s", "lowering; hoisting is negative", -2.0, 2.0, 0.0, 0.01, -0.2),
         start(30.0),
         duration(8.0),
-        rising_share(0.1),
+        ramp_fraction(0.1),
     )
 
-    def edges(self, p: Symbols) -> tuple[Scalar, ...]:
+    def discontinuities_s(self, p: Symbols) -> tuple[Scalar, ...]:
         """Where the winch starts, runs, slows and stands."""
         return self._pulse(p).edges
 
-    def ropes(self, p: Symbols, now: Moment, ropes: Ropes) -> Ropes:
+    def ropes(self, p: Symbols, now: EvaluationContext, ropes: RopeGeometry) -> RopeGeometry:
         """The housing keeps its distance to the load."""
         winch, speed = self._pulse(p), p["speed_m_s"]
-        by = (speed * winch.area(now), speed * winch.level(now), speed * winch.slope(now))
-        return Ropes(longer(ropes.length, *by), longer(ropes.position, *by))
+        by = (speed * winch.area(now), speed * winch.value(now), speed * winch.slope(now))
+        return RopeGeometry(add_length(ropes.length, *by), add_length(ropes.position, *by))
 
     @staticmethod
     def _pulse(p: Symbols) -> Pulse:
@@ -61,7 +61,7 @@ class RopeLength(Effect):
     enters = "rope"
     parameters = (Parameter("relative_error", "1", "e", -0.5, 1.0, 0.0, 1e-3, 0.02),)
 
-    def ropes(self, p: Symbols, now: Moment, ropes: Ropes) -> Ropes:
+    def ropes(self, p: Symbols, now: EvaluationContext, ropes: RopeGeometry) -> RopeGeometry:
         """All of the length in proportion; the housing stays where it was measured."""
         length, rate, acceleration = ropes.length
         return replace(ropes, length=(length * (1 + p["relative_error"]), rate, acceleration))
@@ -91,17 +91,17 @@ class RopeStretch(Effect):
         """An eighth of a radian of the bounce."""
         return 0.125 / (2 * ca.pi * p["frequency_hz"])
 
-    def ropes(self, p: Symbols, now: Moment, ropes: Ropes) -> Ropes:
+    def ropes(self, p: Symbols, now: EvaluationContext, ropes: RopeGeometry) -> RopeGeometry:
         """The load hangs lower by the sag under its weight and bounces about it; the housing takes its part in both."""
         sag = p["sag_unknown"] * STANDARD_GRAVITY_M_S2 / (2 * ca.pi * p["frequency_hz"]) ** 2
         stretch, rate, acceleration = now.stretch
         part = p["above_housing"]
-        return Ropes(
-            longer(ropes.length, sag + stretch, rate, acceleration),
-            longer(ropes.position, part * (sag + stretch), part * rate, part * acceleration),
+        return RopeGeometry(
+            add_length(ropes.length, sag + stretch, rate, acceleration),
+            add_length(ropes.position, part * (sag + stretch), part * rate, part * acceleration),
         )
 
-    def stretch_m_s2(self, p: Symbols, now: Moment, beyond_rest_m_s2: Scalar) -> Scalar:
+    def stretch_m_s2(self, p: Symbols, now: EvaluationContext, beyond_rest_m_s2: Scalar) -> Scalar:
         """A damped spring."""
         omega, (stretch, rate, _) = 2 * ca.pi * p["frequency_hz"], now.stretch
         return beyond_rest_m_s2 - omega**2 * stretch - 2 * p["damping_ratio"] * omega * rate
@@ -123,13 +123,13 @@ class LoadChange(Effect):
         start(30.0),
     )
 
-    def edges(self, p: Symbols) -> tuple[Scalar, ...]:
+    def discontinuities_s(self, p: Symbols) -> tuple[Scalar, ...]:
         """The instant of the change."""
         return (p["start_s"],)
 
-    def ropes(self, p: Symbols, now: Moment, ropes: Ropes) -> Ropes:
+    def ropes(self, p: Symbols, now: EvaluationContext, ropes: RopeGeometry) -> RopeGeometry:
         """Longer from an edge on; rope and housing stay."""
-        return replace(ropes, length=longer(ropes.length, p["length_change_m"] * now.after(p["start_s"])))
+        return replace(ropes, length=add_length(ropes.length, p["length_change_m"] * now.step_at(p["start_s"])))
 
 
 class DoublePendulum(Effect):
@@ -156,6 +156,6 @@ class DoublePendulum(Effect):
         lower_m = p["rigging_length_m"]
         return 0.1 / modes(length_m - lower_m, lower_m, p["hook_mass_ratio"])[1].rate
 
-    def ropes(self, p: Symbols, now: Moment, ropes: Ropes) -> Ropes:
+    def ropes(self, p: Symbols, now: EvaluationContext, ropes: RopeGeometry) -> RopeGeometry:
         """The upper rope ends at the hook."""
-        return replace(ropes, length=longer(ropes.length, -p["rigging_length_m"]))
+        return replace(ropes, length=add_length(ropes.length, -p["rigging_length_m"]))

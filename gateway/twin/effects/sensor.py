@@ -3,7 +3,7 @@
 import casadi as ca
 
 from devices.pendulum.equations import Vector
-from gateway.twin.effects.effect import Effect, Moment, Parameter, Symbols
+from gateway.twin.effects.effect import Effect, EvaluationContext, Parameter, Symbols
 
 AXES = ("x", "y", "z")
 
@@ -18,7 +18,7 @@ class MountMisalignment(Effect):
     enters = "sensor"
     parameters = (Parameter("deg", "°", "about x and y", -20.0, 20.0, 0.0, 0.05, (0.5, -0.5), ("x", "y")),)
 
-    def reading_g(self, p: Symbols, now: Moment, reading: Vector) -> Vector:
+    def reading_g(self, p: Symbols, now: EvaluationContext, reading: Vector) -> Vector:
         """Turned about x, then about y."""
         about_x, about_y = (ca.pi / 180 * angle for angle in p["deg"])
         x, y, z = reading
@@ -38,7 +38,7 @@ class CrossAxis(Effect):
         Parameter(pair, "1", f"of {pair[1]} on {pair[0]}", -0.3, 0.3, 0.0, 1e-3, 0.01) for pair in ("xy", "xz", "yz")
     )
 
-    def reading_g(self, p: Symbols, now: Moment, reading: Vector) -> Vector:
+    def reading_g(self, p: Symbols, now: EvaluationContext, reading: Vector) -> Vector:
         """Upper triangle."""
         x, y, z = reading
         return x + p["xy"] * y + p["xz"] * z, y + p["xy"] * x + p["yz"] * z, z + p["xz"] * x + p["yz"] * y
@@ -54,7 +54,7 @@ class ScaleError(Effect):
     enters = "sensor"
     parameters = (Parameter("relative", "1", "s", -0.3, 0.3, 0.0, 1e-3, (0.01, 0.01, 0.01), AXES),)
 
-    def reading_g(self, p: Symbols, now: Moment, reading: Vector) -> Vector:
+    def reading_g(self, p: Symbols, now: EvaluationContext, reading: Vector) -> Vector:
         """Each axis for itself."""
         x, y, z = (f * (1 + s) for f, s in zip(reading, p["relative"], strict=True))
         return x, y, z
@@ -70,7 +70,7 @@ class AxisOffset(Effect):
     enters = "sensor"
     parameters = (Parameter("offset_g", "g", "b", -0.5, 0.5, 0.0, 1e-3, (0.01, 0.01, 0.01), AXES),)
 
-    def reading_g(self, p: Symbols, now: Moment, reading: Vector) -> Vector:
+    def reading_g(self, p: Symbols, now: EvaluationContext, reading: Vector) -> Vector:
         """Each axis for itself."""
         x, y, z = (f + b for f, b in zip(reading, p["offset_g"], strict=True))
         return x, y, z
@@ -86,7 +86,7 @@ class ThermalDrift(Effect):
     enters = "sensor"
     parameters = (Parameter("mg_per_c", "mg/°C", "k", -20.0, 20.0, 0.0, 0.05, (0.5, 0.5, 1.0), AXES),)
 
-    def reading_g(self, p: Symbols, now: Moment, reading: Vector) -> Vector:
+    def reading_g(self, p: Symbols, now: EvaluationContext, reading: Vector) -> Vector:
         """In proportion to the temperature's distance from the calibration's."""
         x, y, z = (f + 1e-3 * k * now.warmer_c for f, k in zip(reading, p["mg_per_c"], strict=True))
         return x, y, z
@@ -108,7 +108,7 @@ class Vibration(Effect):
         Parameter("phase_rad", "rad", "φ of x", -7.0, 7.0, 0.0, 0.1, 0.0, refitted=True),
     )
 
-    def reading_g(self, p: Symbols, now: Moment, reading: Vector) -> Vector:
+    def reading_g(self, p: Symbols, now: EvaluationContext, reading: Vector) -> Vector:
         """Each axis with its own amplitude and phase."""
         angle = 2 * ca.pi * p["frequency_hz"] * now.time_s + p["phase_rad"]
         angles = (angle, *(angle - lag for lag in p["lag_rad"]))

@@ -29,7 +29,7 @@ WIDE_FROM_DEG, ROUND_FROM = 8.0, 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class Leg:
+class Run:
     """One recording."""
 
     amplitude_deg: float = 5.0
@@ -75,7 +75,7 @@ class Leg:
         return max(SLOWEST_DRIVE_S, abs(self.hoist_share) * rig.length_m / FASTEST_M_S)
 
     @property
-    def handwork_s(self) -> float:
+    def manual_effort_s(self) -> float:
         """Beside the recording's own duration."""
         return (
             TURNING_S * bool(self.turn_deg_s)
@@ -87,10 +87,10 @@ class Leg:
 
 
 @dataclass(frozen=True, slots=True)
-class Manoeuvre:
+class Experiment:
     """One recording, or several right after one another."""
 
-    legs: tuple[Leg, ...]
+    legs: tuple[Run, ...]
 
     @property
     def duration_s(self) -> float:
@@ -100,13 +100,13 @@ class Manoeuvre:
     @property
     def effort_s(self) -> float:
         """Recordings and handwork."""
-        return self.duration_s + sum(leg.handwork_s for leg in self.legs) + NEXT_RECORDING_S * (len(self.legs) - 1)
+        return self.duration_s + sum(leg.manual_effort_s for leg in self.legs) + NEXT_RECORDING_S * (len(self.legs) - 1)
 
     def possible(self, rig: TwinRig) -> bool:
         """On this rig."""
         return all(leg.possible(rig) for leg in self.legs)
 
-    def adds_to(self, other: "Manoeuvre") -> bool:
+    def is_extension_of(self, other: "Experiment") -> bool:
         """The same work, and more."""
         return self._works() > other._works()
 

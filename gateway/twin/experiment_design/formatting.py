@@ -1,12 +1,12 @@
 """A manoeuvre in an operator's words."""
 
 from gateway.twin.experiment_design.candidates import STILL_DEG
-from gateway.twin.experiment_design.experiment import DRIVE_FROM, ROUND_FROM, Leg, Manoeuvre
-from gateway.twin.experiment_design.hypotheses import Suspect
+from gateway.twin.experiment_design.experiment import DRIVE_FROM, ROUND_FROM, Experiment, Run
+from gateway.twin.experiment_design.hypotheses import Hypothesis
 from gateway.twin.model import TwinRig
 
 
-def in_words(manoeuvre: Manoeuvre, rig: TwinRig) -> str:
+def describe(manoeuvre: Experiment, rig: TwinRig) -> str:
     """What to do, one clause after another."""
     said = [_leg(leg, rig) for leg in manoeuvre.legs]
     if len(said) == 1:
@@ -14,23 +14,23 @@ def in_words(manoeuvre: Manoeuvre, rig: TwinRig) -> str:
     return f"two recordings right after one another, in the same wind: first {said[0]}; then {said[1]}"
 
 
-def how_long(manoeuvre: Manoeuvre) -> str:
+def how_long(manoeuvre: Experiment) -> str:
     """Recordings, and all in all."""
     return f"{manoeuvre.duration_s / 60:.0f} min of recording, about {manoeuvre.effort_s / 60:.0f} min in all"
 
 
-def suspect_in_words(suspect: Suspect) -> str:
+def suspect_in_words(suspect: Hypothesis) -> str:
     """`axis offset (x, y)`."""
     name = suspect.effect.replace("_", " ")
     return f"{name} ({', '.join(suspect.parts)})" if suspect.parts else name
 
 
-def _leg(leg: Leg, rig: TwinRig) -> str:
+def _leg(leg: Run, rig: TwinRig) -> str:
     clauses = [*_before(leg, rig), _swing(leg), *_during(leg, rig)]
     return f"{', '.join(clauses)}; record {leg.duration_s:.0f} s"
 
 
-def _before(leg: Leg, rig: TwinRig) -> list[str]:
+def _before(leg: Run, rig: TwinRig) -> list[str]:
     clauses = []
     if leg.heading_deg:
         clauses.append(f"clamp the housing on again, turned by {leg.heading_deg:.0f}° about the rope")
@@ -41,14 +41,14 @@ def _before(leg: Leg, rig: TwinRig) -> list[str]:
     return clauses
 
 
-def _swing(leg: Leg) -> str:
+def _swing(leg: Run) -> str:
     if leg.amplitude_deg <= STILL_DEG:
         return "let the load hang still"
     shape = "round, nearly in a circle," if leg.roundness > ROUND_FROM else "freely"
     return f"let it swing {shape} from {leg.amplitude_deg:.0f}°"
 
 
-def _during(leg: Leg, rig: TwinRig) -> list[str]:
+def _during(leg: Run, rig: TwinRig) -> list[str]:
     clauses = []
     if leg.turn_deg_s:
         one_turn_s = 360 / leg.turn_deg_s

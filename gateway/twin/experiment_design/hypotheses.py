@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from gateway.errors import InputError
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Parameter
-from gateway.twin.simulator.parameter_vector import Slot
+from gateway.twin.simulator.parameter_vector import ParameterSpec
 
 
 @dataclass(frozen=True, slots=True)
-class Suspect:
+class Hypothesis:
     """An effect, or the components of it that matter."""
 
     effect: str
@@ -21,34 +21,34 @@ class Suspect:
         """`axis_offset[x+y]`, as `suspects` reads it."""
         return f"{self.effect}[{'+'.join(self.parts)}]" if self.parts else self.effect
 
-    def has(self, slot: Slot) -> bool:
+    def has(self, slot: ParameterSpec) -> bool:
         """Whether one of a simulator's values is of this suspect."""
         return slot.effect == self.effect and (not self.parts or part_of(slot) in self.parts)
 
 
-def part_of(slot: Slot) -> str:
+def part_of(slot: ParameterSpec) -> str:
     """The name by which a suspect picks one of an effect's values."""
     parameter = next(p for p in EFFECTS[slot.effect].parameters if p.name == slot.parameter)
     return parameter.components[slot.component] if parameter.components else parameter.name
 
 
-def says_how_strong(parameter: Parameter) -> bool:
+def is_amplitude(parameter: Parameter) -> bool:
     """Others say when an effect acts, or how it goes on."""
     return parameter.unit != "s" and parameter.typical != parameter.neutral
 
 
-Group = tuple[Suspect, ...]
+Group = tuple[Hypothesis, ...]
 GROUPS: tuple[Group, ...] = (
     (
-        Suspect("steady_wind"),
-        Suspect("axis_offset", ("x", "y")),
-        Suspect("mount_misalignment"),
-        Suspect("cross_axis", ("xz", "yz")),
+        Hypothesis("steady_wind"),
+        Hypothesis("axis_offset", ("x", "y")),
+        Hypothesis("mount_misalignment"),
+        Hypothesis("cross_axis", ("xz", "yz")),
     ),
-    (Suspect("axis_offset", ("z",)), Suspect("scale_error", ("z",))),
-    (Suspect("rope_length"), Suspect("clock_drift"), Suspect("housing_position")),
-    (Suspect("slewing"), Suspect("housing_spin")),
-    (Suspect("viscous_damping"), Suspect("quadratic_drag"), Suspect("coulomb_friction")),
+    (Hypothesis("axis_offset", ("z",)), Hypothesis("scale_error", ("z",))),
+    (Hypothesis("rope_length"), Hypothesis("clock_drift"), Hypothesis("housing_position")),
+    (Hypothesis("slewing"), Hypothesis("housing_spin")),
+    (Hypothesis("viscous_damping"), Hypothesis("quadratic_drag"), Hypothesis("coulomb_friction")),
 )
 """Lateral, axial, rate, turning, damping: measured by linearisation to be much alike on an ordinary recording."""
 
@@ -61,7 +61,7 @@ def suspects(text: str) -> Group:
     return group
 
 
-def _suspect(text: str) -> Suspect:
+def _suspect(text: str) -> Hypothesis:
     name, bracket, inside = text.partition("[")
     effect = EFFECTS.get(name)
     if effect is None:
@@ -70,8 +70,8 @@ def _suspect(text: str) -> Suspect:
         raise InputError(
             f"--effects {text}: {name} shows as a line, a lag or a lattice of the readings and not by a manoeuvre; leave it out"
         )
-    known = [part for p in effect.parameters if says_how_strong(p) for part in (p.components or (p.name,))]
+    known = [part for p in effect.parameters if is_amplitude(p) for part in (p.components or (p.name,))]
     parts = tuple(inside.removesuffix("]").split("+")) if bracket else ()
     if (bracket and not inside.endswith("]")) or not set(parts) <= set(known):
         raise InputError(f"--effects {text}: write {name}, or {name}[...] with some of {'+'.join(known)}")
-    return Suspect(name, parts)
+    return Hypothesis(name, parts)

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from itertools import combinations
 
 from gateway.twin.experiment_design.candidates import CANDIDATES, FREE_SWING
-from gateway.twin.experiment_design.experiment import Manoeuvre
-from gateway.twin.experiment_design.hypotheses import GROUPS, Group, Suspect
+from gateway.twin.experiment_design.experiment import Experiment
+from gateway.twin.experiment_design.hypotheses import GROUPS, Group, Hypothesis
 from gateway.twin.experiment_design.separation import Separation, separation
 from gateway.twin.experiment_design.signatures import sensitivities
 from gateway.twin.model import EffectValues, TwinRig
-from gateway.twin.reconcile.decision.ambiguity_groups import group_of, split_by
+from gateway.twin.reconcile.decision.ambiguity_groups import discriminating_experiment, group_of
 
 ENOUGH_SIGMA = 20.0
 """More than this is worth no effort."""
@@ -27,8 +27,8 @@ RIVALS = 2
 class Pair:
     """Two suspects, in a free swing and with the manoeuvre."""
 
-    first: Suspect
-    second: Suspect
+    first: Hypothesis
+    second: Hypothesis
     before: Separation
     after: Separation | None
     """None where no manoeuvre is proposed."""
@@ -39,10 +39,10 @@ class GroupPlan:
     """What to do for one group."""
 
     group: Group
-    manoeuvre: Manoeuvre | None
+    manoeuvre: Experiment | None
     """None where no candidate tells any pair apart."""
     pairs: tuple[Pair, ...]
-    alternatives: tuple[Manoeuvre, ...]
+    alternatives: tuple[Experiment, ...]
     """Next in rank that tell as many pairs apart, and not by more handwork on top of the same."""
     instead: str | None
     """The measurement that tells apart what no manoeuvre does."""
@@ -50,9 +50,9 @@ class GroupPlan:
     """Number of manoeuvres that are possible here."""
 
     @property
-    def told_apart(self) -> bool:
+    def is_distinguishable(self) -> bool:
         """All pairs."""
-        return all(pair.after is not None and pair.after.told_apart for pair in self.pairs)
+        return all(pair.after is not None and pair.after.is_distinguishable for pair in self.pairs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,12 +63,12 @@ class Plan:
     groups: tuple[GroupPlan, ...]
 
     @property
-    def helps(self) -> bool:
+    def improves_separation(self) -> bool:
         """Some group has a manoeuvre."""
         return any(each.manoeuvre is not None for each in self.groups)
 
 
-Forecast = tuple[Manoeuvre, tuple[Separation, ...]]
+Forecast = tuple[Experiment, tuple[Separation, ...]]
 
 
 def plan(
@@ -88,13 +88,13 @@ def plan(
     return Plan(rig, tuple(found))
 
 
-def forecast(rig: TwinRig, believed: EffectValues, manoeuvre: Manoeuvre, group: Group) -> tuple[Separation, ...]:
+def forecast(rig: TwinRig, believed: EffectValues, manoeuvre: Experiment, group: Group) -> tuple[Separation, ...]:
     """Of each pair of a group, in the order of `itertools.combinations`."""
     found = sensitivities(rig, believed, manoeuvre, group)
     return tuple(separation(*found.pair(first, second)) for first, second in combinations(group, 2))
 
 
-def _possible(rig: TwinRig, believed: EffectValues, group: Group) -> list[Manoeuvre]:
+def _possible(rig: TwinRig, believed: EffectValues, group: Group) -> list[Experiment]:
     """What the operator does himself must be no suspect, and must not go on already."""
     taken = {*believed, *(suspect.effect for suspect in group)}
     return [each for each in CANDIDATES if each.possible(rig) and not each.inputs(rig) & taken]
@@ -104,19 +104,25 @@ def _chosen(group: Group, forecasts: Sequence[Forecast]) -> GroupPlan:
     before = next(separations for manoeuvre, separations in forecasts if manoeuvre == FREE_SWING)
     ranked = sorted(forecasts, key=lambda each: _rank(each, _splittable(forecasts)))
     best, after = ranked[0]
-    told = _told(after)
-    rivals = [m for m, separations in ranked[1:] if _told(separations) == told and not m.adds_to(best)]
+    told = _count_distinguishable(after)
+    rivals = [
+        m
+        for m, separations in ranked[1:]
+        if _count_distinguishable(separations) == told and not m.is_extension_of(best)
+    ]
     pairs = tuple(
         Pair(first, second, before[i], after[i] if told else None)
         for i, (first, second) in enumerate(combinations(group, 2))
     )
-    left = {s.effect for i, pair in enumerate(pairs) if not after[i].told_apart for s in (pair.first, pair.second)}
+    left = {
+        s.effect for i, pair in enumerate(pairs) if not after[i].is_distinguishable for s in (pair.first, pair.second)
+    }
     return GroupPlan(
         group,
         best if told else None,
         pairs,
         tuple(rivals[:RIVALS]) if told else (),
-        _instead(frozenset(left)) if left else None,
+        _alternatives(frozenset(left)) if left else None,
         len(forecasts),
     )
 
@@ -124,21 +130,21 @@ def _chosen(group: Group, forecasts: Sequence[Forecast]) -> GroupPlan:
 def _splittable(forecasts: Sequence[Forecast]) -> list[int]:
     """Pairs that some candidate tells apart: the others have no say in the ranking."""
     pairs = range(len(forecasts[0][1]))
-    return [i for i in pairs if any(separations[i].told_apart for _, separations in forecasts)]
+    return [i for i in pairs if any(separations[i].is_distinguishable for _, separations in forecasts)]
 
 
 def _rank(each: Forecast, splittable: Sequence[int]) -> tuple[float, ...]:
     """Smallest first: most pairs, then the worst pair's separation up to what is enough, then effort, then separation."""
     manoeuvre, separations = each
     worst = min((separations[i].sigma for i in splittable), default=0.0)
-    return (-_told(separations), -min(worst, ENOUGH_SIGMA), manoeuvre.effort_s, -worst)
+    return (-_count_distinguishable(separations), -min(worst, ENOUGH_SIGMA), manoeuvre.effort_s, -worst)
 
 
-def _told(separations: Sequence[Separation]) -> int:
-    return sum(each.told_apart for each in separations)
+def _count_distinguishable(separations: Sequence[Separation]) -> int:
+    return sum(each.is_distinguishable for each in separations)
 
 
-def _instead(names: frozenset[str]) -> str:
+def _alternatives(names: frozenset[str]) -> str:
     if names <= OFF_THE_ROPE:
         return CALIBRATE
-    return OTHER_MEANS if group_of(names) is None else split_by(names)
+    return OTHER_MEANS if group_of(names) is None else discriminating_experiment(names)

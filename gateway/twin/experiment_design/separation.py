@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.experiment_design.signatures import Trace
+from gateway.twin.experiment_design.signatures import Signature
 from gateway.twin.reconcile.residual.isolability import orthonormal, smallest_angle_cosine
 
 Array = NDArray[np.float64]
@@ -25,18 +25,18 @@ class Separation:
     the smaller of both ways round."""
 
     @property
-    def told_apart(self) -> bool:
+    def is_distinguishable(self) -> bool:
         """Both gates."""
         return self.sigma >= SEEN_SIGMA and self.cosine < SAME_TRACE
 
 
-def separation(first: Trace, second: Trace) -> Separation:
+def separation(first: Signature, second: Signature) -> Separation:
     """Of a pair."""
     cosine = smallest_angle_cosine(first.freedom, second.freedom)
     return Separation(cosine, min(_unexplained(first, second), _unexplained(second, first)))
 
 
-def _unexplained(true: Trace, fitted: Trace) -> float:
+def _unexplained(true: Signature, fitted: Signature) -> float:
     basis = orthonormal(fitted.freedom)
     left = true.typical - basis @ (basis.T @ true.typical)
     return float(np.linalg.svd(left, compute_uv=False)[-1])

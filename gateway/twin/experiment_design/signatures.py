@@ -9,12 +9,12 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Parameter, Value
-from gateway.twin.experiment_design.experiment import INPUTS, Leg, Manoeuvre
-from gateway.twin.experiment_design.hypotheses import Group, Suspect, says_how_strong
+from gateway.twin.experiment_design.experiment import INPUTS, Experiment, Run
+from gateway.twin.experiment_design.hypotheses import Group, Hypothesis, is_amplitude
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.residual.isolability import orthonormal
 from gateway.twin.simulation import DEFAULT_RATE_HZ
-from gateway.twin.simulator.parameter_vector import Slot
+from gateway.twin.simulator.parameter_vector import ParameterSpec
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
@@ -42,7 +42,7 @@ HEADING = "initial.heading_rad"
 
 
 @dataclass(frozen=True, slots=True)
-class Trace:
+class Signature:
     """Of one suspect, in sigma of the rig's noise, over all samples and axes of a manoeuvre."""
 
     freedom: Array
@@ -55,26 +55,26 @@ class Trace:
 class Sensitivities:
     """Of a manoeuvre's recordings, in sigma, initial motion and the operator's inputs projected out."""
 
-    slots: tuple[Slot, ...]
+    slots: tuple[ParameterSpec, ...]
     columns: Array
     """Shape (m, slots): all samples and axes of all recordings."""
 
-    def pair(self, first: Suspect, second: Suspect) -> tuple[Trace, Trace]:
+    def pair(self, first: Hypothesis, second: Hypothesis) -> tuple[Signature, Signature]:
         """Traces of two suspects, with the beliefs that stay free beside them projected out."""
         free = fitted_along(first.effect, second.effect)
         shared = [i for i, slot in enumerate(self.slots) if slot.effect in free]
         known = np.array([1 / BELIEVED_TO[self.slots[i].label] for i in shared])
         return self._trace(first, shared, known), self._trace(second, shared, known)
 
-    def _trace(self, suspect: Suspect, shared: list[int], known: Array) -> Trace:
+    def _trace(self, suspect: Hypothesis, shared: list[int], known: Array) -> Signature:
         own = [i for i, slot in enumerate(self.slots) if suspect.has(slot)]
-        left = beside(self.columns[:, own], self.columns[:, shared], known)
+        left = residual_after_projection(self.columns[:, own], self.columns[:, shared], known)
         parameters = [_parameter(self.slots[i]) for i in own]
-        strong = [k for k, p in enumerate(parameters) if says_how_strong(p)]
-        return Trace(left, left[:, strong] * [_size(parameters[k]) for k in strong])
+        strong = [k for k, p in enumerate(parameters) if is_amplitude(p)]
+        return Signature(left, left[:, strong] * [_size(parameters[k]) for k in strong])
 
 
-def beside(columns: Array, nuisances: Array, known: Array) -> Array:
+def residual_after_projection(columns: Array, nuisances: Array, known: Array) -> Array:
     """What is left of columns (m, k) beside nuisances (m, q) that are known to 1/`known` (q,), 0 for not at all.
 
     What is known counts as q more observations, below the m.
@@ -92,7 +92,7 @@ def fitted_along(*names: str) -> set[str]:
     return {each for each in beliefs if each not in names and not (each in RATES and not RATES.isdisjoint(names))}
 
 
-def sensitivities(rig: TwinRig, believed: EffectValues, manoeuvre: Manoeuvre, group: Group) -> Sensitivities:
+def sensitivities(rig: TwinRig, believed: EffectValues, manoeuvre: Experiment, group: Group) -> Sensitivities:
     """By linearisation about the manoeuvre's motion: score test and isolability of a reconciliation do the same.
 
     What the operator does is fitted along, from where he meant it to be.
@@ -104,13 +104,15 @@ def sensitivities(rig: TwinRig, believed: EffectValues, manoeuvre: Manoeuvre, gr
     return Sensitivities(tuple(simulator.parameters[i] for i in wanted), np.concatenate(legs))
 
 
-def _columns(simulator: Simulator, believed: EffectValues, leg: Leg, group: Group, wanted: list[int]) -> Array:
+def _columns(simulator: Simulator, believed: EffectValues, leg: Run, group: Group, wanted: list[int]) -> Array:
     rig, inputs = simulator.rig, leg.inputs(simulator.rig)
     rate_hz = rig.sample_rate_hz or DEFAULT_RATE_HZ
     sampled_hz = min(rate_hz, ENOUGH_HZ)
     time_s = np.arange(round(leg.duration_s * sampled_hz)) / sampled_hz
     temperature_c = rig.reference_temperature_c + WARMS_BY_C * time_s / leg.duration_s
-    at = simulator.values(start_of(leg, rig, simulator.starts), {**_working_point(leg, group), **believed, **inputs})
+    at = simulator.values(
+        start_of(leg, rig, simulator.n_initial_states), {**_working_point(leg, group), **believed, **inputs}
+    )
     at[[slot.effect == "housing_position" for slot in simulator.parameters]] += leg.moved_m(rig)
     jacobian = simulator.linearise(at, time_s, temperature_c).jacobian
     noise_g = np.array(rig.noise_g) / math.sqrt(rate_hz / sampled_hz)
@@ -121,10 +123,10 @@ def _columns(simulator: Simulator, believed: EffectValues, leg: Leg, group: Grou
         if (slot.refitted or slot.effect in inputs) and slot.label != HEADING
     ]
     known = np.array([1 / DONE_TO.get(simulator.parameters[i].label, np.inf) for i in own])
-    return beside(flat[:, wanted], flat[:, own], known)
+    return residual_after_projection(flat[:, wanted], flat[:, own], known)
 
 
-def start_of(leg: Leg, rig: TwinRig, starts: int) -> Array:
+def start_of(leg: Run, rig: TwinRig, starts: int) -> Array:
     """Let go from a lean between the housing's axes, with a speed across; shape (starts,)."""
     amplitude = math.radians(leg.amplitude_deg)
     along = np.array([math.cos(0.5), math.sin(0.5)])
@@ -136,7 +138,7 @@ def start_of(leg: Leg, rig: TwinRig, starts: int) -> Array:
     return start
 
 
-def _working_point(leg: Leg, group: Group) -> dict[str, Mapping[str, Value]]:
+def _working_point(leg: Run, group: Group) -> dict[str, Mapping[str, Value]]:
     """Where the suspects are linearised: absent, but losses take energy as they would, and events have their times."""
     names = list(dict.fromkeys(suspect.effect for suspect in group))
     one_sided = [name for name in names if any(_is_loss(p) for p in EFFECTS[name].parameters)]
@@ -149,22 +151,22 @@ def _working_point(leg: Leg, group: Group) -> dict[str, Mapping[str, Value]]:
     return point
 
 
-def _event_value(p: Parameter, leg: Leg, index: int) -> Value:
+def _event_value(p: Parameter, leg: Run, index: int) -> Value:
     """Weak, so that nothing else changes, but there, so that its times matter."""
     if p.name == "start_s":
         return EVENTS_FROM * leg.duration_s + APART_S * index
-    if not says_how_strong(p):
+    if not is_amplitude(p):
         return p.typical
     return (p.scale,) * p.size if p.components else p.scale
 
 
 def _is_loss(p: Parameter) -> bool:
-    return says_how_strong(p) and p.lower == p.neutral == 0
+    return is_amplitude(p) and p.lower == p.neutral == 0
 
 
 def _size(p: Parameter) -> float:
     return float(np.max(np.abs(p.typical)))
 
 
-def _parameter(slot: Slot) -> Parameter:
+def _parameter(slot: ParameterSpec) -> Parameter:
     return next(p for p in EFFECTS[slot.effect].parameters if p.name == slot.parameter)

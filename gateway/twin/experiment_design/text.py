@@ -4,8 +4,8 @@ from dataclasses import asdict
 from typing import Any
 
 from gateway.twin.experiment_design.candidates import FREE_SWING
-from gateway.twin.experiment_design.experiment import Leg, Manoeuvre
-from gateway.twin.experiment_design.formatting import how_long, in_words, suspect_in_words
+from gateway.twin.experiment_design.experiment import Experiment, Run
+from gateway.twin.experiment_design.formatting import describe, how_long, suspect_in_words
 from gateway.twin.experiment_design.plan import GroupPlan, Pair, Plan
 from gateway.twin.experiment_design.separation import SAME_TRACE, SEEN_SIGMA, Separation
 from gateway.twin.model import TwinRig
@@ -27,7 +27,7 @@ def _group_text(each: GroupPlan, rig: TwinRig) -> str:
     if each.manoeuvre is None:
         lines.append(f"  none of the {each.tried} manoeuvres tried tells these apart")
     else:
-        lines.append(f"  do: {in_words(each.manoeuvre, rig)}{_of_free_swing(each)}")
+        lines.append(f"  do: {describe(each.manoeuvre, rig)}{_of_free_swing(each)}")
         lines.append(f"  takes: {how_long(each.manoeuvre)}")
         lines += [
             f"  expect: {name.replace('_', ' ')} among the named effects: that is you" for name in _own(each, rig)
@@ -35,7 +35,7 @@ def _group_text(each: GroupPlan, rig: TwinRig) -> str:
     lines += [f"  {line}" for line in _table(each.pairs)]
     if each.instead is not None:
         lines.append(f"  {'instead' if each.manoeuvre is None else 'for what stays'}: {each.instead}")
-    lines += [f"  or: {in_words(other, rig)} ({how_long(other)})" for other in each.alternatives]
+    lines += [f"  or: {describe(other, rig)} ({how_long(other)})" for other in each.alternatives]
     return "\n".join(lines)
 
 
@@ -44,7 +44,7 @@ def _of_free_swing(each: GroupPlan) -> str:
         return ""
     return (
         " (an ordinary free swing is enough)"
-        if each.told_apart
+        if each.is_distinguishable
         else " (an ordinary free swing: nothing else does more)"
     )
 
@@ -63,7 +63,7 @@ def _table(pairs: tuple[Pair, ...]) -> list[str]:
 
 
 def _said(separation: Separation) -> str:
-    verdict = "told apart" if separation.told_apart else "not told apart"
+    verdict = "told apart" if separation.is_distinguishable else "not told apart"
     return f"{separation.sigma:6.1f} sigma, cosine {separation.cosine:.5f}, {verdict:<14}"
 
 
@@ -75,7 +75,7 @@ def as_json(found: Plan) -> dict[str, Any]:
 def _group_json(each: GroupPlan, rig: TwinRig) -> dict[str, Any]:
     return {
         "effects": [suspect.label for suspect in each.group],
-        "told_apart": each.told_apart,
+        "told_apart": each.is_distinguishable,
         "manoeuvre": None if each.manoeuvre is None else _manoeuvre_json(each.manoeuvre, rig),
         "pairs": [_pair_json(pair) for pair in each.pairs],
         "alternatives": [_manoeuvre_json(other, rig) for other in each.alternatives],
@@ -84,16 +84,16 @@ def _group_json(each: GroupPlan, rig: TwinRig) -> dict[str, Any]:
     }
 
 
-def _manoeuvre_json(manoeuvre: Manoeuvre, rig: TwinRig) -> dict[str, Any]:
+def _manoeuvre_json(manoeuvre: Experiment, rig: TwinRig) -> dict[str, Any]:
     return {
-        "do": in_words(manoeuvre, rig),
+        "do": describe(manoeuvre, rig),
         "duration_s": manoeuvre.duration_s,
         "effort_s": manoeuvre.effort_s,
         "recordings": [_leg_json(leg, rig) for leg in manoeuvre.legs],
     }
 
 
-def _leg_json(leg: Leg, rig: TwinRig) -> dict[str, Any]:
+def _leg_json(leg: Run, rig: TwinRig) -> dict[str, Any]:
     return {
         "amplitude_deg": leg.amplitude_deg,
         "roundness": leg.roundness,
@@ -114,4 +114,4 @@ def _pair_json(pair: Pair) -> dict[str, Any]:
 
 
 def _separation_json(separation: Separation) -> dict[str, Any]:
-    return {"sigma": separation.sigma, "cosine": separation.cosine, "told_apart": separation.told_apart}
+    return {"sigma": separation.sigma, "cosine": separation.cosine, "told_apart": separation.is_distinguishable}

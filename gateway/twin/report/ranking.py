@@ -3,7 +3,7 @@
 import math
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.reconcile.output.result import Candidate, Reconciliation, Scored
+from gateway.twin.reconcile.output.result import Candidate, Reconciliation, ScoreTestResult
 from gateway.twin.report.markup import Html, bar, element, joined, missing, paragraph, section, table
 from gateway.twin.report.words import listed, number, percent, plain
 
@@ -26,7 +26,7 @@ def ranking_part(result: Reconciliation) -> Html:
     )
 
 
-def _scores(scores: tuple[Scored, ...]) -> Html:
+def _scores(scores: tuple[ScoreTestResult, ...]) -> Html:
     if not scores:
         return missing("No effect was tested.")
     ordered = sorted(scores, key=lambda each: -each.drop)
@@ -56,7 +56,7 @@ def _scores(scores: tuple[Scored, ...]) -> Html:
     )
 
 
-def _passes(scored: Scored) -> bool:
+def _passes(scored: ScoreTestResult) -> bool:
     known = EFFECTS.get(scored.name)
     return known is not None and known.transient
 

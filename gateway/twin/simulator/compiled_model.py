@@ -9,72 +9,72 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.effects.effect import Effect, Moment
-from gateway.twin.simulator.state import Expression, start_from_state, state_from_start
-from gateway.twin.simulator.symbolic_model import Assembly, Beliefs
-from gateway.twin.simulator.vectorised_function import JacobianTape, Tape
+from gateway.twin.effects.effect import Effect, EvaluationContext
+from gateway.twin.simulator.state import Expression, initial_from_state, state_from_initial
+from gateway.twin.simulator.symbolic_model import RigSymbols, SymbolicModel
+from gateway.twin.simulator.vectorised_function import VectorisedFunction, VectorisedJacobian
 
 Array = NDArray[np.float64]
 STEPS_AT_ONCE = 64
-FINEST_TURN_RAD = 0.06
+MAX_PHASE_STEP_RAD = 0.06
 """What a swing turns through in one step: the error of its phase is then some 1e-7 of it."""
-LONGEST_STEP_S = 0.1
-RUNGS_PER_OCTAVE = 4
+MAX_STEP_S = 0.1
+STEPS_PER_OCTAVE = 4
 
 
 @lru_cache(maxsize=64)
-def compiled(beliefs: Beliefs, names: frozenset[str]) -> "Compiled":
+def compile_model(beliefs: RigSymbols, names: frozenset[str]) -> "CompiledModel":
     """Compiled once for each structure and rig."""
-    return Compiled(Assembly(beliefs, names))
+    return CompiledModel(SymbolicModel(beliefs, names))
 
 
 class IntegrationError(ValueError):
     """Parameters that no integration can follow."""
 
 
-UNFOLLOWED = (np.linalg.LinAlgError, FloatingPointError, IntegrationError)
+INTEGRATION_FAILURES = (np.linalg.LinAlgError, FloatingPointError, IntegrationError)
 """What is raised where a fit runs to such parameters."""
 
 
-class Compiled:
+class CompiledModel:
     """All functions that a simulator needs, for one structure of the model; each is made when it is first used."""
 
-    def __init__(self, assembly: Assembly) -> None:
+    def __init__(self, assembly: SymbolicModel) -> None:
         self.assembly = assembly
         self.structure = assembly.structure
         self._p = assembly.p
-        self._x = ca.SX.sym("x", self.structure.states)
-        self._end = ca.SX.sym("end", self.structure.states)
+        self._x = ca.SX.sym("x", self.structure.n_states)
+        self._end = ca.SX.sym("end", self.structure.n_states)
         self._t, self._h = ca.SX.sym("t"), ca.SX.sym("h")
         self._elapsed, self._temperature_c = ca.SX.sym("elapsed"), ca.SX.sym("temperature")
         self._reading = ca.SX.sym("reading", 3)
 
     def step_s(self, p: Array) -> float:
         """The longest step at parameters p; on a ladder, so that small changes of them keep the grid."""
-        beliefs = self.assembly.beliefs
-        swing_s = FINEST_TURN_RAD * (beliefs.length_m / beliefs.gravity_m_s2) ** 0.5
+        beliefs = self.assembly.rig
+        swing_s = MAX_PHASE_STEP_RAD * (beliefs.length_m / beliefs.gravity_m_s2) ** 0.5
         wanted_s = float(np.min([swing_s, *self._step_limits(p).full()[:, 0]]))
         if not (wanted_s > 0 and np.isfinite(p).all()):
             raise IntegrationError("no integration can follow these parameters; keep them inside their bounds")
-        rungs = math.ceil(RUNGS_PER_OCTAVE * math.log2(LONGEST_STEP_S / wanted_s))
-        return float(LONGEST_STEP_S * 2 ** (-rungs / RUNGS_PER_OCTAVE))
+        rungs = math.ceil(STEPS_PER_OCTAVE * math.log2(MAX_STEP_S / wanted_s))
+        return float(MAX_STEP_S * 2 ** (-rungs / STEPS_PER_OCTAVE))
 
     @cached_property
     def _step_limits(self) -> Any:
-        limits = [effect.longest_step_s(p, self.assembly.beliefs.length_m) for effect, p in self.assembly.acting()]
-        return ca.Function("step_limits", [self._p], [ca.vertcat(LONGEST_STEP_S, *limits)])
+        limits = [effect.longest_step_s(p, self.assembly.rig.length_m) for effect, p in self.assembly.active_effects()]
+        return ca.Function("step_limits", [self._p], [ca.vertcat(MAX_STEP_S, *limits)])
 
     @cached_property
     def state(self) -> Any:
         """x and its derivatives by z, of z."""
-        z = ca.SX.sym("z", self.structure.starts)
-        state = state_from_start(z, self.structure)
+        z = ca.SX.sym("z", self.structure.n_initial_states)
+        state = state_from_initial(z, self.structure)
         return ca.Function("state", [z], [state, ca.jacobian(state, z)])
 
     @cached_property
     def start(self) -> Any:
         """z and its derivatives by x, of x."""
-        start = start_from_state(self._x, self.structure)
+        start = initial_from_state(self._x, self.structure)
         return ca.Function("start", [self._x], [start, ca.jacobian(start, self._x)])
 
     @cached_property
@@ -84,24 +84,24 @@ class Compiled:
         return ca.Function("edges", [self._p], [edges, ca.jacobian(edges, self._p)])
 
     @cached_property
-    def kick(self) -> dict[int, Any]:
+    def velocity_jumps(self) -> dict[int, Any]:
         """By its edge: x after a blow of (x, time, p), and its derivatives by x, by p, by time."""
         return {edge: self._kick(effect) for edge, effect in self.assembly.edges()[1].items()}
 
     def _kick(self, effect: Effect) -> Any:
-        kicked = self.assembly.kicked(self._x, self._t, effect)
+        kicked = self.assembly.apply_impulse(self._x, self._t, effect)
         by = [ca.jacobian(kicked, each) for each in (self._x, self._p, self._t)]
         return ca.Function(f"kick_{effect.name}", [self._x, self._t, self._p], [kicked, *by])
 
     @cached_property
-    def true_time(self) -> Tape:
+    def true_time(self) -> VectorisedFunction:
         """Of recorded times, both since the first sample."""
-        return Tape([self._elapsed], self._p, self.assembly.true_time(self._elapsed))
+        return VectorisedFunction([self._elapsed], self._p, self.assembly.true_time(self._elapsed))
 
     @cached_property
-    def true_time_by_p(self) -> JacobianTape:
+    def true_time_by_p(self) -> VectorisedJacobian:
         """Of recorded times."""
-        return JacobianTape([self._elapsed], self._p, self.assembly.true_time(self._elapsed), self._p)
+        return VectorisedJacobian([self._elapsed], self._p, self.assembly.true_time(self._elapsed), self._p)
 
     def steps(self, state: Array, time_s: Array, step_s: Array, p: Array) -> Array:
         """States at the ends of n steps, shape (n, states)."""
@@ -119,22 +119,22 @@ class Compiled:
     @cached_property
     def _many_steps(self) -> Any:
         inputs = [self._x, ca.vertcat(self._t, self._h), self._p]
-        return ca.Function("step", inputs, [self._stepped], {"cse": True}).mapaccum("steps", STEPS_AT_ONCE)
+        return ca.Function("step", inputs, [self._rk4_step], {"cse": True}).mapaccum("steps", STEPS_AT_ONCE)
 
     @cached_property
-    def step_jacobian(self) -> JacobianTape:
+    def step_jacobian(self) -> VectorisedJacobian:
         """Of the state after a step of (x, time, length) by x, time, length and p."""
         by = ca.vertcat(self._x, self._t, self._h, self._p)
-        return JacobianTape([self._x, self._t, self._h], self._p, self._stepped, by)
+        return VectorisedJacobian([self._x, self._t, self._h], self._p, self._rk4_step, by)
 
     @cached_property
-    def _stepped(self) -> Expression:
+    def _rk4_step(self) -> Expression:
         """One classical Runge-Kutta step."""
         x, t, h = self._x, self._t, self._h
         middle = t + h / 2
 
         def rate(state: Expression, time_s: Expression) -> Expression:
-            return self.assembly.rate(state, Moment(time_s, middle))
+            return self.assembly.rate(state, EvaluationContext(time_s, middle))
 
         k1 = rate(x, t)
         k2 = rate(x + h / 2 * k1, middle)
@@ -143,15 +143,15 @@ class Compiled:
         return x + h / 6 * (k1 + 2 * (k2 + k3) + k4)
 
     @cached_property
-    def reading(self) -> Tape:
+    def reading(self) -> VectorisedFunction:
         """Before the low-pass, of (x at the begin and the end of the step, its time, its length, recorded time, temperature)."""
-        return Tape(self._sampled_by, self._p, self._sampled)
+        return VectorisedFunction(self._sampled_by, self._p, self._sampled)
 
     @cached_property
-    def reading_jacobian(self) -> JacobianTape:
+    def reading_jacobian(self) -> VectorisedJacobian:
         """By x at the begin and the end of the step, its time, its length, and p."""
         by = ca.vertcat(self._x, self._end, self._t, self._h, self._p)
-        return JacobianTape(self._sampled_by, self._p, self._sampled, by)
+        return VectorisedJacobian(self._sampled_by, self._p, self._sampled, by)
 
     @property
     def _sampled_by(self) -> Sequence[Expression]:
@@ -163,20 +163,20 @@ class Compiled:
         t, h, middle = self._t, self._h, self._t + self._h / 2
         true = self.assembly.true_time(self._elapsed)
         s, rise = (true - t) / h, self._end - self._x
-        slope = h * self.assembly.rate(self._x, Moment(t, middle))
-        end_slope = h * self.assembly.rate(self._end, Moment(t + h, middle))
+        slope = h * self.assembly.rate(self._x, EvaluationContext(t, middle))
+        end_slope = h * self.assembly.rate(self._end, EvaluationContext(t + h, middle))
         cubic = slope + end_slope - 2 * rise
         x = self._x + s * (slope + s * (rise - slope - cubic + s * cubic))
-        warmer_c = self._temperature_c - self.assembly.beliefs.reference_temperature_c
-        return self.assembly.reading(x, Moment(true, middle, warmer_c))
+        warmer_c = self._temperature_c - self.assembly.rig.reference_temperature_c
+        return self.assembly.reading(x, EvaluationContext(true, middle, warmer_c))
 
     @cached_property
-    def output(self) -> Tape:
+    def output(self) -> VectorisedFunction:
         """Of a reading behind the low-pass."""
-        return Tape([self._reading], self._p, self.assembly.output(self._reading))
+        return VectorisedFunction([self._reading], self._p, self.assembly.output(self._reading))
 
     @cached_property
-    def output_jacobian(self) -> JacobianTape:
+    def output_jacobian(self) -> VectorisedJacobian:
         """By the reading and p."""
         by = ca.vertcat(self._reading, self._p)
-        return JacobianTape([self._reading], self._p, self.assembly.output(self._reading), by)
+        return VectorisedJacobian([self._reading], self._p, self.assembly.output(self._reading), by)

@@ -10,7 +10,7 @@ BEGINNING_S, DEGREE = 1.5, 4
 """What a polynomial tells of the reading before the recording: part of a swing, and many turns of a machine."""
 
 
-def filtered(reading: Array, time_s: Array, cutoff_hz: float) -> Array:
+def first_order_lowpass(reading: Array, time_s: Array, cutoff_hz: float) -> Array:
     """Shape (n, ...) as the reading; started as if it had always been there and the reading had always gone as at its beginning.
 
     A one-pole low-pass of time constant T settles to f - T f' + T^2 f'' - ...
@@ -23,7 +23,7 @@ def filtered(reading: Array, time_s: Array, cutoff_hz: float) -> Array:
     return found
 
 
-def by_cutoff(reading: Array, lagging: Array, time_s: Array, cutoff_hz: float) -> Array:
+def lowpass_sensitivity(reading: Array, lagging: Array, time_s: Array, cutoff_hz: float) -> Array:
     """Derivative of `filtered` by the cutoff in 1/Hz, shape as the reading."""
     (after, _, _), (after_by, now_by, coming_by) = _weights(time_s, cutoff_hz)
     found = np.zeros_like(reading)
@@ -35,7 +35,7 @@ def by_cutoff(reading: Array, lagging: Array, time_s: Array, cutoff_hz: float) -
     return found
 
 
-def fading(time_s: Array, cutoff_hz: float) -> Array:
+def initial_transient(time_s: Array, cutoff_hz: float) -> Array:
     """What is left at each time of a filter's state at the first, shape (n, 1)."""
     found: Array = np.exp(-2 * np.pi * cutoff_hz * (time_s - time_s[0]))[:, None]
     return found

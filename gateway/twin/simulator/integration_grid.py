@@ -12,7 +12,7 @@ CLOSEST_S = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
-class Times:
+class SampleTimes:
     """Instants and their derivatives by the parameters."""
 
     at_s: Array
@@ -38,7 +38,7 @@ class Grid:
         return np.diff(self.nodes_s)
 
 
-def grid(bounds: Times, edges: Times, kicking: Collection[int], step_s: float) -> Grid:
+def grid(bounds: SampleTimes, edges: SampleTimes, kicking: Collection[int], step_s: float) -> Grid:
     """Nodes from the first bound to the second, no further apart than `step_s`, and at each edge between them."""
     first_s, last_s = bounds.at_s
     steps = max(1, int(np.ceil((last_s - first_s) / step_s - 1e-9)))

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from gateway.twin.effects.effect import Effect, Parameter, parameter_label
-from gateway.twin.simulator.state import Structure
+from gateway.twin.simulator.state import ModelStructure
 
 TILTS = (
     ("tilt_x_rad", "rad", 3.1),
@@ -18,7 +18,7 @@ SMALL = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Slot:
+class ParameterSpec:
     """One number among the simulator's values."""
 
     label: str
@@ -36,24 +36,25 @@ class Slot:
     """Belongs to the recording and not to the rig: initial motion, heading, phases."""
 
 
-def initial_slots(structure: Structure) -> tuple[Slot, ...]:
+def initial_state_specs(structure: ModelStructure) -> tuple[ParameterSpec, ...]:
     """The start's coordinates."""
     kinds = [*TILTS, HEADING]
-    if structure is Structure.RIGGING:
+    if structure is ModelStructure.RIGGING:
         kinds += [(f"rigging_{name}", unit, limit) for name, unit, limit in TILTS]
-    if structure is Structure.ELASTIC:
+    if structure is ModelStructure.ELASTIC:
         kinds += STRETCH
     return tuple(
-        Slot(f"initial.{name}", "", name, 0, unit, -limit, limit, 0.0, SMALL, True) for name, unit, limit in kinds
+        ParameterSpec(f"initial.{name}", "", name, 0, unit, -limit, limit, 0.0, SMALL, True)
+        for name, unit, limit in kinds
     )
 
 
-def effect_slots(effect: Effect, length_m: float) -> tuple[Slot, ...]:
+def effect_parameter_specs(effect: Effect, length_m: float) -> tuple[ParameterSpec, ...]:
     """An effect's numbers, on a rope of a believed length."""
     return tuple(_slot(effect, p, i, length_m) for p in effect.parameters for i in range(p.size))
 
 
-def _slot(effect: Effect, p: Parameter, component: int, length_m: float) -> Slot:
+def _slot(effect: Effect, p: Parameter, component: int, length_m: float) -> ParameterSpec:
     label, upper = f"{effect.name}.{parameter_label(p, component)}", effect.upper_bound(p, length_m)
     neutral = min(p.neutral, upper)
-    return Slot(label, effect.name, p.name, component, p.unit, p.lower, upper, neutral, p.scale, p.refitted)
+    return ParameterSpec(label, effect.name, p.name, component, p.unit, p.lower, upper, neutral, p.scale, p.refitted)

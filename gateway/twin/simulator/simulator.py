@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects.effect import Value
 from gateway.twin.model import EffectValues, TwinRig
-from gateway.twin.simulator.compiled_model import compiled
-from gateway.twin.simulator.first_order_lowpass import by_cutoff, fading, filtered
-from gateway.twin.simulator.integrate import Flight, fly
-from gateway.twin.simulator.parameter_vector import Slot, effect_slots, initial_slots
-from gateway.twin.simulator.symbolic_model import Beliefs
+from gateway.twin.simulator.compiled_model import compile_model
+from gateway.twin.simulator.first_order_lowpass import first_order_lowpass, initial_transient, lowpass_sensitivity
+from gateway.twin.simulator.integrate import Trajectory, integrate
+from gateway.twin.simulator.parameter_vector import ParameterSpec, effect_parameter_specs, initial_state_specs
+from gateway.twin.simulator.symbolic_model import RigSymbols
 
 Array = NDArray[np.float64]
 
@@ -29,7 +29,7 @@ class Linearisation:
 
 
 @dataclass(frozen=True, slots=True)
-class Segments:
+class SegmentBatch:
     """A prediction over segments, each from its own start."""
 
     force_g: Array
@@ -52,19 +52,21 @@ class Simulator:
     def __init__(self, rig: TwinRig, effect_names: Sequence[str] = ()) -> None:
         """Raises `ValueError` for effects that exclude each other."""
         self.rig = rig
-        beliefs = Beliefs(rig.length_m, rig.position_m, rig.gravity_m_s2, rig.reference_temperature_c)
-        self._compiled = compiled(beliefs, frozenset(effect_names))
+        beliefs = RigSymbols(rig.length_m, rig.position_m, rig.gravity_m_s2, rig.reference_temperature_c)
+        self._compiled = compile_model(beliefs, frozenset(effect_names))
         self._effects = self._compiled.assembly.effects
         self.effect_names = tuple(effect.name for effect in self._effects)
-        self.initial = initial_slots(self._compiled.structure)
-        self.of_effects = tuple(slot for effect in self._effects for slot in effect_slots(effect, rig.length_m))
-        self.parameters: tuple[Slot, ...] = self.initial + self.of_effects
-        labels = [slot.label for slot in self.of_effects]
+        self.initial = initial_state_specs(self._compiled.structure)
+        self.effect_parameters = tuple(
+            slot for effect in self._effects for slot in effect_parameter_specs(effect, rig.length_m)
+        )
+        self.parameters: tuple[ParameterSpec, ...] = self.initial + self.effect_parameters
+        labels = [slot.label for slot in self.effect_parameters]
         self._cutoff = labels.index("lowpass_lag.cutoff_hz") if "lowpass_lag.cutoff_hz" in labels else None
         self._clips = "clipping" in self.effect_names
 
     @property
-    def starts(self) -> int:
+    def n_initial_states(self) -> int:
         """Number of the start's coordinates: 5, with an elastic rope 7, with a double pendulum 9."""
         return len(self.initial)
 
@@ -84,7 +86,7 @@ class Simulator:
 
     def effects(self, values: Array) -> dict[str, dict[str, Value]]:
         """The effects' parameters by name, as a model has them."""
-        numbers = iter(values[self.starts :].tolist())
+        numbers = iter(values[self.n_initial_states :].tolist())
         found: dict[str, dict[str, Value]] = {}
         for effect in self._effects:
             taken = {p.name: tuple(next(numbers) for _ in range(p.size)) for p in effect.parameters}
@@ -100,19 +102,24 @@ class Simulator:
         Parameters under which the model runs away give numbers that are not finite. Raises `ValueError` for times that do
         not rise, and for parameters that no integration can follow.
         """
-        start, p = values[: self.starts], values[self.starts :]
+        start, p = values[: self.n_initial_states], values[self.n_initial_states :]
         elapsed = _elapsed(time_s)
-        flight = fly(self._compiled, start, p, elapsed[0], elapsed[-1], sensitive=False)
+        flight = integrate(self._compiled, start, p, elapsed[0], elapsed[-1], sensitive=False)
         inputs, _ = self._sampled(flight, elapsed, self._temperature(temperature_c, elapsed), p)
         reading = self._compiled.reading(inputs, p)
         if self._cutoff is not None:
             began_g = p[self._cutoff + 1 : self._cutoff + 4]
-            reading = filtered(reading, elapsed, p[self._cutoff]) + fading(elapsed, p[self._cutoff]) * began_g
+            reading = (
+                first_order_lowpass(reading, elapsed, p[self._cutoff])
+                + initial_transient(elapsed, p[self._cutoff]) * began_g
+            )
         return self._compiled.output([reading.T], p) if self._clips else reading
 
     def linearise(self, values: Array, time_s: Array, temperature_c: Array | None = None) -> Linearisation:
         """A prediction as of `predict`, and its derivatives by all values."""
-        found = self.linearise_segments(values[None, : self.starts], values[self.starts :], time_s, [0], temperature_c)
+        found = self.linearise_segments(
+            values[None, : self.n_initial_states], values[self.n_initial_states :], time_s, [0], temperature_c
+        )
         return Linearisation(found.force_g, np.concatenate([found.force_by_start, found.force_by_effects], axis=2))
 
     def linearise_segments(
@@ -122,7 +129,7 @@ class Simulator:
         time_s: Array,
         firsts: Sequence[int],
         temperature_c: Array | None = None,
-    ) -> Segments:
+    ) -> SegmentBatch:
         """Predict over segments that begin at samples `firsts` (the first is 0) from `starts` (segments, starts).
 
         `effects` are the effects' values (values after the start's). A segment ends where the next begins, the last at the
@@ -135,13 +142,13 @@ class Simulator:
         readings, arrivals = [], []
         for start, (first, last) in zip(starts, pairwise(bounds), strict=True):
             until_s = elapsed[min(last, len(elapsed) - 1)]
-            flight = fly(self._compiled, start, effects, elapsed[first], until_s, sensitive=True)
+            flight = integrate(self._compiled, start, effects, elapsed[first], until_s, sensitive=True)
             readings.append(self._readings(flight, elapsed[first:last], temperature_c[first:last], effects))
-            arrivals.append(self._arrival(flight))
-        force, by = self._handed_on(*_joined(readings), elapsed, effects)
+            arrivals.append(self._sample_time_derivative(flight))
+        force, by = self._apply_sensor_dynamics(*_joined(readings), elapsed, effects)
         ends, ends_by = (np.array(each) for each in zip(*arrivals, strict=True))
-        n = self.starts
-        return Segments(force, ends, by[..., :n], by[..., n:], ends_by[..., :n], ends_by[..., n:])
+        n = self.n_initial_states
+        return SegmentBatch(force, ends, by[..., :n], by[..., n:], ends_by[..., :n], ends_by[..., n:])
 
     def _temperature(self, temperature_c: Array | None, elapsed: Array) -> Array:
         if temperature_c is not None:
@@ -150,12 +157,12 @@ class Simulator:
             raise ValueError("thermal_drift wants temperature_c, the temperature of each sample")
         return np.zeros_like(elapsed)
 
-    def _arrival(self, flight: Flight) -> tuple[Array, Array]:
+    def _sample_time_derivative(self, flight: Trajectory) -> tuple[Array, Array]:
         end, by_state = (each.full() for each in self._compiled.start(flight.ends[-1]))
         return end[:, 0], by_state @ _sensitivities(flight)[1][-1]
 
     def _sampled(
-        self, flight: Flight, elapsed: Array, temperature_c: Array, p: Array
+        self, flight: Trajectory, elapsed: Array, temperature_c: Array, p: Array
     ) -> tuple[list[Array], NDArray[np.int64]]:
         """Inputs of a reading at each sample, and its step."""
         nodes_s, steps_s = flight.grid.nodes_s, flight.grid.steps_s
@@ -164,12 +171,12 @@ class Simulator:
         ends = [flight.begins[step].T, flight.ends[step].T]
         return [*ends, nodes_s[step], steps_s[step], elapsed, temperature_c], step
 
-    def _readings(self, flight: Flight, elapsed: Array, temperature_c: Array, p: Array) -> tuple[Array, Array]:
+    def _readings(self, flight: Trajectory, elapsed: Array, temperature_c: Array, p: Array) -> tuple[Array, Array]:
         """Before the low-pass, with their total derivatives."""
         inputs, step = self._sampled(flight, elapsed, temperature_c, p)
         jacobian = self._compiled.reading_jacobian(inputs, p)
         begins_by, ends_by = _sensitivities(flight)
-        k, n = flight.begins.shape[1], self.starts
+        k, n = flight.begins.shape[1], self.n_initial_states
         by = jacobian[..., :k] @ begins_by[step] + jacobian[..., k : 2 * k] @ ends_by[step]
         nodes_by = flight.grid.nodes_by
         by[..., n:] += jacobian[..., 2 * k, None] * nodes_by[step][:, None]
@@ -177,21 +184,21 @@ class Simulator:
         by[..., n:] += jacobian[..., 2 * k + 2 :]
         return self._compiled.reading(inputs, p), by
 
-    def _handed_on(self, reading: Array, by: Array, elapsed: Array, p: Array) -> tuple[Array, Array]:
+    def _apply_sensor_dynamics(self, reading: Array, by: Array, elapsed: Array, p: Array) -> tuple[Array, Array]:
         """Low-pass and clipping, with their sensitivities."""
         if self._cutoff is not None:
-            place, cutoff_hz = self.starts + self._cutoff, p[self._cutoff]
-            began_g, fades = p[self._cutoff + 1 : self._cutoff + 4], fading(elapsed, cutoff_hz)
-            lagging = filtered(reading, elapsed, cutoff_hz)
-            by = filtered(by, elapsed, cutoff_hz)
-            by[..., place] += by_cutoff(reading, lagging, elapsed, cutoff_hz)
+            place, cutoff_hz = self.n_initial_states + self._cutoff, p[self._cutoff]
+            began_g, fades = p[self._cutoff + 1 : self._cutoff + 4], initial_transient(elapsed, cutoff_hz)
+            lagging = first_order_lowpass(reading, elapsed, cutoff_hz)
+            by = first_order_lowpass(by, elapsed, cutoff_hz)
+            by[..., place] += lowpass_sensitivity(reading, lagging, elapsed, cutoff_hz)
             by[..., place] -= 2 * np.pi * elapsed[:, None] * fades * began_g
             by[..., place + 1 : place + 4] += fades[:, :, None] * np.eye(3)
             reading = lagging + fades * began_g
         if self._clips:
             jacobian = self._compiled.output_jacobian([reading.T], p)
             by = jacobian[..., :3] @ by
-            by[..., self.starts :] += jacobian[..., 3:]
+            by[..., self.n_initial_states :] += jacobian[..., 3:]
             reading = self._compiled.output([reading.T], p)
         return reading, by
 
@@ -203,7 +210,7 @@ def _elapsed(time_s: Array) -> Array:
     return elapsed
 
 
-def _sensitivities(flight: Flight) -> tuple[Array, Array]:
+def _sensitivities(flight: Trajectory) -> tuple[Array, Array]:
     if flight.by is None:
         raise ValueError("this flight was made without sensitivities")
     return flight.by.begins, flight.by.ends

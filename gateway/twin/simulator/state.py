@@ -20,7 +20,7 @@ Expression = Any
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
 
-class Structure(Enum):
+class ModelStructure(Enum):
     """What hangs from the pivot."""
 
     ROPE = "rope"
@@ -28,24 +28,24 @@ class Structure(Enum):
     ELASTIC = "elastic rope"
 
     @property
-    def states(self) -> int:
+    def n_states(self) -> int:
         """Length of x."""
-        return {Structure.ROPE: 9, Structure.RIGGING: 15, Structure.ELASTIC: 11}[self]
+        return {ModelStructure.ROPE: 9, ModelStructure.RIGGING: 15, ModelStructure.ELASTIC: 11}[self]
 
     @property
-    def starts(self) -> int:
+    def n_initial_states(self) -> int:
         """Length of z."""
-        return {Structure.ROPE: 5, Structure.RIGGING: 9, Structure.ELASTIC: 7}[self]
+        return {ModelStructure.ROPE: 5, ModelStructure.RIGGING: 9, ModelStructure.ELASTIC: 7}[self]
 
 
-def structure_of(names: Iterable[str]) -> Structure:
+def structure_of(names: Iterable[str]) -> ModelStructure:
     """Of a model with these effects. Raises `ValueError` for two that exclude each other."""
     chosen = {"double_pendulum", "rope_stretch"} & set(names)
     if len(chosen) == 2:
         raise ValueError("double_pendulum and rope_stretch cannot act together: leave one of them out")
     if not chosen:
-        return Structure.ROPE
-    return Structure.RIGGING if "double_pendulum" in chosen else Structure.ELASTIC
+        return ModelStructure.ROPE
+    return ModelStructure.RIGGING if "double_pendulum" in chosen else ModelStructure.ELASTIC
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,21 +61,21 @@ class State:
     stretch_rate: Scalar = 0.0
 
     @classmethod
-    def of(cls, x: Expression, structure: Structure) -> "State":
+    def of(cls, x: Expression, structure: ModelStructure) -> "State":
         """The parts of a column."""
         rope = vector(x, 0), vector(x, 3), vector(x, 6)
-        if structure is Structure.RIGGING:
+        if structure is ModelStructure.RIGGING:
             return cls(*rope, vector(x, 9), vector(x, 12))
-        if structure is Structure.ELASTIC:
+        if structure is ModelStructure.ELASTIC:
             return cls(*rope, stretch=x[9], stretch_rate=x[10])
         return cls(*rope)
 
-    def column(self, structure: Structure) -> Expression:
+    def column(self, structure: ModelStructure) -> Expression:
         """x of the parts; of their rates just so."""
         parts = [*self.n, *self.n_rate, *self.x_axis]
-        if structure is Structure.RIGGING:
+        if structure is ModelStructure.RIGGING:
             parts += [*self.m, *self.m_rate]
-        if structure is Structure.ELASTIC:
+        if structure is ModelStructure.ELASTIC:
             parts += [self.stretch, self.stretch_rate]
         return ca.vertcat(*parts)
 
@@ -85,28 +85,28 @@ def vector(column: Expression, first: int) -> Vector:
     return column[first], column[first + 1], column[first + 2]
 
 
-def state_from_start(z: Expression, structure: Structure) -> Expression:
+def state_from_initial(z: Expression, structure: ModelStructure) -> Expression:
     """x of z."""
     n, n_rate = _direction(z[0], z[1], z[2], z[3])
     across, along = _reference_axes(n)
-    x_axis = eq.plus(eq.times(ca.cos(z[4]), across), eq.times(ca.sin(z[4]), along))
+    x_axis = eq.add(eq.scale(ca.cos(z[4]), across), eq.scale(ca.sin(z[4]), along))
     state = State(n, n_rate, x_axis)
-    if structure is Structure.RIGGING:
+    if structure is ModelStructure.RIGGING:
         state = State(n, n_rate, x_axis, *_direction(z[5], z[6], z[7], z[8]))
-    if structure is Structure.ELASTIC:
+    if structure is ModelStructure.ELASTIC:
         state = State(n, n_rate, x_axis, stretch=z[5], stretch_rate=z[6])
     return state.column(structure)
 
 
-def start_from_state(x: Expression, structure: Structure) -> Expression:
+def initial_from_state(x: Expression, structure: ModelStructure) -> Expression:
     """z of x."""
     state = State.of(x, structure)
     across, along = _reference_axes(state.n)
     heading = ca.atan2(eq.dot(state.x_axis, along), eq.dot(state.x_axis, across))
     z = [*_tilts(state.n, state.n_rate), heading]
-    if structure is Structure.RIGGING:
+    if structure is ModelStructure.RIGGING:
         z += _tilts(state.m, state.m_rate)
-    if structure is Structure.ELASTIC:
+    if structure is ModelStructure.ELASTIC:
         z += [state.stretch, state.stretch_rate]
     return ca.vertcat(*z)
 
@@ -114,7 +114,7 @@ def start_from_state(x: Expression, structure: Structure) -> Expression:
 def _direction(tilt_x: Any, tilt_y: Any, rate_x: Any, rate_y: Any) -> tuple[Vector, Vector]:
     angles = (ca.sin(tilt_x), ca.cos(tilt_x), ca.sin(tilt_y), ca.cos(tilt_y))
     by_x, by_y = eq.direction_by_tilts(*angles)
-    return eq.direction(*angles), eq.plus(eq.times(rate_x, by_x), eq.times(rate_y, by_y))
+    return eq.direction(*angles), eq.add(eq.scale(rate_x, by_x), eq.scale(rate_y, by_y))
 
 
 def _tilts(n: Vector, n_rate: Vector) -> list[Any]:
@@ -125,5 +125,5 @@ def _tilts(n: Vector, n_rate: Vector) -> list[Any]:
 
 def _reference_axes(n: Vector) -> tuple[Vector, Vector]:
     """The axis at right angles to the rope that is nearest to the world's x, and the third one: (x, y) of heading 0."""
-    x_axis = eq.nearest_to_x(n, ca.sqrt(1 - n[0] * n[0]))
-    return x_axis, eq.cross(eq.times(-1, n), x_axis)
+    x_axis = eq.reference_axis(n, ca.sqrt(1 - n[0] * n[0]))
+    return x_axis, eq.cross(eq.scale(-1, n), x_axis)

@@ -54,7 +54,7 @@ OPERATIONS: dict[int, Operation] = {
 }
 
 
-class Tape:
+class VectorisedFunction:
     """`output` (a column) as a function of columns of inputs and of parameters that are the same for all."""
 
     def __init__(self, inputs: Sequence[Any], p: Any, output: Any) -> None:
@@ -102,7 +102,7 @@ class Tape:
                 work[into] = p[of[1]] if of[0] == self._parameters else columns[of[0]][of[1]]
 
 
-class JacobianTape:
+class VectorisedJacobian:
     """A sparse Jacobian for many columns, filled into dense arrays."""
 
     def __init__(self, inputs: Sequence[Any], p: Any, output: Any, by: Any) -> None:
@@ -110,7 +110,7 @@ class JacobianTape:
         self.shape: tuple[int, int] = jacobian.shape
         rows, columns = jacobian.sparsity().get_triplet()
         self._places = np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64)
-        self._entries = Tape(inputs, p, ca.vertcat(ca.SX(0, 1), *jacobian.nonzeros()))
+        self._entries = VectorisedFunction(inputs, p, ca.vertcat(ca.SX(0, 1), *jacobian.nonzeros()))
 
     def __call__(self, inputs: Sequence[Array], p: Array) -> Array:
         """Shape (n, outputs, variables)."""

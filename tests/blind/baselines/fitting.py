@@ -79,7 +79,7 @@ def base_fit(rig: TwinRig, measured: Measured) -> Fit:
 def conclude(rig: TwinRig, log: Measured, held_out: Measured, base: Fit, fit: Fit, names: tuple[str, ...]) -> Found:
     """Fit the held-out recording's own nuisances under the model, and say what was found."""
     held_base = base_fit(rig, held_out)
-    start = list(held_base.values[: held_base.simulator.starts])
+    start = list(held_base.values[: held_base.simulator.n_initial_states])
     there = fit_nuisances(fit.simulator, held_out, fit.simulator.values(start, fit.effects()))
     prediction_g = there.simulator.predict(there.values, held_out.time_s, held_out.temperature_c)
     before = base.cost / log.force_g.size, held_base.cost / held_out.force_g.size

@@ -54,7 +54,9 @@ def _best_addition(rig: TwinRig, log: Measured, fit: Fit, names: tuple[str, ...]
             continue
         simulator = Simulator(rig, [*names, name])
         for guess in guesses(name, log, residual_g):
-            values = simulator.values(list(fit.values[: fit.simulator.starts]), {**fit.effects(), name: guess})
+            values = simulator.values(
+                list(fit.values[: fit.simulator.n_initial_states]), {**fit.effects(), name: guess}
+            )
             gain = linear_gain(
                 simulator, log, _off_neutral(simulator, values, name, fit.effects()), free_on_log(simulator)
             )[0]

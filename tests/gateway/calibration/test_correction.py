@@ -77,8 +77,8 @@ def test_beyond_the_calibrated_temperatures_offset_and_scale_are_less_well_known
     added = np.sqrt(at_34.u_scale_factor**2 - correction.u_scale_factor**2)
     np.testing.assert_allclose(added, 10 * 1e-4 / np.sqrt(3))
     assert correction.beyond_k(14.2) == 6
-    assert correction.said_beyond(22.0) == correction.said_beyond(None) == ()
-    assert correction.said_beyond(34.0) == ("widened: at 34 °C, calibrated at 20 to 24 °C",)
+    assert correction.range_warnings(22.0) == correction.range_warnings(None) == ()
+    assert correction.range_warnings(34.0) == ("widened: at 34 °C, calibrated at 20 to 24 °C",)
     assert (correction.u_force_g(np.zeros(3), 34.0) > correction.u_force_g(np.zeros(3), 22.0)).all()
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.calibration.drift.change import change_between, reading_error_g, seen_from, tilt_error_rad
+from gateway.calibration.drift.change import change_between, observable_change, reading_error_g, tilt_error_rad
 from gateway.calibration.drift.line import line_of_means, line_of_measurements
 from gateway.calibration.drift.records import drift_of
 from gateway.calibration.record import CalibrationError, CalibrationRecord, content_hash
@@ -147,7 +147,7 @@ def test_a_change_is_what_the_earlier_record_reads_wrong_now() -> None:
     read_g = np.array(earlier.correction_matrix) @ (raw - np.array(earlier.offset))
     change = change_between(earlier, later)
     np.testing.assert_allclose(change.error_g(force_g)[0], read_g - force_g, atol=1e-12)
-    assert np.all(seen_from(earlier, later).u_offset_g < change.u_offset_g)
+    assert np.all(observable_change(earlier, later).u_offset_g < change.u_offset_g)
 
 
 def simulated(

@@ -7,10 +7,10 @@ import pytest
 
 from devices.block import DeviceInfo
 from gateway.calibration.correction import Correction, correction_for
-from gateway.calibration.drift.rest import DAYS_KEPT, HOLD_HOURS, HOURS_KEPT, NS_PER_HOUR, RestWatch, at_rest
+from gateway.calibration.drift.rest import DAYS_KEPT, HOLD_HOURS, HOURS_KEPT, NS_PER_HOUR, RestDriftMonitor, at_rest
 from gateway.calibration.drift.rest_status import rest_status
 from gateway.calibration.record import CalibrationError, CalibrationRecord, content_hash
-from gateway.stages.conditions.monitor import ConditionWatch, SwingSeen
+from gateway.stages.conditions.monitor import ConditionMonitor, SwingContext
 
 MADE_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""
@@ -51,12 +51,12 @@ def correction_by(record: CalibrationRecord) -> Correction:
     return correction_for(info, ((0, 1), (1, 1), (2, 1)), record)
 
 
-def new_watch(state=None, record: CalibrationRecord = RECORD) -> RestWatch:
-    return RestWatch(correction_by(record), state)
+def new_watch(state=None, record: CalibrationRecord = RECORD) -> RestDriftMonitor:
+    return RestDriftMonitor(correction_by(record), state)
 
 
 def feed_hour(
-    watch: RestWatch, hour: int, force_g, temperature_c: float | None = 20.0, readings: int = READINGS
+    watch: RestDriftMonitor, hour: int, force_g, temperature_c: float | None = 20.0, readings: int = READINGS
 ) -> None:
     """An hour of rest, counted from when the record was made."""
     for number in range(readings):
@@ -64,7 +64,7 @@ def feed_hour(
         watch.feed(time_ns, np.asarray(force_g, dtype=float), temperature_c)
 
 
-def aged(watch: RestWatch, rng, hours, bias_g: float, per_day_g: float, wander_g: float = 0.0002) -> int | None:
+def aged(watch: RestDriftMonitor, rng, hours, bias_g: float, per_day_g: float, wander_g: float = 0.0002) -> int | None:
     """Feed hours of a hanging housing; the hour in which the alarm was raised. One reading stands for the hour's mean."""
     for hour in hours:
         force_g = HANGING * (1 + bias_g + per_day_g * hour / 24 + rng.normal(0, wander_g))
@@ -234,17 +234,17 @@ def test_a_clock_that_was_not_set_or_went_back_makes_no_trend() -> None:
 def test_a_device_without_a_record_is_not_watched() -> None:
     info = DeviceInfo(kind="test", device_id="part-7", unit="g", odr_hz=100.0, units_per_g=1.0)
     with pytest.raises(CalibrationError, match="needs a calibration record"):
-        RestWatch(correction_for(info, ((0, 1), (1, 1), (2, 1)), None))
+        RestDriftMonitor(correction_for(info, ((0, 1), (1, 1), (2, 1)), None))
 
 
 def test_the_verdict_static_would_hide_a_drift_and_the_gates_of_stillness_do_not() -> None:
     """Why the watch is fed by `still` and `steady`: a drifted norm is no longer `static`."""
     rng = np.random.default_rng(7)
-    condition = ConditionWatch(noise_g=0.0005, permissible_norm_error_g=DM_G)
+    condition = ConditionMonitor(noise_g=0.0005, permissible_norm_error_g=DM_G)
     for block in range(80):
         time_s = block * 0.1 + np.arange(10) * 0.01
         condition.update(time_s, HANGING * (1 + 2 * DM_G) + rng.normal(0, 0.0005, (10, 3)), clipped=0, missing=0)
-    found = condition.judge(SwingSeen(swinging=False, phi_max_rad=None, consistent=False))
+    found = condition.judge(SwingContext(swinging=False, phi_max_rad=None, consistent=False))
     assert found.verdict != "static"
     assert at_rest(found.gates)
     assert not at_rest(found.gates | {"steady": False})

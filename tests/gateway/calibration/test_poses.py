@@ -8,7 +8,7 @@ import pytest
 from gateway.calibration.geometry import FACE_DIRECTIONS
 from gateway.calibration.methods import procedure_for
 from gateway.calibration.noise import correlation_factor, quantisation_u
-from gateway.calibration.poses import READINGS, Nominal, PoseFinder
+from gateway.calibration.poses import READINGS, NominalSensitivity, PoseFinder
 from gateway.calibration.procedure import RawReadings
 from gateway.calibration.record import CalibrationError
 from tests.benchmarks.calibration_sessions import (
@@ -22,7 +22,7 @@ from tests.benchmarks.calibration_sessions import (
     planted,
 )
 
-NOMINAL = Nominal(1.0)
+NOMINAL = NominalSensitivity(1.0)
 NOISE_G = 0.002
 
 
@@ -58,7 +58,7 @@ def test_the_fit_does_not_hang_on_the_blocks(method, size):
     counts = counts_of(random, ADXL345, errors, force_of(random, poses))
 
     def fit(block):
-        procedure = procedure_for(method, Nominal(ADXL345.units_per_g))
+        procedure = procedure_for(method, NominalSensitivity(ADXL345.units_per_g))
         for part in blocks(counts, block, temperature_c=21.5):
             procedure.feed(part)
         found = asdict(procedure.finish())

@@ -40,7 +40,7 @@ class ScriptedGateway:
         self._batches = list(batches)
         self.reconnects = 0
 
-    def hear(self, _topic, take):
+    def subscribe(self, _topic, take):
         for sample in self._batches.pop(0):
             take(sample)
 

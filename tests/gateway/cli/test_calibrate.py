@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from gateway.calibration.methods import procedure_for
-from gateway.calibration.poses import Nominal
+from gateway.calibration.poses import NominalSensitivity
 from gateway.calibration.record import CalibrationRecord
 from gateway.cli.main import main
 from tests.benchmarks.calibration_sessions import (
@@ -61,7 +61,7 @@ def test_it_makes_the_record_that_the_live_session_makes(tmp_path, method, capsy
         tmp_path, method, path, "--units-per-g", 256000, "--device-id", "adxl355-1d", "--by", "Ada"
     )
     assert code == 0
-    live = procedure_for(method, Nominal(256000.0))
+    live = procedure_for(method, NominalSensitivity(256000.0))
     for readings in blocks(counts, size=32):
         live.feed(readings)
     fit = live.finish()

@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from gateway.cli import follow as following
-from gateway.cli.follow import follow
+from gateway.cli.follow import watch_session
 
 COLLECTING = {
     "id": "session-1",
@@ -46,7 +46,7 @@ class ScriptedLink:
         self._said = list(said)
         self.reconnects = 0
 
-    def hear(self, _topic, take):
+    def subscribe(self, _topic, take):
         self._take = take
 
     def status(self):
@@ -91,14 +91,16 @@ def _no_waiting(monkeypatch):
 )
 def test_the_end_is_told_by_the_exit_code(last, code, said):
     out = io.StringIO()
-    assert follow(ScriptedLink(COLLECTING, last), "session-1", out) == code
+    assert watch_session(ScriptedLink(COLLECTING, last), "session-1", out) == code
     assert said in out.getvalue()
 
 
 def test_a_file_gets_a_line_for_each_change_and_no_more():
     out = io.StringIO()
     moving = COLLECTING | {"pose_fraction": 0.7, "seconds_left": 1.0}
-    follow(ScriptedLink(COLLECTING, moving, moving | {"poses": [POSE, POSE | {"face": "-x"}]}, REVIEW), None, out)
+    watch_session(
+        ScriptedLink(COLLECTING, moving, moving | {"poses": [POSE, POSE | {"face": "-x"}]}, REVIEW), None, out
+    )
     lines = out.getvalue().splitlines()
     assert lines[:2] == ["1 of 6 poses; hold still", "2 of 6 poses; hold still"]
     assert "since r1: offset +0.1 mg" in out.getvalue()
@@ -107,7 +109,7 @@ def test_a_file_gets_a_line_for_each_change_and_no_more():
 
 def test_a_terminal_gets_a_bar():
     out = Terminal()
-    follow(ScriptedLink(COLLECTING, REVIEW), None, out)
+    watch_session(ScriptedLink(COLLECTING, REVIEW), None, out)
     assert "1/6 [######------------------] still 2 s left next -y up; hold still" in out.getvalue()
 
 
@@ -115,10 +117,10 @@ def test_a_face_that_lay_up_twice_is_one_of_six_and_one_that_was_not_used_is_non
     out = Terminal()
     poses = [POSE, POSE, POSE | {"face": None, "used": False}]
     again = COLLECTING | {"poses": poses, "pose_fraction": 0.0}
-    follow(ScriptedLink(again, REVIEW), None, out)
+    watch_session(ScriptedLink(again, REVIEW), None, out)
     assert "\x1b[K1/6 [####------" in out.getvalue()
     several = again | {"method": "norm-fit", "wanted": 12}
-    follow(ScriptedLink(several, REVIEW), None, out)
+    watch_session(ScriptedLink(several, REVIEW), None, out)
     assert "\x1b[K2/12 [####------" in out.getvalue()
 
 
@@ -127,7 +129,7 @@ def test_on_a_narrow_terminal_the_bar_stays_one_line():
     master, slave = pty.openpty()
     ioctl(slave, termios.TIOCSWINSZ, struct.pack("4H", 24, 60, 0, 0))
     with os.fdopen(slave, "w") as out:
-        follow(ScriptedLink(COLLECTING | {"text": "a long way to go " * 9}, REVIEW), None, out)
+        watch_session(ScriptedLink(COLLECTING | {"text": "a long way to go " * 9}, REVIEW), None, out)
         seen = os.read(master, 4096).decode()
     os.close(master)
     bar = next(part for part in seen.split("\r\x1b[K") if "[####" in part)
@@ -137,7 +139,7 @@ def test_on_a_narrow_terminal_the_bar_stays_one_line():
 
 def test_a_lost_gateway_is_waited_for():
     link, out = ScriptedLink(COLLECTING, None, None, COLLECTING, REVIEW), io.StringIO()
-    assert follow(link, "session-1", out) == 0
+    assert watch_session(link, "session-1", out) == 0
     assert out.getvalue().count("no answer from the gateway; waiting for it") == 1
     assert link.reconnects == 2
 
@@ -149,7 +151,7 @@ def test_ctrl_c_says_that_the_session_goes_on():
 
     out = io.StringIO()
     with pytest.raises(KeyboardInterrupt):
-        follow(Interrupted(COLLECTING, None), "session-1", out)
+        watch_session(Interrupted(COLLECTING, None), "session-1", out)
     assert "the session goes on" in out.getvalue()
 
 
@@ -158,11 +160,11 @@ BEFORE = COLLECTING | {"id": "", "phase": "idle"}
 
 def test_an_answer_from_before_the_session_began_does_not_end_it():
     out = io.StringIO()
-    assert follow(ScriptedLink(BEFORE, BEFORE, COLLECTING, REVIEW), "session-1", out) == 0
+    assert watch_session(ScriptedLink(BEFORE, BEFORE, COLLECTING, REVIEW), "session-1", out) == 0
     assert "no such session" not in out.getvalue()
 
 
 def test_a_gateway_that_keeps_telling_of_another_session_has_no_such_one():
     out = io.StringIO()
-    assert follow(ScriptedLink(*[BEFORE] * 9), "session-1", out) == 1
+    assert watch_session(ScriptedLink(*[BEFORE] * 9), "session-1", out) == 1
     assert "no such session is under way" in out.getvalue()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.bus.client import Said
+from gateway.bus.client import RpcReply
 from gateway.calibration.record import CalibrationError, content_hash
 from gateway.cli.remote_status import NO_RECORD, NOT_TOLD, NOT_WATCHED, at_rest, by_records
 
@@ -62,8 +62,10 @@ class Store:
 
     def ask(self, _verb, request, _patience_s):
         if request.get("what") == "record":
-            return Said(True, {"record": self.records[request["record"]]})
-        return Said(True, {"records": [*({"id": name} for name in self.records), {"id": "spoilt", "error": "torn"}]})
+            return RpcReply(True, {"record": self.records[request["record"]]})
+        return RpcReply(
+            True, {"records": [*({"id": name} for name in self.records), {"id": "spoilt", "error": "torn"}]}
+        )
 
 
 def _record(name, date, offset):

@@ -8,7 +8,7 @@ import pytest
 from devices.block import DeviceInfo, SampleBlock
 from devices.device import EndOfRecording
 from devices.errors import TransferError
-from gateway.daemon.bounded_queue import DroppingQueue
+from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.notify import ServiceNotifier
 from gateway.daemon.sampler import DeviceReopened, Sampler
 
@@ -46,7 +46,7 @@ class Scripted:
 
 
 def run(device, info=INFO, size=64):
-    queue = DroppingQueue(size)
+    queue = BoundedQueue(size)
     sampler = Sampler(device, info, queue, ServiceNotifier({}))
     sampler.start()
     assert sampler.ended.wait(10)
@@ -82,7 +82,7 @@ def test_a_full_queue_drops_the_newest_and_counts_its_samples():
 
 
 def test_a_recording_waits_for_its_reader():
-    queue = DroppingQueue(1)
+    queue = BoundedQueue(1)
     patient = DeviceInfo(kind="t", device_id="t", unit="g", odr_hz=1.0, units_per_g=1.0, can_wait=True)
     sampler = Sampler(Scripted([block() for _ in range(5)]), patient, queue, ServiceNotifier({}))
     sampler.start()
@@ -95,7 +95,7 @@ def test_a_recording_waits_for_its_reader():
 
 
 def test_stops_while_the_device_is_away():
-    queue = DroppingQueue(4)
+    queue = BoundedQueue(4)
     device = Scripted([TransferError("gone")], [TransferError("gone")] * 1000)
     sampler = Sampler(device, INFO, queue, ServiceNotifier({}))
     sampler.start()
@@ -109,7 +109,7 @@ def test_stops_while_the_device_is_away():
 
 @pytest.mark.parametrize("size", [1, 3])
 def test_dropping_queue_counts(size):
-    queue = DroppingQueue(size)
+    queue = BoundedQueue(size)
     assert [queue.put(i) for i in range(5)] == [True] * size + [False] * (5 - size)
     assert queue.dropped == 5 - size
     assert [queue.get(0.0) for _ in range(size + 1)] == [*range(size), None]

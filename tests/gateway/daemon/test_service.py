@@ -86,11 +86,11 @@ class SteppingClock(HostClock):
 def test_steps_of_the_wall_clock_are_counted():
     clock = SteppingClock()
     watch = WallClockWatch(clock)
-    watch.look()
+    watch.poll()
     assert watch.steps == 0
     clock.offset_ns = STEP_NS // 2
-    watch.look()
+    watch.poll()
     assert watch.steps == 0
     clock.offset_ns = 3600 * 10**9
-    assert watch.look().wall_offset_ns == 3600 * 10**9
+    assert watch.poll().wall_offset_ns == 3600 * 10**9
     assert watch.steps == 1

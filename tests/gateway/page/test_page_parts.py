@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway.page.hub import LONGEST_QUEUE, MOST_CLIENTS, Hub, event
+from gateway.page.hub import LONGEST_QUEUE, MOST_CLIENTS, EventStream, event
 from gateway.page.inbox import Arrival, Inbox
 from gateway.page.link import SHOWN, configuration
 from gateway.page.metrics import Counters, exposition
@@ -42,7 +42,7 @@ async def _next(stream: Any) -> bytes:
 
 def test_browsers_share_one_payload_and_the_slow_one_is_dropped() -> None:
     async def scenario() -> None:
-        hub = Hub()
+        hub = EventStream()
         quick, slow = hub.stream(b"hello\n\n"), hub.stream(b"hello\n\n")
         assert await _next(quick) == await _next(slow) == b"retry: 500\n\nhello\n\n"
         payload = event("state", {"a": 1}, number=7)
@@ -62,7 +62,7 @@ def test_browsers_share_one_payload_and_the_slow_one_is_dropped() -> None:
 
 def test_a_browser_that_leaves_makes_room() -> None:
     async def scenario() -> None:
-        hub = Hub()
+        hub = EventStream()
         streams = [hub.stream(b"") for _ in range(MOST_CLIENTS)]
         for stream in streams:
             await _next(stream)

@@ -43,8 +43,8 @@ def test_the_snapshot_carries_messages_ages_and_verdict(state: PageState, scene:
 def test_the_pushed_state_leaves_the_calibration_record_out(state: PageState, scene: Any) -> None:
     tell(state, scene, 10.0)
     assert state.snapshot(10.0)["topics"]["calibration"].record["id"] == "six-2025-03"
-    assert state.brief(10.0)["topics"]["calibration"].record == {}
-    assert state.brief(10.0)["topics"]["calibration"].status == "calibrated"
+    assert state.summary(10.0)["topics"]["calibration"].record == {}
+    assert state.summary(10.0)["topics"]["calibration"].status == "calibrated"
 
 
 def test_a_message_repeated_for_ever_does_not_look_fresh(state: PageState, scene: Any) -> None:

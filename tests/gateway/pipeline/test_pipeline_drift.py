@@ -7,12 +7,12 @@ import pytest
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import correction_for
-from gateway.calibration.drift.rest import HOLD_HOURS, NS_PER_HOUR, RestWatch
+from gateway.calibration.drift.rest import HOLD_HOURS, NS_PER_HOUR, RestDriftMonitor
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.configuration.loading import validate
 from gateway.messages import NO_SESSION
 from gateway.pipeline.clock_state import ClockState
-from gateway.pipeline.drift_monitor import DRIFTED, RestReading
+from gateway.pipeline.drift_monitor import DRIFTED, DriftMonitor
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
 
@@ -52,7 +52,7 @@ class Hanging:
     """A pipeline over a housing that hangs still, some seconds of each hour."""
 
     def __init__(self, wall_offset_ns=0):
-        self.rest = RestReading(RestWatch(CORRECTION))
+        self.rest = DriftMonitor(RestDriftMonitor(CORRECTION))
         self.clock = ClockState("synchronised", wall_offset_ns)
         self.open()
         self.out = defaultdict(list)
@@ -158,11 +158,11 @@ def test_readings_are_dated_by_the_wall_clock():
 
 
 def test_an_alarm_whose_hours_were_forgotten_still_says_what_to_do():
-    state = RestWatch(CORRECTION).state() | {"alarm_since_hour": MADE_NS // NS_PER_HOUR}
-    assert RestReading(RestWatch(CORRECTION, state)).alarm == DRIFTED
+    state = RestDriftMonitor(CORRECTION).state() | {"alarm_since_hour": MADE_NS // NS_PER_HOUR}
+    assert DriftMonitor(RestDriftMonitor(CORRECTION, state)).alarm == DRIFTED
 
 
 def test_without_a_record_nothing_is_watched():
-    rest = RestReading(None)
+    rest = DriftMonitor(None)
     rest.take({}, MADE_NS, np.array([0.0, 0.0, 1.0]), None)
     assert (rest.told, rest.alarm, rest.calibration_id, rest.state()) == (None, None, None, None)

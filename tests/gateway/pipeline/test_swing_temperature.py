@@ -9,10 +9,10 @@ from devices.simulated.crane import Crane
 from gateway.calibration.correction import Correction
 from gateway.configuration.loading import validate
 from gateway.pipeline.clock_state import ClockState
-from gateway.pipeline.executor import AtOnce
+from gateway.pipeline.executor import ImmediateExecutor
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
-from gateway.pipeline.swing_stage import SwingReading
+from gateway.pipeline.swing_stage import SwingStage
 from gateway.stages.lowpass import LowPass
 
 RATE_HZ, NOISE_G, WARMER_K = 50.0, 2e-4, 40.0
@@ -47,12 +47,12 @@ def last_word(crane, temperature_c):
     planted_g = force_g * (1 + WARMER_K * SCALE_PER_K) + np.array([1.0, 0.5, -0.5]) * WARMER_K * OFFSET_G_PER_K
     planted_g = planted_g + NOISE_G * np.random.default_rng(4).normal(size=force_g.shape)
     table = {"rope": {"length_m": 9.3}, "housing": {"position_m": 2.7}, "device": {"odr_hz": RATE_HZ}}
-    reading = SwingReading(validate(table, "test"), INFO, CORRECTION, LowPass(1.0, 2, RATE_HZ), AtOnce())
+    reading = SwingStage(validate(table, "test"), INFO, CORRECTION, LowPass(1.0, 2, RATE_HZ), ImmediateExecutor())
     for begin in range(0, len(time_s), 10):
         part = slice(begin, begin + 10)
         reading.take(time_s[part], planted_g[part], planted_g[part], temperature_c)
     header = HeaderMaker().make("swing", 0, ClockState("synchronised", 0), "r1")
-    return reading.message(header), reading.upper_ends()[1]
+    return reading.message(header), reading.upper_confidence_limits()[1]
 
 
 def test_beyond_the_calibrated_range_swing_and_lean_hold_and_the_temperature_is_named(crane):

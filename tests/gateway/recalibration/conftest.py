@@ -11,7 +11,7 @@ from gateway.calibration.procedure import CalibrationFit, Pose, Progress
 from gateway.calibration.store import CalibrationStore
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.session import Judgement
-from gateway.recalibration.timestamp import Moment
+from gateway.recalibration.timestamp import Timestamp
 
 START_NS = 1_767_225_600_000_000_000
 DEVICE = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)
@@ -95,7 +95,7 @@ class Site:
 
     @property
     def moment(self):
-        return Moment(self.now_ns, self.now_ns)
+        return Timestamp(self.now_ns, self.now_ns)
 
     @property
     def session(self):

@@ -30,7 +30,7 @@ def advised(aligning, pitch_deg, roll_deg, noise_deg=0.0, tilts=FEWEST, **change
     random = np.random.default_rng(1)
     for number in range(tilts):
         pitch, roll = (pitch_deg, roll_deg) + noise_deg * random.standard_normal(2)
-        view = aligning.take(
+        view = aligning.add_samples(
             replace(TILT, time_ns=number * 100_000_000, pitch_deg=float(pitch), roll_deg=float(roll), **changes)
         )
     return view
@@ -76,12 +76,12 @@ def test_a_housing_that_lies_on_a_table_is_not_told_to_turn_screws():
 
 
 def test_angles_that_are_not_known_are_none():
-    view = Aligning().take(replace(TILT, pitch_deg=None))
+    view = Aligning().add_samples(replace(TILT, pitch_deg=None))
     assert (view.pitch_deg, view.advice.state) == (None, "not_still")
 
 
 def test_what_was_read_before_a_movement_is_forgotten():
     aligning = Aligning()
     advised(aligning, 0.2, -1.5)
-    aligning.take(replace(TILT, trusted=False))
-    assert aligning.take(TILT).advice.state == "not_still"
+    aligning.add_samples(replace(TILT, trusted=False))
+    assert aligning.add_samples(TILT).advice.state == "not_still"

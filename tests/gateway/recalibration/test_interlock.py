@@ -2,14 +2,14 @@
 
 import pytest
 
-from gateway.recalibration.interlock import LOAD_HOLDS_S, MEMORY_S, STATIC_S, LoadSaid, LoadWatch
+from gateway.recalibration.interlock import LOAD_HOLDS_S, MEMORY_S, STATIC_S, LoadInterlock, LoadState
 
 S = 1_000_000_000
 
 
 def watch_of(*stretches):
     """Verdicts twice a second over stretches of (verdict, seconds); the time at the end."""
-    watch, now_ns = LoadWatch(), 0
+    watch, now_ns = LoadInterlock(), 0
     for verdict, seconds in stretches:
         for _ in range(2 * seconds):
             now_ns += S // 2
@@ -31,18 +31,18 @@ def watch_of(*stretches):
 )
 def test_the_housing_stays_on_the_rope_while_the_load_moves(stretches, refused):
     watch, now_ns = watch_of(*stretches)
-    why = watch.against_recalibrating(confirmed=False, now_ns=now_ns)
+    why = watch.recalibration_refusal(confirmed=False, now_ns=now_ns)
     assert (why is None) if refused is None else refused in why
-    assert watch.against_recalibrating(confirmed=True, now_ns=now_ns) is None
+    assert watch.recalibration_refusal(confirmed=True, now_ns=now_ns) is None
 
 
 def test_a_load_on_the_hook_is_no_matter_of_confirmation():
     watch, now_ns = watch_of(("static", 70))
-    watch.load(LoadSaid(True, now_ns))
-    assert "a load hangs" in watch.against_recalibrating(confirmed=True, now_ns=now_ns)
-    assert watch.against_recalibrating(confirmed=True, now_ns=now_ns + round(LOAD_HOLDS_S * S)) is None
-    watch.load(LoadSaid(False, now_ns))
-    assert watch.against_recalibrating(confirmed=False, now_ns=now_ns) is None
+    watch.load(LoadState(True, now_ns))
+    assert "a load hangs" in watch.recalibration_refusal(confirmed=True, now_ns=now_ns)
+    assert watch.recalibration_refusal(confirmed=True, now_ns=now_ns + round(LOAD_HOLDS_S * S)) is None
+    watch.load(LoadState(False, now_ns))
+    assert watch.recalibration_refusal(confirmed=False, now_ns=now_ns) is None
 
 
 @pytest.mark.parametrize(
@@ -59,11 +59,11 @@ def test_a_load_on_the_hook_is_no_matter_of_confirmation():
 )
 def test_only_a_load_that_hangs_still_is_a_plumb_line(stretches, allowed):
     watch, _ = watch_of(*stretches)
-    assert (watch.against_zero() is None) == allowed
+    assert (watch.zeroing_refusal() is None) == allowed
 
 
 def test_what_was_seen_is_forgotten():
     watch, now_ns = watch_of(("static", 70))
     watch.forget()
-    assert watch.against_zero() is not None
-    assert watch.against_recalibrating(confirmed=False, now_ns=now_ns) is not None
+    assert watch.zeroing_refusal() is not None
+    assert watch.recalibration_refusal(confirmed=False, now_ns=now_ns) is not None

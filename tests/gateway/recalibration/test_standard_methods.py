@@ -8,13 +8,13 @@ import pytest
 from devices.block import DeviceInfo, SampleBlock
 from devices.simulated.accelerometer import Accelerometer, typical_errors
 from gateway.calibration.methods import procedure_for
-from gateway.calibration.poses import Nominal
+from gateway.calibration.poses import NominalSensitivity
 from gateway.calibration.procedure import RawReadings
 from gateway.calibration.record import CalibrationRecord
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.standard import StandardMethods
-from gateway.recalibration.timestamp import Moment
-from gateway.recalibration.view import view_of
+from gateway.recalibration.timestamp import Timestamp
+from gateway.recalibration.view import session_message
 
 RATE_HZ, BLOCK = 125.0, 25
 START_NS = 1_767_225_600_000_000_000
@@ -35,7 +35,7 @@ class Bench:
 
     @property
     def moment(self):
-        return Moment(self.now_ns, self.now_ns)
+        return Timestamp(self.now_ns, self.now_ns)
 
     @property
     def session(self):
@@ -58,7 +58,7 @@ class Bench:
         for _ in range(40):
             if self.session.phase != "collecting":
                 return
-            self.rest(view_of(self.session, self.recalibration.progress).next_direction, 2.6)
+            self.rest(session_message(self.session, self.recalibration.progress).next_direction, 2.6)
 
 
 @pytest.fixture
@@ -84,7 +84,7 @@ def test_turned_as_asked_the_planted_errors_are_found(bench, method):
 
 def offline(method, blocks, parent=None):
     """The fit of the same readings in one piece."""
-    procedure = procedure_for(method, Nominal(INFO.units_per_g), parent=parent)
+    procedure = procedure_for(method, NominalSensitivity(INFO.units_per_g), parent=parent)
     time_s = (np.concatenate([block.time_ns for block in blocks]) - blocks[0].time_ns[0]) * 1e-9
     procedure.feed(RawReadings(time_s, np.concatenate([block.raw for block in blocks]).astype(np.float64)))
     return procedure.finish()

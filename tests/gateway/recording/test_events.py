@@ -2,7 +2,7 @@
 
 import pytest
 
-from gateway.recording.events import EventMarks
+from gateway.recording.events import AlertEventIndex
 from gateway.recording.retention import Retention, SegmentNames, marker_of
 
 NAMES = SegmentNames("yard", "crane-2", "hook")
@@ -13,7 +13,7 @@ START_NS = 1_767_225_600 * SECOND_NS
 @pytest.fixture
 def segments(tmp_path):
     """Six segments of a minute and 1 kB each, with an alert half a minute into the third."""
-    marks = EventMarks(pre_event_s=40.0, post_event_s=40.0)
+    marks = AlertEventIndex(pre_event_s=40.0, post_event_s=40.0)
     paths = []
     for minute in range(6):
         begins_ns = START_NS + minute * 60 * SECOND_NS
@@ -32,6 +32,6 @@ def test_what_is_open_or_near_an_event_is_marked(segments):
 
 def test_ordinary_segments_go_first_then_the_oldest_event(tmp_path, segments):
     retention = Retention(NAMES, tmp_path, quota_mb=0.0025)  # room for two and a half
-    retention.look()
+    retention.rescan()
     assert retention.enforce(0) == [segments[i] for i in (0, 4, 5, 1)]
     assert sorted(tmp_path.iterdir()) == sorted([*segments[2:4], *(marker_of(path) for path in segments[2:4])])

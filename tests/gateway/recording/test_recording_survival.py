@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 from devices.errors import RecordingError
 from gateway.recording.info import summarise
 from gateway.recording.info_text import info_text
-from gateway.recording.mcap_salvage import Losses
+from gateway.recording.mcap_salvage import SalvageReport
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
 from gateway.recording.writer import Recorder
@@ -156,7 +156,7 @@ def test_a_changed_fact_about_the_device_is_noticed_in_a_closed_file(
 ) -> None:
     altered = tmp_path / "altered.mcap"
     altered.write_bytes(small[0].read_bytes().replace(b"256000.0", b"255000.0"))
-    assert read_samples(altered).losses == Losses(closed=True, altered=True)
+    assert read_samples(altered).losses == SalvageReport(closed=True, altered=True)
     assert "CHECKSUM WRONG" in info_text(summarise(altered))
 
 
@@ -177,4 +177,4 @@ def test_the_public_reader_agrees_on_a_whole_file(small: tuple[Path, list[int]])
         public = [(channel.topic, message.data) for _, channel, message in make_reader(file).iter_messages()]
     recording = open_recording(path)
     assert sorted((message.topic, message.data) for message in recording.messages()) == sorted(public)
-    assert recording.losses == Losses(closed=True)
+    assert recording.losses == SalvageReport(closed=True)

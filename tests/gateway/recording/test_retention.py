@@ -19,7 +19,7 @@ def test_the_oldest_goes_first_and_no_more_than_needed(tmp_path: Path) -> None:
         tmp_path, "20260103T000000Z", "20260101T000000Z", "20260101T000000Z-2", "20260102T000000Z"
     )
     retention = Retention(NAMES, tmp_path, quota_mb=0.0035)
-    retention.look()
+    retention.rescan()
     assert retention.enforce(open_bytes=0) == [first]
     assert retention.enforce(open_bytes=1400) == [copy]
     assert retention.enforce(open_bytes=1500) == []
@@ -36,7 +36,7 @@ def test_a_file_that_cannot_be_deleted_is_counted_and_not_tried_for_ever(
 
     monkeypatch.setattr(Path, "unlink", refused)
     retention = Retention(NAMES, tmp_path, quota_mb=0.0001)
-    retention.look()
+    retention.rescan()
     assert [retention.enforce(open_bytes=0) for _ in range(5)] == [[]] * 5
     assert retention.undeletable == 2
 
@@ -44,7 +44,7 @@ def test_a_file_that_cannot_be_deleted_is_counted_and_not_tried_for_ever(
 def test_a_file_that_somebody_else_deleted_is_no_error(tmp_path: Path) -> None:
     (gone,) = make(tmp_path, "20260101T000000Z")
     retention = Retention(NAMES, tmp_path, quota_mb=0.0001)
-    retention.look()
+    retention.rescan()
     gone.unlink()
     assert retention.enforce(open_bytes=0) == [gone]
 

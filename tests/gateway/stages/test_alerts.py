@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from gateway.stages.alerts import Limits, RuleState, event_between, judge, standing, worst
+from gateway.stages.alerts import Limits, RuleState, event_between, initial_state, judge, overall_level
 
 LIMITS = Limits(trip_rad=6.0, clear_rad=3.0, hold_s=2.0, warn_rad=4.0)
 
@@ -47,9 +47,9 @@ def test_since_is_when_the_level_began():
 
 
 def test_nothing_known_is_worse_than_normal_and_less_than_warn():
-    assert worst(["normal", "unknown"]) == "unknown"
-    assert worst(["unknown", "warn", "normal"]) == "warn"
-    assert worst([]) == "unknown"
+    assert overall_level(["normal", "unknown"]) == "unknown"
+    assert overall_level(["unknown", "warn", "normal"]) == "warn"
+    assert overall_level([]) == "unknown"
 
 
 def test_events():
@@ -63,8 +63,8 @@ def test_events():
 
 
 def test_a_rule_that_was_judged_elsewhere_warns_while_it_stands():
-    raised = standing(RuleState("normal", 1.0), stands=True, time_s=5.0)
+    raised = initial_state(RuleState("normal", 1.0), stands=True, time_s=5.0)
     assert (raised.level, raised.since_s) == ("warn", 5.0)
-    assert standing(raised, stands=True, time_s=9.0) is raised
-    assert standing(raised, stands=False, time_s=9.0) == RuleState("normal", 9.0)
-    assert standing(RuleState("unknown", 1.0), stands=True, time_s=2.0).level == "warn"
+    assert initial_state(raised, stands=True, time_s=9.0) is raised
+    assert initial_state(raised, stands=False, time_s=9.0) == RuleState("normal", 9.0)
+    assert initial_state(RuleState("unknown", 1.0), stands=True, time_s=2.0).level == "warn"

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from gateway.stages.conditions.monitor import ConditionWatch, SwingSeen
+from gateway.stages.conditions.monitor import ConditionMonitor, SwingContext
 
 RATE_HZ, NOISE_G, DM_G = 100.0, 0.0004, 0.002
-STILL = SwingSeen(swinging=False, phi_max_rad=0.001, consistent=True)
-NOT_YET = SwingSeen(swinging=None, phi_max_rad=None, consistent=False)
+STILL = SwingContext(swinging=False, phi_max_rad=0.001, consistent=True)
+NOT_YET = SwingContext(swinging=None, phi_max_rad=None, consistent=False)
 REST = (0.0, 0.0, 1.0)
 
 
@@ -28,7 +28,7 @@ def pendulum(phi_max_rad, rho, seconds=4.0, period_s=6.0):
 
 
 def judged(time_s, force_g, swing=STILL, clipped=0, missing=0, block=10):
-    watch = ConditionWatch(NOISE_G, DM_G)
+    watch = ConditionMonitor(NOISE_G, DM_G)
     for begin in range(0, len(time_s), block):
         watch.update(time_s[begin : begin + block], force_g[begin : begin + block], clipped, missing)
     return watch.judge(swing)
@@ -47,14 +47,14 @@ def test_a_lean_is_static_too():
 
 def test_a_swing_on_a_rope_whose_length_changes_is_disturbed_by_hoisting():
     """A pendulum with a moving rope explains it: the angle is known, but it is no free swing."""
-    seen = SwingSeen(swinging=True, phi_max_rad=math.radians(8), consistent=True, rho=0.5, hoisting=True)
+    seen = SwingContext(swinging=True, phi_max_rad=math.radians(8), consistent=True, rho=0.5, hoisting=True)
     found = judged(*pendulum(math.radians(8), 0.5), seen)
     assert (found.verdict, found.cause, found.trusted) == ("disturbed", "hoisting", False)
     assert not found.gates["rope_keeps_length"]
 
 
 def test_a_rope_that_was_said_to_move_is_static_once_it_is_still():
-    assert judged(*stretch(), SwingSeen(False, 0.001, consistent=True, hoisting=True)).verdict == "static"
+    assert judged(*stretch(), SwingContext(False, 0.001, consistent=True, hoisting=True)).verdict == "static"
 
 
 def test_vibration_about_a_steady_mean_is_quasi_static():
@@ -67,7 +67,7 @@ def test_vibration_about_a_steady_mean_is_quasi_static():
 @pytest.mark.parametrize("phi_max_deg", [2.0, 8.0, 15.0])
 def test_a_pendulum_is_swinging_at_every_mounting(rho, phi_max_deg):
     phi_max_rad = math.radians(phi_max_deg)
-    seen = SwingSeen(swinging=True, phi_max_rad=phi_max_rad, consistent=True, rho=rho)
+    seen = SwingContext(swinging=True, phi_max_rad=phi_max_rad, consistent=True, rho=rho)
     assert judged(*pendulum(phi_max_rad, rho), seen).verdict == "swinging"
 
 
@@ -139,7 +139,7 @@ def test_a_movement_of_seconds_ago_is_not_static_yet():
     assert (found.gates["still"], found.gates["steady"], found.verdict) == (True, False, "unknown")
 
 
-SWING = SwingSeen(swinging=True, phi_max_rad=math.radians(8), consistent=True, rho=0.5, period_s=6.0)
+SWING = SwingContext(swinging=True, phi_max_rad=math.radians(8), consistent=True, rho=0.5, period_s=6.0)
 
 
 def test_a_free_swing_keeps_its_energy_and_hangs_freely():
@@ -163,7 +163,7 @@ def test_a_hoist_shows_along_the_rope_of_a_swing():
 
 def test_a_window_lasts_two_seconds_at_every_rate():
     for rate_hz in (50.0, 100.0, 1000.0):
-        watch, n = ConditionWatch(NOISE_G, DM_G), round(rate_hz / 10)
+        watch, n = ConditionMonitor(NOISE_G, DM_G), round(rate_hz / 10)
         for block in range(60):
             time_s = (block * n + np.arange(n)) / rate_hz
             watch.update(time_s, np.tile(REST, (n, 1)), int(block == 35), 0)
@@ -187,7 +187,7 @@ def test_a_dead_axis_is_named():
 
 def test_a_gap_forgets_what_was_before():
     time_s, force_g = stretch()
-    watch = ConditionWatch(NOISE_G, DM_G)
+    watch = ConditionMonitor(NOISE_G, DM_G)
     watch.update(time_s, force_g, 0, 0)
     watch.update(time_s[:10] + 60.0, force_g[:10], 0, 0)
     assert watch.judge(STILL).verdict == "unknown"

@@ -9,7 +9,7 @@ from gateway.swing import MountedHousing, SwingTracker
 from gateway.swing.bins import bin_samples
 from gateway.swing.initial_guess import find_harmonics, start_motions
 from gateway.swing.likelihood import improved, linearised
-from gateway.swing.priors import believed
+from gateway.swing.priors import nominal_prior
 
 PERIOD_S = 2 * np.pi * np.sqrt(9.0 / 9.80665)
 NOISE_G = np.full(3, 4e-4)
@@ -29,7 +29,7 @@ def driven(simulated):
 def begun(recording, rig):
     bins = bin_samples(recording.time_s, recording.force_g, PERIOD_S / 32)
     starts = start_motions(find_harmonics(bins, NOISE_G, rig), rig, 0.0, float(bins.time_s[-1]) + 0.5)
-    return linearised(bins, bins.count[:, None] / NOISE_G**2, starts[0], believed(rig))
+    return linearised(bins, bins.count[:, None] / NOISE_G**2, starts[0], nominal_prior(rig))
 
 
 def test_a_fit_that_leads_nowhere_is_given_up(driven):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.swing import Extremes, Passage, corrected, extremes, published
+from gateway.swing import Extremes, LowpassGain, as_published, corrected, extremes
 
 PHI = np.radians(10.0)
 NAMES = ("arccos_min_az", "arcsin_max_axy", "arctan_max_axy_min_az", "arccos_max_az")
@@ -26,7 +26,7 @@ def planar(rho, phi=PHI, azimuth=0.7):
     [(0.5, (10.00, 4.98, 5.04, 7.07)), (1.0, (10.00, 0.00, 0.00, 10.00)), (0.0, (10, 10, 10, 0))],
 )
 def test_published_forms_read_what_the_derivation_says(rho, readings_deg):
-    angles = published(planar(rho))
+    angles = as_published(planar(rho))
 
     assert [np.degrees(getattr(angles, name)) for name in NAMES] == pytest.approx(readings_deg, abs=0.01)
 
@@ -49,7 +49,7 @@ def test_corrected_forms_undo_a_known_low_pass():
         max_z_g=centre + gain_2f0 * half,
     )
 
-    angles = corrected(passed, 0.4, Passage(gain_f0=gain_f0, gain_2f0=gain_2f0))
+    angles = corrected(passed, 0.4, LowpassGain(gain_f0=gain_f0, gain_2f0=gain_2f0))
 
     assert [getattr(angles, name) for name in NAMES] == pytest.approx([PHI] * 4, rel=1e-9)
 
@@ -57,7 +57,7 @@ def test_corrected_forms_undo_a_known_low_pass():
 def test_an_argument_out_of_the_domain_gives_no_angle():
     still_with_noise = Extremes(max_x_g=0.01, max_y_g=1.2, max_across_g=1.2, min_z_g=1.002, max_z_g=0.999)
 
-    angles = published(still_with_noise)
+    angles = as_published(still_with_noise)
 
     assert angles.arccos_min_az is None  # arccos(1.002)
     assert angles.arcsin_max_axy is None  # arcsin(1.2)
@@ -70,7 +70,8 @@ def test_where_the_mounting_leaves_nothing_to_invert_there_is_no_angle():
     assert corrected(planar(1.0), 1.0).arctan_max_axy_min_az is None
     assert corrected(planar(0.0), 0.0).arccos_max_az is None
     assert (
-        published(Extremes(max_x_g=0, max_y_g=0, max_across_g=0, min_z_g=-1, max_z_g=1)).arctan_max_axy_min_az is None
+        as_published(Extremes(max_x_g=0, max_y_g=0, max_across_g=0, min_z_g=-1, max_z_g=1)).arctan_max_axy_min_az
+        is None
     )
 
 

@@ -7,8 +7,8 @@ from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2, start_motion
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import Hoist, TrolleyMove
 from gateway.swing import MountedHousing, SwingTracker, estimate_swing
-from gateway.swing.model import Course, Place, integrate, specific_force_g
-from gateway.swing.rope_spline import Raster
+from gateway.swing.model import SensorPlacement, TrajectoryInput, integrate, specific_force_g
+from gateway.swing.rope_spline import SplineGrid
 
 NOISE_G = 4e-4
 TIME_S = np.arange(50 * 50) / 50.0
@@ -33,7 +33,7 @@ def clamped(rho=0.5, length_m=9.0):
 
 
 def test_length_speed_and_acceleration_of_a_raster_belong_together():
-    raster = Raster.over(2.0, 5.0, 0.5)
+    raster = SplineGrid.over(2.0, 5.0, 0.5)
     time_s = np.linspace(0, 8, 80001)
     speeds = np.random.default_rng(0).normal(size=raster.count)
 
@@ -45,7 +45,7 @@ def test_length_speed_and_acceleration_of_a_raster_belong_together():
 
 
 def test_another_raster_of_the_same_step_carries_the_length_on():
-    raster, later = Raster.over(2.0, 5.0, 0.5), Raster.over(3.2, 7.0, 0.5)
+    raster, later = SplineGrid.over(2.0, 5.0, 0.5), SplineGrid.over(3.2, 7.0, 0.5)
     speeds = np.random.default_rng(1).normal(size=raster.count)
     time_s = np.linspace(3.2, 5.0, 50)
 
@@ -82,10 +82,12 @@ def test_equations_agree_with_the_simulated_crane(goes_with_the_rope):
     axes = pendulum.housing_axes(motions[0])
     first = [axes @ [0.0, 0.0, -1.0], axes @ motions[0][1], np.zeros(3)]
     start = np.array([[[v[0] + 1j * v[1]]] for v in first])
-    course = Course((gravity / length_m)[:, None, None], np.zeros(1), (rate_m_s / length_m)[:, None, None])
+    course = TrajectoryInput((gravity / length_m)[:, None, None], np.zeros(1), (rate_m_s / length_m)[:, None, None])
     path = integrate(start, course, step_s, steps)
     states = path.state[:, :, 0]
-    place = Place(position_m[:, None] / gravity, moves * rate_m_s[::2, None] / gravity, moves * second_m_s2 / gravity)
+    place = SensorPlacement(
+        position_m[:, None] / gravity, moves * rate_m_s[::2, None] / gravity, moves * second_m_s2 / gravity
+    )
     modelled_g = np.stack([specific_force_g(states, course.at(2 * i), place)[i, :, 0] for i in range(0, steps + 1, 50)])
 
     assert modelled_g == pytest.approx(np.array(forces)[::50] / gravity, abs=1e-7)

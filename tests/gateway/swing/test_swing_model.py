@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from devices.pendulum import pendulum
-from gateway.swing.model import Field, Place, integrate, sample, specific_force_g
+from gateway.swing.model import ForceField, SensorPlacement, integrate, sample, specific_force_g
 
 GRAVITY_M_S2 = pendulum.STANDARD_GRAVITY_M_S2
 LENGTH_M, POSITION_M, DAMPING_1_S = 20.0, 13.0, 0.02
@@ -36,7 +36,7 @@ def in_housing(motion):
     return np.array([[v[0] + 1j * v[1]] for v in vectors])
 
 
-FIELD = Field(GRAVITY_M_S2 / LENGTH_M, DAMPING_1_S)
+FIELD = ForceField(GRAVITY_M_S2 / LENGTH_M, DAMPING_1_S)
 
 
 def test_housing_frame_agrees_with_the_world_frame(world):
@@ -44,7 +44,7 @@ def test_housing_frame_agrees_with_the_world_frame(world):
 
     path = integrate(in_housing(motions[0]), FIELD, STEP_S, STEPS)
 
-    modelled_g = specific_force_g(path.state, FIELD, Place(POSITION_M / GRAVITY_M_S2))[..., 0]
+    modelled_g = specific_force_g(path.state, FIELD, SensorPlacement(POSITION_M / GRAVITY_M_S2))[..., 0]
     assert np.abs(modelled_g - force_g).max() < 2e-8
     assert path.state[-1] == pytest.approx(in_housing(motions[-1]), abs=1e-7)
 
@@ -59,7 +59,7 @@ def test_coarse_steps_and_interpolation_stay_far_below_any_noise(world):
 
     states = sample(path, step, position - step, np.zeros_like(step))
 
-    modelled_g = specific_force_g(states, FIELD, Place(POSITION_M / GRAVITY_M_S2))[..., 0]
+    modelled_g = specific_force_g(states, FIELD, SensorPlacement(POSITION_M / GRAVITY_M_S2))[..., 0]
     assert np.abs(modelled_g - force_g[:-1]).max() < 3e-5
 
 
@@ -68,21 +68,21 @@ def test_quadratic_drag_takes_the_energy_that_it_should():
     stiffness, drag, amplitude = 1.0, 0.05, 0.1
     state = np.array([[amplitude + 0j], [0j], [0j]])
 
-    path = integrate(state, Field(stiffness, 0.0, drag, 0.0), 2 * np.pi / 200, 200)
+    path = integrate(state, ForceField(stiffness, 0.0, drag, 0.0), 2 * np.pi / 200, 200)
 
     assert abs(path.state[-1, 0, 0]) == pytest.approx(amplitude * (1 - 8 / 3 * drag * amplitude), rel=2e-4)
 
 
 def test_spinning_housing_sees_the_same_motion_turned():
     state = np.array([[0.2 + 0.05j], [0.03j], [0.01 + 0.02j]])
-    still = integrate(state, Field(1.0, 0.01), 0.1, 100)
-    spinning = integrate(state, Field(1.0, 0.01, 0.0, 0.07), 0.1, 100)
+    still = integrate(state, ForceField(1.0, 0.01), 0.1, 100)
+    spinning = integrate(state, ForceField(1.0, 0.01, 0.0, 0.07), 0.1, 100)
 
     turn = np.exp(-0.07j * 10.0)
     assert spinning.state[-1] == pytest.approx(turn * still.state[-1], abs=1e-6)
 
 
 def test_beyond_ninety_degrees_there_is_no_number():
-    path = integrate(np.array([[0.9 + 0j], [-2.0 + 0j], [0j]]), Field(1.0, 0.0), 0.1, 30)
+    path = integrate(np.array([[0.9 + 0j], [-2.0 + 0j], [0j]]), ForceField(1.0, 0.0), 0.1, 30)
 
     assert np.isnan(path.state[-1]).any()

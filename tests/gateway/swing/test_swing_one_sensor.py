@@ -5,11 +5,11 @@ import pytest
 
 from gateway.swing import MountedHousing
 from gateway.swing.bins import bin_samples
-from gateway.swing.cross_segment_consistency import held_to_one_sensor
-from gateway.swing.hoist_tracking import Stretch
+from gateway.swing.cross_segment_consistency import enforce_common_sensor_errors
+from gateway.swing.hoist_tracking import FittedInterval
 from gateway.swing.offline import grow
 from gateway.swing.peaks import largest_angle
-from gateway.swing.priors import believed
+from gateway.swing.priors import nominal_prior
 
 NOISE_G = np.full(3, 4e-4)
 PULL_DEG = 3.0
@@ -24,9 +24,9 @@ def piece(recording, from_s, offset_g=(0.0, 0.0, 0.0), zero_g_offset_u_g=0.025):
     )
     time_s = recording.time_s + from_s
     bins = bin_samples(time_s, recording.force_g + offset_g, 0.19, None)
-    finding = grow(bins, NOISE_G, believed(rig), float(time_s[0]), float(time_s[-1]))
+    finding = grow(bins, NOISE_G, nominal_prior(rig), float(time_s[0]), float(time_s[-1]))
     assert finding.plain
-    return Stretch(float(time_s[0]), float(time_s[-1]), finding)
+    return FittedInterval(float(time_s[0]), float(time_s[-1]), finding)
 
 
 def leaning_g():
@@ -45,7 +45,7 @@ def test_a_piece_with_another_sensor_is_widened_to_the_angle_with_the_sensor_of_
     rest, pulled = pieces
     odd = piece(pulled, 48.0, offset_g=-leaning_g())  # reads on the mean as the rest does
 
-    *_, held = found = held_to_one_sensor([*rest, odd])[0]
+    *_, held = found = enforce_common_sensor_errors([*rest, odd])[0]
 
     (angle_rad, u_rad), (_, before_rad) = (largest_angle(p.finding.fit, p.finding.claim) for p in (held, odd))
     upright_rad, _ = largest_angle(rest[0].finding.fit, rest[0].finding.claim)
@@ -57,7 +57,7 @@ def test_a_piece_with_another_sensor_is_widened_to_the_angle_with_the_sensor_of_
 def test_it_is_named(pieces):
     rest, pulled = pieces
 
-    _, (reason,) = held_to_one_sensor([*rest, piece(pulled, 48.0, offset_g=-leaning_g())])
+    _, (reason,) = enforce_common_sensor_errors([*rest, piece(pulled, 48.0, offset_g=-leaning_g())])
 
     assert "48-60 s" in reason
     assert "another sensor" in reason
@@ -67,7 +67,7 @@ def test_a_side_pull_that_begins_is_not_held_to_the_lean_before(pieces):
     rest, pulled = pieces
     leaning = piece(pulled, 48.0)
 
-    found, reasons = held_to_one_sensor([*rest, leaning])
+    found, reasons = enforce_common_sensor_errors([*rest, leaning])
 
     assert reasons == ()
     before, after = (largest_angle(p.finding.fit, p.finding.claim) for p in (leaning, found[-1]))
@@ -79,10 +79,10 @@ def test_pieces_of_a_sensor_without_unknown_errors_stay_as_they_are(pieces):
     _, pulled = pieces
     known = [piece(pulled, from_s, zero_g_offset_u_g=0.0) for from_s in (0.0, 12.0)]
 
-    assert held_to_one_sensor(known) == (known, ())
+    assert enforce_common_sensor_errors(known) == (known, ())
 
 
 def test_one_piece_has_nothing_to_agree_with(pieces):
     rest, _ = pieces
 
-    assert held_to_one_sensor(rest[:1]) == (rest[:1], ())
+    assert enforce_common_sensor_errors(rest[:1]) == (rest[:1], ())

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.swing.model import Course, Field, carry, integrate
+from gateway.swing.model import ForceField, TrajectoryInput, integrate, propagate
 from gateway.swing.motion import PLAIN, STATES, Grid, Motion
-from gateway.swing.multiple_shooting import moved, respond
-from gateway.swing.rope_spline import Raster
+from gateway.swing.multiple_shooting import linearise_segments, moved
+from gateway.swing.rope_spline import SplineGrid
 
 PERIOD_S = 6.0
 GRAVITY_M_S2 = 9.80665
@@ -22,13 +22,13 @@ def motion_of(parameters, raster=None):
     """Ten seconds of a swing, its nodes integrated from the first: no gaps."""
     grid = Grid.over(0.0, 10.0, PERIOD_S)
     first = Motion(grid, START, np.asarray(parameters), GRAVITY_M_S2, raster)
-    path = first.carried(START[:, 0], 0.0, grid.step_s, round((grid.end_s - grid.start_s) / grid.step_s))
+    path = first.propagated(START[:, 0], 0.0, grid.step_s, round((grid.end_s - grid.start_s) / grid.step_s))
     per_segment = round(grid.segment_s / grid.step_s)
     return replace(first, nodes=path[:-1:per_segment].T)
 
 
 def motions():
-    raster = Raster.over(2.0, 7.0, 0.7)
+    raster = SplineGrid.over(2.0, 7.0, 0.7)
     speeds = 0.4 * np.random.default_rng(2).normal(size=raster.count)
     return {
         "a rope that keeps its length": motion_of([np.log(LENGTH_M), 0.004]),
@@ -39,7 +39,7 @@ def motions():
 @pytest.mark.parametrize("what", ["a rope that keeps its length", "a rope that moves"])
 def test_chained_derivatives_are_those_of_the_whole_motion(what):
     motion = motions()[what]
-    response = respond(motion)
+    response = linearise_segments(motion)
     instants = motion.grid.locate(AT_S)
     place = response.states(instants)[:, 0]
 
@@ -50,7 +50,7 @@ def test_chained_derivatives_are_those_of_the_whole_motion(what):
         parameters = motion.parameters.copy()
         parameters[number] += STEP
         other = motion_of(parameters, motion.raster)
-        change = (respond(other).states(other.grid.locate(AT_S)) - response.states(instants))[:, 0, 0] / STEP
+        change = (linearise_segments(other).states(other.grid.locate(AT_S)) - response.states(instants))[:, 0, 0] / STEP
         expected = np.stack([change.real, change.imag], axis=1)
         assert slope[..., STATES + number] == pytest.approx(expected, abs=2e-4 + 1e-3 * np.abs(expected).max())
 
@@ -59,7 +59,7 @@ def test_a_step_of_the_unknowns_closes_the_gaps_between_segments():
     motion = motions()["a rope that moves"]
     nodes = motion.nodes.copy()
     nodes[0, 5] += 0.001
-    response = respond(replace(motion, nodes=nodes))
+    response = linearise_segments(replace(motion, nodes=nodes))
 
     closed = moved(response, np.zeros(response.unknowns), 1.0)
 
@@ -68,9 +68,9 @@ def test_a_step_of_the_unknowns_closes_the_gaps_between_segments():
 
 def test_splines_far_from_a_segment_cost_it_nothing():
     """A long hoist has as many unknowns as splines, but no more lanes than a short one."""
-    short, long = (Raster.over(1.0, end_s, 0.7) for end_s in (3.0, 9.0))
+    short, long = (SplineGrid.over(1.0, end_s, 0.7) for end_s in (3.0, 9.0))
     lanes = [
-        respond(motion_of([np.log(LENGTH_M), 0.0, *np.full(raster.count, 0.1)], raster)).path.state.shape[-1]
+        linearise_segments(motion_of([np.log(LENGTH_M), 0.0, *np.full(raster.count, 0.1)], raster)).path.state.shape[-1]
         for raster in (short, long)
     ]
 
@@ -79,15 +79,19 @@ def test_splines_far_from_a_segment_cost_it_nothing():
 
 def test_one_motion_in_plain_numbers_is_the_same_as_in_arrays():
     stiffness, lengthening = np.linspace(1.0, 0.8, 41), np.linspace(0.0, 0.05, 41)
-    for field in (Field(1.0, 0.01), Field(1.0, 0.01, 0.03, 0.05), Course(stiffness, 0.01, lengthening)):
+    for field in (
+        ForceField(1.0, 0.01),
+        ForceField(1.0, 0.01, 0.03, 0.05),
+        TrajectoryInput(stiffness, 0.01, lengthening),
+    ):
         in_arrays = integrate(START, field, 0.1, 20).state[..., 0]
 
-        in_numbers = carry(tuple(complex(each) for each in START[:, 0]), field, 0.1, 20)
+        in_numbers = propagate(tuple(complex(each) for each in START[:, 0]), field, 0.1, 20)
 
         assert np.array(in_numbers) == pytest.approx(in_arrays, abs=1e-14)
 
 
 def test_plain_numbers_end_where_the_model_does():
-    path = carry((0.9 + 0j, -2.0 + 0j, 0j), Field(1.0, 0.0), 0.1, 30)
+    path = propagate((0.9 + 0j, -2.0 + 0j, 0j), ForceField(1.0, 0.0), 0.1, 30)
 
     assert np.isnan(path[-1][0])

@@ -6,7 +6,7 @@ import pytest
 from devices.pendulum import pendulum
 from devices.simulated.crane import Crane
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.effect import Moment
+from gateway.twin.effects.effect import EvaluationContext
 from gateway.twin.effects.pulse import Pulse
 from gateway.twin.model import TwinRig
 from gateway.twin.simulator.compiled_model import IntegrationError
@@ -261,7 +261,7 @@ def test_times_and_parameters_that_cannot_be_followed_are_refused():
 
 
 def test_rigging_ends_above_the_pivot_of_a_short_rope():
-    bounds = {slot.label: slot.upper for slot in Simulator(TwinRig(3.0, 1.0), ("double_pendulum",)).of_effects}
+    bounds = {slot.label: slot.upper for slot in Simulator(TwinRig(3.0, 1.0), ("double_pendulum",)).effect_parameters}
     assert bounds["double_pendulum.rigging_length_m"] == pytest.approx(0.95 * 3.0)
 
 
@@ -270,7 +270,8 @@ def test_a_pulse_has_its_area_and_its_slope(share):
     pulse = Pulse(2.0, 3.0, share)
     time_s = np.linspace(0, 7, 70_001)
     level, area, slope = (
-        np.array([float(each(Moment(t, t))) for t in time_s]) for each in (pulse.level, pulse.area, pulse.slope)
+        np.array([float(each(EvaluationContext(t, t))) for t in time_s])
+        for each in (pulse.value, pulse.area, pulse.slope)
     )
 
     assert level.max() == pytest.approx(1.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.twin.simulator.first_order_lowpass import by_cutoff, filtered
+from gateway.twin.simulator.first_order_lowpass import first_order_lowpass, lowpass_sensitivity
 
 TIME_S = np.arange(0.0, 20.0, 0.02)
 SWING_HZ, MACHINE_HZ = 0.16, 12.0
@@ -22,19 +22,21 @@ def settled(cutoff_hz, *lines):
 @pytest.mark.parametrize("phase_rad", [0.0, 0.7, 1.6, 3.0])
 def test_a_swing_is_settled_from_the_first_sample(phase_rad):
     line = (1.0, SWING_HZ, phase_rad)
-    found = filtered(sines(line), TIME_S, 0.56)
+    found = first_order_lowpass(sines(line), TIME_S, 0.56)
     assert np.abs(found - settled(0.56, line)).max() < 0.03  # begun at the reading itself it is 0.28, at its slope 0.08
 
 
 def test_a_machine_does_not_disturb_the_start():
     lines = ((1.0, SWING_HZ, 0.7), (0.1, MACHINE_HZ, 0.3))
-    found = filtered(sines(*lines), TIME_S, 0.56)
+    found = first_order_lowpass(sines(*lines), TIME_S, 0.56)
     assert np.abs(found - settled(0.56, *lines)).max() < 0.15  # with the slope of the first two samples it is 2
 
 
 def test_the_derivative_by_the_cutoff_is_that_of_the_whole():
     reading = sines((1.0, SWING_HZ, 0.7))
-    lagging = filtered(reading, TIME_S, 0.56)
+    lagging = first_order_lowpass(reading, TIME_S, 0.56)
     step = 1e-5
-    difference = (filtered(reading, TIME_S, 0.56 + step) - filtered(reading, TIME_S, 0.56 - step)) / (2 * step)
-    np.testing.assert_allclose(by_cutoff(reading, lagging, TIME_S, 0.56), difference, atol=1e-6)
+    difference = (
+        first_order_lowpass(reading, TIME_S, 0.56 + step) - first_order_lowpass(reading, TIME_S, 0.56 - step)
+    ) / (2 * step)
+    np.testing.assert_allclose(lowpass_sensitivity(reading, lagging, TIME_S, 0.56), difference, atol=1e-6)

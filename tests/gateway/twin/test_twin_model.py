@@ -8,7 +8,7 @@ import tomli_w
 
 from gateway.errors import InputError
 from gateway.measurement.rig import read_rig
-from gateway.twin.model import as_tables, checked, model_of, with_effects
+from gateway.twin.model import as_tables, checked, model_of, parse_effect_assignments
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.swings import RIG
 
@@ -61,12 +61,12 @@ def test_a_wrong_model_is_refused_with_the_mend(tables, text):
 
 
 def test_effects_from_the_command_line():
-    found = with_effects({}, ["viscous_damping", "wind_gust:accel_m_s2=0.3,-0.1:start_s=40"])
+    found = parse_effect_assignments({}, ["viscous_damping", "wind_gust:accel_m_s2=0.3,-0.1:start_s=40"])
     assert found["viscous_damping"] == {"damping_ratio": 5e-3}
     assert found["wind_gust"] == {"accel_m_s2": (0.3, -0.1), "start_s": 40.0, "duration_s": 5.0, "rising_share": 1.0}
     for wrong in ("wind_gust:start_s=soon", "wind_gust:start_s", "storm", "wind_gust:speed=3"):
         with pytest.raises(InputError, match="--effect"):
-            with_effects({}, [wrong])
+            parse_effect_assignments({}, [wrong])
 
 
 def test_values_and_effects_are_two_ways_to_write_the_same():

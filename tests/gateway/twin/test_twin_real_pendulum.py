@@ -8,7 +8,7 @@ import pytest
 from gateway.measurement.rig import read_rig
 from gateway.measurement.source import read_source
 from gateway.twin.model import TwinRig, model_of
-from gateway.twin.reconcile.data.data_checks import prepared, unusable
+from gateway.twin.reconcile.data.data_checks import check_recording, find_fault
 from tests.benchmarks.real_arm import STRETCH, FittedArm, Swing, angle_of, error_mrad, fit_arm, read_swings, rig_of
 from tests.benchmarks.real_pendulum import periods, write
 
@@ -67,7 +67,7 @@ def test_viscous_alone_is_not_enough_and_quadratic_beside_it_makes_held_out_wors
 def test_viscous_beside_the_right_pair_is_dropped_to_its_bound(swings):
     log = swings[0]
     arm = fit_arm(rig_of(log), log, ["viscous_damping", "quadratic_drag", "coulomb_friction"])
-    found = {slot.effect: value for slot, value in zip(arm.simulator.of_effects, arm.effects, strict=True)}
+    found = {slot.effect: value for slot, value in zip(arm.simulator.effect_parameters, arm.effects, strict=True)}
     assert found["viscous_damping"] < 1e-4
     assert found["coulomb_friction"] == pytest.approx(0.0233, rel=0.03)
     assert found["quadratic_drag"] == pytest.approx(2.8e-4, rel=0.03)
@@ -90,7 +90,7 @@ def test_files_for_the_command_are_fit_for_it(swings, tmp_path):
     write(tmp_path, *swings)
     rig = read_rig(tmp_path / "rig.toml")
     for name in ("log.csv", "held_out.csv"):
-        loaded = prepared(read_source(tmp_path / name, rig), model_of(rig).rig)
+        loaded = check_recording(read_source(tmp_path / name, rig), model_of(rig).rig)
         assert loaded.fault is None
         assert loaded.observations is not None
 
@@ -100,9 +100,9 @@ def test_phone_at_rest_is_no_pendulum():
     force_g = rows[:, 1:4] / G_M_S2
     spread_g = force_g.std(axis=0)
     twin = TwinRig(1.0, 0.0, G_M_S2, (spread_g[0], spread_g[1], spread_g[2]))
-    fault = unusable(rows[:, 0], force_g, twin)
+    fault = find_fault(rows[:, 0], force_g, twin)
     assert fault is not None
     assert fault.startswith(("static", "too noisy"))
-    in_m_s2 = unusable(rows[:, 0], rows[:, 1:4], twin)
+    in_m_s2 = find_fault(rows[:, 0], rows[:, 1:4], twin)
     assert in_m_s2 is not None
     assert "m/s²" in in_m_s2

@@ -67,13 +67,13 @@ def test_what_is_not_there_has_sensitivities_all_the_same():
     jacobian = simulator.linearise(values, TIME_S, TEMPERATURE_C).jacobian
     when = ("start_s", "duration_s", "coast_s", "rising_share")
     seen = {slot.label for slot, by in zip(simulator.parameters, jacobian.T, strict=True) if np.abs(by).max() > 1e-6}
-    assert seen >= {slot.label for slot in simulator.of_effects if slot.parameter not in when}
+    assert seen >= {slot.label for slot in simulator.effect_parameters if slot.parameter not in when}
 
 
 @pytest.mark.parametrize("name", ["impact", "double_pendulum", "rope_stretch", "clock_drift", "hoisting"])
 def test_segments_that_follow_on_are_one_flight(name):
     simulator, values = case([name])
-    firsts, n = [0, 75, 210], simulator.starts
+    firsts, n = [0, 75, 210], simulator.n_initial_states
     whole = simulator.linearise(values, TIME_S)
     starts = np.tile(values[:n], (3, 1))
     for i in (1, 2):

@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from gateway.twin.simulator.vectorised_function import AT_ONCE, JacobianTape, Tape
+from gateway.twin.simulator.vectorised_function import AT_ONCE, VectorisedFunction, VectorisedJacobian
 
 
 def test_every_operation_and_more_columns_than_go_at_once():
@@ -30,12 +30,12 @@ def test_every_operation_and_more_columns_than_go_at_once():
     expected = ca.Function("f", [x, p], [output]).map(columns.shape[1])(
         columns, np.tile(parameters[:, None], columns.shape[1])
     )
-    assert Tape([x], p, output)([columns], parameters) == pytest.approx(expected.full().T, rel=1e-12)
+    assert VectorisedFunction([x], p, output)([columns], parameters) == pytest.approx(expected.full().T, rel=1e-12)
 
 
 def test_a_sparse_jacobian_is_filled_in_its_places():
     x, p = ca.SX.sym("x", 3), ca.SX.sym("p")
-    tape = JacobianTape([x], p, ca.vertcat(x[0] * p, x[1] * x[2]), ca.vertcat(x, p))
+    tape = VectorisedJacobian([x], p, ca.vertcat(x[0] * p, x[1] * x[2]), ca.vertcat(x, p))
     found = tape([np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]])], np.array([10.0]))
     assert found.tolist() == [[[10, 0, 0, 1], [0, 5, 3, 0]], [[10, 0, 0, 2], [0, 6, 4, 0]]]
 
@@ -43,4 +43,4 @@ def test_a_sparse_jacobian_is_filled_in_its_places():
 def test_an_operation_without_an_array_form_is_refused():
     x = ca.SX.sym("x")
     with pytest.raises(NotImplementedError, match="no array form"):
-        Tape([x], ca.SX(0, 1), ca.erf(x))
+        VectorisedFunction([x], ca.SX(0, 1), ca.erf(x))

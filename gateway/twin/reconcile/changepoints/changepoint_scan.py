@@ -14,53 +14,55 @@ from gateway.twin.reconcile.data.observations import Observations
 
 Array = NDArray[np.float64]
 GRID_S = 0.5
-LENGTHS_S = (0.0, 5.0, 12.0, 25.0)
+MAX_LENGTHS_S = (0.0, 5.0, 12.0, 25.0)
 """Windows up to each of these lengths are looked for: a long one also frees what a blow leaves unexplained around it."""
 MARGIN_S = 4.0
-INSIDE = 3.05
+COST_INSIDE = 3.05
 """Each sample inside counts as noise and a little more, so that the shortest of equal windows wins."""
-OWN_COURSE, BESIDE_S = frozenset({"hoisting", "impact"}), 0.5
+UNMODELLED_PROFILE_EFFECTS, PROFILE_MARGIN_S = frozenset({"hoisting", "impact"}), 0.5
 """Events that no two times go alike; before and after them, what is left of one."""
 
 
 @dataclass(frozen=True, slots=True)
-class Window:
+class EventWindow:
     """A stretch outside of which the load moved freely."""
 
     from_s: float
     to_s: float
-    left: float
+    remaining_chi2: float
     """Chi-square with a motion of its own before and after, samples inside counted as noise."""
 
 
-def find_windows(time_s: Array, residual: Array, jacobian: Array, used: NDArray[np.bool_]) -> tuple[Window, ...]:
+def scan_for_changepoints(
+    time_s: Array, residual: Array, jacobian: Array, used: NDArray[np.bool_]
+) -> tuple[EventWindow, ...]:
     """The best window up to each length; residual (n, 3) in sigma, jacobian (n, 3, k) by what changes from before to after."""
     edges_s = np.arange(MARGIN_S, time_s[-1] - MARGIN_S, GRID_S)
     places = np.searchsorted(time_s, edges_s)
     sums = _RunningSums.of(residual, jacobian, used)
     before = np.array([sums.cost(0, place) for place in places])
     after = np.array([sums.cost(place, len(time_s)) for place in places])
-    inside = INSIDE * (sums.count[places][None, :] - sums.count[places][:, None])
+    inside = COST_INSIDE * (sums.count[places][None, :] - sums.count[places][:, None])
     cost = before[:, None] + after[None, :] + inside
     length_s = edges_s[None, :] - edges_s[:, None]
     found = []
-    for longest_s in LENGTHS_S:
+    for longest_s in MAX_LENGTHS_S:
         allowed = np.where((length_s >= 0) & (length_s <= longest_s), cost, np.inf)
         i, j = np.unravel_index(np.argmin(allowed), cost.shape)
-        found.append(Window(float(edges_s[i]), float(edges_s[j]), float(allowed[i, j])))
+        found.append(EventWindow(float(edges_s[i]), float(edges_s[j]), float(allowed[i, j])))
     return tuple(found)
 
 
-def outside_events(log: Observations, effects: EffectValues) -> Observations:
+def exclude_unmodelled_profiles(log: Observations, effects: EffectValues) -> Observations:
     """The log without the samples while the rope changed its length and while a blow struck.
 
     How a winch starts and stops, and how what is struck gives way, is its own; what takes longer than an event is not left out.
     """
     away = np.ones(len(log.time_s), dtype=np.bool_)
-    for name in OWN_COURSE & set(effects):
+    for name in UNMODELLED_PROFILE_EFFECTS & set(effects):
         start_s, length_s = (float(np.asarray(effects[name].get(key, 0.0))) for key in ("start_s", "duration_s"))
-        if length_s <= LENGTHS_S[-1]:
-            away &= (log.time_s < start_s - BESIDE_S) | (log.time_s > start_s + length_s + BESIDE_S)
+        if length_s <= MAX_LENGTHS_S[-1]:
+            away &= (log.time_s < start_s - PROFILE_MARGIN_S) | (log.time_s > start_s + length_s + PROFILE_MARGIN_S)
     return replace(log, used=log.used & away)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-SPIKE_SPREADS = 8.0
+SPIKE_SIGMA = 8.0
 """A lone sample further from its neighbours' line than this, in robust spreads of that distance, is no motion of a load."""
 TEMPERATURE_DEGREE = 6
 
@@ -25,11 +25,11 @@ class Observations:
     """1-sigma per sample and axis, shape (3,)."""
     used: NDArray[np.bool_]
     """False for lone spikes, shape (n,): they count nowhere."""
-    begins_s: float = 0.0
+    offset_s: float = 0.0
     """Of the recording that it is a piece of, since that one's first sample."""
 
     @property
-    def count(self) -> int:
+    def n_values(self) -> int:
         """Numbers that count: three for each sample used."""
         return 3 * int(self.used.sum())
 
@@ -45,7 +45,7 @@ class Observations:
 
     def reduced_chi2(self, simulated_g: Array) -> float:
         """Of the residual over the samples that count; 1 is noise alone."""
-        return float((self.residual_sigma(simulated_g) ** 2).sum() / self.count)
+        return float((self.residual_sigma(simulated_g) ** 2).sum() / self.n_values)
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class Recordings:
     last_third: bool
 
 
-def piece(observations: Observations, first: int, last: int) -> Observations:
+def slice_samples(observations: Observations, first: int, last: int) -> Observations:
     """Samples first to last - 1."""
     chosen = slice(first, last)
     warm = observations.temperature_c
@@ -69,18 +69,18 @@ def piece(observations: Observations, first: int, last: int) -> Observations:
         None if warm is None else warm[chosen],
         observations.noise_g,
         observations.used[chosen],
-        observations.begins_s + float(observations.time_s[first]),
+        observations.offset_s + float(observations.time_s[first]),
     )
 
 
-def observe(time_s: Array, force_g: Array, temperature_c: Array | None, noise_g: Array) -> Observations:
+def make_observations(time_s: Array, force_g: Array, temperature_c: Array | None, noise_g: Array) -> Observations:
     """Observations of rising, finite samples (n >= 8)."""
     elapsed = time_s - time_s[0]
-    warm = None if temperature_c is None else smooth(elapsed, temperature_c)
-    return Observations(elapsed, force_g, warm, noise_g, ~spikes(force_g))
+    warm = None if temperature_c is None else fit_temperature(elapsed, temperature_c)
+    return Observations(elapsed, force_g, warm, noise_g, ~detect_spikes(force_g))
 
 
-def smooth(time_s: Array, temperature_c: Array) -> Array:
+def fit_temperature(time_s: Array, temperature_c: Array) -> Array:
     """A polynomial: a sensor's case warms slowly, what is quick is the thermometer's noise."""
     known = np.isfinite(temperature_c)
     degree = min(TEMPERATURE_DEGREE, int(known.sum()) // 50)
@@ -88,7 +88,7 @@ def smooth(time_s: Array, temperature_c: Array) -> Array:
     return np.asarray(fitted(time_s), dtype=np.float64)
 
 
-def spikes(force_g: Array) -> NDArray[np.bool_]:
+def detect_spikes(force_g: Array) -> NDArray[np.bool_]:
     """Samples that stand alone: far from the median of their neighbours, shape (n,).
 
     The first and the last have neighbours on one side only: a line through four of them is carried on.
@@ -99,6 +99,6 @@ def spikes(force_g: Array) -> NDArray[np.bool_]:
     away = np.abs(force_g - around)
     # Median and a high quantile: on a lattice or at a limit most neighbours agree exactly.
     spread = np.maximum(1.4826 * np.median(away, axis=0), np.quantile(away, 0.98, axis=0) / 2.33) + 1e-12
-    found: NDArray[np.bool_] = np.any(away > SPIKE_SPREADS * spread, axis=1)
+    found: NDArray[np.bool_] = np.any(away > SPIKE_SIGMA * spread, axis=1)
     found[0] = True  # the first sample after a start is often a stale one
     return found

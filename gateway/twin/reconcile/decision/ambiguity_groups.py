@@ -27,11 +27,11 @@ GROUPS: tuple[tuple[frozenset[str], str], ...] = (
         "repeat with the crane's slewing locked; or look at the housing while the load swings",
     ),
 )
-LIKE_ANOTHER_ROPE = frozenset({"rope_length", "housing_position", "clock_drift"})
+PERIOD_LIKE_EFFECTS = frozenset({"rope_length", "housing_position", "clock_drift"})
 """To an end after an event, and beside lost samples, each of these is like another rope."""
-TURNING = frozenset({"housing_spin", "slewing"})
+UNOBSERVABLE_YAW_EFFECTS = frozenset({"housing_spin", "slewing"})
 """No recording tells these two apart, whatever a fit says."""
-OTHERWISE = "record for longer and from a wider swing"
+DEFAULT_EXPERIMENT = "record for longer and from a wider swing"
 
 
 def group_of(names: frozenset[str]) -> frozenset[str] | None:
@@ -39,17 +39,21 @@ def group_of(names: frozenset[str]) -> frozenset[str] | None:
     return next((group for group, _ in GROUPS if names <= group), None)
 
 
-def is_beyond(names: frozenset[str], best: frozenset[str]) -> bool:
+def is_superset_of_best(names: frozenset[str], best: frozenset[str]) -> bool:
     """More than the best has, or its twin with the other one of those that turn: what is more has no worth of its own."""
-    return names >= best or bool(best & TURNING and names & TURNING and names - TURNING > best - TURNING)
+    return names >= best or bool(
+        best & UNOBSERVABLE_YAW_EFFECTS
+        and names & UNOBSERVABLE_YAW_EFFECTS
+        and names - UNOBSERVABLE_YAW_EFFECTS > best - UNOBSERVABLE_YAW_EFFECTS
+    )
 
 
-def mates_of(names: frozenset[str]) -> frozenset[str]:
+def ambiguity_partners(names: frozenset[str]) -> frozenset[str]:
     """Others in the groups of these."""
     found = [group for group, _ in GROUPS if group & names]
     return frozenset().union(*found) - names
 
 
-def split_by(names: frozenset[str]) -> str:
+def discriminating_experiment(names: frozenset[str]) -> str:
     """The measurement or manoeuvre that would tell these apart."""
-    return next((text for group, text in GROUPS if names <= group), OTHERWISE)
+    return next((text for group, text in GROUPS if names <= group), DEFAULT_EXPERIMENT)

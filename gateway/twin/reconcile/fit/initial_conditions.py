@@ -4,36 +4,38 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit, fit_model, segments_of
-from gateway.twin.reconcile.fit.windowed_fit import is_wide, starts_from_readings
+from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit, fit_model, uniform_segments
+from gateway.twin.reconcile.fit.windowed_fit import initial_state_from_samples, is_large_amplitude
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
-LOCAL_ROUNDS = 3
+LOCAL_ITERATIONS = 3
 
 
-def local_starts(simulator: Simulator, observations: Observations, effects: Array, firsts: list[int]) -> Array:
+def segment_initial_conditions(
+    simulator: Simulator, observations: Observations, effects: Array, firsts: list[int]
+) -> Array:
     """A start for each segment from that segment's readings alone, shape (segments, starts).
 
     The directions of later segments are turned so that headings go on from segment to segment.
     """
-    starts = np.zeros((len(firsts), simulator.starts))
-    if is_wide(observations):
-        starts = starts_from_readings(simulator.rig, observations, firsts, simulator.starts)
+    starts = np.zeros((len(firsts), simulator.n_initial_states))
+    if is_large_amplitude(observations):
+        starts = initial_state_from_samples(simulator.rig, observations, firsts, simulator.n_initial_states)
     weight = observations.used[:, None] / observations.noise_g
     turns = np.zeros(len(firsts))
-    for _ in range(LOCAL_ROUNDS):
+    for _ in range(LOCAL_ITERATIONS):
         found = simulator.linearise_segments(starts, effects, observations.time_s, firsts, observations.temperature_c)
         residual = observations.residual_sigma(found.force_g)
         for i, (first, last) in enumerate(zip(firsts, [*firsts[1:], len(residual)], strict=True)):
             by = found.force_by_start[first:last] * weight[first:last, :, None]
             by[..., HEADING] = 0.0
-            starts[i] += _damped(by.reshape(-1, simulator.starts), residual[first:last].ravel())
+            starts[i] += _damped_step(by.reshape(-1, simulator.n_initial_states), residual[first:last].ravel())
         turns = found.ends[:, HEADING]
-    return turned(starts, np.concatenate([[0.0], np.cumsum(turns[:-1])]))
+    return rotate_about_vertical(starts, np.concatenate([[0.0], np.cumsum(turns[:-1])]))
 
 
-def turned(starts: Array, by_rad: Array) -> Array:
+def rotate_about_vertical(starts: Array, by_rad: Array) -> Array:
     """Starts (segments, starts) seen from a world turned about the vertical: the same readings, other directions and headings."""
     found = starts.copy()
     cos, sin = np.cos(by_rad), np.sin(by_rad)
@@ -45,7 +47,7 @@ def turned(starts: Array, by_rad: Array) -> Array:
     return found
 
 
-def _damped(flat: Array, residual: Array) -> Array:
+def _damped_step(flat: Array, residual: Array) -> Array:
     normal = flat.T @ flat
     scale = np.sqrt(np.diag(normal)) + 1e-9
     matrix = normal / np.outer(scale, scale) + 1e-4 * np.eye(len(scale))
@@ -62,9 +64,9 @@ def free_values(simulator: Simulator, *, heading: bool, held: frozenset[str] = f
 
 def fit_nuisances(simulator: Simulator, observations: Observations, effects: Array) -> tuple[Fit, Array]:
     """Only the initial motion is fitted, the effects' values stay; also returns the starts piece by piece."""
-    firsts = segments_of(observations)
-    starts = local_starts(simulator, observations, effects, firsts)
+    firsts = uniform_segments(observations)
+    starts = segment_initial_conditions(simulator, observations, effects, firsts)
     free = np.zeros(len(simulator.parameters), dtype=bool)
-    free[: simulator.starts] = True
+    free[: simulator.n_initial_states] = True
     free[HEADING] = False
     return fit_model(simulator, observations, starts, effects, free, firsts), starts

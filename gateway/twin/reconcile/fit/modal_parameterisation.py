@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from gateway.twin.effects.modes import modes
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.fit.multiple_shooting import Fit
-from gateway.twin.simulator.simulator import Segments, Simulator
+from gateway.twin.simulator.simulator import SegmentBatch, Simulator
 
 Array = NDArray[np.float64]
 FAST_HZ = (0.01, 20.0)
@@ -21,7 +21,7 @@ LIGHTEST = 1e-9
 """Least load over hook that is reckoned with, where no hook is heavy enough for a mode that slow."""
 
 
-class ByModes(Simulator):
+class ModalSimulator(Simulator):
     """A simulator of a double pendulum that is run by the fast mode's frequency in the place of the hook's mass.
 
     `values` and `effects` are as a simulator's; `by_mode` and `by_mass` lead to these coordinates and back.
@@ -37,9 +37,9 @@ class ByModes(Simulator):
         self._least, self._most = slots[place].lower, slots[place].upper
         slots[place] = replace(slots[place], unit="Hz", lower=FAST_HZ[0], upper=FAST_HZ[1])
         self.parameters = tuple(slots)
-        self.of_effects = self.parameters[self.starts :]
+        self.of_effects = self.parameters[self.n_initial_states :]
 
-    def by_mode(self, values: Array) -> Array:
+    def to_modal(self, values: Array) -> Array:
         """A simulator's values in these coordinates; all values or those of the effects alone."""
         rigging, mass = self._places(values)
         found, upper_m = values.copy(), self.rig.length_m - values[rigging]
@@ -47,7 +47,7 @@ class ByModes(Simulator):
         found[mass] = fast.rate / (2 * np.pi)
         return found
 
-    def by_mass(self, values: Array) -> Array:
+    def to_physical(self, values: Array) -> Array:
         """And back: (1 + R)(g w^2 (1/L1 + 1/l) - g^2/(L1 l)) = w^4, R the load over the hook."""
         rigging, mass = self._places(values)
         found = values.copy()
@@ -57,7 +57,7 @@ class ByModes(Simulator):
 
     def predict(self, values: Array, time_s: Array, temperature_c: Array | None = None) -> Array:
         """As a simulator does."""
-        return super().predict(self.by_mass(values), time_s, temperature_c)
+        return super().predict(self.to_physical(values), time_s, temperature_c)
 
     def linearise_segments(
         self,
@@ -66,19 +66,21 @@ class ByModes(Simulator):
         time_s: Array,
         firsts: Sequence[int],
         temperature_c: Array | None = None,
-    ) -> Segments:
+    ) -> SegmentBatch:
         """As a simulator does; derivatives are by these coordinates."""
-        found = super().linearise_segments(starts, self.by_mass(effects), time_s, firsts, temperature_c)
+        found = super().linearise_segments(starts, self.to_physical(effects), time_s, firsts, temperature_c)
         by = self._mass_by(effects)
         return replace(found, force_by_effects=found.force_by_effects @ by, ends_by_effects=found.ends_by_effects @ by)
 
     def fit_by_mass(self, fit: Fit) -> Fit:
         """A fit in these coordinates, in a simulator's."""
         by = np.eye(len(fit.values))
-        by[self.starts :, self.starts :] = np.linalg.inv(self._mass_by(fit.values[self.starts :]))
+        by[self.n_initial_states :, self.n_initial_states :] = np.linalg.inv(
+            self._mass_by(fit.values[self.n_initial_states :])
+        )
         jacobian = fit.jacobian @ by
         flat = jacobian[..., fit.free].reshape(-1, int(fit.free.sum()))
-        return replace(fit, values=self.by_mass(fit.values), jacobian=jacobian, normal=flat.T @ flat)
+        return replace(fit, values=self.to_physical(fit.values), jacobian=jacobian, normal=flat.T @ flat)
 
     def _places(self, values: Array) -> tuple[int, int]:
         less = len(self.parameters) - len(values)

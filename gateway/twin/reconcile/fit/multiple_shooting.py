@@ -18,16 +18,16 @@ Array = NDArray[np.float64]
 HEADING = 4
 """Place of the heading among a start's coordinates."""
 SEGMENT_S = 30.0
-CLOSED = 1e-3
+CONTINUITY_TOLERANCE = 1e-3
 """Gaps between segments, rad and rad/s, below which one segment goes on alone: it is as linear, and quicker."""
-SMALLEST_GAIN = 1e-5
+MIN_RELATIVE_DECREASE = 1e-5
 """Stop when a step lowers chi-square by less than this part, or by less than `SMALLEST_DROP`."""
-SMALLEST_DROP = 0.05
-SETTLED = 0.3
-FIRST_DAMPING, UNDAMPED = 1, 1
+MIN_DECREASE = 0.05
+JOIN_RELATIVE_DECREASE = 0.3
+INITIAL_DAMPING_LEVEL, UNDAMPED_LEVEL = 1, 1
 """Levels; a damped step that gains little says nothing of how near the end is."""
-PATIENCE = 2
-DAMPING = (1e-8, 3e-7, 1e-5, 3e-4, 1e-2, 0.3, 10.0)
+GIVE_UP_AFTER = 2
+DAMPING_FACTORS = (1e-8, 3e-7, 1e-5, 3e-4, 1e-2, 0.3, 10.0)
 """Levenberg-Marquardt factors on the scaled diagonal, tried in turn until chi-square falls."""
 
 
@@ -56,7 +56,7 @@ class Fit:
         return found
 
 
-LONGEST_STEP = {
+STEP_LIMITS = {
     "start_s": 2.0,
     "duration_s": 3.0,
     "coast_s": 3.0,
@@ -65,12 +65,12 @@ LONGEST_STEP = {
     "rising_share": 0.3,
 }
 """Trust region of what the readings answer to only nearby."""
-TIMES = frozenset({"start_s", "duration_s", "coast_s", "rising_share"})
-SETTLING = 2
+EVENT_TIME_PARAMETERS = frozenset({"start_s", "duration_s", "coast_s", "rising_share"})
+FROZEN_ITERATIONS = 2
 """Rounds in which times stand still: where nothing acts yet they have no sensitivity."""
 
 
-def segments_of(observations: Observations, segment_s: float = SEGMENT_S) -> list[int]:
+def uniform_segments(observations: Observations, segment_s: float = SEGMENT_S) -> list[int]:
     """First samples of segments of about this length."""
     count = max(1, round(observations.duration_s / segment_s))
     edges_s = np.linspace(0, observations.duration_s, count + 1)[:-1]
@@ -78,7 +78,7 @@ def segments_of(observations: Observations, segment_s: float = SEGMENT_S) -> lis
 
 
 @dataclass(frozen=True, slots=True)
-class _Condensed:
+class _CondensedProblem:
     residual: Array
     """Sigma, with the gaps closed to first order, shape (n, 3)."""
     jacobian: Array
@@ -108,71 +108,80 @@ def fit_model(
     """
     lower = np.array([slot.lower for slot in simulator.parameters])
     upper = np.array([slot.upper for slot in simulator.parameters])
-    reach = np.array([LONGEST_STEP.get(slot.parameter, np.inf) for slot in simulator.parameters])
-    timed = np.array([slot.parameter in TIMES for slot in simulator.parameters])
+    reach = np.array([STEP_LIMITS.get(slot.parameter, np.inf) for slot in simulator.parameters])
+    timed = np.array([slot.parameter in EVENT_TIME_PARAMETERS for slot in simulator.parameters])
     lags = np.array([slot.parameter == "cutoff_hz" for slot in simulator.parameters])
-    now = _condensed(simulator, observations, starts, effects, firsts)
-    chi2, damping = float((now.residual**2).sum()), FIRST_DAMPING
-    settling = SETTLING if (timed & free).any() else 0
+    now = _condense(simulator, observations, starts, effects, firsts)
+    chi2, damping = float((now.residual**2).sum()), INITIAL_DAMPING_LEVEL
+    settling = FROZEN_ITERATIONS if (timed & free).any() else 0
     for turn in range(iterations + settling):
         values = np.concatenate([starts[0], effects])
-        at, to, by = _as_lags(values, lags), _as_lags(np.stack([lower, upper]), lags), np.ones(len(values))
+        at, to, by = (
+            _invert_cutoffs(values, lags),
+            _invert_cutoffs(np.stack([lower, upper]), lags),
+            np.ones(len(values)),
+        )
         by[lags] = -(values[lags] ** 2)
         near, far = np.maximum(to.min(axis=0), at - reach), np.minimum(to.max(axis=0), at + reach)
         moving = free & ~timed if turn < settling else free
         accepted = False
-        for level in range(damping, len(DAMPING)):
+        for level in range(damping, len(DAMPING_FACTORS)):
             tick()
-            step = _step(now.residual, now.jacobian * by, at, moving, near, far, DAMPING[level])
-            step = _as_lags(at + step, lags) - values
+            step = _step(now.residual, now.jacobian * by, at, moving, near, far, DAMPING_FACTORS[level])
+            step = _invert_cutoffs(at + step, lags) - values
             moved = starts + now.close + now.follow @ step
-            changed = effects + step[simulator.starts :]
-            found = _tried(simulator, observations, moved, changed, firsts, chi2)
+            changed = effects + step[simulator.n_initial_states :]
+            found = _evaluate_step(simulator, observations, moved, changed, firsts, chi2)
             if found is None:
                 continue
             tried, tried_chi2 = found, float((found.residual**2).sum())
-            if tried_chi2 < chi2 or (now.gap > CLOSED and tried.gap < now.gap / 2):
+            if tried_chi2 < chi2 or (now.gap > CONTINUITY_TOLERANCE and tried.gap < now.gap / 2):
                 accepted, damping = True, level
                 break
         if not accepted and turn >= settling:
             break
         if not accepted:
-            damping = FIRST_DAMPING
+            damping = INITIAL_DAMPING_LEVEL
             continue
-        gain, closed = chi2 - tried_chi2, now.gap < CLOSED
+        gain, closed = chi2 - tried_chi2, now.gap < CONTINUITY_TOLERANCE
         starts, effects, now, chi2 = moved, changed, tried, tried_chi2
         damping = max(0, damping - 1)
         pace = max(gain, 0.0) * (iterations + settling - turn)
-        if turn >= settling + PATIENCE and closed and chi2 - pace > beyond:
+        if turn >= settling + GIVE_UP_AFTER and closed and chi2 - pace > beyond:
             break
-        if closed and turn >= settling and level <= UNDAMPED and gain < max(SMALLEST_DROP, SMALLEST_GAIN * chi2):
+        if (
+            closed
+            and turn >= settling
+            and level <= UNDAMPED_LEVEL
+            and gain < max(MIN_DECREASE, MIN_RELATIVE_DECREASE * chi2)
+        ):
             break
-        if len(starts) > 1 and now.gap < CLOSED and gain < SETTLED * chi2:
+        if len(starts) > 1 and now.gap < CONTINUITY_TOLERANCE and gain < JOIN_RELATIVE_DECREASE * chi2:
             starts, firsts = starts[:1], [0]
-            now = _condensed(simulator, observations, starts, effects, firsts)
+            now = _condense(simulator, observations, starts, effects, firsts)
             chi2 = float((now.residual**2).sum())
-    return _finished(simulator, observations, np.concatenate([starts[0], effects]), free, now)
+    return _make_fit(simulator, observations, np.concatenate([starts[0], effects]), free, now)
 
 
-def _tried(
+def _evaluate_step(
     simulator: Simulator, observations: Observations, starts: Array, effects: Array, firsts: Sequence[int], chi2: float
-) -> _Condensed | None:
+) -> _CondensedProblem | None:
     """Where a step leads; None where one motion leaves as much as before, or none can be followed."""
     try:
-        if len(starts) == 1 and _single(simulator, observations, starts[0], effects) >= chi2:
+        if len(starts) == 1 and _single_shooting_chi2(simulator, observations, starts[0], effects) >= chi2:
             return None  # a prediction alone is several times quicker
-        return _condensed(simulator, observations, starts, effects, firsts)
+        return _condense(simulator, observations, starts, effects, firsts)
     except IntegrationError:
         return None
 
 
-def _single(simulator: Simulator, observations: Observations, start: Array, effects: Array) -> float:
+def _single_shooting_chi2(simulator: Simulator, observations: Observations, start: Array, effects: Array) -> float:
     force_g = simulator.predict(np.concatenate([start, effects]), observations.time_s, observations.temperature_c)
     return float((observations.residual_sigma(force_g) ** 2).sum())
 
 
-def _finished(
-    simulator: Simulator, observations: Observations, values: Array, free: NDArray[np.bool_], now: _Condensed
+def _make_fit(
+    simulator: Simulator, observations: Observations, values: Array, free: NDArray[np.bool_], now: _CondensedProblem
 ) -> Fit:
     force_g = simulator.predict(values, observations.time_s, observations.temperature_c)
     chi2 = float((observations.residual_sigma(force_g) ** 2).sum())
@@ -180,11 +189,11 @@ def _finished(
     return Fit(simulator.effect_names, values, free, force_g, chi2, flat.T @ flat, now.jacobian)
 
 
-def _condensed(
+def _condense(
     simulator: Simulator, observations: Observations, starts: Array, effects: Array, firsts: Sequence[int]
-) -> _Condensed:
+) -> _CondensedProblem:
     found = simulator.linearise_segments(starts, effects, observations.time_s, firsts, observations.temperature_c)
-    n, count = simulator.starts, simulator.starts + len(effects)
+    n, count = simulator.n_initial_states, simulator.n_initial_states + len(effects)
     close, follow = np.zeros_like(starts), np.zeros((len(starts), n, count))
     follow[0, :, :n] = np.eye(n)
     gaps = found.ends[:-1] - starts[1:]
@@ -202,10 +211,10 @@ def _condensed(
         residual[first:last] -= (by_start @ close[i]).reshape(-1, 3) * weight[first:last]
     jacobian[..., n:] += found.force_by_effects
     jacobian *= weight[..., None]
-    return _Condensed(residual, jacobian, close, follow, float(np.abs(gaps).max(initial=0.0)))
+    return _CondensedProblem(residual, jacobian, close, follow, float(np.abs(gaps).max(initial=0.0)))
 
 
-def _as_lags(values: Array, lags: NDArray[np.bool_]) -> Array:
+def _invert_cutoffs(values: Array, lags: NDArray[np.bool_]) -> Array:
     """Cutoffs as their inverse and back: a lag is a shift of time, which the initial motion makes up for in proportion."""
     found = values.copy()
     found[..., lags] = 1 / values[..., lags]

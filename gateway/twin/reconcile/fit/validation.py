@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from gateway.twin.effects.effect import Value
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.fit_context import DIRECTED, segments_for
-from gateway.twin.reconcile.fit.initial_conditions import local_starts, turned
+from gateway.twin.reconcile.fit.fit_context import WORLD_DIRECTED_EFFECTS, segment_bounds
+from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
 from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit, fit_model
-from gateway.twin.reconcile.fit.windowed_fit import fit_motion
-from gateway.twin.reconcile.residual.spectrum import sine_amplitudes
+from gateway.twin.reconcile.fit.windowed_fit import fit_trajectory
+from gateway.twin.reconcile.residual.spectrum import fit_sine_phasors
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
@@ -25,60 +25,70 @@ NOISE, MORE_ROUNDS = 1.02, 15
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class ValidationFit:
     """A model on the held-out recording."""
 
     fit: Fit
-    reduced: float
-    refitted: tuple[str, ...]
+    reduced_chi2: float
+    refitted_parameters: tuple[str, ...]
 
 
-def judge(rig: TwinRig, values: EffectValues, held_out: Observations, rounds: int = 10) -> Judged:
+def evaluate_on_validation(
+    rig: TwinRig, values: EffectValues, held_out: Observations, rounds: int = 10
+) -> ValidationFit:
     """Fit initial motion, phases and, where directions of the world matter, the heading.
 
     Events count their time from the start of the recording: in a later piece of it they are earlier, or past.
     """
-    values = {name: _earlier(of_effect, held_out.begins_s) for name, of_effect in values.items()}
+    values = {name: _shift_event_start(of_effect, held_out.offset_s) for name, of_effect in values.items()}
     simulator = Simulator(rig, sorted(values))
     free = np.array([slot.refitted for slot in simulator.parameters])
-    free[HEADING] = bool(DIRECTED & set(values))
+    free[HEADING] = bool(WORLD_DIRECTED_EFFECTS & set(values))
     if "vibration" in values:
-        values = {**values, "vibration": {**values["vibration"], "phase_rad": _phase(rig, values, held_out)}}
-    at = simulator.values([], values)[simulator.starts :]
-    firsts = segments_for(rig, values, held_out)
-    starts = local_starts(simulator, held_out, at, firsts)
+        values = {**values, "vibration": {**values["vibration"], "phase_rad": _estimate_phase(rig, values, held_out)}}
+    at = simulator.values([], values)[simulator.n_initial_states :]
+    firsts = segment_bounds(rig, values, held_out)
+    starts = segment_initial_conditions(simulator, held_out, at, firsts)
     best: Fit | None = None
     for heading_rad in np.arange(HEADINGS) * 2 * np.pi / HEADINGS if free[HEADING] else [0.0]:
-        fit = fit_motion(
-            simulator, held_out, turned(starts, np.full(len(starts), heading_rad)), at, free, firsts, rounds
+        fit = fit_trajectory(
+            simulator,
+            held_out,
+            rotate_about_vertical(starts, np.full(len(starts), heading_rad)),
+            at,
+            free,
+            firsts,
+            rounds,
         )
         if best is None or fit.chi2 < best.chi2:
             best = fit
-        if best.chi2 < NOISE * held_out.count:
+        if best.chi2 < NOISE * held_out.n_values:
             break
     assert best is not None
-    if best.chi2 > NOISE * held_out.count:  # a heading is slow to settle
-        n = simulator.starts
+    if best.chi2 > NOISE * held_out.n_values:  # a heading is slow to settle
+        n = simulator.n_initial_states
         best = fit_model(simulator, held_out, best.values[None, :n], at, free, [0], MORE_ROUNDS)
     refitted = tuple(s.label for s, is_free in zip(simulator.parameters, free, strict=True) if is_free)
-    return Judged(best, best.chi2 / held_out.count, refitted)
+    return ValidationFit(best, best.chi2 / held_out.n_values, refitted)
 
 
-def _earlier(values: Mapping[str, Value], by_s: float) -> Mapping[str, Value]:
+def _shift_event_start(values: Mapping[str, Value], by_s: float) -> Mapping[str, Value]:
     return {name: float(np.asarray(v)) - by_s if name == "start_s" else v for name, v in values.items()}
 
 
-def _phase(rig: TwinRig, values: EffectValues, held_out: Observations) -> float:
+def _estimate_phase(rig: TwinRig, values: EffectValues, held_out: Observations) -> float:
     """Phase of the line from the readings themselves: the swing is far below it."""
     vibration = values["vibration"]
     bend = np.diff(held_out.force_g, n=2, axis=0)  # the second difference weakens what is slow, and turns a sine over
-    phasors = sine_amplitudes(held_out.time_s[1:-1], -bend, float(np.asarray(vibration["frequency_hz"])))
+    phasors = fit_sine_phasors(held_out.time_s[1:-1], -bend, float(np.asarray(vibration["frequency_hz"])))
     lags = np.concatenate([[0.0], np.atleast_1d(vibration.get("lag_rad", (0.0, 0.0)))])
     angle = np.angle((phasors * np.exp(1j * lags) * np.asarray(vibration["amplitude_g"])).sum()) + np.pi / 2
     return float((angle + np.pi) % (2 * np.pi) - np.pi)
 
 
-def taken_off(before_sigma: Array, after_sigma: Array, time_s: Array, rng: np.random.Generator) -> tuple[float, float]:
+def block_bootstrap_gain(
+    before_sigma: Array, after_sigma: Array, time_s: Array, rng: np.random.Generator
+) -> tuple[float, float]:
     """95 % interval of how much lower the reduced chi-square is after, from whole blocks drawn again; residuals (n, 3).
 
     Moving blocks, Kuensch 1989: correlation within a block stays what it is.

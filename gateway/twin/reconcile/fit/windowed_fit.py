@@ -14,88 +14,88 @@ from numpy.typing import NDArray
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit, fit_model
-from gateway.twin.reconcile.residual.spectrum import FINER
-from gateway.twin.simulator.simulator import Segments, Simulator
+from gateway.twin.reconcile.residual.spectrum import ZERO_PADDING
+from gateway.twin.simulator.simulator import SegmentBatch, Simulator
 
 Array = NDArray[np.float64]
-WIDE_RAD = 0.45
+LARGE_AMPLITUDE_RAD = 0.45
 """Amplitude from which a start must be read off the data: fits from rest fail beyond."""
-SWINGS = 2.0
+PERIODS_PER_WINDOW = 2.0
 """In one piece."""
-BEGINNING = 0.25
+AMPLITUDE_SHARE_OF_RECORDING = 0.25
 """Part of a recording that says whether a wide swing dies away in it; one that an event sets going begins at rest."""
-LOW = 0.02
+AXIAL_QUANTILE = 0.02
 """Quantile of the axial reading: at the ends of a swing it is the cosine of the amplitude, wherever the housing sits."""
-AROUND_HALF, ACROSS = 0.4, 0.1
+HALF_FREQUENCY_TOLERANCE, MIN_TRANSVERSE_POWER_SHARE = 0.4, 0.1
 """How near half the axial frequency a swing's is, and the least part of what is read across the rope that is there."""
-SHIFT = 0.55
+LOWEST_POINT_SEARCH_PERIODS = 0.55
 """Part of a period within which there is a passage through the lowest point."""
-AHEAD = 0.02
+RATE_INTERVAL_PERIODS = 0.02
 """Part of a period over which a rate is read off."""
-LEAST_SHARE = 0.1
+MIN_DISTANCE_TO_LOAD_SHARE = 0.1
 """1 - position/length, below which the readings across the rope say too little of a tilt."""
-PIECES_ROUNDS = 8
-SHORTER = (1.0, 0.3, 0.1)
+WINDOWED_ITERATIONS = 8
+STEP_FRACTIONS = (1.0, 0.3, 0.1)
 """Parts of a step that are tried in turn until chi-square falls."""
-SETTLED = 1e-3
+MIN_RELATIVE_GAIN = 1e-3
 """Part of chi-square below which a step gains too little to go on."""
-WIDE_ROUNDS = 30
+LARGE_AMPLITUDE_ITERATIONS = 30
 """Of a fit of one motion: the period tells on every parameter, and gaps close slowly."""
-ALONE_ROUNDS = 8
+SINGLE_TRAJECTORY_ITERATIONS = 8
 """Of a fit that only shows how far a model is from the data."""
-WEAKER = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
+START_SCALES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 
 
 def amplitude_rad(observations: Observations) -> float:
     """At the beginning, from the axial reading: the rope bears cos A of the weight where the load turns back."""
-    beginning = observations.used & (observations.time_s <= BEGINNING * observations.duration_s)
-    low_g = float(np.quantile(observations.force_g[beginning, 2], LOW))
+    beginning = observations.used & (observations.time_s <= AMPLITUDE_SHARE_OF_RECORDING * observations.duration_s)
+    low_g = float(np.quantile(observations.force_g[beginning, 2], AXIAL_QUANTILE))
     return float(np.arccos(np.clip(low_g, -1.0, 1.0)))
 
 
-def is_wide(observations: Observations) -> bool:
+def is_large_amplitude(observations: Observations) -> bool:
     """A swing that begins too wide for fits from rest; a load that bounces reads as low, but at no turning points of a swing."""
-    return amplitude_rad(observations) > WIDE_RAD and _turns(observations)
+    return amplitude_rad(observations) > LARGE_AMPLITUDE_RAD and _has_subharmonic(observations)
 
 
-def _turns(observations: Observations) -> bool:
+def _has_subharmonic(observations: Observations) -> bool:
     """A swing reads low along the rope twice in its period: there is something across the rope at half the axial frequency."""
-    beginning = observations.force_g[observations.time_s <= BEGINNING * observations.duration_s]
+    beginning = observations.force_g[observations.time_s <= AMPLITUDE_SHARE_OF_RECORDING * observations.duration_s]
     windowed = (beginning - beginning.mean(axis=0)) * np.hanning(len(beginning))[:, None]
-    power = np.abs(np.fft.rfft(windowed, FINER * len(beginning), axis=0)) ** 2
+    power = np.abs(np.fft.rfft(windowed, ZERO_PADDING * len(beginning), axis=0)) ** 2
     half = np.argmax(power[:, 2]) / 2
-    near = slice(int((1 - AROUND_HALF) * half), int((1 + AROUND_HALF) * half) + 1)
+    near = slice(int((1 - HALF_FREQUENCY_TOLERANCE) * half), int((1 + HALF_FREQUENCY_TOLERANCE) * half) + 1)
     across = power[:, :2].sum(axis=1)
-    return bool(across[near].sum() > ACROSS * across.sum())
+    return bool(across[near].sum() > MIN_TRANSVERSE_POWER_SHARE * across.sum())
 
 
-def pieces_of(rig: TwinRig, observations: Observations) -> list[int]:
+def window_bounds(rig: TwinRig, observations: Observations) -> list[int]:
     """First samples of pieces of about two swings; all but the first begin at the lowest point, where a start is regular."""
-    period_s = swing_s(rig, observations)
-    count = max(1, round(observations.duration_s / (SWINGS * period_s)))
+    period_s = swing_period_s(rig, observations)
+    count = max(1, round(observations.duration_s / (PERIODS_PER_WINDOW * period_s)))
     found = {0}
     for wanted_s in observations.duration_s * np.arange(1, count) / count:
-        near = np.flatnonzero(np.abs(observations.time_s - wanted_s) < SHIFT / 2 * period_s)
+        near = np.flatnonzero(np.abs(observations.time_s - wanted_s) < LOWEST_POINT_SEARCH_PERIODS / 2 * period_s)
         found.add(int(near[np.argmax(observations.force_g[near, 2])]))
     return sorted(found)
 
 
-def swing_s(rig: TwinRig, observations: Observations) -> float:
+def swing_period_s(rig: TwinRig, observations: Observations) -> float:
     """Period at the recording's amplitude: T0 (1 + A^2/16 + 11 A^4/3072)."""
     squared = amplitude_rad(observations) ** 2
     return float(2 * np.pi * np.sqrt(rig.length_m / rig.gravity_m_s2) * (1 + squared / 16 + 11 * squared**2 / 3072))
 
 
-def starts_from_readings(rig: TwinRig, observations: Observations, firsts: Sequence[int], size: int) -> Array:
+def initial_state_from_samples(rig: TwinRig, observations: Observations, firsts: Sequence[int], size: int) -> Array:
     """Tilts and rates that the readings across the rope show at the pieces' first samples, shape (pieces, size).
 
     A free swing's reading across the rope is (1 - p/L) sin(tilt) in g.
     """
     starts = np.zeros((len(firsts), size))
     share = 1 - rig.position_m / rig.length_m
-    if share < LEAST_SHARE:
+    if share < MIN_DISTANCE_TO_LOAD_SHARE:
         return starts
-    ahead = max(1, int(np.searchsorted(observations.time_s, AHEAD * swing_s(rig, observations))))
+    ahead = max(1, int(np.searchsorted(observations.time_s, RATE_INTERVAL_PERIODS * swing_period_s(rig, observations))))
     at = np.minimum(np.array(firsts), len(observations.time_s) - 1 - ahead)
     now, later = (np.arcsin(np.clip(observations.force_g[i, :2] / share, -1.0, 1.0)) for i in (at, at + ahead))
     starts[:, :2] = now
@@ -103,7 +103,7 @@ def starts_from_readings(rig: TwinRig, observations: Observations, firsts: Seque
     return starts
 
 
-def fit_motion(
+def fit_trajectory(
     simulator: Simulator,
     observations: Observations,
     starts: Array,
@@ -118,27 +118,27 @@ def fit_motion(
 
     Where the pieces of a wide swing cannot be joined, the motion goes on from the first of them as far as it is true.
     """
-    if not is_wide(observations):
+    if not is_large_amplitude(observations):
         return fit_model(simulator, observations, starts, effects, free, firsts, rounds, tick, beyond)
     with np.errstate(over="ignore", invalid="ignore"):  # a motion that runs away is no fit, and is not kept
-        starts, effects, _ = fit_pieces(
-            simulator, observations, starts, effects, free[simulator.starts :], firsts, tick
+        starts, effects, _ = fit_windows(
+            simulator, observations, starts, effects, free[simulator.n_initial_states :], firsts, tick
         )
-        rounds = max(rounds, WIDE_ROUNDS)
+        rounds = max(rounds, LARGE_AMPLITUDE_ITERATIONS)
         try:
             fit = fit_model(simulator, observations, starts, effects, free, firsts, rounds, tick, beyond)
             if np.isfinite(fit.chi2):
                 return fit
         except np.linalg.LinAlgError:
             pass
-        alone = _alone(simulator, observations, starts[0], effects)
-        return fit_model(simulator, observations, alone, effects, free, [0], ALONE_ROUNDS, tick)
+        alone = _best_scaled_start(simulator, observations, starts[0], effects)
+        return fit_model(simulator, observations, alone, effects, free, [0], SINGLE_TRAJECTORY_ITERATIONS, tick)
 
 
-def _alone(simulator: Simulator, observations: Observations, start: Array, effects: Array) -> Array:
+def _best_scaled_start(simulator: Simulator, observations: Observations, start: Array, effects: Array) -> Array:
     """Of this start and weaker ones the one from which a single motion comes nearest to all readings, shape (1, starts)."""
     tried = []
-    for part in WEAKER:
+    for part in START_SCALES:
         weaker = np.where(np.arange(len(start)) == HEADING, start, part * start)
         force_g = simulator.predict(np.concatenate([weaker, effects]), observations.time_s, observations.temperature_c)
         chi2 = float((observations.residual_sigma(force_g) ** 2).sum())
@@ -147,7 +147,7 @@ def _alone(simulator: Simulator, observations: Observations, start: Array, effec
 
 
 @dataclass(frozen=True, slots=True)
-class Piece:
+class FitWindow:
     """Of a linearisation, in sigma; rows are numbers that were read."""
 
     by_start: Array
@@ -157,7 +157,7 @@ class Piece:
     residual: Array
     """Shape (rows,)."""
 
-    def without_start(self) -> tuple[Array, Array]:
+    def project_out_initial_state(self) -> tuple[Array, Array]:
         """The part of the effects' columns and of the residual that no start makes."""
         basis = np.linalg.qr(self.by_start)[0]
         rows = self.by_effects - basis @ (basis.T @ self.by_effects)
@@ -170,13 +170,13 @@ class Piece:
         return np.asarray(found, dtype=np.float64)
 
 
-def split(found: Segments, observations: Observations, firsts: Sequence[int]) -> list[Piece]:
+def split_windows(found: SegmentBatch, observations: Observations, firsts: Sequence[int]) -> list[FitWindow]:
     """The pieces of a linearisation."""
     weight = (observations.used[:, None] / observations.noise_g)[..., None]
     by_start = np.delete(found.force_by_start, HEADING, axis=2) * weight
     by_effects, residual = found.force_by_effects * weight, observations.residual_sigma(found.force_g)
     return [
-        Piece(
+        FitWindow(
             by_start[first:last].reshape(3 * (last - first), -1),
             by_effects[first:last].reshape(3 * (last - first), -1),
             residual[first:last].ravel(),
@@ -185,7 +185,7 @@ def split(found: Segments, observations: Observations, firsts: Sequence[int]) ->
     ]
 
 
-def fit_pieces(
+def fit_windows(
     simulator: Simulator,
     observations: Observations,
     starts: Array,
@@ -193,7 +193,7 @@ def fit_pieces(
     free: NDArray[np.bool_],
     firsts: Sequence[int],
     tick: Callable[[], None] = lambda: None,
-) -> tuple[Array, Array, Segments]:
+) -> tuple[Array, Array, SegmentBatch]:
     """Starts (pieces, starts) and effects' values, of which those in `free` (effect values) move inside their bounds.
 
     Gauss-Newton with the starts eliminated. Also returns the linearisation there. Raises `LinAlgError` and `ValueError` as
@@ -201,11 +201,11 @@ def fit_pieces(
     """
     now = simulator.linearise_segments(starts, effects, observations.time_s, firsts, observations.temperature_c)
     chi2 = _chi2(observations, now)
-    for _ in range(PIECES_ROUNDS):
-        pieces = split(now, observations, firsts)
+    for _ in range(WINDOWED_ITERATIONS):
+        pieces = split_windows(now, observations, firsts)
         step = _step(simulator, pieces, effects, free)
         gain = 0.0
-        for part in SHORTER:
+        for part in STEP_FRACTIONS:
             tick()
             moves = np.array([np.insert(piece.start_step(step), HEADING, 0.0) for piece in pieces])
             moved, changed = starts + part * moves, effects + part * step
@@ -216,32 +216,34 @@ def fit_pieces(
             if gain > 0:
                 starts, effects, now, chi2 = moved, changed, tried, chi2 - gain
                 break
-        if not gain > SETTLED * chi2:
+        if not gain > MIN_RELATIVE_GAIN * chi2:
             break
     return starts, effects, now
 
 
-def without_starts(found: Segments, observations: Observations, firsts: Sequence[int]) -> tuple[Array, Array]:
+def project_out_initial_states(
+    found: SegmentBatch, observations: Observations, firsts: Sequence[int]
+) -> tuple[Array, Array]:
     """Effects' columns (3 n, effect values) and residual (3 n,) in sigma, of both what no start of a piece makes."""
-    return _without_starts(split(found, observations, firsts))
+    return _stack_projected(split_windows(found, observations, firsts))
 
 
-def _without_starts(pieces: Sequence[Piece]) -> tuple[Array, Array]:
-    rows, right = (np.concatenate(each) for each in zip(*map(Piece.without_start, pieces), strict=True))
+def _stack_projected(pieces: Sequence[FitWindow]) -> tuple[Array, Array]:
+    rows, right = (np.concatenate(each) for each in zip(*map(FitWindow.project_out_initial_state, pieces), strict=True))
     return rows, right
 
 
-def _chi2(observations: Observations, found: Segments) -> float:
+def _chi2(observations: Observations, found: SegmentBatch) -> float:
     return float((observations.residual_sigma(found.force_g) ** 2).sum())
 
 
-def _step(simulator: Simulator, pieces: Sequence[Piece], effects: Array, free: NDArray[np.bool_]) -> Array:
+def _step(simulator: Simulator, pieces: Sequence[FitWindow], effects: Array, free: NDArray[np.bool_]) -> Array:
     step = np.zeros(len(effects))
     if not free.any():
         return step
-    rows, right = _without_starts(pieces)
-    lower = np.array([slot.lower for slot in simulator.of_effects])
-    upper = np.array([slot.upper for slot in simulator.of_effects])
+    rows, right = _stack_projected(pieces)
+    lower = np.array([slot.lower for slot in simulator.effect_parameters])
+    upper = np.array([slot.upper for slot in simulator.effect_parameters])
     step[free] = np.linalg.lstsq(rows[:, free], right, rcond=None)[0]
     found: Array = np.clip(effects + step, lower, upper) - effects
     return found

@@ -9,7 +9,7 @@ from gateway.twin.model import as_tables
 from gateway.twin.reconcile.output.result import Curves, Reconciliation
 
 
-def prediction_csv(curves: Sequence[Curves]) -> str:
+def format_prediction_csv(curves: Sequence[Curves]) -> str:
     """The final model's prediction, one row per row of the recording; parts of one recording follow each other."""
     lines = ["time_s,ax_g,ay_g,az_g"]
     begin_s = 0.0
@@ -20,7 +20,7 @@ def prediction_csv(curves: Sequence[Curves]) -> str:
     return "\n".join([*lines, ""])
 
 
-def model_toml(result: Reconciliation) -> str:
+def format_model_toml(result: Reconciliation) -> str:
     """The rig with the model that was found, in the form that `--rig` reads."""
     rig = result.rig
     sensor: dict[str, object] = {"noise_g": list(rig.noise_g)}

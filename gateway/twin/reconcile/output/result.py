@@ -100,7 +100,7 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True)
-class Scored:
+class ScoreTestResult:
     """What the score test says of an effect before it is fitted."""
 
     name: str
@@ -201,7 +201,7 @@ class Reconciliation:
     gap: Gap | None
     residual: Residual | None
     steps: tuple[Step, ...]
-    scores: tuple[Scored, ...]
+    scores: tuple[ScoreTestResult, ...]
     ranking: tuple[Candidate, ...]
     confusable: tuple[Confusable, ...]
     equations_before: tuple[str, ...]

@@ -5,7 +5,7 @@ from typing import Any
 from gateway.twin.reconcile.output.result import Estimate, Gap, NamedEffect, Reconciliation
 
 
-def as_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
+def to_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
     """Names as published; what could not be computed is null."""
     return {
         "verdict": result.verdict,

@@ -4,7 +4,7 @@ import numpy as np
 
 from gateway.twin.reconcile.output.result import Estimate, Gap, Reconciliation
 
-SAID = {
+VERDICT_SENTENCES = {
     "data_unusable": "the data cannot be used",
     "none_missing": "nothing is missing",
     "named": "missing:",
@@ -14,12 +14,12 @@ SAID = {
 }
 
 
-def as_text(result: Reconciliation) -> str:
+def to_text(result: Reconciliation) -> str:
     """A few lines."""
     named = tuple(effect.name for effect in result.effects)
     names = result.candidates if result.verdict == "one_of" else named
     lines = [
-        f"verdict      {SAID[result.verdict]} {', '.join(names)}".rstrip(),
+        f"verdict      {VERDICT_SENTENCES[result.verdict]} {', '.join(names)}".rstrip(),
         f"because      {result.reason}",
     ]
     if result.verdict == "one_of" and named:

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from gateway.twin.reconcile.output.result import Confusable
 
 Array = NDArray[np.float64]
-CLOSE = 0.95
+CONFUSABLE_COSINE = 0.95
 """Cosine from which two effects are reported as hard to tell apart."""
 
-COINCIDE = 0.9999
+INDISTINGUISHABLE_COSINE = 0.9999
 """Cosine from which nothing in their traces tells them apart."""
 
 
@@ -32,14 +32,18 @@ def confusable(signatures: Mapping[str, Array]) -> tuple[Confusable, ...]:
         for second in names[i + 1 :]:
             if bases[first].shape[1] and bases[second].shape[1]:
                 cosine = float(np.linalg.svd(bases[first].T @ bases[second], compute_uv=False)[0])
-                if cosine > CLOSE:
+                if cosine > CONFUSABLE_COSINE:
                     found.append(Confusable(first, second, min(1.0, cosine)))
     return tuple(sorted(found, key=lambda pair: -pair.cosine))
 
 
-def coinciding(signatures: Mapping[str, Array]) -> frozenset[frozenset[str]]:
+def indistinguishable_pairs(signatures: Mapping[str, Array]) -> frozenset[frozenset[str]]:
     """Pairs of effects whose signatures are one."""
-    return frozenset(frozenset((pair.first, pair.second)) for pair in confusable(signatures) if pair.cosine > COINCIDE)
+    return frozenset(
+        frozenset((pair.first, pair.second))
+        for pair in confusable(signatures)
+        if pair.cosine > INDISTINGUISHABLE_COSINE
+    )
 
 
 def orthonormal(columns: Array) -> Array:

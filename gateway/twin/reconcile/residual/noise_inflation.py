@@ -3,21 +3,21 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.reconcile.residual.spectrum import FINER, periodogram
+from gateway.twin.reconcile.residual.spectrum import ZERO_PADDING, periodogram
 
 Array = NDArray[np.float64]
-SWING_HZ = (0.02, 1.5)
+SWING_BAND_HZ = (0.02, 1.5)
 """Band of a load's swing and twice that; below, every fit takes the noise away."""
-LEAST = 1.0
+MIN_INFLATION = 1.0
 
 
-def colour(time_s: Array, residual: Array) -> float:
+def noise_inflation_factor(time_s: Array, residual: Array) -> float:
     """Spectral density of a residual (n, 3) in sigma over that of white noise of one sigma, in the band of swings; 1 or more.
 
     A sum of squares that a fit with k parameters takes from noise alone is k times this, not k.
     """
     frequency_hz, power = periodogram(time_s, residual)
-    band = (frequency_hz > max(SWING_HZ[0], 2 / (time_s[-1] - time_s[0]))) & (frequency_hz < SWING_HZ[1])
-    if band.sum() < 4 * FINER:
-        return LEAST
-    return max(LEAST, float(power[band].mean()))
+    band = (frequency_hz > max(SWING_BAND_HZ[0], 2 / (time_s[-1] - time_s[0]))) & (frequency_hz < SWING_BAND_HZ[1])
+    if band.sum() < 4 * ZERO_PADDING:
+        return MIN_INFLATION
+    return max(MIN_INFLATION, float(power[band].mean()))

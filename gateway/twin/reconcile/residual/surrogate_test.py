@@ -14,29 +14,29 @@ from gateway.twin.reconcile.residual.isolability import orthonormal
 
 Array = NDArray[np.float64]
 SURROGATES = 100
-MARGIN = 1.5
+NULL_MARGIN = 1.5
 """On the largest of the surrogates: what a hundred draws do not show."""
 
 
-def score(drop: float, parameters: int) -> float:
+def normal_score(drop: float, parameters: int) -> float:
     """A drop of chi-square as a normal deviate (Fisher 1922)."""
     return math.sqrt(2 * max(drop, 0.0)) - math.sqrt(2 * parameters - 1)
 
 
-def largest_by_chance(signatures: Mapping[str, Array], residual: Array, rng: np.random.Generator) -> float:
+def null_threshold(signatures: Mapping[str, Array], residual: Array, rng: np.random.Generator) -> float:
     """The largest score that any effect has on noise like the residual (n, 3) in sigma; columns are of shape (3 n, k)."""
     bases = [orthonormal(columns) for columns in signatures.values()]
     bases = [basis for basis in bases if basis.shape[1]]
     highest = 0.0
     for _ in range(SURROGATES):
-        drawn = surrogate(residual, rng).ravel()
+        drawn = phase_randomised_surrogate(residual, rng).ravel()
         for basis in bases:
             taken = basis.T @ drawn
-            highest = max(highest, score(float(taken @ taken), basis.shape[1]))
-    return MARGIN * highest
+            highest = max(highest, normal_score(float(taken @ taken), basis.shape[1]))
+    return NULL_MARGIN * highest
 
 
-def surrogate(residual: Array, rng: np.random.Generator) -> Array:
+def phase_randomised_surrogate(residual: Array, rng: np.random.Generator) -> Array:
     """Noise with the spectrum of each axis of (n, 3), random phases."""
     size = np.abs(np.fft.rfft(residual, axis=0))
     turned = size * np.exp(2j * np.pi * rng.random(size.shape))

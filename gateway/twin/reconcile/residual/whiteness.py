@@ -6,17 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.reconcile.output.result import Peak, Residual, Spectrum
-from gateway.twin.reconcile.residual.spectrum import FINER, periodogram
+from gateway.twin.reconcile.residual.spectrum import ZERO_PADDING, periodogram
 
 Array = NDArray[np.float64]
 LAGS = 40
-WHITE_P = 0.001
-CERTAIN = 1e-4
+MIN_WHITENESS_P = 0.001
+PEAK_FALSE_ALARM_RATE = 1e-4
 """Chance, over all bins of all axes, of a peak that noise alone makes."""
-NEIGHBOURS = 60
+FLOOR_BINS = 60
 """Bins on each side that tell the floor under a peak."""
-MOST_PEAKS = 6
-DRAWN = 600
+MAX_PEAKS = 6
+PLOTTED_BINS = 600
 
 
 def ljung_box_p(residual: Array) -> float:
@@ -40,46 +40,48 @@ def chi2_tail(value: float, degrees: int) -> float:
     return 0.5 * math.erfc(z / math.sqrt(2))
 
 
-def peaks(time_s: Array, residual: Array, noise_g: Array) -> tuple[Peak, ...]:
+def find_peaks(time_s: Array, residual: Array, noise_g: Array) -> tuple[Peak, ...]:
     """Lines of (n, 3) in sigma that stand out of the floor around them, strongest first."""
     frequency_hz, power = periodogram(time_s, residual)
-    bins = slice(FINER, None)  # below one turn in the recording there is no line
+    bins = slice(ZERO_PADDING, None)  # below one turn in the recording there is no line
     found: list[tuple[float, Peak]] = []
     for axis, name in enumerate("xyz"):
-        over = power[bins, axis] / floor_around(power[bins, axis])
-        level = math.log(3 * len(over) / FINER / CERTAIN)
+        over = power[bins, axis] / noise_floor(power[bins, axis])
+        level = math.log(3 * len(over) / ZERO_PADDING / PEAK_FALSE_ALARM_RATE)
         for i in np.flatnonzero(over > level):
-            around = over[max(0, i - FINER) : i + FINER + 1]
+            around = over[max(0, i - ZERO_PADDING) : i + ZERO_PADDING + 1]
             if over[i] == around.max():
                 amplitude_g = 2 * math.sqrt(power[bins, axis][i] / len(time_s)) * noise_g[axis]
                 found.append((float(over[i]), Peak(float(frequency_hz[bins][i]), name, float(amplitude_g))))
     found.sort(key=lambda each: -each[0])
-    return tuple(peak for _, peak in found[:MOST_PEAKS])
+    return tuple(peak for _, peak in found[:MAX_PEAKS])
 
 
-def floor_around(power: Array) -> Array:
+def noise_floor(power: Array) -> Array:
     """Running median of a power spectrum, as the mean of noise; narrower toward low frequencies, shape (m,)."""
     found = np.empty_like(power)
-    reach = NEIGHBOURS * FINER
+    reach = FLOOR_BINS * ZERO_PADDING
     for first in range(0, len(power), reach // 4):
         middle = first + reach // 8
-        wide = min(reach, max(12 * FINER, middle))
+        wide = min(reach, max(12 * ZERO_PADDING, middle))
         part = power[max(0, middle - wide) : middle + wide]
         found[first : first + reach // 4] = np.median(part) / math.log(2) + 1e-12
     return found
 
 
-def residual_of(time_s: Array, before: Array, after: Array, noise_g: Array) -> Residual:
+def analyse_residual(time_s: Array, before: Array, after: Array, noise_g: Array) -> Residual:
     """What a model leaves, (n, 3) in sigma, beside what the one before left."""
     p = ljung_box_p(after)
-    return Residual(p > WHITE_P, p, peaks(time_s, after, noise_g), drawn_spectrum(time_s, before, after))
+    return Residual(
+        p > MIN_WHITENESS_P, p, find_peaks(time_s, after, noise_g), decimated_spectrum(time_s, before, after)
+    )
 
 
-def drawn_spectrum(time_s: Array, before: Array, after: Array) -> Spectrum:
+def decimated_spectrum(time_s: Array, before: Array, after: Array) -> Spectrum:
     """Averaged over bins for a drawing."""
     frequency_hz, power_before = periodogram(time_s, before)
     _, power_after = periodogram(time_s, after)
-    edges = np.unique(np.geomspace(FINER, len(frequency_hz), DRAWN).astype(int))
+    edges = np.unique(np.geomspace(ZERO_PADDING, len(frequency_hz), PLOTTED_BINS).astype(int))
 
     def mean(values: Array) -> Array:
         return np.add.reduceat(values, edges[:-1], axis=0) / np.diff([*edges[:-1], len(values)])[:, None]

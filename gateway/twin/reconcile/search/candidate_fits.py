@@ -9,35 +9,35 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Value
-from gateway.twin.reconcile.fit.fit_context import SEARCH_ROUNDS, Setting
+from gateway.twin.reconcile.fit.fit_context import SEARCH_ITERATIONS, FitContext
 from gateway.twin.reconcile.fit.multiple_shooting import Fit
-from gateway.twin.reconcile.residual.noise_inflation import colour
-from gateway.twin.reconcile.residual.residual_tests import to_go_on_with
-from gateway.twin.simulator.compiled_model import UNFOLLOWED
+from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
+from gateway.twin.reconcile.residual.residual_tests import warrants_another_effect
+from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, Value]]
-MOST_FITS = 60
+MAX_FITS = 60
 """Where nothing fits, the search ends with these."""
-EDGE_S = 1.0
+EVENT_MARGIN_S = 1.0
 """An event must begin and end this far inside the recording, or it is no event."""
-SHORTEST_GUST_S = 0.5
+MIN_GUST_S = 0.5
 """A push that lasts for less is a blow, and no wind."""
-LEAST_EFFECT = 0.002
+MIN_VARIANCE_SHARE = 0.002
 """Share of the noise's variance that an effect must take off the residual to be worth a name."""
-LEAST_STATISTIC = 25.0
+MIN_SCORE_STATISTIC = 25.0
 """Chi-square over the noise's colour that an effect must take off: 1 in 10^5 for four parameters, times the family."""
 
 
 @dataclass(frozen=True, slots=True)
-class Attempt:
+class CandidateFit:
     """A set of effects, fitted to the log."""
 
     values: Values
     fit: Fit
-    reduced: float
+    reduced_chi2: float
     parameters: int
-    open: bool
+    has_unexplained_residual: bool
     """Something is left."""
 
     @property
@@ -47,73 +47,75 @@ class Attempt:
 
 
 @dataclass(slots=True)
-class Attempts:
+class CandidateTable:
     """All so far."""
 
-    setting: Setting
-    always: Values
+    setting: FitContext
+    baseline_effects: Values
     """Effects found without fitting; every attempt has them."""
-    attempts: dict[frozenset[str], Attempt] = field(default_factory=dict)
+    candidates: dict[frozenset[str], CandidateFit] = field(default_factory=dict)
     fits: int = 0
 
-    def try_values(
-        self, values: Values, starts: Array | None = None, rounds: int = SEARCH_ROUNDS, beyond: float = np.inf
-    ) -> Attempt | None:
+    def fit_candidate(
+        self, values: Values, starts: Array | None = None, rounds: int = SEARCH_ITERATIONS, beyond: float = np.inf
+    ) -> CandidateFit | None:
         """Fit a set from these values; the better one is kept where the set was fitted before. None where it cannot be."""
         setting = self.setting
         self.fits += 1
         try:
             fit = setting.fit(values, starts, rounds, beyond)
-        except UNFOLLOWED:
+        except INTEGRATION_FAILURES:
             return None  # the fit ran to parameters that no integration can follow
         if not np.isfinite(fit.chi2):
             return None
         model = setting.simulator(tuple(values)).effects(fit.values)
         fitted = {name: model[name] for name in values}
-        if not all(_inside(name, fitted[name], setting.log.duration_s) for name in values):
+        if not all(_is_inside_recording(name, fitted[name], setting.log.duration_s) for name in values):
             return None
         simulator = setting.simulator(tuple(values))
-        parameters = sum(slot.effect in values for slot in simulator.parameters) + simulator.starts - 5
-        found = Attempt(fitted, fit, fit.chi2 / setting.log.count, parameters, to_go_on_with(setting.log, fit))
-        known = self.attempts.get(found.names)
-        if known is None or found.reduced < known.reduced:
-            self.attempts[found.names] = found
-        return self.attempts[found.names]
+        parameters = sum(slot.effect in values for slot in simulator.parameters) + simulator.n_initial_states - 5
+        found = CandidateFit(
+            fitted, fit, fit.chi2 / setting.log.n_values, parameters, warrants_another_effect(setting.log, fit)
+        )
+        known = self.candidates.get(found.names)
+        if known is None or found.reduced_chi2 < known.reduced_chi2:
+            self.candidates[found.names] = found
+        return self.candidates[found.names]
 
-    def best(self) -> Attempt:
+    def best(self) -> CandidateFit:
         """By BIC over the colour of the noise of the best-fitting."""
-        chi2_unit = self.unit()
-        return min(self.attempts.values(), key=lambda a: self.bic(a, chi2_unit))
+        chi2_unit = self.noise_inflation()
+        return min(self.candidates.values(), key=lambda a: self.bic(a, chi2_unit))
 
-    def unit(self) -> float:
+    def noise_inflation(self) -> float:
         """Colour of what the best-fitting attempt leaves."""
-        least = min(self.attempts.values(), key=lambda a: a.reduced)
-        return colour(self.setting.log.time_s, self.setting.log.residual_sigma(least.fit.force_g))
+        least = min(self.candidates.values(), key=lambda a: a.reduced_chi2)
+        return noise_inflation_factor(self.setting.log.time_s, self.setting.log.residual_sigma(least.fit.force_g))
 
-    def bic(self, attempt: Attempt, unit: float) -> float:
+    def bic(self, attempt: CandidateFit, unit: float) -> float:
         """Chi-square over the noise's colour + parameters x ln(numbers)."""
-        return attempt.fit.chi2 / unit + attempt.parameters * math.log(self.setting.log.count)
+        return attempt.fit.chi2 / unit + attempt.parameters * math.log(self.setting.log.n_values)
 
     @property
-    def tired(self) -> bool:
+    def is_budget_exhausted(self) -> bool:
         """So many fits have been made that what is still to find is no single effect and no pair."""
-        return self.fits >= MOST_FITS
+        return self.fits >= MAX_FITS
 
-    def worth(self, before: Attempt, after: Attempt) -> bool:
+    def is_significant(self, before: CandidateFit, after: CandidateFit) -> bool:
         """The gain is large enough for a name, and no accident."""
         gain = before.fit.chi2 - after.fit.chi2
         more = max(1, after.parameters - before.parameters)
-        statistic = gain / self.unit() / (1 + 0.1 * more)
-        return gain > LEAST_EFFECT * self.setting.log.count and statistic > LEAST_STATISTIC
+        statistic = gain / self.noise_inflation() / (1 + 0.1 * more)
+        return gain > MIN_VARIANCE_SHARE * self.setting.log.n_values and statistic > MIN_SCORE_STATISTIC
 
 
-def _inside(name: str, values: Mapping[str, Value], duration_s: float) -> bool:
+def _is_inside_recording(name: str, values: Mapping[str, Value], duration_s: float) -> bool:
     """A transient effect begins and ends inside the recording, and a gust takes its time."""
     if not EFFECTS[name].transient:
         return True
     start = float(np.asarray(values["start_s"]))
     length = float(np.asarray(values.get("duration_s", 0.0)))
-    if name == "wind_gust" and length < SHORTEST_GUST_S:
+    if name == "wind_gust" and length < MIN_GUST_S:
         return False
     end = start + (2 * length + float(np.asarray(values["coast_s"])) if "coast_s" in values else length)
-    return start >= EDGE_S and end <= duration_s - EDGE_S
+    return start >= EVENT_MARGIN_S and end <= duration_s - EVENT_MARGIN_S

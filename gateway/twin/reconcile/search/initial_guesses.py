@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from gateway.twin.effects.effect import Value
 from gateway.twin.effects.pulse import SHARPEST
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.changepoints.changepoint_scan import Window
-from gateway.twin.reconcile.data.artefact_detectors import SAME
+from gateway.twin.reconcile.changepoints.changepoint_scan import EventWindow
+from gateway.twin.reconcile.data.artefact_detectors import WRITTEN_RESOLUTION_G
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.residual.spectrum import machine_line, sine_amplitudes, strongest_line
+from gateway.twin.reconcile.residual.spectrum import find_machine_line, find_strongest_line, fit_sine_phasors
 
 Array = NDArray[np.float64]
 Values = dict[str, Value]
@@ -49,27 +49,27 @@ OFF_GRID_S = 0.013
 
 
 @dataclass(frozen=True, slots=True)
-class Situation:
+class GuessContext:
     """What is known when an effect is to be tried."""
 
     rig: TwinRig
     observations: Observations
     residual_g: Array
     """Of the model so far, shape (n, 3)."""
-    windows: tuple[Window, ...]
+    windows: tuple[EventWindow, ...]
     """Up to growing lengths, as `LENGTHS_S` has them."""
-    parted: Window | None = None
+    changepoints: EventWindow | None = None
     """Where the motion before and the motion after were told apart; surer than the windows."""
 
 
-def nowhere(_situation: Situation) -> list[Values]:
+def no_guess(_situation: GuessContext) -> list[Values]:
     """Neutral: the effect is linear there."""
     return [{}]
 
 
-def impact(situation: Situation) -> list[Values]:
+def guess_impact(situation: GuessContext) -> list[Values]:
     """Where the motions part, and in the middle of the short windows."""
-    parted = situation.parted
+    parted = situation.changepoints
     first: list[Values] = []
     if parted is not None and parted.to_s - parted.from_s < SHORT_S:
         at_s = np.arange(parted.from_s - SHORT_S / 2, parted.to_s, APART_S) + OFF_GRID_S
@@ -78,29 +78,29 @@ def impact(situation: Situation) -> list[Values]:
     return first + [{"start_s": (w.from_s + w.to_s) / 2 + OFF_GRID_S} for w in situation.windows[:2]]
 
 
-def gust(situation: Situation) -> list[Values]:
+def guess_gust(situation: GuessContext) -> list[Values]:
     """Between the motions; and about the windows' middles, longer: a gust swells and dies away."""
-    found = [_between(w, WIDER) for w in situation.windows[1:3]]
-    if situation.parted is not None:
-        found.insert(0, _between(situation.parted))
+    found = [_pulse_in(w, WIDER) for w in situation.windows[1:3]]
+    if situation.changepoints is not None:
+        found.insert(0, _pulse_in(situation.changepoints))
     return [{**values, "rising_share": HALF_RISING} for values in found]
 
 
-def hoisting(situation: Situation) -> list[Values]:
+def guess_hoisting(situation: GuessContext) -> list[Values]:
     """From motion to motion, and as long as the windows; with soft edges and with sharp ones."""
-    sharp = [{**_between(w), "rising_share": SHARPEST} for w in situation.windows[1:]]
-    parted = situation.parted
-    return sharp if parted is None else [_between(parted), {**_between(parted), "rising_share": SHARPEST}, *sharp]
+    sharp = [{**_pulse_in(w), "rising_share": SHARPEST} for w in situation.windows[1:]]
+    parted = situation.changepoints
+    return sharp if parted is None else [_pulse_in(parted), {**_pulse_in(parted), "rising_share": SHARPEST}, *sharp]
 
 
-def trolley(situation: Situation) -> list[Values]:
+def guess_trolley(situation: GuessContext) -> list[Values]:
     """Two ramps at the ends, short and long ones between the motions, middling ones in the windows."""
-    found = [_driven(w, MIDDLING_RAMP) for w in situation.windows[2:]]
-    parted = situation.parted
-    return found if parted is None else [_driven(parted, ramp) for ramp in RAMPS] + found
+    found = [_trapezoid_in(w, MIDDLING_RAMP) for w in situation.windows[2:]]
+    parted = situation.changepoints
+    return found if parted is None else [_trapezoid_in(parted, ramp) for ramp in RAMPS] + found
 
 
-def _driven(window: Window, ramp: float) -> Values:
+def _trapezoid_in(window: EventWindow, ramp: float) -> Values:
     length_s = max(window.to_s - window.from_s, 2.0)
     return {
         "start_s": window.from_s + OFF_GRID_S,
@@ -109,59 +109,59 @@ def _driven(window: Window, ramp: float) -> Values:
     }
 
 
-def _between(window: Window, wider: float = 1.0) -> Values:
+def _pulse_in(window: EventWindow, wider: float = 1.0) -> Values:
     middle_s, length_s = (window.from_s + window.to_s) / 2, wider * max(window.to_s - window.from_s, 2.0)
     return {"start_s": middle_s - length_s / 2 + OFF_GRID_S, "duration_s": length_s}
 
 
-def vibration(situation: Situation) -> list[Values]:
+def guess_vibration(situation: GuessContext) -> list[Values]:
     """At the strongest line above the pendulum's frequencies; none if there is none, or an overtone of a second mode."""
     o = situation.observations
-    line = machine_line(o.time_s, situation.residual_g, o.noise_g)
+    line = find_machine_line(o.time_s, situation.residual_g, o.noise_g)
     if line is None or _is_overtone(situation, line.frequency_hz):
         return []
-    return [sines(line.frequency_hz, line.phasors_g)]
+    return [guess_sinusoids(line.frequency_hz, line.phasors_g)]
 
 
-def _is_overtone(situation: Situation, line_hz: float) -> bool:
+def _is_overtone(situation: GuessContext, line_hz: float) -> bool:
     """A multiple of the main line of the swings, as far as the recording tells: a wide motion's readings are not sines.
 
     Where that line itself is left, its multiples may stand beside themselves, too: a figure that turns splits them.
     """
     o = situation.observations
     lateral = (o.force_g - o.force_g.mean(axis=0)) * [1.0, 1.0, 0.0] * np.hanning(len(o.force_g))[:, None] / o.noise_g
-    main = strongest_line(o.time_s, lateral, SECOND_HZ, SWINGS_HZ[1])
+    main = find_strongest_line(o.time_s, lateral, SECOND_HZ, SWINGS_HZ[1])
     if main is None or main.total < EVIDENT:
         return False
-    left_g, size_g = (sine_amplitudes(o.time_s, situation.residual_g, hz) for hz in (main.frequency_hz, line_hz))
+    left_g, size_g = (fit_sine_phasors(o.time_s, situation.residual_g, hz) for hz in (main.frequency_hz, line_hz))
     if line_hz < OVERTONES[-1] * main.frequency_hz and np.linalg.norm(left_g) > MUCH_STRONGER * np.linalg.norm(size_g):
         return True
     off_hz = np.abs(line_hz - np.array(OVERTONES) * main.frequency_hz)
     return bool((off_hz < TURNS_OFF / o.duration_s).any())
 
 
-def sines(frequency_hz: float, phasors: NDArray[np.complex128]) -> Values:
+def guess_sinusoids(frequency_hz: float, phasors: NDArray[np.complex128]) -> Values:
     """a sin(angle + phase - lag) is Re(c exp(i angle)) with c = a exp(i (phase - lag))/i."""
-    phase, *others = (float(p) for p in _wrapped(np.angle(phasors) + np.pi / 2))
-    lags = tuple(float(lag) for lag in _wrapped(phase - np.array(others)))
+    phase, *others = (float(p) for p in _wrap_angle(np.angle(phasors) + np.pi / 2))
+    lags = tuple(float(lag) for lag in _wrap_angle(phase - np.array(others)))
     amplitudes = tuple(float(a) for a in np.abs(phasors))
     return {"frequency_hz": frequency_hz, "amplitude_g": amplitudes, "lag_rad": lags, "phase_rad": phase}
 
 
-def _wrapped(angle_rad: Array) -> Array:
+def _wrap_angle(angle_rad: Array) -> Array:
     found: Array = (angle_rad + np.pi) % (2 * np.pi) - np.pi
     return found
 
 
-def bounce(situation: Situation) -> list[Values]:
+def guess_rope_stretch(situation: GuessContext) -> list[Values]:
     """At the strongest line of the axial reading, if it stands out."""
     o = situation.observations
     axial = situation.residual_g * [0.0, 0.0, 1.0] / o.noise_g
-    line = strongest_line(o.time_s, axial, *BOUNCE_HZ)
+    line = find_strongest_line(o.time_s, axial, *BOUNCE_HZ)
     return [] if line is None or line.power[2] < BOUNCING else [{"frequency_hz": line.frequency_hz}]
 
 
-def two_modes(situation: Situation) -> list[Values]:
+def guess_double_pendulum(situation: GuessContext) -> list[Values]:
     """Rigging and hook whose slow mode is near the believed swing and whose fast mode is the strongest line above it.
 
     Either may be the stronger one. A line whose size or frequency changes has flanks that outdo the other mode's line: the
@@ -170,17 +170,17 @@ def two_modes(situation: Situation) -> list[Values]:
     o, rig = situation.observations, situation.rig
     lateral = o.force_g * [1.0, 1.0, 0.0] / o.noise_g
     between_hz = APART[0] * float(np.sqrt(rig.gravity_m_s2 / rig.length_m)) / (2 * np.pi)
-    slow = _evident(o.time_s, lateral, SWINGS_HZ[0], between_hz)
+    slow = _find_evident_line(o.time_s, lateral, SWINGS_HZ[0], between_hz)
     if slow is None:
         return []
-    swing = np.linalg.norm(sine_amplitudes(o.time_s, lateral, slow))
+    swing = np.linalg.norm(fit_sine_phasors(o.time_s, lateral, slow))
     for hz in slow * np.array([1.0, 2.0, 3.0]):
-        phasors = sine_amplitudes(o.time_s, lateral, hz)
+        phasors = fit_sine_phasors(o.time_s, lateral, hz)
         lateral = lateral - (phasors * np.exp(2j * np.pi * hz * o.time_s)[:, None]).real
-    fast = _evident(o.time_s, lateral, between_hz, SWINGS_HZ[1])
+    fast = _find_evident_line(o.time_s, lateral, between_hz, SWINGS_HZ[1])
     if fast is None or not APART[0] < fast / slow < APART[1]:
         return []
-    if np.linalg.norm(sine_amplitudes(o.time_s, lateral, fast)) < LEAST_FAST * swing:
+    if np.linalg.norm(fit_sine_phasors(o.time_s, lateral, fast)) < LEAST_FAST * swing:
         return []
     found: list[Values] = []
     ratio = np.geomspace(0.01, 3.0, 300)
@@ -193,10 +193,10 @@ def two_modes(situation: Situation) -> list[Values]:
     return found
 
 
-def _evident(time_s: Array, lateral: Array, from_hz: float, to_hz: float) -> float | None:
+def _find_evident_line(time_s: Array, lateral: Array, from_hz: float, to_hz: float) -> float | None:
     """Frequency of the strongest line in a band, if it stands out."""
     windowed = (lateral - lateral.mean(axis=0)) * np.hanning(len(lateral))[:, None]
-    line = strongest_line(time_s, windowed, from_hz, to_hz)
+    line = find_strongest_line(time_s, windowed, from_hz, to_hz)
     return None if line is None or float(line.power[:2].sum()) < EVIDENT else line.frequency_hz
 
 
@@ -209,7 +209,7 @@ def modes_hz(rig: TwinRig, rigging_m: Array, hook_mass_ratio: Array) -> tuple[Ar
     return slow, fast
 
 
-def turning(situation: Situation) -> list[Values]:
+def guess_spin_rate(situation: GuessContext) -> list[Values]:
     """As fast as the swing's figure turns in the housing's axes.
 
     x + i y of a swing holds lines at +f and -f; turning by Omega moves both to one side.
@@ -225,29 +225,29 @@ def turning(situation: Situation) -> list[Values]:
     return [{"rate_deg_s": rate_deg_s}, {}] if abs(rate_deg_s) > SLOWEST_TURN_DEG_S else [{}]
 
 
-def first_values(name: str) -> Values:
+def default_guess(name: str) -> Values:
     """Of an effect that is there all the time: neutral, but a low-pass in the middle of what matters to a swing."""
     return {"cutoff_hz": 2.0} if name == "lowpass_lag" else {}
 
 
-def limits(situation: Situation) -> list[Values]:
+def guess_full_scale(situation: GuessContext) -> list[Values]:
     """At the largest reading, where several stand exactly at it: noise comes before a limit, so it leaves them equal."""
     o = situation.observations
     size = np.abs(o.force_g)
     top_g = float(size.max())
-    return [{"full_scale_g": top_g}] if (size > top_g - SAME).sum() >= AT_LIMIT else []
+    return [{"full_scale_g": top_g}] if (size > top_g - WRITTEN_RESOLUTION_G).sum() >= AT_LIMIT else []
 
 
-STARTS: dict[str, Callable[[Situation], list[Values]]] = {
-    "housing_spin": turning,
-    "slewing": turning,
-    "wind_gust": gust,
-    "impact": impact,
-    "trolley_acceleration": trolley,
-    "hoisting": hoisting,
-    "load_change": impact,
-    "vibration": vibration,
-    "rope_stretch": bounce,
-    "double_pendulum": two_modes,
-    "clipping": limits,
+INITIAL_GUESSES: dict[str, Callable[[GuessContext], list[Values]]] = {
+    "housing_spin": guess_spin_rate,
+    "slewing": guess_spin_rate,
+    "wind_gust": guess_gust,
+    "impact": guess_impact,
+    "trolley_acceleration": guess_trolley,
+    "hoisting": guess_hoisting,
+    "load_change": guess_impact,
+    "vibration": guess_vibration,
+    "rope_stretch": guess_rope_stretch,
+    "double_pendulum": guess_double_pendulum,
+    "clipping": guess_full_scale,
 }

@@ -12,17 +12,24 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.fit_context import Setting
-from gateway.twin.reconcile.fit.initial_conditions import local_starts
+from gateway.twin.reconcile.fit.fit_context import FitContext
+from gateway.twin.reconcile.fit.initial_conditions import segment_initial_conditions
 from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit
-from gateway.twin.reconcile.fit.windowed_fit import fit_pieces, is_wide, pieces_of, without_starts
+from gateway.twin.reconcile.fit.windowed_fit import (
+    fit_windows,
+    is_large_amplitude,
+    project_out_initial_states,
+    window_bounds,
+)
 from gateway.twin.reconcile.residual.isolability import orthonormal
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
-UNSUITED = frozenset({"double_pendulum", "rope_stretch", "vibration", "clipping", "quantization", "sample_loss"})
+NOT_LINEARISABLE_EFFECTS = frozenset(
+    {"double_pendulum", "rope_stretch", "vibration", "clipping", "quantization", "sample_loss"}
+)
 NEUTRAL_CUTOFF_HZ = 20.0
-LASTING = tuple(n for n, e in EFFECTS.items() if not e.transient and n not in UNSUITED)
+PERSISTENT_EFFECTS = tuple(n for n, e in EFFECTS.items() if not e.transient and n not in NOT_LINEARISABLE_EFFECTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +41,7 @@ class Signatures:
     of: Mapping[str, Array]
     """Effect -> projected columns in sigma, shape (3 n, parameters)."""
 
-    def drop(self, name: str) -> float:
+    def predicted_chi2_drop(self, name: str) -> float:
         """By how much chi-square would fall, as if the effect were linear; signs of one-sided parameters are kept."""
         columns = self.of[name]
         solved, *_ = np.linalg.lstsq(columns, self.residual, rcond=1e-9)
@@ -45,20 +52,20 @@ class Signatures:
         return float(fitted @ self.residual)
 
 
-def signatures(
-    setting: Setting, fit: Fit, values: Mapping[str, Mapping[str, object]], names: Sequence[str]
+def compute_signatures(
+    setting: FitContext, fit: Fit, values: Mapping[str, Mapping[str, object]], names: Sequence[str]
 ) -> Signatures:
     """Of effects that are smooth where they vanish, beside a fitted model."""
     own = frozenset(values)
-    tried = [n for n in names if n not in own and n not in UNSUITED and not EFFECTS[n].transient]
+    tried = [n for n in names if n not in own and n not in NOT_LINEARISABLE_EFFECTS and not EFFECTS[n].transient]
     simulator = setting.simulator((*own, *tried))
     model = setting.simulator(tuple(own)).effects(fit.values)
     if "lowpass_lag" in tried:
         model["lowpass_lag"] = {"cutoff_hz": NEUTRAL_CUTOFF_HZ}
-    at = simulator.values(fit.values[: simulator.starts], model)
+    at = simulator.values(fit.values[: simulator.n_initial_states], model)
     o = setting.log
-    if is_wide(o):
-        return _by_pieces(simulator, o, at[simulator.starts :], own)
+    if is_large_amplitude(o):
+        return _signatures_by_window(simulator, o, at[simulator.n_initial_states :], own)
     found = simulator.linearise(at, o.time_s, o.temperature_c)
     weight = (o.used[:, None] / o.noise_g)[:, :, None]
     flat = (found.jacobian * weight).reshape(-1, len(simulator.parameters))
@@ -74,20 +81,23 @@ def signatures(
     return Signatures(residual - basis @ (basis.T @ residual), of)
 
 
-def possible(setting: Setting) -> tuple[str, ...]:
+def scorable_effects(setting: FitContext) -> tuple[str, ...]:
     """Lasting effects that the recording could show: without a temperature none shows a drift by it."""
-    return tuple(n for n in LASTING if n != "thermal_drift" or setting.log.temperature_c is not None)
+    return tuple(n for n in PERSISTENT_EFFECTS if n != "thermal_drift" or setting.log.temperature_c is not None)
 
 
-def _by_pieces(simulator: Simulator, observations: Observations, effects: Array, own: frozenset[str]) -> Signatures:
+def _signatures_by_window(
+    simulator: Simulator, observations: Observations, effects: Array, own: frozenset[str]
+) -> Signatures:
     """Of a wide swing: a model that lacks something cannot follow it as one motion, but each piece of it for itself."""
-    firsts = pieces_of(simulator.rig, observations)
-    starts = local_starts(simulator, observations, effects, firsts)
+    firsts = window_bounds(simulator.rig, observations)
+    starts = segment_initial_conditions(simulator, observations, effects, firsts)
     held = np.zeros(len(effects), dtype=bool)
-    _, _, found = fit_pieces(simulator, observations, starts, effects, held, firsts)
-    columns, residual = without_starts(found, observations, firsts)
+    _, _, found = fit_windows(simulator, observations, starts, effects, held, firsts)
+    columns, residual = project_out_initial_states(found, observations, firsts)
     places = {
-        name: [i for i, s in enumerate(simulator.of_effects) if s.effect == name] for name in simulator.effect_names
+        name: [i for i, s in enumerate(simulator.effect_parameters) if s.effect == name]
+        for name in simulator.effect_names
     }
     basis = orthonormal(columns[:, [i for name in sorted(own) for i in places[name]]])
     of = {

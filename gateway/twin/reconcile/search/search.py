@@ -7,11 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects.effect import Value
-from gateway.twin.reconcile.decision.ambiguity_groups import TURNING, mates_of
-from gateway.twin.reconcile.search.candidate_fits import Attempt
+from gateway.twin.reconcile.decision.ambiguity_groups import UNOBSERVABLE_YAW_EFFECTS, ambiguity_partners
+from gateway.twin.reconcile.search.candidate_fits import CandidateFit
 from gateway.twin.reconcile.search.event_search import NEARLY, PARENTS, POLISH_ROUNDS, EventSearch
-from gateway.twin.reconcile.search.initial_guesses import STARTS, Situation
-from gateway.twin.reconcile.search.score_test import LASTING, Signatures, possible, signatures
+from gateway.twin.reconcile.search.initial_guesses import INITIAL_GUESSES, GuessContext
+from gateway.twin.reconcile.search.score_test import (
+    PERSISTENT_EFFECTS,
+    Signatures,
+    compute_signatures,
+    scorable_effects,
+)
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, Value]]
@@ -58,182 +63,194 @@ class Search(EventSearch):
     """Beside what is always there."""
     history: list[Move] = field(default_factory=list)
 
-    def lasting(self, base: Attempt) -> Attempt:
+    def fit_persistent_effects(self, base: CandidateFit) -> CandidateFit:
         """The best of the base and all single effects beside it that act all the time."""
-        self._lasting_children(base, self.setting.starts(base.values), first=True)
+        self._lasting_children(base, self.setting.segment_starts(base.values), first=True)
         return self.best()
 
-    def singles(self, base: Attempt) -> Attempt:
+    def fit_single_effects(self, base: CandidateFit) -> CandidateFit:
         """The best of the base and all single effects; `lasting` comes first."""
         self._pairs_of_lasting(base)
-        starts = self.setting.starts(base.values)
-        self._try_beside_beginnings(base)
+        starts = self.setting.segment_starts(base.values)
+        self._fit_with_prefix_effects(base)
         self._try_found_in_data(base, starts)
-        self._polished(len(base.values) + 1)
-        self._mates(base, starts)
+        self._refine_best(len(base.values) + 1)
+        self._fit_ambiguity_partners(base, starts)
         best = self._to_go_on_from(base)
-        return self._kept(base, best if self.worth(base, best) else base)
+        return self._record_move(base, best if self.is_significant(base, best) else base)
 
-    def _to_go_on_from(self, base: Attempt) -> Attempt:
+    def _to_go_on_from(self, base: CandidateFit) -> CandidateFit:
         """The best; not a pair of lasting effects that leaves something: events beside either have not been tried then."""
         best, size = self.best(), len(base.values) + 1
-        if len(best.values) <= size or not set(best.values) <= set(LASTING) | set(base.values) or not best.open:
+        if (
+            len(best.values) <= size
+            or not set(best.values) <= set(PERSISTENT_EFFECTS) | set(base.values)
+            or not best.has_unexplained_residual
+        ):
             return best
-        unit = self.unit()
-        return min((a for a in self.attempts.values() if len(a.values) <= size), key=lambda a: self.bic(a, unit))
+        unit = self.noise_inflation()
+        return min((a for a in self.candidates.values() if len(a.values) <= size), key=lambda a: self.bic(a, unit))
 
-    def structure(self, base: Attempt) -> Attempt:
+    def add_second_mode(self, base: CandidateFit) -> CandidateFit:
         """A second mode or a bounce beside the base, where that is most of what is left; else the base."""
-        if self.setting.wide:
+        if self.setting.large_amplitude:
             return base
         for name in STRUCTURES:
             self._try_spectral(base, name, self.setting.log.force_g - base.fit.force_g)
-        tried = [self.attempts[names] for name in STRUCTURES if (names := base.names | {name}) in self.attempts]
-        best = min([base, *tried], key=lambda a: a.reduced)
-        return best if best.reduced - 1 < STRUCTURAL * (base.reduced - 1) else base
+        tried = [self.candidates[names] for name in STRUCTURES if (names := base.names | {name}) in self.candidates]
+        best = min([base, *tried], key=lambda a: a.reduced_chi2)
+        return best if best.reduced_chi2 - 1 < STRUCTURAL * (base.reduced_chi2 - 1) else base
 
-    def run(self, base: Attempt, best: Attempt) -> Attempt:
+    def run(self, base: CandidateFit, best: CandidateFit) -> CandidateFit:
         """On from the best single effect, until nothing worth a name is left."""
-        if best.reduced - 1 > LEAST_SHARE * (base.reduced - 1):
-            return self._kept(best, self._dropped(best))
+        if best.reduced_chi2 - 1 > LEAST_SHARE * (base.reduced_chi2 - 1):
+            return self._record_move(best, self._backward_elimination(best))
         for _ in range(MOST_EFFECTS - 1):
-            if not self._more_is_missing(best) or self.tired:
+            if not self._more_is_missing(best) or self.is_budget_exhausted:
                 break
-            ahead = self._grow(self._parents(len(best.values)))
+            ahead = self._forward_step(self._parents(len(best.values)))
             if ahead is best:
                 break
-            if len(best.values) > len(self.always) + 1 and ahead.reduced - 1 > BENDS * (best.reduced - 1):
+            if len(best.values) > len(self.baseline_effects) + 1 and ahead.reduced_chi2 - 1 > BENDS * (
+                best.reduced_chi2 - 1
+            ):
                 break
-            hopeless = ahead.reduced - 1 > WORTH_GOING_ON * (base.reduced - 1)
+            hopeless = ahead.reduced_chi2 - 1 > WORTH_GOING_ON * (base.reduced_chi2 - 1)
             if hopeless:
-                best = self._kept(best, ahead)
+                best = self._record_move(best, ahead)
                 break
-            best = self._kept(best, self._swapped(ahead))
-        best = self._settled(best)
-        return self._kept(best, self._dropped(best))
+            best = self._record_move(best, self._try_swaps(ahead))
+        best = self._refine_double_pendulum(best)
+        return self._record_move(best, self._backward_elimination(best))
 
-    def _settled(self, best: Attempt) -> Attempt:
+    def _refine_double_pendulum(self, best: CandidateFit) -> CandidateFit:
         """A double pendulum's fit creeps on below what the log asks for; another swing asks for more of it."""
-        if "double_pendulum" not in best.names or best.reduced > NEARLY:
+        if "double_pendulum" not in best.names or best.reduced_chi2 > NEARLY:
             return best
-        return self.try_values(best.values, rounds=POLISH_ROUNDS) or best
+        return self.fit_candidate(best.values, rounds=POLISH_ROUNDS) or best
 
-    def _kept(self, before: Attempt, after: Attempt) -> Attempt:
+    def _record_move(self, before: CandidateFit, after: CandidateFit) -> CandidateFit:
         if before.names != after.names:
             move = Move(
                 after.names - before.names,
                 before.names - after.names,
                 after.names,
-                after.reduced,
-                self.bic(after, self.unit()),
+                after.reduced_chi2,
+                self.bic(after, self.noise_inflation()),
             )
             self.history.append(move)
         return after
 
-    def _mates(self, parent: Attempt, starts: Array) -> None:
+    def _fit_ambiguity_partners(self, parent: CandidateFit, starts: Array) -> None:
         """Whatever is hard to tell from the best is fitted, too, however little a linear look promised of it."""
         best = self.best()
-        for name in sorted(mates_of(best.names - parent.names) & set(possible(self.setting))):
-            if frozenset({*parent.names, name}) not in self.attempts:
+        for name in sorted(ambiguity_partners(best.names - parent.names) & set(scorable_effects(self.setting))):
+            if frozenset({*parent.names, name}) not in self.candidates:
                 self._try_lasting(parent, name, starts)
 
-    def _pairs_of_lasting(self, base: Attempt) -> None:
+    def _pairs_of_lasting(self, base: CandidateFit) -> None:
         """Where the best single effect takes most of the gap: others beside it, which are quicker to try than events."""
         best = self.best()
-        if not best.open or best.reduced - 1 > TAKES_MOST * (base.reduced - 1) or self.setting.wide:
+        if (
+            not best.has_unexplained_residual
+            or best.reduced_chi2 - 1 > TAKES_MOST * (base.reduced_chi2 - 1)
+            or self.setting.large_amplitude
+        ):
             return
         for parent in self._parents(len(base.values) + 1):
-            self._lasting_children(parent, self.setting.starts(parent.values), first=False)
+            self._lasting_children(parent, self.setting.segment_starts(parent.values), first=False)
         pair = self.best()
-        if not pair.open and len(pair.values) > len(best.values):
-            self._swapped(pair)
+        if not pair.has_unexplained_residual and len(pair.values) > len(best.values):
+            self._try_swaps(pair)
 
-    def _try_lasting(self, parent: Attempt, name: str, starts: Array) -> None:
+    def _try_lasting(self, parent: CandidateFit, name: str, starts: Array) -> None:
         setting = self.setting
-        turns = name in TURNING  # pieces cannot be told to join before it is known how fast they turn
-        situation = Situation(setting.rig, setting.log, setting.log.force_g - parent.fit.force_g, ())
-        self._try(parent, name, STARTS[name](situation) if turns else [{}], None if turns else starts)
+        turns = name in UNOBSERVABLE_YAW_EFFECTS  # pieces cannot be told to join before it is known how fast they turn
+        situation = GuessContext(setting.rig, setting.log, setting.log.force_g - parent.fit.force_g, ())
+        self._try(parent, name, INITIAL_GUESSES[name](situation) if turns else [{}], None if turns else starts)
 
-    def _parents(self, size: int) -> list[Attempt]:
-        unit = self.unit()
-        ranked = sorted((a for a in self.attempts.values() if len(a.values) == size), key=lambda a: self.bic(a, unit))
-        most = PARENTS if size == len(self.always) + 1 else 1
+    def _parents(self, size: int) -> list[CandidateFit]:
+        unit = self.noise_inflation()
+        ranked = sorted((a for a in self.candidates.values() if len(a.values) == size), key=lambda a: self.bic(a, unit))
+        most = PARENTS if size == len(self.baseline_effects) + 1 else 1
         return [a for a in ranked[:most] if a.fit.chi2 < FAR_BEHIND * ranked[0].fit.chi2]
 
-    def _grow(self, parents: list[Attempt]) -> Attempt:
+    def _forward_step(self, parents: list[CandidateFit]) -> CandidateFit:
         """All that one more effect can do beside each parent; the best of all afterwards."""
         before = self.best()
         for parent in parents:
-            if self.tired:
+            if self.is_budget_exhausted:
                 break
-            starts = self.setting.starts(parent.values)
+            starts = self.setting.segment_starts(parent.values)
             self._lasting_children(parent, starts, first=False)
             self._try_found_in_data(parent, starts)
-        self._polished(len(parents[0].values) + 1)
+        self._refine_best(len(parents[0].values) + 1)
         after = self.best()
-        return after if self.worth(before, after) else before
+        return after if self.is_significant(before, after) else before
 
-    def _lasting_children(self, parent: Attempt, starts: Array, *, first: bool) -> None:
+    def _lasting_children(self, parent: CandidateFit, starts: Array, *, first: bool) -> None:
         setting = self.setting
-        scored = signatures(setting, parent.fit, parent.values, possible(setting))
-        drops = {name: scored.drop(name) for name in scored.of}
+        scored = compute_signatures(setting, parent.fit, parent.values, scorable_effects(setting))
+        drops = {name: scored.predicted_chi2_drop(name) for name in scored.of}
         if first:
             self.scores.update(drops)
             self.signatures = scored
         ranked = sorted(drops, key=lambda name: -drops[name])
         for rank, name in enumerate(ranked):
-            explained = not self.best().open
+            explained = not self.best().has_unexplained_residual
             if drops[name] < HOPELESS * drops[ranked[0]] and (explained or rank >= CHILDREN):
                 break
             if not first and rank >= CHILDREN:
                 break
-            if parent.names | {name} not in self.attempts:
+            if parent.names | {name} not in self.candidates:
                 self._try_lasting(parent, name, starts)
 
-    def _try_found_in_data(self, parent: Attempt, starts: Array) -> None:
+    def _try_found_in_data(self, parent: CandidateFit, starts: Array) -> None:
         """Effects whose times or frequencies have to be found first: in what a model that follows the motion leaves.
 
         A wide swing is followed only by a model with the right losses; before that, nothing is to be found there.
         """
         setting, o = self.setting, self.setting.log
-        if setting.wide:
+        if setting.large_amplitude:
             return
         residual_g = o.force_g - parent.fit.force_g
         for name in SPECTRAL:
-            if self.best().open and parent.names | {name} not in self.attempts:
+            if self.best().has_unexplained_residual and parent.names | {name} not in self.candidates:
                 self._try_spectral(parent, name, residual_g)
         best = self.best()
-        if not best.open and best is not parent:
+        if not best.has_unexplained_residual and best is not parent:
             return
-        self._try_windows(parent, starts, residual_g, alone=len(parent.values) == len(self.always))
+        self._try_windows(parent, starts, residual_g, alone=len(parent.values) == len(self.baseline_effects))
 
-    def _try_spectral(self, parent: Attempt, name: str, residual_g: Array) -> None:
-        situation = Situation(self.setting.rig, self.setting.log, residual_g, ())
-        self._try(parent, name, STARTS[name](situation), None)
+    def _try_spectral(self, parent: CandidateFit, name: str, residual_g: Array) -> None:
+        situation = GuessContext(self.setting.rig, self.setting.log, residual_g, ())
+        self._try(parent, name, INITIAL_GUESSES[name](situation), None)
 
-    def _swapped(self, best: Attempt) -> Attempt:
+    def _try_swaps(self, best: CandidateFit) -> CandidateFit:
         """Each effect of a pair is replaced by the best others, the rest kept."""
-        for name in sorted(best.names - set(self.always)):
-            if self.tired:
+        for name in sorted(best.names - set(self.baseline_effects)):
+            if self.is_budget_exhausted:
                 break
             rest = {n: v for n, v in best.values.items() if n != name}
-            without = self.attempts.get(frozenset(rest)) or self.try_values(rest)
+            without = self.candidates.get(frozenset(rest)) or self.fit_candidate(rest)
             decided = without is not None and name in STRUCTURES and without.fit.chi2 > FAR_BEHIND * best.fit.chi2
             if without is not None and not decided:
-                starts = self.setting.starts(without.values)
-                scored = signatures(self.setting, without.fit, without.values, possible(self.setting))
-                likely = sorted(scored.of, key=lambda n: -scored.drop(n))[:CHILDREN]
-                for other in sorted({*likely, *(mates_of(frozenset({name})) & set(scored.of))}):
-                    if frozenset({*rest, other}) not in self.attempts:
+                starts = self.setting.segment_starts(without.values)
+                scored = compute_signatures(self.setting, without.fit, without.values, scorable_effects(self.setting))
+                likely = sorted(scored.of, key=lambda n: -scored.predicted_chi2_drop(n))[:CHILDREN]
+                for other in sorted({*likely, *(ambiguity_partners(frozenset({name})) & set(scored.of))}):
+                    if frozenset({*rest, other}) not in self.candidates:
                         self._try_lasting(without, other, starts)
         found = self.best()
-        return found if self.worth(best, found) or len(found.values) <= len(best.values) else best
+        return found if self.is_significant(best, found) or len(found.values) <= len(best.values) else best
 
-    def _dropped(self, best: Attempt) -> Attempt:
+    def _backward_elimination(self, best: CandidateFit) -> CandidateFit:
         """Without what is not worth its name."""
         for name in sorted(best.names - SEEN):
             rest = {n: v for n, v in best.values.items() if n != name}
-            without = self.try_values(rest, rounds=POLISH_ROUNDS, beyond=np.inf if best.open else self._rival_chi2())
-            if without is not None and not self.worth(without, best):
-                return self._dropped(without)
+            without = self.fit_candidate(
+                rest, rounds=POLISH_ROUNDS, beyond=np.inf if best.has_unexplained_residual else self._rival_chi2()
+            )
+            if without is not None and not self.is_significant(without, best):
+                return self._backward_elimination(without)
         return best

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-EVERY = 5
+KNOT_SPACING_SAMPLES = 5
 """Samples from knot to knot of the walk."""
-BEGINS = 1e12
+ANCHOR_WEIGHT = 1e12
 """Weight that holds the walk at 0 where it begins."""
-NARROW = 1e-10
+RCOND = 1e-10
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,28 +41,32 @@ class Knots:
         return found
 
 
-def knots_of(samples: int) -> Knots:
+def make_knots(samples: int) -> Knots:
     """The first at the first sample, the last at the last or beyond."""
     rows = np.arange(samples)
-    return Knots(rows // EVERY, (rows % EVERY) / EVERY, len(range(0, samples + EVERY, EVERY)))
+    return Knots(
+        rows // KNOT_SPACING_SAMPLES,
+        (rows % KNOT_SPACING_SAMPLES) / KNOT_SPACING_SAMPLES,
+        len(range(0, samples + KNOT_SPACING_SAMPLES, KNOT_SPACING_SAMPLES)),
+    )
 
 
 @dataclass(frozen=True, slots=True)
-class FreeTime:
+class TimeWarpSmoother:
     """Normal equations of k values with the walk put in."""
 
     normal: Array
     """Shape (k, k)."""
-    pull: Array
+    gradient: Array
     """Shape (k,)."""
     by_walk: Array
     """The walk for each value that moves by -1, and last for none, shape (count, k + 1)."""
 
-    def solved(self, chosen: Sequence[int]) -> tuple[Array, float]:
+    def solve(self, chosen: Sequence[int]) -> tuple[Array, float]:
         """Step of the chosen values, the others at rest, and by how much chi-square falls."""
-        matrix, pull = self.normal[np.ix_(chosen, chosen)], self.pull[list(chosen)]
+        matrix, pull = self.normal[np.ix_(chosen, chosen)], self.gradient[list(chosen)]
         scale = np.sqrt(np.maximum(np.diag(matrix), 0.0)) + 1e-12
-        step: Array = np.linalg.lstsq(matrix / np.outer(scale, scale), pull / scale, rcond=NARROW)[0] / scale
+        step: Array = np.linalg.lstsq(matrix / np.outer(scale, scale), pull / scale, rcond=RCOND)[0] / scale
         return step, float(step @ pull)
 
     def walk(self, chosen: Sequence[int], step: Array) -> Array:
@@ -71,7 +75,9 @@ class FreeTime:
         return found
 
 
-def free_time(residual: Array, by_time: Array, by_values: Array, walk: Array, knots: Knots, spread: float) -> FreeTime:
+def marginalise_time_warp(
+    residual: Array, by_time: Array, by_values: Array, walk: Array, knots: Knots, spread: float
+) -> TimeWarpSmoother:
     """From residuals (n, 3) in sigma at a walk (count,), how they answer to time (n, 3) and to k values (n, 3, k).
 
     `spread` is the variance of a step from knot to knot.
@@ -79,25 +85,25 @@ def free_time(residual: Array, by_time: Array, by_values: Array, walk: Array, kn
     at_rest = residual + by_time * knots.at_samples(walk)[:, None]
     columns = np.concatenate([by_values, at_rest[:, :, None]], axis=2)
     by_knots = knots.gathered(np.einsum("ni,nik->nk", by_time, columns))
-    by_walk = _solved(*_diagonals(by_time, knots, spread), by_knots)
+    by_walk = _solve_tridiagonal(*_tridiagonal_normal_matrix(by_time, knots, spread), by_knots)
     flat = columns.reshape(-1, columns.shape[2])
     whole = flat.T @ flat - by_knots.T @ by_walk
-    return FreeTime(whole[:-1, :-1], whole[:-1, -1], by_walk)
+    return TimeWarpSmoother(whole[:-1, :-1], whole[:-1, -1], by_walk)
 
 
-def told_steps(by_time: Array, knots: Knots, spread: float) -> float:
+def effective_degrees_of_freedom(by_time: Array, knots: Knots, spread: float) -> float:
     """Number of the walk's steps that the readings tell: the trace of what they add to the prior (MacKay 1992)."""
     steps = np.diff(np.eye(knots.count), axis=0)
-    known = _solved(*_diagonals(by_time, knots, spread), steps.T @ steps / spread)
+    known = _solve_tridiagonal(*_tridiagonal_normal_matrix(by_time, knots, spread), steps.T @ steps / spread)
     return knots.count - 1 - float(np.trace(known[1:, 1:]))
 
 
-def _diagonals(by_time: Array, knots: Knots, spread: float) -> tuple[Array, Array]:
+def _tridiagonal_normal_matrix(by_time: Array, knots: Knots, spread: float) -> tuple[Array, Array]:
     """Of the walk's normal matrix: the main one and the one beside it, shapes (count,) and (count - 1,)."""
     square = (by_time**2).sum(axis=1)
     main = np.full(knots.count, 2 / spread)
     main[[0, -1]] = 1 / spread
-    main[0] += BEGINS
+    main[0] += ANCHOR_WEIGHT
     np.add.at(main, knots.left, square * (1 - knots.share) ** 2)
     np.add.at(main, knots.left + 1, square * knots.share**2)
     beside = np.full(knots.count - 1, -1 / spread)
@@ -105,7 +111,7 @@ def _diagonals(by_time: Array, knots: Knots, spread: float) -> tuple[Array, Arra
     return main, beside
 
 
-def _solved(main: Array, beside: Array, right: Array) -> Array:
+def _solve_tridiagonal(main: Array, beside: Array, right: Array) -> Array:
     """Of a symmetric matrix with three diagonals, shape (count, k): elimination down, then up (Thomas 1949)."""
     main, found = main.copy(), right.copy()
     for i in range(1, len(main)):

@@ -10,26 +10,31 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.reconcile.data.artefact_detectors import mean_of_steps
+from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.multiple_shooting import HEADING
-from gateway.twin.reconcile.residual.spectrum import MachineLine, machine_line
-from gateway.twin.reconcile.timing.time_warp_smoother import EVERY, free_time, knots_of, told_steps
+from gateway.twin.reconcile.residual.spectrum import MachineLine, find_machine_line
+from gateway.twin.reconcile.timing.time_warp_smoother import (
+    KNOT_SPACING_SAMPLES,
+    effective_degrees_of_freedom,
+    make_knots,
+    marginalise_time_warp,
+)
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
-MOTION = tuple(range(HEADING))
+INITIAL_MOTION = tuple(range(HEADING))
 """What is free of a start: not the heading."""
-ROUNDS = 6
-COUNTED_ROUNDS = 4
-REACH = 12
+TIME_WARP_ITERATIONS = 6
+LOSS_COUNT_ITERATIONS = 4
+VITERBI_REACH_SAMPLES = 12
 """Samples on each side of the estimated walk among which the path is looked for."""
-SLOW_HZ = 5.0
+SWING_LOWPASS_HZ = 5.0
 """What a swing does is slower; a machine's line above would shake the estimate."""
 
 
 @dataclass(frozen=True, slots=True)
-class Walk:
+class TimeWarp:
     """True time of each sample, and what is left with it."""
 
     true_s: Array
@@ -38,7 +43,7 @@ class Walk:
     """Of the samples that are missing."""
     reduced: float
     """Chi-square left, reduced."""
-    wander: float
+    normalised_cost: float
     """Cost of the walk under its own spread over the number of its steps that the readings tell: about 1 for a true one."""
     cost: float
     """Chi-square of the walk's steps."""
@@ -50,39 +55,43 @@ class Walk:
         return replace(observations, time_s=self.true_s)
 
 
-def find_walk(
-    simulator: Simulator, values: Array, observations: Observations, fraction: float, free: Sequence[int] = MOTION
-) -> Walk | None:
+def estimate_time_warp(
+    simulator: Simulator,
+    values: Array,
+    observations: Observations,
+    fraction: float,
+    free: Sequence[int] = INITIAL_MOTION,
+) -> TimeWarp | None:
     """Fit walk, initial motion and what else is free, from a mean part of lost samples; the simulator has no clock effect.
 
     None where it runs away: the readings are of another motion.
     """
     o, dt = observations, float(np.median(np.diff(observations.time_s)))
-    knots, values = knots_of(len(o.time_s)), values.copy()
-    walk, beginnings = np.zeros(knots.count), np.arange(knots.count - 1) * EVERY
-    for turn in range(ROUNDS):
+    knots, values = make_knots(len(o.time_s)), values.copy()
+    walk, beginnings = np.zeros(knots.count), np.arange(knots.count - 1) * KNOT_SPACING_SAMPLES
+    for turn in range(TIME_WARP_ITERATIONS):
         line_s = o.time_s / (1 - fraction)
-        true_s = _rising(line_s + knots.at_samples(walk), dt)
-        force_g, by_time, by_values = answers(simulator, values, o, true_s)
-        residual, spread = o.residual_sigma(force_g), spread_of(fraction, dt)
-        if turn == ROUNDS - 1:
+        true_s = _force_increasing(line_s + knots.at_samples(walk), dt)
+        force_g, by_time, by_values = linearise_at(simulator, values, o, true_s)
+        residual, spread = o.residual_sigma(force_g), step_variance(fraction, dt)
+        if turn == TIME_WARP_ITERATIONS - 1:
             break
-        equations = free_time(slow(residual, dt), by_time, by_values, walk, knots, spread)
-        step, _ = equations.solved(free)
+        equations = marginalise_time_warp(lowpass(residual, dt), by_time, by_values, walk, knots, spread)
+        step, _ = equations.solve(free)
         walk = equations.walk(free, step)
         if not (np.isfinite(walk).all() and np.isfinite(step).all()):
             return None
-        values[list(free)] = _moved(simulator, values, free, step)
+        values[list(free)] = _apply_step(simulator, values, free, step)
         slope = float(np.polyfit(line_s[beginnings], walk[:-1], 1)[0])
         fraction = 1 - (1 - fraction) / (1 + slope)  # the line takes the walk's mean drift
         walk = walk - slope * np.append(line_s[beginnings], line_s[-1])
         walk -= walk[0]
-    cost, told = float((np.diff(walk) ** 2).sum() / spread), told_steps(by_time, knots, spread)
-    reduced = float((residual**2).sum() / o.count)
-    return Walk(true_s - true_s[0], fraction, reduced, cost / max(told, 1.0), cost, values)
+    cost, told = float((np.diff(walk) ** 2).sum() / spread), effective_degrees_of_freedom(by_time, knots, spread)
+    reduced = float((residual**2).sum() / o.n_values)
+    return TimeWarp(true_s - true_s[0], fraction, reduced, cost / max(told, 1.0), cost, values)
 
 
-def answers(simulator: Simulator, values: Array, o: Observations, true_s: Array) -> tuple[Array, Array, Array]:
+def linearise_at(simulator: Simulator, values: Array, o: Observations, true_s: Array) -> tuple[Array, Array, Array]:
     """A prediction in g, (n, 3), as read; in sigma how it changes with time, (n, 3), and with all values, (n, 3, values).
 
     With cutoffs by their inverse: a lag is a shift of time, which the initial motion makes up for in proportion.
@@ -90,18 +99,22 @@ def answers(simulator: Simulator, values: Array, o: Observations, true_s: Array)
     lin = simulator.linearise(values, true_s, o.temperature_c)
     weight = o.used[:, None] / o.noise_g
     by_values = lin.jacobian * weight[:, :, None]
-    for i in _cutoffs(simulator):
+    for i in _cutoff_indices(simulator):
         by_values[:, :, i] *= -(values[i] ** 2)
-    return as_read(simulator, values, lin.force_g), np.gradient(lin.force_g, true_s, axis=0) * weight, by_values
+    return (
+        quantised_mean_of(simulator, values, lin.force_g),
+        np.gradient(lin.force_g, true_s, axis=0) * weight,
+        by_values,
+    )
 
 
-def as_read(simulator: Simulator, values: Array, force_g: Array) -> Array:
+def quantised_mean_of(simulator: Simulator, values: Array, force_g: Array) -> Array:
     """In coarse steps their mean: what a lattice does to a swing is no wandering of time."""
     step_g = _step_g(simulator, values)
-    return force_g if step_g is None else mean_of_steps(force_g, step_g, np.array(simulator.rig.noise_g))
+    return force_g if step_g is None else quantised_mean(force_g, step_g, np.array(simulator.rig.noise_g))
 
 
-def one_reading(simulator: Simulator, values: Array, force_g: Array) -> Array:
+def simulate_noisy_sample(simulator: Simulator, values: Array, force_g: Array) -> Array:
     """With noise, and in steps where they are coarse: they leave more noise where a reading stands between two."""
     noisy_g = force_g + np.array(simulator.rig.noise_g) * np.random.default_rng(0).normal(size=force_g.shape)
     step_g = _step_g(simulator, values)
@@ -113,15 +126,15 @@ def _step_g(simulator: Simulator, values: Array) -> float | None:
     return None if steps is None else float(np.asarray(steps["lsb_g"]))
 
 
-def spread_of(fraction: float, dt: float) -> float:
+def step_variance(fraction: float, dt: float) -> float:
     """Variance of true time's step from knot to knot where this part of the samples is lost, s^2."""
-    return max(fraction, 1e-3) * EVERY * dt**2
+    return max(fraction, 1e-3) * KNOT_SPACING_SAMPLES * dt**2
 
 
-def _moved(simulator: Simulator, values: Array, free: Sequence[int], step: Array) -> Array:
+def _apply_step(simulator: Simulator, values: Array, free: Sequence[int], step: Array) -> Array:
     """The free values after a step, inside their bounds."""
     lower, upper = (np.array([getattr(simulator.parameters[i], side) for i in free]) for side in ("lower", "upper"))
-    lags = np.isin(free, _cutoffs(simulator))
+    lags = np.isin(free, _cutoff_indices(simulator))
     now = values[list(free)]
     moved = now + step
     moved[lags] = 1 / np.clip(1 / now[lags] + step[lags], 1 / upper[lags], 1 / lower[lags])
@@ -129,24 +142,24 @@ def _moved(simulator: Simulator, values: Array, free: Sequence[int], step: Array
     return found
 
 
-def _cutoffs(simulator: Simulator) -> list[int]:
+def _cutoff_indices(simulator: Simulator) -> list[int]:
     return [i for i, slot in enumerate(simulator.parameters) if slot.parameter == "cutoff_hz"]
 
 
-def slow(residual: Array, dt: float) -> Array:
+def lowpass(residual: Array, dt: float) -> Array:
     """What is below `SLOW_HZ`, shape (n, 3)."""
     transform = np.fft.rfft(residual, axis=0)
-    transform[np.fft.rfftfreq(len(residual), dt) > SLOW_HZ] = 0
+    transform[np.fft.rfftfreq(len(residual), dt) > SWING_LOWPASS_HZ] = 0
     return np.fft.irfft(transform, len(residual), axis=0)
 
 
-def _rising(true_s: Array, dt: float) -> Array:
+def _force_increasing(true_s: Array, dt: float) -> Array:
     """Times at least a tenth of a sample apart."""
     steps = np.maximum(np.diff(true_s), 0.1 * dt)
     return np.concatenate([true_s[:1], true_s[0] + np.cumsum(steps)])
 
 
-def counted(simulator: Simulator, walk: Walk, observations: Observations) -> Walk:
+def viterbi_loss_count(simulator: Simulator, walk: TimeWarp, observations: Observations) -> TimeWarp:
     """The walk in whole samples: which were lost, by the most likely path (Viterbi 1967), with a machine's line if there is one.
 
     The line's phase tells a lost sample where the swing alone cannot.
@@ -156,27 +169,27 @@ def counted(simulator: Simulator, walk: Walk, observations: Observations) -> Wal
     rows = np.arange(len(o.time_s))
     lost = np.maximum.accumulate(np.round(walk.true_s / dt - rows)).astype(np.int64)
     values, fraction, line = walk.values.copy(), walk.fraction, None
-    for turn in range(COUNTED_ROUNDS):
+    for turn in range(LOSS_COUNT_ITERATIONS):
         true_s = np.asarray(walk.true_s if turn == 0 else (rows + lost) * dt, dtype=np.float64)
         lin = simulator.linearise(values, true_s, o.temperature_c)
         if turn:
             by_start = (lin.jacobian[:, :, :HEADING] * (o.used[:, None] / o.noise_g)[:, :, None]).reshape(-1, HEADING)
-            residual = o.residual_sigma(lin.force_g + _shaking(line, true_s)).ravel()
+            residual = o.residual_sigma(lin.force_g + _machine_line_signal(line, true_s)).ravel()
             values[:HEADING] += np.linalg.lstsq(by_start, residual, rcond=None)[0]
-        line = machine_line(true_s, o.force_g - simulator.predict(values, true_s, o.temperature_c), o.noise_g)
-        grid_s = np.arange(lost[-1] + len(rows) + REACH + 1) * dt
-        force_g = simulator.predict(values, grid_s) + _shaking(line, grid_s)
-        lost = _most_likely(o, force_g, lost, max(fraction, 1e-3))
+        line = find_machine_line(true_s, o.force_g - simulator.predict(values, true_s, o.temperature_c), o.noise_g)
+        grid_s = np.arange(lost[-1] + len(rows) + VITERBI_REACH_SAMPLES + 1) * dt
+        force_g = simulator.predict(values, grid_s) + _machine_line_signal(line, grid_s)
+        lost = _most_likely_path(o, force_g, lost, max(fraction, 1e-3))
         fraction = float(lost[-1] / (lost[-1] + len(rows)))
     true_s = np.asarray((rows + lost) * dt, dtype=np.float64)
-    force_g = simulator.predict(values, true_s, o.temperature_c) + _shaking(line, true_s)
-    reduced = float((o.residual_sigma(force_g) ** 2).sum() / o.count)
+    force_g = simulator.predict(values, true_s, o.temperature_c) + _machine_line_signal(line, true_s)
+    reduced = float((o.residual_sigma(force_g) ** 2).sum() / o.n_values)
     return replace(walk, true_s=true_s, fraction=fraction, reduced=reduced, values=values)
 
 
-def _most_likely(o: Observations, force_g: Array, near: NDArray[np.int64], fraction: float) -> NDArray[np.int64]:
+def _most_likely_path(o: Observations, force_g: Array, near: NDArray[np.int64], fraction: float) -> NDArray[np.int64]:
     """How many samples were lost before each, within `REACH` of an estimate; force_g on the even grid of all samples."""
-    offsets = np.arange(-REACH, REACH + 1)
+    offsets = np.arange(-VITERBI_REACH_SAMPLES, VITERBI_REACH_SAMPLES + 1)
     step_cost = -2 * np.log([1 - fraction, fraction, fraction**2, fraction**3])
     cost = np.where(near[0] + offsets == 0, 0.0, np.inf)
     came = np.zeros((len(near), len(offsets)), dtype=np.int64)
@@ -200,7 +213,7 @@ def _most_likely(o: Observations, force_g: Array, near: NDArray[np.int64], fract
     return found
 
 
-def _shaking(line: MachineLine | None, true_s: Array) -> Array:
+def _machine_line_signal(line: MachineLine | None, true_s: Array) -> Array:
     if line is None:
         return np.zeros((len(true_s), 3))
     shaking: Array = (line.phasors_g * np.exp(2j * np.pi * line.frequency_hz * true_s)[:, None]).real

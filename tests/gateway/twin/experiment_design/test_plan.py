@@ -6,15 +6,15 @@ import pytest
 
 from gateway.errors import InputError
 from gateway.twin.experiment_design.candidates import CANDIDATES, FREE_SWING
-from gateway.twin.experiment_design.experiment import Leg, Manoeuvre
-from gateway.twin.experiment_design.hypotheses import GROUPS, Suspect, suspects
+from gateway.twin.experiment_design.experiment import Experiment, Run
+from gateway.twin.experiment_design.hypotheses import GROUPS, Hypothesis, suspects
 from gateway.twin.experiment_design.plan import forecast, plan
 from gateway.twin.experiment_design.separation import SAME_TRACE, SEEN_SIGMA
 from gateway.twin.experiment_design.text import as_json, as_text
 from gateway.twin.model import TwinRig
 
 RIG = TwinRig(length_m=12.0, position_m=5.0, sample_rate_hz=50.0)
-TURNING = Manoeuvre((Leg(turn_deg_s=2.865),))
+TURNING = Experiment((Run(turn_deg_s=2.865),))
 LATERAL, AXIAL, RATES, TURNS, DAMPING = GROUPS
 
 
@@ -39,7 +39,7 @@ def test_wind_against_offset_is_one_trace_in_a_free_swing_and_two_with_a_turning
 def test_what_no_manoeuvre_tells_apart_is_said_to_be_so(whole, group):
     found = next(each for each in whole[0].groups if each.group == group)
     assert found.manoeuvre is None
-    assert not found.told_apart
+    assert not found.is_distinguishable
     assert found.instead
     for manoeuvre in CANDIDATES:
         if not manoeuvre.inputs(RIG) & {suspect.effect for suspect in group}:
@@ -49,26 +49,26 @@ def test_what_no_manoeuvre_tells_apart_is_said_to_be_so(whole, group):
 
 def test_losses_are_much_alike_and_yet_told_apart(whole):
     found = next(each for each in whole[0].groups if each.group == DAMPING)
-    assert found.told_apart
+    assert found.is_distinguishable
     assert all(0.95 < pair.before.cosine < 0.998 for pair in found.pairs)
 
 
 def test_wind_wants_the_housing_turned(whole):
     found = whole[0].groups[0]
-    assert found.told_apart
+    assert found.is_distinguishable
     assert found.manoeuvre.inputs(RIG) == {"housing_spin"}
-    wind = [pair for pair in found.pairs if pair.first == Suspect("steady_wind")]
-    assert not any(pair.before.told_apart for pair in wind)
+    wind = [pair for pair in found.pairs if pair.first == Hypothesis("steady_wind")]
+    assert not any(pair.before.is_distinguishable for pair in wind)
     assert all(pair.after.cosine < 0.1 and pair.after.sigma > 100 for pair in wind)
 
 
 def test_a_longer_rope_and_a_slower_clock_are_one_trace_but_for_what_a_tape_measure_says(whole):
     """All lengths by a factor and time by its root: the same motion. So the plan asks for the tape measure."""
     found = next(each for each in whole[0].groups if each.group == RATES)
-    assert not found.told_apart
+    assert not found.is_distinguishable
     assert found.pairs[0].before.cosine > SAME_TRACE
     assert found.instead.startswith("measure the rope")
-    assert all(pair.after.told_apart for pair in found.pairs[1:])
+    assert all(pair.after.is_distinguishable for pair in found.pairs[1:])
 
 
 def test_no_separation_rests_on_a_rate_that_is_turned_by_hand():
@@ -82,7 +82,7 @@ def test_more_noise_less_separation_and_the_same_angles():
     assert loud.sigma == pytest.approx(quiet.sigma / 4, rel=0.01)
     assert loud.cosine == pytest.approx(quiet.cosine, abs=1e-3)
     assert quiet.sigma > SEEN_SIGMA > loud.sigma
-    assert not loud.told_apart
+    assert not loud.is_distinguishable
 
 
 def test_what_the_operator_does_is_no_suspect():
@@ -94,15 +94,15 @@ def test_what_the_operator_does_is_no_suspect():
 def test_a_housing_at_the_pivot_is_not_hoisted_into_it():
     rig = TwinRig(12.0, 0.0, sample_rate_hz=50.0)
     assert FREE_SWING.possible(rig)
-    assert not Manoeuvre((Leg(hoist_share=1 / 3),)).possible(rig)
-    assert Manoeuvre((Leg(hoist_share=-1 / 3),)).possible(rig)
+    assert not Experiment((Run(hoist_share=1 / 3),)).possible(rig)
+    assert Experiment((Run(hoist_share=-1 / 3),)).possible(rig)
 
 
 def test_events_at_unknown_times_and_a_model_with_rigging():
     believed = {"double_pendulum": {"rigging_length_m": 2.0, "hook_mass_ratio": 0.05}}
     (pair,) = forecast(RIG, believed, FREE_SWING, suspects("wind_gust,trolley_acceleration"))
     assert 0.5 < pair.cosine < SAME_TRACE
-    assert pair.told_apart
+    assert pair.is_distinguishable
 
 
 def test_the_text_says_what_to_do_how_long_and_what_comes_of_it(whole):

@@ -20,7 +20,7 @@ def recorded(leg, truth, seed=3):
     time_s = np.arange(round(leg.duration_s * RIG.sample_rate_hz)) / RIG.sample_rate_hz
     acting = {**truth, **leg.inputs(RIG)}
     simulator = Simulator(RIG, sorted(acting))
-    values = simulator.values(start_of(leg, RIG, simulator.starts), acting)
+    values = simulator.values(start_of(leg, RIG, simulator.n_initial_states), acting)
     values[0] += 0.01
     random = np.random.default_rng(seed)
     return time_s, simulator.predict(values, time_s) + RIG.noise_g * random.standard_normal((len(time_s), 3))
@@ -30,7 +30,7 @@ def chi2_fitted(leg, name, time_s, force_g):
     """Sum of squares in sigma after fitting initial motion, the operator's input and one effect, by Gauss and Newton."""
     inputs = leg.inputs(RIG)
     simulator = Simulator(RIG, sorted({*inputs, name}))
-    values = simulator.values(start_of(leg, RIG, simulator.starts), inputs)
+    values = simulator.values(start_of(leg, RIG, simulator.n_initial_states), inputs)
     free = np.array([i != HEADING for i in range(len(values))])
     for _ in range(12):
         found = simulator.linearise(values, time_s)
@@ -43,7 +43,7 @@ def chi2_fitted(leg, name, time_s, force_g):
 @pytest.fixture(scope="module")
 def proposed():
     found = plan(RIG, [suspects("steady_wind,axis_offset[x+y]")]).groups[0]
-    assert found.told_apart
+    assert found.is_distinguishable
     (leg,) = found.manoeuvre.legs
     return leg, found.pairs[0]
 

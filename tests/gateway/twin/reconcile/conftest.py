@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from gateway.twin.model import Model, TwinRig
-from gateway.twin.reconcile.data.data_checks import Loaded
-from gateway.twin.reconcile.data.observations import Observations, observe
+from gateway.twin.reconcile.data.data_checks import CheckedRecording
+from gateway.twin.reconcile.data.observations import Observations, make_observations
 from gateway.twin.simulator.simulator import Simulator
 
 RIG = TwinRig(
@@ -26,7 +26,7 @@ def recorded(effects: dict, name: str = "log", memory: float = 0.0, seed: int = 
     noise = rng.normal(size=force_g.shape)
     for i in range(1, len(noise)):
         noise[i] = memory * noise[i - 1] + np.sqrt(1 - memory**2) * noise[i]
-    return observe(time_s, force_g + np.array(RIG.noise_g) * noise, None, np.array(RIG.noise_g))
+    return make_observations(time_s, force_g + np.array(RIG.noise_g) * noise, None, np.array(RIG.noise_g))
 
 
 @pytest.fixture
@@ -45,9 +45,9 @@ def record() -> Callable[..., Observations]:
 
 
 @pytest.fixture
-def loaded() -> Callable[..., Loaded]:
-    def make(effects: dict, name: str = "log", memory: float = 0.0, seed: int = 1) -> Loaded:
+def loaded() -> Callable[..., CheckedRecording]:
+    def make(effects: dict, name: str = "log", memory: float = 0.0, seed: int = 1) -> CheckedRecording:
         observations = recorded(effects, name, memory, seed)
-        return Loaded(observations, None, {"read": len(observations.time_s)}, observations.time_s)
+        return CheckedRecording(observations, None, {"read": len(observations.time_s)}, observations.time_s)
 
     return make

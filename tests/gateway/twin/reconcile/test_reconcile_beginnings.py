@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.changepoints.changepoint import beginning, parting_after
-from gateway.twin.reconcile.changepoints.changepoint_scan import outside_events
-from gateway.twin.reconcile.changepoints.pre_event_candidates import one_motion_with
-from gateway.twin.reconcile.fit.fit_context import Setting
+from gateway.twin.reconcile.changepoints.changepoint import locate_next_changepoint, longest_consistent_prefix
+from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodelled_profiles
+from gateway.twin.reconcile.changepoints.pre_event_candidates import effects_extending_consistent_prefix
+from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.reconcile import reconcile
-from gateway.twin.reconcile.search.score_test import possible
+from gateway.twin.reconcile.search.score_test import scorable_effects
 from gateway.twin.reconcile.search.search import Search
 
 HOIST = {"hoisting": {"speed_m_s": -0.15, "start_s": 32.0, "duration_s": 6.0}}
@@ -18,7 +18,7 @@ WIND = {"steady_wind": {"accel_m_s2": (0.15, -0.1)}}
 
 @pytest.fixture
 def setting_of(rig, record):
-    return lambda effects: Setting(rig, {}, record(effects), lambda: None)
+    return lambda effects: FitContext(rig, {}, record(effects), lambda: None)
 
 
 @pytest.mark.parametrize(
@@ -34,46 +34,46 @@ def test_what_acts_all_the_time_is_first_on_the_beginning_with_its_value(
     setting_of, name, parameter, value, event, begins_s
 ):
     setting = setting_of({name: {parameter: value}, **event})
-    first = one_motion_with(setting, {}, possible(setting))[0]
+    first = effects_extending_consistent_prefix(setting, {}, scorable_effects(setting))[0]
 
     assert set(first.values) == {name}
     assert np.asarray(first.values[name][parameter]) == pytest.approx(np.asarray(value), rel=0.15)
-    assert setting.log.time_s[first.last] == pytest.approx(begins_s, abs=0.8)
+    assert setting.log.time_s[first.end_sample] == pytest.approx(begins_s, abs=0.8)
 
 
 @pytest.mark.parametrize("effects", [HOIST, BLOW, {}])
 def test_no_lasting_effect_is_proposed_where_the_motion_was_free_until_the_event(setting_of, effects):
     setting = setting_of(effects)
 
-    assert one_motion_with(setting, {}, possible(setting)) == []
+    assert effects_extending_consistent_prefix(setting, {}, scorable_effects(setting)) == []
 
 
 def test_a_small_effect_does_not_carry_the_beginning_past_an_event(setting_of):
     setting = setting_of({"viscous_damping": {"damping_ratio": 0.002}, **BLOW})
-    begun = beginning(setting, {"viscous_damping": {}})
+    begun = longest_consistent_prefix(setting, {"viscous_damping": {}})
 
     assert begun is not None
-    assert setting.log.time_s[begun.last] == pytest.approx(32.3, abs=0.8)
+    assert setting.log.time_s[begun.end_sample] == pytest.approx(32.3, abs=0.8)
 
 
 def test_the_end_is_found_though_a_wind_seems_to_turn_with_the_housing(setting_of):
     setting = setting_of({**WIND, **HOIST})
-    begun = beginning(setting, {"steady_wind": {}})
+    begun = longest_consistent_prefix(setting, {"steady_wind": {}})
     assert begun is not None
-    found = parting_after(setting, begun, length=True)
+    found = locate_next_changepoint(setting, begun, length=True)
 
     assert found is not None
     assert (found.from_s, found.to_s) == pytest.approx((32.0, 38.0), abs=0.8)
-    assert found.left < 1.1 * setting.log.count
+    assert found.remaining_chi2 < 1.1 * setting.log.count
 
 
 def test_a_clock_does_not_make_up_for_a_rope_that_became_another(setting_of):
     setting = setting_of({"clock_drift": {"relative": 0.015}, **HOIST})
-    begun = beginning(setting, {"clock_drift": {}})
+    begun = longest_consistent_prefix(setting, {"clock_drift": {}})
 
     assert begun is not None
-    assert parting_after(setting, begun, length=False) is None
-    assert parting_after(setting, begun, length=True) is not None
+    assert locate_next_changepoint(setting, begun, length=False) is None
+    assert locate_next_changepoint(setting, begun, length=True) is not None
 
 
 @pytest.mark.parametrize(
@@ -91,7 +91,7 @@ def test_samples_of_an_event_with_a_course_of_its_own_are_left_out(record, effec
     inside = (log.time_s > from_s) & (log.time_s < to_s)
     on_edge = np.isclose(log.time_s, from_s) | np.isclose(log.time_s, to_s)
 
-    assert np.array_equal(outside_events(log, effects).used[~on_edge], (log.used & ~inside)[~on_edge])
+    assert np.array_equal(exclude_unmodelled_profiles(log, effects).used[~on_edge], (log.used & ~inside)[~on_edge])
 
 
 @pytest.mark.parametrize(("duration_s", "is_one"), [(0.2, False), (3.0, True)])
@@ -99,7 +99,7 @@ def test_a_push_that_is_over_at_once_is_no_gust(setting_of, duration_s, is_one):
     gust = {"accel_m_s2": (0.4 / duration_s, 0.0), "start_s": 32.0, "duration_s": duration_s}
     search = Search(setting_of({"wind_gust": gust}), {})
 
-    assert (search.try_values({"wind_gust": gust}) is not None) == is_one
+    assert (search.fit_candidate({"wind_gust": gust}) is not None) == is_one
 
 
 @pytest.mark.parametrize("event", [HOIST, BLOW])

@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.changepoints.changepoint import parting
-from gateway.twin.reconcile.changepoints.changepoint_scan import find_windows
-from gateway.twin.reconcile.data.observations import piece
-from gateway.twin.reconcile.fit.fit_context import Setting
-from gateway.twin.reconcile.fit.validation import judge
+from gateway.twin.reconcile.changepoints.changepoint import locate_changepoint
+from gateway.twin.reconcile.changepoints.changepoint_scan import scan_for_changepoints
+from gateway.twin.reconcile.data.observations import slice_samples
+from gateway.twin.reconcile.fit.fit_context import FitContext
+from gateway.twin.reconcile.fit.validation import evaluate_on_validation
 from gateway.twin.reconcile.search.search import Search
-from gateway.twin.reconcile.timing.timing_jitter import counted, find_walk
+from gateway.twin.reconcile.timing.timing_jitter import estimate_time_warp, viterbi_loss_count
 
 
 def setting(rig, observations):
-    return Setting(rig, {}, observations, lambda: None)
+    return FitContext(rig, {}, observations, lambda: None)
 
 
 def test_a_wrong_rope_is_found_though_the_swing_runs_out_of_step(rig, record):
@@ -36,10 +36,10 @@ def test_the_start_and_its_uncertainty_are_those_of_the_recording(rig, record):
 def test_the_window_of_a_blow_is_where_it_struck(rig, record):
     observations = record({"impact": {"delta_v_m_s": (0.3, -0.2), "start_s": 27.3}})
     search = Search(setting(rig, observations), {})
-    base = search.try_values({})
+    base = search.fit_candidate({})
     simulator = search.setting.simulator(())
     jacobian = simulator.linearise(base.fit.values, observations.time_s).jacobian / observations.noise_g[:, None]
-    first = find_windows(
+    first = scan_for_changepoints(
         observations.time_s, observations.residual_sigma(base.fit.force_g), jacobian[..., :4], observations.used
     )[0]
 
@@ -56,17 +56,17 @@ def test_the_window_of_a_blow_is_where_it_struck(rig, record):
     ],
 )
 def test_where_the_motions_before_and_after_an_event_part(rig, record, effect, from_s, to_s, length):
-    found = parting(setting(rig, record(effect)), {}, length=length)
+    found = locate_changepoint(setting(rig, record(effect)), {}, length=length)
 
     assert found is not None
     assert found.from_s == pytest.approx(from_s, abs=1.1)
     assert found.to_s == pytest.approx(to_s, abs=1.1)
-    assert found.left < 1.1 * 3 * 1200
+    assert found.remaining_chi2 < 1.1 * 3 * 1200
 
 
 def test_nothing_parts_where_nothing_happens_or_the_model_is_wrong_from_the_start(rig, record):
-    assert parting(setting(rig, record({})), {}, length=True) is None
-    assert parting(setting(rig, record({"rope_length": {"relative_error": 0.05}})), {}, length=True) is None
+    assert locate_changepoint(setting(rig, record({})), {}, length=True) is None
+    assert locate_changepoint(setting(rig, record({"rope_length": {"relative_error": 0.05}})), {}, length=True) is None
 
 
 def test_lost_samples_are_counted_without_a_trace_in_the_times(rig, record):
@@ -77,7 +77,7 @@ def test_lost_samples_are_counted_without_a_trace_in_the_times(rig, record):
     lossy = type(observations)(even_s, observations.force_g[kept], None, observations.noise_g, observations.used[kept])
     simulator = setting(rig, lossy).simulator(())
     start = setting(rig, lossy).fit({"clock_drift": {}}).values[:5]
-    walk = counted(simulator, find_walk(simulator, start, lossy, 0.03), lossy)
+    walk = viterbi_loss_count(simulator, estimate_time_warp(simulator, start, lossy, 0.03), lossy)
 
     assert walk.fraction == pytest.approx(1 - len(kept) / 1200, abs=0.004)
     assert walk.reduced < 1.3
@@ -94,7 +94,7 @@ def test_lost_samples_are_counted_without_a_trace_in_the_times(rig, record):
 )
 def test_a_later_piece_of_a_recording_knows_when_events_were(rig, record, effect):
     whole = record(effect)
-    last_third = piece(whole, 800, 1200)
+    last_third = slice_samples(whole, 800, 1200)
 
-    assert judge(rig, effect, last_third).reduced == pytest.approx(1, abs=0.1)
-    assert judge(rig, effect, replace(last_third, begins_s=0.0)).reduced > 2
+    assert evaluate_on_validation(rig, effect, last_third).reduced_chi2 == pytest.approx(1, abs=0.1)
+    assert evaluate_on_validation(rig, effect, replace(last_third, offset_s=0.0)).reduced_chi2 > 2

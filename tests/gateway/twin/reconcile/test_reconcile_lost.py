@@ -5,11 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.data.artefact_detectors import coarser
-from gateway.twin.reconcile.fit.fit_context import Setting
+from gateway.twin.reconcile.data.artefact_detectors import noise_with_quantisation_g
+from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.search.search import Search
-from gateway.twin.reconcile.timing.sample_loss import lost_samples, retimed_held_out
-from gateway.twin.reconcile.timing.time_warp_smoother import EVERY, free_time, knots_of, told_steps
+from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
+from gateway.twin.reconcile.timing.time_warp_smoother import (
+    KNOT_SPACING_SAMPLES,
+    effective_degrees_of_freedom,
+    make_knots,
+    marginalise_time_warp,
+)
 
 FRACTION = 0.03
 STEP_G = 0.003
@@ -27,20 +32,20 @@ def lossy(observations, fraction=FRACTION):
 
 
 def slow_clock(rig, observations, always=None):
-    setting = Setting(rig, {}, observations, lambda: None)
-    return setting, Search(setting, {}).try_values({**(always or {}), "clock_drift": {}})
+    setting = FitContext(rig, {}, observations, lambda: None)
+    return setting, Search(setting, {}).fit_candidate({**(always or {}), "clock_drift": {}})
 
 
 def test_putting_the_walk_in_changes_no_solution():
     rng = np.random.default_rng(0)
-    knots, spread = knots_of(38), 0.3
+    knots, spread = make_knots(38), 0.3
     residual, by_time, by_values = rng.normal(size=(38, 3)), rng.normal(size=(38, 3)), rng.normal(size=(38, 3, 2))
-    equations = free_time(residual, by_time, by_values, np.zeros(knots.count), knots, spread)
-    step, drop = equations.solved([0, 1])
+    equations = marginalise_time_warp(residual, by_time, by_values, np.zeros(knots.count), knots, spread)
+    step, drop = equations.solve([0, 1])
     walk = equations.walk([0, 1], step)
 
     # The same in one: readings, then the walk's steps as readings of their own; it begins at 0.
-    hats = np.maximum(0, 1 - np.abs(np.arange(38)[:, None] / EVERY - np.arange(1, knots.count)))
+    hats = np.maximum(0, 1 - np.abs(np.arange(38)[:, None] / KNOT_SPACING_SAMPLES - np.arange(1, knots.count)))
     by_walk = by_time[:, :, None] * hats[:, None, :]
     steps = np.diff(np.eye(knots.count), axis=0)[:, 1:] / np.sqrt(spread)
     whole = np.block(
@@ -58,10 +63,10 @@ def test_putting_the_walk_in_changes_no_solution():
 
 
 def test_readings_that_do_not_change_tell_no_step_of_time_and_loud_ones_all():
-    knots = knots_of(100)
+    knots = make_knots(100)
 
-    assert told_steps(np.zeros((100, 3)), knots, 1.0) == pytest.approx(0, abs=1e-6)
-    assert told_steps(np.full((100, 3), 1e4), knots, 1.0) == pytest.approx(knots.count - 1, abs=0.01)
+    assert effective_degrees_of_freedom(np.zeros((100, 3)), knots, 1.0) == pytest.approx(0, abs=1e-6)
+    assert effective_degrees_of_freedom(np.full((100, 3), 1e4), knots, 1.0) == pytest.approx(knots.count - 1, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -76,7 +81,7 @@ def test_readings_that_do_not_change_tell_no_step_of_time_and_loud_ones_all():
 )
 def test_lost_samples_and_what_acts_beside_them_are_told_together(rig, record, hidden):
     observations, true_s = lossy(record(hidden))
-    lost = lost_samples(*slow_clock(rig, observations))
+    lost = find_sample_loss(*slow_clock(rig, observations))
     name = next(iter(hidden))
 
     assert lost is not None
@@ -89,7 +94,7 @@ def test_lost_samples_and_what_acts_beside_them_are_told_together(rig, record, h
 
 def test_nothing_is_put_beside_lost_samples_where_nothing_is(rig, record):
     observations, _ = lossy(record({}))
-    lost = lost_samples(*slow_clock(rig, observations))
+    lost = find_sample_loss(*slow_clock(rig, observations))
 
     assert lost is not None
     assert lost.others == {}
@@ -99,7 +104,7 @@ def test_nothing_is_put_beside_lost_samples_where_nothing_is(rig, record):
 def test_a_clock_that_runs_slow_loses_no_samples(rig, record, damping):
     observations = record({"clock_drift": {"relative": -FRACTION}, **damping})
 
-    assert lost_samples(*slow_clock(rig, observations)) is None
+    assert find_sample_loss(*slow_clock(rig, observations)) is None
 
 
 def test_lost_samples_are_seen_in_coarse_steps(rig, record):
@@ -107,9 +112,9 @@ def test_lost_samples_are_seen_in_coarse_steps(rig, record):
     stepped = replace(
         observations,
         force_g=STEP_G * np.round(observations.force_g / STEP_G),
-        noise_g=coarser(observations, STEP_G),
+        noise_g=noise_with_quantisation_g(observations, STEP_G),
     )
-    lost = lost_samples(*slow_clock(rig, stepped, {"quantization": {"lsb_g": STEP_G}}))
+    lost = find_sample_loss(*slow_clock(rig, stepped, {"quantization": {"lsb_g": STEP_G}}))
 
     assert lost is not None
     assert set(lost.others) == {"quantization"}
@@ -118,9 +123,9 @@ def test_lost_samples_are_seen_in_coarse_steps(rig, record):
 
 def test_the_held_out_recording_has_losses_and_a_heading_of_its_own(rig, record):
     wind = {"steady_wind": {"accel_m_s2": (0.3, -0.2)}}
-    lost = lost_samples(*slow_clock(rig, lossy(record(wind))[0]))
+    lost = find_sample_loss(*slow_clock(rig, lossy(record(wind))[0]))
     held_out, true_s = lossy(record(wind, "held_out"), 0.05)
-    retimed = retimed_held_out(Setting(rig, {}, held_out, lambda: None), lost, held_out)
+    retimed = retime_validation(FitContext(rig, {}, held_out, lambda: None), lost, held_out)
 
     assert np.abs(retimed.time_s - (true_s - true_s[0])).max() < 0.1
     assert np.abs(held_out.time_s - (true_s - true_s[0])).max() > 1.0

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.data.data_checks import unusable
-from gateway.twin.reconcile.data.observations import observe
-from gateway.twin.reconcile.fit.fit_context import Setting
-from gateway.twin.reconcile.fit.modal_parameterisation import ByModes
-from gateway.twin.reconcile.fit.windowed_fit import WIDE_RAD, amplitude_rad, is_wide
-from gateway.twin.reconcile.residual.spectrum import machine_line
-from gateway.twin.reconcile.search.initial_guesses import Situation, modes_hz, two_modes, vibration
+from gateway.twin.reconcile.data.data_checks import find_fault
+from gateway.twin.reconcile.data.observations import make_observations
+from gateway.twin.reconcile.fit.fit_context import FitContext
+from gateway.twin.reconcile.fit.modal_parameterisation import ModalSimulator
+from gateway.twin.reconcile.fit.windowed_fit import LARGE_AMPLITUDE_RAD, amplitude_rad, is_large_amplitude
+from gateway.twin.reconcile.residual.spectrum import find_machine_line
+from gateway.twin.reconcile.search.initial_guesses import GuessContext, guess_double_pendulum, guess_vibration, modes_hz
 from gateway.twin.simulator.simulator import Simulator
 
 HOOK = {"rigging_length_m": 2.4, "hook_mass_ratio": 0.11}
@@ -26,19 +26,21 @@ def double(rig):
         start = [*rope, 0.0, *(np.array(rope) + LEANING[leaning])]
         force_g = simulator.predict(simulator.values(start, {"double_pendulum": HOOK}), time_s)
         noise_g = np.array(rig.noise_g)
-        return observe(time_s, force_g + noise_g * np.random.default_rng(1).normal(size=force_g.shape), None, noise_g)
+        return make_observations(
+            time_s, force_g + noise_g * np.random.default_rng(1).normal(size=force_g.shape), None, noise_g
+        )
 
     return make
 
 
 def test_the_sensitivities_by_modes_are_those_of_central_differences(rig):
-    simulator, time_s = ByModes(rig, ["double_pendulum"]), np.arange(0, 6, 0.05)
+    simulator, time_s = ModalSimulator(rig, ["double_pendulum"]), np.arange(0, 6, 0.05)
     values = simulator.values([0.1, 0.04, -0.02, 0.05, 0.0, 0.12, 0.03, 0.0, 0.02], {"double_pendulum": HOOK})
-    at = simulator.by_mode(values)
+    at = simulator.to_modal(values)
     found = simulator.linearise(at, time_s).jacobian
 
     assert at[-1] == pytest.approx(modes_hz(rig, np.array(2.4), np.array(0.11))[1], rel=1e-12)
-    np.testing.assert_allclose(simulator.by_mass(at), values, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(simulator.to_physical(at), values, rtol=1e-12, atol=1e-12)
     for i in range(len(at)):
         step = 1e-6 * np.eye(len(at))[i]
         by_difference = (simulator.predict(at + step, time_s) - simulator.predict(at - step, time_s)) / 2e-6
@@ -48,7 +50,7 @@ def test_the_sensitivities_by_modes_are_those_of_central_differences(rig):
 @pytest.mark.parametrize("leaning", ["faint", "strong"])
 def test_the_fast_mode_is_found_whichever_is_the_stronger(rig, double, leaning):
     observations = double(leaning)
-    starts = two_modes(Situation(rig, observations, observations.force_g, ()))
+    starts = guess_double_pendulum(GuessContext(rig, observations, observations.force_g, ()))
     fast_hz = [modes_hz(rig, np.array(v["rigging_length_m"]), np.array(v["hook_mass_ratio"]))[1] for v in starts]
     true_hz = modes_hz(rig, np.array(HOOK["rigging_length_m"]), np.array(HOOK["hook_mass_ratio"]))[1]
 
@@ -59,11 +61,11 @@ def test_the_fast_mode_is_found_whichever_is_the_stronger(rig, double, leaning):
 def test_a_single_swing_has_no_second_mode(rig, record):
     observations = record({"viscous_damping": {"damping_ratio": 0.01}})
 
-    assert two_modes(Situation(rig, observations, observations.force_g, ())) == []
+    assert guess_double_pendulum(GuessContext(rig, observations, observations.force_g, ())) == []
 
 
 def test_a_fit_goes_to_the_end_of_the_valley_of_rigging_and_hook(rig, double):
-    setting = Setting(rig, {}, double("strong", duration_s=24.0), lambda: None)
+    setting = FitContext(rig, {}, double("strong", duration_s=24.0), lambda: None)
     fast_hz = modes_hz(rig, np.array(HOOK["rigging_length_m"]), np.array(HOOK["hook_mass_ratio"]))[1]
     tried = []
     for rigging_m in (1.6, 2.2, 3.2):
@@ -71,10 +73,10 @@ def test_a_fit_goes_to_the_end_of_the_valley_of_rigging_and_hook(rig, double):
         off_hz = modes_hz(rig, np.full_like(ratio, rigging_m), ratio)[1] - fast_hz
         values = {"rigging_length_m": rigging_m, "hook_mass_ratio": float(ratio[np.argmin(np.abs(off_hz))])}
         tried.append({"double_pendulum": values})
-    fit = setting.fit(setting.best_rigging(tried))
+    fit = setting.fit(setting.fit_rigging_length(tried))
 
     deviation = np.sqrt(np.diag(fit.covariance()))[-2:]
-    assert fit.chi2 == pytest.approx(setting.log.count, rel=0.06)
+    assert fit.chi2 == pytest.approx(setting.log.n_values, rel=0.06)
     np.testing.assert_array_less(np.abs(fit.values[-2:] - list(HOOK.values())), 4 * deviation)
 
 
@@ -84,7 +86,7 @@ def test_a_second_mode_that_is_the_main_line_makes_no_wrong_rig(rig, double):
     main_hz = np.fft.rfftfreq(len(observations.time_s), 1 / rig.sample_rate_hz)[1 + np.argmax(lateral[1:])]
 
     assert main_hz > 3 * np.sqrt(rig.gravity_m_s2 / rig.length_m) / (2 * np.pi)
-    assert unusable(observations.time_s, observations.force_g, rig) is None
+    assert find_fault(observations.time_s, observations.force_g, rig) is None
 
 
 def test_a_machine_is_not_found_in_the_flank_of_a_slower_line(rig):
@@ -93,9 +95,9 @@ def test_a_machine_is_not_found_in_the_flank_of_a_slower_line(rig):
     noise = noise_g * np.random.default_rng(1).normal(size=(len(time_s), 3))
     bounce = np.outer(np.exp(-time_s / 15) * np.sin(2 * np.pi * 2.046 * time_s), [0.0, 0.0, 0.04])
     shaking = np.outer(np.sin(2 * np.pi * 8.3 * time_s), [0.002, 0.001, 0.0])
-    found = machine_line(time_s, noise + shaking, noise_g)
+    found = find_machine_line(time_s, noise + shaking, noise_g)
 
-    assert machine_line(time_s, noise + bounce, noise_g) is None
+    assert find_machine_line(time_s, noise + bounce, noise_g) is None
     assert found is not None
     assert found.frequency_hz == pytest.approx(8.3, abs=1e-3)
 
@@ -108,11 +110,11 @@ def test_an_overtone_of_a_second_mode_is_no_machine(rig):
         readings_g = noise_g * np.random.default_rng(1).normal(size=(len(time_s), 3)) + [0.0, 0.0, 1.0]
         for hz, size_g in ((0.16, 0.05), (1.31, 0.2), (line_hz, 0.004)):
             readings_g[:, 0] += size_g * np.sin(2 * np.pi * hz * time_s)
-        observations = observe(time_s, readings_g, None, noise_g)
+        observations = make_observations(time_s, readings_g, None, noise_g)
         left_g = noise_g * np.random.default_rng(2).normal(size=(len(time_s), 3))
         for hz, size_g in ((1.31, left_of_main_g), (line_hz, 0.004)):
             left_g[:, 0] += size_g * np.sin(2 * np.pi * hz * time_s)
-        return vibration(Situation(rig, observations, left_g, ()))
+        return guess_vibration(GuessContext(rig, observations, left_g, ()))
 
     assert found(3 * 1.31) == []
     assert found(3 * 1.31 + 0.2, left_of_main_g=0.1) == []
@@ -123,9 +125,11 @@ def test_an_overtone_of_a_second_mode_is_no_machine(rig):
 def test_a_load_that_bounces_is_no_wide_swing(rig):
     time_s, size = np.arange(0, 60, 1 / rig.sample_rate_hz), np.array(rig.noise_g)
     bounce, slow = 0.14 * np.exp(-time_s / 16) * np.cos(2 * np.pi * 2.05 * time_s), 2 * np.pi * 0.176 * time_s
-    bouncing = observe(time_s, np.stack([0.05 * np.sin(slow), 0.02 * np.cos(slow), 1 + bounce], axis=1), None, size)
+    bouncing = make_observations(
+        time_s, np.stack([0.05 * np.sin(slow), 0.02 * np.cos(slow), 1 + bounce], axis=1), None, size
+    )
     swing = np.stack([0.25 * np.cos(slow), 0 * slow, 0.97 - 0.13 * np.cos(2 * slow)], axis=1)
 
-    assert amplitude_rad(bouncing) > WIDE_RAD
-    assert not is_wide(bouncing)
-    assert is_wide(observe(time_s, swing, None, size))
+    assert amplitude_rad(bouncing) > LARGE_AMPLITUDE_RAD
+    assert not is_large_amplitude(bouncing)
+    assert is_large_amplitude(make_observations(time_s, swing, None, size))

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.data.artefact_detectors import find_limit, find_step, mean_of_steps
-from gateway.twin.reconcile.data.data_checks import unusable
-from gateway.twin.reconcile.data.observations import spikes
+from gateway.twin.reconcile.data.artefact_detectors import detect_quantisation_step, detect_saturation, quantised_mean
+from gateway.twin.reconcile.data.data_checks import find_fault
+from gateway.twin.reconcile.data.observations import detect_spikes
 
 NOISE_G = np.full(3, 5e-4)
 
@@ -15,15 +15,15 @@ def test_the_step_of_the_readings_is_found_to_a_millionth(record):
     step_g = 0.0041237
     written = np.round(step_g * np.round(force_g / step_g), 7)
 
-    assert find_step(written, NOISE_G) == pytest.approx(step_g, rel=1e-6)
-    assert find_step(np.round(force_g, 7), NOISE_G) is None
+    assert detect_quantisation_step(written, NOISE_G) == pytest.approx(step_g, rel=1e-6)
+    assert detect_quantisation_step(np.round(force_g, 7), NOISE_G) is None
 
 
 def test_a_limit_is_found_and_the_top_of_noise_is_none(record):
     force_g = record({}).force_g
 
-    assert find_limit(np.minimum(force_g, 1.001)) == pytest.approx(1.001)
-    assert find_limit(force_g) is None
+    assert detect_saturation(np.minimum(force_g, 1.001)) == pytest.approx(1.001)
+    assert detect_saturation(force_g) is None
 
 
 def test_the_mean_of_steps_is_the_mean_of_many_noisy_readings():
@@ -33,13 +33,13 @@ def test_the_mean_of_steps_is_the_mean_of_many_noisy_readings():
         [0.005 * np.round((force_g + 1e-3 * rng.normal(size=force_g.shape)) / 0.005) for _ in range(4000)], axis=0
     )
 
-    np.testing.assert_allclose(mean_of_steps(force_g, 0.005, np.full(3, 1e-3)), drawn, atol=2e-4)
+    np.testing.assert_allclose(quantised_mean(force_g, 0.005, np.full(3, 1e-3)), drawn, atol=2e-4)
 
 
 def test_lone_samples_are_left_out_and_a_swing_is_not(record):
     force_g = record({}).force_g.copy()
     force_g[500, 2] += 0.05
-    found = spikes(force_g)
+    found = detect_spikes(force_g)
 
     assert found[500]
     assert found[0]
@@ -62,7 +62,7 @@ def test_a_recording_that_says_nothing_is_refused_with_the_reason(record, rig, c
     observations = record({})
     time_s, force_g = change(observations.time_s, observations.force_g)
 
-    assert said in (unusable(time_s, force_g, rig) or "")
+    assert said in (find_fault(time_s, force_g, rig) or "")
 
 
 def test_a_rope_that_goes_slack_is_no_pendulum(record, rig):
@@ -70,12 +70,12 @@ def test_a_rope_that_goes_slack_is_no_pendulum(record, rig):
     force_g = observations.force_g.copy()
     force_g[400:420] *= 0.1  # a second; the swing takes 5.7 s
 
-    assert "in free fall" in (unusable(observations.time_s, force_g, rig) or "")
+    assert "in free fall" in (find_fault(observations.time_s, force_g, rig) or "")
     force_g[400:413] = observations.force_g[400:413]
-    assert unusable(observations.time_s, force_g, rig) is None
+    assert find_fault(observations.time_s, force_g, rig) is None
 
 
 def test_a_good_recording_is_not_refused(record, rig):
     observations = record({})
 
-    assert unusable(observations.time_s, observations.force_g, rig) is None
+    assert find_fault(observations.time_s, observations.force_g, rig) is None

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.fit.validation import taken_off
+from gateway.twin.reconcile.fit.validation import block_bootstrap_gain
 from gateway.twin.reconcile.residual.isolability import confusable, smallest_angle_cosine
-from gateway.twin.reconcile.residual.noise_inflation import colour
-from gateway.twin.reconcile.residual.spectrum import machine_line
-from gateway.twin.reconcile.residual.surrogate_test import largest_by_chance, score, surrogate
-from gateway.twin.reconcile.residual.whiteness import chi2_tail, ljung_box_p, peaks
+from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
+from gateway.twin.reconcile.residual.spectrum import find_machine_line
+from gateway.twin.reconcile.residual.surrogate_test import normal_score, null_threshold, phase_randomised_surrogate
+from gateway.twin.reconcile.residual.whiteness import chi2_tail, find_peaks, ljung_box_p
 
 RATE_HZ = 20.0
 TIME_S = np.arange(1200) / RATE_HZ
@@ -46,7 +46,7 @@ def test_the_bootstrap_interval_covers_the_true_gain_under_correlated_noise():
         rng = np.random.default_rng(trial)
         after = coloured(rng, 0.7)
         before = after + 0.5 * np.sin(2 * np.pi * 0.2 * TIME_S)[:, None]
-        low, high = taken_off(before, after, TIME_S, rng)
+        low, high = block_bootstrap_gain(before, after, TIME_S, rng)
         covered += low < 0.125 < high
 
     assert covered >= 0.85 * trials  # nominally 95 %; blocks of a finite recording give a little less
@@ -56,8 +56,8 @@ def test_colour_is_the_spectral_density_of_slow_noise_over_that_of_white_noise()
     rng = np.random.default_rng(5)
     memory = 0.8
 
-    assert colour(TIME_S, rng.normal(size=(1200, 3))) == pytest.approx(1.0, abs=0.2)
-    assert colour(TIME_S, coloured(rng, memory)) > 0.4 * (1 + memory) / (1 - memory)
+    assert noise_inflation_factor(TIME_S, rng.normal(size=(1200, 3))) == pytest.approx(1.0, abs=0.2)
+    assert noise_inflation_factor(TIME_S, coloured(rng, memory)) > 0.4 * (1 + memory) / (1 - memory)
 
 
 def test_noise_of_any_colour_stays_below_what_the_null_test_allows():
@@ -69,8 +69,8 @@ def test_noise_of_any_colour_stays_below_what_the_null_test_allows():
         reached = -np.inf
         for columns in signatures.values():
             basis, _ = np.linalg.qr(columns)
-            reached = max(reached, score(float(((basis.T @ residual.ravel()) ** 2).sum()), 2))
-        alarms += reached > largest_by_chance(signatures, residual, rng)
+            reached = max(reached, normal_score(float(((basis.T @ residual.ravel()) ** 2).sum()), 2))
+        alarms += reached > null_threshold(signatures, residual, rng)
 
     assert alarms == 0
 
@@ -78,7 +78,7 @@ def test_noise_of_any_colour_stays_below_what_the_null_test_allows():
 def test_a_surrogate_has_the_spectrum_of_the_noise_and_other_values():
     rng = np.random.default_rng(8)
     residual = coloured(rng, 0.9)
-    drawn = surrogate(residual, rng)
+    drawn = phase_randomised_surrogate(residual, rng)
 
     np.testing.assert_allclose(np.abs(np.fft.rfft(drawn, axis=0)), np.abs(np.fft.rfft(residual, axis=0)), atol=1e-6)
     assert abs(np.corrcoef(drawn[:, 0], residual[:, 0])[0, 1]) < 0.5
@@ -100,9 +100,9 @@ def test_a_line_is_found_at_its_frequency_and_none_in_slow_noise():
     noise_g = np.full(3, 1e-3)
     residual_g = 1e-3 * coloured(rng, 0.9)
     shaken_g = residual_g + 1e-3 * np.sin(2 * np.pi * 6.37 * TIME_S)[:, None]
-    found = machine_line(TIME_S, shaken_g, noise_g)
+    found = find_machine_line(TIME_S, shaken_g, noise_g)
 
-    assert machine_line(TIME_S, residual_g, noise_g) is None
+    assert find_machine_line(TIME_S, residual_g, noise_g) is None
     assert found is not None
     assert found.frequency_hz == pytest.approx(6.37, abs=0.002)
-    assert [p for p in peaks(TIME_S, shaken_g / noise_g, noise_g) if abs(p.hz - 6.37) < 0.05]
+    assert [p for p in find_peaks(TIME_S, shaken_g / noise_g, noise_g) if abs(p.hz - 6.37) < 0.05]

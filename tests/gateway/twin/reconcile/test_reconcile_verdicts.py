@@ -5,8 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from gateway.twin.reconcile.data.data_checks import Loaded
-from gateway.twin.reconcile.output.text import as_text
+from gateway.twin.reconcile.data.data_checks import CheckedRecording
+from gateway.twin.reconcile.output.text import to_text
 from gateway.twin.reconcile.reconcile import reconcile
 
 
@@ -26,7 +26,7 @@ def test_damping_is_named_with_its_value(model, loaded):
     low, high = found.effects[0].parameters["damping_ratio"].ci95
     assert low < 0.01 < high
     assert found.gap.after_held_out == pytest.approx(1, abs=0.15)
-    assert re.search(r"damping_ratio = 0\.0\d+ \(0\.0\d+ to 0\.0\d+\)$", as_text(found), re.MULTILINE)
+    assert re.search(r"damping_ratio = 0\.0\d+ \(0\.0\d+ to 0\.0\d+\)$", to_text(found), re.MULTILINE)
 
 
 def test_what_the_data_cannot_separate_is_one_of_a_group_with_what_would_split_it(model, loaded):
@@ -43,7 +43,7 @@ def test_an_effect_that_nothing_explains_is_unmodelled(model, loaded):
         made = loaded({}, name)
         o = made.observations
         shaken = o.force_g + 0.01 * np.sin(2 * np.pi * 0.9 * o.time_s + 4 * np.sin(0.3 * o.time_s))[:, None] * [1, 0, 0]
-        return Loaded(type(o)(o.time_s, shaken, None, o.noise_g, o.used), None, made.counts, made.time_s)
+        return CheckedRecording(type(o)(o.time_s, shaken, None, o.noise_g, o.used), None, made.counts, made.time_s)
 
     found = reconcile(model, driven("log"), driven("held_out"))
 
@@ -53,7 +53,7 @@ def test_an_effect_that_nothing_explains_is_unmodelled(model, loaded):
 
 
 def test_unusable_data_get_no_model(model, loaded):
-    fault = Loaded(None, "too short: 3 samples", {"read": 3}, np.arange(3.0))
+    fault = CheckedRecording(None, "too short: 3 samples", {"read": 3}, np.arange(3.0))
 
     assert reconcile(model, fault, None).verdict == "data_unusable"
 

@@ -4,11 +4,17 @@ import numpy as np
 import pytest
 
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.data.observations import Observations, observe
-from gateway.twin.reconcile.fit.fit_context import Setting
-from gateway.twin.reconcile.fit.validation import judge
-from gateway.twin.reconcile.fit.windowed_fit import amplitude_rad, fit_pieces, is_wide, pieces_of, starts_from_readings
-from gateway.twin.reconcile.search.score_test import signatures
+from gateway.twin.reconcile.data.observations import Observations, make_observations
+from gateway.twin.reconcile.fit.fit_context import FitContext
+from gateway.twin.reconcile.fit.validation import evaluate_on_validation
+from gateway.twin.reconcile.fit.windowed_fit import (
+    amplitude_rad,
+    fit_windows,
+    initial_state_from_samples,
+    is_large_amplitude,
+    window_bounds,
+)
+from gateway.twin.reconcile.search.score_test import compute_signatures
 from gateway.twin.simulator.simulator import Simulator
 from tests.benchmarks.real_arm import Swing, believed_length_m, error_mrad, read_swings, rig_of
 
@@ -23,7 +29,7 @@ def released(amplitude: float, position_m: float, hidden: dict | None = None, se
     time_s = np.arange(0, seconds, 0.05)
     simulator = Simulator(rig, sorted(hidden or {}))
     force_g = simulator.predict(simulator.values([amplitude, 0, 0, 0, 0], hidden or {}), time_s)
-    return observe(time_s, force_g, None, np.array(rig.noise_g))
+    return make_observations(time_s, force_g, None, np.array(rig.noise_g))
 
 
 @pytest.mark.parametrize("position_m", [0.0, 4.0, 7.5])
@@ -33,16 +39,16 @@ def test_amplitude_is_read_off_the_axis_of_the_rope_wherever_the_housing_sits(am
 
 
 def test_a_small_swing_is_fitted_as_before():
-    assert not is_wide(released(0.2, 4.0))
-    assert is_wide(released(0.9, 4.0))
+    assert not is_large_amplitude(released(0.2, 4.0))
+    assert is_large_amplitude(released(0.9, 4.0))
 
 
 @pytest.mark.parametrize("position_m", [0.0, 4.0])
 def test_pieces_of_a_wide_swing_begin_at_the_lowest_point_with_the_rate_there(position_m):
     o = released(1.2, position_m)
     rig = TwinRig(LENGTH_M, position_m, 9.80665, (1e-4,) * 3)
-    firsts = pieces_of(rig, o)
-    starts = starts_from_readings(rig, o, firsts, 5)
+    firsts = window_bounds(rig, o)
+    starts = initial_state_from_samples(rig, o, firsts, 5)
     fastest = 2 * np.sqrt(9.80665 / LENGTH_M) * np.sin(0.6)
     assert len(firsts) > 3
     assert np.abs(starts[1:, 0]).max() < 0.1
@@ -52,11 +58,11 @@ def test_pieces_of_a_wide_swing_begin_at_the_lowest_point_with_the_rate_there(po
 def test_pieces_find_the_effect_from_nothing_and_leave_what_is_held():
     o = released(1.2, 4.0, HIDDEN)
     rig = TwinRig(LENGTH_M, 4.0, 9.80665, (1e-4,) * 3)
-    simulator, firsts = Simulator(rig, ["viscous_damping"]), pieces_of(rig, o)
-    starts = starts_from_readings(rig, o, firsts, 5)
+    simulator, firsts = Simulator(rig, ["viscous_damping"]), window_bounds(rig, o)
+    starts = initial_state_from_samples(rig, o, firsts, 5)
     free = np.array([True])
-    assert fit_pieces(simulator, o, starts, np.zeros(1), free, firsts)[1] == pytest.approx([0.004], rel=0.01)
-    assert fit_pieces(simulator, o, starts, np.zeros(1), ~free, firsts)[1] == pytest.approx([0.0])
+    assert fit_windows(simulator, o, starts, np.zeros(1), free, firsts)[1] == pytest.approx([0.004], rel=0.01)
+    assert fit_windows(simulator, o, starts, np.zeros(1), ~free, firsts)[1] == pytest.approx([0.0])
 
 
 @pytest.fixture(scope="module")
@@ -67,12 +73,12 @@ def arm() -> tuple[Swing, Swing]:
 
 
 @pytest.fixture(scope="module")
-def setting(arm: tuple[Swing, Swing]) -> Setting:
-    return Setting(rig_of(arm[0]), {}, arm[0].observations(), lambda: None)
+def setting(arm: tuple[Swing, Swing]) -> FitContext:
+    return FitContext(rig_of(arm[0]), {}, arm[0].observations(), lambda: None)
 
 
 @pytest.fixture(scope="module")
-def undamped(setting: Setting):
+def undamped(setting: FitContext):
     return setting.fit({})
 
 
@@ -81,8 +87,10 @@ def test_model_as_believed_is_a_finite_motion_though_it_cannot_follow(setting, u
 
 
 def test_dampings_stand_out_of_all_lasting_effects_before_any_is_fitted(setting, undamped):
-    scored = signatures(setting, undamped, {}, (*DAMPINGS, "rope_length", "axis_offset", "scale_error", "steady_wind"))
-    ranked = sorted(scored.of, key=lambda name: -scored.drop(name))
+    scored = compute_signatures(
+        setting, undamped, {}, (*DAMPINGS, "rope_length", "axis_offset", "scale_error", "steady_wind")
+    )
+    ranked = sorted(scored.of, key=lambda name: -scored.predicted_chi2_drop(name))
     assert set(ranked[:2]) <= set(DAMPINGS)
 
 
@@ -94,6 +102,9 @@ def test_drag_and_friction_are_found_from_nothing_and_hold_on_what_was_held_out(
     assert found["coulomb_friction"]["decel_m_s2"] == pytest.approx(0.0233, rel=0.03)
     assert found["quadratic_drag"]["drag_per_m"] == pytest.approx(2.8e-4, rel=0.03)
     held_out = arm[1].observations()
-    before, after = judge(setting.rig, {}, held_out), judge(setting.rig, found, held_out)
-    assert (before.reduced - after.reduced) / before.reduced > 0.95
+    before, after = (
+        evaluate_on_validation(setting.rig, {}, held_out),
+        evaluate_on_validation(setting.rig, found, held_out),
+    )
+    assert (before.reduced_chi2 - after.reduced_chi2) / before.reduced_chi2 > 0.95
     assert error_mrad(arm[1], after.fit.force_g) < 13.0

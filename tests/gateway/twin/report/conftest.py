@@ -21,7 +21,7 @@ from gateway.twin.reconcile.output.result import (
     Peak,
     Reconciliation,
     Residual,
-    Scored,
+    ScoreTestResult,
     Spectrum,
     Step,
 )
@@ -83,7 +83,7 @@ BASE = Reconciliation(
         Step(("viscous_damping",), (), ("viscous_damping",), 15.3, 29.8, 9e4),
         Step(("impact",), ("axis_offset",), ("viscous_damping", "impact"), 0.99, 1.01, 6e3),
     ),
-    scores=(Scored("viscous_damping", 0.93, 4000.0, 31.0), Scored("slewing", 0.002, 8.0, 31.0)),
+    scores=(ScoreTestResult("viscous_damping", 0.93, 4000.0, 31.0), ScoreTestResult("slewing", 0.002, 8.0, 31.0)),
     ranking=(
         Candidate(("viscous_damping", "impact"), 0.99, 1.01, 6000.0, 0.0, rival=False),
         Candidate(("coulomb_friction", "impact"), 1.19, None, 6100.0, 100.0, rival=False),

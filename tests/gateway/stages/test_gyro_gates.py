@@ -5,17 +5,17 @@ import math
 import numpy as np
 import pytest
 
-from gateway.stages.conditions.monitor import ConditionWatch, SwingSeen
+from gateway.stages.conditions.monitor import ConditionMonitor, SwingContext
 
 RATE_HZ, NOISE_G, DM_G, PERIOD_S = 100.0, 0.0004, 0.002, 6.0
 PHI_MAX_RAD, RHO = math.radians(8), 0.3
 TIME_S = np.arange(400) / RATE_HZ
-STILL = SwingSeen(swinging=False, phi_max_rad=0.001, consistent=True)
-SWINGING = SwingSeen(swinging=True, phi_max_rad=PHI_MAX_RAD, consistent=True, rho=RHO, period_s=PERIOD_S)
+STILL = SwingContext(swinging=False, phi_max_rad=0.001, consistent=True)
+SWINGING = SwingContext(swinging=True, phi_max_rad=PHI_MAX_RAD, consistent=True, rho=RHO, period_s=PERIOD_S)
 
 
 def judged(force_g, rate_dps, seen):
-    watch = ConditionWatch(NOISE_G, DM_G)
+    watch = ConditionMonitor(NOISE_G, DM_G)
     rate_rad_s = None if rate_dps is None else np.radians(rate_dps)
     for begin in range(0, len(TIME_S), 10):
         part = slice(begin, begin + 10)

@@ -11,8 +11,8 @@ from devices.block import DeviceInfo
 from gateway.calibration.drift.rest import NS_PER_HOUR
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
-from gateway.daemon.calibration_provider import CalibrationShelf
-from gateway.daemon.drift_state_store import DriftKeeper
+from gateway.daemon.calibration_provider import CalibrationProvider
+from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.recording_worker import InForce, RecordingWorker
 from gateway.recording.writer import RecorderError
 
@@ -39,12 +39,12 @@ def put(tmp_path, record):
 
 @pytest.fixture
 def shelf(tmp_path):
-    return CalibrationShelf(tmp_path, AXES)
+    return CalibrationProvider(tmp_path, AXES)
 
 
 @pytest.fixture
 def keeper(tmp_path):
-    return DriftKeeper(tmp_path)
+    return DriftStateStore(tmp_path)
 
 
 def rest(keeper, hours, first=0):
@@ -100,7 +100,7 @@ def test_a_watch_goes_on_after_a_restart_and_is_kept_once_an_hour(shelf, put, ke
     rest(keeper, 2)
     assert len(kept(tmp_path)["hours"]) == 1
     keeper.keep()
-    again = DriftKeeper(tmp_path)
+    again = DriftStateStore(tmp_path)
     again.open("part-7", correction)
     rest(again, 2, first=2)
     assert len(kept(tmp_path)["hours"]) == 3

@@ -8,7 +8,7 @@ import pytest
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import HostClock
-from gateway.daemon.recalibration_service import WAITING, Asked, RecalibrationDesk
+from gateway.daemon.recalibration_service import WAITING, PendingRequest, RecalibrationService
 from gateway.daemon.wall_clock import WallClockWatch
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.standard import StandardMethods
@@ -34,7 +34,7 @@ def clock():
 def desk(tmp_path, clock):
     methods = StandardMethods(((0, 1), (1, 1), (2, 1)))
     recalibration = Recalibration(tmp_path, methods, software="test", tell=lambda _: None)
-    made = RecalibrationDesk(recalibration, WallClockWatch(clock))
+    made = RecalibrationService(recalibration, WallClockWatch(clock))
     made.open(INFO)
     return made
 
@@ -42,7 +42,7 @@ def desk(tmp_path, clock):
 def ask(desk, verb, request_id, **content):
     answers = []
     payload = json.dumps({"id": request_id, "by": "ann", **content}).encode()
-    assert desk.ask(Asked(verb, payload, answers.append))
+    assert desk.submit(PendingRequest(verb, payload, answers.append))
     return answers
 
 
@@ -52,12 +52,12 @@ def rest(desk, clock, seconds):
         time_ns = clock.now_ns() + np.arange(10) * 10_000_000
         desk.take(SampleBlock(time_ns=time_ns, raw=np.full((10, 3), [1, 2, 1000], dtype=np.int32)))
         desk.serve()
-        yield desk.is_news()
+        yield desk.has_changed()
 
 
 def test_requests_wait_for_the_processing_thread_within_bounds(desk):
     answers = [ask(desk, "cancel", f"request-{number}") for number in range(WAITING)]
-    assert not desk.ask(Asked("cancel", b"", answers.append))
+    assert not desk.submit(PendingRequest("cancel", b"", answers.append))
     assert desk.dropped == 1
     assert not any(answers)
     desk.serve()
@@ -65,7 +65,7 @@ def test_requests_wait_for_the_processing_thread_within_bounds(desk):
 
 
 def test_a_session_is_told_of_at_each_change_and_twice_a_second(desk, clock):
-    assert not desk.is_news()
+    assert not desk.has_changed()
     assert not desk.changes_pipeline()
     (answers,) = [ask(desk, "recalibrate", "request-1", housing_off_rope=True)]
     desk.serve()
@@ -73,23 +73,23 @@ def test_a_session_is_told_of_at_each_change_and_twice_a_second(desk, clock):
     assert desk.changes_pipeline()
     assert not desk.changes_pipeline()
     assert desk.suspended is not None
-    assert desk.is_news()
+    assert desk.has_changed()
     news = sum(rest(desk, clock, 10.0))
     assert desk.view.poses[0].face == "+z"
     assert 20 <= news <= 30
     ask(desk, "cancel", "request-2")
     desk.serve()
-    assert desk.is_news()
+    assert desk.has_changed()
     assert desk.view.phase == "rejected"
     assert sum(rest(desk, clock, 5.0)) == 0
 
 
 def test_a_load_on_the_hook_is_heard(desk, clock):
-    desk.hear_load(b'{"loaded": true, "load_kg": 1250.0}')
+    desk.set_load_signal(b'{"loaded": true, "load_kg": 1250.0}')
     (answers,) = [ask(desk, "recalibrate", "request-1", housing_off_rope=True)]
     desk.serve()
     assert "a load hangs" in answers[0].text
-    desk.hear_load(b'{"loaded": false}')
+    desk.set_load_signal(b'{"loaded": false}')
     (answers,) = [ask(desk, "recalibrate", "request-2", housing_off_rope=True)]
     desk.serve()
     assert answers[0].accepted
@@ -99,6 +99,6 @@ def test_a_load_on_the_hook_is_heard(desk, clock):
 def test_a_load_signal_that_is_none_is_said_and_survived(desk, payload, caplog):
     with caplog.at_level(logging.ERROR, logger="plumbline.recalibration"):
         logging.getLogger("plumbline").propagate = True
-        desk.hear_load(payload)
+        desk.set_load_signal(payload)
         desk.serve()
     assert "load signal" in caplog.text
