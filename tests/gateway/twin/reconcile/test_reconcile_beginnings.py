@@ -64,7 +64,7 @@ def test_the_end_is_found_though_a_wind_seems_to_turn_with_the_housing(setting_o
 
     assert found is not None
     assert (found.from_s, found.to_s) == pytest.approx((32.0, 38.0), abs=0.8)
-    assert found.remaining_chi2 < 1.1 * setting.log.count
+    assert found.remaining_chi2 < 1.1 * setting.log.n_values
 
 
 def test_a_clock_does_not_make_up_for_a_rope_that_became_another(setting_of):
