@@ -1,1 +1,1 @@
-"""The calibration certificate: a record, and what changed since its parent, on one sheet of paper."""
+"""The calibration certificate: a record and its changes since its parent, on one sheet of paper."""

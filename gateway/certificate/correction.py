@@ -1,70 +1,75 @@
-"""The correction itself: offset, sensitivity, matrix and misalignment per sensor axis."""
+"""The correction: offset, sensitivity, matrix and misalignment of each sensor axis."""
 
-from xml.etree.ElementTree import Element
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.calibration.record import CalibrationRecord
-from gateway.certificate.element import Content, element, short, table
-from gateway.certificate.figures import UNKNOWN, with_u
+from gateway.documents.format import UNKNOWN, format_fixed, format_short, format_with_uncertainty, power_of_ten
+from gateway.documents.text import printable_text
 
 Array = NDArray[np.float64]
 LARGEST_EXPONENT = 300
-SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def correction(record: CalibrationRecord) -> Element:
-    """One row per axis; all with U = 2 u."""
+@dataclass(frozen=True, slots=True)
+class CorrectionView:
+    """The section as it is printed; values with U = 2 u."""
+
+    unit: str
+    matrix_unit: str
+    rows: tuple[tuple[str, ...], ...]
+    """Per axis: name, offset, sensitivity, three entries of the matrix, misalignment."""
+    prediction_interval_mg: str
+    condition_number: str
+
+
+def correction_view(record: CalibrationRecord) -> CorrectionView:
+    """Return a row per axis, and the figures that the condition check uses."""
     matrix = np.array(record.correction_matrix, dtype=np.float64)
     exponent = _exponent(matrix)
-    power = f"10{str(exponent).translate(SUPERSCRIPT)} " if exponent else ""
-    unit = record.unit
-    rows = [_row(record, matrix, axis, exponent) for axis in range(3)]
-    columns = [f"matrix {axis}" for axis in "xyz"]
-    return element(
-        "section",
-        element("h2", "Correction"),
-        element(
-            "p",
-            "corrected = matrix · (raw − offset), in the sensor's axes. ± is the expanded uncertainty, k = 2. "
-            f"The matrix in {power}g/{unit}.",
-        ),
-        table(["axis", f"offset / {unit}", f"sensitivity / ({unit}/g)", *columns, "misalignment / °"], rows, "numbers"),
+    condition = None if record.condition_number is None else float(record.condition_number)
+    return CorrectionView(
+        unit=record.unit,
+        matrix_unit=f"{power_of_ten(exponent)} g/{record.unit}" if exponent else f"g/{record.unit}",
+        rows=tuple(_row(record, matrix, axis, exponent) for axis in range(3)),
+        prediction_interval_mg=format_short(1000 * float(record.prediction_interval_g)),
+        condition_number=format_short(condition),
     )
 
 
 def sensitivities(record: CalibrationRecord) -> Array | None:
-    """Raw units per g of the axes, shape (3,); None where the matrix cannot be inverted."""
+    """Return the raw units per g of the axes, shape (3,); None where the matrix cannot be inverted."""
     try:
         return np.asarray(np.diag(np.linalg.inv(np.array(record.correction_matrix, dtype=np.float64))))
     except np.linalg.LinAlgError:
         return None
 
 
-def _row(record: CalibrationRecord, matrix: Array, axis: int, exponent: int) -> list[Content]:
+def _row(record: CalibrationRecord, matrix: Array, axis: int, exponent: int) -> tuple[str, ...]:
     u_parameter = np.sqrt(np.clip(np.diag(np.array(record.covariance, dtype=np.float64)), 0, None))
     factor = 10.0**-exponent
-    entries: list[Content] = [
-        with_u(factor * float(matrix[axis, column]), factor * float(u_parameter[3 * axis + column]))
+    entries = [
+        format_with_uncertainty(factor * float(matrix[axis, column]), factor * float(u_parameter[3 * axis + column]))
         for column in range(3)
     ]
     sensitivity = sensitivities(record)
-    said = UNKNOWN
+    shown = UNKNOWN
     if sensitivity is not None and matrix[axis, axis] != 0:
         u_relative = float(u_parameter[4 * axis]) / abs(float(matrix[axis, axis]))
-        said = with_u(float(sensitivity[axis]), abs(float(sensitivity[axis])) * u_relative)
-    offset = with_u(float(record.offset[axis]), float(u_parameter[9 + axis]))
-    return ["xyz"[axis], offset, said, *entries, _misalignment(record, "xyz"[axis])]
+        shown = format_with_uncertainty(float(sensitivity[axis]), abs(float(sensitivity[axis])) * u_relative)
+    offset = format_with_uncertainty(float(record.offset[axis]), float(u_parameter[9 + axis]))
+    return "xyz"[axis], offset, shown, *entries, _misalignment(record, "xyz"[axis])
 
 
 def _misalignment(record: CalibrationRecord, axis: str) -> str:
     angles = (record.misalignment_deg or {}).get(axis)
-    return short("; ".join(f"{angle:.3f}" for angle in angles[:2]), 40) if angles else UNKNOWN
+    return printable_text("; ".join(format_fixed(angle, 3) for angle in angles[:2]), 40) if angles else UNKNOWN
 
 
 def _exponent(matrix: Array) -> int:
-    """Power of ten to put before the matrix, so that its largest entry has a digit before the point."""
+    """Return the power of ten to factor out, so that the largest entry has a digit before the point."""
     largest = float(np.max(np.abs(matrix)))
     if largest <= 0 or 0.1 <= largest < 1000:
         return 0

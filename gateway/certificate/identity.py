@@ -1,10 +1,10 @@
-"""Whose certificate it is: device, method, who, when, by which software, from which record."""
+"""Identity of a calibration: device, method, who, when, by which software, from which record."""
 
-from xml.etree.ElementTree import Element
+from dataclasses import dataclass
 
 from gateway.calibration.record import CalibrationRecord
-from gateway.certificate.element import element, short
-from gateway.certificate.figures import UNKNOWN, significant
+from gateway.documents.format import UNKNOWN, format_short
+from gateway.documents.text import printable_text
 
 FIELD = 40
 HASH = 64
@@ -12,9 +12,22 @@ WARNING = 160
 MOST_WARNINGS = 4
 
 
-def identity(record: CalibrationRecord) -> Element:
-    """The facts, two in a row."""
-    facts = [
+@dataclass(frozen=True, slots=True)
+class WarningsView:
+    """Warnings as they are printed."""
+
+    count: int
+    shown: tuple[str, ...]
+
+    @property
+    def hidden(self) -> int:
+        """Number of warnings that do not fit."""
+        return self.count - len(self.shown)
+
+
+def identity_facts(record: CalibrationRecord) -> tuple[tuple[str, str], ...]:
+    """Return names and values, two in a row; the hash is printed apart."""
+    facts = (
         ("Device", record.device_id),
         ("Method", record.method),
         ("Made", record.created_utc),
@@ -25,36 +38,31 @@ def identity(record: CalibrationRecord) -> Element:
         ("Temperature", _temperature(record)),
         ("Reason", _reason(record)),
         ("Poses used", _poses(record)),
-    ]
-    listed = element("dl", class_="facts")
-    for name, value in facts:
-        listed.append(element("div", element("dt", name), element("dd", short(value, FIELD))))
-    listed.append(element("div", element("dt", "SHA-256"), element("dd", short(record.sha256, HASH)), class_="hash"))
-    return listed
+    )
+    return tuple((name, printable_text(value, FIELD)) for name, value in facts)
 
 
-def warnings(record: CalibrationRecord, others: list[str]) -> Element:
-    """What a reader must know before any number; the record's own and `others` that this page found."""
-    said = [*others, *record.warnings]
-    if not said:
-        return element("p", "The procedure gave no warning.", class_="calm")
-    shown = [element("li", short(text, WARNING)) for text in said[:MOST_WARNINGS]]
-    if len(said) > MOST_WARNINGS:
-        shown.append(element("li", f"and {len(said) - MOST_WARNINGS} more warnings: read them in the record"))
-    count = "1 warning" if len(said) == 1 else f"{len(said)} warnings"
-    return element("section", element("h2", f"⚠ {count}"), element("ul", *shown), class_="warnings", role="alert")
+def hash_text(record: CalibrationRecord) -> str:
+    """Return the hash of the record's content."""
+    return printable_text(record.sha256, HASH)
+
+
+def warnings_view(record: CalibrationRecord, others: list[str]) -> WarningsView:
+    """Return what a reader must know before any number: `others` that this page found, then the record's own."""
+    texts = [*others, *record.warnings]
+    return WarningsView(len(texts), tuple(printable_text(text, WARNING) for text in texts[:MOST_WARNINGS]))
 
 
 def _poses(record: CalibrationRecord) -> str:
     used = sum(bool(pose.get("used", True)) for pose in record.poses)
-    return f"{used} of {len(record.poses)}" if record.poses else "the record keeps none"
+    return f"{used} of {len(record.poses)}" if record.poses else "none in the record"
 
 
 def _temperature(record: CalibrationRecord) -> str:
     known = record.temperature_c
     if not known:
         return "not recorded"
-    mean, low, high = (significant(known.get(name)) for name in ("mean", "min", "max"))
+    mean, low, high = (format_short(known.get(name)) for name in ("mean", "min", "max"))
     return f"{mean} °C ({low} to {high} °C)"
 
 

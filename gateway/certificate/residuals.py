@@ -1,4 +1,4 @@
-"""What is left of each pose after the correction: |m| - 1 g, which is zero at rest in any attitude."""
+"""Residual of each pose after the correction: |m| - 1 g, which is zero at rest in any attitude."""
 
 import math
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ Three = tuple[float, float, float]
 
 
 class _RecordedPose(BaseModel):
-    """What a residual needs of a pose."""
+    """Fields of a pose that its residual needs."""
 
     model_config = ConfigDict(extra="ignore", allow_inf_nan=False)
 
@@ -24,7 +24,7 @@ class _RecordedPose(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Residual:
-    """Of one pose."""
+    """Residual of one pose."""
 
     number: int
     """From 1, in the order of the record."""
@@ -41,7 +41,7 @@ class Residual:
 
 
 def residuals(record: CalibrationRecord) -> tuple[Residual, ...]:
-    """Of every pose that can be read; of a gravity of 1 g by definition."""
+    """Return the residual of every pose that can be read; gravity is 1 g by definition."""
     matrix = np.array(record.correction_matrix, dtype=np.float64)
     offset = np.array(record.offset, dtype=np.float64)
     found = []
@@ -49,7 +49,7 @@ def residuals(record: CalibrationRecord) -> tuple[Residual, ...]:
         try:
             pose = _RecordedPose.model_validate(entry)
         except ValidationError:
-            continue  # counted by who compares the lengths
+            continue  # the certificate counts the poses that are not shown
         corrected_g = matrix @ (np.array(pose.mean) - offset)
         norm_g = float(np.linalg.norm(corrected_g))
         if not 0 < norm_g < math.inf:

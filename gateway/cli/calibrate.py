@@ -98,7 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.calibration.acceptance import judge
     from gateway.calibration.record import NotDeterminedError
     from gateway.calibration.record_factory import make_record
-    from gateway.certificate.page import certificate
+    from gateway.certificate.page import render_certificate
     from gateway.cli.output import write_json, write_text
 
     parent = None if arguments.parent is None else read_parent(arguments.parent, arguments.device_id)
@@ -124,7 +124,7 @@ def run(arguments: argparse.Namespace) -> int:
     if arguments.json is not None:
         write_json(arguments.json, record.model_dump(mode="json"))
     if arguments.html is not None:
-        write_text(arguments.html, certificate(record, parent))
+        write_text(arguments.html, render_certificate(record, parent))
     print(as_text(record, acceptance, found.notes + _identity_note(arguments.device_id)))
     return 1 if acceptance.refusals else 0
 

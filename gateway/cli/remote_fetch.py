@@ -92,9 +92,9 @@ def _record(client: "Client", record_id: str, patience_s: float) -> "Calibration
 
 def _write(folder: Path, name: str, record: "CalibrationRecord", records: list["CalibrationRecord"]) -> None:
     """The record as it came, and its certificate, made here."""
-    from gateway.certificate.page import certificate
+    from gateway.certificate.page import render_certificate
 
     parent = next((one for one in records if one.id == record.parent), None)
     earlier = [one for one in records if one.created_utc < record.created_utc]
     write_text(folder / f"{name}.json", json.dumps(record.model_dump(mode="json"), indent=1) + "\n")
-    write_text(folder / f"{name}.html", certificate(record, parent, earlier))
+    write_text(folder / f"{name}.html", render_certificate(record, parent, earlier))

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gateway.calibration.record import CalibrationRecord
-from gateway.certificate.page import certificate
+from gateway.certificate.page import render_certificate
 from gateway.recording import header as names
 
 NOT_IN_A_NAME = re.compile(r"[^A-Za-z0-9._-]")
@@ -46,7 +46,7 @@ def calibration_files(
             AttachedFile(
                 names.CERTIFICATE.format(id=name),
                 names.CERTIFICATE_MEDIA_TYPE,
-                certificate(record, parent, earlier).encode(),
+                render_certificate(record, parent, earlier).encode(),
             ),
         ),
     )

@@ -1,4 +1,4 @@
-"""What stands on the certificate, read back from its HTML."""
+"""Contents of the certificate, read back from its HTML."""
 
 import re
 from html.parser import HTMLParser
@@ -6,7 +6,7 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
-from gateway.certificate.page import certificate
+from gateway.certificate.page import render_certificate
 
 VOID = {"meta"}
 
@@ -53,9 +53,13 @@ class Page(HTMLParser):
         return [attributes for tag, attributes in self.tags if "data-pose" in attributes and tag == "g"]
 
 
-def test_it_says_whose_it_is_and_by_whom(make_record) -> None:
+def number(text: str) -> float:
+    return float(text.replace("−", "-"))
+
+
+def test_certificate_identifies_device_record_and_author(make_record) -> None:
     record = make_record(reason="quarterly", parent="p-7")
-    page = Page(certificate(record, None))
+    page = Page(render_certificate(record, None))
     for said in (
         *(record.id, record.device_id, record.method, record.created_utc, record.by, record.sha256, "p-7", "quarterly"),
         *(
@@ -67,12 +71,12 @@ def test_it_says_whose_it_is_and_by_whom(make_record) -> None:
         ),
     ):
         assert said in page.text, said
-    assert "The parent record is not at hand" in page.text
+    assert "The parent record is not available" in page.text
 
 
-def test_offsets_and_matrix_with_as_many_digits_as_their_uncertainty_bears(make_record) -> None:
+def test_offset_and_matrix_have_the_digits_that_their_uncertainty_supports(make_record) -> None:
     record = make_record()
-    page = Page(certificate(record, None))
+    page = Page(render_certificate(record, None))
     x = page.row("x")
     assert x[1] == "7680 ± 100"
     sensitivity = np.linalg.inv(np.array(record.correction_matrix))[0, 0]
@@ -80,35 +84,35 @@ def test_offsets_and_matrix_with_as_many_digits_as_their_uncertainty_bears(make_
     relative = 1e-9 / record.correction_matrix[0][0]
     assert value == pytest.approx(sensitivity, abs=expanded / 10)
     assert expanded == pytest.approx(2 * sensitivity * relative, rel=0.05)
-    assert "The matrix in 10⁻⁶ g/counts" in page.text
-    assert [float(text.split(" ± ")[0]) for text in x[3:6]] == pytest.approx(
+    assert "The matrix is in 10⁻⁶ g/counts" in page.text
+    assert [number(text.split(" ± ")[0]) for text in x[3:6]] == pytest.approx(
         1e6 * np.array(record.correction_matrix[0]), abs=1e-4
     )
     assert x[3].endswith("± 0.0020")
-    assert x[6] == "1.318; -1.579"
+    assert x[6] == "1.318; −1.579"
 
 
-def test_the_budget_adds_up_by_squares(make_record) -> None:
-    page = Page(certificate(make_record(), None))
+def test_combined_uncertainty_is_the_root_sum_of_squares(make_record) -> None:
+    page = Page(render_certificate(make_record(), None))
     assert page.row("noise of the pose means")[1:] == ["A", "0.3", "0.017"]
     assert page.row("combined, u")[2:] == ["0.5", "0.0286"]
     assert page.row("expanded, U (k = 2)")[2:] == ["1", "0.0572"]
 
 
-def test_rows_that_do_not_fit_are_counted_in_the_sum(make_record) -> None:
+def test_budget_rows_that_do_not_fit_are_included_in_the_sums(make_record) -> None:
     rows = [{"source": f"source {row}", "type": "B", "u_g": 0.001 * row, "u_deg": 0.0} for row in range(12)]
-    page = Page(certificate(make_record(budget=rows), None))
+    page = Page(render_certificate(make_record(budget=rows), None))
     assert page.row("source 11")
-    assert page.row("5 smaller ones, counted below")
+    assert page.row("5 smaller ones, in the sums")
     assert float(page.row("combined, u")[2]) == pytest.approx(np.sqrt(sum(row**2 for row in range(12))), rel=0.01)
 
 
-def test_the_plot_shows_every_pose_where_it_belongs(make_record) -> None:
+def test_residual_plot_shows_every_pose_at_its_residual(make_record) -> None:
     record = make_record()
     far = dict(record.poses[3], mean=(np.array(record.poses[3]["mean"]) * 1.01).tolist())
     unused = dict(record.poses[5], used=False)
     record = make_record(poses=[*record.poses[:3], far, record.poses[4], unused, *record.poses[6:], {"mean": "x"}])
-    page = Page(certificate(record, None))
+    page = Page(render_certificate(record, None))
     assert [entry["data-pose"] for entry in page.poses()] == [str(number) for number in range(1, 13)]
     assert [number for number, entry in enumerate(page.poses(), 1) if "unused" in str(entry["class"])] == [6]
     circles = [attributes for tag, attributes in page.tags if tag == "circle"]
@@ -129,17 +133,17 @@ def test_the_plot_shows_every_pose_where_it_belongs(make_record) -> None:
     assert "12 of 13" in page.text
 
 
-def test_a_record_without_poses_says_so(make_record) -> None:
-    page = Page(certificate(make_record(method="zero", poses=[], budget=[]), None))
-    assert "holds no poses" in page.text
-    assert "states no budget" in page.text
-    assert "removed as a sum" in page.text
+def test_record_without_poses_has_placeholders(make_record) -> None:
+    page = Page(render_certificate(make_record(method="zero", poses=[], budget=[]), None))
+    assert "contains no poses" in page.text
+    assert "contains no uncertainty budget" in page.text
+    assert "removes offset and mount angle together" in page.text
     assert page.poses() == []
 
 
-def test_the_change_since_the_parent_in_mg_and_degrees(drifted) -> None:
+def test_change_since_the_parent_is_given_in_mg_and_degrees(drifted) -> None:
     record, parent = drifted
-    page = Page(certificate(record, parent))
+    page = Page(render_certificate(record, parent))
     x, z = page.row("x", table=1), page.row("z", table=1)
     assert [float(text) for text in z[1].split(" ± ")] == pytest.approx(
         [4.0, 2 * 1000 * np.sqrt(2) * 50 / 256_000 / 1.013], rel=0.03
@@ -147,37 +151,39 @@ def test_the_change_since_the_parent_in_mg_and_degrees(drifted) -> None:
     assert float(x[2].split(" ± ")[0]) == pytest.approx(2.0, abs=0.01)
     assert float(z[3]) == pytest.approx(np.degrees(np.arcsin(0.004)), abs=0.001)
     assert (x[5], z[5], page.row("y", table=1)[5]) == ("scale", "offset", "no")
-    assert "wrong by up to 0.229° on its worst axis" in page.text
-    assert re.search(r"Recalibrate within \d+ days: then the error of axis z may reach 0.5°", page.text)
+    assert "tilt error of up to 0.229° on its worst axis" in page.text
+    assert re.search(r"Recalibrate within \d+ days: by then the error of axis z may reach 0.5°", page.text)
     assert "from 2 records over 91 days" in page.text
     assert "cannot be checked" in page.text
 
 
-def test_more_records_make_a_better_forecast(make_record, drifted) -> None:
+def test_forecast_uses_all_earlier_records(make_record, drifted) -> None:
     record, parent = drifted
     earlier = [make_record(id=f"p{month}", created_utc=f"2025-{month:02d}-01T00:00:00Z") for month in (3, 6, 9)]
-    assert "from 5 records" in Page(certificate(record, parent, [*earlier, parent])).text
+    assert "from 5 records" in Page(render_certificate(record, parent, [*earlier, parent])).text
 
 
-def test_two_records_of_one_day_make_no_forecast(make_record, drifted) -> None:
+def test_two_records_of_one_day_give_no_forecast(make_record, drifted) -> None:
     record, _ = drifted
     same_day = make_record(id=record.parent, created_utc=record.created_utc[:10] + "T01:00:00Z")
-    text = Page(certificate(record, same_day)).text
-    assert "2 calibrations within a day show how well they repeat and nothing of ageing" in text
+    text = Page(render_certificate(record, same_day)).text
+    assert "2 calibrations within a day show their repeatability and nothing about ageing" in text
     assert "Recalibrate within" not in text
 
 
-def test_a_contribution_of_nothing_has_no_digits(make_record) -> None:
+def test_negligible_contribution_is_printed_as_a_bound(make_record) -> None:
     row = {"source": "quantisation", "type": "B", "u_g": 4.6e-35, "u_deg": 0}
-    assert "< 1e-06" in Page(certificate(make_record(budget=[row]), None)).text
+    assert "< 1e-06" in Page(render_certificate(make_record(budget=[row]), None)).text
 
 
-def test_a_zeroed_record_claims_no_uncertainty_of_its_change(make_record, drifted) -> None:
+def test_zeroed_record_gives_its_change_without_uncertainty(make_record, drifted) -> None:
     _, parent = drifted
     turned = np.array([[1, 0, 0.02], [0, 1, 0], [-0.02, 0, 1]]) @ np.array(parent.correction_matrix)
-    page = Page(certificate(make_record(method="zero", parent="parent-1", correction_matrix=turned.tolist()), parent))
+    page = Page(
+        render_certificate(make_record(method="zero", parent="parent-1", correction_matrix=turned.tolist()), parent)
+    )
     y = page.row("y", table=1)
-    assert abs(float(y[4])) == pytest.approx(np.degrees(0.02), abs=0.01)
+    assert abs(number(y[4])) == pytest.approx(np.degrees(0.02), abs=0.01)
     assert y[5] == "—"
     assert "it measured neither" in page.text
     assert "No forecast" in page.text
@@ -190,45 +196,45 @@ def test_a_zeroed_record_claims_no_uncertainty_of_its_change(make_record, drifte
         ({"unit": "g"}, "Not compared: records parent-1 in g"),
         ({"created_utc": "soon"}, "No forecast: record parent-1: created_utc 'soon'"),
         ({"id": "p-2"}, "compared with record p-2, but the parent that this record names is parent-1"),
-        ({"correction_matrix": np.zeros((3, 3)).tolist()}, "turn"),
+        ({"correction_matrix": np.zeros((3, 3)).tolist()}, "rotation about the axis"),
     ],
 )
-def test_a_parent_that_does_not_fit_is_said_and_never_hides_the_rest(make_record, drifted, changes, said: str) -> None:
+def test_incompatible_parent_is_reported_and_the_rest_is_shown(make_record, drifted, changes, said: str) -> None:
     parent = make_record(**{"id": "parent-1", "created_utc": "2026-01-01T09:12:41Z"} | changes)
-    page = Page(certificate(drifted[0], parent))
+    page = Page(render_certificate(drifted[0], parent))
     assert said in page.text
-    assert "What this certificate does not say" in page.text
+    assert "Limits of this certificate" in page.text
 
 
-def test_a_singular_matrix_is_said_first(make_record) -> None:
-    page = Page(certificate(make_record(correction_matrix=[[1, 0, 0], [0, 0, 0], [0, 0, 1]]), make_record()))
+def test_singular_matrix_is_a_warning(make_record) -> None:
+    page = Page(render_certificate(make_record(correction_matrix=[[1, 0, 0], [0, 0, 0], [0, 0, 1]]), make_record()))
     assert "must not be used" in page.text
     assert "1 warning" not in page.text  # the parent is not the one that is named either
     assert "2 warnings" in page.text
 
 
-def test_warnings_are_loud_and_none_is_lost_in_silence(make_record) -> None:
-    page = Page(certificate(make_record(warnings=["one face is missing"]), None))
+def test_warnings_are_alerts_and_hidden_ones_are_counted(make_record) -> None:
+    page = Page(render_certificate(make_record(warnings=["one face is missing"]), None))
     ((_, attributes),) = [(tag, found) for tag, found in page.tags if found.get("role") == "alert"]
     assert attributes["class"] == "warnings"
     assert "⚠ 1 warning one face is missing" in page.text
-    page = Page(certificate(make_record(warnings=[f"warning {number}" for number in range(9)]), None))
+    page = Page(render_certificate(make_record(warnings=[f"warning {number}" for number in range(9)]), None))
     assert "⚠ 9 warnings" in page.text
     assert "and 5 more warnings" in page.text
 
 
-def test_what_it_does_not_say_depends_on_the_record(make_record) -> None:
-    page = Page(certificate(make_record(temperature_c=None, method="six-position"), None))
-    assert "is not known" in page.text
-    assert "a table that is tilted as a whole" in page.text
-    assert "it is no signature" in page.text
-    assert "Outside 20.9 to 22.3 °C" in Page(certificate(make_record(), None)).text
+def test_limits_depend_on_the_record(make_record) -> None:
+    page = Page(render_certificate(make_record(temperature_c=None, method="six-position"), None))
+    assert "it is not known" in page.text
+    assert "absorbs a tilt of the whole table" in page.text
+    assert "It is no signature" in page.text
+    assert "Outside 20.9 to 22.3 °C" in Page(render_certificate(make_record(), None)).text
 
 
 HOSTILE = "</style><script>alert(1)</script><img src=x onerror=alert(2)>\"'&amp;\u202e\x00"
 
 
-def test_text_of_unknown_origin_never_becomes_markup(make_record) -> None:
+def test_hostile_text_never_becomes_markup(make_record) -> None:
     record = make_record(
         id=HOSTILE,
         by=HOSTILE,
@@ -242,7 +248,7 @@ def test_text_of_unknown_origin_never_becomes_markup(make_record) -> None:
         budget=[{"source": HOSTILE, "type": "A", "u_g": 0.001, "u_deg": 0.1}],
         poses=[{"mean": [8000, -5000, 270_000], "type_a": [1, 1, 1], "count": 3, "face": HOSTILE, "used": True}],
     )
-    text = certificate(record, make_record(id=HOSTILE, created_utc=HOSTILE, device_id=HOSTILE))
+    text = render_certificate(record, make_record(id=HOSTILE, created_utc=HOSTILE, device_id=HOSTILE))
     page = Page(text)
     assert {tag for tag, _ in page.tags} & {"script", "img"} == set()
     assert not any(name.startswith("on") for _, attributes in page.tags for name in attributes)
@@ -251,15 +257,15 @@ def test_text_of_unknown_origin_never_becomes_markup(make_record) -> None:
     text.encode()
 
 
-def test_it_loads_nothing(make_record) -> None:
-    page = Page(certificate(make_record(), None))
+def test_certificate_loads_nothing(make_record) -> None:
+    page = Page(render_certificate(make_record(), None))
     assert not any({"src", "href", "xlink:href"} & set(attributes) for _, attributes in page.tags)
     ((_, policy),) = [(tag, found) for tag, found in page.tags if found.get("http-equiv")]
     assert policy["content"] == "default-src 'none'; style-src 'unsafe-inline'"
 
 
 @pytest.mark.parametrize("value", [5e-324, 1e-150, 1e150, 1e300])
-def test_numbers_that_overflow_are_dashes_and_nothing_fails(make_record, value: float) -> None:
+def test_overflowing_numbers_are_dashes(make_record, value: float) -> None:
     record = make_record(
         offset=[value] * 3,
         covariance=(value * np.eye(12)).tolist(),
@@ -274,9 +280,13 @@ def test_numbers_that_overflow_are_dashes_and_nothing_fails(make_record, value: 
         budget=[{"source": "", "type": "A", "u_g": value, "u_deg": value}],
     )
     changed = make_record(correction_matrix=(value * np.eye(3)).tolist(), parent="p")
-    for page in (certificate(record, make_record()), certificate(changed, record), certificate(changed, changed)):
+    for page in (
+        render_certificate(record, make_record()),
+        render_certificate(changed, record),
+        render_certificate(changed, changed),
+    ):
         assert Page(page).row("combined, u")
 
 
-def test_the_same_record_gives_the_same_page(drifted) -> None:
-    assert certificate(*drifted) == certificate(*drifted)
+def test_same_record_gives_the_same_page(drifted) -> None:
+    assert render_certificate(*drifted) == render_certificate(*drifted)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from gateway.calibration.record import CalibrationRecord
-from gateway.certificate.page import certificate
+from gateway.certificate.page import render_certificate
 from gateway.cli.main import main
 
 SESSION = Path(__file__).parents[2] / "data" / "calibration" / "six_faces_session.csv"
@@ -21,11 +21,11 @@ def test_calibrate_writes_the_certificate_of_its_record(tmp_path: Path, capsys: 
     main(["calibrate", "six-position", str(SESSION), *OPTIONS, *written])
     capsys.readouterr()
     parent, record = (CalibrationRecord.model_validate(json.loads(path.read_text())) for path in (first, second))
-    assert page.read_text() == certificate(record, parent)
+    assert page.read_text() == render_certificate(record, parent)
     assert "Change since the parent" in page.read_text()
 
 
-def test_a_place_that_cannot_be_written_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_unwritable_output_is_reported_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     missing = tmp_path / "nowhere" / "page.html"
     assert main(["calibrate", "six-position", str(SESSION), *OPTIONS, "--html", str(missing)]) == 2
     assert f"{missing}: cannot be written" in capsys.readouterr().err

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser
 
-from gateway.certificate.page import certificate
+from gateway.certificate.page import render_certificate
 
 A4_POINTS = (595, 842)
 
@@ -34,17 +34,17 @@ def every(make_record, drifted, worst_record) -> dict[str, str]:
     earlier = [make_record(id=f"p{month}", created_utc=f"2025-{month:02d}-01T00:00:00Z") for month in (3, 6, 9)]
     unfit = make_record(id="W" * 400, created_utc="2026-01-02T00:00:00Z")
     return {
-        "without parent": certificate(make_record(method="six-position", temperature_c=None), None),
-        "with parent": certificate(record, parent, earlier),
-        "zero": certificate(make_record(method="zero", parent="parent-1", poses=[]), parent),
-        "worst": certificate(worst_record, unfit, earlier),
-        "worst measuring": certificate(
+        "without parent": render_certificate(make_record(method="six-position", temperature_c=None), None),
+        "with parent": render_certificate(record, parent, earlier),
+        "zero": render_certificate(make_record(method="zero", parent="parent-1", poses=[]), parent),
+        "worst": render_certificate(worst_record, unfit, earlier),
+        "worst measuring": render_certificate(
             worst_record.model_copy(update={"method": "norm-fit", "offset": [9e3, -4e3, 1.3e4]}), unfit, earlier
         ),
     }
 
 
-def test_it_prints_on_exactly_one_sheet_of_a4(browser: Browser, every: dict[str, str], tmp_path: Path) -> None:
+def test_certificate_prints_on_one_sheet_of_a4(browser: Browser, every: dict[str, str], tmp_path: Path) -> None:
     for name, text in every.items():
         pdf, asked, wider = printed(browser, tmp_path / "page.html", text)
         assert len(re.findall(rb"/Type\s*/Page\b", pdf)) == 1, name

@@ -1,0 +1,158 @@
+"""The residual plot: every pose against its own uncertainty and the record's prediction interval, as coordinates."""
+
+import math
+from dataclasses import dataclass
+
+from gateway.calibration.record import CalibrationRecord
+from gateway.certificate.residuals import Residual, residuals
+from gateway.documents.figures import tick_step
+from gateway.documents.format import format_short
+from gateway.documents.text import printable_text
+
+WIDTH, HEIGHT = 380.0, 190.0
+LEFT, RIGHT, TOP, BOTTOM = 44.0, 372.0, 10.0, 160.0
+MOST_POSES = 160
+MOST_LABELS = 14
+BAND_SHOWN = 4.0
+"""The prediction interval is drawn where it is at most so many times the residuals; else it would hide them."""
+BEYOND_U = 3.0
+"""A residual of more standard uncertainties is counted in the caption."""
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """A tick of an axis."""
+
+    place: float
+    label: str
+    is_zero: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class PoseMark:
+    """A pose in the plot: a circle with a bar of ± 2 u."""
+
+    number: int
+    used: bool
+    x: float
+    y: float
+    bar_top: float
+    bar_bottom: float
+    title: str
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualPlot:
+    """All coordinates of the plot; y points down."""
+
+    ticks: tuple[Tick, ...]
+    pose_labels: tuple[Tick, ...]
+    poses: tuple[PoseMark, ...]
+    prediction_interval: tuple[float, ...]
+    """Heights of its two lines, the upper one first; empty where it lies outside the plot."""
+    prediction_interval_mg: str
+    has_faces: bool
+    width: float = WIDTH
+    height: float = HEIGHT
+    left: float = LEFT
+    right: float = RIGHT
+    top: float = TOP
+    bottom: float = BOTTOM
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualView:
+    """The plot with the numbers of its caption."""
+
+    plot: ResidualPlot
+    rms_mg: str
+    used: int
+    beyond_3u: int
+    fit_rms_mg: str
+    """Residual of the six-position fit against the face directions; empty for other methods."""
+    hidden: int
+    """Poses that cannot be shown."""
+
+
+def residual_view(record: CalibrationRecord) -> ResidualView | None:
+    """Return the plot of a record; None where it holds no pose that can be shown."""
+    found = residuals(record)[:MOST_POSES]
+    if not found:
+        return None
+    used = [residual for residual in found if residual.used]
+    return ResidualView(
+        plot=_plot(found, 1000 * float(record.prediction_interval_g)),
+        rms_mg=_rms_mg(used),
+        used=len(used),
+        beyond_3u=sum(residual.ratio > BEYOND_U for residual in used),
+        fit_rms_mg=_fit_rms_mg(record),
+        hidden=len(record.poses) - len(found),
+    )
+
+
+def _rms_mg(used: list[Residual]) -> str:
+    return format_short(1000 * math.sqrt(sum(r.residual_g**2 for r in used) / len(used)) if used else None)
+
+
+def _fit_rms_mg(record: CalibrationRecord) -> str:
+    """Return the residual of the six-position fit, which shows mostly how the faces were placed."""
+    if record.method != "six-position" or record.residual_rms_g is None:
+        return ""
+    return format_short(1000 * float(record.residual_rms_g))
+
+
+def _plot(found: tuple[Residual, ...], dm_mg: float) -> ResidualPlot:
+    reach_mg = max(1000 * (abs(residual.residual_g) + 2 * residual.u_g) for residual in found) or dm_mg
+    band_shown = dm_mg <= BAND_SHOWN * reach_mg
+    half_mg = 1.12 * (max(reach_mg, dm_mg) if band_shown else reach_mg)
+    return ResidualPlot(
+        ticks=_ticks(half_mg),
+        pose_labels=_pose_labels(found),
+        poses=tuple(_mark(residual, _x(place, len(found)), half_mg) for place, residual in enumerate(found)),
+        prediction_interval=(_y(dm_mg, half_mg), _y(-dm_mg, half_mg)) if band_shown else (),
+        prediction_interval_mg=format_short(dm_mg),
+        has_faces=any(residual.face is not None for residual in found),
+    )
+
+
+def _x(place: int, count: int) -> float:
+    return LEFT + (place + 0.5) * (RIGHT - LEFT) / count
+
+
+def _y(value_mg: float, half_mg: float) -> float:
+    return (TOP + BOTTOM) / 2 - value_mg / half_mg * (BOTTOM - TOP) / 2
+
+
+def _ticks(half_mg: float) -> tuple[Tick, ...]:
+    step = tick_step(half_mg)
+    most = math.floor(half_mg / step)
+    return tuple(
+        Tick(_y(count * step, half_mg), f"{count * step:g}".replace("-", "−"), count == 0)
+        for count in range(-most, most + 1)
+    )
+
+
+def _pose_labels(found: tuple[Residual, ...]) -> tuple[Tick, ...]:
+    """Return the numbers of the poses and their faces, as many as fit."""
+    every = math.ceil(len(found) / MOST_LABELS)
+    return tuple(
+        Tick(
+            _x(place, len(found)),
+            str(residual.number) if residual.face is None else f"{residual.number} {printable_text(residual.face, 3)}",
+        )
+        for place, residual in enumerate(found)
+        if place % every == 0
+    )
+
+
+def _mark(residual: Residual, x: float, half_mg: float) -> PoseMark:
+    value_mg, u_mg = 1000 * residual.residual_g, 1000 * residual.u_g
+    return PoseMark(
+        number=residual.number,
+        used=residual.used,
+        x=x,
+        y=_y(value_mg, half_mg),
+        bar_top=_y(value_mg + 2 * u_mg, half_mg),
+        bar_bottom=_y(value_mg - 2 * u_mg, half_mg),
+        title=f"pose {residual.number}: {format_short(value_mg)} mg, u {format_short(u_mg)} mg",
+    )

@@ -1,0 +1,94 @@
+"""Numbers as a document prints them: digits that the uncertainty supports, a true minus sign, a dash where none is known."""
+
+import math
+
+COVERAGE_FACTOR = 2.0
+"""k: about 95 % of a normal distribution (GUM 6.3)."""
+MOST_DECIMALS = 9
+LARGEST_WRITTEN_OUT = 1e9
+SMALLEST_P = 0.001
+INSTANT_S = 0.05
+"""A shorter span of time is printed as an instant."""
+UNKNOWN = "—"
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def format_number(value: float | None, digits: int = 3) -> str:
+    """Return a number with exactly so many significant digits."""
+    if value is None or not math.isfinite(value):
+        return UNKNOWN
+    if value == 0:
+        return "0"
+    exponent = int(f"{value:.{digits - 1}e}".split("e")[1])  # of the rounded value
+    if not -5 < exponent < 6:
+        return _minus(f"{value / 10**exponent:.{digits - 1}f} × {power_of_ten(exponent)}")
+    return _minus(f"{round(value, digits - 1 - exponent):.{max(0, digits - 1 - exponent)}f}")
+
+
+def format_short(value: float | None, digits: int = 3) -> str:
+    """Return a number with at most so many significant digits, without trailing zeros."""
+    return UNKNOWN if value is None or not math.isfinite(value) else _minus(f"{value:.{digits}g}")
+
+
+def format_fixed(value: float, decimals: int) -> str:
+    """Return a number to so many decimals, to tens or hundreds where they are negative; zero has no sign."""
+    rounded = round(value, decimals) + 0.0
+    return _minus(f"{rounded:.{max(decimals, 0)}f}")
+
+
+def format_with_uncertainty(value: float, u_value: float) -> str:
+    """Return value and expanded uncertainty (k = 2) from a standard uncertainty, which gets two digits: `12.3 ± 1.1`."""
+    expanded = COVERAGE_FACTOR * u_value
+    if not math.isfinite(value):
+        return UNKNOWN
+    if not math.isfinite(expanded) or expanded <= 0:
+        return _minus(f"{value:.6g}")
+    decimals = 1 - math.floor(math.log10(expanded))
+    if decimals > MOST_DECIMALS or abs(value) >= LARGEST_WRITTEN_OUT or expanded >= LARGEST_WRITTEN_OUT:
+        return _minus(f"{value:.6g} ± {expanded:.2g}")
+    return f"{format_fixed(value, decimals)} ± {format_fixed(expanded, decimals)}"
+
+
+def format_with_interval(value: float, low: float, high: float) -> tuple[str, str]:
+    """Return a value and its interval, to two digits of the interval's half-width."""
+    half = (high - low) / 2
+    if not math.isfinite(half) or half <= 0:
+        return format_number(value, 4), "not determined" if not math.isfinite(half) else "held fixed"
+    decimals = min(max(0, 1 - math.floor(math.log10(half))), MOST_DECIMALS)
+    shown = [_minus(f"{each:.{decimals}f}") for each in (value, low, high)]
+    return shown[0], f"{shown[1]} to {shown[2]}"
+
+
+def format_percent(value: float | None) -> str:
+    """Return a percentage to one decimal."""
+    return UNKNOWN if value is None or not math.isfinite(value) else _minus(f"{value:.1f} %")
+
+
+def format_p_value(p: float) -> str:
+    """Return `p = 0.42`, or `p < 0.001` below a thousandth, without a line break inside."""
+    if not math.isfinite(p):
+        return "p not known"
+    text = f"p < {SMALLEST_P:g}" if p < SMALLEST_P else f"p = {p:.2g}"
+    return text.replace(" ", "\N{NO-BREAK SPACE}")
+
+
+def format_time_span(from_s: float, to_s: float) -> str:
+    """Return `3.0 s to 4.0 s`, or `at 3.0 s` for an instant."""
+    return f"at {from_s:.1f} s" if to_s - from_s < INSTANT_S else f"{from_s:.1f} s to {to_s:.1f} s"
+
+
+def format_decade(value: float) -> str:
+    """Return a power of ten as the label of a logarithmic scale."""
+    if 1e-3 <= value < 1e5:
+        return f"{value:g}"
+    return power_of_ten(round(math.log10(value))) if value > 0 else ""
+
+
+def power_of_ten(exponent: int) -> str:
+    """Return `10⁻⁶`."""
+    return f"10{str(exponent).translate(SUPERSCRIPTS)}"
+
+
+def _minus(number: str) -> str:
+    """Return a number with a true minus sign in front."""
+    return f"−{number[1:]}" if number.startswith("-") else number
