@@ -65,7 +65,7 @@ def test_a_record_goes_into_recordings_with_a_certificate_that_compares_it_with_
     files = shelf.files(INFO, shelf.correction(INFO))
     assert (files.device_id, files.record_id) == ("part-7", "r1")
     certificate = next(file.data.decode() for file in files.files if file.name.endswith(".html"))
-    assert "Change since the parent r0" in certificate
+    assert "Change since the parent record r0" in certificate
 
 
 @pytest.mark.parametrize("parent", [None, "r0"])
@@ -82,7 +82,7 @@ def test_the_factorys_record_is_a_parent_too(shelf, put, record):
     put("r1", parent="factory-1")
     info = replace(INFO, factory_calibration=record(id="factory-1"))
     files = shelf.files(info, shelf.correction(info))
-    assert any(b"Change since the parent factory-1" in file.data for file in files.files)
+    assert any(b"Change since the parent record factory-1" in file.data for file in files.files)
 
 
 def test_without_a_record_there_is_nothing_to_carry_and_nothing_to_watch(shelf, keeper):
