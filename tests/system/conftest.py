@@ -13,13 +13,10 @@ from pathlib import Path
 import pytest
 import zenoh
 
+from tests.ports import unused_port
+
 ROOT = Path(__file__).parents[2]
 PATIENCE_S = 20.0
-
-
-def free_port():
-    with socket.create_server(("127.0.0.1", 0)) as server:
-        return server.getsockname()[1]
 
 
 class RunningGateway:
@@ -27,7 +24,7 @@ class RunningGateway:
 
     def __init__(self, folder, toml="", page=False, arguments=(), prefix=(), environment=None):
         self.data_dir = folder / "data"
-        self.bus_port, self.page_port = free_port(), free_port()
+        self.bus_port, self.page_port = unused_port(), unused_port()
         self.endpoint = f"tcp/127.0.0.1:{self.bus_port}"
         config = folder / "gateway.toml"
         config.write_text(toml)

@@ -30,6 +30,7 @@ from gateway.messages import (
 from gateway.page import launch
 from gateway.page.parameters import Parameters
 from gateway.topics import TOPIC_OF, encode
+from tests.ports import unused_port
 
 KEY = "plumbline/v1/north-yard/crane-3/hook"
 SAMPLE_TIME_NS = 1_760_000_000_000_000_000
@@ -245,11 +246,6 @@ def wait_until(condition: Callable[[], bool], what: str, patience_s: float = 15.
         time.sleep(0.02)
 
 
-def _free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as probe:
-        return int(probe.getsockname()[1])
-
-
 def _peer(endpoint: str) -> zenoh.Config:
     config = zenoh.Config()
     config.insert_json5("mode", '"peer"')
@@ -275,7 +271,7 @@ def start_gateway() -> Callable[[str], FakeGateway]:
 
 @pytest.fixture
 def endpoint() -> str:
-    return f"tcp/127.0.0.1:{_free_port()}"
+    return f"tcp/127.0.0.1:{unused_port()}"
 
 
 @pytest.fixture
