@@ -13,6 +13,8 @@ from tests.blind.cases import generate
 from tests.blind.plan import Plan
 from tests.blind.write import write_case
 
+pytestmark = pytest.mark.slow
+
 SHORT_S = {"log": 24.0, "held_out": 16.0}
 
 

@@ -116,6 +116,7 @@ def guesser(tmp_path):
     return shlex.join([sys.executable, str(script)])
 
 
+@pytest.mark.slow
 def test_campaign_asks_scores_goes_on_and_refuses_another(guesser, case, tmp_path, capsys):
     out, page = tmp_path / "results.json", tmp_path / "results.md"
     arguments = ["--folder", str(case.parent), "--jobs", "1", "--out", str(out), "--report", str(page)]
@@ -136,6 +137,7 @@ def test_campaign_asks_scores_goes_on_and_refuses_another(guesser, case, tmp_pat
     assert "holds another campaign" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_ran_out_of_time_is_an_answer(guesser, case, tmp_path):
     out = tmp_path / "results.json"
     arguments = ["--folder", str(case.parent), "--jobs", "1", "--out", str(out), "--command", guesser]
@@ -179,12 +181,14 @@ def test_kept_case_is_used_again_and_a_half_written_one_made_anew(tmp_path, monk
     assert kept.of_others([Plan(3, 7, "null")], tmp_path) == ["case_003"]
 
 
+@pytest.mark.slow
 def test_facts_are_those_of_the_truth_whoever_made_the_case(case):
     facts = kept.facts_of(case)
     assert (facts["seed"], facts["kind"], facts["coloured"], facts["jittered"]) == (6, "single", False, False)
     assert facts["excess"]["axis_offset"] > 0.03
 
 
+@pytest.mark.slow
 def test_a_loss_tells_how_near_the_truth_came(case, tmp_path):
     script = tmp_path / "wrong.py"
     said = {"verdict": "named", "reason": "nothing else does", "effects": [{"name": "impact"}], "candidates": []}
@@ -200,6 +204,7 @@ def test_a_loss_tells_how_near_the_truth_came(case, tmp_path):
     assert row["why"].endswith("; nothing else does; the truth is 13.2 behind the best (1.00, -)")
 
 
+@pytest.mark.slow
 def test_command_that_fails_is_a_crash_with_its_last_words(case, tmp_path):
     script = tmp_path / "failing.py"
     script.write_text("import sys; sys.exit('no such thing')")
@@ -207,12 +212,14 @@ def test_command_that_fails_is_a_crash_with_its_last_words(case, tmp_path):
     assert (row["score"], row["why"]) == ("crash", "exit code 1: no such thing")
 
 
+@pytest.mark.slow
 def test_command_that_takes_too_long_is_ended(case, tmp_path):
     script = tmp_path / "endless.py"
     script.write_text("while True: pass")
     assert campaign.ask(case, [sys.executable, str(script)], 0.3)["score"] == "timeout"
 
 
+@pytest.mark.slow
 def test_stopped_campaign_leaves_nothing_running(case, tmp_path):
     running, script = tmp_path / "running", tmp_path / "endless.py"
     script.write_text(

@@ -52,6 +52,7 @@ def test_same_seed_same_plan_other_seed_another():
     assert plan_cases(40, seed=7) != plan_cases(40, seed=8)
 
 
+@pytest.mark.slow
 def test_same_plan_same_files(tmp_path):
     plan = Plan(index=0, seed=11, kind="single", hidden=("vibration",), coloured=True, jittered=True)
     for name in ("first", "second"):
@@ -81,6 +82,7 @@ def test_null_is_nothing_but_noise():
     assert case.truth["excess"] == pytest.approx(0, abs=0.15)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in (*CATALOGUE, *OUTSIDE) if name not in EVENTS])
 def test_effect_shows(name):
     kind = "single" if name in CATALOGUE else "outside"
@@ -89,6 +91,7 @@ def test_effect_shows(name):
     assert name in case.truth["effects"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EVENTS)
 def test_event_begins_when_the_truth_says(name):
     kind = "single" if name in CATALOGUE else "outside"

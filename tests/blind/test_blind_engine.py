@@ -80,6 +80,7 @@ def envelope(effect, duration_s):
     return motion.time_s[peaks], motion.angle_rad[peaks]
 
 
+@pytest.mark.slow
 def test_decay_of_each_friction():
     rng = np.random.default_rng(1)
     viscous, drag, dry = (draw(rng, RIG, 1.0) for draw in (viscous_damping, quadratic_drag, coulomb_friction))

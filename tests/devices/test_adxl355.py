@@ -141,6 +141,7 @@ def test_every_sample_comes_once_and_in_order(rig, odr_hz, block_samples, second
         assert np.mean([len(block) for block in made.blocks]) == pytest.approx(min(block_samples, 16), rel=0.1)
 
 
+@pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(rate_error=st.floats(-0.05, 0.05), oversleep_s=st.sampled_from([0.0001, 0.002, 0.02]))
 def test_times_are_right_whatever_the_part_and_the_host_do(chips, rate_error, oversleep_s):

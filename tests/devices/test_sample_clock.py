@@ -46,6 +46,7 @@ def error_ms(times_ns: np.ndarray, made_ns: np.ndarray, after_s: float = 0.0) ->
     return float(error.mean()), float(error.std())
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(
     rate_error=st.floats(-0.05, 0.05),
@@ -65,6 +66,7 @@ def test_ten_minutes_of_a_fifo_that_is_drained_late(rate_error, delay_s, seed, r
     assert error_ms(times_ns, part.made_ns)[1] < (0.5 if rate_hz >= 125 else 1.5)  # with the first ten seconds
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None)
 @given(
     rate_error=st.floats(-0.05, 0.05),
@@ -88,6 +90,7 @@ def test_stamping_at_the_moment_of_reading_would_fail_the_same_measure():
     assert error_ms(part.made_ns + (late_ms * 1e6).astype(np.int64), part.made_ns)[1] > 5
 
 
+@pytest.mark.slow
 def test_the_rate_is_measured_with_an_uncertainty_that_holds():
     within = 0
     for seed in range(40):

@@ -361,6 +361,7 @@ def test_any_bytes_are_read_or_refused(tmp_path, data, head):
 LINES = st.lists(st.sampled_from(["ok", "nan", "short", "blank", "same", "back", "skip"]), min_size=5, max_size=80)
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(kinds=LINES)
 def test_every_row_is_accounted_for(tmp_path, kinds):

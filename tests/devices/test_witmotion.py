@@ -169,6 +169,7 @@ def test_nothing_of_before_is_left_after_opening_again(device, peer, clock):
     assert dict(device.faults) == faults
 
 
+@pytest.mark.slow
 def test_silence_is_none_and_what_was_lost_in_it_is_told(device, peer, clock):
     device.open()
     assert device.read() is None

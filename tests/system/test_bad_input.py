@@ -27,6 +27,7 @@ REFUSED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", REFUSED)
 def test_refused_at_start(start_gateway, case):
     toml, expected = REFUSED[case]
@@ -38,6 +39,7 @@ def test_refused_at_start(start_gateway, case):
     assert gateway.recordings == []
 
 
+@pytest.mark.slow
 def test_second_instance_on_the_same_data(start_gateway, join_bus):
     first = start_gateway()
     join_bus(first.endpoint).wait_for("health")
@@ -48,6 +50,7 @@ def test_second_instance_on_the_same_data(start_gateway, join_bus):
     assert first.process.poll() is None
 
 
+@pytest.mark.slow
 def test_occupied_ports(start_gateway, tmp_path):
     for page in (False, True):
         gateway = start_gateway(page=page)
@@ -64,6 +67,7 @@ def test_occupied_ports(start_gateway, tmp_path):
             assert str(port) in one_line(err)
 
 
+@pytest.mark.slow
 def test_a_full_disk_stops_the_recording_and_not_the_gateway(start_gateway, join_bus):
     """The kernel's limit on file size stands in for a disk without room: writes fail at the outermost call."""
     gateway = start_gateway(
@@ -98,6 +102,7 @@ CLI_REFUSED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", CLI_REFUSED)
 def test_commands_refuse(plumbline, case):
     arguments, expected = CLI_REFUSED[case]
@@ -111,6 +116,7 @@ def test_usage_errors_are_two_as_well(plumbline):
     assert plumbline("nonsense").returncode == 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "command",
     [

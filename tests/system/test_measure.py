@@ -9,6 +9,8 @@ import pytest
 from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 
+pytestmark = pytest.mark.slow
+
 LENGTH_M, POSITION_M, RATE_HZ, NOISE_G = 9.0, 4.5, 50.0, 0.0004
 RIG = f"""
 [rope]

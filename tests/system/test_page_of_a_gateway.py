@@ -4,7 +4,10 @@ import re
 import time
 from urllib.request import urlopen
 
+import pytest
 from playwright.sync_api import expect
+
+pytestmark = pytest.mark.slow
 
 HEALTHY = 200
 

@@ -21,6 +21,8 @@ from gateway.calibration.store import CalibrationStore
 from gateway.recording.reader import open_recording
 from tests.benchmarks.turned_radio import COUNTS_PER_G, FACES, GAIN, NOISE_G, OFFSET_G, TurnedRadio
 
+pytestmark = pytest.mark.slow
+
 ROOT = Path(__file__).parents[2]
 REMOTE = (sys.executable, "-m", "gateway", "remote")
 TOML = '[device]\nkind = "witmotion"\nport = "{port}"\nodr_hz = 400\nserial = "{serial}"\n[housing]\nposition_m = 5\n'

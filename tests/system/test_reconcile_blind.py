@@ -10,6 +10,8 @@ from tests.blind.plan import Plan
 from tests.blind.score import RIGHT, RIGHT_GROUP
 from tests.blind.write import write_case
 
+pytestmark = pytest.mark.slow
+
 LENGTHS_S = {"log": 30.0, "held_out": 20.0}
 PATIENCE_S = 120.0
 CASES = [

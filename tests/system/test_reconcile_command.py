@@ -46,6 +46,7 @@ def outputs(folder: Path) -> list[str]:
     return [str(word) for name, file in OUTPUTS.items() for word in (name, folder / file)]
 
 
+@pytest.mark.slow
 def test_recording_of_the_gateway_needs_no_other_file_and_gives_the_same_answer_twice(log, tmp_path, capsys):
     answers = []
     for name in ("first", "second"):
@@ -64,6 +65,7 @@ def test_recording_of_the_gateway_needs_no_other_file_and_gives_the_same_answer_
     assert "nothing is missing" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_ctrl_c_leaves_nothing_but_a_word(log, tmp_path):
     written = tmp_path / "written"
     leader, follower = pty.openpty()  # a terminal: the progress bar tells when the search goes on
@@ -133,6 +135,7 @@ def test_seed_is_a_whole_number(command, seed, capsys):
     assert f"argument --seed: {seed} is not a whole number from 0" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_wrong_rig_is_told_and_reported(log, rig, tmp_path, capsys):
     rig.write_text(RIG.replace("6.0", "15.0"))
     assert main(["reconcile", str(log), "--rig", str(rig), *outputs(tmp_path / "wrong")]) == 1

@@ -12,6 +12,8 @@ from gateway.recording.info import summarise
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
 
+pytestmark = pytest.mark.slow
+
 REAL = Path(__file__).parents[1] / "data" / "real"
 AT_ONCE = '[device]\nkind = "replay"\nspeed = 0\n'
 SIX_POSITIONS = (

@@ -16,6 +16,7 @@ from gateway.recording.run import read_samples
 FAST = "[device]\nodr_hz = 1000\n"
 
 
+@pytest.mark.slow
 def test_everything_reaches_a_second_process(start_gateway, join_bus):
     gateway = start_gateway(FAST)
     peer = join_bus(gateway.endpoint)
@@ -28,6 +29,7 @@ def test_everything_reaches_a_second_process(start_gateway, join_bus):
     assert sequences == list(range(sequences[0], sequences[0] + len(sequences)))
 
 
+@pytest.mark.slow
 def test_is_alive_and_answers_a_status_query(start_gateway, join_bus):
     gateway = start_gateway()
     peer = join_bus(gateway.endpoint)
@@ -39,6 +41,7 @@ def test_is_alive_and_answers_a_status_query(start_gateway, join_bus):
     assert b'"health"' in replies[0].payload.to_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [signal.SIGTERM, signal.SIGINT])
 def test_stops_cleanly_with_every_sample_on_disk(start_gateway, join_bus, name):
     gateway = start_gateway(FAST, page=True)
@@ -56,6 +59,7 @@ def test_stops_cleanly_with_every_sample_on_disk(start_gateway, join_bus, name):
     assert info.samples.count >= heard["samples"]
 
 
+@pytest.mark.slow
 def test_kill_loses_at_most_the_sync_interval(start_gateway, join_bus):
     gateway = start_gateway(FAST + "[recorder]\nfsync_s = 1.0\n")
     peer = join_bus(gateway.endpoint)
@@ -79,6 +83,7 @@ def test_duration_ends_it(start_gateway):
     assert gateway.endpoint in out
 
 
+@pytest.mark.slow
 def test_nothing_listens_beyond_loopback(start_gateway, join_bus):
     gateway = start_gateway(page=True)
     join_bus(gateway.endpoint).wait_for("health")
@@ -89,6 +94,7 @@ def test_nothing_listens_beyond_loopback(start_gateway, join_bus):
     gateway.stop()
 
 
+@pytest.mark.slow
 def test_page_ends_with_a_killed_gateway(start_gateway, join_bus):
     gateway = start_gateway(page=True)
     join_bus(gateway.endpoint).wait_for("health")
@@ -105,6 +111,7 @@ def test_page_ends_with_a_killed_gateway(start_gateway, join_bus):
     raise AssertionError("the page still listens after its gateway was killed")
 
 
+@pytest.mark.slow
 def test_a_page_that_dies_is_started_again(start_gateway, join_bus):
     gateway = start_gateway(page=True)
     join_bus(gateway.endpoint).wait_for("health")

@@ -23,6 +23,8 @@ from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
 
+pytestmark = pytest.mark.slow
+
 CHIP = Path(__file__).parents[1] / "devices" / "adxl355_chip.py"
 LENGTH_M, POSITION_M, SWING_DEG = 6.0, 4.0, 5.0
 

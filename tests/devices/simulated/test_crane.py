@@ -163,6 +163,7 @@ def test_labels_say_what_drives_the_load() -> None:
     assert truth.free.astype(int).tolist() == [1, 0, 1, 0, 1, 0, 1, 0, 0, 0, 1]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length_m", [2.0, 12.0])
 def test_agrees_with_an_adaptive_integrator(length_m: float) -> None:
     def events() -> Schedule:
@@ -199,6 +200,7 @@ def test_results_do_not_depend_on_the_blocks(odr_hz: float) -> None:
     )
 
 
+@pytest.mark.slow
 def test_truth_can_be_asked_after_the_force_and_not_long_after() -> None:
     crane = demo_crane(1, 8.0, 6.0)
     crane.specific_force_m_s2(np.arange(0, 200, 0.1))
@@ -208,6 +210,7 @@ def test_truth_can_be_asked_after_the_force_and_not_long_after() -> None:
         crane.truth(np.array([1.0]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length_m", [4.0, 12.0, 30.0])
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
 def test_demonstration_swings_then_trips_then_calms_down(seed: int, length_m: float) -> None:
@@ -224,6 +227,7 @@ def test_demonstration_swings_then_trips_then_calms_down(seed: int, length_m: fl
     assert angle_deg.max() < 11
 
 
+@pytest.mark.slow
 def test_demonstration_goes_on_within_bounds() -> None:
     crane = demo_crane(2, 3.0, 2.0)
     time_s = np.arange(0, 900, 0.1)

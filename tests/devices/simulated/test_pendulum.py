@@ -74,6 +74,7 @@ def test_housing_axes_stay_at_right_angles_and_do_not_turn_about_the_rope():
     assert np.abs(turning.sum(axis=1)).max() < 1e-4  # x' has no part along y; carried by a universal joint it has 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.0, 0.3, 0.5, 1.0])
 def test_planar_swing_reads_the_extremes_that_the_formulas_invert(rho):
     amplitude = np.radians(12)
@@ -101,6 +102,7 @@ def test_hoisting_keeps_the_angular_momentum_of_a_free_rope():
     assert length_m**2 * np.linalg.norm(motion[1]) == pytest.approx(LENGTH_M**2 * 0.2, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_runge_kutta_gains_four_orders():
     start = pendulum.start_motion(0.3, 0.0, 0.0, 0.1)
     end = swung(start, 3200, 4 / 3200)[-1]

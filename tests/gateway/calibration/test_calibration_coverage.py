@@ -7,6 +7,7 @@ from tests.benchmarks.calibration import coverage, relative_tilt_errors_deg
 from tests.benchmarks.calibration_sessions import ADXL345, ADXL355
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("part", [ADXL345, ADXL355], ids=lambda part: part.name)
 @pytest.mark.parametrize("method", ["six-position", "norm-fit"])
 def test_planted_errors_come_back_within_their_stated_intervals(method, part):

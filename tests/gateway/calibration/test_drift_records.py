@@ -109,6 +109,7 @@ def test_six_hours_show_no_trend_as_the_source_says_and_two_days_no_steady_one(s
     assert np.all(np.abs(change.offset_g[:2]) < 2 * change.u_offset_g[:2])
 
 
+@pytest.mark.slow
 def test_the_uncertainty_of_a_change_is_that_of_a_simulation() -> None:
     rng = np.random.default_rng(11)
     matrix = np.array([[2.4, 0.05, -0.02], [0.03, 2.41, 0.04], [0.0, -0.06, 2.39]])
@@ -162,6 +163,7 @@ def simulated(
     return made
 
 
+@pytest.mark.slow
 def test_trends_of_simulated_ageing_cover_what_was_planted() -> None:
     rng = np.random.default_rng(3)
     covered, found = [], 0
@@ -177,6 +179,7 @@ def test_trends_of_simulated_ageing_cover_what_was_planted() -> None:
     assert found > 95  # the interval is narrow enough to be of use
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2, 4, 8])
 def test_a_known_wander_is_covered_whatever_its_size(count: int) -> None:
     rng = np.random.default_rng(count)
@@ -214,6 +217,7 @@ def test_an_unknown_wander_widens_the_interval() -> None:
     assert wandering.rate_high - wandering.rate_low > 5 * (steady.rate_high - steady.rate_low)
 
 
+@pytest.mark.slow
 def test_means_of_unknown_scatter_with_a_temperature_beside_time() -> None:
     rng = np.random.default_rng(6)
     covered = []
@@ -228,6 +232,7 @@ def test_means_of_unknown_scatter_with_a_temperature_beside_time() -> None:
         line_of_means(day[:3], value[:3], warm_c[:3])
 
 
+@pytest.mark.slow
 def test_recalibrate_before_the_limit_is_reached_in_19_of_20_sensors() -> None:
     """The planted error reaches 0.5 degrees 436 days after the last record."""
     rng = np.random.default_rng(5)

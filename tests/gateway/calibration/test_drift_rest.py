@@ -122,6 +122,7 @@ def test_a_few_readings_make_no_hour() -> None:
     assert rest_status(watch).state == "no_rest"
 
 
+@pytest.mark.slow
 def test_no_alarm_without_ageing_in_99_of_100_years() -> None:
     """A record whose interval only just holds what its own uncertainties allow; each simulated sensor is wrong by those."""
     rng = np.random.default_rng(1)
@@ -135,6 +136,7 @@ def test_no_alarm_without_ageing_in_99_of_100_years() -> None:
     assert alarms <= 2
 
 
+@pytest.mark.slow
 def test_time_to_alarm_of_a_planted_drift() -> None:
     """1 mg a day reaches the interval of 5 mg after 5 days; the hold takes three hours more."""
     rng = np.random.default_rng(2)
@@ -148,6 +150,7 @@ def test_time_to_alarm_of_a_planted_drift() -> None:
     assert max(delays_h) < 24
 
 
+@pytest.mark.slow
 def test_the_trend_of_the_norm_covers_what_was_planted_with_the_temperature_beside_it() -> None:
     rng = np.random.default_rng(3)
     covered, told = 0, []
@@ -206,6 +209,7 @@ def test_another_record_begins_anew() -> None:
     assert later.reading() is None
 
 
+@pytest.mark.slow
 def test_memory_is_bounded() -> None:
     watch = new_watch()
     for hour in range(0, 24 * (DAYS_KEPT + 30), 6):

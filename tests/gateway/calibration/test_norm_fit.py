@@ -42,6 +42,7 @@ def test_the_nominal_sensitivity_does_not_matter(units_per_g):
     np.testing.assert_allclose(other.correction_matrix, given.correction_matrix, rtol=1e-9, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_covariance_is_that_of_many_sessions():
     random = np.random.default_rng(7)
     fits = [fit_norm(poses_of(FACES_AND_EDGES, 1e-4, random), UNITS_PER_G, frame_u_deg=0.0) for _ in range(500)]

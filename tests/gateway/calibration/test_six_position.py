@@ -127,6 +127,7 @@ def test_placement_is_in_the_covariance_where_it_acts():
     assert placement["u_deg"] == pytest.approx(0.5 / np.sqrt(2), rel=1e-3)
 
 
+@pytest.mark.slow
 def test_covariance_is_that_of_many_sessions():
     """Monte Carlo of the placement alone, cross-axis included."""
     random = np.random.default_rng(5)

@@ -8,6 +8,8 @@ from playwright.sync_api import Browser
 
 from gateway.certificate.page import render_certificate
 
+pytestmark = pytest.mark.slow
+
 A4_POINTS = (595, 842)
 
 

@@ -8,6 +8,8 @@ from playwright.sync_api import Browser, expect
 
 from gateway.messages import NO_SESSION
 
+pytestmark = pytest.mark.slow
+
 SIZES = [(800, 480), (1280, 800)]
 
 

@@ -6,6 +6,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+pytestmark = pytest.mark.slow
+
 PATIENCE_MS = 15_000
 GREEN, RED = "rgb(0, 102, 47)", "rgb(193, 18, 31)"
 PANEL, DESKTOP, PHONE = (800, 480), (1280, 800), (390, 844)

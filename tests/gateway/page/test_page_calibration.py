@@ -9,6 +9,8 @@ from playwright.sync_api import Browser, expect
 
 from gateway.messages import NO_SESSION, SessionPose
 
+pytestmark = pytest.mark.slow
+
 COLLECTING = replace(
     NO_SESSION,
     id="session-1",

@@ -87,6 +87,7 @@ def crane(angle_deg=0.0, **options):
     return Crane(length_m=LENGTH_M, position_m=POSITION_M, gravity_m_s2=9.80665, motion=motion, **options)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("angle_deg", [1.5, 5.0, 12.0])
 def test_a_free_swing_is_measured_and_trusted(angle_deg):
     run = Run(crane(angle_deg)).go(25)
@@ -122,6 +123,7 @@ def test_steady_wind_leans_and_trips_the_lean_alert():
     assert run.out["condition"][-1].verdict == "static"
 
 
+@pytest.mark.slow
 def test_alerts_are_raised_by_the_upper_end_and_clear_after_the_hold():
     limits = {"alerts": {"warn_deg": 4.0, "trip_deg": 6.0, "clear_deg": 3.0, "hold_s": 2.0}}
     run = Run(crane(7.0, damping_ratio=0.05), limits).go(60)

@@ -101,6 +101,7 @@ def test_a_sensor_that_drifted_out_of_its_interval_is_warned_of_though_it_is_nev
     assert crane.rest.told["norm_error_mg"] == pytest.approx(2000 * DM_G, rel=0.05)
 
 
+@pytest.mark.slow
 def test_the_warning_goes_with_the_drift_and_a_swing_says_nothing_of_it():
     crane = Hanging()
     for hour in range(HOLD_HOURS + 1):

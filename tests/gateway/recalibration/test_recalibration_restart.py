@@ -39,6 +39,7 @@ def test_an_id_belongs_to_one_request(site):
     assert site.session.active
 
 
+@pytest.mark.slow
 def test_answers_are_remembered_within_bounds_and_what_was_done_longer(site):
     site.commit(1.0)
     done = site.ask("rollback", "rollback-x")

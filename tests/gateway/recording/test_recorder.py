@@ -329,6 +329,7 @@ print(lost)
 """
 
 
+@pytest.mark.slow
 def test_a_full_disk_stops_the_recording_and_leaves_whole_chunks(
     header, make_samples, start_ns: int, tmp_path: Path
 ) -> None:

@@ -62,6 +62,7 @@ def small(make_recorder, make_samples, every_message, device, start_ns: int) -> 
     return path, ends
 
 
+@pytest.mark.slow
 def test_sigkill_costs_at_most_fsync_s_and_one_block(header, make_samples, tmp_path: Path) -> None:
     made = [make_samples(number, length=BLOCK, period_ns=1e6) for number in range(200)]
     command = [sys.executable, "-c", RECORD_IN_REAL_TIME]
@@ -88,6 +89,7 @@ def test_sigkill_costs_at_most_fsync_s_and_one_block(header, make_samples, tmp_p
     assert summarise(path).samples.count == len(kept) * BLOCK
 
 
+@pytest.mark.slow
 def test_a_cut_at_any_byte_leaves_every_chunk_before_it(small: tuple[Path, list[int]], tmp_path: Path) -> None:
     path, ends = small
     whole = path.read_bytes()
@@ -138,6 +140,7 @@ def test_every_chunk_but_the_damaged_one_is_read(small: tuple[Path, list[int]], 
     assert "1 damaged records left out" in info_text(info)
 
 
+@pytest.mark.slow
 def test_a_flipped_bit_anywhere_raises_nothing_but_recording_errors(
     small: tuple[Path, list[int]], tmp_path: Path
 ) -> None:

@@ -32,6 +32,7 @@ def begun(recording, rig):
     return linearised(bins, bins.count[:, None] / NOISE_G**2, starts[0], nominal_prior(rig))
 
 
+@pytest.mark.slow
 def test_a_fit_that_leads_nowhere_is_given_up(driven):
     fit = begun(driven, MountedHousing(length_m=9.0, position_m=driven.position_m))
 
@@ -41,6 +42,7 @@ def test_a_fit_that_leads_nowhere_is_given_up(driven):
     assert given_up.iterations <= 4
 
 
+@pytest.mark.slow
 def test_a_fit_that_settles_is_never_asked_about(simulated):
     recording = simulated(rho=0.4, duration_s=40)
     asked = []

@@ -26,6 +26,7 @@ def test_an_event_of_many_samples_is_no_spike():
     assert not lone_spikes(force_g, np.full(3, 1e-4)).any()
 
 
+@pytest.mark.slow
 def test_a_swing_that_hardly_shows_is_answered_with_an_interval_down_to_none(simulated):
     """At the load 1 degree is 0.2 mg along the rope, in a noise of 2.5 mg per sample."""
     recording = simulated(rho=0.999, amplitude_deg=1.0, duration_s=90, noise_g=NOISE_G, seed=2)

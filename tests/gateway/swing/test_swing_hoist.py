@@ -32,6 +32,7 @@ def clamped(rho=0.5, length_m=9.0):
     return MountedHousing(length_m=1.1 * length_m, above_load_m=(1 - rho) * length_m)
 
 
+@pytest.mark.slow
 def test_length_speed_and_acceleration_of_a_raster_belong_together():
     raster = SplineGrid.over(2.0, 5.0, 0.5)
     time_s = np.linspace(0, 8, 80001)
@@ -93,6 +94,7 @@ def test_equations_agree_with_the_simulated_crane(goes_with_the_rope):
     assert modelled_g == pytest.approx(np.array(forces)[::50] / gravity, abs=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("by_m", "rho"), [(-3.0, 0.5), (4.0, 0.3)])
 def test_a_recording_with_a_hoist_has_an_interval_that_holds(by_m, rho):
     force_g, truth = recorded(by_m, rho=rho)
@@ -107,6 +109,7 @@ def test_a_recording_with_a_hoist_has_an_interval_that_holds(by_m, rho):
     assert (begin_s, end_s) == pytest.approx(HOIST_S, abs=3.0)
 
 
+@pytest.mark.slow
 def test_a_push_of_the_trolley_is_not_called_hoisting():
     force_g, _ = recorded(0.0, events=[TrolleyMove(20.0, 6.0, 1.5, 0.8, 0.4)])
 
@@ -116,6 +119,7 @@ def test_a_push_of_the_trolley_is_not_called_hoisting():
     assert estimate.coverage95_rad is None
 
 
+@pytest.mark.slow
 def test_live_goes_on_while_hoisting_and_says_so():
     force_g, truth = recorded(-3.0)
     tracker = SwingTracker(clamped(), noise_g=NOISE_G)

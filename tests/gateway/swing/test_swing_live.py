@@ -49,6 +49,7 @@ def heard(kicked):
     return follow(tracker_of(kicked), kicked)
 
 
+@pytest.mark.slow
 def test_still_is_said_about_once_a_second_with_a_bound(kicked, heard):
     still = [(now_s, e) for now_s, e in heard if now_s < KICK_S[0]]
     gaps = np.diff([now_s for now_s, _ in still])
@@ -122,6 +123,7 @@ def test_a_gap_starts_anew(kicked):
     assert tracker.update(kicked.time_s[:BLOCK] + 400, kicked.force_g[:BLOCK]) is None  # and so does time that falls
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.8, 1.2])
 def test_a_position_that_is_wrong_by_a_fifth_widens_or_is_named(simulated, share):
     recording = simulated(rho=0.4, duration_s=45)
@@ -137,6 +139,7 @@ def test_a_position_that_is_wrong_by_a_fifth_widens_or_is_named(simulated, share
             assert low < true_rad(recording, e) < high
 
 
+@pytest.mark.slow
 def test_hoisting_gives_a_reason_or_the_truth():
     """The rope shortens by a third while the load swings."""
     from devices.pendulum import pendulum  # noqa: PLC0415

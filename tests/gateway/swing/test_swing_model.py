@@ -39,6 +39,7 @@ def in_housing(motion):
 FIELD = ForceField(GRAVITY_M_S2 / LENGTH_M, DAMPING_1_S)
 
 
+@pytest.mark.slow
 def test_housing_frame_agrees_with_the_world_frame(world):
     motions, force_g = world
 

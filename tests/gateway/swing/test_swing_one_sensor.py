@@ -41,6 +41,7 @@ def pieces(simulated):
     return [piece(upright, 0.0), piece(upright, 24.0)], pulled
 
 
+@pytest.mark.slow
 def test_a_piece_with_another_sensor_is_widened_to_the_angle_with_the_sensor_of_the_rest(pieces):
     rest, pulled = pieces
     odd = piece(pulled, 48.0, offset_g=-leaning_g())  # reads on the mean as the rest does

@@ -34,6 +34,7 @@ def filtered(request, simulated):
     return recording, one_pole(recording.force_g) + noise_g
 
 
+@pytest.mark.slow
 def test_attenuation_is_corrected_and_stands_in_the_budget(filtered):
     recording, force_g = filtered
 
@@ -56,6 +57,7 @@ def test_delay_is_corrected(filtered):
     assert moved_s == pytest.approx(1 / (2 * np.pi * BANDWIDTH_HZ), rel=0.15)
 
 
+@pytest.mark.slow
 def test_live_is_corrected_too(filtered):
     recording, force_g = filtered
     rig = MountedHousing(length_m=6.0, position_m=recording.position_m, bandwidth_hz=BANDWIDTH_HZ)
@@ -69,6 +71,7 @@ def test_live_is_corrected_too(filtered):
         assert e.coverage95_rad[0] < reached < e.coverage95_rad[1]
 
 
+@pytest.mark.slow
 def test_a_wide_band_changes_nothing_that_matters(simulated):
     recording = simulated(duration_s=30)
 

@@ -25,6 +25,7 @@ def sigmas(estimate, recording):
     return abs(estimate.phi_max_rad - recording.phi_max_rad) / estimate.u_rad
 
 
+@pytest.mark.slow
 @settings(max_examples=12, deadline=None, derandomize=True, phases=[Phase.explicit, Phase.generate])
 @given(
     rho=st.floats(0, 1),
@@ -59,6 +60,7 @@ def test_any_swing_comes_back_within_its_uncertainty(
     assert estimate.coverage95_rad[0] < estimate.phi_max_rad < estimate.coverage95_rad[1]
 
 
+@pytest.mark.slow
 def test_every_part_of_the_answer_is_the_planted_one(simulated):
     recording = simulated(
         rho=0.3, amplitude_deg=6, ellipticity=0.3, azimuth_deg=-35, lean_deg=2, damping_ratio=0.004, duration_s=60
@@ -81,6 +83,7 @@ def test_every_part_of_the_answer_is_the_planted_one(simulated):
         assert swing.phi_max_rad < recording.angle_rad[near].max() + 4 * swing.u_rad
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("azimuth_deg", [-60.0, 20.0, 85.0])
 def test_azimuth_of_a_planar_swing(simulated, azimuth_deg):
     estimate = measured(simulated(azimuth_deg=azimuth_deg, duration_s=20))
@@ -108,6 +111,7 @@ def test_recordings_of_an_independent_engine(name, length_m, position_m, noise_g
     assert estimate.period_s == pytest.approx(period_s, rel=2e-3)
 
 
+@pytest.mark.slow
 def test_missing_uneven_and_unusable_samples_do_no_harm(simulated):
     recording = simulated(duration_s=40)
     kept = np.random.default_rng(5).random(len(recording.time_s)) > 0.3
@@ -121,6 +125,7 @@ def test_missing_uneven_and_unusable_samples_do_no_harm(simulated):
     assert sigmas(estimate, recording) < 4
 
 
+@pytest.mark.slow
 def test_lone_spikes_are_left_out_and_counted(simulated):
     recording = simulated(duration_s=40)
     force_g = recording.force_g.copy()
@@ -132,6 +137,7 @@ def test_lone_spikes_are_left_out_and_counted(simulated):
     assert "spikes left out: 3 samples" in estimate.reasons
 
 
+@pytest.mark.slow
 def test_known_doubt_of_rig_and_sensor_widens_and_covers(simulated):
     """A wrong position and offset that the rig admits to: less sure, and still right."""
     recording = simulated(rho=0.5, duration_s=60)
@@ -148,6 +154,7 @@ def test_known_doubt_of_rig_and_sensor_widens_and_covers(simulated):
     assert unsure.reasons == ()
 
 
+@pytest.mark.slow
 def test_offset_that_looks_like_lean_is_in_its_uncertainty(simulated):
     recording = simulated(duration_s=30)
 
@@ -156,6 +163,7 @@ def test_offset_that_looks_like_lean_is_in_its_uncertainty(simulated):
     assert estimate.lean_u_rad > 5 * measured(recording).lean_u_rad
 
 
+@pytest.mark.slow
 def test_housing_known_from_the_load_follows_the_rope(simulated):
     recording = simulated(rho=0.6, duration_s=40)
     above_m = recording.length_m - recording.position_m
@@ -168,6 +176,7 @@ def test_housing_known_from_the_load_follows_the_rope(simulated):
     assert estimate.length_m == pytest.approx(recording.length_m, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("spoil", "named"),
     [
@@ -185,6 +194,7 @@ def test_errors_that_nobody_stated_are_found_named_and_allowed_for(simulated, sp
     assert any(named in reason for reason in estimate.reasons)
 
 
+@pytest.mark.slow
 def test_a_wrong_position_is_named(simulated):
     recording = simulated(rho=0.3, duration_s=60)
 
@@ -196,6 +206,7 @@ def test_a_wrong_position_is_named(simulated):
     assert any("housing -1." in reason for reason in estimate.reasons)
 
 
+@pytest.mark.slow
 def test_still_is_none_with_a_bound_that_holds(simulated):
     still = measured(simulated(amplitude_deg=0.0, lean_deg=3, lean_azimuth_deg=-50, duration_s=40))
 
@@ -207,6 +218,7 @@ def test_still_is_none_with_a_bound_that_holds(simulated):
     assert 2.9 < low < 3.0 < high < 3.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
 def test_what_hides_in_the_noise_is_below_the_bound(simulated, rho):
     recording = simulated(rho=rho, amplitude_deg=0.004, noise_g=2e-3, duration_s=40)
@@ -217,6 +229,7 @@ def test_what_hides_in_the_noise_is_below_the_bound(simulated, rho):
     assert recording.phi_max_rad < hidden.coverage95_rad[1] < np.radians(3)
 
 
+@pytest.mark.slow
 def test_a_restless_rope_is_bounded_by_what_any_instant_shows(simulated):
     recording = simulated(amplitude_deg=0.0, noise_g=1e-5, duration_s=40)
     steps = 1e-4 * np.random.default_rng(6).normal(size=recording.force_g.shape)
@@ -230,6 +243,7 @@ def test_a_restless_rope_is_bounded_by_what_any_instant_shows(simulated):
     assert restless.reasons == ("the rope moves, but not as a load swings",)
 
 
+@pytest.mark.slow
 def test_a_push_in_the_middle_is_told_from_the_free_stretches(simulated):
     def push(time_s):
         return (0.8, 0.4, 0.0) if 40 <= time_s < 40.3 else (0.0, 0.0, 0.0)
@@ -242,6 +256,7 @@ def test_a_push_in_the_middle_is_told_from_the_free_stretches(simulated):
     assert abs(estimate.phi_max_rad - recording.phi_max_rad) < 3 * estimate.u_rad
 
 
+@pytest.mark.slow
 def test_a_long_drive_leaves_no_interval(simulated):
     def drive(time_s):
         return (0.25 * np.sin(1.9 * time_s), 0.1, 0.0) if 30 <= time_s < 50 else (0.0, 0.0, 0.0)
@@ -252,6 +267,7 @@ def test_a_long_drive_leaves_no_interval(simulated):
     assert any("largest angle unknown" in reason for reason in estimate.reasons)
 
 
+@pytest.mark.slow
 def test_what_is_no_pendulum_gets_no_angle(simulated):
     recording = simulated(duration_s=40)
     wander = np.cumsum(np.random.default_rng(2).normal(scale=2e-3, size=recording.force_g.shape), axis=0)
@@ -263,6 +279,7 @@ def test_what_is_no_pendulum_gets_no_angle(simulated):
     assert estimate.reasons
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("spoil", [lambda f: f * [0, 1, 1], lambda f: np.minimum(f, [9, 9, 1.004]), lambda f: f * 9.81])
 def test_a_broken_sensor_gets_a_reason_and_no_angle(simulated, spoil):
     recording = simulated(rho=0.8, duration_s=40)

@@ -5,6 +5,8 @@ import pytest
 
 from gateway.swing import MountedHousing, SwingTracker, estimate_swing
 
+pytestmark = pytest.mark.slow
+
 NOISE_G = 4e-4
 RIG = {"position_u_m": 0.05, "zero_g_offset_u_g": (5e-4,) * 3, "scale_u": (3e-4,) * 3}
 

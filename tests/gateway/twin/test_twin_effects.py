@@ -75,6 +75,7 @@ def test_the_vocabulary_is_whole_and_each_effect_says_what_it_is():
             assert ((typical >= p.lower) & (typical <= p.upper)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if e.linear_at_neutral])
 def test_neutral_means_that_nothing_happens(name):
     assert predicted(RIG, {name: {}}, START, TIME_S, np.full_like(TIME_S, 30.0)) == pytest.approx(plain(), abs=1e-7)
@@ -265,6 +266,7 @@ def test_rigging_ends_above_the_pivot_of_a_short_rope():
     assert bounds["double_pendulum.rigging_length_m"] == pytest.approx(0.95 * 3.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.02, 0.4, 1.0])
 def test_a_pulse_has_its_area_and_its_slope(share):
     pulse = Pulse(2.0, 3.0, share)

@@ -53,10 +53,12 @@ def test_adapter_keeps_the_angle_whatever_way_the_housing_is_turned(swings, head
     assert np.linalg.norm(rows[:, 1:4], axis=1) == pytest.approx(np.ones(len(rows)), abs=1e-6)
 
 
+@pytest.mark.slow
 def test_quadratic_and_coulomb_reach_the_figure_on_held_out_data(swings, fitted):
     assert fitted["dry"].held_out_mrad(swings[1], 3.0) <= 2.1
 
 
+@pytest.mark.slow
 def test_viscous_alone_is_not_enough_and_quadratic_beside_it_makes_held_out_worse(swings, fitted):
     viscous, both, dry = (fitted[key].held_out_mrad(swings[1], 3.0) for key in ("viscous", "with quadratic", "dry"))
     assert fitted["with quadratic"].log_mrad < fitted["viscous"].log_mrad
@@ -64,6 +66,7 @@ def test_viscous_alone_is_not_enough_and_quadratic_beside_it_makes_held_out_wors
     assert dry < viscous / 2
 
 
+@pytest.mark.slow
 def test_viscous_beside_the_right_pair_is_dropped_to_its_bound(swings):
     log = swings[0]
     arm = fit_arm(rig_of(log), log, ["viscous_damping", "quadratic_drag", "coulomb_friction"])

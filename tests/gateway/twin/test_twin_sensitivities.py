@@ -49,11 +49,13 @@ def disagreements(names):
         yield slot.label, np.sort(off.max(axis=1))[-3] / np.abs(jacobian[:, :, i]).max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in EFFECTS if name not in NOT_PREDICTED])
 def test_every_parameter_of_an_effect(name):
     assert {label: off for label, off in disagreements([name]) if not off < 3e-5} == {}
 
 
+@pytest.mark.slow
 def test_effects_together():
     names = [name for name in EFFECTS if name not in {*NOT_PREDICTED, *MORE, "clipping"}]
     assert {label: off for label, off in disagreements(names) if not off < 2e-4} == {}
@@ -70,6 +72,7 @@ def test_what_is_not_there_has_sensitivities_all_the_same():
     assert seen >= {slot.label for slot in simulator.effect_parameters if slot.parameter not in when}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["impact", "double_pendulum", "rope_stretch", "clock_drift", "hoisting"])
 def test_segments_that_follow_on_are_one_flight(name):
     simulator, values = case([name])

@@ -7,6 +7,7 @@ import pytest
 from gateway.twin.simulator.vectorised_function import AT_ONCE, VectorisedFunction, VectorisedJacobian
 
 
+@pytest.mark.slow
 def test_every_operation_and_more_columns_than_go_at_once():
     x, p = ca.SX.sym("x", 3), ca.SX.sym("p", 2)
     a, b, c = x[0], x[1], x[2]

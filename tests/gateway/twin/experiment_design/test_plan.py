@@ -30,11 +30,13 @@ def apart(text, manoeuvre, rig=RIG):
     return found
 
 
+@pytest.mark.slow
 def test_wind_against_offset_is_one_trace_in_a_free_swing_and_two_with_a_turning_housing():
     assert apart("steady_wind,axis_offset[x+y]", FREE_SWING).cosine > 0.9995
     assert apart("steady_wind,axis_offset[x+y]", TURNING).cosine < 0.06
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("group", [AXIAL, TURNS])
 def test_what_no_manoeuvre_tells_apart_is_said_to_be_so(whole, group):
     found = next(each for each in whole[0].groups if each.group == group)
@@ -85,6 +87,7 @@ def test_more_noise_less_separation_and_the_same_angles():
     assert not loud.is_distinguishable
 
 
+@pytest.mark.slow
 def test_what_the_operator_does_is_no_suspect():
     found = plan(RIG, [suspects("housing_spin,steady_wind")]).groups[0]
     assert found.tried < len(CANDIDATES)
@@ -98,6 +101,7 @@ def test_a_housing_at_the_pivot_is_not_hoisted_into_it():
     assert Experiment((Run(hoist_share=-1 / 3),)).possible(rig)
 
 
+@pytest.mark.slow
 def test_events_at_unknown_times_and_a_model_with_rigging():
     believed = {"double_pendulum": {"rigging_length_m": 2.0, "hook_mass_ratio": 0.05}}
     (pair,) = forecast(RIG, believed, FREE_SWING, suspects("wind_gust,trolley_acceleration"))

@@ -10,6 +10,8 @@ from gateway.twin.experiment_design.signatures import start_of
 from gateway.twin.model import TwinRig
 from gateway.twin.simulator.simulator import Simulator
 
+pytestmark = pytest.mark.slow
+
 RIG = TwinRig(length_m=12.0, position_m=5.0, sample_rate_hz=10.0)
 WIND = {"steady_wind": {"accel_m_s2": (0.2, 0.0)}}
 HEADING = 4

@@ -27,6 +27,7 @@ def parsed(*words):
     return command.parse_args(words)
 
 
+@pytest.mark.slow
 def test_a_plan_is_told_and_written(rig, tmp_path, capsys):
     out = tmp_path / "plan.json"
     arguments = parsed("--plan", rig, "--effects", "steady_wind,axis_offset[x+y]", "--json", str(out))
@@ -38,6 +39,7 @@ def test_a_plan_is_told_and_written(rig, tmp_path, capsys):
     assert group["effects"] == ["steady_wind", "axis_offset[x+y]"]
 
 
+@pytest.mark.slow
 def test_the_answer_is_no_where_nothing_helps(rig, capsys):
     assert run_plan(parsed("--plan", rig, "--effects", "slewing,housing_spin")) == 1
     assert "none of the" in capsys.readouterr().out

@@ -21,6 +21,7 @@ def setting_of(rig, record):
     return lambda effects: FitContext(rig, {}, record(effects), lambda: None)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "parameter", "value"),
     [
@@ -41,6 +42,7 @@ def test_what_acts_all_the_time_is_first_on_the_beginning_with_its_value(
     assert setting.log.time_s[first.end_sample] == pytest.approx(begins_s, abs=0.8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("effects", [HOIST, BLOW, {}])
 def test_no_lasting_effect_is_proposed_where_the_motion_was_free_until_the_event(setting_of, effects):
     setting = setting_of(effects)
@@ -56,6 +58,7 @@ def test_a_small_effect_does_not_carry_the_beginning_past_an_event(setting_of):
     assert setting.log.time_s[begun.end_sample] == pytest.approx(32.3, abs=0.8)
 
 
+@pytest.mark.slow
 def test_the_end_is_found_though_a_wind_seems_to_turn_with_the_housing(setting_of):
     setting = setting_of({**WIND, **HOIST})
     begun = longest_consistent_prefix(setting, {"steady_wind": {}})
@@ -67,6 +70,7 @@ def test_the_end_is_found_though_a_wind_seems_to_turn_with_the_housing(setting_o
     assert found.remaining_chi2 < 1.1 * setting.log.n_values
 
 
+@pytest.mark.slow
 def test_a_clock_does_not_make_up_for_a_rope_that_became_another(setting_of):
     setting = setting_of({"clock_drift": {"relative": 0.015}, **HOIST})
     begun = longest_consistent_prefix(setting, {"clock_drift": {}})
@@ -94,6 +98,7 @@ def test_samples_of_an_event_with_a_course_of_its_own_are_left_out(record, effec
     assert np.array_equal(exclude_unmodelled_profiles(log, effects).used[~on_edge], (log.used & ~inside)[~on_edge])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("duration_s", "is_one"), [(0.2, False), (3.0, True)])
 def test_a_push_that_is_over_at_once_is_no_gust(setting_of, duration_s, is_one):
     gust = {"accel_m_s2": (0.4 / duration_s, 0.0), "start_s": 32.0, "duration_s": duration_s}
@@ -102,6 +107,7 @@ def test_a_push_that_is_over_at_once_is_no_gust(setting_of, duration_s, is_one):
     assert (search.fit_candidate({"wind_gust": gust}) is not None) == is_one
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("event", [HOIST, BLOW])
 def test_an_event_beside_what_acts_all_the_time_is_named_with_it(model, loaded, event):
     hidden = {"viscous_damping": {"damping_ratio": 0.01}, **event}

@@ -47,6 +47,7 @@ def test_the_window_of_a_blow_is_where_it_struck(rig, record):
     assert first.to_s == first.from_s
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("effect", "from_s", "to_s", "length"),
     [
@@ -69,6 +70,7 @@ def test_nothing_parts_where_nothing_happens_or_the_model_is_wrong_from_the_star
     assert locate_changepoint(setting(rig, record({"rope_length": {"relative_error": 0.05}})), {}, length=True) is None
 
 
+@pytest.mark.slow
 def test_lost_samples_are_counted_without_a_trace_in_the_times(rig, record):
     observations = record({})
     rng = np.random.default_rng(2)
@@ -83,6 +85,7 @@ def test_lost_samples_are_counted_without_a_trace_in_the_times(rig, record):
     assert walk.reduced < 1.3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "effect",
     [

@@ -69,6 +69,7 @@ def test_readings_that_do_not_change_tell_no_step_of_time_and_loud_ones_all():
     assert effective_degrees_of_freedom(np.full((100, 3), 1e4), knots, 1.0) == pytest.approx(knots.count - 1, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "hidden",
     [
@@ -92,6 +93,7 @@ def test_lost_samples_and_what_acts_beside_them_are_told_together(rig, record, h
         assert lost.others[name][parameter] == pytest.approx(value, rel=0.25, abs=0.01)
 
 
+@pytest.mark.slow
 def test_nothing_is_put_beside_lost_samples_where_nothing_is(rig, record):
     observations, _ = lossy(record({}))
     lost = find_sample_loss(*slow_clock(rig, observations))
@@ -100,6 +102,7 @@ def test_nothing_is_put_beside_lost_samples_where_nothing_is(rig, record):
     assert lost.others == {}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damping", [{}, {"viscous_damping": {"damping_ratio": 0.004}}], ids=["alone", "damped"])
 def test_a_clock_that_runs_slow_loses_no_samples(rig, record, damping):
     observations = record({"clock_drift": {"relative": -FRACTION}, **damping})
@@ -107,6 +110,7 @@ def test_a_clock_that_runs_slow_loses_no_samples(rig, record, damping):
     assert find_sample_loss(*slow_clock(rig, observations)) is None
 
 
+@pytest.mark.slow
 def test_lost_samples_are_seen_in_coarse_steps(rig, record):
     observations, true_s = lossy(record({}))
     stepped = replace(
@@ -121,6 +125,7 @@ def test_lost_samples_are_seen_in_coarse_steps(rig, record):
     assert np.abs(lost.walk.true_s - (true_s - true_s[0])).max() < 0.1
 
 
+@pytest.mark.slow
 def test_the_held_out_recording_has_losses_and_a_heading_of_its_own(rig, record):
     wind = {"steady_wind": {"accel_m_s2": (0.3, -0.2)}}
     lost = find_sample_loss(*slow_clock(rig, lossy(record(wind))[0]))

@@ -64,6 +64,7 @@ def test_a_single_swing_has_no_second_mode(rig, record):
     assert guess_double_pendulum(GuessContext(rig, observations, observations.force_g, ())) == []
 
 
+@pytest.mark.slow
 def test_a_fit_goes_to_the_end_of_the_valley_of_rigging_and_hook(rig, double):
     setting = FitContext(rig, {}, double("strong", duration_s=24.0), lambda: None)
     fast_hz = modes_hz(rig, np.array(HOOK["rigging_length_m"]), np.array(HOOK["hook_mass_ratio"]))[1]

@@ -60,6 +60,7 @@ def test_colour_is_the_spectral_density_of_slow_noise_over_that_of_white_noise()
     assert noise_inflation_factor(TIME_S, coloured(rng, memory)) > 0.4 * (1 + memory) / (1 - memory)
 
 
+@pytest.mark.slow
 def test_noise_of_any_colour_stays_below_what_the_null_test_allows():
     rng = np.random.default_rng(6)
     signatures = {str(k): np.cumsum(rng.normal(size=(3600, 2)), axis=0) for k in range(8)}

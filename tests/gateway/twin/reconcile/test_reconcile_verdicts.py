@@ -10,6 +10,7 @@ from gateway.twin.reconcile.output.text import to_text
 from gateway.twin.reconcile.reconcile import reconcile
 
 
+@pytest.mark.slow
 def test_nothing_is_missing_even_under_slow_noise(model, loaded):
     found = reconcile(model, loaded({}, memory=0.8), loaded({}, "held_out", memory=0.8, seed=3))
 
@@ -29,6 +30,7 @@ def test_damping_is_named_with_its_value(model, loaded):
     assert re.search(r"damping_ratio = 0\.0\d+ \(0\.0\d+ to 0\.0\d+\)$", to_text(found), re.MULTILINE)
 
 
+@pytest.mark.slow
 def test_what_the_data_cannot_separate_is_one_of_a_group_with_what_would_split_it(model, loaded):
     hidden = {"housing_spin": {"rate_deg_s": 1.5}}
     found = reconcile(model, loaded(hidden), loaded(hidden, "held_out"))
@@ -38,6 +40,7 @@ def test_what_the_data_cannot_separate_is_one_of_a_group_with_what_would_split_i
     assert found.split_by
 
 
+@pytest.mark.slow
 def test_an_effect_that_nothing_explains_is_unmodelled(model, loaded):
     def driven(name):
         made = loaded({}, name)
@@ -58,6 +61,7 @@ def test_unusable_data_get_no_model(model, loaded):
     assert reconcile(model, fault, None).verdict == "data_unusable"
 
 
+@pytest.mark.slow
 def test_without_a_second_recording_the_last_third_is_held_out(model, loaded):
     found = reconcile(model, loaded({"steady_wind": {"accel_m_s2": (0.3, 0.1)}}), None)
 
@@ -66,6 +70,7 @@ def test_without_a_second_recording_the_last_third_is_held_out(model, loaded):
     assert [effect.name for effect in found.effects] == ["steady_wind"]
 
 
+@pytest.mark.slow
 def test_the_same_input_gives_the_same_answer(model, loaded):
     hidden = {"axis_offset": {"offset_g": (0.01, -0.02, 0.015)}}
     first, second = (reconcile(model, loaded(hidden), loaded(hidden, "held_out"), seed=4) for _ in range(2))

@@ -55,6 +55,7 @@ def test_pieces_of_a_wide_swing_begin_at_the_lowest_point_with_the_rate_there(po
     assert np.abs(starts[1:, 2]) == pytest.approx(np.full(len(firsts) - 1, fastest), rel=0.05)
 
 
+@pytest.mark.slow
 def test_pieces_find_the_effect_from_nothing_and_leave_what_is_held():
     o = released(1.2, 4.0, HIDDEN)
     rig = TwinRig(LENGTH_M, 4.0, 9.80665, (1e-4,) * 3)
@@ -82,10 +83,12 @@ def undamped(setting: FitContext):
     return setting.fit({})
 
 
+@pytest.mark.slow
 def test_model_as_believed_is_a_finite_motion_though_it_cannot_follow(setting, undamped):
     assert setting.log.reduced_chi2(undamped.force_g) > 1e6
 
 
+@pytest.mark.slow
 def test_dampings_stand_out_of_all_lasting_effects_before_any_is_fitted(setting, undamped):
     scored = compute_signatures(
         setting, undamped, {}, (*DAMPINGS, "rope_length", "axis_offset", "scale_error", "steady_wind")
@@ -94,6 +97,7 @@ def test_dampings_stand_out_of_all_lasting_effects_before_any_is_fitted(setting,
     assert set(ranked[:2]) <= set(DAMPINGS)
 
 
+@pytest.mark.slow
 def test_drag_and_friction_are_found_from_nothing_and_hold_on_what_was_held_out(arm, setting, undamped):
     viscous, pair = setting.fit({"viscous_damping": {}}), setting.fit(PAIR)
     assert error_mrad(arm[0], pair.force_g) < 3.0

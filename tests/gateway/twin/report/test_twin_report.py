@@ -97,6 +97,7 @@ def text_of(html: str) -> str:
     return " ".join(" ".join(parts).split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verdict", VERDICTS)
 def test_every_verdict_is_a_whole_page_with_ids_of_its_own(pages: dict[str, Page], verdict: str) -> None:
     found = pages[verdict]
@@ -127,6 +128,7 @@ def test_nothing_missing_names_no_effect(pages: dict[str, Page]) -> None:
     assert "No effect was named" in found.sections["parameters"]
 
 
+@pytest.mark.slow
 def test_what_the_readings_themselves_show_is_not_called_nothing(make: Maker, pages: dict[str, Page]) -> None:
     unchanged = replace(make("none_missing"), verdict="named", effects=make("named").effects[:1])
     assert "model with what the readings themselves show" in motion_part(unchanged)
@@ -253,6 +255,7 @@ def test_a_fitted_member_of_a_group_is_shown_without_a_claim(make: Maker) -> Non
     assert "without any claim" not in text_of(parameters_part(make("none_missing")))
 
 
+@pytest.mark.slow
 def test_missing_parts_are_said(make: Maker) -> None:
     result = make("named", steps=(), held_out=None, residual=None, scores=(), ranking=(), confusable=(), counts={})
     assert result.gap is not None
@@ -273,6 +276,7 @@ def test_missing_parts_are_said(make: Maker) -> None:
     assert "nan" not in text
 
 
+@pytest.mark.slow
 def test_the_last_third_held_out_is_told_from_a_second_recording(make: Maker) -> None:
     result = make("named", held_out_is_last_third=True)
     assert "its last third, not fitted to" in text_of(verdict_part(result))
@@ -298,6 +302,7 @@ def test_how_it_was_computed_is_told_in_the_order_given(make: Maker) -> None:
     assert re.search(r"plumbline 0\.1\.0.*log\.csv.*seed7", text)
 
 
+@pytest.mark.slow
 def test_all_text_is_escaped(make: Maker) -> None:
     result = make("one_of")
     effect = NamedEffect(
@@ -327,10 +332,12 @@ def test_all_text_is_escaped(make: Maker) -> None:
     assert found.text.count("<script>") > 15
 
 
+@pytest.mark.slow
 def test_the_same_result_gives_the_same_bytes(make: Maker, reports: dict[str, str]) -> None:
     assert report(make("none_missing"), title=TITLE, software="plumbline 0.1.0") == reports["none_missing"]
 
 
+@pytest.mark.slow
 def test_a_long_recording_stays_small(make: Maker) -> None:
     result = make("named")
     assert result.log is not None

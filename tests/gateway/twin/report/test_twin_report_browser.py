@@ -6,6 +6,8 @@ from typing import Literal
 import pytest
 from playwright.sync_api import Browser
 
+pytestmark = pytest.mark.slow
+
 A4_TEXT_PX = 688
 """182 mm at 96 dots to the inch."""
 
