@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from gateway.swing import MountedHousing, estimate_swing
 
-DATA = Path(__file__).parents[3] / "data" / "swings"
+DATA = Path(__file__).parents[2] / "data" / "swings"
 
 
 def measured(recording, *, length_error=1.0, noise_g=None, force_g=None, **rig):
