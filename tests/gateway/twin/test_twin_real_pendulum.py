@@ -76,6 +76,7 @@ def test_viscous_beside_the_right_pair_is_dropped_to_its_bound(swings):
     assert found["quadratic_drag"] == pytest.approx(2.8e-4, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_remainder_is_left_that_no_damping_explains(swings, fitted):
     noise_mrad = 0.1
     assert fitted["dry"].held_out_mrad(swings[1], 18.4) > 50 * noise_mrad

@@ -49,12 +49,14 @@ def test_what_no_manoeuvre_tells_apart_is_said_to_be_so(whole, group):
             assert pair.cosine > 0.9999
 
 
+@pytest.mark.slow
 def test_losses_are_much_alike_and_yet_told_apart(whole):
     found = next(each for each in whole[0].groups if each.group == DAMPING)
     assert found.is_distinguishable
     assert all(0.95 < pair.before.cosine < 0.998 for pair in found.pairs)
 
 
+@pytest.mark.slow
 def test_wind_wants_the_housing_turned(whole):
     found = whole[0].groups[0]
     assert found.is_distinguishable
@@ -64,6 +66,7 @@ def test_wind_wants_the_housing_turned(whole):
     assert all(pair.after.cosine < 0.1 and pair.after.sigma > 100 for pair in wind)
 
 
+@pytest.mark.slow
 def test_a_longer_rope_and_a_slower_clock_are_one_trace_but_for_what_a_tape_measure_says(whole):
     """All lengths by a factor and time by its root: the same motion. So the plan asks for the tape measure."""
     found = next(each for each in whole[0].groups if each.group == RATES)
@@ -109,6 +112,7 @@ def test_events_at_unknown_times_and_a_model_with_rigging():
     assert pair.is_distinguishable
 
 
+@pytest.mark.slow
 def test_the_text_says_what_to_do_how_long_and_what_comes_of_it(whole):
     text = as_text(whole[0])
     assert "turn the housing evenly about the rope meanwhile, one turn in 120 s; record 120 s" in text
@@ -118,6 +122,7 @@ def test_the_text_says_what_to_do_how_long_and_what_comes_of_it(whole):
     assert "instead: repeat with the crane's slewing locked" in text
 
 
+@pytest.mark.slow
 def test_json_has_every_pair_before_and_after(whole):
     content = json.loads(json.dumps(as_json(whole[0]), allow_nan=False))
     lateral, axial = content["groups"][:2]
@@ -129,6 +134,7 @@ def test_json_has_every_pair_before_and_after(whole):
     assert axial["pairs"][0]["after"] is None
 
 
+@pytest.mark.slow
 def test_progress_is_told_of_each_manoeuvre(whole):
     found, ticks = whole
     assert len(ticks) == sum(each.tried for each in found.groups)

@@ -159,7 +159,14 @@ def make() -> Maker:
     return made
 
 
+class Reports(dict[str, str]):
+    """The report of each verdict, made when first asked for and kept, since drawing takes time."""
+
+    def __missing__(self, verdict: str) -> str:
+        self[verdict] = report(made(verdict), title=TITLE, software="plumbline 0.1.0")
+        return self[verdict]
+
+
 @pytest.fixture(scope="session")
-def reports() -> dict[str, str]:
-    """The report of each verdict, made once: drawing takes time."""
-    return {verdict: report(made(verdict), title=TITLE, software="plumbline 0.1.0") for verdict in VERDICTS}
+def reports() -> Reports:
+    return Reports()

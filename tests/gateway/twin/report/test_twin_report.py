@@ -86,9 +86,21 @@ class Page(HTMLParser):
         return " ".join(" ".join(self.sections.values()).split())
 
 
+class Pages(dict[str, Page]):
+    """The parsed report of each verdict."""
+
+    def __init__(self, reports: dict[str, str]) -> None:
+        super().__init__()
+        self._reports = reports
+
+    def __missing__(self, verdict: str) -> Page:
+        self[verdict] = Page(self._reports[verdict])
+        return self[verdict]
+
+
 @pytest.fixture(scope="module")
-def pages(reports: dict[str, str]) -> dict[str, Page]:
-    return {verdict: Page(html) for verdict, html in reports.items()}
+def pages(reports: dict[str, str]) -> Pages:
+    return Pages(reports)
 
 
 def text_of(html: str) -> str:
@@ -106,6 +118,7 @@ def test_every_verdict_is_a_whole_page_with_ids_of_its_own(pages: dict[str, Page
     assert all(text.strip() for text in found.sections.values())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("verdict", VERDICTS[1:])
 def test_the_parts_come_in_order(pages: dict[str, Page], verdict: str) -> None:
     assert list(pages[verdict].sections) == PARTS
@@ -120,6 +133,7 @@ def test_unusable_data_give_no_answer_and_say_why(pages: dict[str, Page]) -> Non
     assert "svg" not in found.tags
 
 
+@pytest.mark.slow
 def test_nothing_missing_names_no_effect(pages: dict[str, Page]) -> None:
     found = pages["none_missing"]
     assert "Nothing is missing" in found.sections["verdict"]
@@ -143,6 +157,7 @@ def test_named_effects_are_told_in_an_operators_words(pages: dict[str, Page]) ->
     assert "15.2 → 0.995 × noise" in verdict
 
 
+@pytest.mark.slow
 def test_one_of_a_group_names_none_and_tells_how_to_split_it(pages: dict[str, Page]) -> None:
     found = pages["one_of"]
     verdict = found.sections["verdict"]
@@ -160,6 +175,7 @@ def test_a_group_that_nothing_splits_says_so(make: Maker) -> None:
     assert "No manoeuvre or measurement that would split the group was found." in text_of(confusable_part(result))
 
 
+@pytest.mark.slow
 def test_the_model_after_is_no_answer_where_the_verdict_gives_none(make: Maker, pages: dict[str, Page]) -> None:
     assert "the others fit as well, so it is not the answer" in pages["one_of"].sections["model"]
     attempt = text_of(equations_part(make("unmodelled", log=make("named").log)))
@@ -177,6 +193,7 @@ def test_a_double_of_a_named_effect_is_told(make: Maker) -> None:
     assert told in text_of(confusable_part(double))
 
 
+@pytest.mark.slow
 def test_a_remainder_is_described_and_not_explained_away(pages: dict[str, Page]) -> None:
     found = pages["named_with_remainder"]
     assert "viscous damping – and something more that is not known" in found.sections["verdict"]
@@ -185,6 +202,7 @@ def test_a_remainder_is_described_and_not_explained_away(pages: dict[str, Page])
     assert "Not white." in found.sections["remaining"]
 
 
+@pytest.mark.slow
 def test_what_is_unmodelled_gets_no_name(pages: dict[str, Page]) -> None:
     verdict = pages["unmodelled"].sections["verdict"]
     assert "that no effect known to this program explains" in verdict
@@ -225,6 +243,7 @@ def test_an_event_without_a_known_time_says_so(make: Maker) -> None:
     assert "When it acted is not known." in text
 
 
+@pytest.mark.slow
 def test_the_new_equation_is_marked(pages: dict[str, Page]) -> None:
     assert pages["named"].sections["model"].count("new ") == 1
     assert "new " not in pages["unmodelled"].sections["model"]
