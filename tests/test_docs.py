@@ -3,7 +3,10 @@
 import re
 from pathlib import Path
 
+import pytest
+
 from gateway.topics import TOPICS
+from tests.generated_docs import DOCS, PAGES
 
 ROOT = Path(__file__).parents[1]
 
@@ -21,17 +24,19 @@ def test_topic_table_is_the_codes():
 
 
 def test_every_file_that_the_docs_name_exists():
-    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    pages = [*ROOT.glob("*.md"), *DOCS.rglob("*.md")]
     for page in pages:
         named = re.findall(r"\]\(([\w./-]+)\)", page.read_text())
         assert [name for name in named if not (page.parent / name).exists()] == [], page
 
 
 def test_every_package_that_the_docs_name_exists():
-    pages = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")]
-    for page in pages:
-        if not page.exists():
-            continue
+    for page in [*ROOT.glob("*.md"), *DOCS.rglob("*.md")]:
         named = re.findall(r"`((?:gateway|devices|tests)(?:\.\w+)*)`", page.read_text())
         paths = [ROOT / name.replace(".", "/") for name in named]
         assert [str(path) for path in paths if not path.is_dir() and not path.with_suffix(".py").exists()] == [], page
+
+
+@pytest.mark.parametrize("name", PAGES)
+def test_generated_page_is_up_to_date(name):
+    assert (DOCS / name).read_text() == PAGES[name](), "run script/docs"
