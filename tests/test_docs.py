@@ -30,6 +30,12 @@ def test_every_file_that_the_docs_name_exists():
         assert [name for name in named if not (page.parent / name).exists()] == [], page
 
 
+def test_every_path_that_the_docs_name_exists():
+    for page in [*ROOT.glob("*.md"), *DOCS.rglob("*.md")]:
+        named = re.findall(r"`((?:config|deploy|docs|script|tests)/[\w./-]+)`", page.read_text())
+        assert [name for name in named if not (ROOT / name).exists()] == [], page
+
+
 def test_every_package_that_the_docs_name_exists():
     for page in [*ROOT.glob("*.md"), *DOCS.rglob("*.md")]:
         named = re.findall(r"`((?:gateway|devices|tests)(?:\.\w+)*)`", page.read_text())
