@@ -18,7 +18,8 @@ from gateway.calibration.misalignment import inverse
 from gateway.calibration.noise import quantisation_u
 from gateway.calibration.procedure import Array, CalibrationFit, Pose
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
-from gateway.calibration.uncertainty import Contribution, chi_square_limit
+from gateway.calibration.uncertainty import Contribution
+from gateway.numerics.stats import chi_square_quantile
 
 METHOD = "norm-fit"
 FRAME_U_DEG = 0.58
@@ -148,7 +149,7 @@ def _excess(solution: _Solution, u: Array, warnings: list[str]) -> float:
     chi_square = float(
         np.sum((solution.residual / np.maximum(np.linalg.norm(solution.gradient * u, axis=1), 1e-9)) ** 2)
     )
-    if chi_square <= chi_square_limit(freedom):
+    if chi_square <= chi_square_quantile(0.99, freedom):
         return 1.0
     ratio = float(np.sqrt(chi_square / freedom))
     warnings.append(

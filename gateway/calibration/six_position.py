@@ -16,7 +16,8 @@ from gateway.calibration.misalignment import inverse
 from gateway.calibration.noise import quantisation_u
 from gateway.calibration.procedure import OUTLIER, Array, CalibrationFit, Face, Pose
 from gateway.calibration.record import NotDeterminedError
-from gateway.calibration.uncertainty import Contribution, chi_square_limit
+from gateway.calibration.uncertainty import Contribution
+from gateway.numerics.stats import chi_square_quantile
 
 METHOD = "six-position"
 PLACEMENT_U_DEG = 0.1
@@ -116,7 +117,7 @@ def fit_six_positions(poses: tuple[Pose, ...], placement_u_deg: float = PLACEMEN
     warnings = list(_outliers(used, np.abs(residual) / found.scale, u_residual / found.scale))
     checked = u_residual > 1e-3 * u_residual.max()  # where the fit goes through the reading, nothing is checked
     ratio, freedom = float(np.mean((residual[checked] / u_residual[checked]) ** 2)), 3 * (len(used) - 4)
-    if ratio > chi_square_limit(freedom) / freedom:
+    if ratio > chi_square_quantile(0.99, freedom) / freedom:
         placement_rad *= np.sqrt(ratio)
         warnings.append(
             f"the faces lay worse than the {placement_u_deg:g} deg stated: {np.degrees(placement_rad):.2f} deg is reckoned with"

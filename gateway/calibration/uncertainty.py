@@ -94,12 +94,6 @@ def gravity_contribution() -> Contribution:
     return Contribution("gravity: the unit is the local g", "B", np.zeros((12, 12)))
 
 
-def chi_square_limit(freedom: int) -> float:
-    """What chi square exceeds by chance in one of a hundred cases (Wilson-Hilferty)."""
-    spread = 2 / (9 * freedom)
-    return float(freedom * (1 - spread + 2.326 * np.sqrt(spread)) ** 3)
-
-
 def _worst(jacobians: Array, covariance: Array) -> tuple[float, float]:
     variance = np.clip(((jacobians @ covariance) * jacobians).sum(axis=2), 0, None)
     across = np.where(FACE_MATRIX == 0, variance, 0.0)

@@ -10,6 +10,7 @@ from devices.block import DeviceInfo
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.messages import Formulas, Swing
+from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.executor import Answer, Executor
 from gateway.pipeline.header import Header
 from gateway.pipeline.mounting import mounted_housing, with_sensor
@@ -24,7 +25,6 @@ AFTER_S = 0.25
 """An estimate counts this long after the samples that it was made of: time for the fit, the same live and replayed."""
 HOLDS_S = 2.0
 """An estimate holds for this long, or for one period."""
-K95 = 1.96
 
 
 class SwingStage:
@@ -126,10 +126,10 @@ class SwingStage:
             return None, None
         swing_rad = None if estimate.coverage95_rad is None else estimate.coverage95_rad[1]
         if estimate.prediction is not None and estimate.prediction.u_rad is not None and swing_rad is not None:
-            swing_rad = max(swing_rad, estimate.prediction.phi_max_rad + K95 * estimate.prediction.u_rad)
+            swing_rad = max(swing_rad, estimate.prediction.phi_max_rad + NORMAL_975 * estimate.prediction.u_rad)
         if estimate.lean_rad is None or estimate.lean_u_rad is None:
             return swing_rad, None
-        return swing_rad, estimate.lean_rad + K95 * estimate.lean_u_rad
+        return swing_rad, estimate.lean_rad + NORMAL_975 * estimate.lean_u_rad
 
     def message(self, header: Header) -> Swing:
         """The last estimate in degrees."""

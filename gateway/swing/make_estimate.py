@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from gateway.numerics.runs import true_runs
 from gateway.swing.estimate import SLOWEST_HOIST_M_S, SURE, PeakPrediction, SwingEstimate, SwingPeak
 from gateway.swing.model import Real
 from gateway.swing.motion import PLAIN, STATES
@@ -146,8 +147,7 @@ def hoisting_duration_s(finding: FitResult, from_s: float, to_s: float) -> tuple
     edges_s = np.arange(from_s, to_s + LOOK_S, LOOK_S)
     speed_m_s, u_m_s = _rope_speeds(finding, (edges_s[:-1] + edges_s[1:]) / 2)
     moves = np.abs(speed_m_s) > np.maximum(SURE * u_m_s, SLOWEST_HOIST_M_S)
-    changes = np.flatnonzero(np.diff(np.concatenate([[False], moves, [False]]).astype(int)))
-    return tuple((float(edges_s[a]), float(edges_s[b])) for a, b in changes.reshape(-1, 2))
+    return tuple((float(edges_s[start]), float(edges_s[stop])) for start, stop in true_runs(moves))
 
 
 def _lean_deviation(finding: FitResult) -> float:

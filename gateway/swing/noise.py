@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from gateway.numerics.robust import robust_sigma
 from gateway.swing.model import Real
 
 DIFFERENCE_ORDER = 6
@@ -22,7 +23,7 @@ def noise_from_differences(force_g: Real) -> Real | None:
     if len(force_g) < LEAST_SAMPLES:
         return None
     differences = np.diff(force_g, n=DIFFERENCE_ORDER, axis=0) / _GAIN
-    noise_g = np.median(np.abs(differences), axis=0) / 0.6745
+    noise_g = robust_sigma(differences)
     calm = np.abs(differences) <= 6 * noise_g
     trimmed = np.sqrt((differences**2 * calm).sum(axis=0) / np.maximum(calm.sum(axis=0), 1))
     rms = np.sqrt((differences**2).mean(axis=0))

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from gateway.numerics.stats import NORMAL_975
 from gateway.swing.bins import Bins
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.initial_guess import Harmonics
 from gateway.swing.model import Real
 from gateway.swing.rig import MountedHousing
 from gateway.swing.robust_fit import FitResult
-from gateway.swing.uncertainty import NORMAL_QUANTILE
 
 FAINTEST_GAIN = 40.0
 """Twice the log-likelihood that harmonics must gain to be called a swing: once in some 10^5 still windows noise does."""
@@ -81,7 +81,7 @@ def upper_bound_amplitude(estimate: SwingEstimate, still: SwingEstimate) -> Swin
     high_rad = max(estimate.coverage95_rad[1], still.coverage95_rad[1])
     return replace(
         estimate,
-        u_rad=max(estimate.u_rad or 0.0, high_rad / (2 * NORMAL_QUANTILE)),
+        u_rad=max(estimate.u_rad or 0.0, high_rad / (2 * NORMAL_975)),
         coverage95_rad=(0.0, high_rad),
         reasons=(*estimate.reasons, "hardly told from noise: it may as well be smaller, down to none"),
     )

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.numerics.robust import robust_sigma
 from gateway.swing.bins import Bins
 from gateway.swing.likelihood import Fit, improved, linearised, maximum_a_posteriori, reweighted
 from gateway.swing.model import Real
@@ -163,8 +164,8 @@ def choose_fit(first: FitResult | None, second: FitResult | None) -> FitResult |
 def _spikes(fit: Fit) -> NDArray[np.bool_]:
     """Few, lone bins far from all others."""
     size = np.abs(fit.residual_g) * np.sqrt(fit.weight)
-    usual = np.maximum(np.median(size, axis=0) / 0.6745, 1.0)
-    spiky: NDArray[np.bool_] = (size > SPIKE_SIGMA * usual).any(axis=1)
+    usual = np.maximum(robust_sigma(size), 1.0)
+    spiky: NDArray[np.bool_] = np.any(size > SPIKE_SIGMA * usual, axis=1)
     few = np.count_nonzero(spiky) <= max(MOST_SPIKES * len(size), 1)
     return spiky & few
 

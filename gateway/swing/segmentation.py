@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from gateway.numerics.stats import NORMAL_975
 from gateway.swing.bins import Bins
 from gateway.swing.cross_segment_consistency import enforce_common_sensor_errors
 from gateway.swing.estimate import SwingEstimate
@@ -16,7 +17,6 @@ from gateway.swing.peaks import largest_angle
 from gateway.swing.priors import Prior
 from gateway.swing.rig import MountedHousing
 from gateway.swing.robust_fit import FitResult, fit_robust, fit_robust_from, inflate_uncertainty
-from gateway.swing.uncertainty import NORMAL_QUANTILE
 
 SHORTEST_PERIODS, LONGEST_PERIODS = 1.2, 8.0
 """Of a stretch."""
@@ -255,7 +255,7 @@ def _combine_segments(parts: list[SwingEstimate]) -> tuple[float, float] | None:
 def _joint_u_rad(largest: SwingEstimate, coverage_rad: tuple[float, float]) -> float:
     """At least that of the largest part, and what the joint interval stands for."""
     above_rad = coverage_rad[1] - (largest.phi_max_rad or 0.0)
-    return max(largest.u_rad or 0.0, above_rad / (CHOICE * NORMAL_QUANTILE))
+    return max(largest.u_rad or 0.0, above_rad / (CHOICE * NORMAL_975))
 
 
 def _gaps(pieces: list[FittedInterval], from_s: float, to_s: float) -> list[tuple[float, float]]:

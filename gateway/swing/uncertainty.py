@@ -4,12 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from gateway.numerics.autocorrelation import correlation_sum
+from gateway.numerics.stats import student_quantile
 from gateway.swing.likelihood import Fit, information, weighted_square
 from gateway.swing.model import Real
 from gateway.swing.motion import LN_LENGTH, STATES
 from gateway.swing.sensor_lowpass import angle_u_rel
 
-NORMAL_QUANTILE = 1.959964
 MISFIT_LEVERAGE = 3.0
 """Standard uncertainty of an angle, relative, per unexplained part of the signal.
 
@@ -59,12 +60,8 @@ class UncertaintyModel:
 
     @property
     def coverage_factor(self) -> float:
-        """Student's t for 95 %, two-sided (expansion in 1/freedom, good to 1 % from 4 up)."""
-        z, v = NORMAL_QUANTILE, max(self.freedom, 4.0)
-        first = (z**3 + z) / (4 * v)
-        second = (5 * z**5 + 16 * z**3 + 3 * z) / (96 * v**2)
-        third = (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / (384 * v**3)
-        return z + first + second + third
+        """Student's t for 95 %, two-sided."""
+        return student_quantile(0.975, max(self.freedom, 4.0))
 
 
 def uncertainty_of(fit: Fit, sensor_weight: Real) -> UncertaintyModel:
@@ -88,21 +85,6 @@ def uncertainty_of(fit: Fit, sensor_weight: Real) -> UncertaintyModel:
         misfit=misfit(fit, sensor_weight),
         other_u_rel=angle_u_rel(fit.beliefs.rig.bandwidth_hz, fit.motion.period_s),
     )
-
-
-def correlation_sum(values: Real) -> float:
-    """1 + 2 sum of the autocorrelation up to its first dip below twice its own uncertainty; at least 1."""
-    centred = values - values.mean()
-    power = float(centred @ centred)
-    if power == 0.0:
-        return 1.0
-    total, limit = 1.0, 2 / np.sqrt(len(values))
-    for lag in range(1, max(2, len(values) // 4)):
-        correlation = float(centred[lag:] @ centred[:-lag]) / power
-        if correlation < limit:
-            break
-        total += 2 * correlation
-    return total
 
 
 def misfit(fit: Fit, weight: Real) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 from devices.pendulum import pendulum
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import TrolleyMove
+from gateway.numerics.stats import NORMAL_975
 from gateway.swing import SwingEstimate, SwingTracker
 from tests.benchmarks.swing_cases import GRAVITY_M_S2, NOISES_G, RATE_HZ, covers, largest, maxima, rig
 
@@ -17,7 +18,6 @@ RUNS, RUN_S, JOG_S = 16, 80.0, 40.0
 BLOCK = 16
 COUNTS_AFTER_S = 0.25
 """An estimate counts this long after its samples in the gateway."""
-K95 = 1.96
 RECOVERY_PERIODS = 1.25
 """Until then after a drive or the start there is hardly a swing to predict from."""
 
@@ -95,7 +95,7 @@ def stories(run: Run) -> Iterator[PeakStory]:
     for place, angle_deg in zip(*maxima(run.angle_deg), strict=True):
         at_s = float(run.time_s[place])
         early = [
-            (at_s - made_s - COUNTS_AFTER_S, np.degrees(p.phi_max_rad + K95 * p.u_rad))
+            (at_s - made_s - COUNTS_AFTER_S, np.degrees(p.phi_max_rad + NORMAL_975 * p.u_rad))
             for made_s, peak_s, p in said
             if abs(peak_s - at_s) < run.period_s / 4 and made_s + COUNTS_AFTER_S < at_s
         ]

@@ -10,12 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.calibration.record import CalibrationError
-from gateway.calibration.uncertainty import chi_square_limit
+from gateway.numerics.stats import NORMAL_975, chi_square_quantile, student_quantile
 
 Array = NDArray[np.float64]
-NORMAL_975 = 1.960
-STUDENT_975 = (12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262)
-"""GUM table G.2: 97.5 % of Student's t for 1 to 9 degrees of freedom."""
 WANDER_GRID = np.concatenate([[0.0], np.geomspace(1e-2, 1e4, 15)])
 """Tried ratios of the wander's variance over the whole span to that of one value."""
 LEAST_EVIDENCE = 0.1
@@ -92,7 +89,7 @@ def line_of_measurements(day: Array, value: Array, u_value: Array, wander: float
         fits = [_fit(day, value, errors, ratio * per_day, design) for ratio in WANDER_GRID]
         fit = max(fits, key=_restricted)
         if _restricted(fit) - _restricted(straight) > LEAST_EVIDENCE:
-            quantile = _student_975(freedom)
+            quantile = student_quantile(0.975, freedom)
         else:
             fit = straight
     return _line(
@@ -100,7 +97,7 @@ def line_of_measurements(day: Array, value: Array, u_value: Array, wander: float
         widening=quantile,
         wander=fit.wander_variance**0.5,
         checked=freedom > 0,
-        contradicted=freedom > 0 and straight.chi_square > chi_square_limit(freedom),
+        contradicted=freedom > 0 and straight.chi_square > chi_square_quantile(0.99, freedom),
     )
 
 
@@ -123,7 +120,7 @@ def line_of_means(day: Array, value: Array, covariate: Array | None = None) -> L
     scatter = float(np.sqrt(best.chi_square / freedom))
     return _line(
         best,
-        widening=scatter * _student_975(freedom),
+        widening=scatter * student_quantile(0.975, freedom),
         wander=scatter * best.wander_variance**0.5,
         checked=True,
         contradicted=False,
@@ -177,11 +174,3 @@ def _refuse(day: Array, u_value: Array) -> None:
         raise CalibrationError(
             "a calibration states no uncertainty (covariance of zero); a drift cannot be judged by it"
         )
-
-
-def _student_975(freedom: int) -> float:
-    """97.5 % of Student's t: the table, and beyond it the first terms of its expansion."""
-    if freedom <= len(STUDENT_975):
-        return STUDENT_975[freedom - 1]
-    z = NORMAL_975
-    return z + (z**3 + z) / (4 * freedom) + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * freedom**2)

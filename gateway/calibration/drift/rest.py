@@ -18,6 +18,7 @@ from gateway.calibration.correction import Correction
 from gateway.calibration.drift.records import created
 from gateway.calibration.drift.rest_mean import HourSums, RestMean, joined
 from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.numerics.stats import normal_quantile
 
 Array = NDArray[np.float64]
 SECONDS_PER_HOUR = 3600
@@ -28,7 +29,7 @@ FEWEST_READINGS = 30
 """At rest in an hour, for its mean to count."""
 HOLD_HOURS = 3
 """Hours with rest, one after the other, that must agree before the alarm is raised or cleared."""
-NORMAL_99_TWO_SIDED = 2.576
+NORMAL_995 = normal_quantile(0.995)
 REST_GATES = ("complete", "not_clipped", "no_impact", "axes_alive", "quiet", "still", "steady")
 """Of the condition check: all but those that look at the norm."""
 
@@ -163,7 +164,7 @@ class RestDriftMonitor:
         up = np.abs(mean.force_g) / np.linalg.norm(mean.force_g)
         along = np.concatenate([up * self._correction.u_zero_g_offset_g, up**2 * self._correction.u_scale_factor])
         u_norm_g = float(np.linalg.norm(along))
-        return max(self._correction.permissible_norm_error_g, NORMAL_99_TWO_SIDED * u_norm_g)
+        return max(self._correction.permissible_norm_error_g, NORMAL_995 * u_norm_g)
 
     def _forget_after(self, hour: int) -> None:
         """The clock went back: what is dated later was dated wrongly, and would be taken for a trend."""

@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from gateway.errors import InputError
 from gateway.measurement.source import Source
+from gateway.numerics.robust import robust_sigma
+from gateway.numerics.runs import true_runs
 from gateway.twin.model import Model, TwinRig
 from gateway.twin.reconcile.data.observations import Observations, make_observations
 
@@ -109,9 +111,8 @@ def find_fault(time_s: Array, force_g: Array, twin: TwinRig) -> str | None:
 
 def _longest_fall_s(time_s: Array, force_g: Array) -> float:
     """Longest time for which the norm of (n, 3) stays below `FALL_G`."""
-    falling = np.concatenate([[False], np.linalg.norm(force_g, axis=1) < FREE_FALL_G, [False]])
-    first, after = (np.flatnonzero(np.diff(falling.astype(int)) == sign) for sign in (1, -1))
-    return max((float(time_s[b - 1] - time_s[a]) for a, b in zip(first, after, strict=True)), default=0.0)
+    falling = true_runs(np.linalg.norm(force_g, axis=1) < FREE_FALL_G)
+    return max((float(time_s[stop - 1] - time_s[start]) for start, stop in falling), default=0.0)
 
 
 def _find_swing_fault(time_s: Array, force_g: Array, twin: TwinRig, period_s: float) -> str | None:
@@ -120,7 +121,7 @@ def _find_swing_fault(time_s: Array, force_g: Array, twin: TwinRig, period_s: fl
     count = len(time_s) // step
     binned = lateral[:, : count * step].reshape(2, count, step).mean(axis=2)
     stated_g = float(np.mean(twin.noise_g[:2]))
-    seen_g = float(np.median(np.abs(np.diff(force_g[:, :2], axis=0)))) / (0.6745 * np.sqrt(2))
+    seen_g = float(robust_sigma(np.diff(force_g[:, :2], axis=0).ravel())) / np.sqrt(2)
     noise_g = max(stated_g, seen_g) / np.sqrt(step)
     rms_g = float(np.sqrt((binned**2).sum(axis=0).mean() / 2))
     if rms_g < MIN_SIGNAL_TO_NOISE * noise_g and seen_g > EXCESS_NOISE_FACTOR * stated_g:

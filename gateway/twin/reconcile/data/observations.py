@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.numerics.robust import robust_sigma
+
 Array = NDArray[np.float64]
 SPIKE_SIGMA = 8.0
 """A lone sample further from its neighbours' line than this, in robust spreads of that distance, is no motion of a load."""
@@ -98,7 +100,7 @@ def detect_spikes(force_g: Array) -> NDArray[np.bool_]:
     around[0], around[-1] = force_g[1:5].mean(axis=0), force_g[-5:-1].mean(axis=0)
     away = np.abs(force_g - around)
     # Median and a high quantile: on a lattice or at a limit most neighbours agree exactly.
-    spread = np.maximum(1.4826 * np.median(away, axis=0), np.quantile(away, 0.98, axis=0) / 2.33) + 1e-12
+    spread = np.maximum(robust_sigma(away), np.quantile(away, 0.98, axis=0) / 2.33) + 1e-12
     found: NDArray[np.bool_] = np.any(away > SPIKE_SIGMA * spread, axis=1)
     found[0] = True  # the first sample after a start is often a stale one
     return found

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.numerics.spectrum import fit_sine_phasors
 from gateway.twin.effects.effect import Value
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
@@ -13,7 +14,6 @@ from gateway.twin.reconcile.fit.fit_context import WORLD_DIRECTED_EFFECTS, segme
 from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
 from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit, fit_model
 from gateway.twin.reconcile.fit.windowed_fit import fit_trajectory
-from gateway.twin.reconcile.residual.spectrum import fit_sine_phasors
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.numerics.spectrum import ZERO_PADDING
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit, fit_model
-from gateway.twin.reconcile.residual.spectrum import ZERO_PADDING
 from gateway.twin.simulator.simulator import SegmentBatch, Simulator
 
 Array = NDArray[np.float64]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.numerics.stats import NORMAL_975
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Parameter, Value
 from gateway.twin.model import Model
@@ -37,7 +38,6 @@ BASE_EQUATIONS = (
     "n″ = (I − n nᵀ)(g − a_p + F/m)/L − 2 (L′/L) n′ − |n′|² n",
     "f = a_p + r n″ + 2 r′ n′ + r″ n − g, in the housing's axes",
 )
-CI95 = 1.96
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +172,7 @@ def _sample_loss(found: SearchOutcome) -> NamedEffect:
 
 def _estimate(parameter: Parameter, value: Value, sigma: Sequence[float]) -> Estimate:
     numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
-    spread = CI95 * (np.array(sigma) if len(sigma) == len(numbers) else np.zeros(len(numbers)))
+    spread = NORMAL_975 * (np.array(sigma) if len(sigma) == len(numbers) else np.zeros(len(numbers)))
     low, high = np.maximum(numbers - spread, parameter.lower), np.minimum(numbers + spread, parameter.upper)
     resting = bool(((numbers <= parameter.lower) | (numbers >= parameter.upper)).any())
     if parameter.components:

@@ -5,8 +5,9 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.numerics.runs import true_runs
+from gateway.numerics.spectrum import periodogram
 from gateway.twin.reconcile.output.result import Disagreement
-from gateway.twin.reconcile.residual.spectrum import periodogram
 
 Array = NDArray[np.float64]
 BLOCK_S = 5.0
@@ -22,8 +23,8 @@ def localise_residual(time_s: Array, residual: Array) -> tuple[Disagreement, ...
     blocks = [(a, b) for a, b in pairwise(edges) if b - a > 10]
     for axis, name in enumerate("xyz"):
         loud = [float(np.sqrt((residual[a:b, axis] ** 2).mean())) > MIN_BLOCK_RMS_SIGMA for a, b in blocks]
-        for first, last in true_runs(loud):
-            part = slice(blocks[first][0], blocks[last][1])
+        for start, stop in true_runs(loud):
+            part = slice(blocks[start][0], blocks[stop - 1][1])
             inside = residual[part, axis]
             found.append(
                 Disagreement(
@@ -35,19 +36,6 @@ def localise_residual(time_s: Array, residual: Array) -> tuple[Disagreement, ...
                 )
             )
     return tuple(sorted(found, key=lambda each: -each.rms_sigma))
-
-
-def true_runs(flags: list[bool]) -> list[tuple[int, int]]:
-    """First and last of each run of True."""
-    found: list[tuple[int, int]] = []
-    for i, flag in enumerate(flags):
-        if not flag:
-            continue
-        if found and found[-1][1] == i - 1:
-            found[-1] = (found[-1][0], i)
-        else:
-            found.append((i, i))
-    return found
 
 
 def dominant_band_hz(time_s: Array, residual: Array) -> tuple[float, float]:

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.reconcile.residual.spectrum import ZERO_PADDING, periodogram
+from gateway.numerics.spectrum import ZERO_PADDING, periodogram
 
 Array = NDArray[np.float64]
 SWING_BAND_HZ = (0.02, 1.5)

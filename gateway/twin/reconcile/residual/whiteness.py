@@ -1,12 +1,15 @@
 """Is what remains noise? Autocorrelation and lines."""
 
 import math
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.numerics.autocorrelation import autocorrelations
+from gateway.numerics.spectrum import ZERO_PADDING, periodogram
+from gateway.numerics.stats import chi_square_tail
 from gateway.twin.reconcile.output.result import Peak, Residual, Spectrum
-from gateway.twin.reconcile.residual.spectrum import ZERO_PADDING, periodogram
 
 Array = NDArray[np.float64]
 LAGS = 40
@@ -23,21 +26,13 @@ def ljung_box_p(residual: Array) -> float:
     """Smallest over the axes of (n, 3), times three: chance of such an autocorrelation in white noise (Ljung, Box 1978)."""
     found = []
     for axis in residual.T:
-        centred = axis - axis.mean()
-        n, lags = len(centred), min(LAGS, len(centred) // 5)
-        square = float(centred @ centred)
-        if square == 0.0:
+        n, lags = len(axis), min(LAGS, len(axis) // 5)
+        rho = np.array(list(islice(autocorrelations(axis), lags)))
+        if not len(rho):
             continue
-        rho = np.array([centred[k:] @ centred[:-k] for k in range(1, lags + 1)]) / square
         q = n * (n + 2) * float((rho**2 / (n - np.arange(1, lags + 1))).sum())
-        found.append(chi2_tail(q, lags))
+        found.append(chi_square_tail(q, lags))
     return min(1.0, len(found) * min(found, default=1.0))
-
-
-def chi2_tail(value: float, degrees: int) -> float:
-    """Chance that chi-square exceeds a value; Wilson and Hilferty 1931."""
-    z = ((max(value, 0.0) / degrees) ** (1 / 3) - (1 - 2 / (9 * degrees))) / math.sqrt(2 / (9 * degrees))
-    return 0.5 * math.erfc(z / math.sqrt(2))
 
 
 def find_peaks(time_s: Array, residual: Array, noise_g: Array) -> tuple[Peak, ...]:

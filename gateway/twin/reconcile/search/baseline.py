@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+from gateway.numerics.spectrum import find_machine_line
 from gateway.twin.effects.effect import Value
 from gateway.twin.reconcile.data.artefact_detectors import (
     detect_quantisation_step,
@@ -11,7 +12,6 @@ from gateway.twin.reconcile.data.artefact_detectors import (
 )
 from gateway.twin.reconcile.data.observations import Observations, Recordings, slice_samples
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
-from gateway.twin.reconcile.residual.spectrum import find_machine_line
 from gateway.twin.reconcile.search.candidate_fits import MIN_VARIANCE_SHARE, CandidateFit
 from gateway.twin.reconcile.search.initial_guesses import GuessContext, guess_vibration
 from gateway.twin.reconcile.search.search import Search

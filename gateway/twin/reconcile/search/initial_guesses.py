@@ -6,13 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.numerics.spectrum import find_machine_line, find_strongest_line, fit_sine_phasors
 from gateway.twin.effects.effect import Value
 from gateway.twin.effects.pulse import SHARPEST
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.changepoints.changepoint_scan import EventWindow
 from gateway.twin.reconcile.data.artefact_detectors import WRITTEN_RESOLUTION_G
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.residual.spectrum import find_machine_line, find_strongest_line, fit_sine_phasors
 
 Array = NDArray[np.float64]
 Values = dict[str, Value]

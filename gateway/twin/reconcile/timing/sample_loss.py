@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.numerics.spectrum import find_machine_line
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import WORLD_DIRECTED_EFFECTS, FitContext
 from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit, fit_model
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
 from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT
-from gateway.twin.reconcile.residual.spectrum import find_machine_line
 from gateway.twin.reconcile.search.candidate_fits import CandidateFit, Values
 from gateway.twin.reconcile.search.initial_guesses import default_guess
 from gateway.twin.reconcile.timing.conditional_score_test import free_parameter_indices, score_additional_effects

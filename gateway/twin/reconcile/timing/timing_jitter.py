@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.numerics.spectrum import MachineLine, find_machine_line
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.multiple_shooting import HEADING
-from gateway.twin.reconcile.residual.spectrum import MachineLine, find_machine_line
 from gateway.twin.reconcile.timing.time_warp_smoother import (
     KNOT_SPACING_SAMPLES,
     effective_degrees_of_freedom,

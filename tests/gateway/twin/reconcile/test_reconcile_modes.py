@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from gateway.numerics.spectrum import find_machine_line
 from gateway.twin.reconcile.data.data_checks import find_fault
 from gateway.twin.reconcile.data.observations import make_observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.modal_parameterisation import ModalSimulator
 from gateway.twin.reconcile.fit.windowed_fit import LARGE_AMPLITUDE_RAD, amplitude_rad, is_large_amplitude
-from gateway.twin.reconcile.residual.spectrum import find_machine_line
 from gateway.twin.reconcile.search.initial_guesses import GuessContext, guess_double_pendulum, guess_vibration, modes_hz
 from gateway.twin.simulator.simulator import Simulator
 

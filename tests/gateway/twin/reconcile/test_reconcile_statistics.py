@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
+from gateway.numerics.spectrum import find_machine_line
+from gateway.numerics.stats import chi_square_tail
 from gateway.twin.reconcile.fit.validation import block_bootstrap_gain
 from gateway.twin.reconcile.residual.isolability import confusable, smallest_angle_cosine
 from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
-from gateway.twin.reconcile.residual.spectrum import find_machine_line
 from gateway.twin.reconcile.residual.surrogate_test import normal_score, null_threshold, phase_randomised_surrogate
-from gateway.twin.reconcile.residual.whiteness import chi2_tail, find_peaks, ljung_box_p
+from gateway.twin.reconcile.residual.whiteness import find_peaks, ljung_box_p
 
 RATE_HZ = 20.0
 TIME_S = np.arange(1200) / RATE_HZ
@@ -93,7 +94,7 @@ def test_ljung_box_tells_white_from_coloured():
 
 
 def test_the_tail_of_chi_square_agrees_with_the_table():
-    assert chi2_tail(18.307, 10) == pytest.approx(0.05, abs=0.001)
+    assert chi_square_tail(18.307, 10) == pytest.approx(0.05, abs=0.001)
 
 
 def test_a_line_is_found_at_its_frequency_and_none_in_slow_noise():

@@ -6,7 +6,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from gateway.numerics.array import Array
+
 MIN_MACHINE_LINE_HZ = 3.0
 """Below, what shakes the housing may as well come down the rope from a moving pivot."""
 LINE_SEARCH_HZ = 1.0
