@@ -4,8 +4,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gateway.calibration.outliers import changed_readings
-from gateway.calibration.procedure import OUTLIER, Array, CalibrationFit
+from gateway.calibration.methods.calibration_fit import OUTLIER, CalibrationFit
+from gateway.calibration.methods.face_outliers import changed_readings
+from gateway.calibration.poses.pose import Array
 from gateway.calibration.record import CalibrationRecord
 
 COVERAGE = 3.0

@@ -3,7 +3,7 @@
 import re
 from typing import Any
 
-from gateway.calibration.procedure import CalibrationFit
+from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.record import CalibrationRecord, content_hash
 
 

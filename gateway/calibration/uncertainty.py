@@ -5,8 +5,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from gateway.calibration.geometry import FACE_DIRECTIONS
-from gateway.calibration.procedure import Array, Pose
+from gateway.calibration.poses.faces import FACE_DIRECTIONS
+from gateway.calibration.poses.pose import Array, Pose
 
 COVERAGE = 3.0
 """Of the prediction interval, in standard deviations (000 sec. 4): a part at rest is seldom refused."""

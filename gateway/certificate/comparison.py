@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.calibration.drift.change import DriftChange, change_between
-from gateway.calibration.drift.records import MEASURING_METHODS
+from gateway.calibration.drift.forecast import MEASURING_METHODS
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.certificate.forecast import forecast, sentence
 from gateway.documents.format import UNKNOWN, format_fixed, format_with_uncertainty

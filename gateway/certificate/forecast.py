@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from gateway.calibration.drift.records import DriftReport, drift_of
+from gateway.calibration.drift.forecast import DriftReport, drift_of
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.documents.format import format_short
 from gateway.documents.text import printable_text

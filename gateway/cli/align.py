@@ -9,8 +9,8 @@ from gateway.cli.argument_types import above_zero
 
 if TYPE_CHECKING:
     from gateway.bus.client import Client
-    from gateway.calibration.align import AligningAdvice, ScrewMechanics
-    from gateway.recalibration.aligning import AligningView
+    from gateway.calibration.alignment.assistant import AligningView
+    from gateway.calibration.alignment.screw_advice import AligningAdvice, ScrewMechanics
 
 SILENT_S = 1.5
 """Tilts come ten times a second."""
@@ -44,7 +44,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argp
 
 def _align(arguments: argparse.Namespace) -> int:
     from gateway.bus.client import Client
-    from gateway.calibration.align import ScrewMechanics
+    from gateway.calibration.alignment.screw_advice import ScrewMechanics
 
     screws = ScrewMechanics(
         lead_m=arguments.lead_mm / 1000,
@@ -63,9 +63,9 @@ def watch(client: "Client", screws: "ScrewMechanics", out: TextIO) -> int:
     """Show advice as tilts come, until the housing is aligned; a lost link is waited for."""
     import zenoh
 
+    from gateway.calibration.alignment.assistant import Aligning
     from gateway.cli.status_line import StatusLine
     from gateway.daemon.bounded_queue import BoundedQueue
-    from gateway.recalibration.aligning import Aligning
     from gateway.topics import adapter
 
     tilts: BoundedQueue[zenoh.Sample] = BoundedQueue(WAITING)

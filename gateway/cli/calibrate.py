@@ -91,11 +91,11 @@ def _add_common(method: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Calibrate and tell; 1 where the readings do not determine it, or the record is not acceptable."""
     from gateway import __version__
-    from gateway.bench.parent import read_parent
-    from gateway.bench.report import as_text
-    from gateway.bench.session import BenchOptions, calibrate
-    from gateway.bench.tables import TableOptions
     from gateway.calibration.acceptance import judge
+    from gateway.calibration.offline.calibrate_files import BenchOptions, calibrate
+    from gateway.calibration.offline.parent_record import read_parent
+    from gateway.calibration.offline.readings_file import TableOptions
+    from gateway.calibration.offline.report import as_text
     from gateway.calibration.record import NotDeterminedError
     from gateway.calibration.record_factory import make_record
     from gateway.certificate.page import render_certificate

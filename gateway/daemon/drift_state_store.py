@@ -7,7 +7,7 @@ from typing import Any
 
 from gateway.atomic_io import write_durably
 from gateway.calibration.correction import Correction
-from gateway.calibration.drift.rest import RestDriftMonitor
+from gateway.calibration.drift.rest_monitor import RestDriftMonitor
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
 from gateway.pipeline.drift_monitor import DriftMonitor

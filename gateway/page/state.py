@@ -9,13 +9,13 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from gateway.calibration.alignment.assistant import Aligning, AligningView
 from gateway.messages import Calibration, Message, Swing, Tilt
 from gateway.page.history import History
 from gateway.page.inbox import Arrival
 from gateway.page.link import ALIVE, SHOWN
 from gateway.page.parameters import Parameters
 from gateway.page.verdict import Evidence, Verdict, is_fresh, is_known, verdict
-from gateway.recalibration.aligning import Aligning, AligningView
 from gateway.topics import adapter
 
 MEASURED = ("tilt", "swing", "condition")

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.calibration.drift.rest import NS_PER_HOUR, RestDriftMonitor, at_rest
+from gateway.calibration.drift.rest_monitor import NS_PER_HOUR, RestDriftMonitor, at_rest
 from gateway.calibration.drift.rest_status import RestStatus, rest_status
 
 DRIFTED = "at rest the norm has left the record's interval: calibrate"

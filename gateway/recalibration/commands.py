@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pydantic import ValidationError
 
 from devices.block import DeviceInfo
-from gateway.calibration.procedure import CalibrationFit
+from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.record_factory import make_record
 from gateway.calibration.store import CalibrationStore

@@ -3,7 +3,7 @@
 from collections import deque
 from dataclasses import dataclass
 
-from gateway.calibration.zero import LEAST_S
+from gateway.calibration.methods.zeroing import LEAST_S
 from gateway.messages import Verdict
 
 MEMORY_S = 60.0

@@ -3,7 +3,9 @@
 from typing import Protocol
 
 from devices.block import DeviceInfo
-from gateway.calibration.procedure import CalibrationFit, Procedure, RawReadings
+from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.poses.pose import RawReadings
+from gateway.calibration.procedures.pose_procedure import PoseProcedure
 from gateway.calibration.record import CalibrationRecord
 from gateway.recalibration.session import Judgement
 
@@ -11,7 +13,7 @@ from gateway.recalibration.session import Judgement
 class Methods(Protocol):
     """The ways of calibrating a device from afar."""
 
-    def procedure(self, method: str, device: DeviceInfo, parent: CalibrationRecord | None) -> Procedure:
+    def procedure(self, method: str, device: DeviceInfo, parent: CalibrationRecord | None) -> PoseProcedure:
         """A procedure that has seen nothing yet; `parent` is the record that a new one follows."""
         ...
 

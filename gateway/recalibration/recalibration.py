@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Literal
 
 from devices.block import DeviceInfo, SampleBlock
-from gateway.calibration.procedure import Procedure, Progress
+from gateway.calibration.methods.zeroing import LEAST_S
+from gateway.calibration.procedures.pose_procedure import PoseProcedure, Progress
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
-from gateway.calibration.zero import LEAST_S
 from gateway.errors import PlumblineError
 from gateway.recalibration import requests
 from gateway.recalibration.audit import Audit
@@ -43,7 +43,7 @@ class Recalibration:
         self._journal = Journal(folder / "session.json")
         self._audit = Audit(folder / "audit.jsonl", tell)
         self._readings = RecentSamples(LEAST_S + MARGIN_S)
-        self._procedure: Procedure | None = None
+        self._procedure: PoseProcedure | None = None
         self._progress: Progress | None = None
         self._planner: CommandHandler | None = None
         self.session = self._journal.session
@@ -161,7 +161,7 @@ class Recalibration:
         self._procedure.resume(session.poses)
         self._progress = self._procedure.progress()
 
-    def _review(self, procedure: Procedure, moment: Timestamp) -> None:
+    def _review(self, procedure: PoseProcedure, moment: Timestamp) -> None:
         """All poses are there: the fit, the record and the judge's word on it."""
         session = self.session
         assert session is not None

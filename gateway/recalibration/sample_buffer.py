@@ -5,7 +5,7 @@ from collections import deque
 import numpy as np
 
 from devices.block import SampleBlock
-from gateway.calibration.procedure import RawReadings
+from gateway.calibration.poses.pose import RawReadings
 
 
 class RecentSamples:

@@ -4,7 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
-from gateway.calibration.procedure import Pose
+from gateway.calibration.poses.pose import Pose
 
 Phase = Literal["idle", "collecting", "review", "committed", "rejected"]
 ACTIVE: tuple[Phase, ...] = ("collecting", "review")

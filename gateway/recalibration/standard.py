@@ -4,11 +4,13 @@ import numpy as np
 
 from devices.block import DeviceInfo
 from gateway.calibration import acceptance
-from gateway.calibration.methods import procedure_for
-from gateway.calibration.poses import NominalSensitivity
-from gateway.calibration.procedure import CalibrationFit, Procedure, RawReadings
+from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.methods.zeroing import zero
+from gateway.calibration.poses.pose import RawReadings
+from gateway.calibration.poses.pose_finder import NominalSensitivity
+from gateway.calibration.procedures.pose_procedure import PoseProcedure
+from gateway.calibration.procedures.procedure_factory import procedure_for
 from gateway.calibration.record import CalibrationRecord
-from gateway.calibration.zero import zero
 from gateway.recalibration.session import Judgement
 
 Axes = tuple[tuple[int, int], ...]
@@ -23,7 +25,7 @@ class StandardMethods:
         for housing_axis, (sensor_axis, sign) in enumerate(axes):
             self._turn[housing_axis, sensor_axis] = sign
 
-    def procedure(self, method: str, device: DeviceInfo, parent: CalibrationRecord | None) -> Procedure:
+    def procedure(self, method: str, device: DeviceInfo, parent: CalibrationRecord | None) -> PoseProcedure:
         """A procedure that has seen nothing yet; a norm fit, which cannot see the frame, keeps that of `parent`."""
         return procedure_for(method, NominalSensitivity(device.units_per_g), parent=parent)
 

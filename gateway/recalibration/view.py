@@ -1,6 +1,6 @@
 """The session as others are shown it. Faces and directions are the sensor's own axes, as in the record."""
 
-from gateway.calibration.procedure import Progress
+from gateway.calibration.procedures.pose_procedure import Progress
 from gateway.messages import NO_SESSION, CalibrationSession, SessionPose
 from gateway.recalibration.session import CONFIRM, Session
 

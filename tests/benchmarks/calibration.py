@@ -5,12 +5,13 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.calibration.geometry import face_of
-from gateway.calibration.methods import procedure_for
-from gateway.calibration.norm_fit import fit_norm
-from gateway.calibration.poses import NominalSensitivity
-from gateway.calibration.procedure import CalibrationFit, Pose
-from gateway.calibration.six_position import fit_six_positions
+from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.methods.norm_fit import fit_norm
+from gateway.calibration.methods.six_position import fit_six_positions
+from gateway.calibration.poses.faces import face_of
+from gateway.calibration.poses.pose import Pose
+from gateway.calibration.poses.pose_finder import NominalSensitivity
+from gateway.calibration.procedures.procedure_factory import procedure_for
 from tests.benchmarks.calibration_sessions import (
     ADXL345,
     ADXL355,

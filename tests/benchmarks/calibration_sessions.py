@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.calibration.experiment_design import next_direction
-from gateway.calibration.procedure import RawReadings
+from gateway.calibration.methods.experiment_design import next_direction
+from gateway.calibration.poses.pose import RawReadings
 
 Array = NDArray[np.float64]
 

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
-from gateway.calibration.drift.line import Line, line_of_means
-from gateway.calibration.drift.rest import RestDriftMonitor, RestReading
 from gateway.calibration.drift.rest_mean import RestMean, joined
+from gateway.calibration.drift.rest_monitor import RestDriftMonitor, RestReading
+from gateway.calibration.drift.trend import Line, line_of_means
 
 FEWEST_DAYS = 8
 MOST_POINTS = 32

@@ -11,15 +11,16 @@ from typing import Any
 import numpy as np
 
 from devices.table import TableLayout, read_table
-from gateway.calibration.geometry import candidate_directions, face_of
-from gateway.calibration.methods import procedure_for
-from gateway.calibration.norm_fit import fit_norm
-from gateway.calibration.poses import NominalSensitivity
-from gateway.calibration.procedure import CalibrationFit, Pose, RawReadings
+from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.methods.norm_fit import fit_norm
+from gateway.calibration.methods.six_position import fit_six_positions
+from gateway.calibration.methods.zeroing import zero
+from gateway.calibration.poses.faces import candidate_directions, face_of
+from gateway.calibration.poses.pose import Pose, RawReadings
+from gateway.calibration.poses.pose_finder import NominalSensitivity
+from gateway.calibration.procedures.procedure_factory import procedure_for
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.record_factory import make_record
-from gateway.calibration.six_position import fit_six_positions
-from gateway.calibration.zero import zero
 
 DATA = Path(__file__).parents[2] / "data" / "calibration"
 GOLDEN_RECORDS = DATA / "golden_records.json"

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 
 from gateway.calibration.acceptance import change, judge
-from gateway.calibration.geometry import FACE_DIRECTIONS
-from gateway.calibration.procedure import OUTLIER, Pose
+from gateway.calibration.methods.calibration_fit import OUTLIER
+from gateway.calibration.methods.six_position import fit_six_positions
+from gateway.calibration.poses.faces import FACE_DIRECTIONS
+from gateway.calibration.poses.pose import Pose
 from gateway.calibration.record_factory import make_record
-from gateway.calibration.six_position import fit_six_positions
 
 
 def fit(gain=1.0, offset_g=(0.01, 0.02, 0.03)):

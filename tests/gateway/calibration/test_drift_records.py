@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from gateway.calibration.drift.change import change_between, observable_change, reading_error_g, tilt_error_rad
-from gateway.calibration.drift.line import line_of_means, line_of_measurements
-from gateway.calibration.drift.records import drift_of
+from gateway.calibration.drift.forecast import drift_of
+from gateway.calibration.drift.trend import line_of_means, line_of_measurements
 from gateway.calibration.record import CalibrationError, CalibrationRecord, content_hash
 
 DATA = Path(__file__).parents[2] / "data" / "calibration"

@@ -7,7 +7,14 @@ import pytest
 
 from devices.block import DeviceInfo
 from gateway.calibration.correction import Correction, correction_for
-from gateway.calibration.drift.rest import DAYS_KEPT, HOLD_HOURS, HOURS_KEPT, NS_PER_HOUR, RestDriftMonitor, at_rest
+from gateway.calibration.drift.rest_monitor import (
+    DAYS_KEPT,
+    HOLD_HOURS,
+    HOURS_KEPT,
+    NS_PER_HOUR,
+    RestDriftMonitor,
+    at_rest,
+)
 from gateway.calibration.drift.rest_status import rest_status
 from gateway.calibration.record import CalibrationError, CalibrationRecord, content_hash
 from gateway.stages.conditions.monitor import ConditionMonitor, SwingContext

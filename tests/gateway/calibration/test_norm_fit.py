@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.calibration.experiment_design import conditioning, next_direction, worst_combination
-from gateway.calibration.geometry import candidate_directions
-from gateway.calibration.norm_fit import fit_norm
-from gateway.calibration.procedure import Pose
+from gateway.calibration.methods.experiment_design import conditioning, next_direction, worst_combination
+from gateway.calibration.methods.norm_fit import fit_norm
+from gateway.calibration.poses.faces import candidate_directions
+from gateway.calibration.poses.pose import Pose
 from gateway.calibration.record import NotDeterminedError
 from gateway.calibration.record_factory import make_record
 

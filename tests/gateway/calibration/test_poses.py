@@ -5,11 +5,11 @@ from dataclasses import asdict
 import numpy as np
 import pytest
 
-from gateway.calibration.geometry import FACE_DIRECTIONS
-from gateway.calibration.methods import procedure_for
-from gateway.calibration.noise import correlation_factor, quantisation_u
-from gateway.calibration.poses import READINGS, NominalSensitivity, PoseFinder
-from gateway.calibration.procedure import RawReadings
+from gateway.calibration.poses.faces import FACE_DIRECTIONS
+from gateway.calibration.poses.mean_uncertainty import correlation_factor, quantisation_u
+from gateway.calibration.poses.pose import RawReadings
+from gateway.calibration.poses.pose_finder import READINGS, NominalSensitivity, PoseFinder
+from gateway.calibration.procedures.procedure_factory import procedure_for
 from gateway.calibration.record import CalibrationError
 from tests.benchmarks.calibration_sessions import (
     ADXL345,

@@ -7,11 +7,11 @@ import pytest
 
 from devices.simulated.accelerometer import Accelerometer, no_errors
 from devices.simulated.factory import factory_calibration
-from gateway.calibration.geometry import FACE_DIRECTIONS
-from gateway.calibration.procedure import Pose
+from gateway.calibration.methods.six_position import fit_six_positions
+from gateway.calibration.poses.faces import FACE_DIRECTIONS
+from gateway.calibration.poses.pose import Pose
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.record_factory import make_record
-from gateway.calibration.six_position import fit_six_positions
 
 FIELDS = {
     *("format", "id", "device_id", "method", "created_utc", "software", "by", "parent", "unit", "offset"),

@@ -7,11 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.calibration.geometry import FACE_DIRECTIONS, FACES, face_of
-from gateway.calibration.outliers import changed_readings
-from gateway.calibration.procedure import OUTLIER, Pose
+from gateway.calibration.methods.calibration_fit import OUTLIER
+from gateway.calibration.methods.face_outliers import changed_readings
+from gateway.calibration.methods.six_position import extremes, fit_six_positions, relative
+from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, face_of
+from gateway.calibration.poses.pose import Pose
 from gateway.calibration.record import NotDeterminedError
-from gateway.calibration.six_position import extremes, fit_six_positions, relative
 
 TABLES = json.loads((Path(__file__).parents[2] / "data" / "calibration" / "luczak_2022_tables.json").read_text())
 TYPE_A_V = TABLES["type_A_uncertainty_V"]

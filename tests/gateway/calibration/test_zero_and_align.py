@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from gateway.calibration.align import ScrewMechanics, advise
-from gateway.calibration.procedure import CalibrationFit, RawReadings
+from gateway.calibration.alignment.screw_advice import ScrewMechanics, advise
+from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.methods.zeroing import SUM_WARNING, zero, zeroing_rotation
+from gateway.calibration.poses.pose import RawReadings
 from gateway.calibration.record import CalibrationError, NotDeterminedError
 from gateway.calibration.record_factory import make_record
-from gateway.calibration.zero import SUM_WARNING, zero, zeroing_rotation
 
 STRAIGHT = np.eye(3)
 HUNG = np.array([[0.0, 1, 0], [0, 0, 1], [1, 0, 0]])  # the sensor's x is up

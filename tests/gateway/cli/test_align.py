@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from gateway.calibration.align import ScrewMechanics
+from gateway.calibration.alignment.screw_advice import ScrewMechanics
 from gateway.cli import align as aligning
 from gateway.cli.align import SILENT, watch
 from gateway.messages import Tilt

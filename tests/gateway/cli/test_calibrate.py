@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.calibration.methods import procedure_for
-from gateway.calibration.poses import NominalSensitivity
+from gateway.calibration.poses.pose_finder import NominalSensitivity
+from gateway.calibration.procedures.procedure_factory import procedure_for
 from gateway.calibration.record import CalibrationRecord
 from gateway.cli.main import main
 from tests.benchmarks.calibration_sessions import (

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo
-from gateway.calibration.drift.rest import NS_PER_HOUR
+from gateway.calibration.drift.rest_monitor import NS_PER_HOUR
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
 from gateway.daemon.calibration_provider import CalibrationProvider

@@ -7,7 +7,7 @@ import pytest
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import correction_for
-from gateway.calibration.drift.rest import HOLD_HOURS, NS_PER_HOUR, RestDriftMonitor
+from gateway.calibration.drift.rest_monitor import HOLD_HOURS, NS_PER_HOUR, RestDriftMonitor
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.configuration.loading import validate
 from gateway.messages import NO_SESSION

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo, SampleBlock
-from gateway.calibration.procedure import CalibrationFit, Pose, Progress
+from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.poses.pose import Pose
+from gateway.calibration.procedures.pose_procedure import Progress
 from gateway.calibration.store import CalibrationStore
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.session import Judgement

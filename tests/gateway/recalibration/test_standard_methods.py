@@ -7,9 +7,9 @@ import pytest
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.simulated.accelerometer import Accelerometer, typical_errors
-from gateway.calibration.methods import procedure_for
-from gateway.calibration.poses import NominalSensitivity
-from gateway.calibration.procedure import RawReadings
+from gateway.calibration.poses.pose import RawReadings
+from gateway.calibration.poses.pose_finder import NominalSensitivity
+from gateway.calibration.procedures.procedure_factory import procedure_for
 from gateway.calibration.record import CalibrationRecord
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.standard import StandardMethods

@@ -6,11 +6,13 @@ attitude, and what is removed is their sum. The turn about the rope is not seen 
 
 import numpy as np
 
-from gateway.calibration.misalignment import inverse, misalignment_deg
-from gateway.calibration.noise import correlation_factor
-from gateway.calibration.procedure import Array, CalibrationFit, RawReadings
+from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.methods.misalignment import inverse, misalignment_deg
+from gateway.calibration.poses.mean_uncertainty import correlation_factor
+from gateway.calibration.poses.pose import Array, RawReadings
+from gateway.calibration.poses.stillness import StillnessGate
+from gateway.calibration.poses.windows import Window, Windows
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
-from gateway.calibration.stillness import StillnessGate, Window, Windows
 from gateway.calibration.uncertainty import Contribution, budget, prediction_interval_g, total
 
 METHOD = "zero"

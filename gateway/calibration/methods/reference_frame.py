@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.geometry import skew
-from gateway.calibration.procedure import Array
+from gateway.calibration.poses.pose import Array
 from gateway.calibration.record import CalibrationRecord
 
 
@@ -42,3 +41,9 @@ def rotation_covariance(matrix: Array, covariance_rad2: Array) -> Array:
     root = np.zeros((12, 3))
     root[:9] = np.column_stack([(skew(axis) @ matrix).ravel() for axis in np.eye(3)])
     return np.asarray(root @ covariance_rad2 @ root.T)
+
+
+def skew(vector: Array) -> Array:
+    """The matrix of the cross product `vector` x ..., shape (3, 3)."""
+    x, y, z = vector
+    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gateway.calibration.procedure import Array, Face
+from gateway.calibration.poses.pose import Array, Face
 
 FACES: tuple[Face, ...] = ("+x", "-x", "+y", "-y", "+z", "-z")
 FACE_DIRECTIONS: dict[Face, Array] = {
@@ -44,9 +44,3 @@ def direction_text(direction: Array) -> str:
     if len(parts) == 1:
         return f"{parts[0]} up"
     return f"up between {' and '.join(parts)}"
-
-
-def skew(vector: Array) -> Array:
-    """The matrix of the cross product `vector` x ..., shape (3, 3)."""
-    x, y, z = vector
-    return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

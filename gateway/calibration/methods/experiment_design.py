@@ -6,8 +6,8 @@ directions n alone.
 
 import numpy as np
 
-from gateway.calibration.geometry import candidate_directions, direction_text
-from gateway.calibration.procedure import Array
+from gateway.calibration.poses.faces import candidate_directions, direction_text
+from gateway.calibration.poses.pose import Array
 from gateway.calibration.record import NotDeterminedError
 
 CONDITION_LIMIT = 30.0

@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.assembly import assemble
-from gateway.calibration.experiment_design import conditioning, require_well_conditioned
-from gateway.calibration.frame import Frame, frame_of, nominal_frame, rotation_covariance
-from gateway.calibration.misalignment import inverse
-from gateway.calibration.noise import quantisation_u
-from gateway.calibration.procedure import Array, CalibrationFit, Pose
+from gateway.calibration.methods.calibration_fit import CalibrationFit, assemble
+from gateway.calibration.methods.experiment_design import conditioning, require_well_conditioned
+from gateway.calibration.methods.misalignment import inverse
+from gateway.calibration.methods.reference_frame import Frame, frame_of, nominal_frame, rotation_covariance
+from gateway.calibration.poses.mean_uncertainty import quantisation_u
+from gateway.calibration.poses.pose import Array, Pose
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.calibration.uncertainty import Contribution
 from gateway.numerics.stats import chi_square_quantile

@@ -5,9 +5,10 @@ from typing import Any
 
 import numpy as np
 
-from gateway.calibration.geometry import FACES
-from gateway.calibration.procedure import OUTLIER, Array
-from gateway.calibration.six_position import OUTLIER_SIGMA, PLACEMENT_U_DEG
+from gateway.calibration.methods.calibration_fit import OUTLIER
+from gateway.calibration.methods.six_position import OUTLIER_SIGMA, PLACEMENT_U_DEG
+from gateway.calibration.poses.faces import FACES
+from gateway.calibration.poses.pose import Array
 
 Poses = tuple[Mapping[str, Any], ...]
 """As a record has them."""

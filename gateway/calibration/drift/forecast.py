@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.calibration.drift.change import observable_change, reading_error_g
-from gateway.calibration.drift.line import Line, line_of_measurements
+from gateway.calibration.drift.trend import Line, line_of_measurements
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 
 Array = NDArray[np.float64]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gateway.calibration.correction import Correction
-from gateway.calibration.drift.records import created
+from gateway.calibration.drift.forecast import created
 from gateway.calibration.drift.rest_mean import HourSums, RestMean, joined
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.numerics.stats import normal_quantile

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.calibration.align import ScrewMechanics
+from gateway.calibration.alignment.assistant import FEWEST, Aligning
+from gateway.calibration.alignment.screw_advice import ScrewMechanics
 from gateway.messages import Tilt
-from gateway.recalibration.aligning import FEWEST, Aligning
 
 TILT = Tilt(
     time_ns=0,

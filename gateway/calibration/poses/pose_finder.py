@@ -4,10 +4,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from gateway.calibration.geometry import face_of
-from gateway.calibration.noise import correlation_factor
-from gateway.calibration.procedure import Array, Pose, RawReadings
-from gateway.calibration.stillness import STILL_RATIO, StillnessGate, Window, Windows
+from gateway.calibration.poses.faces import face_of
+from gateway.calibration.poses.mean_uncertainty import correlation_factor
+from gateway.calibration.poses.pose import Array, Pose, RawReadings
+from gateway.calibration.poses.stillness import STILL_RATIO, StillnessGate
+from gateway.calibration.poses.windows import Window, Windows
 
 
 @dataclass(frozen=True, slots=True)

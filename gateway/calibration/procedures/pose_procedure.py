@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-from gateway.calibration.poses import NominalSensitivity, PoseFinder
-from gateway.calibration.procedure import Array, CalibrationFit, Face, Pose, Progress, RawReadings
+from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.poses.pose import Array, Face, Pose, RawReadings
+from gateway.calibration.poses.pose_finder import NominalSensitivity, PoseFinder
 
 LARGEST_COUNT = 200
 """Poses of one session; memory and the fit stay bounded."""
@@ -20,6 +21,28 @@ class RequestedPose:
     direction: Array | None
     """Where up should point next, a unit vector; None: nothing is missing."""
     text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """How far a procedure has come; what the rigger is shown."""
+
+    poses: tuple[Pose, ...]
+    wanted: int
+    """Poses needed at least."""
+    still: bool
+    """The housing is at rest now."""
+    pose_fraction: float
+    """Of the readings of the pose that is being taken, 0 to 1."""
+    seconds_left: float | None
+    """Until that pose is taken; None while it moves."""
+    next_face: Face | None
+    """Which sensor axis should point up next; None: any, or complete."""
+    next_direction: tuple[float, float, float] | None
+    """Where up should point in the sensor's axes next, a unit vector; None: complete."""
+    complete: bool
+    text: str
+    """One line for the rigger: what to do now, or what was wrong with the pose."""
 
 
 class PosePlan(Protocol):

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.assembly import assemble
-from gateway.calibration.geometry import FACE_DIRECTIONS, FACES, direction_text
-from gateway.calibration.misalignment import inverse
-from gateway.calibration.noise import quantisation_u
-from gateway.calibration.procedure import OUTLIER, Array, CalibrationFit, Face, Pose
+from gateway.calibration.methods.calibration_fit import OUTLIER, CalibrationFit, assemble
+from gateway.calibration.methods.misalignment import inverse
+from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, direction_text
+from gateway.calibration.poses.mean_uncertainty import quantisation_u
+from gateway.calibration.poses.pose import Array, Face, Pose
 from gateway.calibration.record import NotDeterminedError
 from gateway.calibration.uncertainty import Contribution
 from gateway.numerics.stats import chi_square_quantile

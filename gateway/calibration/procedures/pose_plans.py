@@ -4,16 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.calibration.experiment_design import CONDITION_LIMIT, conditioning, next_direction
-from gateway.calibration.geometry import FACE_DIRECTIONS, FACES, direction_text, face_of, off_face_deg
-from gateway.calibration.norm_fit import METHOD as NORM_FIT
-from gateway.calibration.norm_fit import NEEDED, fit_norm
-from gateway.calibration.pose_procedure import Poses, RequestedPose
-from gateway.calibration.poses import TURN_LIMIT_G, NominalSensitivity
-from gateway.calibration.procedure import CalibrationFit, Pose
+from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.methods.experiment_design import CONDITION_LIMIT, conditioning, next_direction
+from gateway.calibration.methods.norm_fit import METHOD as NORM_FIT
+from gateway.calibration.methods.norm_fit import NEEDED, fit_norm
+from gateway.calibration.methods.six_position import METHOD as SIX_POSITION
+from gateway.calibration.methods.six_position import fit_six_positions, missing_faces
+from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, direction_text, face_of, off_face_deg
+from gateway.calibration.poses.pose import Pose
+from gateway.calibration.poses.pose_finder import TURN_LIMIT_G, NominalSensitivity
+from gateway.calibration.procedures.pose_procedure import Poses, RequestedPose
 from gateway.calibration.record import CalibrationRecord
-from gateway.calibration.six_position import METHOD as SIX_POSITION
-from gateway.calibration.six_position import fit_six_positions, missing_faces
 
 NORM_FIT_WANTED = NEEDED + 3
 """Some more than the unknowns, so that the fit is checked."""

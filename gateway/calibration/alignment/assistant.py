@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.align import AligningAdvice, ScrewMechanics, advise
+from gateway.calibration.alignment.screw_advice import AligningAdvice, ScrewMechanics, advise
 from gateway.messages import Tilt
 
 WINDOW_S = 2.0

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gateway.calibration.procedure import Array
+from gateway.calibration.poses.pose import Array
 
 SIGNIFICANT = 3.0
 """Standard deviations by which the scatter of window means must exceed that of independent readings to count as correlation."""

@@ -1,13 +1,13 @@
 """The ways of calibrating, as procedures that are fed readings; live sessions and the offline command build them here."""
 
-from gateway.calibration.norm_fit import FRAME_U_DEG
-from gateway.calibration.norm_fit import METHOD as NORM_FIT
-from gateway.calibration.plans import NormFitPlan, SixPositionPlan
-from gateway.calibration.pose_procedure import PoseProcedure
-from gateway.calibration.poses import NominalSensitivity
+from gateway.calibration.methods.norm_fit import FRAME_U_DEG
+from gateway.calibration.methods.norm_fit import METHOD as NORM_FIT
+from gateway.calibration.methods.six_position import METHOD as SIX_POSITION
+from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
+from gateway.calibration.poses.pose_finder import NominalSensitivity
+from gateway.calibration.procedures.pose_plans import NormFitPlan, SixPositionPlan
+from gateway.calibration.procedures.pose_procedure import PoseProcedure
 from gateway.calibration.record import CalibrationError, CalibrationRecord
-from gateway.calibration.six_position import METHOD as SIX_POSITION
-from gateway.calibration.six_position import PLACEMENT_U_DEG
 
 METHODS = (SIX_POSITION, NORM_FIT)
 

@@ -5,15 +5,16 @@ from pathlib import Path
 
 import numpy as np
 
-from gateway.bench.nominal import nominal_for
-from gateway.bench.tables import Session, TableOptions, read_session
-from gateway.calibration.methods import procedure_for
-from gateway.calibration.norm_fit import FRAME_U_DEG
-from gateway.calibration.pose_procedure import PoseProcedure
-from gateway.calibration.poses import NominalSensitivity
-from gateway.calibration.procedure import CalibrationFit, RawReadings
+from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.methods.norm_fit import FRAME_U_DEG
+from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
+from gateway.calibration.offline.nominal_sensitivity import nominal_for
+from gateway.calibration.offline.readings_file import Session, TableOptions, read_session
+from gateway.calibration.poses.pose import RawReadings
+from gateway.calibration.poses.pose_finder import NominalSensitivity
+from gateway.calibration.procedures.pose_procedure import PoseProcedure
+from gateway.calibration.procedures.procedure_factory import procedure_for
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
-from gateway.calibration.six_position import PLACEMENT_U_DEG
 from gateway.errors import InputError
 
 BLOCK = 64

@@ -1,7 +1,11 @@
 """From what a method has found to a `CalibrationFit`: covariance, prediction interval and budget are made alike for all."""
 
-from gateway.calibration.misalignment import misalignment_deg
-from gateway.calibration.procedure import Array, CalibrationFit, Pose
+from dataclasses import dataclass
+from typing import Any
+
+from gateway.calibration.methods.misalignment import misalignment_deg
+from gateway.calibration.poses.pose import Array, Pose
+from gateway.calibration.record import Number
 from gateway.calibration.uncertainty import (
     Contribution,
     budget,
@@ -12,6 +16,30 @@ from gateway.calibration.uncertainty import (
     temperature_contribution,
     total,
 )
+
+OUTLIER = "outlier:"
+"""A fit's warning that begins so names a reading that does not fit the others."""
+
+
+@dataclass(frozen=True, slots=True)
+class CalibrationFit:
+    """What a procedure found: the record's content but for who, when and for which device."""
+
+    method: str
+    offset: tuple[Number, Number, Number]
+    correction_matrix: Array
+    """Shape (3, 3), g per unit."""
+    covariance: Array
+    """Shape (12, 12): matrix rows, then offset."""
+    prediction_interval_g: float
+    poses: tuple[Pose, ...]
+    temperature_c: dict[str, Number] | None
+    misalignment_deg: dict[str, list[float]]
+    residual_rms_g: float
+    condition_number: float
+    budget: tuple[dict[str, Any], ...]
+    """Rows of the GUM budget: source, type (A or B), u_g, u_deg."""
+    warnings: tuple[str, ...]
 
 
 def assemble(

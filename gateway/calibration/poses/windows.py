@@ -1,22 +1,15 @@
-"""Windows of readings, and whether the sensor was still in one: against its own noise, and in g."""
+"""Windows of readings."""
 
-from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.procedure import Array, RawReadings
+from gateway.calibration.poses.pose import Array, RawReadings
 
 WINDOW_S = 0.25
 LEAST_READINGS = 8
 LARGEST_GAP_S = 1.0
 """Readings further apart belong to different poses: what happened between is not known."""
-KEPT_WINDOWS = 400
-QUIET_QUANTILE = 0.2
-STILL_RATIO = 3.0
-"""A still window scatters at most so many times as much as the quiet ones before it."""
-STILL_LIMIT_G = 0.025
-"""However noisy the sensor: more is a moving hand or a running machine."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,23 +100,3 @@ def smallest_step(raw: Array) -> float:
     """Smallest difference between two different readings of an axis, shape (n, 3); 0 where there are none."""
     steps = np.diff(np.sort(raw, axis=0), axis=0)
     return float(np.min(steps[steps > 0], initial=np.inf)) if np.any(steps > 0) else 0.0
-
-
-class StillnessGate:
-    """Whether a window is still, by the noise that the sensor itself has shown."""
-
-    def __init__(self, units_per_g: float) -> None:
-        self._units_per_g = units_per_g
-        self._quiet: deque[float] = deque(maxlen=KEPT_WINDOWS)
-
-    @property
-    def noise_g(self) -> float:
-        """Of a reading, from the quiet windows so far; 0 before any."""
-        return float(np.quantile(self._quiet, QUIET_QUANTILE)) if self._quiet else 0.0
-
-    def is_still(self, window: Window) -> bool:
-        """Take the window into account and judge it."""
-        scatter_g = float(np.max(window.scatter)) / self._units_per_g
-        step_g = window.step / self._units_per_g
-        self._quiet.append(scatter_g)
-        return scatter_g <= min(max(STILL_RATIO * self.noise_g, step_g), STILL_LIMIT_G)

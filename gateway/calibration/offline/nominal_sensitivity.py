@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from gateway.bench.tables import Floats, Session
-from gateway.calibration.poses import NORM_LIMIT, NominalSensitivity
+from gateway.calibration.offline.readings_file import Floats, Session
+from gateway.calibration.poses.pose_finder import NORM_LIMIT, NominalSensitivity
 from gateway.calibration.record import NotDeterminedError
 
 BLOCK = 16

@@ -6,7 +6,7 @@ As printed, the equations list the x and y pairs the other way round: an axis is
 
 import numpy as np
 
-from gateway.calibration.procedure import Array
+from gateway.calibration.poses.pose import Array
 
 PAIR_ORDER = {"x": (2, 1), "y": (0, 2), "z": (0, 1)}
 """For each axis, the axes whose faces make its two horizontal pairs."""

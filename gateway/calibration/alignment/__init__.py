@@ -1,0 +1,1 @@
+"""Alignment of the housing on the rope by its two screws."""

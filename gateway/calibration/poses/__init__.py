@@ -1,0 +1,1 @@
+"""Resting poses in the readings: windows, stillness, faces, means with their uncertainty."""
