@@ -43,6 +43,15 @@ def test_every_package_that_the_docs_name_exists():
         assert [str(path) for path in paths if not path.is_dir() and not path.with_suffix(".py").exists()] == [], page
 
 
+def test_every_cited_source_is_in_the_references():
+    listed = (DOCS / "references.md").read_text().splitlines()
+    code = [path for top in ("gateway", "devices") for path in (ROOT / top).rglob("*.py")]
+    for path in [*code, *ROOT.glob("*.md"), *DOCS.rglob("*.md")]:
+        cited = re.findall(r"\b([A-ZŁ]\w+)(?: et al\.| and others)?,? ((?:19|20)\d\d)\b(?!-)", path.read_text())
+        missing = [(name, year) for name, year in cited if not any(name in row and year in row for row in listed)]
+        assert missing == [], path
+
+
 @pytest.mark.parametrize("name", PAGES)
 def test_generated_page_is_up_to_date(name):
     assert (DOCS / name).read_text() == PAGES[name](), "run script/docs"

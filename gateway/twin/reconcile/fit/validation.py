@@ -91,7 +91,7 @@ def block_bootstrap_gain(
 ) -> tuple[float, float]:
     """95 % interval of how much lower the reduced chi-square is after, from whole blocks drawn again; residuals (n, 3).
 
-    Moving blocks, Kuensch 1989: correlation within a block stays what it is.
+    Moving blocks, Künsch 1989: correlation within a block stays what it is.
     """
     gain = ((before_sigma**2) - (after_sigma**2)).mean(axis=1)
     length = max(1, int(np.searchsorted(time_s, BLOCK_S)))

@@ -16,7 +16,7 @@ INDISTINGUISHABLE_COSINE = 0.9999
 
 
 def smallest_angle_cosine(first: Array, second: Array) -> float:
-    """Cosine of the smallest principal angle of two column spaces (Bjoerck, Golub 1973)."""
+    """Cosine of the smallest principal angle of two column spaces (Björck, Golub 1973)."""
     a, b = orthonormal(first), orthonormal(second)
     if not a.shape[1] or not b.shape[1]:
         return 0.0
