@@ -2,21 +2,18 @@
 
 import numpy as np
 
+from gateway.numerics.saturation import saturation_level
 from gateway.swing.model import Real
 
 LARGEST_NORM_ERROR_G = 0.12
 """Of the mean specific force: a swing of 30 degrees moves it by 0.07."""
 LARGEST_TILT_RAD = np.pi / 4
-FEWEST_VALUES = 20
-"""Distinct readings of an axis below which a pile at the end of its range means nothing."""
-PILE, PILE_OVER_NEXT = 8, 4
-"""Readings at exactly the largest value, and how many times those at the next: a sinusoid piles up 2.4 times."""
 
 
 def fault_of(force_g: Real) -> str | None:
     """What is wrong with samples of specific force, shape (n, 3), or None."""
     for axis, values in zip("xyz", force_g.T, strict=True):
-        end = _saturation_level(values)
+        end = saturation_level(values)
         if end is not None:
             return f"clipped: {axis} piles up at {end:+.4f} g"
     return fault_of_means(force_g)
@@ -33,15 +30,4 @@ def fault_of_means(force_g: Real) -> str | None:
         return f"the mean specific force is {norm_g:.3f} g, not 1: wrong unit or scale"
     if mean_g[2] < norm_g * np.cos(LARGEST_TILT_RAD):
         return f"z reads {mean_g[2]:+.3f} g on the mean: the housing is not upright on the rope"
-    return None
-
-
-def _saturation_level(values: Real) -> float | None:
-    """The value at an end of the range where too many readings lie."""
-    distinct, counts = np.unique(values, return_counts=True)
-    if len(distinct) < FEWEST_VALUES:
-        return None
-    for end, beside in ((-1, -2), (0, 1)):
-        if counts[end] >= PILE and counts[end] > PILE_OVER_NEXT * counts[beside]:
-            return float(distinct[end])
     return None

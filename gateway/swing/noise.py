@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from gateway.numerics.quantisation import smallest_steps
 from gateway.numerics.robust import robust_sigma
 from gateway.swing.model import Real
 
@@ -31,16 +32,10 @@ def noise_from_differences(force_g: Real) -> Real | None:
     return found
 
 
-def quantum_g(force_g: Real) -> Real:
-    """Smallest step between any two readings of an axis, shape (3,); 0 where there is only one value."""
-    steps = [np.diff(np.unique(force_g[:, axis])) for axis in range(force_g.shape[1])]
-    return np.array([float(s.min()) if len(s) else 0.0 for s in steps])
-
-
 def believed_noise_g(force_g: Real, stated_g: float | Real | None) -> Real:
     """Noise to reckon with, shape (3,): the larger of what is stated and what is seen, never below quantisation."""
     seen_g = noise_from_differences(force_g)
-    floor_g = np.maximum(quantum_g(force_g) / np.sqrt(12), SMALLEST_NOISE_G)
+    floor_g = np.maximum(smallest_steps(force_g) / np.sqrt(12), SMALLEST_NOISE_G)
     noise_g: Real = np.maximum(
         floor_g, 0.0 if stated_g is None else np.broadcast_to(np.asarray(stated_g, dtype=float), 3)
     )

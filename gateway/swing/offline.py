@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gateway.numerics.spikes import lone_spikes
 from gateway.swing.bins import Bins, bin_samples, checked
 from gateway.swing.dead_axis import silence_of
 from gateway.swing.estimate import SwingEstimate
@@ -34,7 +35,6 @@ from gateway.swing.robust_fit import (
 )
 from gateway.swing.segmentation import Segmenter, assess_pieces, fit_gaps_with_hoisting
 from gateway.swing.sensor_lowpass import delay_s
-from gateway.swing.spikes import lone_spikes
 
 BINS_PER_PERIOD = 32
 FIRST_WINDOW_PERIODS = 3.0

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.calibration.poses.pose import Array, RawReadings
+from gateway.numerics.quantisation import smallest_steps
 
 WINDOW_S = 0.25
 LEAST_READINGS = 8
@@ -84,7 +85,7 @@ class Windows:
             count=count,
             mean=mean,
             square_sum=((raw - mean) ** 2).sum(axis=0),
-            step=smallest_step(raw),
+            step=min((float(step) for step in smallest_steps(raw) if step > 0), default=0.0),
             temperature_c=float(known.mean()) if len(known) else None,
             after_gap=self._gap,
         )
@@ -94,9 +95,3 @@ class Windows:
 
     def _drop(self, count: int) -> None:
         self._time, self._raw, self._temperature = self._time[count:], self._raw[count:], self._temperature[count:]
-
-
-def smallest_step(raw: Array) -> float:
-    """Smallest difference between two different readings of an axis, shape (n, 3); 0 where there are none."""
-    steps = np.diff(np.sort(raw, axis=0), axis=0)
-    return float(np.min(steps[steps > 0], initial=np.inf)) if np.any(steps > 0) else 0.0

@@ -5,9 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gateway.numerics.quantisation import smallest_steps
 from gateway.swing.bins import bin_samples, concatenate, merge
 from gateway.swing.input_checks import fault_of
-from gateway.swing.noise import believed_noise_g, noise_from_differences, quantum_g
+from gateway.swing.noise import believed_noise_g, noise_from_differences
 
 RNG = np.random.default_rng(3)
 
@@ -53,7 +54,7 @@ def test_noise_is_never_below_quantisation_nor_below_what_is_stated():
     coarse = np.round(RNG.normal(scale=1e-4, size=(500, 3)) / 0.004) * 0.004 + [[0.0, 0.004, 1.0]]
     coarse[7] += 0.004
 
-    assert quantum_g(coarse) == pytest.approx([0.004] * 3)
+    assert smallest_steps(coarse) == pytest.approx([0.004] * 3)
     assert (believed_noise_g(coarse, None) >= 0.004 / np.sqrt(12)).all()
     assert believed_noise_g(RNG.normal(scale=1e-3, size=(500, 3)), 5e-3) == pytest.approx([5e-3] * 3)
     assert believed_noise_g(RNG.normal(scale=1e-3, size=(500, 3)), 1e-4) == pytest.approx([1e-3] * 3, rel=0.2)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from gateway.numerics.spikes import lone_spikes
 from gateway.swing import MountedHousing, estimate_swing
-from gateway.swing.spikes import lone_spikes
 
 NOISE_G = 2.5e-3
 
