@@ -8,7 +8,10 @@ from numpy.typing import NDArray
 
 from devices.simulated.accelerometer import Accelerometer, no_errors
 from gateway.errors import InputError
+from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.limits import Quantization
 from gateway.twin.effects.modes import modes
+from gateway.twin.effects.rope import DoublePendulum, RopeStretch
 from gateway.twin.model import Model
 from gateway.twin.simulator.simulator import Simulator
 
@@ -20,8 +23,6 @@ FIRST_STRETCH_M = 5e-3
 RIGGING_AHEAD = 1.5
 """By how much the rigging leans more than it does in the slow mode, so that both modes are there."""
 WARMS_UP_BY_C, WARM_UP_S = 20.0, 30.0
-BEHIND_THE_NOISE = ("clipping", "quantization", "sample_loss")
-"""What happens to readings that have their noise already: not a matter of the prediction."""
 DEFAULT_RATE_HZ = 50.0
 DEFAULT_RANGE_G = 2.0
 
@@ -59,13 +60,13 @@ def simulate(model: Model, duration_s: float, seed: int, initial: dict[str, floa
     handed_g = part.counts(noisy_g, temperature_c, random) / part.units_per_g
     stamped_s = np.arange(len(time_s)) / rate_hz  # stamps count samples: what was lost leaves no trace in them
     noise_g = float(np.sqrt(np.mean(np.square(model.rig.noise_g))))
-    return Simulated(stamped_s, _limited(model, handed_g), temperature_c, part.full_scale_g, noise_g, rate_hz)
+    return Simulated(stamped_s, _hand_on(model, handed_g), temperature_c, part.full_scale_g, noise_g, rate_hz)
 
 
 def _prediction(
     model: Model, initial: dict[str, float], random: np.random.Generator, time_s: Array, temperature_c: Array
 ) -> Array:
-    predicted = {name: values for name, values in model.effects.items() if name not in BEHIND_THE_NOISE}
+    predicted = {name: values for name, values in model.effects.items() if not EFFECTS[name].acts_on_noisy_samples}
     try:
         simulator = Simulator(model.rig, tuple(predicted))
     except ValueError as error:
@@ -100,19 +101,21 @@ def _start(simulator: Simulator, model: Model, random: np.random.Generator) -> A
     rate = FIRST_ROUNDNESS * math.sqrt(rig.gravity_m_s2 / rig.length_m) * FIRST_SWING_RAD * along[::-1] * [-1, 1]
     start = np.zeros(simulator.n_initial_states)
     start[:4] = [*tilt, *rate]
-    if "double_pendulum" in model.effects:
-        hung = model.effects["double_pendulum"]
+    if DoublePendulum.name in model.effects:
+        hung = model.effects[DoublePendulum.name]
         lower_m, ratio = hung["rigging_length_m"], hung["hook_mass_ratio"]
         slow, _ = modes(rig.length_m - np.asarray(lower_m), lower_m, ratio)
         start[5:] = np.concatenate([RIGGING_AHEAD * slow.rigging_tilt * tilt, slow.rigging_tilt * rate])
-    if "rope_stretch" in model.effects:
+    if RopeStretch.name in model.effects:
         start[5] = FIRST_STRETCH_M
     return start
 
 
 def _drop_samples(model: Model, time_s: Array, random: np.random.Generator) -> Array:
-    loss = model.effects.get("sample_loss")
-    return time_s if loss is None else time_s[(random.random(len(time_s)) >= loss["fraction"]) | (time_s == time_s[0])]
+    for name, values in model.effects.items():
+        kept = EFFECTS[name].keep_samples(values, len(time_s), random)
+        time_s = time_s if kept is None else time_s[kept]
+    return time_s
 
 
 def _excess_noise_g(model: Model, part: Accelerometer) -> Array:
@@ -127,12 +130,9 @@ def _excess_noise_g(model: Model, part: Accelerometer) -> Array:
     return beyond
 
 
-def _limited(model: Model, force_g: Array) -> Array:
-    """Coarse steps and a smaller range than the part's."""
-    if "quantization" in model.effects and model.effects["quantization"]["lsb_g"] != 0:
-        lsb_g = model.effects["quantization"]["lsb_g"]
-        force_g = np.rint(force_g / lsb_g) * lsb_g
-    if "clipping" in model.effects:
-        full_scale_g = np.asarray(model.effects["clipping"]["full_scale_g"])
-        force_g = np.clip(force_g, -full_scale_g, full_scale_g)
+def _hand_on(model: Model, force_g: Array) -> Array:
+    """Apply what acts on noisy samples, the coarse steps before the smaller range."""
+    for name in (Quantization.name, *(each for each in EFFECTS if each != Quantization.name)):
+        if name in model.effects:
+            force_g = EFFECTS[name].sample_output_g(model.effects[name], force_g)
     return force_g

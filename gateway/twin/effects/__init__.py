@@ -2,9 +2,20 @@
 
 from gateway.twin.effects.damping import CoulombFriction, QuadraticDrag, ViscousDamping
 from gateway.twin.effects.driving import Impact, SteadyWind, TrolleyAcceleration, WindGust
-from gateway.twin.effects.effect import Effect
+from gateway.twin.effects.effect import (
+    BodyState,
+    Effect,
+    EvaluationContext,
+    ModelStructure,
+    Parameter,
+    ParameterKind,
+    RopeGeometry,
+    Symbols,
+)
+from gateway.twin.effects.guess_context import GuessContext
 from gateway.twin.effects.housing import HousingPosition, HousingSpin, Slewing
 from gateway.twin.effects.limits import Clipping, ClockDrift, LowpassLag, Quantization, SampleLoss
+from gateway.twin.effects.registry import EffectRegistry
 from gateway.twin.effects.rope import DoublePendulum, Hoisting, LoadChange, RopeLength, RopeStretch
 from gateway.twin.effects.sensor import (
     AxisOffset,
@@ -15,9 +26,21 @@ from gateway.twin.effects.sensor import (
     Vibration,
 )
 
-EFFECTS: dict[str, Effect] = {
-    effect.name: effect
-    for effect in (
+__all__ = [
+    "EFFECTS",
+    "BodyState",
+    "Effect",
+    "EvaluationContext",
+    "GuessContext",
+    "ModelStructure",
+    "Parameter",
+    "ParameterKind",
+    "RopeGeometry",
+    "Symbols",
+]
+
+EFFECTS = EffectRegistry(
+    (
         ViscousDamping(),
         QuadraticDrag(),
         CoulombFriction(),
@@ -26,10 +49,10 @@ EFFECTS: dict[str, Effect] = {
         Impact(),
         TrolleyAcceleration(),
         RopeLength(),
+        RopeStretch(),
         DoublePendulum(),
         Hoisting(),
         LoadChange(),
-        RopeStretch(),
         HousingPosition(),
         HousingSpin(),
         Slewing(),
@@ -45,4 +68,4 @@ EFFECTS: dict[str, Effect] = {
         ClockDrift(),
         SampleLoss(),
     )
-}
+)

@@ -5,6 +5,7 @@ import casadi as ca
 from devices.pendulum.equations import Vector, dot, scale
 from gateway.twin.effects.effect import BodyState, Effect, EvaluationContext, Parameter, Symbols
 
+LARGER_SWING = "record from a swing twice as wide until it has died away to a quarter"
 SLOWEST_M_S = 1e-3
 """Coulomb friction turns over within this speed; without it the force would jump at every turning point."""
 
@@ -17,6 +18,7 @@ class ViscousDamping(Effect):
     explains = "The swing dies away by the same part in each period: losses in rope, sheaves and joints."
     reference = "physics of the linear oscillator; envelope A' = −c A/2, c = 2 ζ w0"
     enters = "force on the load"
+    discriminating_experiment = LARGER_SWING
     parameters = (Parameter("damping_ratio", "1", "part of critical damping", 0.0, 0.5, 0.0, 1e-3, 5e-3),)
 
     def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
@@ -32,6 +34,7 @@ class QuadraticDrag(Effect):
     explains = "Large swings die away faster than small ones: drag of the air on a large, light load."
     reference = "drag law k = ρ_air c_d A / (2 m); envelope A' = −(4/3π) k L w A²"
     enters = "force on the load"
+    discriminating_experiment = LARGER_SWING
     parameters = (Parameter("drag_per_m", "1/m", "k", 0.0, 1.0, 0.0, 1e-3, 5e-3),)
 
     def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
@@ -48,6 +51,7 @@ class CoulombFriction(Effect):
     explains = "Small swings die away faster than large ones and come to a stop: dry friction at the pivot."
     reference = "Coulomb's law; envelope A' = −2 μ/(π w L)"
     enters = "force on the load"
+    discriminating_experiment = LARGER_SWING
     parameters = (Parameter("decel_m_s2", "m/s²", "μ", 0.0, 0.5, 0.0, 1e-3, 4e-3),)
 
     def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:

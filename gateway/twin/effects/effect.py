@@ -5,15 +5,63 @@ name, a tuple of symbols where the parameter has components.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
+from types import MappingProxyType
 from typing import ClassVar
 
-from devices.pendulum.equations import Scalar, Vector
+import numpy as np
+from numpy.typing import NDArray
 
+from devices.pendulum.equations import Scalar, Vector
+from gateway.twin.effects.guess_context import GuessContext
+
+Array = NDArray[np.float64]
 Symbols = Mapping[str, Scalar]
 Value = float | tuple[float, ...]
+Values = Mapping[str, Value]
+"""Parameters of one effect by name."""
 NOTHING: Vector = (0.0, 0.0, 0.0)
+
+
+class ModelStructure(Enum):
+    """What hangs from the pivot; it fixes the state of the motion."""
+
+    ROPE = "rope"
+    RIGGING = "double pendulum"
+    ELASTIC = "elastic rope"
+
+    @property
+    def n_states(self) -> int:
+        """Length of the state x."""
+        return {ModelStructure.ROPE: 9, ModelStructure.RIGGING: 15, ModelStructure.ELASTIC: 11}[self]
+
+    @property
+    def n_initial_states(self) -> int:
+        """Length of the initial state z, the coordinates that are fitted."""
+        return {ModelStructure.ROPE: 5, ModelStructure.RIGGING: 9, ModelStructure.ELASTIC: 7}[self]
+
+
+class ParameterKind(Enum):
+    """What a parameter means to a fit."""
+
+    AMPLITUDE = "amplitude"
+    """How strong the effect is."""
+    START = "start"
+    """When an event starts, in s since the recording's first sample."""
+    DURATION = "duration"
+    """How long an event, or a part of it, lasts, in s."""
+    EDGE = "edge"
+    """Share of an event in which it rises and falls."""
+    FREQUENCY = "frequency"
+    PHASE = "phase"
+    CUTOFF = "cutoff"
+    """A cutoff frequency: fitted by its inverse, the lag, to which samples respond in proportion."""
+
+
+EVENT_TIME_KINDS = frozenset({ParameterKind.START, ParameterKind.DURATION, ParameterKind.EDGE})
+"""Kinds without any sensitivity as long as the event's amplitude is zero."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +84,13 @@ class Parameter:
     """Names of the components of a parameter that has several."""
     refitted: bool = False
     """Belongs to a recording, not to the rig: the phase of a periodic effect."""
+    kind: ParameterKind = ParameterKind.AMPLITUDE
+    step_limit: float = math.inf
+    """Largest change in one step of a fit: samples respond in proportion only that far."""
+    prior_sigma: float | None = None
+    """One sigma of what a drawing or a tape measure says, where the parameter is a belief about the rig."""
+    operator_sigma: float | None = None
+    """One sigma of what an operator brings about who tries for a value."""
 
     @property
     def size(self) -> int:
@@ -98,10 +153,79 @@ class Effect:
     enters: ClassVar[str]
     """force on the load, pivot, rope, structure, housing, sensor or clock."""
     parameters: ClassVar[tuple[Parameter, ...]]
+    discriminating_experiment: ClassVar[str] = "record for longer and from a wider swing"
+    """Measurement or manoeuvre that separates this effect from others with the same signature."""
+
     transient: ClassVar[bool] = False
-    """It acts for a time; its parameters say when."""
+    """Acts for a time; parameters of kind START and DURATION say when."""
     linear_at_neutral: ClassVar[bool] = True
-    """The sensitivity at the neutral values tells whether the effect is there."""
+    """The sensitivity at the neutral values shows whether the effect is there."""
+    scored: ClassVar[bool | None] = None
+    """A score test at the neutral values ranks it; None means as `linear_at_neutral` and only if it is not transient."""
+    found_before_search: ClassVar[bool] = False
+    """Detected in the samples, the spectrum or the time stamps; the search does not try it."""
+    detected_in_samples: ClassVar[bool] = False
+    """Visible in the values of the samples themselves; backward elimination does not remove it."""
+    structure: ClassVar[ModelStructure] = ModelStructure.ROPE
+    """Structure that the effect gives to the model; two effects with different ones exclude each other."""
+    world_directed: ClassVar[bool] = False
+    """Has a direction in the world, so that the housing's heading matters."""
+    changes_length: ClassVar[bool] = False
+    """An event after which the rope has another length."""
+    instantaneous: ClassVar[bool] = False
+    """An event without duration."""
+    profile_modelled: ClassVar[bool] = True
+    """False where the exact course of an event is not modelled: its samples count neither for nor against a model."""
+    scales_period: ClassVar[bool] = False
+    """Changes the rate of the whole motion, as a clock that runs slow does."""
+    length_like: ClassVar[bool] = False
+    """Makes up for a wrong distance along the rope: a nuisance after an event that changed it."""
+    mixes_axes: ClassVar[bool] = False
+    """Reads a constant linear combination of the three axes; several such effects are one matrix."""
+    needs_temperature: ClassVar[bool] = False
+    """Shows only in recordings with a temperature."""
+    steady_frequency: ClassVar[bool] = False
+    """Has a parameter `frequency_hz`; residual lines close to it contradict the effect."""
+    slow_convergence: ClassVar[bool] = False
+    """Its parameters lie in a narrow valley of chi-square: a fit needs more iterations to converge."""
+    segment_s: ClassVar[float] = math.inf
+    """Longest segment of multiple shooting that a fit from rest can follow."""
+    needs_single_segment: ClassVar[bool] = False
+    """Has memory that segments of multiple shooting do not carry over."""
+    min_duration_s: ClassVar[float] = 0.0
+    """Shortest duration for which the search accepts the effect."""
+    default_guess: ClassVar[Values] = MappingProxyType({})
+    """Where a fit starts; parameters left out start at their neutral values."""
+
+    @property
+    def is_scored(self) -> bool:
+        """Whether a score test ranks the effect."""
+        return not self.transient and (self.linear_at_neutral if self.scored is None else self.scored)
+
+    @property
+    def is_guessed_from_residual(self) -> bool:
+        """Whether a persistent effect is searched for from initial guesses that come from the residual."""
+        return not (self.transient or self.is_scored or self.found_before_search)
+
+    @property
+    def guesses_from_data(self) -> bool:
+        """Whether the effect has initial guesses of its own."""
+        return type(self).initial_guesses is not Effect.initial_guesses
+
+    def initial_guesses(self, context: GuessContext) -> Sequence[Values]:
+        """Starting points of a fit, the most likely first; none where the data show no sign of the effect."""
+        return [self.default_guess]
+
+    def interval_s(self, values: Values) -> tuple[float, float] | None:
+        """When a transient effect acts, in s since the recording's first sample; None for a persistent one."""
+        if not self.transient:
+            return None
+        start_s = sum(self.numbers(values, ParameterKind.START))
+        return start_s, start_s + sum(self.numbers(values, ParameterKind.DURATION))
+
+    def numbers(self, values: Values, kind: ParameterKind) -> list[float]:
+        """Values of the scalar parameters of a kind, in their order; parameters that are not given are left out."""
+        return [float(np.asarray(values[p.name])) for p in self.parameters if p.kind is kind and p.name in values]
 
     def longest_step_s(self, p: Symbols, length_m: float) -> Scalar:
         """What the integration needs to follow this effect on a rope of a believed length."""
@@ -150,6 +274,22 @@ class Effect:
     def output_stage_g(self, p: Symbols, reading: Vector) -> Vector:
         """What it hands on of a filtered reading."""
         return reading
+
+    def sample_output_g(self, values: Values, force_g: Array) -> Array:
+        """Samples (n, 3) in g as the sensor hands them on, noise included; for simulated recordings."""
+        return force_g
+
+    def keep_samples(self, values: Values, count: int, random: np.random.Generator) -> NDArray[np.bool_] | None:
+        """Which of `count` samples arrive, shape (count,); None for all. For simulated recordings."""
+        return None
+
+    @property
+    def acts_on_noisy_samples(self) -> bool:
+        """Whether a simulated recording has the effect applied to its noisy samples instead of to the prediction."""
+        return (
+            type(self).sample_output_g is not Effect.sample_output_g
+            or type(self).keep_samples is not Effect.keep_samples
+        )
 
     def true_time_s(self, p: Symbols, elapsed_s: Scalar) -> Scalar:
         """True time since the recording's first sample by the recorded one."""

@@ -1,12 +1,17 @@
 """Where the housing sits and how it turns."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import casadi as ca
 
 from devices.pendulum.equations import Scalar, Vector
-from gateway.twin.effects.effect import BodyState, Effect, EvaluationContext, Parameter, RopeGeometry, Symbols
-from gateway.twin.effects.rope import add_length
+from gateway.twin.effects.effect import BodyState, Effect, EvaluationContext, Parameter, RopeGeometry, Symbols, Values
+from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.rope import MEASURE_HOUSING, add_length
+from gateway.twin.effects.spectral_guesses import guess_yaw_rate
+
+LOCK_SLEWING = "repeat with the crane's slewing locked; or look at the housing while the load swings"
 
 
 class HousingPosition(Effect):
@@ -17,7 +22,13 @@ class HousingPosition(Effect):
     explains = "The housing was clamped, or has slipped, to another place on the rope."
     reference = "f_t = g sin φ (1 − r/L)"
     enters = "housing"
-    parameters = (Parameter("error_m", "m", "further from the pivot is positive", -100.0, 100.0, 0.0, 0.02, 1.0),)
+    discriminating_experiment = MEASURE_HOUSING
+    length_like = True
+    parameters = (
+        Parameter(
+            "error_m", "m", "further from the pivot is positive", -100.0, 100.0, 0.0, 0.02, 1.0, prior_sigma=0.05
+        ),
+    )
 
     def ropes(self, p: Symbols, now: EvaluationContext, ropes: RopeGeometry) -> RopeGeometry:
         """The housing alone."""
@@ -32,7 +43,12 @@ class HousingSpin(Effect):
     explains = "The rope untwists under load and takes the housing along."
     reference = "rotation of the frame of measurement"
     enters = "housing"
-    parameters = (Parameter("rate_deg_s", "°/s", "Ω", -60.0, 60.0, 0.0, 0.02, 2.0),)
+    discriminating_experiment = LOCK_SLEWING
+    parameters = (Parameter("rate_deg_s", "°/s", "Ω", -60.0, 60.0, 0.0, 0.02, 2.0, operator_sigma=0.5),)
+
+    def initial_guesses(self, context: GuessContext) -> Sequence[Values]:
+        """At the rate at which the figure of the swing turns in the housing's axes."""
+        return guess_yaw_rate(context)
 
     def housing_rotation_rad(self, p: Symbols, now: EvaluationContext) -> Scalar:
         """In proportion to time."""
@@ -49,7 +65,12 @@ class Slewing(Effect):
     )
     reference = "Coriolis and centrifugal acceleration; the housing turns with the crane. Without a jib's radius"
     enters = "force on the load"
+    discriminating_experiment = LOCK_SLEWING
     parameters = (Parameter("rate_deg_s", "°/s", "Ω, anticlockwise from above", -30.0, 30.0, 0.0, 0.02, 2.0),)
+
+    def initial_guesses(self, context: GuessContext) -> Sequence[Values]:
+        """At the rate at which the figure of the swing turns in the housing's axes."""
+        return guess_yaw_rate(context)
 
     def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
         """In the frame of the crane."""

@@ -5,25 +5,58 @@ from dataclasses import dataclass
 import casadi as ca
 
 from devices.pendulum.equations import Scalar
-from gateway.twin.effects.effect import EvaluationContext, Parameter
-
-SHARPEST = 0.01
-"""Least part of an event in which it rises and falls."""
+from gateway.twin.effects.effect import EvaluationContext, Parameter, ParameterKind
+from gateway.twin.effects.pulse_shape import SHARPEST
 
 
-def start(typical: float) -> Parameter:
-    """When an event starts."""
-    return Parameter("start_s", "s", "when it starts, in the recording's time", 0.0, 1e6, 0.0, 0.1, typical)
+def start(typical: float, operator_sigma: float | None = None) -> Parameter:
+    """Return the parameter that says when an event starts."""
+    return Parameter(
+        "start_s",
+        "s",
+        "when it starts, in the recording's time",
+        0.0,
+        1e6,
+        0.0,
+        0.1,
+        typical,
+        kind=ParameterKind.START,
+        step_limit=2.0,
+        operator_sigma=operator_sigma,
+    )
 
 
-def duration(typical: float, name: str = "duration_s") -> Parameter:
-    """How long an event or a part of it lasts."""
-    return Parameter(name, "s", "how long it lasts", 0.05, 600.0, 5.0, 0.1, typical)
+def duration(typical: float, name: str = "duration_s", operator_sigma: float | None = None) -> Parameter:
+    """Return a parameter that says how long an event or a part of it lasts."""
+    return Parameter(
+        name,
+        "s",
+        "how long it lasts",
+        0.05,
+        600.0,
+        5.0,
+        0.1,
+        typical,
+        kind=ParameterKind.DURATION,
+        step_limit=3.0,
+        operator_sigma=operator_sigma,
+    )
 
 
 def ramp_fraction(typical: float) -> Parameter:
-    """How sharp its edges are."""
-    return Parameter("rising_share", "1", "part in which it rises and falls", SHARPEST, 1.0, typical, 0.1, typical)
+    """Return the parameter that says how sharp the edges of an event are."""
+    return Parameter(
+        "rising_share",
+        "1",
+        "part in which it rises and falls",
+        SHARPEST,
+        1.0,
+        typical,
+        0.1,
+        typical,
+        kind=ParameterKind.EDGE,
+        step_limit=0.3,
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,16 +1,34 @@
 """What changes the rope's length, and what hangs below the hook."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import casadi as ca
 
 from devices.pendulum.equations import Scalar
 from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2
-from gateway.twin.effects.effect import Effect, EvaluationContext, Parameter, RopeGeometry, Symbols
+from gateway.twin.effects.effect import (
+    Effect,
+    EvaluationContext,
+    ModelStructure,
+    Parameter,
+    ParameterKind,
+    RopeGeometry,
+    Symbols,
+    Values,
+)
+from gateway.twin.effects.event_guesses import guess_impact, guess_pulse
+from gateway.twin.effects.guess_context import GuessContext
 from gateway.twin.effects.modes import modes
 from gateway.twin.effects.pulse import Pulse, duration, ramp_fraction, start
+from gateway.twin.effects.spectral_guesses import guess_bounce, guess_double_pendulum
 
 Length = tuple[Scalar, Scalar, Scalar]
+MEASURE_ROPE = "measure the rope, or compare the recording's clock with another over some minutes"
+MEASURE_HOUSING = (
+    "turn the sensor upside down at rest: an offset keeps its sign, a scale error does not; measure the housing's place"
+)
+RECORD_DRIVES = "repeat the manoeuvre with the drives' own signals recorded, or with a second sensor at the pivot"
 LONGEST_RIGGING = 0.95
 """Share of the believed length."""
 
@@ -28,13 +46,23 @@ class Hoisting(Effect):
     explains = "The load was hoisted or lowered; the housing, clamped to the rope, moves with it."
     reference = "conservation of angular momentum as the rope's length changes"
     enters = "rope"
+    discriminating_experiment = RECORD_DRIVES
     transient = True
+    changes_length = True
+    profile_modelled = False
+    """How a winch starts and stops is its own."""
     parameters = (
-        Parameter("speed_m_s", "m/s", "lowering; hoisting is negative", -2.0, 2.0, 0.0, 0.01, -0.2),
-        start(30.0),
-        duration(8.0),
+        Parameter(
+            "speed_m_s", "m/s", "lowering; hoisting is negative", -2.0, 2.0, 0.0, 0.01, -0.2, operator_sigma=5e-3
+        ),
+        start(30.0, operator_sigma=1.0),
+        duration(8.0, operator_sigma=0.2),
         ramp_fraction(0.1),
     )
+
+    def initial_guesses(self, context: GuessContext) -> Sequence[Values]:
+        """From changepoint to changepoint, and as long as the windows; with soft edges and with sharp ones."""
+        return guess_pulse(context)
 
     def discontinuities_s(self, p: Symbols) -> tuple[Scalar, ...]:
         """Where the winch starts, runs, slows and stands."""
@@ -59,7 +87,10 @@ class RopeLength(Effect):
     explains = "The rope is longer or shorter than the rig's description says."
     reference = "period ~ √(L/g)"
     enters = "rope"
-    parameters = (Parameter("relative_error", "1", "e", -0.5, 1.0, 0.0, 1e-3, 0.02),)
+    discriminating_experiment = MEASURE_ROPE
+    scales_period = True
+    length_like = True
+    parameters = (Parameter("relative_error", "1", "e", -0.5, 1.0, 0.0, 1e-3, 0.02, prior_sigma=0.05),)
 
     def ropes(self, p: Symbols, now: EvaluationContext, ropes: RopeGeometry) -> RopeGeometry:
         """All of the length in proportion; the housing stays where it was measured."""
@@ -76,8 +107,21 @@ class RopeStretch(Effect):
     reference = "spring and mass along the rope, coupled to the swing by the rope's tension"
     enters = "structure"
     linear_at_neutral = False
+    structure = ModelStructure.ELASTIC
+    steady_frequency = True
     parameters = (
-        Parameter("frequency_hz", "Hz", "of the bounce, ω/2π", 0.3, 20.0, 2.0, 0.01, 2.0),
+        Parameter(
+            "frequency_hz",
+            "Hz",
+            "of the bounce, ω/2π",
+            0.3,
+            20.0,
+            2.0,
+            0.01,
+            2.0,
+            kind=ParameterKind.FREQUENCY,
+            step_limit=0.05,
+        ),
         Parameter(
             "damping_ratio", "1", "ζ of the bounce; a rope without any does not exist", 1e-3, 0.5, 0.01, 1e-3, 0.01
         ),
@@ -86,6 +130,10 @@ class RopeStretch(Effect):
             "sag_unknown", "1", "q, part of the sag under the load that the belief lacks", 0.0, 1.0, 1.0, 0.01, 1.0
         ),
     )
+
+    def initial_guesses(self, context: GuessContext) -> Sequence[Values]:
+        """At the strongest line of the axial residual, if it stands out."""
+        return guess_bounce(context)
 
     def longest_step_s(self, p: Symbols, length_m: float) -> Scalar:
         """An eighth of a radian of the bounce."""
@@ -116,12 +164,18 @@ class LoadChange(Effect):
     reference = "a point load's mass has no effect on its swing; the place of its centre has"
     enters = "rope"
     transient = True
+    changes_length = True
+    instantaneous = True
     parameters = (
         Parameter(
             "length_change_m", "m", "by which the load's centre moves away from the pivot", -10.0, 10.0, 0.0, 0.01, -0.5
         ),
         start(30.0),
     )
+
+    def initial_guesses(self, context: GuessContext) -> Sequence[Values]:
+        """At the changepoint, and in the middle of the short windows."""
+        return guess_impact(context)
 
     def discontinuities_s(self, p: Symbols) -> tuple[Scalar, ...]:
         """The instant of the change."""
@@ -141,10 +195,18 @@ class DoublePendulum(Effect):
     reference = "ω² = (g/2)[(1+R)(1/L₁+1/L₂) ± √((1+R)²(1/L₁+1/L₂)² − 4(1+R)/(L₁L₂))], R = 1/q"
     enters = "structure"
     linear_at_neutral = False
+    structure = ModelStructure.RIGGING
+    slow_convergence = True
+    segment_s = 8.0
+    """Two modes beat: a fit that starts off their frequencies follows them only for so long."""
     parameters = (
         Parameter("rigging_length_m", "m", "l, hook to the load's centre", 0.2, 100.0, 4.0, 0.05, 4.0),
         Parameter("hook_mass_ratio", "1", "q, hook block over load", 0.005, 5.0, 0.1, 0.01, 0.1),
     )
+
+    def initial_guesses(self, context: GuessContext) -> Sequence[Values]:
+        """Riggings and hooks whose modes have the frequencies of the two main lines."""
+        return guess_double_pendulum(context)
 
     def upper_bound(self, parameter: Parameter, length_m: float) -> float:
         """The rigging is part of the believed length."""

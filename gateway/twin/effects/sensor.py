@@ -1,9 +1,15 @@
 """What the sensor makes of the specific force: its own errors, in g."""
 
+from collections.abc import Sequence
+
 import casadi as ca
 
 from devices.pendulum.equations import Vector
-from gateway.twin.effects.effect import Effect, EvaluationContext, Parameter, Symbols
+from gateway.twin.effects.driving import TURN_HOUSING
+from gateway.twin.effects.effect import Effect, EvaluationContext, Parameter, ParameterKind, Symbols, Values
+from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.rope import MEASURE_HOUSING
+from gateway.twin.effects.spectral_guesses import guess_vibration
 
 AXES = ("x", "y", "z")
 
@@ -16,6 +22,8 @@ class MountMisalignment(Effect):
     explains = "The housing is clamped askew on the rope."
     reference = "small rotations about the housing's x and y axes"
     enters = "sensor"
+    discriminating_experiment = TURN_HOUSING
+    mixes_axes = True
     parameters = (Parameter("deg", "°", "about x and y", -20.0, 20.0, 0.0, 0.05, (0.5, -0.5), ("x", "y")),)
 
     def reading_g(self, p: Symbols, now: EvaluationContext, reading: Vector) -> Vector:
@@ -30,16 +38,19 @@ class CrossAxis(Effect):
     """An axis picks up another."""
 
     name = "cross_axis"
-    equation = "f_x += c_xy f_y + c_xz f_z, f_y += c_yz f_z"
+    equation = "f_x += c_xy f_y + c_xz f_z, f_y += c_xy f_x + c_yz f_z, f_z += c_xz f_x + c_yz f_y"
     explains = "The sensor's axes are not at right angles, or pick each other up."
-    reference = "upper triangle of the cross-axis matrix"
+    reference = "symmetric cross-axis matrix; its antisymmetric part is a rotation, mount_misalignment"
     enters = "sensor"
+    discriminating_experiment = TURN_HOUSING
+    mixes_axes = True
     parameters = tuple(
-        Parameter(pair, "1", f"of {pair[1]} on {pair[0]}", -0.3, 0.3, 0.0, 1e-3, 0.01) for pair in ("xy", "xz", "yz")
+        Parameter(pair, "1", f"between {pair[0]} and {pair[1]}", -0.3, 0.3, 0.0, 1e-3, 0.01)
+        for pair in ("xy", "xz", "yz")
     )
 
     def reading_g(self, p: Symbols, now: EvaluationContext, reading: Vector) -> Vector:
-        """Upper triangle."""
+        """The symmetric matrix."""
         x, y, z = reading
         return x + p["xy"] * y + p["xz"] * z, y + p["xy"] * x + p["yz"] * z, z + p["xz"] * x + p["yz"] * y
 
@@ -52,6 +63,7 @@ class ScaleError(Effect):
     explains = "The sensor's sensitivity has changed."
     reference = "scale-factor error, IEEE 1293"
     enters = "sensor"
+    discriminating_experiment = MEASURE_HOUSING
     parameters = (Parameter("relative", "1", "s", -0.3, 0.3, 0.0, 1e-3, (0.01, 0.01, 0.01), AXES),)
 
     def reading_g(self, p: Symbols, now: EvaluationContext, reading: Vector) -> Vector:
@@ -68,6 +80,7 @@ class AxisOffset(Effect):
     explains = "The sensor's zero has moved."
     reference = "zero-g offset, IEEE 1293"
     enters = "sensor"
+    discriminating_experiment = TURN_HOUSING
     parameters = (Parameter("offset_g", "g", "b", -0.5, 0.5, 0.0, 1e-3, (0.01, 0.01, 0.01), AXES),)
 
     def reading_g(self, p: Symbols, now: EvaluationContext, reading: Vector) -> Vector:
@@ -84,6 +97,7 @@ class ThermalDrift(Effect):
     explains = "The sensor's zero moves as it warms up."
     reference = "temperature coefficient of the zero-g offset"
     enters = "sensor"
+    needs_temperature = True
     parameters = (Parameter("mg_per_c", "mg/°C", "k", -20.0, 20.0, 0.0, 0.05, (0.5, 0.5, 1.0), AXES),)
 
     def reading_g(self, p: Symbols, now: EvaluationContext, reading: Vector) -> Vector:
@@ -101,12 +115,40 @@ class Vibration(Effect):
     reference = "a sine on each axis: a line to and fro, or an ellipse"
     enters = "sensor"
     linear_at_neutral = False
+    found_before_search = True
+    steady_frequency = True
     parameters = (
-        Parameter("frequency_hz", "Hz", "f", 0.5, 2000.0, 10.0, 1e-3, 12.0),
+        Parameter(
+            "frequency_hz",
+            "Hz",
+            "f",
+            0.5,
+            2000.0,
+            10.0,
+            1e-3,
+            12.0,
+            kind=ParameterKind.FREQUENCY,
+            step_limit=0.05,
+        ),
         Parameter("amplitude_g", "g", "A of each axis", -1.0, 1.0, 0.0, 1e-4, (3e-3, 3e-3, 3e-3), AXES),
-        Parameter("lag_rad", "rad", "of y and z behind x", -7.0, 7.0, 0.0, 0.1, (0.0, 0.0), ("y", "z")),
-        Parameter("phase_rad", "rad", "φ of x", -7.0, 7.0, 0.0, 0.1, 0.0, refitted=True),
+        Parameter(
+            "lag_rad",
+            "rad",
+            "of y and z behind x",
+            -7.0,
+            7.0,
+            0.0,
+            0.1,
+            (0.0, 0.0),
+            ("y", "z"),
+            kind=ParameterKind.PHASE,
+        ),
+        Parameter("phase_rad", "rad", "φ of x", -7.0, 7.0, 0.0, 0.1, 0.0, refitted=True, kind=ParameterKind.PHASE),
     )
+
+    def initial_guesses(self, context: GuessContext) -> Sequence[Values]:
+        """At the strongest line above the pendulum's frequencies that is no overtone."""
+        return guess_vibration(context)
 
     def reading_g(self, p: Symbols, now: EvaluationContext, reading: Vector) -> Vector:
         """Each axis with its own amplitude and phase."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects.effect import Value
+from gateway.twin.effects.limits import ClockDrift, Quantization, SampleLoss
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
@@ -72,7 +73,7 @@ def reconcile(
     tick("held-out")
     best = extend_by_validation_residual(search, best, recordings.held_out, rng)
     contenders, base_contender = validate_candidates(search, best, recordings, frozenset(base.values))
-    seen = frozenset({"sample_loss"} if lost is not None else ())
+    seen = frozenset({SampleLoss.name} if lost is not None else ())
     answer = decide(
         contenders,
         base_contender,
@@ -113,15 +114,15 @@ def _clock_rate_hypothesis(search: Search, best: CandidateFit) -> CandidateFit |
 
     The latter is for a look only: the search does not begin with a pair.
     """
-    alone = search.candidates.get(frozenset({*search.baseline_effects, "clock_drift"}))
+    alone = search.candidates.get(frozenset({*search.baseline_effects, ClockDrift.name}))
     if alone is not None or not best.has_unexplained_residual:
         return alone
-    return Search(search.setting, search.baseline_effects).fit_candidate({**best.values, "clock_drift": {}})
+    return Search(search.setting, search.baseline_effects).fit_candidate({**best.values, ClockDrift.name: {}})
 
 
 def _clock_rate_is_suspect(search: Search, best: CandidateFit, held_out: Observations) -> bool:
     """With a clock that does not explain both recordings."""
-    if "clock_drift" not in best.values:
+    if ClockDrift.name not in best.values:
         return False
     rig, values = search.setting.rig, {**search.setting.model_effects, **best.values}
     return best.has_unexplained_residual or has_excess(held_out, evaluate_on_validation(rig, values, held_out).fit)
@@ -157,10 +158,10 @@ def _exceeds_null(search: Search, base: CandidateFit, best: CandidateFit, rng: n
 
 def _exceeds_quantisation(search: Search, base: CandidateFit, best: CandidateFit) -> bool:
     """With readings in coarse steps, the gain holds against the mean of the steps: else it only imitates them."""
-    if "quantization" not in base.values or best is base:
+    if Quantization.name not in base.values or best is base:
         return True
     log, rig = search.setting.log, search.setting.rig
-    step_g = float(np.asarray(base.values["quantization"]["lsb_g"]))
+    step_g = float(np.asarray(base.values[Quantization.name]["lsb_g"]))
 
     def stepped(attempt: CandidateFit) -> float:
         return log.reduced_chi2(quantised_mean(attempt.fit.force_g, step_g, np.array(rig.noise_g)))

@@ -1,9 +1,16 @@
 """What a simulator's values mean, one by one."""
 
+import math
 from dataclasses import dataclass
 
-from gateway.twin.effects.effect import Effect, Parameter, parameter_label
-from gateway.twin.simulator.state import ModelStructure
+from gateway.twin.effects.effect import (
+    EVENT_TIME_KINDS,
+    Effect,
+    ModelStructure,
+    Parameter,
+    ParameterKind,
+    parameter_label,
+)
 
 TILTS = (
     ("tilt_x_rad", "rad", 3.1),
@@ -34,6 +41,18 @@ class ParameterSpec:
     scale: float
     refitted: bool
     """Belongs to the recording and not to the rig: initial motion, heading, phases."""
+    kind: ParameterKind = ParameterKind.AMPLITUDE
+    step_limit: float = math.inf
+
+    @property
+    def is_event_time(self) -> bool:
+        """Whether the number says when an event acts, and not how strongly."""
+        return self.kind in EVENT_TIME_KINDS
+
+    @property
+    def is_cutoff(self) -> bool:
+        """Whether the number is fitted by its inverse."""
+        return self.kind is ParameterKind.CUTOFF
 
 
 def initial_state_specs(structure: ModelStructure) -> tuple[ParameterSpec, ...]:
@@ -57,4 +76,17 @@ def effect_parameter_specs(effect: Effect, length_m: float) -> tuple[ParameterSp
 def _slot(effect: Effect, p: Parameter, component: int, length_m: float) -> ParameterSpec:
     label, upper = f"{effect.name}.{parameter_label(p, component)}", effect.upper_bound(p, length_m)
     neutral = min(p.neutral, upper)
-    return ParameterSpec(label, effect.name, p.name, component, p.unit, p.lower, upper, neutral, p.scale, p.refitted)
+    return ParameterSpec(
+        label,
+        effect.name,
+        p.name,
+        component,
+        p.unit,
+        p.lower,
+        upper,
+        neutral,
+        p.scale,
+        p.refitted,
+        p.kind,
+        p.step_limit,
+    )

@@ -7,7 +7,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.effects.effect import Value
+from gateway.twin.effects.effect import Effect, Value
+from gateway.twin.effects.limits import LowpassLag
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.simulator.compiled_model import compile_model
 from gateway.twin.simulator.first_order_lowpass import first_order_lowpass, initial_transient, lowpass_sensitivity
@@ -62,8 +63,9 @@ class Simulator:
         )
         self.parameters: tuple[ParameterSpec, ...] = self.initial + self.effect_parameters
         labels = [slot.label for slot in self.effect_parameters]
-        self._cutoff = labels.index("lowpass_lag.cutoff_hz") if "lowpass_lag.cutoff_hz" in labels else None
-        self._clips = "clipping" in self.effect_names
+        cutoff = f"{LowpassLag.name}.cutoff_hz"
+        self._cutoff = labels.index(cutoff) if cutoff in labels else None
+        self._limits_output = any(type(each).output_stage_g is not Effect.output_stage_g for each in self._effects)
 
     @property
     def n_initial_states(self) -> int:
@@ -113,7 +115,7 @@ class Simulator:
                 first_order_lowpass(reading, elapsed, p[self._cutoff])
                 + initial_transient(elapsed, p[self._cutoff]) * began_g
             )
-        return self._compiled.output([reading.T], p) if self._clips else reading
+        return self._compiled.output([reading.T], p) if self._limits_output else reading
 
     def linearise(self, values: Array, time_s: Array, temperature_c: Array | None = None) -> Linearisation:
         """A prediction as of `predict`, and its derivatives by all values."""
@@ -153,7 +155,7 @@ class Simulator:
     def _temperature(self, temperature_c: Array | None, elapsed: Array) -> Array:
         if temperature_c is not None:
             return temperature_c
-        if "thermal_drift" in self.effect_names:
+        if any(effect.needs_temperature for effect in self._effects):
             raise ValueError("thermal_drift wants temperature_c, the temperature of each sample")
         return np.zeros_like(elapsed)
 
@@ -195,7 +197,7 @@ class Simulator:
             by[..., place] -= 2 * np.pi * elapsed[:, None] * fades * began_g
             by[..., place + 1 : place + 4] += fades[:, :, None] * np.eye(3)
             reading = lagging + fades * began_g
-        if self._clips:
+        if self._limits_output:
             jacobian = self._compiled.output_jacobian([reading.T], p)
             by = jacobian[..., :3] @ by
             by[..., self.n_initial_states :] += jacobian[..., 3:]

@@ -8,44 +8,25 @@ stretch and its rate.
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from enum import Enum
 from typing import Any
 
 import casadi as ca
 
 from devices.pendulum import equations as eq
 from devices.pendulum.equations import Scalar, Vector
+from gateway.twin.effects.effect import Effect, ModelStructure
 
 Expression = Any
 NOTHING: Vector = (0.0, 0.0, 0.0)
 
 
-class ModelStructure(Enum):
-    """What hangs from the pivot."""
-
-    ROPE = "rope"
-    RIGGING = "double pendulum"
-    ELASTIC = "elastic rope"
-
-    @property
-    def n_states(self) -> int:
-        """Length of x."""
-        return {ModelStructure.ROPE: 9, ModelStructure.RIGGING: 15, ModelStructure.ELASTIC: 11}[self]
-
-    @property
-    def n_initial_states(self) -> int:
-        """Length of z."""
-        return {ModelStructure.ROPE: 5, ModelStructure.RIGGING: 9, ModelStructure.ELASTIC: 7}[self]
-
-
-def structure_of(names: Iterable[str]) -> ModelStructure:
-    """Of a model with these effects. Raises `ValueError` for two that exclude each other."""
-    chosen = {"double_pendulum", "rope_stretch"} & set(names)
-    if len(chosen) == 2:
-        raise ValueError("double_pendulum and rope_stretch cannot act together: leave one of them out")
-    if not chosen:
-        return ModelStructure.ROPE
-    return ModelStructure.RIGGING if "double_pendulum" in chosen else ModelStructure.ELASTIC
+def structure_of(effects: Iterable[Effect]) -> ModelStructure:
+    """Structure of a model with these effects. Raises `ValueError` for two that exclude each other."""
+    structural = [effect for effect in effects if effect.structure is not ModelStructure.ROPE]
+    if len({effect.structure for effect in structural}) > 1:
+        names = " and ".join(effect.name for effect in structural)
+        raise ValueError(f"{names} cannot act together: leave one of them out")
+    return structural[0].structure if structural else ModelStructure.ROPE
 
 
 @dataclass(frozen=True, slots=True)

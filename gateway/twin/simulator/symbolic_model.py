@@ -10,8 +10,9 @@ import casadi as ca
 from devices.pendulum import equations as eq
 from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.effect import BodyState, Effect, EvaluationContext, RopeGeometry, Symbols
-from gateway.twin.simulator.state import NOTHING, Expression, ModelStructure, State, structure_of, vector
+from gateway.twin.effects.effect import BodyState, Effect, EvaluationContext, ModelStructure, RopeGeometry, Symbols
+from gateway.twin.effects.rope import DoublePendulum
+from gateway.twin.simulator.state import NOTHING, Expression, State, structure_of, vector
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +43,7 @@ class SymbolicModel:
         """Take effects by their names; they act in the vocabulary's order. Raises `ValueError` as `structure_of`."""
         chosen = set(names)
         self.rig = beliefs
-        self.structure = structure_of(chosen)
+        self.structure = structure_of(EFFECTS[name] for name in sorted(chosen))
         self.effects: tuple[Effect, ...] = tuple(effect for name, effect in EFFECTS.items() if name in chosen)
         self.p, self._of = self._parameters()
 
@@ -113,7 +114,7 @@ class SymbolicModel:
         """n'' and m'' under the drives of the hook and of the load."""
         if self.structure is not ModelStructure.RIGGING:
             return eq.acceleration_of_direction(state.n, state.n_rate, load, length[0], length[1]), NOTHING
-        rigging = self._of["double_pendulum"]
+        rigging = self._of[DoublePendulum.name]
         lengths = (length[0], rigging["rigging_length_m"])
         ropes = (state.n, state.n_rate, state.m, state.m_rate)
         return eq.accelerations_of_two(*ropes, hook, load, lengths, length[1], length[2], rigging["hook_mass_ratio"])
@@ -150,7 +151,7 @@ class SymbolicModel:
     def _load(self, state: State, ropes: RopeGeometry) -> BodyState:
         place, velocity = _on_rope(state, ropes.length)
         if self.structure is ModelStructure.RIGGING:
-            rigging_m = self._of["double_pendulum"]["rigging_length_m"]
+            rigging_m = self._of[DoublePendulum.name]["rigging_length_m"]
             place = eq.add(place, eq.scale(rigging_m, state.m))
             velocity = eq.add(velocity, eq.scale(rigging_m, state.m_rate))
         return BodyState(place, velocity, self._swing_rate)

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Value
-from gateway.twin.reconcile.changepoints.changepoint_scan import COST_INSIDE, EventWindow
+from gateway.twin.effects.guess_context import EventWindow
+from gateway.twin.effects.sensor import Vibration
+from gateway.twin.reconcile.changepoints.changepoint_scan import COST_INSIDE
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
-from gateway.twin.reconcile.decision.ambiguity_groups import PERIOD_LIKE_EFFECTS
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
@@ -32,8 +33,6 @@ FAR_INCONSISTENT_MEAN_SQUARE = 5.0
 """The same of a block by itself: a winch that starts is loud at once, and quiet again while it runs."""
 CONSISTENT_CHI2 = 1.15
 """Reduced chi-square of a piece that is one motion."""
-EFFECTS_OF_LENGTH_CHANGE = ("rope_length", "housing_position")
-"""After hoisting both are others; after a change of the load the first."""
 MAX_EXTENSIONS = 6
 MIN_GROWTH = 1.05
 """Where a beginning goes on for less than this times its own length, it parts."""
@@ -72,7 +71,9 @@ def locate_changepoint(setting: FitContext, values: Values, *, length: bool) -> 
 def locate_next_changepoint(setting: FitContext, begun: ConsistentPrefix, *, length: bool) -> EventWindow | None:
     """The same where the beginning is known already."""
     log = setting.log
-    extra: Values = {name: {} for name in EFFECTS_OF_LENGTH_CHANGE if length and name not in setting.model_effects}
+    extra: Values = {
+        name: {} for name in EFFECTS.choose(length_like=True) if length and name not in setting.model_effects
+    }
     ending = _fit_suffix(setting, begun.values, extra, begun.end_sample)
     if ending is None:
         return None
@@ -143,11 +144,11 @@ def _first_inconsistent_block(log: Observations, force_g: Array) -> int:
 
 def _shift_phase(values: Values, then_s: float) -> Values:
     """With a machine's phase as it is then."""
-    if "vibration" not in values:
+    if Vibration.name not in values:
         return values
-    line = values["vibration"]
+    line = values[Vibration.name]
     turned = float(np.asarray(line["phase_rad"])) + 2 * np.pi * float(np.asarray(line["frequency_hz"])) * then_s
-    return {**values, "vibration": {**line, "phase_rad": (turned + np.pi) % (2 * np.pi) - np.pi}}
+    return {**values, Vibration.name: {**line, "phase_rad": (turned + np.pi) % (2 * np.pi) - np.pi}}
 
 
 def _fit_suffix(setting: FitContext, known: Values, extra: Values, from_sample: int) -> tuple[int, float] | None:
@@ -161,7 +162,9 @@ def _fit_suffix(setting: FitContext, known: Values, extra: Values, from_sample: 
     if high <= low:
         return None
     # Fitted again, what is like another rope would make up for a rope that became another.
-    again = {name: each for name, each in known.items() if name not in PERIOD_LIKE_EFFECTS}
+    again = {
+        name: each for name, each in known.items() if not (EFFECTS[name].scales_period or EFFECTS[name].length_like)
+    }
     for free in ({}, again) if again else ({},):
         held = {**setting.model_effects, **{name: each for name, each in known.items() if name not in free}}
         after = _SuffixFit(replace(setting, model_effects=held), {**extra, **free})

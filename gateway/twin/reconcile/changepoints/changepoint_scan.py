@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.guess_context import EventWindow
 from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 
@@ -19,18 +21,8 @@ MAX_LENGTHS_S = (0.0, 5.0, 12.0, 25.0)
 MARGIN_S = 4.0
 COST_INSIDE = 3.05
 """Each sample inside counts as noise and a little more, so that the shortest of equal windows wins."""
-UNMODELLED_PROFILE_EFFECTS, PROFILE_MARGIN_S = frozenset({"hoisting", "impact"}), 0.5
-"""Events that no two times go alike; before and after them, what is left of one."""
-
-
-@dataclass(frozen=True, slots=True)
-class EventWindow:
-    """A stretch outside of which the load moved freely."""
-
-    from_s: float
-    to_s: float
-    remaining_chi2: float
-    """Chi-square with a motion of its own before and after, samples inside counted as noise."""
+PROFILE_MARGIN_S = 0.5
+"""Left out before and after an event whose exact course is not modelled."""
 
 
 def scan_for_changepoints(
@@ -59,10 +51,11 @@ def exclude_unmodelled_profiles(log: Observations, effects: EffectValues) -> Obs
     How a winch starts and stops, and how what is struck gives way, is its own; what takes longer than an event is not left out.
     """
     away = np.ones(len(log.time_s), dtype=np.bool_)
-    for name in UNMODELLED_PROFILE_EFFECTS & set(effects):
-        start_s, length_s = (float(np.asarray(effects[name].get(key, 0.0))) for key in ("start_s", "duration_s"))
-        if length_s <= MAX_LENGTHS_S[-1]:
-            away &= (log.time_s < start_s - PROFILE_MARGIN_S) | (log.time_s > start_s + length_s + PROFILE_MARGIN_S)
+    for name, values in effects.items():
+        interval_s = None if EFFECTS[name].profile_modelled else EFFECTS[name].interval_s(values)
+        if interval_s is not None and interval_s[1] - interval_s[0] <= MAX_LENGTHS_S[-1]:
+            start_s, end_s = interval_s
+            away &= (log.time_s < start_s - PROFILE_MARGIN_S) | (log.time_s > end_s + PROFILE_MARGIN_S)
     return replace(log, used=log.used & away)
 
 

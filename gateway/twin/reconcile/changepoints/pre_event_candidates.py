@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Value
 from gateway.twin.reconcile.changepoints.changepoint import (
     CHANGEPOINT_ITERATIONS,
@@ -20,7 +21,6 @@ from gateway.twin.reconcile.changepoints.changepoint import (
 )
 from gateway.twin.reconcile.data.observations import slice_samples
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.search.initial_guesses import default_guess
 from gateway.twin.reconcile.search.score_test import compute_signatures
 
 Values = Mapping[str, Mapping[str, Value]]
@@ -61,6 +61,8 @@ def _rank_by_score_test(setting: FitContext, base: Values, names: Sequence[str])
     drops = {name: scored.predicted_chi2_drop(name) for name in scored.of}
     ranked = sorted(drops, key=lambda name: -drops[name])[:MAX_PREFIX_CANDIDATES]
     tried: list[Values] = [
-        {**base, name: default_guess(name)} for name in ranked if drops[name] > MIN_SHARE_OF_BEST * drops[ranked[0]]
+        {**base, name: EFFECTS[name].default_guess}
+        for name in ranked
+        if drops[name] > MIN_SHARE_OF_BEST * drops[ranked[0]]
     ]
     return [values for values in tried if is_single_trajectory(setting, values) is not None]

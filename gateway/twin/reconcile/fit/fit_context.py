@@ -1,12 +1,16 @@
 """What stays the same while models are tried."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.effects.pulse import SHARPEST
+from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.effect import ParameterKind
+from gateway.twin.effects.guess_context import EventWindow, GuessContext
+from gateway.twin.effects.pulse_shape import SHARPEST
+from gateway.twin.effects.rope import DoublePendulum
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
 from gateway.twin.reconcile.fit.initial_conditions import segment_initial_conditions
@@ -17,11 +21,7 @@ from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
-WORLD_DIRECTED_EFFECTS = frozenset({"steady_wind", "wind_gust", "impact", "trolley_acceleration"})
-"""Effects with a direction in the world: with one of them, the heading shows."""
 SEARCH_ITERATIONS = 8
-DOUBLE_PENDULUM_SEGMENT_S = 8.0
-"""Two modes beat: pieces must be short for a fit that starts off their frequencies."""
 RIGGING_FIT_S = 40.0
 RIGGING_FIT_ITERATIONS = 5
 
@@ -30,9 +30,14 @@ def segment_bounds(rig: TwinRig, values: EffectValues, observations: Observation
     """First samples of the pieces that a model is fitted over; a low-pass remembers the piece before, so it gets one piece."""
     if is_large_amplitude(observations):
         return window_bounds(rig, observations)
-    if "lowpass_lag" in values:
+    if any(EFFECTS[name].needs_single_segment for name in values):
         return [0]
-    return uniform_segments(observations, DOUBLE_PENDULUM_SEGMENT_S if "double_pendulum" in values else SEGMENT_S)
+    return uniform_segments(observations, min([SEGMENT_S, *(EFFECTS[name].segment_s for name in values)]))
+
+
+def is_world_directed(names: Iterable[str]) -> bool:
+    """Whether one of these effects has a direction in the world, so that the housing's heading is identifiable."""
+    return any(EFFECTS[name].world_directed for name in names)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +57,14 @@ class FitContext:
     def simulator(self, names: frozenset[str] | tuple[str, ...]) -> Simulator:
         """Of the believed effects and these."""
         return Simulator(self.rig, sorted({*self.model_effects, *names}))
+
+    def guess_context(
+        self, residual_g: Array, windows: tuple[EventWindow, ...] = (), changepoints: EventWindow | None = None
+    ) -> GuessContext:
+        """What effects make their initial guesses from: the recording and a residual (n, 3) of the model so far."""
+        log = self.log
+        known = (self.rig.length_m, self.rig.gravity_m_s2, log.time_s, log.force_g, log.noise_g)
+        return GuessContext(*known, residual_g, windows, changepoints)
 
     def fit(
         self, values: EffectValues, starts: Array | None = None, rounds: int = SEARCH_ITERATIONS, beyond: float = np.inf
@@ -75,7 +88,7 @@ class FitContext:
         rounds: int,
         beyond: float = np.inf,
     ) -> Fit:
-        if "double_pendulum" not in simulator.effect_names:
+        if DoublePendulum.name not in simulator.effect_names:
             return fit_trajectory(simulator, observations, starts, at, free, firsts, rounds, self.tick, beyond)
         modes = ModalSimulator(self.rig, simulator.effect_names)
         at_mode = modes.to_modal(at)
@@ -97,7 +110,7 @@ class FitContext:
         beginning = slice_samples(self.log, 0, int(np.searchsorted(self.log.time_s, RIGGING_FIT_S)))
         simulator = self.simulator(tuple(tried[0]))
         firsts = segment_bounds(self.rig, tried[0], beginning)
-        rigging = [slot.label for slot in simulator.parameters].index("double_pendulum.rigging_length_m")
+        rigging = [slot.label for slot in simulator.parameters].index(f"{DoublePendulum.name}.rigging_length_m")
         free = self.free_parameters(simulator, tried[0])
         free[rigging] = False
 
@@ -130,10 +143,9 @@ class FitContext:
         free = np.array([slot.refitted or slot.effect in values for slot in simulator.parameters])
         free[HEADING] = False
         for i, slot in enumerate(simulator.parameters):
-            sharp = values.get(slot.effect, {}).get("rising_share") == SHARPEST
-            free[i] &= not (
-                sharp and slot.parameter == "rising_share"
-            )  # sharp edges stay: their place decides, not their form
+            is_edge = slot.kind is ParameterKind.EDGE
+            # Sharp edges stay sharp: their place decides, not their form.
+            free[i] &= not (is_edge and values.get(slot.effect, {}).get(slot.parameter) == SHARPEST)
         return free
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects.modes import modes
+from gateway.twin.effects.rope import DoublePendulum
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.simulator.simulator import SegmentBatch, Simulator
@@ -31,8 +32,8 @@ class ModalSimulator(Simulator):
         """Raises `ValueError` as a simulator does, and without `double_pendulum`."""
         super().__init__(rig, effect_names)
         labels = [slot.label for slot in self.parameters]
-        self._rigging = labels.index("double_pendulum.rigging_length_m")
-        self._mass = labels.index("double_pendulum.hook_mass_ratio")
+        self._rigging = labels.index(f"{DoublePendulum.name}.rigging_length_m")
+        self._mass = labels.index(f"{DoublePendulum.name}.hook_mass_ratio")
         slots, place = list(self.parameters), self._mass
         self._least, self._most = slots[place].lower, slots[place].upper
         slots[place] = replace(slots[place], unit="Hz", lower=FAST_HZ[0], upper=FAST_HZ[1])

@@ -56,16 +56,6 @@ class Fit:
         return found
 
 
-STEP_LIMITS = {
-    "start_s": 2.0,
-    "duration_s": 3.0,
-    "coast_s": 3.0,
-    "cutoff_hz": 1.0,
-    "frequency_hz": 0.05,
-    "rising_share": 0.3,
-}
-"""Trust region of what the readings answer to only nearby."""
-EVENT_TIME_PARAMETERS = frozenset({"start_s", "duration_s", "coast_s", "rising_share"})
 FROZEN_ITERATIONS = 2
 """Rounds in which times stand still: where nothing acts yet they have no sensitivity."""
 
@@ -108,9 +98,9 @@ def fit_model(
     """
     lower = np.array([slot.lower for slot in simulator.parameters])
     upper = np.array([slot.upper for slot in simulator.parameters])
-    reach = np.array([STEP_LIMITS.get(slot.parameter, np.inf) for slot in simulator.parameters])
-    timed = np.array([slot.parameter in EVENT_TIME_PARAMETERS for slot in simulator.parameters])
-    lags = np.array([slot.parameter == "cutoff_hz" for slot in simulator.parameters])
+    reach = np.array([slot.step_limit for slot in simulator.parameters])
+    timed = np.array([slot.is_event_time for slot in simulator.parameters])
+    lags = np.array([slot.is_cutoff for slot in simulator.parameters])
     now = _condense(simulator, observations, starts, effects, firsts)
     chi2, damping = float((now.residual**2).sum()), INITIAL_DAMPING_LEVEL
     settling = FROZEN_ITERATIONS if (timed & free).any() else 0

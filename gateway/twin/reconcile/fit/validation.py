@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import fit_sine_phasors
 from gateway.twin.effects.effect import Value
+from gateway.twin.effects.sensor import Vibration
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.fit_context import WORLD_DIRECTED_EFFECTS, segment_bounds
+from gateway.twin.reconcile.fit.fit_context import is_world_directed, segment_bounds
 from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
 from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit, fit_model
 from gateway.twin.reconcile.fit.windowed_fit import fit_trajectory
@@ -43,9 +44,12 @@ def evaluate_on_validation(
     values = {name: _shift_event_start(of_effect, held_out.offset_s) for name, of_effect in values.items()}
     simulator = Simulator(rig, sorted(values))
     free = np.array([slot.refitted for slot in simulator.parameters])
-    free[HEADING] = bool(WORLD_DIRECTED_EFFECTS & set(values))
-    if "vibration" in values:
-        values = {**values, "vibration": {**values["vibration"], "phase_rad": _estimate_phase(rig, values, held_out)}}
+    free[HEADING] = is_world_directed(values)
+    if Vibration.name in values:
+        values = {
+            **values,
+            Vibration.name: {**values[Vibration.name], "phase_rad": _estimate_phase(rig, values, held_out)},
+        }
     at = simulator.values([], values)[simulator.n_initial_states :]
     firsts = segment_bounds(rig, values, held_out)
     starts = segment_initial_conditions(simulator, held_out, at, firsts)
@@ -78,7 +82,7 @@ def _shift_event_start(values: Mapping[str, Value], by_s: float) -> Mapping[str,
 
 def _estimate_phase(rig: TwinRig, values: EffectValues, held_out: Observations) -> float:
     """Phase of the line from the readings themselves: the swing is far below it."""
-    vibration = values["vibration"]
+    vibration = values[Vibration.name]
     bend = np.diff(held_out.force_g, n=2, axis=0)  # the second difference weakens what is slow, and turns a sine over
     phasors = fit_sine_phasors(held_out.time_s[1:-1], -bend, float(np.asarray(vibration["frequency_hz"])))
     lags = np.concatenate([[0.0], np.atleast_1d(vibration.get("lag_rad", (0.0, 0.0)))])

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from gateway.numerics.stats import NORMAL_975
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Parameter, Value
+from gateway.twin.effects.limits import Quantization, SampleLoss
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.observations import Recordings
@@ -67,7 +68,7 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], rng: np.random
         reason=answer.reason,
         rig=rig,
         effects=tuple(
-            _sample_loss(found) if name == "sample_loss" else _named(name, final, found) for name in answer.named
+            _sample_loss(found) if name == SampleLoss.name else _named(name, final, found) for name in answer.named
         ),
         candidates=answer.candidates,
         split_by=discriminating_experiment(frozenset(answer.candidates)) if answer.candidates else None,
@@ -90,15 +91,15 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], rng: np.random
 
 
 def _final_model(found: SearchOutcome) -> Mapping[str, Mapping[str, Value]]:
-    lost: dict[str, Mapping[str, Value]] = {} if found.lost is None else {"sample_loss": {"fraction": found.lost}}
+    lost: dict[str, Mapping[str, Value]] = {} if found.lost is None else {SampleLoss.name: {"fraction": found.lost}}
     return {**found.model.effects, **found.answer.model.candidate.values, **lost}
 
 
 def _quantised(found: SearchOutcome, values: Mapping[str, Mapping[str, Value]], force_g: Array) -> Array:
     """With the steps of the readings, where the model has them."""
-    if "quantization" not in values:
+    if Quantization.name not in values:
         return force_g
-    step_g = float(np.asarray(values["quantization"]["lsb_g"]))
+    step_g = float(np.asarray(values[Quantization.name]["lsb_g"]))
     return quantised_mean(force_g, step_g, np.array(found.model.rig.noise_g))
 
 
@@ -108,7 +109,7 @@ def _curves(found: SearchOutcome, *, held_out: bool) -> Curves:
     final = found.answer.model
     after = final.validation.fit.force_g if held_out else final.candidate.fit.force_g
     if held_out and found.lost is not None:
-        values = {**found.model.effects, **final.candidate.values, "sample_loss": {"fraction": found.lost}}
+        values = {**found.model.effects, **final.candidate.values, SampleLoss.name: {"fraction": found.lost}}
         after = evaluate_on_validation(found.model.rig, values, observations).fit.force_g
     before = found.believed_held_out.fit.force_g if held_out else found.believed.fit.force_g
     return Curves(
@@ -152,17 +153,12 @@ def _named(name: str, final: RankedCandidate, found: SearchOutcome) -> NamedEffe
         ]
         for p in effect.parameters
     }
-    when = None
-    if effect.transient:
-        start = float(np.asarray(values["start_s"]))
-        length = float(np.asarray(values.get("duration_s", 0.0)))
-        when = (start, start + (2 * length + float(np.asarray(values["coast_s"])) if "coast_s" in values else length))
     parameters = {p.name: _estimate(p, values[p.name], of[p.name]) for p in effect.parameters}
-    return NamedEffect(name, effect.explains, effect.equation, parameters, when)
+    return NamedEffect(name, effect.explains, effect.equation, parameters, effect.interval_s(values))
 
 
 def _sample_loss(found: SearchOutcome) -> NamedEffect:
-    effect = EFFECTS["sample_loss"]
+    effect = EFFECTS[SampleLoss.name]
     fraction = found.lost or 0.0
     count = len(found.recordings.log.time_s)
     sigma = float(np.sqrt(fraction * (1 - fraction) / count))  # binomial

@@ -4,7 +4,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from gateway.numerics.spectrum import find_machine_line
+from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Value
+from gateway.twin.effects.limits import Clipping, Quantization
+from gateway.twin.effects.sensor import Vibration
 from gateway.twin.reconcile.data.artefact_detectors import (
     detect_quantisation_step,
     detect_saturation,
@@ -13,7 +16,6 @@ from gateway.twin.reconcile.data.artefact_detectors import (
 from gateway.twin.reconcile.data.observations import Observations, Recordings, slice_samples
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
 from gateway.twin.reconcile.search.candidate_fits import MIN_VARIANCE_SHARE, CandidateFit
-from gateway.twin.reconcile.search.initial_guesses import GuessContext, guess_vibration
 from gateway.twin.reconcile.search.search import Search
 
 Values = Mapping[str, Mapping[str, Value]]
@@ -39,9 +41,9 @@ def detect_in_samples(recordings: Recordings) -> tuple[Recordings, Values]:
     if step_g is not None:
         coarse = noise_with_quantisation_g(log, step_g)
         log, held_out = replace(log, noise_g=coarse), replace(held_out, noise_g=coarse)
-        return Recordings(log, held_out, held_out, recordings.last_third), {"quantization": {"lsb_g": step_g}}
+        return Recordings(log, held_out, held_out, recordings.last_third), {Quantization.name: {"lsb_g": step_g}}
     limit_g = detect_saturation(log.force_g)
-    return recordings, {} if limit_g is None else {"clipping": {"full_scale_g": limit_g}}
+    return recordings, {} if limit_g is None else {Clipping.name: {"full_scale_g": limit_g}}
 
 
 def initialise_baseline(
@@ -60,13 +62,13 @@ def add_machine_line(search: Search, base: CandidateFit, always: Values, held_ou
     a second mode and a bounce, up to several times their frequency: the line is looked for in what those leave.
     """
     log, rig, effects = search.setting.log, search.setting.rig, search.setting.model_effects
-    if "vibration" in effects or find_machine_line(log.time_s, log.force_g - base.fit.force_g, log.noise_g) is None:
+    if Vibration.name in effects or find_machine_line(log.time_s, log.force_g - base.fit.force_g, log.noise_g) is None:
         return always
     beside = search.add_second_mode(base)
-    found = guess_vibration(GuessContext(rig, log, log.force_g - beside.fit.force_g, ()))
+    found = EFFECTS[Vibration.name].initial_guesses(search.setting.guess_context(log.force_g - beside.fit.force_g))
     if not found:
         return always
-    tried = search.fit_candidate({**beside.values, "vibration": found[0]})
+    tried = search.fit_candidate({**beside.values, Vibration.name: found[0]})
     if tried is None or beside.fit.chi2 - tried.fit.chi2 < MIN_VARIANCE_SHARE * log.n_values:
         return always
     without, with_it = (
@@ -74,5 +76,7 @@ def add_machine_line(search: Search, base: CandidateFit, always: Values, held_ou
     )
     if without - with_it < MIN_REPEATED_GAIN * (beside.reduced_chi2 - tried.reduced_chi2):
         return always
-    alone = tried if beside is base else search.fit_candidate({**base.values, "vibration": tried.values["vibration"]})
-    return always if alone is None else {name: alone.values[name] for name in (*always, "vibration")}
+    alone = (
+        tried if beside is base else search.fit_candidate({**base.values, Vibration.name: tried.values[Vibration.name]})
+    )
+    return always if alone is None else {name: alone.values[name] for name in (*always, Vibration.name)}

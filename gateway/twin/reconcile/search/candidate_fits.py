@@ -21,8 +21,6 @@ MAX_FITS = 60
 """Where nothing fits, the search ends with these."""
 EVENT_MARGIN_S = 1.0
 """An event must begin and end this far inside the recording, or it is no event."""
-MIN_GUST_S = 0.5
-"""A push that lasts for less is a blow, and no wind."""
 MIN_VARIANCE_SHARE = 0.002
 """Share of the noise's variance that an effect must take off the residual to be worth a name."""
 MIN_SCORE_STATISTIC = 25.0
@@ -110,12 +108,11 @@ class CandidateTable:
 
 
 def _is_inside_recording(name: str, values: Mapping[str, Value], duration_s: float) -> bool:
-    """A transient effect begins and ends inside the recording, and a gust takes its time."""
-    if not EFFECTS[name].transient:
+    """Whether a transient effect begins and ends inside the recording, and lasts as long as such effects do."""
+    interval_s = EFFECTS[name].interval_s(values)
+    if interval_s is None:
         return True
-    start = float(np.asarray(values["start_s"]))
-    length = float(np.asarray(values.get("duration_s", 0.0)))
-    if name == "wind_gust" and length < MIN_GUST_S:
+    start_s, end_s = interval_s
+    if end_s - start_s < EFFECTS[name].min_duration_s:
         return False
-    end = start + (2 * length + float(np.asarray(values["coast_s"])) if "coast_s" in values else length)
-    return start >= EVENT_MARGIN_S and end <= duration_s - EVENT_MARGIN_S
+    return start_s >= EVENT_MARGIN_S and end_s <= duration_s - EVENT_MARGIN_S

@@ -6,31 +6,26 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.effects import EFFECTS
+from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.effect import Value
+from gateway.twin.effects.guess_context import EventWindow
+from gateway.twin.effects.rope import DoublePendulum, RopeLength
 from gateway.twin.reconcile.changepoints.changepoint import (
     ConsistentPrefix,
     locate_changepoint,
     locate_next_changepoint,
 )
 from gateway.twin.reconcile.changepoints.changepoint_scan import (
-    EventWindow,
     exclude_unmodelled_profiles,
     scan_for_changepoints,
 )
 from gateway.twin.reconcile.changepoints.pre_event_candidates import effects_extending_consistent_prefix
-from gateway.twin.reconcile.decision.ambiguity_groups import PERIOD_LIKE_EFFECTS
 from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT, warrants_another_effect
 from gateway.twin.reconcile.search.candidate_fits import MIN_VARIANCE_SHARE, CandidateFit, CandidateTable
-from gateway.twin.reconcile.search.initial_guesses import INITIAL_GUESSES, GuessContext, default_guess
 from gateway.twin.reconcile.search.score_test import scorable_effects
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, Value]]
-TRANSIENT = tuple(n for n, e in EFFECTS.items() if e.transient)
-CHANGES_LENGTH = frozenset({"hoisting", "load_change"})
-INSTANT = frozenset({"impact", "load_change"})
-"""Tried first: they have starts only where the motions before and after are close to each other."""
 PARENTS = 2
 HOPEFUL, WINDOWS_LEAVE = 1.3, 0.6
 """An event is tried where its window leaves less than this part of what the best model so far leaves."""
@@ -96,7 +91,7 @@ class EventSearch(CandidateTable):
 
     def _windows(self, parent: CandidateFit, *, length: bool) -> tuple[EventWindow, ...]:
         setting, o = self.setting, self.setting.log
-        extra = ("rope_length",) if length and "rope_length" not in parent.values else ()
+        extra = (RopeLength.name,) if length and RopeLength.name not in parent.values else ()
         simulator = setting.simulator((*parent.values, *extra))
         model = setting.simulator(tuple(parent.values)).effects(parent.fit.values)
         at = simulator.values(parent.fit.values[: simulator.n_initial_states], model)
@@ -112,15 +107,15 @@ class EventSearch(CandidateTable):
         setting, o = self.setting, self.setting.log
         for lengths in (False, True):
             windows, parted = self._windows(parent, length=lengths), self.segmentation(parent, length=lengths)
-            situation = GuessContext(setting.rig, o, residual_g, windows, parted)
+            situation = setting.guess_context(residual_g, windows, parted)
             best = self.best()
             # With the rope's length the answer is far from linear, and the windows' promise is too small.
             share = HOPEFUL if lengths and (parted or alone) else WINDOWS_LEAVE
             left = min(w.remaining_chi2 for w in (*windows, *([] if parted is None else [parted])))
             if left - o.n_values < max(share * (best.fit.chi2 - o.n_values), EXCESS_SIGNIFICANT * o.n_values):
-                for name in TRANSIENT:
-                    if (name in CHANGES_LENGTH) == lengths:
-                        self._try(parent, name, INITIAL_GUESSES[name](situation), starts)
+                for name in EFFECTS.choose(transient=True):
+                    if EFFECTS[name].changes_length == lengths:
+                        self._try(parent, name, EFFECTS[name].initial_guesses(situation), starts)
 
     def _fit_with_prefix_effects(self, base: CandidateFit) -> None:
         """Events beside what acts all the time and shows before them; over the whole log the event hides it."""
@@ -148,10 +143,10 @@ class EventSearch(CandidateTable):
             enough = (
                 parted.remaining_chi2 - MIN_VARIANCE_SHARE * o.n_values
             )  # a rope that makes no difference did not change
-            situation = GuessContext(setting.rig, o, o.force_g - begun.fit.force_g, (), parted)
-            for name in sorted(TRANSIENT, key=lambda name: name not in INSTANT):
-                if (name in CHANGES_LENGTH) == length:
-                    self._try_starts(begun.values, name, INITIAL_GUESSES[name](situation), starts)
+            situation = setting.guess_context(o.force_g - begun.fit.force_g, (), parted)
+            for name in sorted(EFFECTS.choose(transient=True), key=lambda name: not EFFECTS[name].instantaneous):
+                if EFFECTS[name].changes_length == length:
+                    self._try_starts(begun.values, name, EFFECTS[name].initial_guesses(situation), starts)
 
     def _try(
         self, parent: CandidateFit, name: str, starts_of: Iterable[Mapping[str, Value]], starts: Array | None
@@ -159,7 +154,7 @@ class EventSearch(CandidateTable):
         if name in parent.values or name in self.setting.model_effects or _excluded(name, parent.names):
             return
         tried = list(starts_of)
-        if name == "double_pendulum" and tried:
+        if name == DoublePendulum.name and tried:
             several = [{**parent.values, name: values} for values in tried]
             tried = [self.setting.fit_rigging_length(several)[name]]
         self._try_starts(parent.values, name, tried, starts)
@@ -171,7 +166,9 @@ class EventSearch(CandidateTable):
         for turn, values in enumerate(tried):
             if turn and (self.is_budget_exhausted or not self.best().has_unexplained_residual):
                 return
-            self.fit_candidate({**others, name: values or default_guess(name)}, starts, beyond=self._rival_chi2())
+            self.fit_candidate(
+                {**others, name: values or EFFECTS[name].default_guess}, starts, beyond=self._rival_chi2()
+            )
 
     def _rival_chi2(self) -> float:
         """Above this a set is no rival to the best; twice what is left, since fits still creep."""
@@ -220,15 +217,16 @@ def _stretches(name: str, values: Mapping[str, Value]) -> Iterable[Mapping[str, 
 
 def _slow(begun: ConsistentPrefix) -> bool:
     """With what a slow clock is like: lost samples make an end of another rope."""
-    return bool(PERIOD_LIKE_EFFECTS & set(begun.values))
+    return any(EFFECTS[name].scales_period or EFFECTS[name].length_like for name in begun.values)
 
 
 def _converges_slowly(attempt: CandidateFit) -> bool:
     """An event's fit, and that of a double pendulum near its end, where rigging and hook make up for each other."""
     if any(EFFECTS[name].transient for name in attempt.values):
         return True
-    return "double_pendulum" in attempt.values and attempt.reduced_chi2 < NEARLY
+    return any(EFFECTS[name].slow_convergence for name in attempt.values) and attempt.reduced_chi2 < NEARLY
 
 
 def _excluded(name: str, names: frozenset[str]) -> bool:
-    return {name} | names >= {"double_pendulum", "rope_stretch"}
+    structures = {EFFECTS[each].structure for each in (name, *names)} - {ModelStructure.ROPE}
+    return len(structures) > 1

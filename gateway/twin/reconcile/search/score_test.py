@@ -25,11 +25,6 @@ from gateway.twin.reconcile.residual.isolability import orthonormal
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
-NOT_LINEARISABLE_EFFECTS = frozenset(
-    {"double_pendulum", "rope_stretch", "vibration", "clipping", "quantization", "sample_loss"}
-)
-NEUTRAL_CUTOFF_HZ = 20.0
-PERSISTENT_EFFECTS = tuple(n for n, e in EFFECTS.items() if not e.transient and n not in NOT_LINEARISABLE_EFFECTS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,11 +52,9 @@ def compute_signatures(
 ) -> Signatures:
     """Of effects that are smooth where they vanish, beside a fitted model."""
     own = frozenset(values)
-    tried = [n for n in names if n not in own and n not in NOT_LINEARISABLE_EFFECTS and not EFFECTS[n].transient]
+    tried = [n for n in names if n not in own and EFFECTS[n].is_scored]
     simulator = setting.simulator((*own, *tried))
     model = setting.simulator(tuple(own)).effects(fit.values)
-    if "lowpass_lag" in tried:
-        model["lowpass_lag"] = {"cutoff_hz": NEUTRAL_CUTOFF_HZ}
     at = simulator.values(fit.values[: simulator.n_initial_states], model)
     o = setting.log
     if is_large_amplitude(o):
@@ -83,7 +76,8 @@ def compute_signatures(
 
 def scorable_effects(setting: FitContext) -> tuple[str, ...]:
     """Lasting effects that the recording could show: without a temperature none shows a drift by it."""
-    return tuple(n for n in PERSISTENT_EFFECTS if n != "thermal_drift" or setting.log.temperature_c is not None)
+    has_temperature = setting.log.temperature_c is not None
+    return tuple(n for n in EFFECTS.choose(is_scored=True) if has_temperature or not EFFECTS[n].needs_temperature)
 
 
 def _signatures_by_window(

@@ -6,13 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.effect import Value
-from gateway.twin.reconcile.decision.ambiguity_groups import UNOBSERVABLE_YAW_EFFECTS, ambiguity_partners
+from gateway.twin.reconcile.decision.ambiguity_groups import ambiguity_partners
 from gateway.twin.reconcile.search.candidate_fits import CandidateFit
 from gateway.twin.reconcile.search.event_search import NEARLY, PARENTS, POLISH_ROUNDS, EventSearch
-from gateway.twin.reconcile.search.initial_guesses import INITIAL_GUESSES, GuessContext
 from gateway.twin.reconcile.search.score_test import (
-    PERSISTENT_EFFECTS,
     Signatures,
     compute_signatures,
     scorable_effects,
@@ -20,12 +19,8 @@ from gateway.twin.reconcile.search.score_test import (
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, Value]]
-STRUCTURES = ("rope_stretch", "double_pendulum")
-SPECTRAL = ("clipping", *STRUCTURES)
 STRUCTURAL = 0.5
 """What a second mode or a bounce may leave of the gap for other lines to be looked for in what it leaves."""
-SEEN = frozenset({"quantization", "clipping"})
-"""Found in the readings themselves: no fit takes them away again."""
 MOST_EFFECTS = 3
 FAR_BEHIND = 100.0
 """Times as much as the best of a size leaves: what leaves more than that lacks what the best has."""
@@ -84,7 +79,7 @@ class Search(EventSearch):
         best, size = self.best(), len(base.values) + 1
         if (
             len(best.values) <= size
-            or not set(best.values) <= set(PERSISTENT_EFFECTS) | set(base.values)
+            or not set(best.values) <= set(EFFECTS.choose(is_scored=True)) | set(base.values)
             or not best.has_unexplained_residual
         ):
             return best
@@ -95,9 +90,13 @@ class Search(EventSearch):
         """A second mode or a bounce beside the base, where that is most of what is left; else the base."""
         if self.setting.large_amplitude:
             return base
-        for name in STRUCTURES:
+        for name in _structural_effects():
             self._try_spectral(base, name, self.setting.log.force_g - base.fit.force_g)
-        tried = [self.candidates[names] for name in STRUCTURES if (names := base.names | {name}) in self.candidates]
+        tried = [
+            self.candidates[names]
+            for name in _structural_effects()
+            if (names := base.names | {name}) in self.candidates
+        ]
         best = min([base, *tried], key=lambda a: a.reduced_chi2)
         return best if best.reduced_chi2 - 1 < STRUCTURAL * (base.reduced_chi2 - 1) else base
 
@@ -125,7 +124,7 @@ class Search(EventSearch):
 
     def _refine_double_pendulum(self, best: CandidateFit) -> CandidateFit:
         """A double pendulum's fit creeps on below what the log asks for; another swing asks for more of it."""
-        if "double_pendulum" not in best.names or best.reduced_chi2 > NEARLY:
+        if not any(EFFECTS[name].slow_convergence for name in best.names) or best.reduced_chi2 > NEARLY:
             return best
         return self.fit_candidate(best.values, rounds=POLISH_ROUNDS) or best
 
@@ -165,9 +164,9 @@ class Search(EventSearch):
 
     def _try_lasting(self, parent: CandidateFit, name: str, starts: Array) -> None:
         setting = self.setting
-        turns = name in UNOBSERVABLE_YAW_EFFECTS  # pieces cannot be told to join before it is known how fast they turn
-        situation = GuessContext(setting.rig, setting.log, setting.log.force_g - parent.fit.force_g, ())
-        self._try(parent, name, INITIAL_GUESSES[name](situation) if turns else [{}], None if turns else starts)
+        turns = EFFECTS[name].guesses_from_data  # pieces cannot be told to join before it is known how fast they turn
+        situation = setting.guess_context(setting.log.force_g - parent.fit.force_g)
+        self._try(parent, name, EFFECTS[name].initial_guesses(situation) if turns else [{}], None if turns else starts)
 
     def _parents(self, size: int) -> list[CandidateFit]:
         unit = self.noise_inflation()
@@ -214,7 +213,7 @@ class Search(EventSearch):
         if setting.large_amplitude:
             return
         residual_g = o.force_g - parent.fit.force_g
-        for name in SPECTRAL:
+        for name in EFFECTS.choose(is_guessed_from_residual=True):
             if self.best().has_unexplained_residual and parent.names | {name} not in self.candidates:
                 self._try_spectral(parent, name, residual_g)
         best = self.best()
@@ -223,8 +222,8 @@ class Search(EventSearch):
         self._try_windows(parent, starts, residual_g, alone=len(parent.values) == len(self.baseline_effects))
 
     def _try_spectral(self, parent: CandidateFit, name: str, residual_g: Array) -> None:
-        situation = GuessContext(self.setting.rig, self.setting.log, residual_g, ())
-        self._try(parent, name, INITIAL_GUESSES[name](situation), None)
+        situation = self.setting.guess_context(residual_g)
+        self._try(parent, name, EFFECTS[name].initial_guesses(situation), None)
 
     def _try_swaps(self, best: CandidateFit) -> CandidateFit:
         """Each effect of a pair is replaced by the best others, the rest kept."""
@@ -233,7 +232,11 @@ class Search(EventSearch):
                 break
             rest = {n: v for n, v in best.values.items() if n != name}
             without = self.candidates.get(frozenset(rest)) or self.fit_candidate(rest)
-            decided = without is not None and name in STRUCTURES and without.fit.chi2 > FAR_BEHIND * best.fit.chi2
+            decided = (
+                without is not None
+                and EFFECTS[name].structure is not ModelStructure.ROPE
+                and without.fit.chi2 > FAR_BEHIND * best.fit.chi2
+            )
             if without is not None and not decided:
                 starts = self.setting.segment_starts(without.values)
                 scored = compute_signatures(self.setting, without.fit, without.values, scorable_effects(self.setting))
@@ -246,7 +249,7 @@ class Search(EventSearch):
 
     def _backward_elimination(self, best: CandidateFit) -> CandidateFit:
         """Without what is not worth its name."""
-        for name in sorted(best.names - SEEN):
+        for name in sorted(name for name in best.names if not EFFECTS[name].detected_in_samples):
             rest = {n: v for n, v in best.values.items() if n != name}
             without = self.fit_candidate(
                 rest, rounds=POLISH_ROUNDS, beyond=np.inf if best.has_unexplained_residual else self._rival_chi2()
@@ -254,3 +257,8 @@ class Search(EventSearch):
             if without is not None and not self.is_significant(without, best):
                 return self._backward_elimination(without)
         return best
+
+
+def _structural_effects() -> tuple[str, ...]:
+    """Effects that add a mode to the motion."""
+    return tuple(name for name, effect in EFFECTS.items() if effect.structure is not ModelStructure.ROPE)

@@ -4,13 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.verdict import is_needed
 from gateway.twin.reconcile.fit.validation import ValidationFit, evaluate_on_validation
 from gateway.twin.reconcile.residual.residual_tests import has_excess
 from gateway.twin.reconcile.search.candidate_fits import CandidateFit, Values
 from gateway.twin.reconcile.search.event_search import POLISH_ROUNDS
-from gateway.twin.reconcile.search.initial_guesses import default_guess
 from gateway.twin.reconcile.search.score_test import compute_signatures, scorable_effects
 from gateway.twin.reconcile.search.search import Search
 
@@ -36,7 +36,7 @@ def extend_by_validation_residual(
     scored = compute_signatures(there, before.fit, best.values, scorable_effects(there))
     found, least = best, before
     for name in sorted(scored.of, key=lambda each: -scored.predicted_chi2_drop(each))[:CANDIDATES]:
-        attempt = search.fit_candidate({**best.values, name: default_guess(name)}, rounds=POLISH_ROUNDS)
+        attempt = search.fit_candidate({**best.values, name: EFFECTS[name].default_guess}, rounds=POLISH_ROUNDS)
         if attempt is None or attempt.has_unexplained_residual:
             continue
         after = _judged(search, attempt.values, held_out)

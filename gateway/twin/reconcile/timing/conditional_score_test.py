@@ -9,12 +9,11 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.reconcile.decision.ambiguity_groups import PERIOD_LIKE_EFFECTS
+from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.multiple_shooting import EVENT_TIME_PARAMETERS
 from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
 from gateway.twin.reconcile.search.candidate_fits import MIN_SCORE_STATISTIC, MIN_VARIANCE_SHARE, Values
-from gateway.twin.reconcile.search.score_test import NEUTRAL_CUTOFF_HZ, scorable_effects
+from gateway.twin.reconcile.search.score_test import scorable_effects
 from gateway.twin.reconcile.timing.time_warp_smoother import TimeWarpSmoother, make_knots, marginalise_time_warp
 from gateway.twin.reconcile.timing.timing_jitter import (
     INITIAL_MOTION,
@@ -26,8 +25,6 @@ from gateway.twin.reconcile.timing.timing_jitter import (
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
-EXCLUDED_EFFECTS = frozenset({"quantization", "clipping", "vibration"})
-"""Seen in the readings, and not where a swing lives."""
 MAX_TIED_EFFECTS, TIED_SHARE = 3, 0.7
 """Effects of which a linear look cannot tell which it is: so many at most, with this share of what the best takes off."""
 
@@ -43,11 +40,10 @@ def score_additional_effects(
     tried = [
         name
         for name in scorable_effects(setting)
-        if name not in {*others, *setting.model_effects, *PERIOD_LIKE_EFFECTS}
+        if name not in {*others, *setting.model_effects} and not _is_period_like(name)
     ]
     simulator = setting.simulator((*others, *tried))
-    resting: Values = {"lowpass_lag": {"cutoff_hz": NEUTRAL_CUTOFF_HZ}} if "lowpass_lag" in tried else {}
-    at = simulator.values(start, {**setting.model_effects, **others, **resting})
+    at = simulator.values(start, {**setting.model_effects, **others})
     _, by_time, by_values = linearise_at(simulator, at, o, true_s)
     by_values = np.concatenate([by_values, (by_time * true_s[:, None])[:, :, None]], axis=2)
     values = own.values(start, {**setting.model_effects, **others})
@@ -79,8 +75,19 @@ def free_parameter_indices(simulator: Simulator, others: Mapping[str, object]) -
     return [
         i
         for i, slot in enumerate(simulator.parameters)
-        if slot.effect in others and slot.effect not in EXCLUDED_EFFECTS and slot.parameter not in EVENT_TIME_PARAMETERS
+        if slot.effect in others and not _is_visible_in_samples(slot.effect) and not slot.is_event_time
     ]
+
+
+def _is_visible_in_samples(name: str) -> bool:
+    """Whether an effect shows in the samples or their spectrum, outside the band of the swing."""
+    effect = EFFECTS[name]
+    return effect.detected_in_samples or effect.found_before_search
+
+
+def _is_period_like(name: str) -> bool:
+    """Whether an effect makes up for a wrong period, as timing jitter with a mean drift does."""
+    return EFFECTS[name].scales_period or EFFECTS[name].length_like
 
 
 def _predicted_chi2_drop(

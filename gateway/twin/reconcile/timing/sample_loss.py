@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import find_machine_line
+from gateway.twin.effects import EFFECTS, ModelStructure
+from gateway.twin.effects.limits import ClockDrift, LowpassLag
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.fit_context import WORLD_DIRECTED_EFFECTS, FitContext
+from gateway.twin.reconcile.fit.fit_context import FitContext, is_world_directed
 from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit, fit_model
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
 from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT
 from gateway.twin.reconcile.search.candidate_fits import CandidateFit, Values
-from gateway.twin.reconcile.search.initial_guesses import default_guess
 from gateway.twin.reconcile.timing.conditional_score_test import free_parameter_indices, score_additional_effects
 from gateway.twin.reconcile.timing.timing_jitter import (
     INITIAL_MOTION,
@@ -34,7 +35,7 @@ MIN_EXPLAINED_SHARE = 0.8
 NORMALISED_COST_RANGE = (0.65, 1.6)
 """Cost of the walk for each of its steps that the readings tell: 1 for lost samples, by their own law; half of it and less for a
 clock that is only slow, twice and more for a swing that itself changed."""
-LAG = "lowpass_lag"
+LAG = LowpassLag.name
 """A linear look says little of it: to first order it is a shift of time."""
 MAX_ADDITIONAL_EFFECTS = 3
 """Effects that are looked for beside the walk."""
@@ -53,12 +54,12 @@ class ConstantRateFit:
     @property
     def missing(self) -> float:
         """Part of the samples, were they lost."""
-        return -float(np.asarray(self.values["clock_drift"]["relative"]))
+        return -float(np.asarray(self.values[ClockDrift.name]["relative"]))
 
     @property
     def others(self) -> Values:
         """Effects beside the clock."""
-        return {name: each for name, each in self.values.items() if name != "clock_drift"}
+        return {name: each for name, each in self.values.items() if name != ClockDrift.name}
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,7 +78,9 @@ def find_sample_loss(setting: FitContext, slow_clock: CandidateFit) -> SampleLos
     An effect that is not in the fit may hide the walk, as the walk may hide the effect: where a score test beside a free walk
     finds one, both are fitted together.
     """
-    if "clock_drift" not in slow_clock.values or {"double_pendulum", "rope_stretch"} & slow_clock.names:
+    if ClockDrift.name not in slow_clock.values or any(
+        EFFECTS[name].structure is not ModelStructure.ROPE for name in slow_clock.names
+    ):
         return None
     steady, found = ConstantRateFit(slow_clock.values, slow_clock.fit), None
     if steady.missing < MIN_LOST_FRACTION:
@@ -91,7 +94,7 @@ def find_sample_loss(setting: FitContext, slow_clock: CandidateFit) -> SampleLos
         lost = _best_hypothesis(setting, steady, names)
         if lost is None:
             break
-        clock: Values = {"clock_drift": {"relative": -lost.walk.fraction}}
+        clock: Values = {ClockDrift.name: {"relative": -lost.walk.fraction}}
         steady = _fit_constant_rate(setting, {**lost.others, **clock}, lost.walk.values)
     if lost is not None and _is_sample_loss(setting, steady, lost):
         found = lost
@@ -127,7 +130,7 @@ def _additional_effects(setting: FitContext, steady: ConstantRateFit, lost: Samp
 
 def _with_effect(setting: FitContext, steady: ConstantRateFit, name: str) -> ConstantRateFit:
     """One more effect, at rest; a lag first with the steady clock, since the readings do not follow it in proportion."""
-    values: Values = {**steady.values, name: default_guess(name)}
+    values: Values = {**steady.values, name: EFFECTS[name].default_guess}
     try:
         return (
             _constant_rate_fit(setting, values, setting.fit(values))
@@ -206,16 +209,16 @@ def _count_lost(setting: FitContext, lost: SampleLossFit) -> SampleLossFit:
 
 def retime_validation(setting: FitContext, lost: SampleLossFit, held_out: Observations) -> Observations:
     """The held-out recording at its own true times, for judging what else is missing; as stamped where none are found."""
-    clock: Values = {"clock_drift": {"relative": -lost.walk.fraction}}
+    clock: Values = {ClockDrift.name: {"relative": -lost.walk.fraction}}
     known = {**setting.model_effects, **lost.others, **clock}
     begun = evaluate_on_validation(setting.rig, known, held_out).fit
     simulator = Simulator(setting.rig, sorted(known))
-    free = np.array([slot.refitted or slot.effect == "clock_drift" for slot in simulator.parameters])
-    free[HEADING] = bool(WORLD_DIRECTED_EFFECTS & set(known))
+    free = np.array([slot.refitted or slot.effect == ClockDrift.name for slot in simulator.parameters])
+    free[HEADING] = is_world_directed(known)
     fit = fit_model(
         simulator, held_out, begun.values[None, :N_INITIAL_STATES], begun.values[N_INITIAL_STATES:], free, [0]
     )
-    clock = {"clock_drift": simulator.effects(fit.values)["clock_drift"]}
+    clock = {ClockDrift.name: simulator.effects(fit.values)[ClockDrift.name]}
     there, steady = (
         replace(setting, log=held_out, model_effects={**setting.model_effects, **lost.others}),
         ConstantRateFit(clock, fit),

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import MachineLine, find_machine_line
+from gateway.twin.effects.limits import Quantization
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.multiple_shooting import HEADING
@@ -122,7 +123,7 @@ def simulate_noisy_sample(simulator: Simulator, values: Array, force_g: Array) -
 
 
 def _step_g(simulator: Simulator, values: Array) -> float | None:
-    steps = simulator.effects(values).get("quantization")
+    steps = simulator.effects(values).get(Quantization.name)
     return None if steps is None else float(np.asarray(steps["lsb_g"]))
 
 
@@ -143,7 +144,7 @@ def _apply_step(simulator: Simulator, values: Array, free: Sequence[int], step: 
 
 
 def _cutoff_indices(simulator: Simulator) -> list[int]:
-    return [i for i, slot in enumerate(simulator.parameters) if slot.parameter == "cutoff_hz"]
+    return [i for i, slot in enumerate(simulator.parameters) if slot.is_cutoff]
 
 
 def lowpass(residual: Array, dt: float) -> Array:

@@ -4,17 +4,30 @@ import numpy as np
 import pytest
 
 from gateway.numerics.spectrum import find_machine_line
+from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.modes import modes
+from gateway.twin.effects.spectral_guesses import guess_double_pendulum, guess_vibration
 from gateway.twin.reconcile.data.data_checks import find_fault
 from gateway.twin.reconcile.data.observations import make_observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.modal_parameterisation import ModalSimulator
 from gateway.twin.reconcile.fit.windowed_fit import LARGE_AMPLITUDE_RAD, amplitude_rad, is_large_amplitude
-from gateway.twin.reconcile.search.initial_guesses import GuessContext, guess_double_pendulum, guess_vibration, modes_hz
 from gateway.twin.simulator.simulator import Simulator
 
 HOOK = {"rigging_length_m": 2.4, "hook_mass_ratio": 0.11}
 LEANING = {"faint": (0.01, 0.0, 0.0, 0.0), "strong": (0.12, 0.05, 0.0, 0.0)}
 """Of the rigging against the rope, at the start: tilts and rates."""
+
+
+def modes_hz(rig, rigging_m, hook_mass_ratio):
+    """Slow and fast mode of a double pendulum whose whole length is the rope's."""
+    both = modes(rig.length_m - rigging_m, rigging_m, hook_mass_ratio, rig.gravity_m_s2)
+    return tuple(mode.rate / (2 * np.pi) for mode in both)
+
+
+def guess_context(rig, observations, residual_g):
+    o = observations
+    return GuessContext(rig.length_m, rig.gravity_m_s2, o.time_s, o.force_g, o.noise_g, residual_g)
 
 
 @pytest.fixture
@@ -50,7 +63,7 @@ def test_the_sensitivities_by_modes_are_those_of_central_differences(rig):
 @pytest.mark.parametrize("leaning", ["faint", "strong"])
 def test_the_fast_mode_is_found_whichever_is_the_stronger(rig, double, leaning):
     observations = double(leaning)
-    starts = guess_double_pendulum(GuessContext(rig, observations, observations.force_g, ()))
+    starts = guess_double_pendulum(guess_context(rig, observations, observations.force_g))
     fast_hz = [modes_hz(rig, np.array(v["rigging_length_m"]), np.array(v["hook_mass_ratio"]))[1] for v in starts]
     true_hz = modes_hz(rig, np.array(HOOK["rigging_length_m"]), np.array(HOOK["hook_mass_ratio"]))[1]
 
@@ -61,7 +74,7 @@ def test_the_fast_mode_is_found_whichever_is_the_stronger(rig, double, leaning):
 def test_a_single_swing_has_no_second_mode(rig, record):
     observations = record({"viscous_damping": {"damping_ratio": 0.01}})
 
-    assert guess_double_pendulum(GuessContext(rig, observations, observations.force_g, ())) == []
+    assert guess_double_pendulum(guess_context(rig, observations, observations.force_g)) == []
 
 
 @pytest.mark.slow
@@ -115,7 +128,7 @@ def test_an_overtone_of_a_second_mode_is_no_machine(rig):
         left_g = noise_g * np.random.default_rng(2).normal(size=(len(time_s), 3))
         for hz, size_g in ((1.31, left_of_main_g), (line_hz, 0.004)):
             left_g[:, 0] += size_g * np.sin(2 * np.pi * hz * time_s)
-        return guess_vibration(GuessContext(rig, observations, left_g, ()))
+        return guess_vibration(guess_context(rig, observations, left_g))
 
     assert found(3 * 1.31) == []
     assert found(3 * 1.31 + 0.2, left_of_main_g=0.1) == []
