@@ -14,6 +14,7 @@ from gateway.twin.effects.modes import modes
 from gateway.twin.effects.rope import DoublePendulum, RopeStretch
 from gateway.twin.model import Model
 from gateway.twin.simulator.simulator import Simulator
+from gateway.twin.simulator.state import RIGGING_RATES, RIGGING_TILTS, ROPE_RATES, ROPE_TILTS, STRETCH
 
 Array = NDArray[np.float64]
 FIRST_SWING_RAD = math.radians(5.0)
@@ -100,14 +101,15 @@ def _start(simulator: Simulator, model: Model, random: np.random.Generator) -> A
     tilt = FIRST_SWING_RAD * along
     rate = FIRST_ROUNDNESS * math.sqrt(rig.gravity_m_s2 / rig.length_m) * FIRST_SWING_RAD * along[::-1] * [-1, 1]
     start = np.zeros(simulator.n_initial_states)
-    start[:4] = [*tilt, *rate]
+    start[ROPE_TILTS], start[ROPE_RATES] = tilt, rate
     if DoublePendulum.name in model.effects:
         hung = model.effects[DoublePendulum.name]
         lower_m, ratio = hung["rigging_length_m"], hung["hook_mass_ratio"]
         slow, _ = modes(rig.length_m - np.asarray(lower_m), lower_m, ratio)
-        start[5:] = np.concatenate([RIGGING_AHEAD * slow.rigging_tilt * tilt, slow.rigging_tilt * rate])
+        start[RIGGING_TILTS] = RIGGING_AHEAD * slow.rigging_tilt * tilt
+        start[RIGGING_RATES] = slow.rigging_tilt * rate
     if RopeStretch.name in model.effects:
-        start[5] = FIRST_STRETCH_M
+        start[STRETCH] = FIRST_STRETCH_M
     return start
 
 

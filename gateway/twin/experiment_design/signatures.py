@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.effects import EFFECTS
+from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.effect import Parameter, Value
 from gateway.twin.experiment_design.experiment import INPUTS, Experiment, Run
 from gateway.twin.experiment_design.hypotheses import Group, Hypothesis, is_amplitude
@@ -16,6 +16,7 @@ from gateway.twin.reconcile.residual.isolability import orthonormal
 from gateway.twin.simulation import DEFAULT_RATE_HZ
 from gateway.twin.simulator.parameter_vector import ParameterSpec
 from gateway.twin.simulator.simulator import Simulator
+from gateway.twin.simulator.state import HEADING, RIGGING_RATES, RIGGING_TILTS, ROPE_RATES, ROPE_TILTS
 
 Array = NDArray[np.float64]
 ENOUGH_HZ = 10.0
@@ -23,8 +24,6 @@ ENOUGH_HZ = 10.0
 WARMS_BY_C = 5.0
 EVENTS_FROM, APART_S = 0.4, 0.013
 """Suspected events start at this share of a recording, and never two at the very same time."""
-WITH_RIGGING = 9
-"""Coordinates of a start where rigging hangs below the hook; it is let go in line with the rope."""
 LOST = 1e-6
 """A trace of which less is left is rounding."""
 RATES = frozenset({"rope_length", "clock_drift", "sample_loss"})
@@ -37,8 +36,6 @@ DONE_TO = {
     "hoisting.duration_s": 0.2,
 }
 """One sigma of what an operator does: a hand turns evenly to some ten per cent, a drive's own read-out is better."""
-HEADING = "initial.heading_rad"
-"""On one recording a gauge: with it every direction in the world turns along."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,7 +108,7 @@ def _columns(simulator: Simulator, believed: EffectValues, leg: Run, group: Grou
     time_s = np.arange(round(leg.duration_s * sampled_hz)) / sampled_hz
     temperature_c = rig.reference_temperature_c + WARMS_BY_C * time_s / leg.duration_s
     at = simulator.values(
-        start_of(leg, rig, simulator.n_initial_states), {**_working_point(leg, group), **believed, **inputs}
+        initial_state_of(leg, rig, simulator.structure), {**_working_point(leg, group), **believed, **inputs}
     )
     at[[slot.effect == "housing_position" for slot in simulator.parameters]] += leg.moved_m(rig)
     jacobian = simulator.linearise(at, time_s, temperature_c).jacobian
@@ -120,21 +117,25 @@ def _columns(simulator: Simulator, believed: EffectValues, leg: Run, group: Grou
     own = [
         i
         for i, slot in enumerate(simulator.parameters)
-        if (slot.refitted or slot.effect in inputs) and slot.label != HEADING
+        if (slot.refitted or slot.effect in inputs)
+        and i != HEADING  # on one recording a gauge: it turns the world along
     ]
     known = np.array([1 / DONE_TO.get(simulator.parameters[i].label, np.inf) for i in own])
     return residual_after_projection(flat[:, wanted], flat[:, own], known)
 
 
-def start_of(leg: Run, rig: TwinRig, starts: int) -> Array:
-    """Let go from a lean between the housing's axes, with a speed across; shape (starts,)."""
+def initial_state_of(leg: Run, rig: TwinRig, structure: ModelStructure) -> Array:
+    """Return the initial state of a load that is released between the housing's axes, with some speed across; shape (z,).
+
+    Rigging is released in line with the rope.
+    """
     amplitude = math.radians(leg.amplitude_deg)
     along = np.array([math.cos(0.5), math.sin(0.5)])
     rate = leg.roundness * math.sqrt(rig.gravity_m_s2 / rig.length_m) * amplitude * along[::-1] * [-1, 1]
-    start = np.zeros(starts)
-    start[:5] = [*(amplitude * along), *rate, math.radians(leg.heading_deg)]
-    if starts == WITH_RIGGING:
-        start[5:] = start[:4]
+    start = np.zeros(structure.n_initial_states)
+    start[ROPE_TILTS], start[ROPE_RATES], start[HEADING] = amplitude * along, rate, math.radians(leg.heading_deg)
+    if structure is ModelStructure.RIGGING:
+        start[RIGGING_TILTS], start[RIGGING_RATES] = start[ROPE_TILTS], start[ROPE_RATES]
     return start
 
 

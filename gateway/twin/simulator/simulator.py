@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.effects.effect import Effect, Value
+from gateway.twin.effects.effect import Effect, ModelStructure, Value
 from gateway.twin.effects.limits import LowpassLag
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.simulator.compiled_model import compile_model
@@ -68,8 +68,13 @@ class Simulator:
         self._limits_output = any(type(each).output_stage_g is not Effect.output_stage_g for each in self._effects)
 
     @property
+    def structure(self) -> ModelStructure:
+        """Structure of the model."""
+        return self._compiled.structure
+
+    @property
     def n_initial_states(self) -> int:
-        """Number of the start's coordinates: 5, with an elastic rope 7, with a double pendulum 9."""
+        """Length of the initial state: 5, with an elastic rope 7, with a double pendulum 9."""
         return len(self.initial)
 
     def neutral(self) -> Array:

@@ -1,9 +1,9 @@
-"""The state of a motion, and the coordinates of its start that can be fitted; both as symbols.
+"""The state of the motion, and the initial state that a fit can vary; both as symbols.
 
-State x: n, n' and the housing's x axis; with a double pendulum the rigging's direction m and m', with an elastic rope its
-stretch beyond that of a load at rest, and the stretch's rate.
-Start z: the rope's tilts toward world x and y, their rates, the housing's heading; then the rigging's tilts and rates, or the
-stretch and its rate.
+State x: the rope's direction n, its rate n' and the housing's x axis; with a double pendulum also the direction of the rigging
+m and its rate m', with an elastic rope also the stretch beyond that of a load at rest, and the rate of the stretch.
+Initial state z: the tilts of the rope toward the world's x and y, their rates, and the heading of the housing; then the tilts
+and rates of the rigging, or the stretch and its rate.
 """
 
 from collections.abc import Iterable
@@ -18,10 +18,26 @@ from gateway.twin.effects.effect import Effect, ModelStructure
 
 Expression = Any
 NOTHING: Vector = (0.0, 0.0, 0.0)
+ROPE_TILTS, ROPE_RATES = slice(0, 2), slice(2, 4)
+"""Positions in z of the rope's tilts (x, y), and of their rates."""
+HEADING = 4
+"""Position in z of the housing's heading."""
+N_ROPE_STATES = 5
+"""Length of z for a rope alone; what a structure adds follows."""
+RIGGING_TILTS, RIGGING_RATES = slice(5, 7), slice(7, 9)
+"""Positions in z of the rigging's tilts (x, y), and of their rates."""
+STRETCH, STRETCH_RATE = 5, 6
+"""Positions in z of the stretch of an elastic rope, and of its rate."""
+
+
+def horizontal_pairs(structure: ModelStructure) -> tuple[slice, ...]:
+    """Return the pairs (x, y) of an initial state that rotate together when the world is turned about the vertical."""
+    rope = (ROPE_TILTS, ROPE_RATES)
+    return (*rope, RIGGING_TILTS, RIGGING_RATES) if structure is ModelStructure.RIGGING else rope
 
 
 def structure_of(effects: Iterable[Effect]) -> ModelStructure:
-    """Structure of a model with these effects. Raises `ValueError` for two that exclude each other."""
+    """Return the structure of a model with these effects. Raises `ValueError` for two that exclude each other."""
     structural = [effect for effect in effects if effect.structure is not ModelStructure.ROPE]
     if len({effect.structure for effect in structural}) > 1:
         names = " and ".join(effect.name for effect in structural)
@@ -31,7 +47,7 @@ def structure_of(effects: Iterable[Effect]) -> ModelStructure:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """x by its parts; what a structure has not is zero."""
+    """The parts of x; parts that a structure lacks are zero."""
 
     n: Vector
     n_rate: Vector
@@ -43,7 +59,7 @@ class State:
 
     @classmethod
     def of(cls, x: Expression, structure: ModelStructure) -> "State":
-        """The parts of a column."""
+        """Return the parts of a column x."""
         rope = vector(x, 0), vector(x, 3), vector(x, 6)
         if structure is ModelStructure.RIGGING:
             return cls(*rope, vector(x, 9), vector(x, 12))
@@ -52,7 +68,7 @@ class State:
         return cls(*rope)
 
     def column(self, structure: ModelStructure) -> Expression:
-        """x of the parts; of their rates just so."""
+        """Return the column x of these parts, or its rate of the rates of the parts."""
         parts = [*self.n, *self.n_rate, *self.x_axis]
         if structure is ModelStructure.RIGGING:
             parts += [*self.m, *self.m_rate]
@@ -62,25 +78,25 @@ class State:
 
 
 def vector(column: Expression, first: int) -> Vector:
-    """Three components of a column."""
+    """Return three components of a column."""
     return column[first], column[first + 1], column[first + 2]
 
 
 def state_from_initial(z: Expression, structure: ModelStructure) -> Expression:
-    """x of z."""
-    n, n_rate = _direction(z[0], z[1], z[2], z[3])
+    """Return the state x of an initial state z."""
+    n, n_rate = _direction(z[ROPE_TILTS], z[ROPE_RATES])
     across, along = _reference_axes(n)
-    x_axis = eq.add(eq.scale(ca.cos(z[4]), across), eq.scale(ca.sin(z[4]), along))
+    x_axis = eq.add(eq.scale(ca.cos(z[HEADING]), across), eq.scale(ca.sin(z[HEADING]), along))
     state = State(n, n_rate, x_axis)
     if structure is ModelStructure.RIGGING:
-        state = State(n, n_rate, x_axis, *_direction(z[5], z[6], z[7], z[8]))
+        state = State(n, n_rate, x_axis, *_direction(z[RIGGING_TILTS], z[RIGGING_RATES]))
     if structure is ModelStructure.ELASTIC:
-        state = State(n, n_rate, x_axis, stretch=z[5], stretch_rate=z[6])
+        state = State(n, n_rate, x_axis, stretch=z[STRETCH], stretch_rate=z[STRETCH_RATE])
     return state.column(structure)
 
 
 def initial_from_state(x: Expression, structure: ModelStructure) -> Expression:
-    """z of x."""
+    """Return the initial state z of a state x."""
     state = State.of(x, structure)
     across, along = _reference_axes(state.n)
     heading = ca.atan2(eq.dot(state.x_axis, along), eq.dot(state.x_axis, across))
@@ -92,19 +108,21 @@ def initial_from_state(x: Expression, structure: ModelStructure) -> Expression:
     return ca.vertcat(*z)
 
 
-def _direction(tilt_x: Any, tilt_y: Any, rate_x: Any, rate_y: Any) -> tuple[Vector, Vector]:
-    angles = (ca.sin(tilt_x), ca.cos(tilt_x), ca.sin(tilt_y), ca.cos(tilt_y))
+def _direction(tilts: Expression, rates: Expression) -> tuple[Vector, Vector]:
+    """Return the direction of a rope and its rate."""
+    angles = (ca.sin(tilts[0]), ca.cos(tilts[0]), ca.sin(tilts[1]), ca.cos(tilts[1]))
     by_x, by_y = eq.direction_by_tilts(*angles)
-    return eq.direction(*angles), eq.add(eq.scale(rate_x, by_x), eq.scale(rate_y, by_y))
+    return eq.direction(*angles), eq.add(eq.scale(rates[0], by_x), eq.scale(rates[1], by_y))
 
 
 def _tilts(n: Vector, n_rate: Vector) -> list[Any]:
+    """Return the tilts of a rope and their rates."""
     tilt_x, tilt_y = ca.atan2(n[0], -n[2]), ca.asin(n[1])
     by_x, by_y = eq.direction_by_tilts(ca.sin(tilt_x), ca.cos(tilt_x), ca.sin(tilt_y), ca.cos(tilt_y))
     return [tilt_x, tilt_y, eq.dot(n_rate, by_x) / eq.dot(by_x, by_x), eq.dot(n_rate, by_y)]
 
 
 def _reference_axes(n: Vector) -> tuple[Vector, Vector]:
-    """The axis at right angles to the rope that is nearest to the world's x, and the third one: (x, y) of heading 0."""
+    """Return the housing's x and y axes at heading 0: x is the direction across the rope that is nearest to the world's x."""
     x_axis = eq.reference_axis(n, ca.sqrt(1 - n[0] * n[0]))
     return x_axis, eq.cross(eq.scale(-1, n), x_axis)

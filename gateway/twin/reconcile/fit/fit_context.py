@@ -15,10 +15,11 @@ from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
 from gateway.twin.reconcile.fit.initial_conditions import segment_initial_conditions
 from gateway.twin.reconcile.fit.modal_parameterisation import ModalSimulator
-from gateway.twin.reconcile.fit.multiple_shooting import HEADING, SEGMENT_S, Fit, uniform_segments
+from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, Fit, uniform_segments
 from gateway.twin.reconcile.fit.windowed_fit import fit_trajectory, is_large_amplitude, window_bounds
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator
+from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
 SEARCH_ITERATIONS = 8

@@ -3,10 +3,12 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.twin.effects import ModelStructure
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit, fit_model, uniform_segments
+from gateway.twin.reconcile.fit.multiple_shooting import Fit, fit_model, uniform_segments
 from gateway.twin.reconcile.fit.windowed_fit import initial_state_from_samples, is_large_amplitude
 from gateway.twin.simulator.simulator import Simulator
+from gateway.twin.simulator.state import HEADING, horizontal_pairs
 
 Array = NDArray[np.float64]
 LOCAL_ITERATIONS = 3
@@ -32,17 +34,16 @@ def segment_initial_conditions(
             by[..., HEADING] = 0.0
             starts[i] += _damped_step(by.reshape(-1, simulator.n_initial_states), residual[first:last].ravel())
         turns = found.ends[:, HEADING]
-    return rotate_about_vertical(starts, np.concatenate([[0.0], np.cumsum(turns[:-1])]))
+    return rotate_about_vertical(starts, np.concatenate([[0.0], np.cumsum(turns[:-1])]), simulator.structure)
 
 
-def rotate_about_vertical(starts: Array, by_rad: Array) -> Array:
+def rotate_about_vertical(starts: Array, by_rad: Array, structure: ModelStructure) -> Array:
     """Starts (segments, starts) seen from a world turned about the vertical: the same readings, other directions and headings."""
     found = starts.copy()
     cos, sin = np.cos(by_rad), np.sin(by_rad)
-    pairs = [(0, 1), (2, 3)] + ([(5, 6), (7, 8)] if starts.shape[1] == 9 else [])
-    for x, y in pairs:
-        found[:, x] = cos * starts[:, x] - sin * starts[:, y]
-        found[:, y] = sin * starts[:, x] + cos * starts[:, y]
+    for pair in horizontal_pairs(structure):
+        x, y = starts[:, pair].T
+        found[:, pair] = np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
     found[:, HEADING] += by_rad
     return found
 

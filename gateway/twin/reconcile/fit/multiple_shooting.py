@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.simulator.compiled_model import IntegrationError
 from gateway.twin.simulator.simulator import Simulator
+from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
-HEADING = 4
-"""Place of the heading among a start's coordinates."""
 SEGMENT_S = 30.0
 CONTINUITY_TOLERANCE = 1e-3
 """Gaps between segments, rad and rad/s, below which one segment goes on alone: it is as linear, and quicker."""

@@ -13,9 +13,10 @@ from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import is_world_directed, segment_bounds
 from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
-from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit, fit_model
+from gateway.twin.reconcile.fit.multiple_shooting import Fit, fit_model
 from gateway.twin.reconcile.fit.windowed_fit import fit_trajectory
 from gateway.twin.simulator.simulator import Simulator
+from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
 BLOCK_S = 6.0
@@ -58,7 +59,7 @@ def evaluate_on_validation(
         fit = fit_trajectory(
             simulator,
             held_out,
-            rotate_about_vertical(starts, np.full(len(starts), heading_rad)),
+            rotate_about_vertical(starts, np.full(len(starts), heading_rad), simulator.structure),
             at,
             free,
             firsts,

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from gateway.numerics.spectrum import ZERO_PADDING
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit, fit_model
+from gateway.twin.reconcile.fit.multiple_shooting import Fit, fit_model
 from gateway.twin.simulator.simulator import SegmentBatch, Simulator
+from gateway.twin.simulator.state import HEADING, ROPE_RATES, ROPE_TILTS
 
 Array = NDArray[np.float64]
 LARGE_AMPLITUDE_RAD = 0.45
@@ -98,8 +99,8 @@ def initial_state_from_samples(rig: TwinRig, observations: Observations, firsts:
     ahead = max(1, int(np.searchsorted(observations.time_s, RATE_INTERVAL_PERIODS * swing_period_s(rig, observations))))
     at = np.minimum(np.array(firsts), len(observations.time_s) - 1 - ahead)
     now, later = (np.arcsin(np.clip(observations.force_g[i, :2] / share, -1.0, 1.0)) for i in (at, at + ahead))
-    starts[:, :2] = now
-    starts[:, 2:4] = (later - now) / (observations.time_s[at + ahead] - observations.time_s[at])[:, None]
+    starts[:, ROPE_TILTS] = now
+    starts[:, ROPE_RATES] = (later - now) / (observations.time_s[at + ahead] - observations.time_s[at])[:, None]
     return starts
 
 

@@ -14,7 +14,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.initial_conditions import segment_initial_conditions
-from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit
+from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.reconcile.fit.windowed_fit import (
     fit_windows,
     is_large_amplitude,
@@ -23,6 +23,7 @@ from gateway.twin.reconcile.fit.windowed_fit import (
 )
 from gateway.twin.reconcile.residual.isolability import orthonormal
 from gateway.twin.simulator.simulator import Simulator
+from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,7 @@ from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.limits import ClockDrift, LowpassLag
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, is_world_directed
-from gateway.twin.reconcile.fit.multiple_shooting import HEADING, Fit, fit_model
+from gateway.twin.reconcile.fit.multiple_shooting import Fit, fit_model
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
 from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT
 from gateway.twin.reconcile.search.candidate_fits import CandidateFit, Values
@@ -27,6 +27,7 @@ from gateway.twin.reconcile.timing.timing_jitter import (
 )
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator
+from gateway.twin.simulator.state import HEADING, N_ROPE_STATES
 
 Array = NDArray[np.float64]
 MIN_LOST_FRACTION = 0.002
@@ -40,8 +41,6 @@ LAG = LowpassLag.name
 MAX_ADDITIONAL_EFFECTS = 3
 """Effects that are looked for beside the walk."""
 CONSTANT_RATE_ITERATIONS = 3
-N_INITIAL_STATES = 5
-"""Coordinates of a start."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,12 +119,10 @@ def _additional_effects(setting: FitContext, steady: ConstantRateFit, lost: Samp
     """What else may act, where time wanders as found; from the steady clock where no walk is believed."""
     if lost is not None:
         return score_additional_effects(
-            setting, lost.others, lost.walk.values[:N_INITIAL_STATES], lost.walk.true_s, lost.walk.fraction
+            setting, lost.others, lost.walk.values[:N_ROPE_STATES], lost.walk.true_s, lost.walk.fraction
         )
     true_s = setting.log.time_s / (1 - steady.missing)
-    return score_additional_effects(
-        setting, steady.others, steady.fit.values[:N_INITIAL_STATES], true_s, steady.missing
-    )
+    return score_additional_effects(setting, steady.others, steady.fit.values[:N_ROPE_STATES], true_s, steady.missing)
 
 
 def _with_effect(setting: FitContext, steady: ConstantRateFit, name: str) -> ConstantRateFit:
@@ -144,13 +141,13 @@ def _with_effect(setting: FitContext, steady: ConstantRateFit, name: str) -> Con
 def _fit_constant_rate(setting: FitContext, values: Values, start: Array) -> ConstantRateFit:
     """Fitted from here, as one motion."""
     simulator = setting.simulator(tuple(values))
-    at = simulator.values(start[:N_INITIAL_STATES], {**setting.model_effects, **values})
+    at = simulator.values(start[:N_ROPE_STATES], {**setting.model_effects, **values})
     free = setting.free_parameters(simulator, values)
     fit = fit_model(
         simulator,
         setting.log,
-        at[None, :N_INITIAL_STATES],
-        at[N_INITIAL_STATES:],
+        at[None, :N_ROPE_STATES],
+        at[N_ROPE_STATES:],
         free,
         [0],
         CONSTANT_RATE_ITERATIONS,
@@ -169,7 +166,7 @@ def _fit_time_warp(setting: FitContext, steady: ConstantRateFit) -> SampleLossFi
     if steady.missing < MIN_LOST_FRACTION:
         return None
     o, simulator = setting.log, setting.simulator(tuple(steady.others))
-    values = simulator.values(steady.fit.values[:N_INITIAL_STATES], {**setting.model_effects, **steady.others})
+    values = simulator.values(steady.fit.values[:N_ROPE_STATES], {**setting.model_effects, **steady.others})
     free = [*INITIAL_MOTION, *free_parameter_indices(simulator, steady.others)]
     try:
         walk = estimate_time_warp(simulator, values, o, steady.missing, free)
@@ -215,9 +212,7 @@ def retime_validation(setting: FitContext, lost: SampleLossFit, held_out: Observ
     simulator = Simulator(setting.rig, sorted(known))
     free = np.array([slot.refitted or slot.effect == ClockDrift.name for slot in simulator.parameters])
     free[HEADING] = is_world_directed(known)
-    fit = fit_model(
-        simulator, held_out, begun.values[None, :N_INITIAL_STATES], begun.values[N_INITIAL_STATES:], free, [0]
-    )
+    fit = fit_model(simulator, held_out, begun.values[None, :N_ROPE_STATES], begun.values[N_ROPE_STATES:], free, [0])
     clock = {ClockDrift.name: simulator.effects(fit.values)[ClockDrift.name]}
     there, steady = (
         replace(setting, log=held_out, model_effects={**setting.model_effects, **lost.others}),

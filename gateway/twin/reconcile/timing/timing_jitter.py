@@ -14,7 +14,6 @@ from gateway.numerics.spectrum import MachineLine, find_machine_line
 from gateway.twin.effects.limits import Quantization
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.multiple_shooting import HEADING
 from gateway.twin.reconcile.timing.time_warp_smoother import (
     KNOT_SPACING_SAMPLES,
     effective_degrees_of_freedom,
@@ -22,6 +21,7 @@ from gateway.twin.reconcile.timing.time_warp_smoother import (
     marginalise_time_warp,
 )
 from gateway.twin.simulator.simulator import Simulator
+from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
 INITIAL_MOTION = tuple(range(HEADING))

@@ -6,15 +6,15 @@ import pytest
 from gateway.twin.experiment_design.candidates import FREE_SWING
 from gateway.twin.experiment_design.hypotheses import suspects
 from gateway.twin.experiment_design.plan import forecast, plan
-from gateway.twin.experiment_design.signatures import start_of
+from gateway.twin.experiment_design.signatures import initial_state_of
 from gateway.twin.model import TwinRig
 from gateway.twin.simulator.simulator import Simulator
+from gateway.twin.simulator.state import HEADING
 
 pytestmark = pytest.mark.slow
 
 RIG = TwinRig(length_m=12.0, position_m=5.0, sample_rate_hz=10.0)
 WIND = {"steady_wind": {"accel_m_s2": (0.2, 0.0)}}
-HEADING = 4
 
 
 def recorded(leg, truth, seed=3):
@@ -22,7 +22,7 @@ def recorded(leg, truth, seed=3):
     time_s = np.arange(round(leg.duration_s * RIG.sample_rate_hz)) / RIG.sample_rate_hz
     acting = {**truth, **leg.inputs(RIG)}
     simulator = Simulator(RIG, sorted(acting))
-    values = simulator.values(start_of(leg, RIG, simulator.n_initial_states), acting)
+    values = simulator.values(initial_state_of(leg, RIG, simulator.structure), acting)
     values[0] += 0.01
     random = np.random.default_rng(seed)
     return time_s, simulator.predict(values, time_s) + RIG.noise_g * random.standard_normal((len(time_s), 3))
@@ -32,7 +32,7 @@ def chi2_fitted(leg, name, time_s, force_g):
     """Sum of squares in sigma after fitting initial motion, the operator's input and one effect, by Gauss and Newton."""
     inputs = leg.inputs(RIG)
     simulator = Simulator(RIG, sorted({*inputs, name}))
-    values = simulator.values(start_of(leg, RIG, simulator.n_initial_states), inputs)
+    values = simulator.values(initial_state_of(leg, RIG, simulator.structure), inputs)
     free = np.array([i != HEADING for i in range(len(values))])
     for _ in range(12):
         found = simulator.linearise(values, time_s)
