@@ -11,12 +11,12 @@ FOLDER = Path(__file__).parents[1] / "config"
 KINDS = {"simulated.toml": "simulated", "adxl355.toml": "adxl355", "witmotion.toml": "witmotion"}
 
 
-def test_there_are_no_others():
+def test_there_are_no_others() -> None:
     assert {path.name for path in FOLDER.iterdir()} == set(KINDS)
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_is_accepted_and_commented(name):
+def test_is_accepted_and_commented(name: str) -> None:
     configuration = load(FOLDER / name, {})
     assert configuration.device.kind == KINDS[name]
     assert configuration.housing_position_m is not None
@@ -24,7 +24,7 @@ def test_is_accepted_and_commented(name):
     assert sum("#" in line for line in keys) >= len(keys) / 3
 
 
-def test_the_simulated_example_is_the_embedded_default():
+def test_the_simulated_example_is_the_embedded_default() -> None:
     example, embedded = load(FOLDER / "simulated.toml", {}), Configuration()
     assert example.housing_position_m == embedded.housing_position_m
     assert example.model_copy(update={"housing": embedded.housing}) == embedded

@@ -11,7 +11,7 @@ from tests.generated_docs import DOCS, PAGES
 ROOT = Path(__file__).parents[1]
 
 
-def test_topic_table_is_the_codes():
+def test_topic_table_is_the_codes() -> None:
     text = (ROOT / "docs" / "architecture.md").read_text()
     rows = re.findall(
         r"^\| (\w+) \| ((?:plumbline|foxglove)\.\w+) \| (.+?) \| (yes|no) \| (yes|no) \|$", text, re.MULTILINE
@@ -23,27 +23,27 @@ def test_topic_table_is_the_codes():
     ]
 
 
-def test_every_file_that_the_docs_name_exists():
+def test_every_file_that_the_docs_name_exists() -> None:
     pages = [*ROOT.glob("*.md"), *DOCS.rglob("*.md")]
     for page in pages:
         named = re.findall(r"\]\(([\w./-]+)\)", page.read_text())
         assert [name for name in named if not (page.parent / name).exists()] == [], page
 
 
-def test_every_path_that_the_docs_name_exists():
+def test_every_path_that_the_docs_name_exists() -> None:
     for page in [*ROOT.glob("*.md"), *DOCS.rglob("*.md")]:
         named = re.findall(r"`((?:config|deploy|docs|script|tests)/[\w./-]+)`", page.read_text())
         assert [name for name in named if not (ROOT / name).exists()] == [], page
 
 
-def test_every_package_that_the_docs_name_exists():
+def test_every_package_that_the_docs_name_exists() -> None:
     for page in [*ROOT.glob("*.md"), *DOCS.rglob("*.md")]:
         named = re.findall(r"`((?:gateway|devices|tests)(?:\.\w+)*)`", page.read_text())
         paths = [ROOT / name.replace(".", "/") for name in named]
         assert [str(path) for path in paths if not path.is_dir() and not path.with_suffix(".py").exists()] == [], page
 
 
-def test_every_cited_source_is_in_the_references():
+def test_every_cited_source_is_in_the_references() -> None:
     listed = (DOCS / "references.md").read_text().splitlines()
     code = [path for top in ("gateway", "devices") for path in (ROOT / top).rglob("*.py")]
     for path in [*code, *ROOT.glob("*.md"), *DOCS.rglob("*.md")]:

@@ -4,26 +4,34 @@ import resource
 import socket
 import tempfile
 import time
-from collections import Counter
+from collections.abc import Callable
 from pathlib import Path
+from typing import ParamSpec, TypeVar
 
 import zenoh
 
+from devices.block import DeviceInfo, SampleBlock
 from devices.clock import HostClock
 from devices.simulated.device import SimulatedCrane
 from gateway import __version__
 from gateway.bus.session import open_session
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
+from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
 from gateway.pipeline.clock_state import ClockState
-from gateway.pipeline.executor import ImmediateExecutor
+from gateway.pipeline.executor import CompletedFuture, ImmediateExecutor
 from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.header import RecordingHeader
 from gateway.recording.info import summarise
 from gateway.recording.writer import Recorder
 from gateway.topics import TOPICS, encode
+from tests.values import present
+
+P = ParamSpec("P")
+T = TypeVar("T")
 
 RATE_HZ = 1000
 SECONDS = 60
@@ -54,7 +62,7 @@ class TimedRunner(ImmediateExecutor):
     def __init__(self) -> None:
         self.used_s = 0.0
 
-    def submit(self, work, /, *args, **kwargs):  # type: ignore[no-untyped-def]
+    def submit(self, work: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> CompletedFuture[T]:
         """Do the work now."""
         begin_s = cpu_s()
         done = super().submit(work, *args, **kwargs)
@@ -92,7 +100,7 @@ def measure(block: int) -> dict[str, float]:
     clock = FastClock()
     device = SimulatedCrane(odr_hz=RATE_HZ, block_samples=block, length_m=12.0, position_m=9.0, clock=clock)
     info = device.open()
-    blocks = []
+    blocks: list[SampleBlock] = []
     while sum(len(b) for b in blocks) < RATE_HZ * SECONDS:
         read = device.read()
         if read is not None:
@@ -101,7 +109,7 @@ def measure(block: int) -> dict[str, float]:
     correction = correction_for(info, configuration.device.axes, None)
     fitting = TimedRunner()
     pipeline = Pipeline(configuration, info, correction, HeaderMaker(), fitting)
-    used = Counter[str]()
+    used: dict[str, float] = {}
     begin_s = cpu_s()
     emissions = [emission for b in blocks for emission in pipeline.process(b, CLOCK)]
     used["swing"] = fitting.used_s
@@ -114,7 +122,9 @@ def measure(block: int) -> dict[str, float]:
     return {name: seconds / samples * 1e6 for name, seconds in used.items()} | {"bytes": size / samples}
 
 
-def _record(configuration, info, emissions, encoding_s):
+def _record(
+    configuration: Configuration, info: DeviceInfo, emissions: list[OutgoingMessage], encoding_s: float
+) -> tuple[float, int]:
     """CPU of recording beyond encoding, and the bytes of the file."""
     with tempfile.TemporaryDirectory() as folder:
         header = RecordingHeader(
@@ -135,10 +145,10 @@ def _record(configuration, info, emissions, encoding_s):
         path = recorder.path
         recorder.close()
         used_s = cpu_s() - begin_s
-        return used_s - encoding_s, summarise(path).size_bytes
+        return used_s - encoding_s, summarise(present(path)).size_bytes
 
 
-def _publish(key, topics, payloads):
+def _publish(key: str, topics: list[str], payloads: list[bytes]) -> float:
     """CPU of putting, unpaced, with a subscriber in this process's own second session."""
     endpoint = free_endpoint()
     session = open_session("peer", [], [endpoint])

@@ -1,8 +1,13 @@
 """An ADXL355 at the bus with its driver, and what its tests share."""
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from devices.adxl355 import Adxl355
+from devices.block import DeviceInfo, SampleBlock
+from tests.devices.adxl355_chip import START_NS, Adxl355Chip, FakeClock
 
 RANGE, POWER_CTL, FIFO_DATA, STATUS, LEVEL = 0x2C, 0x2D, 0x11, 0x04, 0x05
 
@@ -10,11 +15,20 @@ RANGE, POWER_CTL, FIFO_DATA, STATUS, LEVEL = 0x2C, 0x2D, 0x11, 0x04, 0x05
 class Rig:
     """A chip, a clock, and the driver on both."""
 
-    def __init__(self, chips, *, oversleep_s=0.0001, odr_hz=125.0, range_g=2, block_samples=8, serial=None, **chip):
-        self.start_ns = chips.START_NS
-        self.clock = chips.FakeClock(oversleep_s)
-        self.chip = chips.Adxl355Chip(self.clock, **chip)
-        self.opened_bus = None
+    def __init__(
+        self,
+        *,
+        oversleep_s: float = 0.0001,
+        odr_hz: float = 125.0,
+        range_g: int = 2,
+        block_samples: int = 8,
+        serial: str | None = None,
+        **chip: Any,
+    ) -> None:
+        self.start_ns = START_NS
+        self.clock = FakeClock(oversleep_s)
+        self.chip = Adxl355Chip(self.clock, **chip)
+        self.opened_bus: int | None = None
         self.device = Adxl355(
             1,
             0x1D,
@@ -25,17 +39,17 @@ class Rig:
             serial=serial,
             open_bus=self.open_bus,
         )
-        self.blocks = []
+        self.blocks: list[SampleBlock] = []
 
-    def open_bus(self, number):
+    def open_bus(self, number: int) -> Adxl355Chip:
         self.opened_bus = number
         self.chip.closed = False
         return self.chip
 
-    def open(self):
+    def open(self) -> DeviceInfo:
         return self.device.open()
 
-    def read_s(self, seconds):
+    def read_s(self, seconds: float) -> int:
         """Read for a while; the number of blocks."""
         until_s, before = self.clock.elapsed_s + seconds, len(self.blocks)
         while self.clock.elapsed_s < until_s:
@@ -45,26 +59,27 @@ class Rig:
         return len(self.blocks) - before
 
     @property
-    def samples(self):
+    def samples(self) -> int:
         return sum(len(block) for block in self.blocks)
 
     @property
-    def lost(self):
+    def lost(self) -> int:
         return sum(block.lost for block in self.blocks)
 
     @property
-    def time_ns(self):
+    def time_ns(self) -> NDArray[np.int64]:
         return np.concatenate([block.time_ns for block in self.blocks])
 
-    def made_at_s(self):
+    def made_at_s(self) -> NDArray[np.float64]:
         """When each sample that came was made: it says so itself, see `telling_time`."""
         counts = np.concatenate([block.raw for block in self.blocks])
-        return np.rint(counts[:, 0] / 256) + counts[:, 1] / 256000
+        made_s: NDArray[np.float64] = np.rint(counts[:, 0] / 256) + counts[:, 1] / 256000
+        return made_s
 
-    def error_ms(self):
+    def error_ms(self) -> NDArray[np.float64]:
         return (self.time_ns - self.start_ns) / 1e6 - self.made_at_s() * 1e3
 
 
-def telling_time(time_s):
+def telling_time(time_s: float) -> tuple[float, float, float]:
     """A signal that says when it was sampled: whole seconds on x, the rest on y (to 4 us)."""
     return int(time_s) / 1000, time_s % 1.0, -1.0

@@ -2,6 +2,8 @@
 
 import errno
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +17,7 @@ from tests.devices.adxl355_rig import POWER_CTL, RANGE, STATUS, Rig, telling_tim
 # Opening
 
 
-def test_opening_identifies_resets_configures_in_standby_reads_back_and_starts(rig):
+def test_opening_identifies_resets_configures_in_standby_reads_back_and_starts(rig: Callable[..., Rig]) -> None:
     made = rig(odr_hz=1000.0, range_g=4, block_samples=16)
     made.open()
     exchange = [
@@ -34,7 +36,7 @@ def test_opening_identifies_resets_configures_in_standby_reads_back_and_starts(r
 
 
 @pytest.mark.parametrize(("odr_hz", "code"), list(zip(RATES_HZ, range(11), strict=True)))
-def test_every_rate_has_its_code(rig, odr_hz, code):
+def test_every_rate_has_its_code(rig: Callable[..., Rig], odr_hz: float, code: int) -> None:
     made = rig(odr_hz=odr_hz)
     made.open()
     assert made.chip.registers[0x28] == code
@@ -42,7 +44,9 @@ def test_every_rate_has_its_code(rig, odr_hz, code):
 
 
 @pytest.mark.parametrize(("range_g", "code", "units_per_g"), [(2, 0x81, 256000), (4, 0x82, 128000), (8, 0x83, 64000)])
-def test_ranges_and_what_is_known_of_the_part(rig, range_g, code, units_per_g):
+def test_ranges_and_what_is_known_of_the_part(
+    rig: Callable[..., Rig], range_g: int, code: int, units_per_g: int
+) -> None:
     made = rig(range_g=range_g, revision=0x07)
     info = made.open()
     assert made.chip.registers[RANGE] == code
@@ -56,11 +60,11 @@ def test_ranges_and_what_is_known_of_the_part(rig, range_g, code, units_per_g):
     assert np.concatenate([block.raw for block in made.blocks]).tolist() == [[0, 0, units_per_g]] * made.samples
 
 
-def test_a_label_is_the_identity_where_there_is_one(rig):
+def test_a_label_is_the_identity_where_there_is_one(rig: Callable[..., Rig]) -> None:
     assert rig(serial="hoist-2").open().device_id == "adxl355-hoist-2"
 
 
-def test_noise_is_between_that_of_a_brick_wall_and_a_single_pole():
+def test_noise_is_between_that_of_a_brick_wall_and_a_single_pole() -> None:
     assert noise_g(4000) == pytest.approx(22.5e-6 * math.sqrt(1000 * math.pi / 2))
 
 
@@ -72,12 +76,12 @@ def test_noise_is_between_that_of_a_brick_wall_and_a_single_pole():
         ({"block_samples": 0}, "1 to 16"),
     ],
 )
-def test_what_the_part_does_not_have_is_refused(rig, arguments, words):
+def test_what_the_part_does_not_have_is_refused(rig: Callable[..., Rig], arguments: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         rig(**arguments)
 
 
-def test_another_part_at_the_address_is_named(rig):
+def test_another_part_at_the_address_is_named(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.chip.registers.update({0x00: 0xE5, 0x01: 0x00, 0x02: 0x00})
     with pytest.raises(IdentityError, match=r"^I2C bus 1 address 0x1d: identity reads E5 00 00, .* this is an ADXL345"):
@@ -85,20 +89,20 @@ def test_another_part_at_the_address_is_named(rig):
     assert made.chip.closed
 
 
-def test_nothing_at_the_address(rig):
+def test_nothing_at_the_address(rig: Callable[..., Rig]) -> None:
     made = rig(address=0x53)
     with pytest.raises(TransferError, match="address 0x1d: no acknowledge; check wiring, supply and address"):
         made.open()
 
 
 @pytest.mark.parametrize("refuses", [False, True])
-def test_a_part_that_takes_long_to_reset_is_waited_for(rig, refuses):
+def test_a_part_that_takes_long_to_reset_is_waited_for(rig: Callable[..., Rig], refuses: bool) -> None:
     made = rig(busy_s=0.1, refuses_while_busy=refuses)
     made.open()
     assert made.read_s(1)
 
 
-def test_a_part_that_never_comes_out_of_reset_is_given_up(rig):
+def test_a_part_that_never_comes_out_of_reset_is_given_up(rig: Callable[..., Rig]) -> None:
     made = rig(busy_s=10)
     with pytest.raises(TransferError, match=r"still busy 0\.2 s after reset; power-cycle"):
         made.open()
@@ -108,14 +112,14 @@ def test_a_part_that_never_comes_out_of_reset_is_given_up(rig):
 @pytest.mark.parametrize(
     ("register", "name"), [(RANGE, "RANGE"), (0x28, "FILTER"), (0x29, "FIFO_SAMPLES"), (POWER_CTL, "POWER_CTL")]
 )
-def test_a_register_that_ignores_its_write_is_named(rig, register, name):
+def test_a_register_that_ignores_its_write_is_named(rig: Callable[..., Rig], register: int, name: str) -> None:
     made = rig(range_g=8)
     made.chip.deaf.add(register)
     with pytest.raises(ConfigurationReadBackError, match=rf"register {name} \({register:#04x}\)"):
         made.open()
 
 
-def test_a_few_transfers_that_fail_while_opening_are_survived(rig):
+def test_a_few_transfers_that_fail_while_opening_are_survived(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.chip.fail(errno.EREMOTEIO, 2)
     made.open()
@@ -128,7 +132,9 @@ def test_a_few_transfers_that_fail_while_opening_are_survived(rig):
 @pytest.mark.parametrize(
     ("odr_hz", "block_samples", "seconds"), [(125.0, 7, 60), (1000.0, 32, 20), (4000.0, 32, 5), (3.90625, 8, 60)]
 )
-def test_every_sample_comes_once_and_in_order(rig, odr_hz, block_samples, seconds):
+def test_every_sample_comes_once_and_in_order(
+    rig: Callable[..., Rig], odr_hz: float, block_samples: int, seconds: int
+) -> None:
     made = rig(odr_hz=odr_hz, block_samples=block_samples, rate_error=0.03, signal=telling_time)
     made.open()
     made.read_s(seconds)
@@ -144,8 +150,8 @@ def test_every_sample_comes_once_and_in_order(rig, odr_hz, block_samples, second
 @pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(rate_error=st.floats(-0.05, 0.05), oversleep_s=st.sampled_from([0.0001, 0.002, 0.02]))
-def test_times_are_right_whatever_the_part_and_the_host_do(chips, rate_error, oversleep_s):
-    made = Rig(chips, rate_error=rate_error, oversleep_s=oversleep_s, block_samples=7, signal=telling_time)
+def test_times_are_right_whatever_the_part_and_the_host_do(rate_error: float, oversleep_s: float) -> None:
+    made = Rig(rate_error=rate_error, oversleep_s=oversleep_s, block_samples=7, signal=telling_time)
     made.open()
     made.read_s(180)
     error_ms = made.error_ms()[made.made_at_s() > 10]
@@ -155,14 +161,14 @@ def test_times_are_right_whatever_the_part_and_the_host_do(chips, rate_error, ov
 
 
 @pytest.mark.parametrize("rate_error", [-0.05, 0.05])
-def test_the_moment_of_sampling_is_found_within_two_seconds(rig, rate_error):
+def test_the_moment_of_sampling_is_found_within_two_seconds(rig: Callable[..., Rig], rate_error: float) -> None:
     made = rig(rate_error=rate_error, signal=telling_time)
     made.open()
     made.read_s(4)
     assert np.abs(made.error_ms()[made.made_at_s() > 2]).max() < 1
 
 
-def test_a_read_never_waits_much_longer_than_half_a_second(rig):
+def test_a_read_never_waits_much_longer_than_half_a_second(rig: Callable[..., Rig]) -> None:
     made = rig(odr_hz=3.90625, block_samples=16)
     made.open()
     waits = []
@@ -173,7 +179,7 @@ def test_a_read_never_waits_much_longer_than_half_a_second(rig):
     assert max(waits) < 0.51
 
 
-def test_temperature_comes_with_the_blocks(rig):
+def test_temperature_comes_with_the_blocks(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.chip.temperature_raw = 1885 - 181
     made.open()
@@ -181,7 +187,7 @@ def test_temperature_comes_with_the_blocks(rig):
     assert {block.temperature_c for block in made.blocks} == {temperature_c(1885 - 181)}
 
 
-def test_temperature_that_changes_while_it_is_read_is_read_again(rig):
+def test_temperature_that_changes_while_it_is_read_is_read_again(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.chip.temperature_raw = 0x6FF
     made.chip.temperature_steps = [0x6FF, 0x700, 0x700]  # high byte of one, low byte of the other
@@ -190,7 +196,7 @@ def test_temperature_that_changes_while_it_is_read_is_read_again(rig):
     assert made.blocks[0].temperature_c == temperature_c(0x6FF)
 
 
-def test_temperature_that_never_stands_is_not_given(rig):
+def test_temperature_that_never_stands_is_not_given(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.chip.temperature_steps = [raw << 8 for raw in range(1, 13)]
     made.open()
@@ -199,7 +205,7 @@ def test_temperature_that_never_stands_is_not_given(rig):
     assert made.device.faults["unstable_temperature"] == 1
 
 
-def test_open_again_after_close(rig):
+def test_open_again_after_close(rig: Callable[..., Rig]) -> None:
     made = rig(signal=telling_time)
     made.open()
     made.read_s(5)

@@ -2,15 +2,16 @@
 
 import errno
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
 from devices.errors import ConfigurationReadBackError, TransferError
-from tests.devices.adxl355_rig import FIFO_DATA, LEVEL, POWER_CTL, RANGE, STATUS, telling_time
+from tests.devices.adxl355_rig import FIFO_DATA, LEVEL, POWER_CTL, RANGE, STATUS, Rig, telling_time
 
 
-def test_overrun_is_counted_and_its_length_told_by_time(rig):
+def test_overrun_is_counted_and_its_length_told_by_time(rig: Callable[..., Rig]) -> None:
     made = rig(signal=telling_time, rate_error=0.05)
     made.open()
     made.read_s(20)
@@ -24,7 +25,7 @@ def test_overrun_is_counted_and_its_length_told_by_time(rig):
 
 
 @pytest.mark.parametrize("entries", [1, 2])
-def test_entries_that_vanish_cost_one_sample(rig, entries):
+def test_entries_that_vanish_cost_one_sample(rig: Callable[..., Rig], entries: int) -> None:
     made = rig(signal=telling_time, rate_error=-0.05)
     made.open()
     made.read_s(20)
@@ -37,7 +38,7 @@ def test_entries_that_vanish_cost_one_sample(rig, entries):
     assert np.abs(made.error_ms()[made.made_at_s() > 10]).max() < 1  # none is mixed of two
 
 
-def test_a_level_that_promises_too_much_yields_no_invented_samples(rig):
+def test_a_level_that_promises_too_much_yields_no_invented_samples(rig: Callable[..., Rig]) -> None:
     made = rig(signal=telling_time)
     made.open()
     made.read_s(5)
@@ -47,7 +48,7 @@ def test_a_level_that_promises_too_much_yields_no_invented_samples(rig):
     assert made.lost == 0
 
 
-def test_refused_transfers_cost_nothing(rig):
+def test_refused_transfers_cost_nothing(rig: Callable[..., Rig]) -> None:
     made = rig(signal=telling_time)
     made.open()
     made.read_s(5)
@@ -61,7 +62,7 @@ def test_refused_transfers_cost_nothing(rig):
 
 
 @pytest.mark.parametrize("popped", [0, 4, 21])
-def test_a_burst_that_breaks_off_loses_what_it_took(rig, popped):
+def test_a_burst_that_breaks_off_loses_what_it_took(rig: Callable[..., Rig], popped: int) -> None:
     made = rig(signal=telling_time)
     made.open()
     made.read_s(5)
@@ -72,7 +73,7 @@ def test_a_burst_that_breaks_off_loses_what_it_took(rig, popped):
     assert np.all(np.diff(made.time_ns) > 0)
 
 
-def test_bursts_that_break_off_now_and_then_are_survived(rig):
+def test_bursts_that_break_off_now_and_then_are_survived(rig: Callable[..., Rig]) -> None:
     made = rig(signal=telling_time)
     made.open()
     made.read_s(2)
@@ -86,7 +87,9 @@ def test_bursts_that_break_off_now_and_then_are_survived(rig):
 @pytest.mark.parametrize(
     ("number", "register"), [(errno.EREMOTEIO, None), (errno.ETIMEDOUT, None), (errno.EIO, FIFO_DATA)]
 )
-def test_transfers_that_keep_failing_are_given_up_in_bounded_time(rig, number, register):
+def test_transfers_that_keep_failing_are_given_up_in_bounded_time(
+    rig: Callable[..., Rig], number: int, register: int | None
+) -> None:
     made = rig()
     made.open()
     made.read_s(1)
@@ -97,7 +100,7 @@ def test_transfers_that_keep_failing_are_given_up_in_bounded_time(rig, number, r
     assert made.clock.elapsed_s - start_s < 2
 
 
-def test_a_brown_out_is_noticed_within_two_seconds(rig):
+def test_a_brown_out_is_noticed_within_two_seconds(rig: Callable[..., Rig]) -> None:
     made = rig(range_g=4)
     made.open()
     made.read_s(3)
@@ -113,7 +116,7 @@ def test_a_brown_out_is_noticed_within_two_seconds(rig):
     assert made.read_s(1)
 
 
-def test_a_range_that_changed_by_itself_is_noticed(rig):
+def test_a_range_that_changed_by_itself_is_noticed(rig: Callable[..., Rig]) -> None:
     made = rig(range_g=8)
     made.open()
     made.read_s(3)
@@ -122,7 +125,7 @@ def test_a_range_that_changed_by_itself_is_noticed(rig):
         made.read_s(2)
 
 
-def test_a_bus_stuck_high_is_no_data(rig):
+def test_a_bus_stuck_high_is_no_data(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.open()
     made.read_s(1)
@@ -133,7 +136,7 @@ def test_a_bus_stuck_high_is_no_data(rig):
     assert made.samples == samples
 
 
-def test_a_part_that_makes_no_samples_is_given_up_after_two_seconds(rig):
+def test_a_part_that_makes_no_samples_is_given_up_after_two_seconds(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.open()
     made.read_s(1)
@@ -144,7 +147,7 @@ def test_a_part_that_makes_no_samples_is_given_up_after_two_seconds(rig):
     assert 2 < made.clock.elapsed_s - start_s < 3
 
 
-def test_nothing_new_is_none_and_takes_half_a_second(rig):
+def test_nothing_new_is_none_and_takes_half_a_second(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.open()
     made.read_s(1)
@@ -160,7 +163,7 @@ def test_nothing_new_is_none_and_takes_half_a_second(rig):
     ("register", "bits"),
     [(STATUS, [0x10]), (STATUS, [0x80]), (STATUS, [0xE0]), (LEVEL, [0x60]), (RANGE, [0x02]), (POWER_CTL, [0x01])],
 )
-def test_one_disturbed_reading_is_survived(rig, register, bits):
+def test_one_disturbed_reading_is_survived(rig: Callable[..., Rig], register: int, bits: list[int]) -> None:
     made = rig(signal=telling_time)
     made.open()
     made.read_s(2)
@@ -172,7 +175,7 @@ def test_one_disturbed_reading_is_survived(rig, register, bits):
     assert np.all(np.diff(made.made_at_s()) < 0.009)
 
 
-def test_a_level_seen_between_the_axes_of_a_sample_costs_nothing(rig):
+def test_a_level_seen_between_the_axes_of_a_sample_costs_nothing(rig: Callable[..., Rig]) -> None:
     made = rig(signal=telling_time)
     made.open()
     made.read_s(2)

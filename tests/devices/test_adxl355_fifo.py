@@ -10,15 +10,15 @@ from devices.adxl355_fifo import Run, decode_counts, split_entries
 COUNTS = st.integers(-(1 << 19), (1 << 19) - 1)
 
 
-def entry(counts, *, x=False, empty=False):
-    return ((counts & 0xFFFFF) << 4 | empty << 1 | x).to_bytes(3, "big")
+def entry(counts: int, *, x: bool = False, empty: bool = False) -> bytes:
+    return int((counts & 0xFFFFF) << 4 | empty << 1 | x).to_bytes(3, "big")
 
 
-def sample(x, y, z):
+def sample(x: int, y: int, z: int) -> bytes:
     return entry(x, x=True) + entry(y) + entry(z)
 
 
-def test_golden_vectors():
+def test_golden_vectors() -> None:
     assert decode_counts(bytes.fromhex("7ffff1 800000 fffff0 000011 03e800 fc1800")).tolist() == [
         [524287, -524288, -1],
         [1, 16000, -16000],
@@ -26,7 +26,7 @@ def test_golden_vectors():
 
 
 @given(st.lists(st.tuples(COUNTS, COUNTS, COUNTS), max_size=33))
-def test_any_triples_come_back(triples):
+def test_any_triples_come_back(triples: list[tuple[int, int, int]]) -> None:
     runs, tail = split_entries(b"".join(sample(*triple) for triple in triples))
     assert tail == b""
     assert [row for run in runs for row in decode_counts(run.entries).tolist()] == [list(triple) for triple in triples]
@@ -45,21 +45,21 @@ def test_any_triples_come_back(triples):
         (b"\xff\xff\xff" * 3, 0, b"\xff\xff\xff"),
     ],
 )
-def test_alignment_is_found_again_at_the_x_marker(before, lost, after):
+def test_alignment_is_found_again_at_the_x_marker(before: bytes, lost: int, after: bytes) -> None:
     runs, tail = split_entries(before + sample(10, -11, 12) + sample(13, 14, 15) + after)
     assert decode_counts(runs[-1].entries)[-2:].tolist() == [[10, -11, 12], [13, 14, 15]]
     assert sum(run.lost for run in runs) == lost
     assert tail == (b"" if after.startswith(b"\xff") else after)
 
 
-def test_a_broken_end_is_counted_with_what_comes_next():
+def test_a_broken_end_is_counted_with_what_comes_next() -> None:
     runs, tail = split_entries(sample(1, 2, 3) + entry(4))
     assert runs == [Run(sample(1, 2, 3), 0), Run(b"", 1)]
     assert tail == b""
 
 
 @given(st.binary(max_size=300))
-def test_any_bytes_are_survived(data):
+def test_any_bytes_are_survived(data: bytes) -> None:
     entries = data[: len(data) // 3 * 3]
     runs, tail = split_entries(entries)
     taken = sum(len(run.entries) for run in runs) + len(tail)
@@ -67,6 +67,6 @@ def test_any_bytes_are_survived(data):
     assert all(decode_counts(run.entries).shape == (len(run), 3) for run in runs)
 
 
-def test_temperature_of_the_data_sheet():
+def test_temperature_of_the_data_sheet() -> None:
     assert temperature_c(1885) == 25.0
     assert temperature_c(1885 - 181) == pytest.approx(45.0)

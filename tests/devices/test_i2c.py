@@ -2,6 +2,7 @@
 
 import ctypes
 import errno
+from typing import Any
 
 import pytest
 
@@ -13,6 +14,7 @@ from devices.errors import (
     TransferError,
 )
 from devices.i2c import ATTEMPTS, I2cPart
+from tests.devices.adxl355_chip import FakeClock
 
 ADDRESS = 0x1D
 
@@ -20,13 +22,13 @@ ADDRESS = 0x1D
 class ScriptedBus:
     """Answers `i2c_rdwr` from a list: bytes to hand out (none for a write) or an errno; notes what was asked."""
 
-    def __init__(self, clock, *answers):
+    def __init__(self, clock: FakeClock, *answers: Any) -> None:
         self.clock = clock
         self.answers = list(answers)
-        self.asked = []
+        self.asked: list[list[tuple[int, int, bytes]]] = []
         self.closed = 0
 
-    def i2c_rdwr(self, *messages):
+    def i2c_rdwr(self, *messages: Any) -> None:
         self.asked.append([(message.addr, message.flags, bytes(message)) for message in messages])
         answer = self.answers.pop(0)
         if isinstance(answer, int):
@@ -35,36 +37,36 @@ class ScriptedBus:
         if answer:
             ctypes.memmove(messages[-1].buf, answer, messages[-1].len)
 
-    def close(self):
+    def close(self) -> None:
         self.closed += 1
 
 
 @pytest.fixture
-def clock(chips):
-    return chips.FakeClock()
+def clock() -> FakeClock:
+    return FakeClock()
 
 
-def opened(clock, *answers):
+def opened(clock: FakeClock, *answers: Any) -> tuple[I2cPart, ScriptedBus]:
     bus = ScriptedBus(clock, *answers)
     part = I2cPart(1, ADDRESS, clock, lambda number: bus)
     part.open()
     return part, bus
 
 
-def test_a_read_is_one_transaction_of_any_length(clock):
+def test_a_read_is_one_transaction_of_any_length(clock: FakeClock) -> None:
     data = bytes(range(256)) + bytes(32)
     part, bus = opened(clock, data)
     assert part.read(0x11, 288) == data
     assert bus.asked == [[(ADDRESS, 0, b"\x11"), (ADDRESS, 1, bytes(288))]]
 
 
-def test_a_write_is_register_and_value(clock):
+def test_a_write_is_register_and_value(clock: FakeClock) -> None:
     part, bus = opened(clock, b"")
     part.write(0x2D, 0x01)
     assert bus.asked == [[(ADDRESS, 0, b"\x2d\x01")]]
 
 
-def test_a_register_that_does_not_keep_its_value_is_named(clock):
+def test_a_register_that_does_not_keep_its_value_is_named(clock: FakeClock) -> None:
     part, _ = opened(clock, b"", b"\x82", b"", b"\x81")
     part.write_checked(0x2C, 0x82, "RANGE")
     with pytest.raises(
@@ -73,7 +75,7 @@ def test_a_register_that_does_not_keep_its_value_is_named(clock):
         part.write_checked(0x2C, 0x82, "RANGE")
 
 
-def test_a_transfer_that_fails_twice_is_made_good_and_counted(clock):
+def test_a_transfer_that_fails_twice_is_made_good_and_counted(clock: FakeClock) -> None:
     part, bus = opened(clock, errno.EREMOTEIO, errno.EAGAIN, b"\xad")
     assert part.read(0x00, 1) == b"\xad"
     assert len(bus.asked) == ATTEMPTS
@@ -90,7 +92,7 @@ def test_a_transfer_that_fails_twice_is_made_good_and_counted(clock):
         (errno.ENODEV, "i2c_bus_error", "the transfer failed"),
     ],
 )
-def test_a_transfer_that_keeps_failing_is_given_up(clock, number, name, words):
+def test_a_transfer_that_keeps_failing_is_given_up(clock: FakeClock, number: int, name: str, words: str) -> None:
     part, bus = opened(clock, *[number] * 10)
     with pytest.raises(TransferError, match=f"^I2C bus 1 address 0x1d: {words}") as caught:
         part.read(0x00, 1)
@@ -100,14 +102,14 @@ def test_a_transfer_that_keeps_failing_is_given_up(clock, number, name, words):
     assert part.faults == {name: ATTEMPTS}
 
 
-def test_the_kernel_has_waited_long_enough_for_a_time_out(clock):
+def test_the_kernel_has_waited_long_enough_for_a_time_out(clock: FakeClock) -> None:
     part, bus = opened(clock, *[errno.ETIMEDOUT] * 10)
     with pytest.raises(TransferError, match="a part holds the bus"):
         part.read(0x00, 1)
     assert len(bus.asked) == 1
 
 
-def test_a_read_that_takes_data_out_is_repeated_only_if_nothing_was_taken(clock):
+def test_a_read_that_takes_data_out_is_repeated_only_if_nothing_was_taken(clock: FakeClock) -> None:
     part, bus = opened(clock, errno.EREMOTEIO, b"\1\2\3")
     assert part.read(0x11, 3, consuming=True) == b"\1\2\3"
     part, bus = opened(clock, errno.EIO, b"\1\2\3")
@@ -116,7 +118,7 @@ def test_a_read_that_takes_data_out_is_repeated_only_if_nothing_was_taken(clock)
     assert len(bus.asked) == 1
 
 
-def test_a_missing_bus_is_named_with_the_mend(clock):
+def test_a_missing_bus_is_named_with_the_mend(clock: FakeClock) -> None:
     with pytest.raises(DeviceNotFoundError, match=r"^/dev/i2c-250: no such bus; enable I2C \(raspi-config"):
         I2cPart(250, ADDRESS, clock).open()  # the real opener
 
@@ -128,8 +130,10 @@ def test_a_missing_bus_is_named_with_the_mend(clock):
         (OSError(errno.ENOTTY, "not a tty"), DeviceError, "^/dev/i2c-1: does not open as an I2C bus"),
     ],
 )
-def test_a_bus_that_does_not_open_is_named_with_the_mend(clock, error, raised, words):
-    def refuse(number):
+def test_a_bus_that_does_not_open_is_named_with_the_mend(
+    clock: FakeClock, error: OSError | PermissionError, raised: type[DeviceAccessError] | type[DeviceError], words: str
+) -> None:
+    def refuse(number: int) -> ScriptedBus:
         raise error
 
     with pytest.raises(raised, match=words):
@@ -137,12 +141,12 @@ def test_a_bus_that_does_not_open_is_named_with_the_mend(clock, error, raised, w
 
 
 @pytest.mark.parametrize("address", [-1, 0x07, 0x78, 0x11D])
-def test_an_impossible_address_is_refused(clock, address):
+def test_an_impossible_address_is_refused(clock: FakeClock, address: int) -> None:
     with pytest.raises(ValueError, match="0x08 to 0x77"):
         I2cPart(1, address, clock)
 
 
-def test_closing_twice_and_reading_afterwards(clock):
+def test_closing_twice_and_reading_afterwards(clock: FakeClock) -> None:
     part, bus = opened(clock)
     part.close()
     part.close()
@@ -151,7 +155,7 @@ def test_closing_twice_and_reading_afterwards(clock):
         part.read(0x00, 1)
 
 
-def test_opening_again_releases_the_first(clock):
+def test_opening_again_releases_the_first(clock: FakeClock) -> None:
     part, bus = opened(clock)
     part.open()
     assert bus.closed == 1

@@ -1,5 +1,6 @@
 from dataclasses import replace
 from pathlib import Path
+from typing import Literal, Protocol
 
 import numpy as np
 import pytest
@@ -15,11 +16,17 @@ SIX_POSITION = TableLayout(axes=("acc_x", "acc_y", "acc_z"), unit="counts", rate
 PHONE = TableLayout(time=1, axes=(2, 3, 4), unit="m/s2", delimiter="\t")
 HEADER = "time_s,ax_g,ay_g,az_g"
 
+Delimiter = Literal[",", "\t", " "]
+
+
+class WriteTable(Protocol):
+    """Write lines as a recording, and return its path."""
+
+    def __call__(self, *lines: str, end: str = "\n") -> Path: ...
+
 
 @pytest.fixture
-def table(tmp_path: Path):
-    """Writes lines as a recording and gives its path."""
-
+def table(tmp_path: Path) -> WriteTable:
     def write(*lines: str, end: str = "\n") -> Path:
         path = tmp_path / "recording.csv"
         path.write_text("\n".join(lines) + end)
@@ -38,7 +45,8 @@ def rows(count: int) -> list[str]:
 
 def kept_rows(recording: Recording) -> list[int]:
     """Numbers of the rows that came through, read back from their x axis."""
-    return np.rint(recording.raw[:, 0] * 1000).astype(int).tolist()
+    numbers: list[int] = np.rint(recording.raw[:, 0] * 1000).astype(int).tolist()
+    return numbers
 
 
 def counts(recording: Recording) -> dict[str, int]:
@@ -46,7 +54,7 @@ def counts(recording: Recording) -> dict[str, int]:
     return {name: getattr(recording, name) for name in names if getattr(recording, name)}
 
 
-def test_native_recording(table):
+def test_native_recording(table: WriteTable) -> None:
     recording = read_table(table(HEADER, *rows(5)))
     np.testing.assert_allclose(recording.time_s, [0, 0.02, 0.04, 0.06, 0.08])
     np.testing.assert_array_equal(recording.raw[3], [0.003, -0.01, 0.999])
@@ -57,7 +65,7 @@ def test_native_recording(table):
     assert counts(recording) == {}
 
 
-def test_native_columns_stand_in_any_order_among_others(table):
+def test_native_columns_stand_in_any_order_among_others(table: WriteTable) -> None:
     header = "note,gz_dps,temperature_c,az_g,ay_g,ax_g,gx_dps,gy_dps,time_s"
     recording = read_table(
         table(header, "a,9,21.5,0.3,0.2,0.1,7,8,0", "b,9,nan,0.3,0.2,0.1,7,8,1", "c,9,,0.3,0.2,0.1,7,8,2")
@@ -69,7 +77,7 @@ def test_native_columns_stand_in_any_order_among_others(table):
 
 
 @pytest.mark.parametrize("newline", ["\n", "\r\n", "\r"])
-def test_line_ends_and_byte_order_mark(tmp_path, newline):
+def test_line_ends_and_byte_order_mark(tmp_path: Path, newline: str) -> None:
     path = tmp_path / "recording.csv"
     path.write_bytes(b"\xef\xbb\xbf" + newline.join([HEADER, *rows(4), ""]).encode())
     recording = read_table(path)
@@ -99,7 +107,7 @@ def test_line_ends_and_byte_order_mark(tmp_path, newline):
         (",,,", "blank"),
     ],
 )
-def test_row_that_cannot_be_used_is_left_out_and_counted_by_kind(table, broken, kind):
+def test_row_that_cannot_be_used_is_left_out_and_counted_by_kind(table: WriteTable, broken: str, kind: str) -> None:
     whole = rows(10)
     recording = read_table(table(HEADER, *whole[:5], broken, *whole[5:]))
     assert kept_rows(recording) == list(range(10))
@@ -109,7 +117,7 @@ def test_row_that_cannot_be_used_is_left_out_and_counted_by_kind(table, broken, 
     np.testing.assert_array_equal(recording.unusable_before, expected)
 
 
-def test_gap_is_told_in_samples_where_it_is(table):
+def test_gap_is_told_in_samples_where_it_is(table: WriteTable) -> None:
     whole = rows(20)
     recording = read_table(table(HEADER, *whole[:4], *whole[7:15], *whole[16:]))
     assert counts(recording) == {"lost": 4}
@@ -119,20 +127,20 @@ def test_gap_is_told_in_samples_where_it_is(table):
 
 
 @pytest.mark.parametrize("broken", ["nan,nan,nan,nan", "0.10,?,0.0,1.0", "0.01,0.0,0.0,1.0"])
-def test_row_that_stands_for_a_missing_sample_is_not_lost_too(table, broken):
+def test_row_that_stands_for_a_missing_sample_is_not_lost_too(table: WriteTable, broken: str) -> None:
     whole = rows(10)
     recording = read_table(table(HEADER, *whole[:5], broken, *whole[6:]))
     assert recording.lost == 0
     assert recording.unusable_before[5] == 1
 
 
-def test_repeated_row_does_not_explain_a_gap(table):
+def test_repeated_row_does_not_explain_a_gap(table: WriteTable) -> None:
     whole = rows(10)
     recording = read_table(table(HEADER, *whole[:5], whole[4], *whole[6:]))
     assert counts(recording) == {"lost": 1, "repeated": 1}
 
 
-def test_swapped_rows_cost_one(table):
+def test_swapped_rows_cost_one(table: WriteTable) -> None:
     whole = rows(10)
     whole[4], whole[5] = whole[5], whole[4]
     recording = read_table(table(HEADER, *whole))
@@ -140,7 +148,7 @@ def test_swapped_rows_cost_one(table):
     assert counts(recording) == {"backward": 1}
 
 
-def test_clock_set_back_costs_the_overlap_only(table):
+def test_clock_set_back_costs_the_overlap_only(table: WriteTable) -> None:
     recording = read_table(
         table(HEADER, *rows(100), *(row(100 + number, 0.02 * (90.5 + number)) for number in range(100)))
     )
@@ -148,7 +156,7 @@ def test_clock_set_back_costs_the_overlap_only(table):
     assert counts(recording) == {"backward": 9}
 
 
-def test_faults_after_the_last_sample_are_counted_with_it(table):
+def test_faults_after_the_last_sample_are_counted_with_it(table: WriteTable) -> None:
     recording = read_table(table(HEADER, *rows(4), "x", "y"))
     assert counts(recording) == {"invalid": 2}
     assert recording.unusable_before.tolist() == [0, 0, 0, 2]
@@ -165,26 +173,26 @@ def test_faults_after_the_last_sample_are_counted_with_it(table):
         ("0.1", "", 5, {"truncated": 1}),
     ],
 )
-def test_last_line_that_was_cut_off(table, last, end, kept, kinds):
+def test_last_line_that_was_cut_off(table: WriteTable, last: str, end: str, kept: int, kinds: dict[str, int]) -> None:
     recording = read_table(table(HEADER, *rows(5), last, end=end))
     assert len(recording) == kept
     assert counts(recording) == kinds
 
 
-def test_whole_numbers_in_a_last_line_without_end_cannot_be_trusted(table):
+def test_whole_numbers_in_a_last_line_without_end_cannot_be_trusted(table: WriteTable) -> None:
     layout = replace(SIX_POSITION, axes=("x", "y", "z"))
     recording = read_table(table("x,y,z", "1,2,2048", "1,2,2048", "1,2,20", end=""), layout)
     assert recording.raw[:, 2].tolist() == [2048, 2048]
     assert recording.truncated == 1
 
 
-def test_tail_of_zeros_after_a_power_cut(table):
+def test_tail_of_zeros_after_a_power_cut(table: WriteTable) -> None:
     recording = read_table(table(HEADER, *rows(40), "\0" * 5000, end=""))
     assert len(recording) == 40
     assert counts(recording) == {"truncated": 1}
 
 
-def test_rows_stay_in_place_over_many_pieces(table, monkeypatch):
+def test_rows_stay_in_place_over_many_pieces(table: WriteTable, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("devices.table.BLOCK_CHARS", 64)
     whole = rows(50)
     whole[20] = "broken"
@@ -193,14 +201,14 @@ def test_rows_stay_in_place_over_many_pieces(table, monkeypatch):
     assert np.flatnonzero(recording.unusable_before).tolist() == [20]
 
 
-def test_endless_line_is_not_collected(table, monkeypatch):
+def test_endless_line_is_not_collected(table: WriteTable, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("devices.table.BLOCK_CHARS", 64)
     recording = read_table(table(HEADER, *rows(5), "9" * 1000, *rows(12)[5:]))
     assert kept_rows(recording) == list(range(12))
     assert recording.invalid > 0
 
 
-def test_coarse_time_stamps_are_not_gaps(table):
+def test_coarse_time_stamps_are_not_gaps(table: WriteTable) -> None:
     time_ms = [0, 2, 5, 7, 10, 12, 15, 17, 20]  # 400 Hz in whole milliseconds
     layout = replace(NATIVE, time="ms", rate_hz=1000)
     recording = read_table(table("ms,ax_g,ay_g,az_g", *(f"{time},0.0,0.0,1.0" for time in time_ms)), layout)
@@ -208,14 +216,14 @@ def test_coarse_time_stamps_are_not_gaps(table):
     assert recording.rate_hz == pytest.approx(400)
 
 
-def test_rows_without_time_are_consecutive_and_a_bad_one_keeps_its_place(table):
+def test_rows_without_time_are_consecutive_and_a_bad_one_keeps_its_place(table: WriteTable) -> None:
     layout = TableLayout(axes=(1, 2, 3), unit="counts", rate_hz=100)
     recording = read_table(table("Fs,100", "10,20,30", "11,21,31", "x,y,z", "13,23,33"), layout)
     np.testing.assert_allclose(recording.time_s, [0, 0.01, 0.03])
     assert counts(recording) == {"invalid": 1}
 
 
-def test_header_below_other_lines(table):
+def test_header_below_other_lines(table: WriteTable) -> None:
     layout = TableLayout(axes=("ax", "ay", "az"), unit="counts", rate_hz=100)
     preamble = ("Fs,100", "Logging Type,0", "Initialization time,36.5", "Waiting time,3")
     recording = read_table(
@@ -225,7 +233,7 @@ def test_header_below_other_lines(table):
     assert recording.unit == "counts"
 
 
-def test_counts_are_whole_numbers(table):
+def test_counts_are_whole_numbers(table: WriteTable) -> None:
     layout = TableLayout(axes=(1, 2, 3), unit="counts", rate_hz=100)
     recording = read_table(table("1,2,3", "1,2,3.5", "1,2,3", "1,2,3.0"), layout)
     assert len(recording) == 3
@@ -233,19 +241,19 @@ def test_counts_are_whole_numbers(table):
 
 
 @pytest.mark.parametrize("delimiter", [",", "\t", " "])
-def test_delimiters(table, delimiter):
+def test_delimiters(table: WriteTable, delimiter: Delimiter) -> None:
     lines = [delimiter.join(entries) for entries in (("0.0", "1", "2", "3"), ("0.1", "4", "5", "6"))]
     layout = TableLayout(time=1, axes=(2, 3, 4), unit="g", delimiter=delimiter)
     assert read_table(table(*lines), layout).raw.tolist() == [[1, 2, 3], [4, 5, 6]]
 
 
-def test_columns_set_apart_by_many_spaces(table):
+def test_columns_set_apart_by_many_spaces(table: WriteTable) -> None:
     layout = TableLayout(time="t", axes=("x", "y", "z"), unit="g", delimiter=" ")
     recording = read_table(table("  t   x  y    z", " 0.0   1  2    3", " 0.1   4  5    6 "), layout)
     assert recording.raw.tolist() == [[1, 2, 3], [4, 5, 6]]
 
 
-def test_real_six_position_session():
+def test_real_six_position_session() -> None:
     recording = read_table(REAL / "six_position_session.csv", SIX_POSITION)
     assert len(recording) == 300
     assert counts(recording) == {}
@@ -255,7 +263,7 @@ def test_real_six_position_session():
     np.testing.assert_allclose(faces, expected, atol=0.07)
 
 
-def test_real_session_by_its_sample_counter_is_refused_for_its_order():
+def test_real_session_by_its_sample_counter_is_refused_for_its_order() -> None:
     """The parts were sorted by name: by the counter, whole faces would fall out."""
     with pytest.raises(
         RecordingError, match=r"six_position_session.csv: .* goes back in 150 of 300 rows; check its time"
@@ -263,7 +271,7 @@ def test_real_session_by_its_sample_counter_is_refused_for_its_order():
         read_table(REAL / "six_position_session.csv", replace(SIX_POSITION, time="samples"))
 
 
-def test_real_phone_at_rest():
+def test_real_phone_at_rest() -> None:
     recording = read_table(REAL / "phone_at_rest.txt", PHONE)
     assert len(recording) == 200
     assert counts(recording) == {}
@@ -271,7 +279,7 @@ def test_real_phone_at_rest():
     assert np.linalg.norm(recording.raw.mean(axis=0)) == pytest.approx(0.9936, abs=1e-3)
 
 
-def test_real_phone_falling():
+def test_real_phone_falling() -> None:
     norm_g = np.linalg.norm(read_table(REAL / "phone_falling.txt", PHONE).raw, axis=1)
     assert len(norm_g) == 400
     assert norm_g.min() < 0.11
@@ -310,7 +318,9 @@ def test_real_phone_falling():
         (b"0,0,1\n", TableLayout(time="t", axes=(0, 1, 2), unit="g"), "columns are given by name and by number"),
     ],
 )
-def test_file_that_is_no_such_recording_is_refused_in_one_line(tmp_path, content, layout, message):
+def test_file_that_is_no_such_recording_is_refused_in_one_line(
+    tmp_path: Path, content: bytes, layout: TableLayout, message: str
+) -> None:
     path = tmp_path / "bad.csv"
     path.write_bytes(content)
     with pytest.raises(RecordingError) as refusal:
@@ -321,7 +331,7 @@ def test_file_that_is_no_such_recording_is_refused_in_one_line(tmp_path, content
     assert text.isprintable()
 
 
-def test_missing_file_and_folder(tmp_path):
+def test_missing_file_and_folder(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"gone\.csv: no such file; check the path"):
         read_table(tmp_path / "gone.csv")
     with pytest.raises(RecordingError, match="is a directory; name the recording in it"):
@@ -331,7 +341,9 @@ def test_missing_file_and_folder(tmp_path):
 @pytest.mark.parametrize(
     ("error", "message"), [(PermissionError(13, "no"), "may not be read"), (OSError(5, "I/O"), "cannot be read")]
 )
-def test_file_that_the_system_withholds(table, monkeypatch, error, message):
+def test_file_that_the_system_withholds(
+    table: WriteTable, monkeypatch: pytest.MonkeyPatch, error: OSError | PermissionError, message: str
+) -> None:
     path = table(HEADER, *rows(3))
 
     def refuse(*_: object, **__: object) -> None:
@@ -347,7 +359,7 @@ def test_file_that_the_system_withholds(table, monkeypatch, error, message):
     data=st.binary(max_size=400),
     head=st.sampled_from([b"", b"time_s,ax_g,ay_g,az_g,temperature_c\n0,0,0,1,20\n1,0,0,1,20\n"]),
 )
-def test_any_bytes_are_read_or_refused(tmp_path, data, head):
+def test_any_bytes_are_read_or_refused(tmp_path: Path, data: bytes, head: bytes) -> None:
     path = tmp_path / "fuzz.csv"
     path.write_bytes(head + data)
     try:
@@ -364,7 +376,7 @@ LINES = st.lists(st.sampled_from(["ok", "nan", "short", "blank", "same", "back",
 @pytest.mark.slow
 @settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(kinds=LINES)
-def test_every_row_is_accounted_for(tmp_path, kinds):
+def test_every_row_is_accounted_for(tmp_path: Path, kinds: list[str]) -> None:
     """Each line is used or counted once, and those that are used are whole."""
     kinds = [*kinds, *["ok"] * 250]  # so many that the times make an order
     time_s, lines = 0.0, []
@@ -389,7 +401,7 @@ def test_every_row_is_accounted_for(tmp_path, kinds):
 
 
 @given(st.lists(st.integers(-8, 8), min_size=1, max_size=12))
-def test_in_order_leaves_out_the_fewest(times):
+def test_in_order_leaves_out_the_fewest(times: list[int]) -> None:
     mask = longest_increasing_mask(np.array(times, dtype=np.int64))
     assert (np.diff(np.array(times)[mask]) > 0).all()
     longest = [1] * len(times)

@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from devices.errors import DeviceAccessError, DeviceError, DeviceNotFoundError, 
 from devices.witmotion import WitMotion
 from devices.witmotion_frames import FRAME_BYTES
 from tests.devices.witmotion_wire import NOISE, frame, sample, stream
+from tests.values import present
 
 
 class SetClock:
@@ -74,11 +76,16 @@ def device(peer: Peer, clock: SetClock, tmp_path: Path) -> Iterator[WitMotion]:
     device.close()
 
 
-def exchange(device: WitMotion, peer: Peer, clock: SetClock, data: bytes, passed_s: float = 0.05) -> SampleBlock | None:
+def send(device: WitMotion, peer: Peer, clock: SetClock, data: bytes, passed_s: float = 0.05) -> SampleBlock | None:
     """What comes of the data, sent in the time that has passed since the last."""
     clock.sleep_s(passed_s)
     peer.send(data)
     return device.read()
+
+
+def exchange(device: WitMotion, peer: Peer, clock: SetClock, data: bytes, passed_s: float = 0.05) -> SampleBlock:
+    """The block that comes of the data."""
+    return present(send(device, peer, clock, data, passed_s))
 
 
 def numbers(blocks: list[SampleBlock]) -> list[int]:
@@ -96,7 +103,7 @@ def read_until(device: WitMotion, last: int) -> list[SampleBlock]:
     raise AssertionError(f"sample {last} never came")
 
 
-def test_stream_over_a_port_at_its_own_pace(peer):
+def test_stream_over_a_port_at_its_own_pace(peer: Peer) -> None:
     device = WitMotion(str(peer.name), clock=HostClock(), odr_hz=500, block_samples=4)
     info = device.open()
     assert (info.kind, info.unit, info.units_per_g, info.full_scale_g, info.odr_hz) == (
@@ -125,7 +132,7 @@ def test_stream_over_a_port_at_its_own_pace(peer):
     assert device.faults["discarded_bytes"] == 33 + 7
 
 
-def test_sample_times_come_from_the_count(device, peer, clock):
+def test_sample_times_come_from_the_count(device: WitMotion, peer: Peer, clock: SetClock) -> None:
     device.open()
     jitter_s = np.random.default_rng(3).uniform(0, 0.01, 400)
     blocks = []
@@ -133,7 +140,7 @@ def test_sample_times_come_from_the_count(device, peer, clock):
     for number in range(400):
         clock.time_ns = start_ns + round((0.0505 * (number + 1) + jitter_s[number]) * 1e9)  # the sensor is 1 % slow
         peer.send(stream(range(5 * number, 5 * number + 5)))
-        blocks.append(device.read())
+        blocks.append(present(device.read()))
     assert [len(block) for block in blocks] == [5] * 400
     time_s = (np.concatenate([block.time_ns for block in blocks]) - start_ns) / 1e9
     true_s = 0.0101 * (1 + np.arange(2000))
@@ -143,14 +150,16 @@ def test_sample_times_come_from_the_count(device, peer, clock):
 
 
 @pytest.mark.parametrize("place", [0, 2])
-def test_a_hole_stands_between_blocks_and_keeps_its_time(device, peer, clock, place):
+def test_a_hole_stands_between_blocks_and_keeps_its_time(
+    device: WitMotion, peer: Peer, clock: SetClock, place: int
+) -> None:
     device.open()
     blocks = [exchange(device, peer, clock, stream(range(5)))]
     frames = [sample(number) for number in range(5, 10)]
     frames[place] = bytes(FRAME_BYTES)
     blocks.append(exchange(device, peer, clock, b"".join(frames)))
     if place:
-        blocks.append(device.read())
+        blocks.append(present(device.read()))
     before, after = blocks[-2:]
     assert numbers([after]) == list(range(6 + place, 10))
     assert (after.lost, after.invalid) == (0, 1)
@@ -158,10 +167,10 @@ def test_a_hole_stands_between_blocks_and_keeps_its_time(device, peer, clock, pl
     assert after.time_ns[-1] - blocks[0].time_ns[0] == pytest.approx(90e6, rel=0.01)
 
 
-def test_nothing_of_before_is_left_after_opening_again(device, peer, clock):
+def test_nothing_of_before_is_left_after_opening_again(device: WitMotion, peer: Peer, clock: SetClock) -> None:
     device.open()
-    exchange(device, peer, clock, stream(range(5)) + sample(5)[:4])
-    exchange(device, peer, clock, sample(5)[4:] + bytes(FRAME_BYTES) + stream(range(7, 10)) + sample(10)[:4])
+    send(device, peer, clock, stream(range(5)) + sample(5)[:4])
+    send(device, peer, clock, sample(5)[4:] + bytes(FRAME_BYTES) + stream(range(7, 10)) + sample(10)[:4])
     faults = dict(device.faults)
     device.close()
     device.open()
@@ -170,7 +179,7 @@ def test_nothing_of_before_is_left_after_opening_again(device, peer, clock):
 
 
 @pytest.mark.slow
-def test_silence_is_none_and_what_was_lost_in_it_is_told(device, peer, clock):
+def test_silence_is_none_and_what_was_lost_in_it_is_told(device: WitMotion, peer: Peer, clock: SetClock) -> None:
     device.open()
     assert device.read() is None
     before = exchange(device, peer, clock, stream(range(5)))
@@ -181,7 +190,9 @@ def test_silence_is_none_and_what_was_lost_in_it_is_told(device, peer, clock):
     assert after.time_ns[-1] == clock.now_ns()
 
 
-def test_port_that_goes_away_is_told_and_found_again_when_it_is_back(device, peer, clock):
+def test_port_that_goes_away_is_told_and_found_again_when_it_is_back(
+    device: WitMotion, peer: Peer, clock: SetClock
+) -> None:
     device.open()
     exchange(device, peer, clock, stream(range(5)))
     peer.unplug()
@@ -198,7 +209,7 @@ def test_port_that_goes_away_is_told_and_found_again_when_it_is_back(device, pee
     assert device.faults["disconnect"] == 1
 
 
-def test_port_without_a_name_any_more_has_gone(device, peer):
+def test_port_without_a_name_any_more_has_gone(device: WitMotion, peer: Peer) -> None:
     """The name under by-id vanishes with the adapter, even where reading goes on giving nothing."""
     device.open()
     peer.name.unlink()
@@ -206,7 +217,7 @@ def test_port_without_a_name_any_more_has_gone(device, peer):
         device.read()
 
 
-def test_port_is_found_under_another_number_by_its_lasting_name(peer, clock, tmp_path):
+def test_port_is_found_under_another_number_by_its_lasting_name(peer: Peer, clock: SetClock, tmp_path: Path) -> None:
     by_id = tmp_path / "by-id"
     by_id.mkdir()
     peer.unplug()
@@ -227,7 +238,7 @@ def test_port_is_found_under_another_number_by_its_lasting_name(peer, clock, tmp
     os.close(other)
 
 
-def test_noise_is_counted_and_then_refused(device, peer, clock):
+def test_noise_is_counted_and_then_refused(device: WitMotion, peer: Peer, clock: SetClock) -> None:
     device.open()
     peer.send(NOISE[:2304])
     with pytest.raises(
@@ -239,7 +250,7 @@ def test_noise_is_counted_and_then_refused(device, peer, clock):
     assert numbers([exchange(device, peer, clock, stream(range(5)))]) == list(range(5))
 
 
-def test_sensor_that_sends_no_acceleration_is_told(device, peer):
+def test_sensor_that_sends_no_acceleration_is_told(device: WitMotion, peer: Peer) -> None:
     device.open()
     peer.send(frame(0x53, 1, 2, 3, 4) * 200)
     with pytest.raises(DeviceError, match="check the baud rate, and that the sensor sends acceleration"):
@@ -247,19 +258,21 @@ def test_sensor_that_sends_no_acceleration_is_told(device, peer):
 
 
 @pytest.mark.parametrize(("rate_hz", "refused"), [(100, False), (105, False), (125, True), (50, True)])
-def test_rate_other_than_the_configured_one_is_refused(device, peer, clock, rate_hz, refused):
+def test_rate_other_than_the_configured_one_is_refused(
+    device: WitMotion, peer: Peer, clock: SetClock, rate_hz: int, refused: bool
+) -> None:
     device.open()
     text = ""
     try:
         for number in range(12 * rate_hz // 5):
-            exchange(device, peer, clock, stream(range(number, number + 5)), passed_s=5 / rate_hz)
+            send(device, peer, clock, stream(range(number, number + 5)), passed_s=5 / rate_hz)
     except DeviceError as error:
         text = str(error)
     assert (f"{rate_hz:.1f} samples/s come where odr_hz says 100; set odr_hz" in text) == refused
     assert bool(text) == refused
 
 
-def test_missing_port_names_those_that_are_there(clock, tmp_path):
+def test_missing_port_names_those_that_are_there(clock: SetClock, tmp_path: Path) -> None:
     (tmp_path / "usb-FTDI-if00").symlink_to("/dev/null")
     device = WitMotion(str(tmp_path / "gone"), clock=clock, by_id=tmp_path)
     with pytest.raises(DeviceNotFoundError, match=rf"{tmp_path}/gone: no such port; .*{tmp_path} offers usb-FTDI-if00"):
@@ -270,14 +283,14 @@ def test_missing_port_names_those_that_are_there(clock, tmp_path):
 
 
 @pytest.mark.parametrize("path", ["/dev/null", "/dev"])
-def test_what_is_no_serial_port(clock, path):
+def test_what_is_no_serial_port(clock: SetClock, path: str) -> None:
     with pytest.raises(
         DeviceNotFoundError, match=f"{path}: is not a serial port; name one, best under /dev/serial/by-id"
     ):
         WitMotion(path, clock=clock).open()
 
 
-def test_port_that_this_user_may_not_open(device, peer, monkeypatch):
+def test_port_that_this_user_may_not_open(device: WitMotion, peer: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
     really_open = os.open
 
     def refuse(path: str, *rest: int) -> int:
@@ -292,24 +305,24 @@ def test_port_that_this_user_may_not_open(device, peer, monkeypatch):
         device.open()
 
 
-def test_port_that_another_holds(device, peer, clock):
+def test_port_that_another_holds(device: WitMotion, peer: Peer, clock: SetClock) -> None:
     device.open()
     with pytest.raises(DeviceAccessError, match="another program holds the port; stop it"):
         WitMotion(str(peer.name), clock=clock).open()
 
 
-def test_baud_rate_that_no_port_has(peer, clock):
+def test_baud_rate_that_no_port_has(peer: Peer, clock: SetClock) -> None:
     with pytest.raises(DeviceError, match=f"{peer.name}: the port cannot do -1 baud"):
         WitMotion(str(peer.name), -1, clock=clock).open()
 
 
 @pytest.mark.parametrize("wrong", [{"odr_hz": 0}, {"block_samples": 0}])
-def test_impossible_settings_are_refused(clock, wrong):
+def test_impossible_settings_are_refused(clock: SetClock, wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="give at least 1 and a rate above 0"):
         WitMotion("/dev/ttyUSB0", clock=clock, **wrong)
 
 
-def test_closed_port_is_not_read(device):
+def test_closed_port_is_not_read(device: WitMotion) -> None:
     device.close()
     with pytest.raises(TransferError, match="the port is not open"):
         device.read()
@@ -320,7 +333,7 @@ def test_closed_port_is_not_read(device):
         device.read()
 
 
-def test_label_of_the_sensor_is_its_identity(peer, clock):
+def test_label_of_the_sensor_is_its_identity(peer: Peer, clock: SetClock) -> None:
     device = WitMotion(str(peer.name), clock=clock, serial="WT-17")
     assert device.open().device_id == "witmotion-WT-17"
     device.close()

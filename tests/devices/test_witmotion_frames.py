@@ -11,21 +11,21 @@ from devices.witmotion_frames import FRAME_BYTES, FrameDecoder
 from tests.devices.witmotion_wire import GOLDEN, NOISE, cycle, frame, numbers_of, sample, stream
 
 
-def test_golden_vector():
+def test_golden_vector() -> None:
     readings = FrameDecoder().feed(GOLDEN * 2)
     assert readings.counts.tolist() == [[0, 0, 2048]] * 2
     assert readings.counts.dtype == np.int32
     assert readings.temperature_c.tolist() == [25.0] * 2
 
 
-def test_words_are_signed():
+def test_words_are_signed() -> None:
     decoder = FrameDecoder()
     readings = decoder.feed(frame(0x51, -32768, 32767, -1, -1050) * 2)
     assert readings.counts[0].tolist() == [-32768, 32767, -1]
     assert readings.temperature_c[0] == -10.5
 
 
-def test_one_valid_frame_is_no_lock():
+def test_one_valid_frame_is_no_lock() -> None:
     decoder = FrameDecoder()
     assert len(decoder.feed(sample(1))) == 0
     assert len(decoder.feed(NOISE[:11].replace(b"\x55", b"\x54"))) == 0
@@ -33,7 +33,7 @@ def test_one_valid_frame_is_no_lock():
 
 
 @pytest.mark.parametrize("size", [1, 2, 5, 7, 11, 13, 100])
-def test_frames_in_any_pieces(size):
+def test_frames_in_any_pieces(size: int) -> None:
     decoder = FrameDecoder()
     data = stream(range(30))
     found = [number for at in range(0, len(data), size) for number in numbers_of(decoder.feed(data[at : at + size]))]
@@ -42,13 +42,13 @@ def test_frames_in_any_pieces(size):
 
 
 @pytest.mark.parametrize("cut", range(1, 11))
-def test_stream_joined_in_the_middle_of_a_frame(cut):
+def test_stream_joined_in_the_middle_of_a_frame(cut: int) -> None:
     decoder = FrameDecoder()
     assert numbers_of(decoder.feed(stream(range(10))[cut:])) == list(range(1, 10))
     assert decoder.faults["discarded_bytes"] == FRAME_BYTES - cut
 
 
-def test_other_frames_are_known_and_left_out():
+def test_other_frames_are_known_and_left_out() -> None:
     decoder = FrameDecoder()
     readings = decoder.feed(b"".join(cycle(number) for number in range(20)))
     assert numbers_of(readings) == list(range(20))
@@ -56,7 +56,7 @@ def test_other_frames_are_known_and_left_out():
     assert not readings.missing_before.any()
 
 
-def test_frames_of_no_standard_kind_are_none():
+def test_frames_of_no_standard_kind_are_none() -> None:
     decoder = FrameDecoder()
     assert len(decoder.feed(frame(0x61, 1, 2, 3, 4) * 5)) == 0
     assert decoder.faults["discarded_bytes"] >= 4 * FRAME_BYTES
@@ -65,7 +65,7 @@ def test_frames_of_no_standard_kind_are_none():
     assert among.faults["checksum"] == 1
 
 
-def test_flipped_bit_costs_its_frame_alone():
+def test_flipped_bit_costs_its_frame_alone() -> None:
     for bit in range(8 * FRAME_BYTES):
         decoder = FrameDecoder()
         data = bytearray(stream(range(10)))
@@ -78,7 +78,7 @@ def test_flipped_bit_costs_its_frame_alone():
 
 
 @pytest.mark.parametrize("gone", range(1, 11))
-def test_lost_bytes_cost_their_frame_alone(gone):
+def test_lost_bytes_cost_their_frame_alone(gone: int) -> None:
     decoder = FrameDecoder()
     readings = decoder.feed(stream(range(6)) + sample(6)[gone:] + stream(range(7, 12)))
     assert numbers_of(readings) == [0, 1, 2, 3, 4, 5, *range(7, 12)]
@@ -88,7 +88,7 @@ def test_lost_bytes_cost_their_frame_alone(gone):
 
 
 @pytest.mark.parametrize("count", [1, 5, 10, 12, 200])
-def test_garbage_between_frames_costs_none(count):
+def test_garbage_between_frames_costs_none(count: int) -> None:
     decoder = FrameDecoder()
     readings = decoder.feed(stream(range(6)) + NOISE[:count] + stream(range(6, 12)))
     assert numbers_of(readings) == list(range(12))
@@ -96,7 +96,7 @@ def test_garbage_between_frames_costs_none(count):
 
 
 @pytest.mark.parametrize("count", range(1, 8))
-def test_missing_samples_are_counted_by_the_hole_in_the_bytes(count):
+def test_missing_samples_are_counted_by_the_hole_in_the_bytes(count: int) -> None:
     data = [cycle(number) for number in range(30)]
     data[10 : 10 + count] = [bytes(len(entry)) for entry in data[10 : 10 + count]]
     readings = FrameDecoder().feed(b"".join(data))
@@ -105,7 +105,7 @@ def test_missing_samples_are_counted_by_the_hole_in_the_bytes(count):
     assert readings.missing_before.sum() == count
 
 
-def test_broken_frame_of_another_kind_costs_no_sample():
+def test_broken_frame_of_another_kind_costs_no_sample() -> None:
     data = [cycle(number) for number in range(20)]
     data[10] = data[10][:20] + b"\xff" + data[10][21:]
     decoder = FrameDecoder()
@@ -115,14 +115,14 @@ def test_broken_frame_of_another_kind_costs_no_sample():
     assert not readings.missing_before.any()
 
 
-def test_reply_among_the_frames_is_no_loss():
+def test_reply_among_the_frames_is_no_loss() -> None:
     decoder = FrameDecoder()
     readings = decoder.feed(stream(range(10)) + frame(0x5F, 1, 2, 3, 4) + stream(range(10, 20)))
     assert numbers_of(readings) == list(range(20))
     assert not readings.missing_before.any()
 
 
-def test_after_a_reset_nothing_is_missing_and_counts_stay():
+def test_after_a_reset_nothing_is_missing_and_counts_stay() -> None:
     decoder = FrameDecoder()
     decoder.feed(stream(range(10)) + NOISE[:50] + sample(10)[:5])
     decoder.reset()
@@ -148,7 +148,7 @@ PIECES = st.lists(
 @pytest.mark.slow
 @settings(max_examples=300, deadline=None)
 @given(PIECES)
-def test_any_bytes_are_decoded_or_counted_and_none_are_kept(pieces):
+def test_any_bytes_are_decoded_or_counted_and_none_are_kept(pieces: list[bytes]) -> None:
     decoder, whole = FrameDecoder(), FrameDecoder()
     found = [decoder.feed(piece) for piece in pieces]
     everything = whole.feed(b"".join(pieces))
@@ -164,7 +164,7 @@ def test_any_bytes_are_decoded_or_counted_and_none_are_kept(pieces):
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 10), st.binary(max_size=30)), max_size=8))
-def test_no_sample_is_made_up(disturbances):
+def test_no_sample_is_made_up(disturbances: list[tuple[int, bytes]]) -> None:
     """Whatever stands between the frames, what comes out was sent, in its order, and a clean end is found again."""
     data, number = b"", 1
     for count, garbage in disturbances:

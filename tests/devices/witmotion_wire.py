@@ -30,4 +30,5 @@ def cycle(number: int) -> bytes:
 
 
 def numbers_of(readings: Readings) -> list[int]:
-    return readings.counts[:, 0].tolist()
+    numbers: list[int] = readings.counts[:, 0].tolist()
+    return numbers

@@ -1,15 +1,12 @@
 """Real sensors the whole way: a chip at the `i2c_rdwr` boundary, a radio on a pseudo-terminal."""
 
-import importlib.util
 import math
 import os
 import pty
 import struct
-import sys
 import threading
 import time
 import tty
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -22,19 +19,11 @@ from gateway.configuration.loading import validate
 from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
+from tests.devices.adxl355_chip import Adxl355Chip, FakeClock
 
 pytestmark = pytest.mark.slow
 
-CHIP = Path(__file__).parents[1] / "devices" / "adxl355_chip.py"
 LENGTH_M, POSITION_M, SWING_DEG = 6.0, 4.0, 5.0
-
-
-def chip_module():
-    spec = importlib.util.spec_from_file_location("adxl355_chip_of_system_tests", CHIP)
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
 
 
 def swinging_signal(seconds):
@@ -60,9 +49,8 @@ def swinging_signal(seconds):
 @pytest.mark.parametrize("rate_error", [0.0, 0.03])
 def test_adxl355_from_the_bus_to_the_swing(rate_error):
     """A chip that runs 3 % fast still gives the right swing and period: times come from the host's clock."""
-    chips = chip_module()
-    clock = chips.FakeClock(0.0005)
-    chip = chips.Adxl355Chip(clock, swinging_signal(60.0), rate_error=rate_error)
+    clock = FakeClock(0.0005)
+    chip = Adxl355Chip(clock, swinging_signal(60.0), rate_error=rate_error)
     device = Adxl355(1, 0x1D, clock=clock, odr_hz=125.0, block_samples=8, open_bus=lambda _: chip)
     info = device.open()
     table = {

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from devices.pendulum import pendulum
 
@@ -10,18 +11,18 @@ GRAVITY = np.array([0.0, 0.0, -pendulum.STANDARD_GRAVITY_M_S2])
 SMALL_SWING_PERIOD_S = 2 * np.pi * np.sqrt(LENGTH_M / pendulum.STANDARD_GRAVITY_M_S2)
 
 
-def rate(_time_s, motion):
+def rate(_time_s: float, motion: NDArray[np.float64]) -> NDArray[np.float64]:
     return pendulum.motion_rate(motion, GRAVITY, LENGTH_M, 0.0)
 
 
-def swung(motion, steps, step_s):
+def swung(motion: NDArray[np.float64], steps: int, step_s: float) -> NDArray[np.float64]:
     motions = [motion]
     for i in range(steps):
         motions.append(pendulum.runge_kutta_step(rate, i * step_s, motions[-1], step_s))
     return np.array(motions)
 
 
-def force_g(motion, position_m):
+def force_g(motion: NDArray[np.float64], position_m: float) -> NDArray[np.float64]:
     n_acceleration = rate(0.0, motion)[..., 1, :]
     force = pendulum.specific_force_m_s2(
         motion, n_acceleration, np.zeros(3), pendulum.STANDARD_GRAVITY_M_S2, position_m
@@ -29,7 +30,7 @@ def force_g(motion, position_m):
     return force / pendulum.STANDARD_GRAVITY_M_S2
 
 
-def test_hanging_at_rest_reads_one_g_along_the_rope():
+def test_hanging_at_rest_reads_one_g_along_the_rope() -> None:
     motion = pendulum.start_motion(0.0, 0.0, 0.0, 0.0)
 
     assert np.array_equal(rate(0.0, motion), np.zeros((3, 3)))
@@ -37,7 +38,7 @@ def test_hanging_at_rest_reads_one_g_along_the_rope():
 
 
 @pytest.mark.parametrize("amplitude_deg", [1.0, 10.0, 30.0])
-def test_period_follows_its_series(amplitude_deg):
+def test_period_follows_its_series(amplitude_deg: float) -> None:
     amplitude = np.radians(amplitude_deg)
     step_s = SMALL_SWING_PERIOD_S / 400
     tilt = np.arctan2(
@@ -53,7 +54,7 @@ def test_period_follows_its_series(amplitude_deg):
     assert period_s == pytest.approx(series, rel=2 * 173 / 737280 * amplitude**6 + 1e-6)
 
 
-def test_energy_and_angular_momentum_about_the_vertical_stay():
+def test_energy_and_angular_momentum_about_the_vertical_stay() -> None:
     start = pendulum.start_motion(np.radians(25), np.radians(-5), 0.1, 0.3)
     n, n_rate = swung(start, 1500, 0.01)[:, :2].transpose(1, 0, 2)
 
@@ -65,7 +66,7 @@ def test_energy_and_angular_momentum_about_the_vertical_stay():
     assert np.linalg.norm(n, axis=1) == pytest.approx(np.ones(len(n)), abs=1e-9)
 
 
-def test_housing_axes_stay_at_right_angles_and_do_not_turn_about_the_rope():
+def test_housing_axes_stay_at_right_angles_and_do_not_turn_about_the_rope() -> None:
     motions = swung(pendulum.start_motion(0.4, 0.0, 0.0, 0.3), 600, 0.01)
     axes = pendulum.housing_axes(motions)
     turning = np.gradient(axes[:, 0], 0.01, axis=0)[2:-2] * axes[2:-2, 1]
@@ -76,7 +77,7 @@ def test_housing_axes_stay_at_right_angles_and_do_not_turn_about_the_rope():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.0, 0.3, 0.5, 1.0])
-def test_planar_swing_reads_the_extremes_that_the_formulas_invert(rho):
+def test_planar_swing_reads_the_extremes_that_the_formulas_invert(rho: float) -> None:
     amplitude = np.radians(12)
     start = pendulum.start_motion(amplitude * np.cos(0.6), 0.0, 0.0, 0.0)
     force = force_g(swung(start, 900, SMALL_SWING_PERIOD_S / 800), rho * LENGTH_M)
@@ -87,12 +88,12 @@ def test_planar_swing_reads_the_extremes_that_the_formulas_invert(rho):
     assert force[:, 2].max() == pytest.approx(1 + 2 * rho * (1 - np.cos(reached)), abs=1e-5)
 
 
-def test_hoisting_keeps_the_angular_momentum_of_a_free_rope():
+def test_hoisting_keeps_the_angular_momentum_of_a_free_rope() -> None:
     """Without gravity L^2 n' is kept while the rope shortens."""
     motion = pendulum.start_motion(0.0, 0.0, 0.2, 0.0)
     hoist_m_s, step_s = -0.4, 0.005
 
-    def rate_hoisting(time_s, state):
+    def rate_hoisting(time_s: float, state: NDArray[np.float64]) -> NDArray[np.float64]:
         return pendulum.motion_rate(state, np.zeros(3), LENGTH_M + hoist_m_s * time_s, hoist_m_s)
 
     for i in range(1000):
@@ -103,7 +104,7 @@ def test_hoisting_keeps_the_angular_momentum_of_a_free_rope():
 
 
 @pytest.mark.slow
-def test_runge_kutta_gains_four_orders():
+def test_runge_kutta_gains_four_orders() -> None:
     start = pendulum.start_motion(0.3, 0.0, 0.0, 0.1)
     end = swung(start, 3200, 4 / 3200)[-1]
     coarse, fine = (np.abs(swung(start, n, 4 / n)[-1] - end).max() for n in (50, 100))
