@@ -26,16 +26,16 @@ from gateway.twin.reconcile.search.search import Search
 @contextmanager
 def isolability() -> Iterator[None]:
     """Look-alikes are neither fitted nor held as rivals: the best stands alone."""
-    judged = reconcile.validate_candidates
+    validate = reconcile.validate_candidates
 
     def alone(*arguments: Any) -> tuple[list[RankedCandidate], RankedCandidate]:
-        contenders, base = judged(*arguments)
+        contenders, base = validate(*arguments)
         return contenders[:1], base
 
     with (
-        patch.object(reconcile, "judged", alone),
-        patch.object(search, "mates_of", lambda _names: frozenset()),
-        patch.object(verdict, "TURNING", frozenset()),
+        patch.object(reconcile, "validate_candidates", alone),
+        patch.object(search, "ambiguity_partners", lambda _names: frozenset()),
+        patch.object(verdict, "UNOBSERVABLE_YAW_EFFECTS", frozenset()),
     ):
         yield
 
@@ -43,7 +43,7 @@ def isolability() -> Iterator[None]:
 @contextmanager
 def held_out() -> Iterator[None]:
     """The log alone decides; the prediction of the held-out recording is still made, to be scored."""
-    with_line = baseline.add_machine_line
+    add_line = baseline.add_machine_line
 
     def on_log(
         contenders: Sequence[RankedCandidate],
@@ -59,16 +59,16 @@ def held_out() -> Iterator[None]:
         return replace(answer, model=model)
 
     def line_on_log(search: Search, base: CandidateFit, always: reconcile.Values, _held_out: Observations) -> Any:
-        return with_line(search, base, always, search.setting.log)
+        return add_line(search, base, always, search.setting.log)
 
     def slow_on_log(_search: Search, best: CandidateFit, _held_out: Observations) -> bool:
         return "clock_drift" in best.values and best.has_unexplained_residual
 
     with (
         patch.object(reconcile, "decide", on_log),
-        patch.object(reconcile, "beside", lambda _search, best, *_others: best),
-        patch.object(reconcile, "_runs_slow", slow_on_log),
-        patch.object(baseline, "with_line", line_on_log),
+        patch.object(reconcile, "extend_by_validation_residual", lambda _search, best, *_others: best),
+        patch.object(reconcile, "_clock_rate_is_suspect", slow_on_log),
+        patch.object(baseline, "add_machine_line", line_on_log),
     ):
         yield
 
@@ -86,7 +86,7 @@ def _fitted(contender: RankedCandidate, least_bic: float) -> RankedCandidate:
 @contextmanager
 def drop() -> Iterator[None]:
     """What was added stays."""
-    with patch.object(Search, "_dropped", lambda _search, best: best):
+    with patch.object(Search, "_backward_elimination", lambda _search, best: best):
         yield
 
 
