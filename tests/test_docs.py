@@ -53,5 +53,5 @@ def test_every_cited_source_is_in_the_references() -> None:
 
 
 @pytest.mark.parametrize("name", PAGES)
-def test_generated_page_is_up_to_date(name):
+def test_generated_page_is_up_to_date(name: str) -> None:
     assert (DOCS / name).read_text() == PAGES[name](), "run script/docs"
