@@ -1,11 +1,17 @@
 """A recording as the reconciliation takes it: times that rise, forces in g, noise, and which samples count."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.robust import robust_sigma
+from gateway.twin.reconcile.data.swing_amplitude import (
+    LARGE_AMPLITUDE_RAD,
+    estimate_amplitude_rad,
+    has_swing_at_half_axial_frequency,
+)
 
 Array = NDArray[np.float64]
 SPIKE_SIGMA = 8.0
@@ -13,9 +19,9 @@ SPIKE_SIGMA = 8.0
 TEMPERATURE_DEGREE = 6
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Observations:
-    """What was measured, n samples."""
+    """What was measured, n samples. Without slots: properties of the samples are computed once."""
 
     time_s: Array
     """Since the first sample, rising, shape (n,)."""
@@ -39,6 +45,16 @@ class Observations:
     def duration_s(self) -> float:
         """From first to last sample."""
         return float(self.time_s[-1] - self.time_s[0])
+
+    @cached_property
+    def amplitude_rad(self) -> float:
+        """The swing's amplitude at the start."""
+        return estimate_amplitude_rad(self.time_s, self.force_g, self.used)
+
+    @cached_property
+    def has_large_amplitude(self) -> bool:
+        """Whether only the right model follows the swing as one trajectory; never true of a load that bounces."""
+        return self.amplitude_rad > LARGE_AMPLITUDE_RAD and has_swing_at_half_axial_frequency(self.time_s, self.force_g)
 
     def residual_sigma(self, simulated_g: Array) -> Array:
         """(measured - simulated)/noise, 0 where a sample does not count, shape (n, 3)."""

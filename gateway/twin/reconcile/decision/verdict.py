@@ -9,7 +9,6 @@ from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodel
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.ambiguity_groups import UNOBSERVABLE_YAW_EFFECTS, group_of
 from gateway.twin.reconcile.fit.validation import ValidationFit, block_bootstrap_gain
-from gateway.twin.reconcile.fit.windowed_fit import is_large_amplitude
 from gateway.twin.reconcile.output.result import Verdict
 from gateway.twin.reconcile.residual.residual_tests import has_excess, has_lines, residual_lines
 from gateway.twin.reconcile.search.candidate_fits import MIN_VARIANCE_SHARE, CandidateFit
@@ -132,7 +131,7 @@ def _decide_between_models(
     rng: np.random.Generator,
     seen: bool,
 ) -> Decision:
-    wide = is_large_amplitude(log)
+    wide = log.has_large_amplitude
     log, held_out = (exclude_unmodelled_profiles(each, best.candidate.values) for each in (log, held_out))
     is_open = has_excess(log, best.candidate.fit) or has_excess(held_out, best.validation.fit)
     if best.names == always:

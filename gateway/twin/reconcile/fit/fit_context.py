@@ -16,7 +16,7 @@ from gateway.twin.reconcile.data.observations import Observations, slice_samples
 from gateway.twin.reconcile.fit.initial_conditions import segment_initial_conditions
 from gateway.twin.reconcile.fit.modal_parameterisation import ModalSimulator
 from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, Fit, uniform_segments
-from gateway.twin.reconcile.fit.windowed_fit import fit_trajectory, is_large_amplitude, window_bounds
+from gateway.twin.reconcile.fit.windowed_fit import fit_trajectory, window_bounds
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
@@ -29,7 +29,7 @@ RIGGING_FIT_ITERATIONS = 5
 
 def segment_bounds(rig: TwinRig, values: EffectValues, observations: Observations) -> list[int]:
     """First samples of the pieces that a model is fitted over; a low-pass remembers the piece before, so it gets one piece."""
-    if is_large_amplitude(observations):
+    if observations.has_large_amplitude:
         return window_bounds(rig, observations)
     if any(EFFECTS[name].needs_single_segment for name in values):
         return [0]
@@ -52,8 +52,8 @@ class FitContext:
 
     @property
     def large_amplitude(self) -> bool:
-        """The recording is of a swing that only the right model can follow as one motion."""
-        return is_large_amplitude(self.log)
+        """Whether only the right model follows the recording as one trajectory."""
+        return self.log.has_large_amplitude
 
     def simulator(self, names: frozenset[str] | tuple[str, ...]) -> Simulator:
         """Of the believed effects and these."""

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from gateway.twin.effects import ModelStructure
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.multiple_shooting import Fit, fit_model, uniform_segments
-from gateway.twin.reconcile.fit.windowed_fit import initial_state_from_samples, is_large_amplitude
+from gateway.twin.reconcile.fit.windowed_fit import initial_state_from_samples
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING, horizontal_pairs
 
@@ -22,7 +22,7 @@ def segment_initial_conditions(
     The directions of later segments are turned so that headings go on from segment to segment.
     """
     starts = np.zeros((len(firsts), simulator.n_initial_states))
-    if is_large_amplitude(observations):
+    if observations.has_large_amplitude:
         starts = initial_state_from_samples(simulator.rig, observations, firsts, simulator.n_initial_states)
     weight = observations.used[:, None] / observations.noise_g
     turns = np.zeros(len(firsts))

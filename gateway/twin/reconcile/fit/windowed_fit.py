@@ -11,7 +11,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.numerics.spectrum import ZERO_PADDING
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.multiple_shooting import Fit, fit_model
@@ -19,16 +18,8 @@ from gateway.twin.simulator.simulator import SegmentBatch, Simulator
 from gateway.twin.simulator.state import HEADING, ROPE_RATES, ROPE_TILTS
 
 Array = NDArray[np.float64]
-LARGE_AMPLITUDE_RAD = 0.45
-"""Amplitude from which a start must be read off the data: fits from rest fail beyond."""
 PERIODS_PER_WINDOW = 2.0
 """In one piece."""
-AMPLITUDE_SHARE_OF_RECORDING = 0.25
-"""Part of a recording that says whether a wide swing dies away in it; one that an event sets going begins at rest."""
-AXIAL_QUANTILE = 0.02
-"""Quantile of the axial reading: at the ends of a swing it is the cosine of the amplitude, wherever the housing sits."""
-HALF_FREQUENCY_TOLERANCE, MIN_TRANSVERSE_POWER_SHARE = 0.4, 0.1
-"""How near half the axial frequency a swing's is, and the least part of what is read across the rope that is there."""
 LOWEST_POINT_SEARCH_PERIODS = 0.55
 """Part of a period within which there is a passage through the lowest point."""
 RATE_INTERVAL_PERIODS = 0.02
@@ -47,29 +38,6 @@ SINGLE_TRAJECTORY_ITERATIONS = 8
 START_SCALES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 
 
-def amplitude_rad(observations: Observations) -> float:
-    """At the beginning, from the axial reading: the rope bears cos A of the weight where the load turns back."""
-    beginning = observations.used & (observations.time_s <= AMPLITUDE_SHARE_OF_RECORDING * observations.duration_s)
-    low_g = float(np.quantile(observations.force_g[beginning, 2], AXIAL_QUANTILE))
-    return float(np.arccos(np.clip(low_g, -1.0, 1.0)))
-
-
-def is_large_amplitude(observations: Observations) -> bool:
-    """A swing that begins too wide for fits from rest; a load that bounces reads as low, but at no turning points of a swing."""
-    return amplitude_rad(observations) > LARGE_AMPLITUDE_RAD and _has_subharmonic(observations)
-
-
-def _has_subharmonic(observations: Observations) -> bool:
-    """A swing reads low along the rope twice in its period: there is something across the rope at half the axial frequency."""
-    beginning = observations.force_g[observations.time_s <= AMPLITUDE_SHARE_OF_RECORDING * observations.duration_s]
-    windowed = (beginning - beginning.mean(axis=0)) * np.hanning(len(beginning))[:, None]
-    power = np.abs(np.fft.rfft(windowed, ZERO_PADDING * len(beginning), axis=0)) ** 2
-    half = np.argmax(power[:, 2]) / 2
-    near = slice(int((1 - HALF_FREQUENCY_TOLERANCE) * half), int((1 + HALF_FREQUENCY_TOLERANCE) * half) + 1)
-    across = power[:, :2].sum(axis=1)
-    return bool(across[near].sum() > MIN_TRANSVERSE_POWER_SHARE * across.sum())
-
-
 def window_bounds(rig: TwinRig, observations: Observations) -> list[int]:
     """First samples of pieces of about two swings; all but the first begin at the lowest point, where a start is regular."""
     period_s = swing_period_s(rig, observations)
@@ -83,7 +51,7 @@ def window_bounds(rig: TwinRig, observations: Observations) -> list[int]:
 
 def swing_period_s(rig: TwinRig, observations: Observations) -> float:
     """Period at the recording's amplitude: T0 (1 + A^2/16 + 11 A^4/3072)."""
-    squared = amplitude_rad(observations) ** 2
+    squared = observations.amplitude_rad**2
     return float(2 * np.pi * np.sqrt(rig.length_m / rig.gravity_m_s2) * (1 + squared / 16 + 11 * squared**2 / 3072))
 
 
@@ -119,7 +87,7 @@ def fit_trajectory(
 
     Where the pieces of a wide swing cannot be joined, the motion goes on from the first of them as far as it is true.
     """
-    if not is_large_amplitude(observations):
+    if not observations.has_large_amplitude:
         return fit_model(simulator, observations, starts, effects, free, firsts, rounds, tick, beyond)
     with np.errstate(over="ignore", invalid="ignore"):  # a motion that runs away is no fit, and is not kept
         starts, effects, _ = fit_windows(

@@ -17,7 +17,6 @@ from gateway.twin.reconcile.fit.initial_conditions import segment_initial_condit
 from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.reconcile.fit.windowed_fit import (
     fit_windows,
-    is_large_amplitude,
     project_out_initial_states,
     window_bounds,
 )
@@ -58,7 +57,7 @@ def compute_signatures(
     model = setting.simulator(tuple(own)).effects(fit.values)
     at = simulator.values(fit.values[: simulator.n_initial_states], model)
     o = setting.log
-    if is_large_amplitude(o):
+    if o.has_large_amplitude:
         return _signatures_by_window(simulator, o, at[simulator.n_initial_states :], own)
     found = simulator.linearise(at, o.time_s, o.temperature_c)
     weight = (o.used[:, None] / o.noise_g)[:, :, None]

@@ -9,9 +9,9 @@ from gateway.twin.effects.modes import modes
 from gateway.twin.effects.spectral_guesses import guess_double_pendulum, guess_vibration
 from gateway.twin.reconcile.data.data_checks import find_fault
 from gateway.twin.reconcile.data.observations import make_observations
+from gateway.twin.reconcile.data.swing_amplitude import LARGE_AMPLITUDE_RAD
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.modal_parameterisation import ModalSimulator
-from gateway.twin.reconcile.fit.windowed_fit import LARGE_AMPLITUDE_RAD, amplitude_rad, is_large_amplitude
 from gateway.twin.simulator.simulator import Simulator
 
 HOOK = {"rigging_length_m": 2.4, "hook_mass_ratio": 0.11}
@@ -144,6 +144,6 @@ def test_a_load_that_bounces_is_no_wide_swing(rig):
     )
     swing = np.stack([0.25 * np.cos(slow), 0 * slow, 0.97 - 0.13 * np.cos(2 * slow)], axis=1)
 
-    assert amplitude_rad(bouncing) > LARGE_AMPLITUDE_RAD
-    assert not is_large_amplitude(bouncing)
-    assert is_large_amplitude(make_observations(time_s, swing, None, size))
+    assert bouncing.amplitude_rad > LARGE_AMPLITUDE_RAD
+    assert not bouncing.has_large_amplitude
+    assert make_observations(time_s, swing, None, size).has_large_amplitude

@@ -8,10 +8,8 @@ from gateway.twin.reconcile.data.observations import Observations, make_observat
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
 from gateway.twin.reconcile.fit.windowed_fit import (
-    amplitude_rad,
     fit_windows,
     initial_state_from_samples,
-    is_large_amplitude,
     window_bounds,
 )
 from gateway.twin.reconcile.search.score_test import compute_signatures
@@ -35,12 +33,12 @@ def released(amplitude: float, position_m: float, hidden: dict | None = None, se
 @pytest.mark.parametrize("position_m", [0.0, 4.0, 7.5])
 @pytest.mark.parametrize("amplitude", [0.5, 1.0, 1.4])
 def test_amplitude_is_read_off_the_axis_of_the_rope_wherever_the_housing_sits(amplitude, position_m):
-    assert amplitude_rad(released(amplitude, position_m)) == pytest.approx(amplitude, abs=0.03)
+    assert released(amplitude, position_m).amplitude_rad == pytest.approx(amplitude, abs=0.03)
 
 
 def test_a_small_swing_is_fitted_as_before():
-    assert not is_large_amplitude(released(0.2, 4.0))
-    assert is_large_amplitude(released(0.9, 4.0))
+    assert not released(0.2, 4.0).has_large_amplitude
+    assert released(0.9, 4.0).has_large_amplitude
 
 
 @pytest.mark.parametrize("position_m", [0.0, 4.0])
