@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.errors import RecordingError
-from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.recording import Recording, SampleRows, recording_from_rows
 
 Column = str | int

@@ -14,7 +14,6 @@ from devices.pendulum import equations
 from devices.pendulum.equations import Scalar, Vector
 
 Array = NDArray[np.float64]
-STANDARD_GRAVITY_M_S2 = 9.80665
 
 
 def acceleration_of_direction(

@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 
 from devices.pendulum import equations, pendulum
 from devices.pendulum.equations import Vector
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.small_swing import small_swing_rate_1_s
 from devices.simulated.schedule import Drive, Event, Gust, Hoist, Schedule, TrolleyMove
 
 Array = NDArray[np.float64]
@@ -62,7 +64,7 @@ class Crane:
         *,
         length_m: float,
         position_m: float,
-        gravity_m_s2: float = pendulum.STANDARD_GRAVITY_M_S2,
+        gravity_m_s2: float = STANDARD_GRAVITY_M_S2,
         events: Iterable[Event] = (),
         motion: Array | None = None,
         damping_ratio: float = 0.0,
@@ -74,7 +76,7 @@ class Crane:
         self.gravity_m_s2 = gravity_m_s2
         self._above_load_m = length_m - position_m
         self._schedule = Schedule(events, length_m, wind_m_s2)
-        self._damping_hz = float(2 * damping_ratio * np.sqrt(gravity_m_s2 / length_m))
+        self._damping_hz = 2 * damping_ratio * small_swing_rate_1_s(length_m, gravity_m_s2)
         self._motions = np.empty((HISTORY_STEPS, 3, 3))
         self._rates = np.empty((HISTORY_STEPS, 3, 3))
         self._newest = 0

@@ -8,7 +8,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2, start_motion
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.pendulum import start_motion
+from devices.pendulum.small_swing import small_swing_period_s
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import Event, Gust, Hoist, TrolleyMove
 
@@ -38,7 +40,7 @@ def demo_crane(seed: int, length_m: float, position_m: float, gravity_m_s2: floa
 
 def demo_events(random: np.random.Generator, length_m: float, gravity_m_s2: float) -> Iterator[Event]:
     """Endless, in the order of starts; each round begins and ends with the rope at `length_m`."""
-    period_s = float(2 * np.pi * np.sqrt(length_m / gravity_m_s2))
+    period_s = small_swing_period_s(length_m, gravity_m_s2)
     push_m_s = PUSH_RAD * gravity_m_s2 * period_s / (2 * np.pi * RAMP_EFFECT)
     heading_rad = random.uniform(-np.pi, np.pi)
     hasty, start_s = True, 1.3 * period_s  # the swing that it begins with is measured before the operator moves

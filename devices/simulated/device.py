@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
 from devices.errors import DeviceError
-from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.simulated.accelerometer import (
     SCALE_FACTOR_LIMIT_PER_K,
     ZERO_G_OFFSET_LIMIT_G,

@@ -1,10 +1,11 @@
 """Everything that can be set: sections, keys, units, defaults and what is impossible."""
 
-import math
 from pathlib import Path
 from typing import Annotated, Literal, Self, get_args
 
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2, normal_gravity_m_s2
 
 KEY_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
 
@@ -160,10 +161,8 @@ class SiteSection(Section):
         if self.gravity_m_s2 is not None:
             return self.gravity_m_s2
         if self.latitude_deg is None:
-            return 9.80665
-        s2 = math.sin(math.radians(self.latitude_deg)) ** 2
-        normal = 9.7803253359 * (1 + 0.00193185265241 * s2) / math.sqrt(1 - 0.00669437999013 * s2)
-        return normal - 3.086e-6 * self.altitude_m
+            return STANDARD_GRAVITY_M_S2
+        return normal_gravity_m_s2(self.latitude_deg, self.altitude_m)
 
 
 class FilterSection(Section):

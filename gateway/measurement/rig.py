@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from gateway.errors import InputError
 from gateway.swing.rig import MountedHousing
 
@@ -44,7 +45,7 @@ class RigSensor(RigTable):
 class RigSite(RigTable):
     """Where it stands."""
 
-    gravity_m_s2: Annotated[float, Field(gt=9.7, lt=9.9)] = 9.80665
+    gravity_m_s2: Annotated[float, Field(gt=9.7, lt=9.9)] = STANDARD_GRAVITY_M_S2
 
 
 class Rig(RigTable):

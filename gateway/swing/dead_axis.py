@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from devices.pendulum.small_swing import small_swing_period_s
 from gateway.swing.bins import Bins
 from gateway.swing.initial_guess import Harmonics, find_harmonics
 from gateway.swing.model import Real
@@ -51,7 +52,7 @@ def silence_in(bins: Bins, noise_g: Real, rig: MountedHousing, length_m: float) 
 
 def silence_of(bins: Bins, noise_g: Real, rig: MountedHousing, length_m: float) -> DeadAxis:
     """Of a whole recording: what more than half of its stretches say."""
-    period_s = 2 * np.pi * np.sqrt(length_m / rig.gravity_m_s2)
+    period_s = small_swing_period_s(length_m, rig.gravity_m_s2)
     edges_s = np.arange(bins.time_s[0], bins.time_s[-1] - period_s, WINDOW_PERIODS * period_s)
     stretches = [bins.select((bins.time_s >= a) & (bins.time_s < a + WINDOW_PERIODS * period_s)) for a in edges_s]
     found = [silence_in(stretch, noise_g, rig, length_m) for stretch in stretches if len(stretch) > 0]

@@ -53,7 +53,7 @@ def raster_step_s(rig: MountedHousing) -> float:
 
     A housing that goes with the rope feels every change of speed; one that stays feels only what the swing makes of it.
     """
-    step_s = float(2 * np.pi * np.sqrt(rig.length_m / rig.gravity_m_s2)) / RASTER_STEPS_PER_PERIOD
+    step_s = rig.small_swing_period_s / RASTER_STEPS_PER_PERIOD
     return step_s if rig.above_load_m is None else min(step_s, FINEST_RASTER_S)
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from devices.pendulum.small_swing import small_swing_rate_1_s
 from gateway.swing.bins import Bins
 from gateway.swing.model import Complex, Real
 from gateway.swing.motion import Grid, Motion
@@ -51,7 +52,7 @@ def find_harmonics(bins: Bins, noise_g: Real, rig: MountedHousing, *, axial: boo
 
     `axial`: most of the axial force; near the load a swing shows there alone, and the transverse axes only add noise.
     """
-    belief_hz = np.sqrt(rig.gravity_m_s2 / rig.length_m) / (2 * np.pi)
+    belief_hz = small_swing_rate_1_s(rig.length_m, rig.gravity_m_s2) / (2 * np.pi)
     span_s = float(bins.time_s[-1] - bins.time_s[0])
     tries = int(np.clip(6 * span_s * belief_hz * (FREQUENCY_SPAN[1] - FREQUENCY_SPAN[0]), 12, 400))
     ratio = np.geomspace(*FREQUENCY_SPAN, tries)

@@ -68,7 +68,7 @@ class SwingTracker:
         """`noise_g`: stated sensor noise, 1 sigma per sample. `lowpass_gain`: amplitude ratio of the low-pass at a frequency."""
         self._rig, self._beliefs = rig, nominal_prior(rig)
         self._lowpass_gain = lowpass_gain
-        self._belief_s = float(2 * np.pi * np.sqrt(rig.length_m / rig.gravity_m_s2))
+        self._belief_s = rig.small_swing_period_s
         longest_s = min(1.3 * (WINDOW_PERIODS + 0.5) * self._belief_s, LONGEST_WINDOW_S)
         self._window = RecentWindow(longest_s, self._belief_s / (4 * BINS_PER_PERIOD), noise_g, rig.bandwidth_hz)
         self._fit: Fit | None = None

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from devices.pendulum.small_swing import small_swing_period_s
 from gateway.swing.model import Complex, ForceField, Real, State, TrajectoryInput, propagate
 from gateway.swing.rope_spline import Rope, SplineGrid
 
@@ -130,7 +131,7 @@ class Motion:
     @property
     def period_s(self) -> float:
         """Of a small swing."""
-        return float(2 * np.pi * np.sqrt(self.length_m / self.gravity_m_s2))
+        return small_swing_period_s(self.length_m, self.gravity_m_s2)
 
     @property
     def unit(self) -> Real:

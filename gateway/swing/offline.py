@@ -65,7 +65,7 @@ def estimate_swing(
     if len(time_s) == 0:
         return SwingEstimate(from_s=0.0, to_s=0.0, swinging=None, reasons=("no samples",))
     from_s, to_s = (float(time_s[end]) - delay_s(rig.bandwidth_hz) for end in (0, -1))
-    belief_s = _believed_period_s(rig)
+    belief_s = rig.small_swing_period_s
     fault = fault_of(force_g)
     if to_s - from_s < FEWEST_PERIODS * belief_s or len(time_s) < FEWEST_SAMPLES:
         fault = "shorter than one swing"
@@ -94,7 +94,7 @@ def _faint_estimate(bins: Bins, noise_g: Real, rig: MountedHousing, still: Swing
     if harmonics.axial_gain < WORTH_A_FIT:
         return still
     from_s, to_s = still.from_s, still.to_s
-    starts = start_motions(harmonics, rig, from_s, to_s + MARGIN * _believed_period_s(rig))
+    starts = start_motions(harmonics, rig, from_s, to_s + MARGIN * rig.small_swing_period_s)
     finding = fit_robust_from(bins, noise_g, starts, nominal_prior(rig), FIRST_ITERATIONS)
     if finding is None or not finding.sound or gains(finding)[2] < FAINTEST_AXIAL_GAIN:
         return still
@@ -107,7 +107,7 @@ def _swinging_estimate(
     """Something moves: a pendulum with the rig as stated, else one with the rig doubted, else free stretches of one."""
     finding = grow(bins, noise_g, nominal_prior(rig), from_s, to_s)
     if finding is None or not finding.plain:  # the first periods may have been taken for a swing the other way round
-        starts = start_motions(harmonics, rig, from_s, to_s + MARGIN * _believed_period_s(rig))
+        starts = start_motions(harmonics, rig, from_s, to_s + MARGIN * rig.small_swing_period_s)
         finding = choose_fit(finding, fit_robust_from(bins, noise_g, starts, nominal_prior(rig), FIRST_ITERATIONS))
     silence = silence_of(bins, noise_g, rig, _length_m(finding, harmonics, rig))
     if silence.fault is not None:
@@ -133,7 +133,7 @@ def _piecewise(
 ) -> SwingEstimate:
     """Something happened, or the pendulum is a poor model: free stretches by themselves, where that is better."""
     sound = whole is not None and whole.sound
-    period_s = whole.fit.motion.period_s if whole is not None and sound else _believed_period_s(rig)
+    period_s = whole.fit.motion.period_s if whole is not None and sound else rig.small_swing_period_s
     pieces = Segmenter(bins, noise_g, nominal_prior(rig), period_s, to_s).cut(from_s)
     if pieces:
         pieces = fit_gaps_with_hoisting(pieces, bins, noise_g, nominal_prior(rig), (from_s, to_s))
@@ -145,14 +145,10 @@ def _piecewise(
     return assess(whole, noise_g, from_s, to_s)
 
 
-def _believed_period_s(rig: MountedHousing) -> float:
-    return float(2 * np.pi * np.sqrt(rig.length_m / rig.gravity_m_s2))
-
-
 def grow(bins: Bins, noise_g: Real, beliefs: Prior, from_s: float, to_s: float) -> FitResult | None:
     """Fit the first periods from harmonics, then ever longer windows, each from the last."""
     rig = beliefs.rig
-    belief_s = _believed_period_s(rig)
+    belief_s = rig.small_swing_period_s
     span_s = FIRST_WINDOW_PERIODS * belief_s
     finding: FitResult | None = None
     while True:

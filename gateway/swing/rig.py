@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-STANDARD_GRAVITY_M_S2 = 9.80665
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.small_swing import small_swing_length_m, small_swing_period_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +55,11 @@ class MountedHousing:
         """Position over length, at most 1."""
         return min(self.position_at(length_m) / length_m, 1.0)
 
+    @property
+    def small_swing_period_s(self) -> float:
+        """Period of a small swing on the believed rope."""
+        return small_swing_period_s(self.length_m, self.gravity_m_s2)
+
     def length_of(self, rate_1_s: float) -> float:
         """Length of a rope on which a small swing has this angular frequency."""
-        return self.gravity_m_s2 / rate_1_s**2
+        return small_swing_length_m(rate_1_s, self.gravity_m_s2)

@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.small_swing import small_swing_period_s, small_swing_rate_1_s
 from gateway.errors import InputError
 from gateway.measurement.rig import Rig
 from gateway.twin.effects import EFFECTS
@@ -19,12 +21,22 @@ class TwinRig:
 
     length_m: float
     position_m: float
-    gravity_m_s2: float = 9.80665
+    gravity_m_s2: float = STANDARD_GRAVITY_M_S2
     noise_g: tuple[float, float, float] = (1e-3, 1e-3, 1e-3)
     sample_rate_hz: float | None = None
     full_scale_g: float | None = None
     reference_temperature_c: float = 22.0
     """Where the sensor's offsets are known; `thermal_drift` counts from here."""
+
+    @property
+    def small_swing_period_s(self) -> float:
+        """Period of a small swing on the believed rope."""
+        return small_swing_period_s(self.length_m, self.gravity_m_s2)
+
+    @property
+    def small_swing_rate_1_s(self) -> float:
+        """Angular frequency of a small swing on the believed rope."""
+        return small_swing_rate_1_s(self.length_m, self.gravity_m_s2)
 
 
 @dataclass(frozen=True, slots=True)

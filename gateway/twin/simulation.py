@@ -6,11 +6,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from devices.pendulum.double_pendulum import modes
 from devices.simulated.accelerometer import Accelerometer, no_errors
 from gateway.errors import InputError
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.limits import Quantization
-from gateway.twin.effects.modes import modes
 from gateway.twin.effects.rope import DoublePendulum, RopeStretch
 from gateway.twin.model import Model
 from gateway.twin.simulator.simulator import Simulator
@@ -99,13 +99,13 @@ def _start(simulator: Simulator, model: Model, random: np.random.Generator) -> A
     azimuth_rad = random.uniform(-np.pi, np.pi)
     along = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad)])
     tilt = FIRST_SWING_RAD * along
-    rate = FIRST_ROUNDNESS * math.sqrt(rig.gravity_m_s2 / rig.length_m) * FIRST_SWING_RAD * along[::-1] * [-1, 1]
+    rate = FIRST_ROUNDNESS * rig.small_swing_rate_1_s * FIRST_SWING_RAD * along[::-1] * [-1, 1]
     start = np.zeros(simulator.n_initial_states)
     start[ROPE_TILTS], start[ROPE_RATES] = tilt, rate
     if DoublePendulum.name in model.effects:
         hung = model.effects[DoublePendulum.name]
         lower_m, ratio = hung["rigging_length_m"], hung["hook_mass_ratio"]
-        slow, _ = modes(rig.length_m - np.asarray(lower_m), lower_m, ratio)
+        slow, _ = modes(rig.length_m - np.asarray(lower_m), lower_m, ratio, rig.gravity_m_s2)
         start[RIGGING_TILTS] = RIGGING_AHEAD * slow.rigging_tilt * tilt
         start[RIGGING_RATES] = slow.rigging_tilt * rate
     if RopeStretch.name in model.effects:

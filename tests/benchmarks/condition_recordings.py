@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from devices.block import DeviceInfo, SampleBlock
-from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2, start_motion
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from devices.simulated.device import SimulatedCrane
 from devices.simulated.schedule import Gust, Hoist, Schedule, TrolleyMove

@@ -6,9 +6,10 @@ from itertools import product
 import numpy as np
 
 from devices.pendulum import pendulum
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from gateway.swing import MountedHousing, SwingEstimate
 
-GRAVITY_M_S2 = pendulum.STANDARD_GRAVITY_M_S2
+GRAVITY_M_S2 = STANDARD_GRAVITY_M_S2
 RHOS = (0.02, 0.2, 0.5, 0.8, 0.95, 1.0)
 AMPLITUDES_DEG = (1.0, 2.0, 4.0, 8.0, 12.0, 20.0)
 ELLIPTICITIES = (0.0, 0.5)

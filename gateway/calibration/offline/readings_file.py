@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.recording import Recording
 from devices.table import HEADER_LINES, TableLayout, read_table
 from gateway.errors import InputError

@@ -74,7 +74,7 @@ class WindGust(Effect):
         """Where it starts, is full, falls and ends."""
         return self._pulse(p).edges
 
-    def longest_step_s(self, p: Symbols, length_m: float) -> Scalar:
+    def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
         """Eight steps at least."""
         return p["duration_s"] / 8
 

@@ -105,6 +105,8 @@ class EvaluationContext:
     time_s: Scalar
     middle_s: Scalar
     """The middle of the step: it decides whether an event acts, so that no rounding at an edge can."""
+    gravity_m_s2: float
+    """Gravity at the rig's site."""
     warmer_c: Scalar = 0.0
     """By how much the sensor is warmer than where its offsets are known."""
     stretch: tuple[Scalar, Scalar, Scalar] = NOTHING
@@ -227,8 +229,8 @@ class Effect:
         """Values of the scalar parameters of a kind, in their order; parameters that are not given are left out."""
         return [float(np.asarray(values[p.name])) for p in self.parameters if p.kind is kind and p.name in values]
 
-    def longest_step_s(self, p: Symbols, length_m: float) -> Scalar:
-        """What the integration needs to follow this effect on a rope of a believed length."""
+    def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
+        """What the integration needs to follow this effect on a rope of a believed length under the rig's gravity."""
         return math.inf
 
     def upper_bound(self, parameter: Parameter, length_m: float) -> float:

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import casadi as ca
 
+from devices.pendulum.double_pendulum import modes
 from devices.pendulum.equations import Scalar
-from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2
 from gateway.twin.effects.effect import (
     Effect,
     EvaluationContext,
@@ -19,7 +19,6 @@ from gateway.twin.effects.effect import (
 )
 from gateway.twin.effects.event_guesses import guess_impact, guess_pulse
 from gateway.twin.effects.guess_context import GuessContext
-from gateway.twin.effects.modes import modes
 from gateway.twin.effects.pulse import Pulse, duration, ramp_fraction, start
 from gateway.twin.effects.spectral_guesses import guess_bounce, guess_double_pendulum
 
@@ -135,13 +134,13 @@ class RopeStretch(Effect):
         """At the strongest line of the axial residual, if it stands out."""
         return guess_bounce(context)
 
-    def longest_step_s(self, p: Symbols, length_m: float) -> Scalar:
+    def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
         """An eighth of a radian of the bounce."""
         return 0.125 / (2 * ca.pi * p["frequency_hz"])
 
     def ropes(self, p: Symbols, now: EvaluationContext, ropes: RopeGeometry) -> RopeGeometry:
         """The load hangs lower by the sag under its weight and bounces about it; the housing takes its part in both."""
-        sag = p["sag_unknown"] * STANDARD_GRAVITY_M_S2 / (2 * ca.pi * p["frequency_hz"]) ** 2
+        sag = p["sag_unknown"] * now.gravity_m_s2 / (2 * ca.pi * p["frequency_hz"]) ** 2
         stretch, rate, acceleration = now.stretch
         part = p["above_housing"]
         return RopeGeometry(
@@ -213,10 +212,10 @@ class DoublePendulum(Effect):
         longest_m = LONGEST_RIGGING * length_m
         return min(parameter.upper, longest_m) if parameter.name == "rigging_length_m" else parameter.upper
 
-    def longest_step_s(self, p: Symbols, length_m: float) -> Scalar:
+    def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
         """A tenth of a radian of the fast mode, which may go on for long."""
         lower_m = p["rigging_length_m"]
-        return 0.1 / modes(length_m - lower_m, lower_m, p["hook_mass_ratio"])[1].rate
+        return 0.1 / modes(length_m - lower_m, lower_m, p["hook_mass_ratio"], gravity_m_s2)[1].rate
 
     def ropes(self, p: Symbols, now: EvaluationContext, ropes: RopeGeometry) -> RopeGeometry:
         """The upper rope ends at the hook."""

@@ -5,9 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from devices.pendulum.double_pendulum import hook_mass_ratio
+from devices.pendulum.small_swing import small_swing_rate_1_s
 from gateway.numerics.spectrum import find_machine_line, find_strongest_line, fit_sine_phasors
 from gateway.twin.effects.guess_context import GuessContext
-from gateway.twin.effects.modes import modes
 
 Array = NDArray[np.float64]
 Values = Mapping[str, float | tuple[float, ...]]
@@ -98,7 +99,7 @@ def guess_double_pendulum(context: GuessContext) -> list[Values]:
     mode's line: the window removes them except near the line, and each mode is looked for on its own side.
     """
     time_s, transverse = context.time_s, context.force_g * [1.0, 1.0, 0.0] / context.noise_g
-    between_hz = MODE_RATIO[0] * float(np.sqrt(context.gravity_m_s2 / context.length_m)) / (2 * np.pi)
+    between_hz = MODE_RATIO[0] * small_swing_rate_1_s(context.length_m, context.gravity_m_s2) / (2 * np.pi)
     slow_hz = _find_evident_line(time_s, transverse, SWING_BAND_HZ[0], between_hz)
     if slow_hz is None:
         return []
@@ -116,10 +117,9 @@ def guess_double_pendulum(context: GuessContext) -> list[Values]:
 
 def _with_fast_mode(context: GuessContext, rigging_m: float, fast_hz: float) -> Values:
     """The hook's mass that gives a rigging of this length the measured fast mode."""
-    ratio = np.geomspace(0.01, 3.0, 300)
-    _, fast = modes(context.length_m - rigging_m, rigging_m, ratio, context.gravity_m_s2)
-    best = int(np.argmin(np.abs(fast.rate / (2 * np.pi) - AMPLITUDE_CORRECTION * fast_hz)))
-    return {"rigging_length_m": rigging_m, "hook_mass_ratio": float(ratio[best])}
+    fast_rate_1_s = 2 * np.pi * AMPLITUDE_CORRECTION * fast_hz
+    ratio = hook_mass_ratio(context.length_m - rigging_m, rigging_m, fast_rate_1_s, context.gravity_m_s2)
+    return {"rigging_length_m": rigging_m, "hook_mass_ratio": float(np.clip(ratio, 0.01, 3.0))}
 
 
 def _find_evident_line(time_s: Array, transverse: Array, from_hz: float, to_hz: float) -> float | None:

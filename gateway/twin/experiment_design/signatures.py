@@ -131,7 +131,7 @@ def initial_state_of(leg: Run, rig: TwinRig, structure: ModelStructure) -> Array
     """
     amplitude = math.radians(leg.amplitude_deg)
     along = np.array([math.cos(0.5), math.sin(0.5)])
-    rate = leg.roundness * math.sqrt(rig.gravity_m_s2 / rig.length_m) * amplitude * along[::-1] * [-1, 1]
+    rate = leg.roundness * rig.small_swing_rate_1_s * amplitude * along[::-1] * [-1, 1]
     start = np.zeros(structure.n_initial_states)
     start[ROPE_TILTS], start[ROPE_RATES], start[HEADING] = amplitude * along, rate, math.radians(leg.heading_deg)
     if structure is ModelStructure.RIGGING:

@@ -1,7 +1,5 @@
 """The stretch of a recording that tells most: where an event acted, or where the model changed most, or where it misses most."""
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,7 +20,7 @@ LEAST_SAMPLES = 40
 
 def period_s(result: Reconciliation) -> float:
     """Of the swing that the rig's description gives, small swings."""
-    return 2 * math.pi * math.sqrt(result.rig.length_m / result.rig.gravity_m_s2)
+    return result.rig.small_swing_period_s
 
 
 def telling_stretch(result: Reconciliation, curves: Curves) -> tuple[float, float]:

@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.effects.effect import Effect, EvaluationContext
+from devices.pendulum.small_swing import small_swing_rate_1_s
+from gateway.twin.effects.effect import Effect
 from gateway.twin.simulator.state import Expression, initial_from_state, state_from_initial
 from gateway.twin.simulator.symbolic_model import RigSymbols, SymbolicModel
 from gateway.twin.simulator.vectorised_function import VectorisedFunction, VectorisedJacobian
@@ -52,7 +53,7 @@ class CompiledModel:
     def step_s(self, p: Array) -> float:
         """The longest step at parameters p; on a ladder, so that small changes of them keep the grid."""
         beliefs = self.assembly.rig
-        swing_s = MAX_PHASE_STEP_RAD * (beliefs.length_m / beliefs.gravity_m_s2) ** 0.5
+        swing_s = MAX_PHASE_STEP_RAD / small_swing_rate_1_s(beliefs.length_m, beliefs.gravity_m_s2)
         wanted_s = float(np.min([swing_s, *self._step_limits(p).full()[:, 0]]))
         if not (wanted_s > 0 and np.isfinite(p).all()):
             raise IntegrationError("no integration can follow these parameters; keep them inside their bounds")
@@ -61,7 +62,9 @@ class CompiledModel:
 
     @cached_property
     def _step_limits(self) -> Any:
-        limits = [effect.longest_step_s(p, self.assembly.rig.length_m) for effect, p in self.assembly.active_effects()]
+        rig = self.assembly.rig
+        active = self.assembly.active_effects()
+        limits = [effect.longest_step_s(p, rig.length_m, rig.gravity_m_s2) for effect, p in active]
         return ca.Function("step_limits", [self._p], [ca.vertcat(MAX_STEP_S, *limits)])
 
     @cached_property
@@ -134,7 +137,7 @@ class CompiledModel:
         middle = t + h / 2
 
         def rate(state: Expression, time_s: Expression) -> Expression:
-            return self.assembly.rate(state, EvaluationContext(time_s, middle))
+            return self.assembly.rate(state, self.assembly.context(time_s, middle))
 
         k1 = rate(x, t)
         k2 = rate(x + h / 2 * k1, middle)
@@ -163,12 +166,12 @@ class CompiledModel:
         t, h, middle = self._t, self._h, self._t + self._h / 2
         true = self.assembly.true_time(self._elapsed)
         s, rise = (true - t) / h, self._end - self._x
-        slope = h * self.assembly.rate(self._x, EvaluationContext(t, middle))
-        end_slope = h * self.assembly.rate(self._end, EvaluationContext(t + h, middle))
+        slope = h * self.assembly.rate(self._x, self.assembly.context(t, middle))
+        end_slope = h * self.assembly.rate(self._end, self.assembly.context(t + h, middle))
         cubic = slope + end_slope - 2 * rise
         x = self._x + s * (slope + s * (rise - slope - cubic + s * cubic))
         warmer_c = self._temperature_c - self.assembly.rig.reference_temperature_c
-        return self.assembly.reading(x, EvaluationContext(true, middle, warmer_c))
+        return self.assembly.reading(x, self.assembly.context(true, middle, warmer_c))
 
     @cached_property
     def output(self) -> VectorisedFunction:

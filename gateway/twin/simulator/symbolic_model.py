@@ -1,6 +1,5 @@
 """A model put together from effects: its equations as symbols."""
 
-import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -9,6 +8,7 @@ import casadi as ca
 
 from devices.pendulum import equations as eq
 from devices.pendulum.equations import Scalar, Vector
+from devices.pendulum.small_swing import small_swing_rate_1_s
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import BodyState, Effect, EvaluationContext, ModelStructure, RopeGeometry, Symbols
 from gateway.twin.effects.rope import DoublePendulum
@@ -63,6 +63,10 @@ class SymbolicModel:
         """Effects with their parameters' symbols."""
         return [(effect, self._of[effect.name]) for effect in self.effects]
 
+    def context(self, time_s: Scalar, middle_s: Scalar, warmer_c: Scalar = 0.0) -> EvaluationContext:
+        """An instant inside an integration step, on this rig."""
+        return EvaluationContext(time_s, middle_s, self.rig.gravity_m_s2, warmer_c)
+
     # motion
 
     def rate(self, x: Expression, now: EvaluationContext) -> Expression:
@@ -80,7 +84,7 @@ class SymbolicModel:
         if blow is None:
             raise ValueError(f"{effect.name} strikes no blow")
         state = State.of(x, self.structure)
-        now = EvaluationContext(time_s, time_s, stretch=(state.stretch, 0.0, 0.0))
+        now = replace(self.context(time_s, time_s), stretch=(state.stretch, 0.0, 0.0))
         length = self._ropes(now).length[0]
         resting = replace(state, n_rate=NOTHING, m_rate=NOTHING)
         n_jump, m_jump = self._accelerations(resting, (length, 0.0, 0.0), NOTHING, blow)
@@ -158,7 +162,7 @@ class SymbolicModel:
 
     @property
     def _swing_rate(self) -> float:
-        return math.sqrt(self.rig.gravity_m_s2 / self.rig.length_m)
+        return small_swing_rate_1_s(self.rig.length_m, self.rig.gravity_m_s2)
 
     def _fictitious_acceleration(self, state: State, now: EvaluationContext, ropes: RopeGeometry) -> Vector:
         housing = BodyState(*_on_rope(state, ropes.position), self._swing_rate)

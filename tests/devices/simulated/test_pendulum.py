@@ -5,10 +5,11 @@ import pytest
 from numpy.typing import NDArray
 
 from devices.pendulum import pendulum
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 
 LENGTH_M = 8.0
-GRAVITY = np.array([0.0, 0.0, -pendulum.STANDARD_GRAVITY_M_S2])
-SMALL_SWING_PERIOD_S = 2 * np.pi * np.sqrt(LENGTH_M / pendulum.STANDARD_GRAVITY_M_S2)
+GRAVITY = np.array([0.0, 0.0, -STANDARD_GRAVITY_M_S2])
+SMALL_SWING_PERIOD_S = 2 * np.pi * np.sqrt(LENGTH_M / STANDARD_GRAVITY_M_S2)
 
 
 def rate(_time_s: float, motion: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -24,10 +25,8 @@ def swung(motion: NDArray[np.float64], steps: int, step_s: float) -> NDArray[np.
 
 def force_g(motion: NDArray[np.float64], position_m: float) -> NDArray[np.float64]:
     n_acceleration = rate(0.0, motion)[..., 1, :]
-    force = pendulum.specific_force_m_s2(
-        motion, n_acceleration, np.zeros(3), pendulum.STANDARD_GRAVITY_M_S2, position_m
-    )
-    return force / pendulum.STANDARD_GRAVITY_M_S2
+    force = pendulum.specific_force_m_s2(motion, n_acceleration, np.zeros(3), STANDARD_GRAVITY_M_S2, position_m)
+    return force / STANDARD_GRAVITY_M_S2
 
 
 def test_hanging_at_rest_reads_one_g_along_the_rope() -> None:
@@ -58,7 +57,7 @@ def test_energy_and_angular_momentum_about_the_vertical_stay() -> None:
     start = pendulum.start_motion(np.radians(25), np.radians(-5), 0.1, 0.3)
     n, n_rate = swung(start, 1500, 0.01)[:, :2].transpose(1, 0, 2)
 
-    energy = 0.5 * LENGTH_M**2 * (n_rate**2).sum(axis=1) + pendulum.STANDARD_GRAVITY_M_S2 * LENGTH_M * n[:, 2]
+    energy = 0.5 * LENGTH_M**2 * (n_rate**2).sum(axis=1) + STANDARD_GRAVITY_M_S2 * LENGTH_M * n[:, 2]
     momentum = np.cross(n, n_rate)[:, 2]
 
     assert np.ptp(energy) < 1e-6

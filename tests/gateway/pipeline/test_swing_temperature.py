@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo, SampleBlock
-from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2, start_motion
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from gateway.calibration.correction import Correction
 from gateway.configuration.loading import validate

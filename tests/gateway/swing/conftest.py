@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from devices.pendulum import pendulum
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 
-GRAVITY_M_S2 = pendulum.STANDARD_GRAVITY_M_S2
+GRAVITY_M_S2 = STANDARD_GRAVITY_M_S2
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from devices.pendulum.pendulum import STANDARD_GRAVITY_M_S2, start_motion
+from devices.pendulum import pendulum
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import Hoist, TrolleyMove
 from gateway.swing import MountedHousing, SwingTracker, estimate_swing
@@ -58,8 +60,6 @@ def test_another_raster_of_the_same_step_carries_the_length_on():
 @pytest.mark.parametrize("goes_with_the_rope", [True, False])
 def test_equations_agree_with_the_simulated_crane(goes_with_the_rope):
     """A rope that becomes longer at a constant speed, and one whose speed changes."""
-    from devices.pendulum import pendulum  # noqa: PLC0415
-
     gravity, step_s, steps = STANDARD_GRAVITY_M_S2, 0.02, 500
     half_s = step_s / 2 * np.arange(2 * steps + 1)
     length_m, rate_m_s, second_m_s2 = 9 + 0.3 * half_s + 0.02 * half_s**2, 0.3 + 0.04 * half_s, 0.04

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from devices.pendulum import pendulum
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from gateway.stages.lowpass import LowPass
 from gateway.swing import MountedHousing, SwingTracker
 
@@ -142,9 +144,7 @@ def test_a_position_that_is_wrong_by_a_fifth_widens_or_is_named(simulated, share
 @pytest.mark.slow
 def test_hoisting_gives_a_reason_or_the_truth():
     """The rope shortens by a third while the load swings."""
-    from devices.pendulum import pendulum  # noqa: PLC0415
-
-    gravity = pendulum.STANDARD_GRAVITY_M_S2
+    gravity = STANDARD_GRAVITY_M_S2
     hoist_m_s, start_s, end_s = -0.25, 15.0, 27.0
 
     def length_m(time_s):

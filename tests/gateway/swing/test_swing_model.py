@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from devices.pendulum import pendulum
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from gateway.swing.model import ForceField, SensorPlacement, integrate, sample, specific_force_g
 
-GRAVITY_M_S2 = pendulum.STANDARD_GRAVITY_M_S2
+GRAVITY_M_S2 = STANDARD_GRAVITY_M_S2
 LENGTH_M, POSITION_M, DAMPING_1_S = 20.0, 13.0, 0.02
 PULL_M_S2 = np.array([0.3, -0.2, 0.0])
 STEP_S, STEPS = 0.02, 1500

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.twin.effects.modes import modes
+from devices.pendulum.double_pendulum import modes
 from gateway.twin.model import TwinRig
 from tests.gateway.twin.swings import LENGTH_M, PERIOD_S, RIG, SWING_RATE, G, at_pivot, peaks, predicted, rope_angle
 
@@ -66,7 +66,7 @@ def test_steady_wind_leans_the_rope_by_its_force_over_the_weight():
 @pytest.mark.parametrize("which", [0, 1])
 def test_double_pendulum_swings_in_its_modes(which):
     rigging_m, ratio = 3.0, 0.2
-    mode = modes(LENGTH_M - rigging_m, rigging_m, ratio)[which]
+    mode = modes(LENGTH_M - rigging_m, rigging_m, ratio, G)[which]
     tilt = 1e-4
     time_s = np.arange(0, 6 * PERIOD_S, 0.005)
     start = [tilt, 0, 0, 0, 0, mode.rigging_tilt * tilt, 0, 0, 0]

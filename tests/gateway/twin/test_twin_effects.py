@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from devices.pendulum import pendulum
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.simulated.crane import Crane
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import EvaluationContext
@@ -272,7 +273,7 @@ def test_a_pulse_has_its_area_and_its_slope(share):
     pulse = Pulse(2.0, 3.0, share)
     time_s = np.linspace(0, 7, 70_001)
     level, area, slope = (
-        np.array([float(each(EvaluationContext(t, t))) for t in time_s])
+        np.array([float(each(EvaluationContext(t, t, STANDARD_GRAVITY_M_S2))) for t in time_s])
         for each in (pulse.value, pulse.area, pulse.slope)
     )
 

@@ -89,7 +89,7 @@ def find_fault(time_s: Array, force_g: Array, twin: TwinRig) -> str | None:
     """Why a recording says nothing about a model, and what would do; None where it can be used."""
     if len(time_s) < MIN_SAMPLES:
         return f"too short: {len(time_s)} usable samples; record at least {MIN_SAMPLES}, over some swings"
-    period_s = 2 * np.pi * np.sqrt(twin.length_m / twin.gravity_m_s2)
+    period_s = twin.small_swing_period_s
     duration_s = float(time_s[-1] - time_s[0])
     norm = float(np.median(np.linalg.norm(force_g, axis=1)))
     if not PLAUSIBLE_NORM_G[0] < norm < PLAUSIBLE_NORM_G[1]:

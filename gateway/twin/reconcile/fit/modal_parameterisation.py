@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.effects.modes import modes
+from devices.pendulum.double_pendulum import hook_mass_ratio, hook_mass_ratio_slopes, modes
 from gateway.twin.effects.rope import DoublePendulum
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.fit.multiple_shooting import Fit
@@ -18,8 +18,6 @@ from gateway.twin.simulator.simulator import SegmentBatch, Simulator
 
 Array = NDArray[np.float64]
 FAST_HZ = (0.01, 20.0)
-LIGHTEST = 1e-9
-"""Least load over hook that is reckoned with, where no hook is heavy enough for a mode that slow."""
 
 
 class ModalSimulator(Simulator):
@@ -49,10 +47,11 @@ class ModalSimulator(Simulator):
         return found
 
     def to_physical(self, values: Array) -> Array:
-        """And back: (1 + R)(g w^2 (1/L1 + 1/l) - g^2/(L1 l)) = w^4, R the load over the hook."""
+        """And back."""
         rigging, mass = self._places(values)
         found = values.copy()
-        ratio = 1 / max(self._load(values[rigging], values[mass]) - 1, LIGHTEST)
+        upper_m, rate_1_s = self.rig.length_m - values[rigging], 2 * np.pi * values[mass]
+        ratio = hook_mass_ratio(upper_m, values[rigging], rate_1_s, self.rig.gravity_m_s2)
         found[mass] = np.clip(ratio, self._least, self._most)
         return found
 
@@ -87,25 +86,11 @@ class ModalSimulator(Simulator):
         less = len(self.parameters) - len(values)
         return self._rigging - less, self._mass - less
 
-    def _lengths(self, rigging_m: float) -> tuple[float, float]:
-        upper_m = self.rig.length_m - rigging_m
-        return 1 / upper_m + 1 / rigging_m, 1 / (upper_m * rigging_m)
-
-    def _load(self, rigging_m: float, fast_hz: float) -> float:
-        """1 + R."""
-        (both, product), g, square = self._lengths(rigging_m), self.rig.gravity_m_s2, (2 * np.pi * fast_hz) ** 2
-        return float(square**2 / max(g * square * both - g**2 * product, LIGHTEST))
-
     def _mass_by(self, effects: Array) -> Array:
         """Effects' values by these coordinates, shape (effect values, effect values)."""
         rigging, mass = self._places(effects)
+        upper_m, rate_1_s = self.rig.length_m - effects[rigging], 2 * np.pi * effects[mass]
+        by_rigging, by_rate = hook_mass_ratio_slopes(upper_m, effects[rigging], rate_1_s, self.rig.gravity_m_s2)
         by = np.eye(len(effects))
-        rigging_m, fast_hz = effects[rigging], effects[mass]
-        (both, product), g, square = self._lengths(rigging_m), self.rig.gravity_m_s2, (2 * np.pi * fast_hz) ** 2
-        load, upper_m = self._load(rigging_m, fast_hz), self.rig.length_m - rigging_m
-        divisor = max(g * square * both - g**2 * product, LIGHTEST)
-        both_by, product_by = 1 / upper_m**2 - 1 / rigging_m**2, product * (1 / upper_m - 1 / rigging_m)
-        mass_by_load = -1 / max(load - 1, LIGHTEST) ** 2
-        by[mass, rigging] = -mass_by_load * load / divisor * (g * square * both_by - g**2 * product_by)
-        by[mass, mass] = mass_by_load * load * (4 / fast_hz - 2 * g * square * both / (divisor * fast_hz))
+        by[mass, rigging], by[mass, mass] = by_rigging, 2 * np.pi * by_rate
         return by

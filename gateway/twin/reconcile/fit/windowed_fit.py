@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from devices.pendulum.small_swing import period_ratio
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.multiple_shooting import Fit, fit_model
@@ -50,9 +51,8 @@ def window_bounds(rig: TwinRig, observations: Observations) -> list[int]:
 
 
 def swing_period_s(rig: TwinRig, observations: Observations) -> float:
-    """Period at the recording's amplitude: T0 (1 + A^2/16 + 11 A^4/3072)."""
-    squared = observations.amplitude_rad**2
-    return float(2 * np.pi * np.sqrt(rig.length_m / rig.gravity_m_s2) * (1 + squared / 16 + 11 * squared**2 / 3072))
+    """Period at the recording's amplitude."""
+    return rig.small_swing_period_s * period_ratio(observations.amplitude_rad)
 
 
 def initial_state_from_samples(rig: TwinRig, observations: Observations, firsts: Sequence[int], size: int) -> Array:

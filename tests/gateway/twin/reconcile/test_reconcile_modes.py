@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from devices.pendulum.double_pendulum import modes
 from gateway.numerics.spectrum import find_machine_line
 from gateway.twin.effects.guess_context import GuessContext
-from gateway.twin.effects.modes import modes
 from gateway.twin.effects.spectral_guesses import guess_double_pendulum, guess_vibration
 from gateway.twin.reconcile.data.data_checks import find_fault
 from gateway.twin.reconcile.data.observations import make_observations

@@ -1,0 +1,72 @@
+"""Modes of a double pendulum, their inverse and its derivatives; the period of small and large swings."""
+
+import math
+
+import pytest
+
+from devices.pendulum.double_pendulum import hook_mass_ratio, hook_mass_ratio_slopes, modes
+from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2, normal_gravity_m_s2
+from devices.pendulum.small_swing import (
+    period_ratio,
+    small_swing_length_m,
+    small_swing_period_s,
+    small_swing_rate_1_s,
+)
+
+G = STANDARD_GRAVITY_M_S2
+TOTAL_M = 10.0
+
+
+@pytest.mark.parametrize("rigging_m", [1.0, 4.0, 8.0])
+@pytest.mark.parametrize("ratio", [0.02, 0.2, 2.0])
+def test_hook_mass_ratio_is_the_inverse_of_the_fast_mode(rigging_m: float, ratio: float) -> None:
+    _, fast = modes(TOTAL_M - rigging_m, rigging_m, ratio, G)
+
+    assert hook_mass_ratio(TOTAL_M - rigging_m, rigging_m, fast.rate, G) == pytest.approx(ratio, rel=1e-9)
+
+
+@pytest.mark.parametrize("rigging_m", [1.0, 4.0, 8.0])
+def test_slopes_of_the_hook_mass_ratio_agree_with_differences(rigging_m: float) -> None:
+    _, fast = modes(TOTAL_M - rigging_m, rigging_m, 0.3, G)
+    step = 1e-6
+
+    def ratio(lower_m: float, rate_1_s: float) -> float:
+        return hook_mass_ratio(TOTAL_M - lower_m, lower_m, rate_1_s, G)
+
+    by_lower = (ratio(rigging_m + step, fast.rate) - ratio(rigging_m - step, fast.rate)) / (2 * step)
+    by_rate = (ratio(rigging_m, fast.rate + step) - ratio(rigging_m, fast.rate - step)) / (2 * step)
+    slopes = hook_mass_ratio_slopes(TOTAL_M - rigging_m, rigging_m, fast.rate, G)
+    assert slopes == pytest.approx((by_lower, by_rate), rel=1e-5)
+
+
+def test_no_hook_gives_a_mode_slower_than_its_shorter_pendulum() -> None:
+    slowest_1_s = small_swing_rate_1_s(2.0, G)
+
+    assert hook_mass_ratio(8.0, 2.0, 0.99 * slowest_1_s, G) == math.inf
+
+
+def test_a_light_hook_leaves_the_slow_mode_of_one_pendulum() -> None:
+    slow, _ = modes(7.0, 3.0, 1e-7, G)
+
+    assert slow.rate == pytest.approx(small_swing_rate_1_s(TOTAL_M, G), rel=1e-5)
+    assert slow.rigging_tilt == pytest.approx(1.0, rel=1e-5)
+
+
+def test_period_rate_and_length_of_a_small_swing_belong_together() -> None:
+    rate_1_s = small_swing_rate_1_s(TOTAL_M, G)
+
+    assert small_swing_period_s(TOTAL_M, G) == pytest.approx(2 * math.pi / rate_1_s)
+    assert small_swing_length_m(rate_1_s, G) == pytest.approx(TOTAL_M)
+
+
+def test_period_ratio_agrees_with_the_elliptic_integral_at_30_degrees() -> None:
+    mean, other = 1.0, math.cos(math.radians(15.0))
+    for _ in range(6):  # arithmetic-geometric mean
+        mean, other = (mean + other) / 2, math.sqrt(mean * other)
+
+    assert period_ratio(math.radians(30.0)) == pytest.approx(1 / mean, abs=1e-5)
+
+
+def test_normal_gravity_at_the_equator_and_in_warsaw() -> None:
+    assert normal_gravity_m_s2(0.0, 0.0) == pytest.approx(9.78033, abs=1e-5)
+    assert normal_gravity_m_s2(52.23, 100.0) == pytest.approx(9.8123, abs=5e-4)
