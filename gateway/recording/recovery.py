@@ -81,7 +81,7 @@ def _copy(source: RecordingFile, writer: Writer) -> int:
     losses = {name: json.dumps(value) for name, value in asdict(source.losses).items()}
     for name, metadata in {**source.metadata, RECOVERED: {"from": source.path.name, **losses}}.items():
         writer.add_metadata(name, metadata)
-    writer.finish()  # type: ignore[no-untyped-call]
+    writer.finish()
     return count
 
 

@@ -130,18 +130,18 @@ class Segment:
 
     def attach(self, files: Iterable[AttachedFile], now_ns: int) -> None:
         """Add files behind everything written so far, on the disk when this returns."""
-        self._writer.flush()  # type: ignore[no-untyped-call]  # an attachment goes past the open chunk, which comes first
+        self._writer.flush()  # an attachment goes past the open chunk, which comes first
         self._attach(files, now_ns)
         self._file.sync()
 
     def sync(self) -> None:
         """Close the chunk and wait until it is on the disk."""
-        self._writer.flush()  # type: ignore[no-untyped-call]
+        self._writer.flush()
         self._file.sync()
 
     def close(self) -> None:
         """Write the summary and close the file."""
-        self._writer.finish()  # type: ignore[no-untyped-call]
+        self._writer.finish()
         self._file.sync()
         self._file.close()
 

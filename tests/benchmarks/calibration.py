@@ -50,7 +50,7 @@ def session_fit(method: str, part: Part, errors: Planted, random: np.random.Gene
 def inside(fit: CalibrationFit, matrix: Array, offset: Array) -> NDArray[np.bool_]:
     """Which of the twelve parameters lie within their 95 % interval."""
     error = np.concatenate([(fit.correction_matrix - matrix).ravel(), np.array(fit.offset) - offset])
-    return np.abs(error) <= NORMAL_95 * np.sqrt(np.diag(fit.covariance))
+    return np.asarray(np.abs(error) <= NORMAL_95 * np.sqrt(np.diag(fit.covariance)))
 
 
 def coverage(method: str, part: Part, sessions: int, seed: int = 1) -> Array:

@@ -38,12 +38,12 @@ class Planted:
 
     def matrix(self, part: Part) -> Array:
         """The correction matrix that a calibration should find, g per unit."""
-        return np.linalg.inv(self.gain) / part.units_per_g
+        return np.asarray(np.linalg.inv(self.gain) / part.units_per_g)
 
     def symmetric_matrix(self, part: Part) -> Array:
         """The same in the frame of the norm fit: the symmetric factor of its polar decomposition."""
         values, vectors = np.linalg.eigh(np.linalg.inv(self.gain @ self.gain.T))
-        return (vectors * np.sqrt(values)) @ vectors.T / part.units_per_g
+        return np.asarray((vectors * np.sqrt(values)) @ vectors.T / part.units_per_g)
 
 
 def planted(
@@ -84,7 +84,7 @@ def all_round(random: np.random.Generator, count: int = 12, by_hand_deg: float =
 
 
 def unit(vectors: Array) -> Array:
-    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
 
 def force_of(random: np.random.Generator, poses: Array, rest_s: float = REST_S) -> Array:

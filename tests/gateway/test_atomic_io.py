@@ -1,13 +1,15 @@
 """Files that are whole or not there."""
 
 import os
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from gateway.atomic_io import append_durably, write_durably
 
 
-def test_a_file_is_replaced_in_folders_that_are_made(tmp_path):
+def test_a_file_is_replaced_in_folders_that_are_made(tmp_path: Path) -> None:
     path = tmp_path / "a" / "b" / "c.json"
     write_durably(path, b"one")
     write_durably(path, b"two")
@@ -16,11 +18,13 @@ def test_a_file_is_replaced_in_folders_that_are_made(tmp_path):
 
 
 @pytest.mark.parametrize("call", ["write", "fsync", "replace"])
-def test_a_failure_leaves_the_old_file_and_nothing_beside_it(tmp_path, monkeypatch, call):
+def test_a_failure_leaves_the_old_file_and_nothing_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str
+) -> None:
     path = tmp_path / "c.json"
     write_durably(path, b"old")
 
-    def refuse(*_arguments, **_options):
+    def refuse(*_arguments: Any, **_options: Any) -> None:
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
@@ -31,7 +35,7 @@ def test_a_failure_leaves_the_old_file_and_nothing_beside_it(tmp_path, monkeypat
     assert [entry.name for entry in tmp_path.iterdir()] == ["c.json"]
 
 
-def test_lines_follow_each_other_even_after_a_torn_one(tmp_path):
+def test_lines_follow_each_other_even_after_a_torn_one(tmp_path: Path) -> None:
     path = tmp_path / "lines"
     append_durably(path, b"one")
     with path.open("ab") as file:

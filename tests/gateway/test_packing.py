@@ -1,14 +1,17 @@
 import json
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
+from numpy.typing import NDArray
 
 from devices.block import SampleBlock
 from gateway import messages, topics
 from gateway.packing import pack, unpack
+from tests.gateway.conftest import MakeBlock
 
 
 def packed(block: SampleBlock) -> messages.Samples:
@@ -29,11 +32,12 @@ def assert_same(block: SampleBlock, back: SampleBlock) -> None:
 
 
 @st.composite
-def times(draw: st.DrawFn, length: int) -> np.ndarray:
+def times(draw: st.DrawFn, length: int) -> NDArray[np.int64]:
     first_ns = draw(st.integers(0, 2**62))
     if draw(st.booleans()):
         period_ns = draw(st.floats(1, 1e10))
-        return first_ns + np.rint(np.arange(length) * period_ns).astype(np.int64)
+        regular_ns: NDArray[np.int64] = first_ns + np.rint(np.arange(length) * period_ns).astype(np.int64)
+        return regular_ns
     steps_ns = draw(st.lists(st.integers(1, 10**13), min_size=length - 1, max_size=length - 1))
     return first_ns + np.cumsum([0, *steps_ns], dtype=np.int64)
 
@@ -55,7 +59,7 @@ def test_a_block_comes_back_exactly(block: SampleBlock) -> None:
     assert_same(block, through_json(block))
 
 
-def test_even_times_are_a_period_and_uneven_ones_offsets(make_block) -> None:
+def test_even_times_are_a_period_and_uneven_ones_offsets(make_block: MakeBlock) -> None:
     even = packed(make_block(period_ns=1_000_123.456))
     assert even.offsets_ns is None
     assert even.period_ns == pytest.approx(1_000_123.456, abs=0.05)
@@ -114,7 +118,9 @@ def test_an_empty_block_is_refused() -> None:
         {"z": [2**70, 1, 2, 3]},
     ],
 )
-def test_columns_that_do_not_fit_together_are_refused(make_samples, change: dict[str, object]) -> None:
+def test_columns_that_do_not_fit_together_are_refused(
+    make_samples: Callable[..., messages.Samples], change: dict[str, object]
+) -> None:
     content = {**topics.adapter("samples").dump_python(make_samples(length=4)), **change}
     with pytest.raises(ValueError, match=r"samples|64 bits"):
         unpack(messages.Samples(**content))

@@ -2,10 +2,13 @@
 
 import io
 import time
+from collections.abc import Callable
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from gateway.bus.client import Client
 from gateway.calibration.alignment.screw_advice import ScrewMechanics
 from gateway.cli import align as aligning
 from gateway.cli.align import SILENT, watch
@@ -13,8 +16,8 @@ from gateway.messages import Tilt
 from gateway.topics import encode
 
 
-def tilt(number, pitch_deg, roll_deg, **changes):
-    content = {
+def tilt(number: int, pitch_deg: float, roll_deg: float, **changes: Any) -> SimpleNamespace:
+    content: dict[str, Any] = {
         "time_ns": number * 100_000_000,
         "clock": "synchronised",
         "sequence": number,
@@ -33,29 +36,29 @@ def tilt(number, pitch_deg, roll_deg, **changes):
     return SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: payload))
 
 
-class ScriptedGateway:
+class ScriptedGateway(Client):
     """Says one batch of tilts each time that it is listened to."""
 
-    def __init__(self, *batches):
+    def __init__(self, *batches: Any) -> None:
         self._batches = list(batches)
         self.reconnects = 0
 
-    def subscribe(self, _topic, take):
+    def subscribe(self, topic: str, take: Callable[[Any], object]) -> None:
         for sample in self._batches.pop(0):
             take(sample)
 
-    def reconnect(self):
+    def reconnect(self) -> bool:
         self.reconnects += 1
         return self.reconnects > 1
 
 
 class Terminal(io.StringIO):
-    def isatty(self):
+    def isatty(self) -> bool:
         return True
 
 
 @pytest.fixture(autouse=True)
-def _no_waiting(monkeypatch):
+def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(aligning, "SILENT_S", 0.01)
     monkeypatch.setattr(time, "sleep", lambda _: None)
 
@@ -65,7 +68,7 @@ TURN = [tilt(number, 0.3, -1.5) for number in range(5, 20)]
 ALIGNED = [tilt(number, 0.01, 0.02) for number in range(60, 80)]
 
 
-def test_it_ends_when_both_are_aligned_and_says_how_well_that_is_known():
+def test_it_ends_when_both_are_aligned_and_says_how_well_that_is_known() -> None:
     out = io.StringIO()
     assert watch(ScriptedGateway([*MOVING, *TURN, *ALIGNED]), ScrewMechanics(), out) == 0
     lines = out.getvalue().splitlines()
@@ -76,14 +79,14 @@ def test_it_ends_when_both_are_aligned_and_says_how_well_that_is_known():
     assert "u = 0.050 deg" in lines[-1]
 
 
-def test_a_lost_gateway_is_waited_for():
+def test_a_lost_gateway_is_waited_for() -> None:
     gateway, out = ScriptedGateway(TURN, ALIGNED), io.StringIO()
     assert watch(gateway, ScrewMechanics(), out) == 0
     assert out.getvalue().count(SILENT) == 1
     assert gateway.reconnects == 2
 
 
-def test_a_terminal_gets_one_line_that_fits(monkeypatch):
+def test_a_terminal_gets_one_line_that_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "60")
     out = Terminal()
     assert watch(ScriptedGateway([*TURN, *ALIGNED]), ScrewMechanics(), out) == 0

@@ -2,9 +2,11 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gateway.calibration.poses.pose_finder import NominalSensitivity
 from gateway.calibration.procedures.procedure_factory import procedure_for
@@ -13,6 +15,7 @@ from gateway.cli.main import main
 from tests.benchmarks.calibration_sessions import (
     ADXL355,
     RATE_HZ,
+    Planted,
     all_round,
     blocks,
     counts_of,
@@ -20,6 +23,7 @@ from tests.benchmarks.calibration_sessions import (
     laid_faces,
     planted,
 )
+from tests.values import present
 
 DATA = Path(__file__).parents[2] / "data" / "calibration"
 TABLES = json.loads((DATA / "luczak_2022_tables.json").read_text())
@@ -33,20 +37,26 @@ IMUCAL_OFFSET = [-6.232558139534831, -48.31395348837202, -28.72790697674418]
 """imucal 2.6.0 on the labelled parts of `six_faces_session.csv`, in g per count and counts."""
 
 
-def calibrate(tmp_path, *arguments):
+def calibrate(tmp_path: Path, *arguments: Any) -> tuple[int, CalibrationRecord | None]:
     """(exit code, record or None)."""
     out = tmp_path / "record.json"
     code = main(["calibrate", *map(str, arguments), "--json", str(out)])
     return code, CalibrationRecord.model_validate(json.loads(out.read_text())) if out.exists() else None
 
 
-def write(path, columns, rows, rate_hz=RATE_HZ):
+def calibrated(tmp_path: Path, *arguments: Any) -> tuple[int, CalibrationRecord]:
+    """(exit code, record)."""
+    code, record = calibrate(tmp_path, *arguments)
+    return code, present(record)
+
+
+def write(path: Path, columns: str, rows: NDArray[np.float64], rate_hz: float = RATE_HZ) -> Path:
     lines = [f"{number / rate_hz:.4f},{','.join(map(str, row))}" for number, row in enumerate(rows.tolist())]
     path.write_text("\n".join([f"time_s,{columns}", *lines]) + "\n")
     return path
 
 
-def session(method, seed=3):
+def session(method: str, seed: int = 3) -> tuple[Planted, NDArray[np.float64]]:
     random = np.random.default_rng(seed)
     errors = planted(random)
     poses = laid_faces(random, 0.02) if method == "six-position" else all_round(random)
@@ -54,10 +64,12 @@ def session(method, seed=3):
 
 
 @pytest.mark.parametrize("method", ["six-position", "norm-fit"])
-def test_it_makes_the_record_that_the_live_session_makes(tmp_path, method, capsys):
+def test_it_makes_the_record_that_the_live_session_makes(
+    tmp_path: Path, method: str, capsys: pytest.CaptureFixture[str]
+) -> None:
     errors, counts = session(method)
     path = write(tmp_path / "session.csv", "ax_counts,ay_counts,az_counts", counts)
-    code, record = calibrate(
+    code, record = calibrated(
         tmp_path, method, path, "--units-per-g", 256000, "--device-id", "adxl355-1d", "--by", "Ada"
     )
     assert code == 0
@@ -75,18 +87,18 @@ def test_it_makes_the_record_that_the_live_session_makes(tmp_path, method, capsy
     assert "standard uncertainty of a reading" in told
 
 
-def test_an_unknown_sensitivity_is_found_from_the_readings(tmp_path):
+def test_an_unknown_sensitivity_is_found_from_the_readings(tmp_path: Path) -> None:
     _, counts = session("six-position")
     path = write(tmp_path / "session.csv", "ax,ay,az", counts)
-    code, found = calibrate(tmp_path, "six-position", path)
-    _, given = calibrate(tmp_path, "six-position", path, "--units-per-g", 256000)
+    code, found = calibrated(tmp_path, "six-position", path)
+    _, given = calibrated(tmp_path, "six-position", path, "--units-per-g", 256000)
     assert code == 0
     assert found.unit == "counts"
     np.testing.assert_allclose(found.offset, given.offset, atol=256000 * 1e-5)
     np.testing.assert_allclose(found.correction_matrix, given.correction_matrix, rtol=1e-3, atol=1e-9)
 
 
-def test_volts_one_file_a_pose_in_any_order(tmp_path):
+def test_volts_one_file_a_pose_in_any_order(tmp_path: Path) -> None:
     """Table 1 of the source as six recordings: its offsets, scales and misalignment angles."""
     random = np.random.default_rng(2)
     files = []
@@ -94,25 +106,27 @@ def test_volts_one_file_a_pose_in_any_order(tmp_path):
         noise = 0.0005 * random.standard_normal((400, 3))
         volts = np.array([row["U_x_V"], row["U_y_V"], row["U_z_V"]]) + noise - noise[26:326].mean(axis=0)
         files.append(write(tmp_path / f"{row['position']}.csv", "ax_v,ay_v,az_v", volts))
-    code, record = calibrate(tmp_path, "six-position", *files)
+    code, record = calibrated(tmp_path, "six-position", *files)
     assert (code, record.unit) == (0, "V")
     np.testing.assert_allclose(record.offset, [1.4765, 1.4882, 1.5102], atol=1e-4)
     np.testing.assert_allclose(np.diag(np.linalg.inv(record.correction_matrix)), [0.4172, 0.4141, 0.4168], atol=1e-4)
     expected = {"x": [1.318, -1.579], "y": [0.533, -3.211], "z": [1.065, -3.218]}
     for axis, angles in expected.items():
-        np.testing.assert_allclose(record.misalignment_deg[axis], angles, atol=0.02)
+        np.testing.assert_allclose(present(record.misalignment_deg)[axis], angles, atol=0.02)
 
 
-def test_a_real_session_agrees_with_imucal(tmp_path):
-    code, record = calibrate(tmp_path, "six-position", SIX_FACES, "--rate", 204.8)
+def test_a_real_session_agrees_with_imucal(tmp_path: Path) -> None:
+    code, record = calibrated(tmp_path, "six-position", SIX_FACES, "--rate", 204.8)
     assert code == 0
     np.testing.assert_allclose(record.offset, IMUCAL_OFFSET, atol=0.25)  # counts of 0.5 mg
     np.testing.assert_allclose(record.correction_matrix, IMUCAL_MATRIX, atol=3e-7)
     assert record.residual_rms_g == pytest.approx(4.2e-3, abs=0.1e-3)
 
 
-def test_a_real_session_held_by_hand_is_found_and_not_accepted(tmp_path, capsys):
-    code, record = calibrate(tmp_path, "six-position", MANY_POSES, "--rate", 100)
+def test_a_real_session_held_by_hand_is_found_and_not_accepted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, record = calibrated(tmp_path, "six-position", MANY_POSES, "--rate", 100)
     assert code == 1
     assert [pose["face"] for pose in record.poses] == ["+z", "-z", "-x", "+x", "-y", "+y", None, None, None, None]
     assert record.residual_rms_g == pytest.approx(0.0145, abs=0.001)
@@ -128,7 +142,9 @@ def test_a_real_session_held_by_hand_is_found_and_not_accepted(tmp_path, capsys)
         (["norm-fit", SIX_FACES, "--rate", "204.8"], "6 poses in {}: 6 poses for 9 unknowns; take 3 more"),
     ],
 )
-def test_what_the_poses_do_not_determine_is_refused(tmp_path, capsys, arguments, text):
+def test_what_the_poses_do_not_determine_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[Path | str], text: str
+) -> None:
     code, record = calibrate(tmp_path, *arguments)
     assert (code, record) == (1, None)
     err = capsys.readouterr().err
@@ -136,7 +152,7 @@ def test_what_the_poses_do_not_determine_is_refused(tmp_path, capsys, arguments,
     assert err.count("\n") == 1
 
 
-def test_a_missing_face_is_refused(tmp_path, capsys):
+def test_a_missing_face_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     _, counts = session("six-position")
     path = write(tmp_path / "session.csv", "ax,ay,az", counts[: 5 * 460])
     code, record = calibrate(tmp_path, "six-position", path)
@@ -147,18 +163,22 @@ def test_a_missing_face_is_refused(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("columns", "factor", "unit"), [("ax,ay,az", 1, "V"), ("ax_g,ay_g,az_g", 1, "g"), ("ax,ay,az", 4096, "counts")]
 )
-def test_an_analogue_zero_is_found_whatever_the_columns_are_called(tmp_path, columns, factor, unit):
+def test_an_analogue_zero_is_found_whatever_the_columns_are_called(
+    tmp_path: Path, columns: str, factor: int, unit: str
+) -> None:
     random = np.random.default_rng(2)
     table = np.array([[row["U_x_V"], row["U_y_V"], row["U_z_V"]] for row in TABLES["tables_1_to_5"][0]["positions"]])
     readings = (np.repeat(table, 400, axis=0) + 0.0005 * random.standard_normal((2400, 3))) * factor
     path = write(tmp_path / "session.csv", columns, np.rint(readings) if factor > 1 else readings)
-    code, record = calibrate(tmp_path, "six-position", path)
+    code, record = calibrated(tmp_path, "six-position", path)
     assert (code, record.unit) == (0, unit)
     np.testing.assert_allclose(np.array(record.offset) / factor, [1.4765, 1.4882, 1.5102], atol=2e-4)
 
 
 @pytest.mark.parametrize(("poses", "text"), [(5, "face"), (1, "volts per g")])
-def test_volts_that_miss_a_face_are_refused(tmp_path, capsys, poses, text):
+def test_volts_that_miss_a_face_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], poses: int, text: str
+) -> None:
     random = np.random.default_rng(2)
     files = []
     for row in TABLES["tables_1_to_5"][0]["positions"][:poses]:
@@ -169,13 +189,13 @@ def test_volts_that_miss_a_face_are_refused(tmp_path, capsys, poses, text):
     assert text in capsys.readouterr().err
 
 
-def test_the_parent_is_named_and_judged(tmp_path, capsys):
+def test_the_parent_is_named_and_judged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     errors, counts = session("six-position")
     path = write(tmp_path / "session.csv", "ax,ay,az", counts)
-    _, first = calibrate(tmp_path, "six-position", path, "--device-id", "d")
+    _, first = calibrated(tmp_path, "six-position", path, "--device-id", "d")
     parent = (tmp_path / "record.json").rename(tmp_path / "parent.json")
     moved = write(tmp_path / "later.csv", "ax,ay,az", counts + np.array([0, 0, 0.04 * 256000]))
-    code, second = calibrate(tmp_path, "six-position", moved, "--device-id", "d", "--parent", parent)
+    code, second = calibrated(tmp_path, "six-position", moved, "--device-id", "d", "--parent", parent)
     assert (code, second.parent) == (0, first.id)
     moved_mg = 40 / errors.gain[2, 2]  # 40 mg as the uncorrected part reads them
     assert f"needs a reason: offset z has moved by +{moved_mg:.1f} mg since {first.id}" in capsys.readouterr().out
@@ -184,7 +204,7 @@ def test_the_parent_is_named_and_judged(tmp_path, capsys):
     assert "belongs to d, not to other" in capsys.readouterr().err
 
 
-BAD = {
+BAD: dict[str, tuple[str, str | None, list[str], str]] = {
     "no such file": ("none.csv", None, [], "no such file"),
     "no axes": ("a.csv", "time_s,p,q,r\n0,1,2,3\n", [], "no header with the columns"),
     "no time": ("b.csv", "ax,ay,az\n1,2,3\n4,5,6\n", [], "give --rate HZ"),
@@ -193,7 +213,9 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, case):
+def test_bad_input_is_one_line_and_leaves_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], case: str
+) -> None:
     name, text, options, expected = BAD[case]
     path = tmp_path / name
     if text is not None:
@@ -206,7 +228,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(tmp_path, capsys, case):
     assert err.count("\n") == 1
 
 
-def test_units_may_not_be_mixed(tmp_path, capsys):
+def test_units_may_not_be_mixed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = np.tile([0.0, 0.0, 1.0], (50, 1))
     files = [write(tmp_path / "a.csv", "ax_g,ay_g,az_g", rows), write(tmp_path / "b.csv", "ax_v,ay_v,az_v", rows)]
     code, _ = calibrate(tmp_path, "six-position", *files)
@@ -215,7 +237,7 @@ def test_units_may_not_be_mixed(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("method", ["six-position", "norm-fit"])
-def test_help_has_an_example(method, capsys):
+def test_help_has_an_example(method: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as stop:
         main(["calibrate", method, "--help"])
     assert stop.value.code == 0

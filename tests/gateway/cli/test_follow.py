@@ -6,15 +6,18 @@ import os
 import pty
 import struct
 import termios
+from collections.abc import Callable
 from fcntl import ioctl
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from gateway.bus.client import Client
 from gateway.cli import follow as following
 from gateway.cli.follow import watch_session
 
-COLLECTING = {
+COLLECTING: dict[str, Any] = {
     "id": "session-1",
     "phase": "collecting",
     "method": "six-position",
@@ -39,38 +42,38 @@ REVIEW = COLLECTING | {
 }
 
 
-class ScriptedLink:
+class ScriptedLink(Client):
     """A gateway that says one thing after another: a session, or None while it is away."""
 
-    def __init__(self, *said):
+    def __init__(self, *said: Any) -> None:
         self._said = list(said)
         self.reconnects = 0
 
-    def subscribe(self, _topic, take):
+    def subscribe(self, topic: str, take: Callable[[Any], object]) -> None:
         self._take = take
 
-    def status(self):
+    def status(self) -> dict[str, Any] | None:
         session = self._said.pop(0)
         while session is not None and self._said and self._said[0] is not None:
             self._take(SimpleNamespace(payload=SimpleNamespace(to_bytes=self._message(self._said.pop(0)))))
         return None if session is None else {"calibration": {"session": session}}
 
     @staticmethod
-    def _message(session):
+    def _message(session: dict[str, Any]) -> Callable[[], bytes]:
         return lambda: json.dumps({"session": session}).encode()
 
-    def reconnect(self):
+    def reconnect(self) -> bool:
         self.reconnects += 1
         return self.reconnects > 1
 
 
 class Terminal(io.StringIO):
-    def isatty(self):
+    def isatty(self) -> bool:
         return True
 
 
 @pytest.fixture(autouse=True)
-def _no_waiting(monkeypatch):
+def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(following, "LOOK_S", 0.01)
 
 
@@ -89,13 +92,13 @@ def _no_waiting(monkeypatch):
         (COLLECTING | {"id": "", "phase": "idle"}, 1, "no such session is under way"),
     ],
 )
-def test_the_end_is_told_by_the_exit_code(last, code, said):
+def test_the_end_is_told_by_the_exit_code(last: dict[str, Any], code: int, said: str) -> None:
     out = io.StringIO()
     assert watch_session(ScriptedLink(COLLECTING, last), "session-1", out) == code
     assert said in out.getvalue()
 
 
-def test_a_file_gets_a_line_for_each_change_and_no_more():
+def test_a_file_gets_a_line_for_each_change_and_no_more() -> None:
     out = io.StringIO()
     moving = COLLECTING | {"pose_fraction": 0.7, "seconds_left": 1.0}
     watch_session(
@@ -107,13 +110,13 @@ def test_a_file_gets_a_line_for_each_change_and_no_more():
     assert "\r" not in out.getvalue()
 
 
-def test_a_terminal_gets_a_bar():
+def test_a_terminal_gets_a_bar() -> None:
     out = Terminal()
     watch_session(ScriptedLink(COLLECTING, REVIEW), None, out)
     assert "1/6 [######------------------] still 2 s left next -y up; hold still" in out.getvalue()
 
 
-def test_a_face_that_lay_up_twice_is_one_of_six_and_one_that_was_not_used_is_none():
+def test_a_face_that_lay_up_twice_is_one_of_six_and_one_that_was_not_used_is_none() -> None:
     out = Terminal()
     poses = [POSE, POSE, POSE | {"face": None, "used": False}]
     again = COLLECTING | {"poses": poses, "pose_fraction": 0.0}
@@ -124,7 +127,7 @@ def test_a_face_that_lay_up_twice_is_one_of_six_and_one_that_was_not_used_is_non
     assert "\x1b[K2/12 [####------" in out.getvalue()
 
 
-def test_on_a_narrow_terminal_the_bar_stays_one_line():
+def test_on_a_narrow_terminal_the_bar_stays_one_line() -> None:
     """What wraps is not written over: the terminal itself, of 60 columns, sees nothing wider."""
     master, slave = pty.openpty()
     ioctl(slave, termios.TIOCSWINSZ, struct.pack("4H", 24, 60, 0, 0))
@@ -137,16 +140,16 @@ def test_on_a_narrow_terminal_the_bar_stays_one_line():
     assert "next -y up" in bar
 
 
-def test_a_lost_gateway_is_waited_for():
+def test_a_lost_gateway_is_waited_for() -> None:
     link, out = ScriptedLink(COLLECTING, None, None, COLLECTING, REVIEW), io.StringIO()
     assert watch_session(link, "session-1", out) == 0
     assert out.getvalue().count("no answer from the gateway; waiting for it") == 1
     assert link.reconnects == 2
 
 
-def test_ctrl_c_says_that_the_session_goes_on():
+def test_ctrl_c_says_that_the_session_goes_on() -> None:
     class Interrupted(ScriptedLink):
-        def reconnect(self):
+        def reconnect(self) -> bool:
             raise KeyboardInterrupt
 
     out = io.StringIO()
@@ -158,13 +161,13 @@ def test_ctrl_c_says_that_the_session_goes_on():
 BEFORE = COLLECTING | {"id": "", "phase": "idle"}
 
 
-def test_an_answer_from_before_the_session_began_does_not_end_it():
+def test_an_answer_from_before_the_session_began_does_not_end_it() -> None:
     out = io.StringIO()
     assert watch_session(ScriptedLink(BEFORE, BEFORE, COLLECTING, REVIEW), "session-1", out) == 0
     assert "no such session" not in out.getvalue()
 
 
-def test_a_gateway_that_keeps_telling_of_another_session_has_no_such_one():
+def test_a_gateway_that_keeps_telling_of_another_session_has_no_such_one() -> None:
     out = io.StringIO()
     assert watch_session(ScriptedLink(*[BEFORE] * 9), "session-1", out) == 1
     assert "no such session is under way" in out.getvalue()

@@ -1,9 +1,11 @@
 """What `remote status` says of the drift: never good news where nothing was seen."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
-from gateway.bus.client import RpcReply
+from gateway.bus.client import Client, RpcReply
 from gateway.calibration.record import CalibrationError, content_hash
 from gateway.cli.remote_status import NO_RECORD, NOT_TOLD, NOT_WATCHED, at_rest, by_records
 
@@ -32,7 +34,7 @@ WATCHED = {
         ),
     ],
 )
-def test_rest_in_a_line(health, said):
+def test_rest_in_a_line(health: dict[str, Any], said: str) -> None:
     assert at_rest(health | {"calibration_id": "r1"}, {"calibration_id": "r1"}) == said
     assert "not watched" in NO_RECORD
     assert "not watched yet" in NOT_WATCHED
@@ -47,20 +49,22 @@ def test_rest_in_a_line(health, said):
         ({"calibration_id": None, "drift": None}, {"calibration_id": "r2"}),
     ],
 )
-def test_the_health_of_another_record_says_nothing_of_this_one(health, calibration):
+def test_the_health_of_another_record_says_nothing_of_this_one(
+    health: dict[str, Any] | None, calibration: dict[str, str] | None
+) -> None:
     assert at_rest(health, calibration) == NOT_TOLD
 
 
-class Store:
+class Store(Client):
     """A gateway whose device was calibrated on these days of a year, its x offset growing."""
 
     key = "plumbline/v1/a/b/c"
 
-    def __init__(self, *days):
+    def __init__(self, *days: int) -> None:
         made = [(f"r{day}", np.datetime64("2026-01-01") + day, 0.0002 * day) for day in days]
         self.records = {name: _record(name, str(date), offset) for name, date, offset in made}
 
-    def ask(self, _verb, request, _patience_s):
+    def ask(self, verb: str, request: dict[str, Any], patience_s: float) -> RpcReply:
         if request.get("what") == "record":
             return RpcReply(True, {"record": self.records[request["record"]]})
         return RpcReply(
@@ -68,7 +72,7 @@ class Store:
         )
 
 
-def _record(name, date, offset):
+def _record(name: str, date: str, offset: float) -> dict[str, Any]:
     content = {
         "format": 1,
         "id": name,
@@ -88,13 +92,13 @@ def _record(name, date, offset):
     return content | {"sha256": content_hash(content)}
 
 
-def test_records_make_a_forecast():
+def test_records_make_a_forecast() -> None:
     said = by_records(Store(0, 30, 60, 90))
     assert said.startswith("Recalibrate within ")
     assert "error of axis x may reach 0.5" in said
     assert "from 4 records over 90 days" in said
 
 
-def test_one_record_makes_none():
+def test_one_record_makes_none() -> None:
     with pytest.raises(CalibrationError, match="two calibrations at least"):
         by_records(Store(0))

@@ -1,14 +1,17 @@
 """The configuration: what is accepted, and what the refusal says."""
 
 import tomllib
+from pathlib import Path
+from typing import Any
 
 import pytest
+from pydantic import BaseModel
 
 from gateway.configuration.loading import ConfigurationError, load, validate
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
 
-REFUSED = {
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "wrong unit": ({"rope": {"length_mm": 3000}}, "rope.length_mm: unknown key; did you mean length_m?"),
     "unknown section": ({"ropes": {}}, "ropes: unknown key; did you mean rope?"),
     "nested key": ({"bus": {"tls": {"cert": "x"}}}, "bus.tls.cert: unknown key; did you mean certificate?"),
@@ -36,7 +39,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_refusal_names_the_key_and_the_mend(case):
+def test_refusal_names_the_key_and_the_mend(case: str) -> None:
     table, expected = REFUSED[case]
     with pytest.raises(ConfigurationError) as refused:
         validate(table, "my.toml")
@@ -46,11 +49,11 @@ def test_refusal_names_the_key_and_the_mend(case):
     assert "\n" not in text
 
 
-def test_printed_default_is_the_default():
+def test_printed_default_is_the_default() -> None:
     assert validate(tomllib.loads(to_toml(Configuration())), "printed") == Configuration()
 
 
-def test_every_key_of_the_published_interface_exists():
+def test_every_key_of_the_published_interface_exists() -> None:
     keys = {
         "gateway": "site crane sensor data_dir",
         "rope": "length_m",
@@ -64,10 +67,12 @@ def test_every_key_of_the_published_interface_exists():
     }
     for section, names in keys.items():
         annotation = Configuration.model_fields[section].annotation
+        assert isinstance(annotation, type)
+        assert issubclass(annotation, BaseModel)
         assert set(names.split()) <= set(annotation.model_fields)
 
 
-def test_environment_overrides_the_file(tmp_path):
+def test_environment_overrides_the_file(tmp_path: Path) -> None:
     path = tmp_path / "my.toml"
     path.write_text("[rope]\nlength_m = 20\n")
     environment = {
@@ -80,7 +85,7 @@ def test_environment_overrides_the_file(tmp_path):
     assert (configuration.rope.length_m, configuration.gateway.crane) == (30.5, "north")
 
 
-def test_a_wrong_environment_is_named():
+def test_a_wrong_environment_is_named() -> None:
     with pytest.raises(ConfigurationError, match="PLUMBLINE_ROPE__LENGTH_M"):
         load(None, {"PLUMBLINE_ROPE__LENGTH_M": "-1"})
 
@@ -89,7 +94,7 @@ def test_a_wrong_environment_is_named():
     ("content", "expected"),
     [(b"[rope", "is not TOML"), (b"\xff\xfe\x00", "is not UTF-8"), (None, "no such file")],
 )
-def test_a_file_that_is_none(tmp_path, content, expected):
+def test_a_file_that_is_none(tmp_path: Path, content: bytes | None, expected: str) -> None:
     path = tmp_path / "my.toml"
     if content is not None:
         path.write_bytes(content)
@@ -97,7 +102,7 @@ def test_a_file_that_is_none(tmp_path, content, expected):
         load(path, {})
 
 
-def test_gravity_by_latitude():
+def test_gravity_by_latitude() -> None:
     """WGS 84 normal gravity: 9.780325 at the equator, 9.832185 at the pole."""
     equator = validate({"site": {"latitude_deg": 0}}, "x").site.local_gravity_m_s2
     pole = validate({"site": {"latitude_deg": 90}}, "x").site.local_gravity_m_s2
@@ -105,11 +110,11 @@ def test_gravity_by_latitude():
     assert pole == pytest.approx(9.832185, abs=1e-6)
 
 
-def test_axes_map():
+def test_axes_map() -> None:
     assert validate({"device": {"axes_map": "-y, x, z"}}, "x").device.axes == ((1, -1), (0, 1), (2, 1))
 
 
-def test_housing_place_from_either_end():
+def test_housing_place_from_either_end() -> None:
     assert validate({"rope": {"length_m": 10}, "housing": {"above_load_m": 3}}, "x").housing_position_m == 7
     assert validate({"housing": {"position_m": 3}}, "x").housing_position_m == 3
     assert validate({"device": {"kind": "adxl355"}}, "x").housing_position_m is None

@@ -2,7 +2,10 @@
 
 import json
 import logging
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,21 +17,24 @@ from gateway.calibration.store import CalibrationStore
 from gateway.daemon.calibration_provider import CalibrationProvider
 from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.recording_worker import InForce, RecordingWorker
-from gateway.recording.writer import RecorderError
+from gateway.recording.calibration_files import CalibrationFiles
+from gateway.recording.writer import Recorder, RecorderError
+from tests.values import present
 
 INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)
 AXES = ((0, 1), (1, 1), (2, 1))
 MADE_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""
+PutRecord = Callable[..., CalibrationRecord]
 REST = dict.fromkeys(("complete", "not_clipped", "no_impact", "axes_alive", "quiet", "still", "steady"), True)
 
 
 @pytest.fixture
-def put(tmp_path, record):
+def put(tmp_path: Path, record: Callable[..., dict[str, Any]]) -> PutRecord:
     """Puts a record in force; its id is its name."""
     store = CalibrationStore(tmp_path, INFO.device_id)
 
-    def _put(name, **changes):
+    def _put(name: str, **changes: Any) -> CalibrationRecord:
         made = CalibrationRecord.model_validate(record(id=name, **changes))
         store.add(made)
         store.put_in_force(name, by="ann", reason="", request="request-1", time_utc="2026-01-01T00:00:00Z")
@@ -38,76 +44,92 @@ def put(tmp_path, record):
 
 
 @pytest.fixture
-def shelf(tmp_path):
+def shelf(tmp_path: Path) -> CalibrationProvider:
     return CalibrationProvider(tmp_path, AXES)
 
 
 @pytest.fixture
-def keeper(tmp_path):
+def keeper(tmp_path: Path) -> DriftStateStore:
     return DriftStateStore(tmp_path)
 
 
-def rest(keeper, hours, first=0):
+def rest(keeper: DriftStateStore, hours: int, first: int = 0) -> None:
     for hour in range(first, first + hours):
         for number in range(40):
             keeper.rest.take(REST, MADE_NS + hour * NS_PER_HOUR + number, np.array([0.0, 0.0, 1.001]), 20.0)
             keeper.tick()
 
 
-def kept(tmp_path):
+def kept(tmp_path: Path) -> dict[str, Any] | None:
     path = CalibrationStore(tmp_path, INFO.device_id).folder / "drift.json"
     return json.loads(path.read_text()) if path.exists() else None
 
 
-def test_a_record_goes_into_recordings_with_a_certificate_that_compares_it_with_its_parent(shelf, put):
+def test_a_record_goes_into_recordings_with_a_certificate_that_compares_it_with_its_parent(
+    shelf: CalibrationProvider, put: PutRecord
+) -> None:
     put("r0", created_utc="2025-01-01T00:00:00Z")
     put("r1", created_utc="2026-01-01T00:00:00Z", parent="r0")
-    files = shelf.files(INFO, shelf.correction(INFO))
+    files = present(shelf.files(INFO, shelf.correction(INFO)))
     assert (files.device_id, files.record_id) == ("part-7", "r1")
     certificate = next(file.data.decode() for file in files.files if file.name.endswith(".html"))
     assert "Change since the parent record r0" in certificate
 
 
 @pytest.mark.parametrize("parent", [None, "r0"])
-def test_a_spoilt_older_record_is_said_and_takes_nothing_from_the_new_one(shelf, put, tmp_path, caplog, parent):
+def test_a_spoilt_older_record_is_said_and_takes_nothing_from_the_new_one(
+    shelf: CalibrationProvider,
+    put: PutRecord,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+    parent: str | None,
+) -> None:
     put("r0", created_utc="2025-01-01T00:00:00Z")
     put("r1", parent=parent)
     (CalibrationStore(tmp_path, "part-7").folder / "records" / "r0.json").write_text("{}")
     with caplog.at_level(logging.ERROR, "plumbline"):
-        assert shelf.files(INFO, shelf.correction(INFO)).record_id == "r1"
+        assert present(shelf.files(INFO, shelf.correction(INFO))).record_id == "r1"
     assert "r0.json" in caplog.text
 
 
-def test_the_factorys_record_is_a_parent_too(shelf, put, record):
+def test_the_factorys_record_is_a_parent_too(
+    shelf: CalibrationProvider, put: PutRecord, record: Callable[..., dict[str, Any]]
+) -> None:
     put("r1", parent="factory-1")
     info = replace(INFO, factory_calibration=record(id="factory-1"))
-    files = shelf.files(info, shelf.correction(info))
+    files = present(shelf.files(info, shelf.correction(info)))
     assert any(b"Change since the parent record factory-1" in file.data for file in files.files)
 
 
-def test_without_a_record_there_is_nothing_to_carry_and_nothing_to_watch(shelf, keeper):
+def test_without_a_record_there_is_nothing_to_carry_and_nothing_to_watch(
+    shelf: CalibrationProvider, keeper: DriftStateStore
+) -> None:
     correction = shelf.correction(INFO)
     assert correction.status == "uncalibrated"
     assert shelf.files(INFO, correction) is None
     assert keeper.open("part-7", correction).told is None
 
 
-def test_a_watch_goes_on_after_a_restart_and_is_kept_once_an_hour(shelf, put, keeper, tmp_path):
+def test_a_watch_goes_on_after_a_restart_and_is_kept_once_an_hour(
+    shelf: CalibrationProvider, put: PutRecord, keeper: DriftStateStore, tmp_path: Path
+) -> None:
     put("r1")
     correction = shelf.correction(INFO)
     keeper.open("part-7", correction)
     assert kept(tmp_path) is None
     rest(keeper, 2)
-    assert len(kept(tmp_path)["hours"]) == 1
+    assert len(present(kept(tmp_path))["hours"]) == 1
     keeper.keep()
     again = DriftStateStore(tmp_path)
     again.open("part-7", correction)
     rest(again, 2, first=2)
-    assert len(kept(tmp_path)["hours"]) == 3
-    assert again.rest.told["norm_error_mg"] == pytest.approx(1.0, abs=0.01)
+    assert len(present(kept(tmp_path))["hours"]) == 3
+    assert present(again.rest.told)["norm_error_mg"] == pytest.approx(1.0, abs=0.01)
 
 
-def test_the_same_record_keeps_its_watch_and_another_one_begins_anew(shelf, put, keeper, tmp_path):
+def test_the_same_record_keeps_its_watch_and_another_one_begins_anew(
+    shelf: CalibrationProvider, put: PutRecord, keeper: DriftStateStore, tmp_path: Path
+) -> None:
     put("r1")
     first = keeper.open("part-7", shelf.correction(INFO))
     assert keeper.open("part-7", shelf.correction(INFO)) is first
@@ -115,18 +137,26 @@ def test_the_same_record_keeps_its_watch_and_another_one_begins_anew(shelf, put,
     put("r2")
     second = keeper.open("part-7", shelf.correction(INFO))
     assert second is not first
-    assert kept(tmp_path)["calibration_id"] == "r1"
-    assert second.told["state"] == "no_rest"
+    assert present(kept(tmp_path))["calibration_id"] == "r1"
+    assert present(second.told)["state"] == "no_rest"
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"format": 2}', "\x00"])
-def test_a_state_that_cannot_be_read_is_left_aside(shelf, put, keeper, tmp_path, text):
+def test_a_state_that_cannot_be_read_is_left_aside(
+    shelf: CalibrationProvider, put: PutRecord, keeper: DriftStateStore, tmp_path: Path, text: str
+) -> None:
     put("r1")
     (CalibrationStore(tmp_path, "part-7").folder / "drift.json").write_text(text)
-    assert keeper.open("part-7", shelf.correction(INFO)).told["state"] == "no_rest"
+    assert present(keeper.open("part-7", shelf.correction(INFO)).told)["state"] == "no_rest"
 
 
-def test_a_disk_that_does_not_take_the_state_is_said_and_survived(shelf, put, keeper, tmp_path, caplog):
+def test_a_disk_that_does_not_take_the_state_is_said_and_survived(
+    shelf: CalibrationProvider,
+    put: PutRecord,
+    keeper: DriftStateStore,
+    tmp_path: Path,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     put("r1")
     keeper.open("part-7", shelf.correction(INFO))
     (CalibrationStore(tmp_path, "part-7").folder / "drift.json").mkdir()
@@ -135,21 +165,26 @@ def test_a_disk_that_does_not_take_the_state_is_said_and_survived(shelf, put, ke
     assert "cannot be kept" in caplog.text
 
 
-def test_a_record_whose_time_cannot_be_read_is_not_watched_and_says_so(shelf, put, keeper, caplog):
+def test_a_record_whose_time_cannot_be_read_is_not_watched_and_says_so(
+    shelf: CalibrationProvider, put: PutRecord, keeper: DriftStateStore, caplog: pytest.LogCaptureFixture
+) -> None:
     put("r1", created_utc="in spring")
     with caplog.at_level(logging.ERROR, "plumbline"):
         assert keeper.open("part-7", shelf.correction(INFO)).told is None
     assert "not watched" in caplog.text
 
 
-class FullDisk:
+class FullDisk(Recorder):
     path = None
 
-    def set_calibration(self, _files, _now_ns):
+    def __init__(self) -> None:
+        pass
+
+    def set_calibration(self, _files: CalibrationFiles | None, _now_ns: int) -> None:
         raise RecorderError("full", 3, 40)
 
 
-def test_a_record_that_the_disk_does_not_take_stops_the_recording_as_any_message_does():
+def test_a_record_that_the_disk_does_not_take_stops_the_recording_as_any_message_does() -> None:
     worker = RecordingWorker(FullDisk(), lambda: 0)
     worker.handle(InForce(None))
     assert (worker.error, worker.samples_lost) == ("full", 40)

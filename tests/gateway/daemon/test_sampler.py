@@ -1,6 +1,8 @@
 """The sampling thread with a scripted device: it survives what the device does, counts it, and never waits for others."""
 
 import time
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -10,28 +12,30 @@ from devices.device import EndOfRecording
 from devices.errors import TransferError
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.notify import ServiceNotifier
-from gateway.daemon.sampler import DeviceReopened, Sampler
+from gateway.daemon.sampler import DeviceReopened, Sampler, SamplerItem
 
 INFO = DeviceInfo(kind="test", device_id="t-1", unit="counts", odr_hz=100.0, units_per_g=1000.0)
 
 
-def block(n=2):
+def block(n: int = 2) -> SampleBlock:
     return SampleBlock(time_ns=np.arange(n, dtype=np.int64), raw=np.zeros((n, 3), dtype=np.int32))
 
 
 class Scripted:
     """Gives what the script says, then ends."""
 
-    def __init__(self, reads, opens=()):
+    def __init__(
+        self, reads: Sequence[SampleBlock | TransferError | None], opens: Sequence[DeviceInfo | TransferError] = ()
+    ) -> None:
         self.reads, self.opens, self.closed = list(reads), list(opens), 0
 
-    def open(self):
+    def open(self) -> DeviceInfo:
         step = self.opens.pop(0)
         if isinstance(step, Exception):
             raise step
         return step
 
-    def read(self):
+    def read(self) -> SampleBlock | None:
         if not self.reads:
             raise EndOfRecording
         step = self.reads.pop(0)
@@ -39,14 +43,14 @@ class Scripted:
             raise step
         return step
 
-    def close(self):
+    def close(self) -> None:
         self.closed += 1
 
-    faults = {}  # noqa: RUF012
+    faults: Mapping[str, int] = MappingProxyType({})
 
 
-def run(device, info=INFO, size=64):
-    queue = BoundedQueue(size)
+def run(device: Scripted, info: DeviceInfo = INFO, size: int = 64) -> tuple[Sampler, list[SamplerItem]]:
+    queue = BoundedQueue[SamplerItem](size)
     sampler = Sampler(device, info, queue, ServiceNotifier({}))
     sampler.start()
     assert sampler.ended.wait(10)
@@ -57,32 +61,36 @@ def run(device, info=INFO, size=64):
     return sampler, items
 
 
-def test_blocks_are_handed_on_in_order_and_the_device_is_closed():
+def test_blocks_are_handed_on_in_order_and_the_device_is_closed() -> None:
     blocks = [block(1), block(2), block(3)]
     device = Scripted([blocks[0], None, blocks[1], blocks[2]])
     _, items = run(device)
-    assert [len(item) for item in items] == [1, 2, 3]
+    assert [len(item) for item in items if isinstance(item, SampleBlock)] == [1, 2, 3]
+    assert len(items) == 3
     assert device.closed == 1
 
 
-def test_a_lost_device_is_opened_again_until_it_answers():
+def test_a_lost_device_is_opened_again_until_it_answers() -> None:
     other = DeviceInfo(kind="test", device_id="t-2", unit="counts", odr_hz=100.0, units_per_g=1000.0)
     device = Scripted([block(), TransferError("gone"), block()], [TransferError("still gone"), other])
     sampler, items = run(device)
-    assert [type(item) for item in items] == [SampleBlock, DeviceReopened, SampleBlock]
-    assert items[1].info.device_id == "t-2"
+    first, reopened, last = items
+    assert isinstance(first, SampleBlock)
+    assert isinstance(reopened, DeviceReopened)
+    assert isinstance(last, SampleBlock)
+    assert reopened.info.device_id == "t-2"
     assert sampler.reopened == 1
     assert not sampler.recovering
 
 
-def test_a_full_queue_drops_the_newest_and_counts_its_samples():
+def test_a_full_queue_drops_the_newest_and_counts_its_samples() -> None:
     sampler, items = run(Scripted([block(5) for _ in range(10)]), size=4)
     assert len(items) == 4
     assert sampler.lost_in_queue == 30
 
 
-def test_a_recording_waits_for_its_reader():
-    queue = BoundedQueue(1)
+def test_a_recording_waits_for_its_reader() -> None:
+    queue = BoundedQueue[SamplerItem](1)
     patient = DeviceInfo(kind="t", device_id="t", unit="g", odr_hz=1.0, units_per_g=1.0, can_wait=True)
     sampler = Sampler(Scripted([block() for _ in range(5)]), patient, queue, ServiceNotifier({}))
     sampler.start()
@@ -94,8 +102,8 @@ def test_a_recording_waits_for_its_reader():
     assert sampler.lost_in_queue == 0
 
 
-def test_stops_while_the_device_is_away():
-    queue = BoundedQueue(4)
+def test_stops_while_the_device_is_away() -> None:
+    queue = BoundedQueue[SamplerItem](4)
     device = Scripted([TransferError("gone")], [TransferError("gone")] * 1000)
     sampler = Sampler(device, INFO, queue, ServiceNotifier({}))
     sampler.start()
@@ -108,8 +116,8 @@ def test_stops_while_the_device_is_away():
 
 
 @pytest.mark.parametrize("size", [1, 3])
-def test_dropping_queue_counts(size):
-    queue = BoundedQueue(size)
+def test_dropping_queue_counts(size: int) -> None:
+    queue = BoundedQueue[int](size)
     assert [queue.put(i) for i in range(5)] == [True] * size + [False] * (5 - size)
     assert queue.dropped == 5 - size
     assert [queue.get(0.0) for _ in range(size + 1)] == [*range(size), None]

@@ -4,6 +4,7 @@ import os
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -11,9 +12,10 @@ from devices.clock import HostClock
 from gateway.daemon.instance import InstanceError, InstanceLock
 from gateway.daemon.notify import ServiceNotifier
 from gateway.daemon.wall_clock import STEP_NS, WallClockWatch
+from tests.values import present
 
 
-def test_notifier_speaks_to_the_managers_socket(tmp_path):
+def test_notifier_speaks_to_the_managers_socket(tmp_path: Path) -> None:
     path = tmp_path / "notify"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(path))
@@ -24,7 +26,7 @@ def test_notifier_speaks_to_the_managers_socket(tmp_path):
         notifier.close()
 
 
-def test_notifier_takes_abstract_addresses():
+def test_notifier_takes_abstract_addresses() -> None:
     name = f"plumbline-test-{os.getpid()}"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind("\0" + name)
@@ -35,14 +37,14 @@ def test_notifier_takes_abstract_addresses():
         notifier.close()
 
 
-def test_notifier_without_or_with_a_dead_manager_is_silent(tmp_path):
+def test_notifier_without_or_with_a_dead_manager_is_silent(tmp_path: Path) -> None:
     ServiceNotifier({}).send("READY=1")
     notifier = ServiceNotifier({"NOTIFY_SOCKET": str(tmp_path / "nobody")})
     notifier.send("READY=1")
     notifier.close()
 
 
-def test_one_gateway_per_data_folder(tmp_path):
+def test_one_gateway_per_data_folder(tmp_path: Path) -> None:
     first = InstanceLock(tmp_path / "data")
     with pytest.raises(InstanceError, match=rf"in use by another gateway \(process {os.getpid()}\)"):
         InstanceLock(tmp_path / "data")
@@ -50,7 +52,7 @@ def test_one_gateway_per_data_folder(tmp_path):
     InstanceLock(tmp_path / "data").release()
 
 
-def test_the_lock_of_a_killed_process_is_free(tmp_path):
+def test_the_lock_of_a_killed_process_is_free(tmp_path: Path) -> None:
     code = (
         "import sys, pathlib; sys.path.insert(0, '.');"
         "from gateway.daemon.instance import InstanceLock;"
@@ -60,7 +62,7 @@ def test_the_lock_of_a_killed_process_is_free(tmp_path):
         [sys.executable, "-c", code, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     )
     with process:
-        assert process.stdout.readline() == "held\n"
+        assert present(process.stdout).readline() == "held\n"
         with pytest.raises(InstanceError):
             InstanceLock(tmp_path)
         process.kill()
@@ -68,7 +70,7 @@ def test_the_lock_of_a_killed_process_is_free(tmp_path):
         InstanceLock(tmp_path).release()
 
 
-def test_a_folder_that_cannot_be_made_is_named(tmp_path):
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InstanceError, match="cannot be written"):
         InstanceLock(tmp_path / "file" / "data")
@@ -79,11 +81,11 @@ class SteppingClock(HostClock):
 
     offset_ns = 0
 
-    def wall_offset_ns(self):
+    def wall_offset_ns(self) -> int:
         return self.offset_ns
 
 
-def test_steps_of_the_wall_clock_are_counted():
+def test_steps_of_the_wall_clock_are_counted() -> None:
     clock = SteppingClock()
     watch = WallClockWatch(clock)
     watch.poll()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any, Literal
 
 import pytest
 
@@ -12,9 +13,10 @@ from gateway.recording.writer import Recorder
 
 START_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""
-HEAD = {"time_ns": START_NS, "clock": "synchronised", "sequence": 7, "calibration_id": "c-1"}
+HEAD: dict[str, Any] = {"time_ns": START_NS, "clock": "synchronised", "sequence": 7, "calibration_id": "c-1"}
 COUNTS_PER_G = 256_000.0
 
+AlertEvent = Literal["raised", "changed", "cleared", "standing"]
 MakeRecorder = Callable[..., Recorder]
 
 
@@ -159,7 +161,7 @@ def make_alert() -> Callable[..., messages.Alert]:
     return _alert
 
 
-def _alert(event: str) -> messages.Alert:
+def _alert(event: AlertEvent) -> messages.Alert:
     standing = messages.ActiveAlert(
         rule="swing", level="trip", since_ns=START_NS, value_deg=6.2, limit_deg=6.0, text="swing 6.2 deg"
     )

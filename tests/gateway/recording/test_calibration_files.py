@@ -3,6 +3,7 @@
 import errno
 import json
 import os
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,12 +11,16 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from devices.block import DeviceInfo
+from gateway import messages
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.recording.calibration_files import CalibrationFiles, calibration_files
 from gateway.recording.info import summarise
 from gateway.recording.reader import open_recording
 from gateway.recording.recovery import recover
 from gateway.recording.writer import RecorderError
+from tests.gateway.recording.conftest import MakeRecorder
+from tests.values import present
 
 SECOND_NS = 1_000_000_000
 
@@ -57,7 +62,11 @@ def segments(folder: Path) -> list[Path]:
 
 
 def test_every_segment_carries_the_record_and_its_certificate(
-    make_recorder, make_samples, device, files, start_ns: int
+    make_recorder: MakeRecorder,
+    make_samples: Callable[..., messages.Samples],
+    device: DeviceInfo,
+    files: CalibrationFiles,
+    start_ns: int,
 ) -> None:
     recorder = make_recorder(segment_s=2.0)
     recorder.set_device(device, start_ns)
@@ -81,7 +90,11 @@ def test_every_segment_carries_the_record_and_its_certificate(
 
 
 def test_a_record_that_comes_in_force_is_on_the_disk_at_once_and_behind_what_came_before(
-    make_recorder, make_samples, device, files, start_ns: int
+    make_recorder: MakeRecorder,
+    make_samples: Callable[..., messages.Samples],
+    device: DeviceInfo,
+    files: CalibrationFiles,
+    start_ns: int,
 ) -> None:
     recorder = make_recorder(fsync_s=3600.0)
     recorder.set_device(device, start_ns)
@@ -97,7 +110,9 @@ def test_a_record_that_comes_in_force_is_on_the_disk_at_once_and_behind_what_cam
     assert set(attachments(path)) == set(as_killed.attachments)
 
 
-def test_the_same_record_is_not_written_twice_and_none_ends_it(make_recorder, device, files, start_ns: int) -> None:
+def test_the_same_record_is_not_written_twice_and_none_ends_it(
+    make_recorder: MakeRecorder, device: DeviceInfo, files: CalibrationFiles, start_ns: int
+) -> None:
     recorder = make_recorder()
     recorder.set_device(device, start_ns)
     first = recorder.start(start_ns)
@@ -109,10 +124,12 @@ def test_the_same_record_is_not_written_twice_and_none_ends_it(make_recorder, de
     second = recorder.start(start_ns + SECOND_NS)
     recorder.close()
     assert "calibration-r1.json" in attachments(first)
-    assert set(attachments(second)) == {"configuration.toml"}
+    assert set(attachments(present(second))) == {"configuration.toml"}
 
 
-def test_a_swapped_sensor_does_not_inherit_the_record(make_recorder, device, files, start_ns: int) -> None:
+def test_a_swapped_sensor_does_not_inherit_the_record(
+    make_recorder: MakeRecorder, device: DeviceInfo, files: CalibrationFiles, start_ns: int
+) -> None:
     recorder = make_recorder()
     recorder.set_calibration(files, start_ns)
     recorder.set_device(device, start_ns)
@@ -122,10 +139,12 @@ def test_a_swapped_sensor_does_not_inherit_the_record(make_recorder, device, fil
     recorder.set_calibration(calibration_files(make_record("r9", "adxl355-0x53-label8"), None), start_ns + SECOND_NS)
     recorder.close()
     assert set(attachments(first)) == {"configuration.toml", "calibration-r1.json", "calibration-r1.html"}
-    assert set(attachments(second)) == {"configuration.toml", "calibration-r9.json", "calibration-r9.html"}
+    assert set(attachments(present(second))) == {"configuration.toml", "calibration-r9.json", "calibration-r9.html"}
 
 
-def test_a_record_without_a_recording_waits_for_the_next_one(make_recorder, device, files, start_ns: int) -> None:
+def test_a_record_without_a_recording_waits_for_the_next_one(
+    make_recorder: MakeRecorder, device: DeviceInfo, files: CalibrationFiles, start_ns: int
+) -> None:
     recorder = make_recorder()
     recorder.set_device(device, start_ns)
     recorder.set_calibration(files, start_ns)
@@ -134,7 +153,14 @@ def test_a_record_without_a_recording_waits_for_the_next_one(make_recorder, devi
     assert "calibration-r1.html" in attachments(path)
 
 
-def test_recovering_a_torn_file_keeps_them(make_recorder, make_samples, device, files, start_ns: int, tmp_path) -> None:
+def test_recovering_a_torn_file_keeps_them(
+    make_recorder: MakeRecorder,
+    make_samples: Callable[..., messages.Samples],
+    device: DeviceInfo,
+    files: CalibrationFiles,
+    start_ns: int,
+    tmp_path: Path,
+) -> None:
     recorder = make_recorder()
     recorder.set_device(device, start_ns)
     path = recorder.start(start_ns)
@@ -149,7 +175,12 @@ def test_recovering_a_torn_file_keeps_them(make_recorder, make_samples, device, 
 
 
 def test_a_disk_that_fails_stops_the_recording_and_the_next_one_carries_it(
-    make_recorder, make_samples, device, files, start_ns: int, monkeypatch
+    make_recorder: MakeRecorder,
+    make_samples: Callable[..., messages.Samples],
+    device: DeviceInfo,
+    files: CalibrationFiles,
+    start_ns: int,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     recorder = make_recorder()
     recorder.set_device(device, start_ns)

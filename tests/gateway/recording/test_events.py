@@ -1,5 +1,7 @@
 """Segments around an alert are the last that the quota takes."""
 
+from pathlib import Path
+
 import pytest
 
 from gateway.recording.events import AlertEventIndex
@@ -11,7 +13,7 @@ START_NS = 1_767_225_600 * SECOND_NS
 
 
 @pytest.fixture
-def segments(tmp_path):
+def segments(tmp_path: Path) -> list[Path]:
     """Six segments of a minute and 1 kB each, with an alert half a minute into the third."""
     marks = AlertEventIndex(pre_event_s=40.0, post_event_s=40.0)
     paths = []
@@ -26,11 +28,11 @@ def segments(tmp_path):
     return paths
 
 
-def test_what_is_open_or_near_an_event_is_marked(segments):
+def test_what_is_open_or_near_an_event_is_marked(segments: list[Path]) -> None:
     assert [marker_of(path).exists() for path in segments] == [False, True, True, True, False, False]
 
 
-def test_ordinary_segments_go_first_then_the_oldest_event(tmp_path, segments):
+def test_ordinary_segments_go_first_then_the_oldest_event(tmp_path: Path, segments: list[Path]) -> None:
     retention = Retention(NAMES, tmp_path, quota_mb=0.0025)  # room for two and a half
     retention.rescan()
     assert retention.enforce(0) == [segments[i] for i in (0, 4, 5, 1)]

@@ -1,4 +1,5 @@
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -6,15 +7,19 @@ import numpy as np
 import pytest
 from mcap.writer import Writer
 
-from devices.block import SampleBlock
+from devices.block import DeviceInfo, SampleBlock
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.packing import pack
+from gateway.recording.header import RecordingHeader
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
+from gateway.recording.writer import Recorder
+from tests.gateway.conftest import MakeBlock
+from tests.gateway.recording.conftest import MakeRecorder
 
 
-def record(recorder, blocks: list[SampleBlock]) -> Path:
+def record(recorder: Recorder, blocks: list[SampleBlock]) -> Path:
     path = recorder.start(int(blocks[0].time_ns[0]))
     for number, block in enumerate(blocks):
         last_ns = int(block.time_ns[-1])
@@ -25,7 +30,12 @@ def record(recorder, blocks: list[SampleBlock]) -> Path:
 
 
 def test_a_run_comes_back_block_by_block_with_all_that_replay_needs(
-    make_recorder, make_block, every_message, device, header, start_ns: int
+    make_recorder: MakeRecorder,
+    make_block: MakeBlock,
+    every_message: dict[str, messages.Message | messages.Log],
+    device: DeviceInfo,
+    header: RecordingHeader,
+    start_ns: int,
 ) -> None:
     recorder = make_recorder()
     recorder.set_device(device, start_ns)
@@ -49,7 +59,11 @@ def test_a_run_comes_back_block_by_block_with_all_that_replay_needs(
 
 
 def test_calibrations_are_told_once_each_in_order(
-    make_recorder, make_samples, make_calibration, device, start_ns: int
+    make_recorder: MakeRecorder,
+    make_samples: Callable[..., messages.Samples],
+    make_calibration: Callable[..., messages.Calibration],
+    device: DeviceInfo,
+    start_ns: int,
 ) -> None:
     recorder = make_recorder()
     recorder.set_device(device, start_ns)
@@ -62,7 +76,9 @@ def test_calibrations_are_told_once_each_in_order(
     assert told == [(0, "a"), (2, "b"), (3, "a")]
 
 
-def test_all_samples_in_one_with_what_was_lost_where(make_recorder, make_block, device, start_ns: int) -> None:
+def test_all_samples_in_one_with_what_was_lost_where(
+    make_recorder: MakeRecorder, make_block: MakeBlock, device: DeviceInfo, start_ns: int
+) -> None:
     recorder = make_recorder()
     recorder.set_device(device, start_ns)
     blocks = [make_block(0, period_ns=1e6), make_block(1, period_ns=1e6, lost=2), make_block(4, period_ns=1e6)]
@@ -79,7 +95,9 @@ def test_all_samples_in_one_with_what_was_lost_where(make_recorder, make_block, 
     assert (recording.temperature_c[[0, 31, 32]] == [25.0, 25.0, 25 + 1 / 64]).all()
 
 
-def test_samples_whose_time_repeats_or_goes_back_are_counted(make_recorder, make_block, device, start_ns: int) -> None:
+def test_samples_whose_time_repeats_or_goes_back_are_counted(
+    make_recorder: MakeRecorder, make_block: MakeBlock, device: DeviceInfo, start_ns: int
+) -> None:
     recorder = make_recorder()
     recorder.set_device(device, start_ns)
     again = make_block(5, length=4, period_ns=1e6)
@@ -90,7 +108,7 @@ def test_samples_whose_time_repeats_or_goes_back_are_counted(make_recorder, make
     assert (np.diff(recording.time_s) > 0).all()
 
 
-def test_readings_in_g_come_back_exactly(make_recorder, device, start_ns: int) -> None:
+def test_readings_in_g_come_back_exactly(make_recorder: MakeRecorder, device: DeviceInfo, start_ns: int) -> None:
     recorder = make_recorder()
     recorder.set_device(type(device)(kind="replay", device_id="r", unit="g", odr_hz=10, units_per_g=1.0), start_ns)
     rng = np.random.default_rng(1)
@@ -114,7 +132,9 @@ def test_what_is_no_recording_is_named(tmp_path: Path) -> None:
             open_recording(tmp_path / name)
 
 
-def test_a_recording_without_samples_is_refused(make_recorder, every_message, start_ns: int) -> None:
+def test_a_recording_without_samples_is_refused(
+    make_recorder: MakeRecorder, every_message: dict[str, messages.Message | messages.Log], start_ns: int
+) -> None:
     recorder = make_recorder()
     path = recorder.start(start_ns)
     recorder.write("health", every_message["health"], start_ns)
@@ -136,7 +156,9 @@ def test_a_foreign_file_is_told_by_its_topics(tmp_path: Path) -> None:
         read_samples(path)
 
 
-def test_samples_without_the_device_that_made_them_are_refused(make_recorder, make_samples, start_ns: int) -> None:
+def test_samples_without_the_device_that_made_them_are_refused(
+    make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int
+) -> None:
     recorder = make_recorder()
     path = recorder.start(start_ns)
     recorder.write("samples", make_samples(0), start_ns)
@@ -145,7 +167,9 @@ def test_samples_without_the_device_that_made_them_are_refused(make_recorder, ma
         read_samples(path)
 
 
-def test_samples_in_another_unit_than_the_device_are_refused(make_recorder, device, start_ns: int) -> None:
+def test_samples_in_another_unit_than_the_device_are_refused(
+    make_recorder: MakeRecorder, device: DeviceInfo, start_ns: int
+) -> None:
     recorder = make_recorder()
     recorder.set_device(device, start_ns)
     path = record(recorder, [SampleBlock(np.array([start_ns]), np.array([[0.0, 0.0, 1.0]]))])
@@ -153,7 +177,9 @@ def test_samples_in_another_unit_than_the_device_are_refused(make_recorder, devi
         read_samples(path)
 
 
-def test_messages_that_do_not_decode_are_counted(tmp_path: Path, make_samples, make_recorder, device) -> None:
+def test_messages_that_do_not_decode_are_counted(
+    tmp_path: Path, make_samples: Callable[..., messages.Samples], make_recorder: MakeRecorder, device: DeviceInfo
+) -> None:
     path = tmp_path / "odd.mcap"
     good = messages.Samples.__name__
     with path.open("wb") as file:

@@ -6,21 +6,27 @@ import pickle
 import subprocess
 import sys
 import tomllib
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
 
+from devices.block import DeviceInfo
+from gateway import messages
+from gateway.recording.header import RecordingHeader
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
-from gateway.recording.writer import RecorderError
+from gateway.recording.writer import Recorder, RecorderError
 from gateway.topics import TOPICS, adapter, encode
+from tests.gateway.recording.conftest import MakeRecorder
 
 SECOND_NS = 1_000_000_000
 
 
-def contents(path: Path) -> list[tuple[str, dict[str, object]]]:
+def contents(path: Path) -> list[tuple[str, dict[str, Any]]]:
     """Topics and contents of a closed file, by the reader of the public package."""
     with path.open("rb") as file:
         found = make_reader(file, validate_crcs=True).iter_messages(log_time_order=False)
@@ -35,14 +41,18 @@ def names(folder: Path) -> list[str]:
     return sorted(path.name for path in folder.iterdir())
 
 
-def record_blocks(recorder, make_samples, numbers: range, start_ns: int, block_s: float = 0.032) -> None:
+def record_blocks(
+    recorder: Recorder, make_samples: Callable[..., Any], numbers: range, start_ns: int, block_s: float = 0.032
+) -> None:
     for number in numbers:
         now_ns = start_ns + round(number * block_s * 1e9)
         recorder.write("samples", make_samples(number), now_ns)
         recorder.tick(now_ns)
 
 
-def test_every_topic_comes_back_through_the_public_reader(make_recorder, every_message, start_ns: int) -> None:
+def test_every_topic_comes_back_through_the_public_reader(
+    make_recorder: MakeRecorder, every_message: dict[str, messages.Message | messages.Log], start_ns: int
+) -> None:
     recorder = make_recorder()
     path = recorder.start(start_ns)
     for topic, message in every_message.items():
@@ -58,6 +68,7 @@ def test_every_topic_comes_back_through_the_public_reader(make_recorder, every_m
     assert summary.statistics.message_count == len(every_message)
     for topic, message in every_message.items():
         schema, channel, recorded = found[f"/{topic}"]
+        assert schema is not None
         assert (schema.encoding, schema.name, channel.message_encoding) == (
             "jsonschema",
             TOPICS[topic].schema_name,
@@ -67,12 +78,13 @@ def test_every_topic_comes_back_through_the_public_reader(make_recorder, every_m
         assert recorded.data == encode(topic, message)
         assert adapter(topic).validate_json(recorded.data) == message
         assert recorded.log_time == start_ns + 99
-        assert (recorded.sequence, recorded.publish_time) == ((0, start_ns + 5) if topic == "log" else (
-            message.sequence, message.time_ns
-        ))  # fmt: skip
+        stamp = (0, start_ns + 5) if isinstance(message, messages.Log) else (message.sequence, message.time_ns)
+        assert (recorded.sequence, recorded.publish_time) == stamp
 
 
-def test_a_file_says_where_it_comes_from(make_recorder, device, header, start_ns: int) -> None:
+def test_a_file_says_where_it_comes_from(
+    make_recorder: MakeRecorder, device: DeviceInfo, header: RecordingHeader, start_ns: int
+) -> None:
     recorder = make_recorder()
     recorder.set_device(device, start_ns)
     path = recorder.start(start_ns)
@@ -90,7 +102,9 @@ def test_a_file_says_where_it_comes_from(make_recorder, device, header, start_ns
     assert tomllib.loads(attachment.data.decode()) == {"gateway": {"site": "yard"}}
 
 
-def test_what_is_written_is_in_the_file_once_fsync_s_has_passed(make_recorder, make_samples, start_ns: int) -> None:
+def test_what_is_written_is_in_the_file_once_fsync_s_has_passed(
+    make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int
+) -> None:
     recorder = make_recorder(fsync_s=1.0)
     path = recorder.start(start_ns)
     recorder.write("samples", make_samples(0), start_ns)
@@ -101,7 +115,12 @@ def test_what_is_written_is_in_the_file_once_fsync_s_has_passed(make_recorder, m
     recorder.close()
 
 
-def test_the_file_and_its_name_are_synced(make_recorder, make_samples, start_ns: int, monkeypatch) -> None:
+def test_the_file_and_its_name_are_synced(
+    make_recorder: MakeRecorder,
+    make_samples: Callable[..., messages.Samples],
+    start_ns: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     synced: list[str] = []
     real_fsync = os.fsync
 
@@ -121,7 +140,7 @@ def test_the_file_and_its_name_are_synced(make_recorder, make_samples, start_ns:
 
 
 def test_a_gateway_killed_while_it_begins_a_segment_leaves_no_recording(
-    make_recorder, start_ns: int, tmp_path: Path, monkeypatch
+    make_recorder: MakeRecorder, start_ns: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Killed(BaseException):
         """Nothing of the recorder's runs after it."""
@@ -142,13 +161,19 @@ def test_a_gateway_killed_while_it_begins_a_segment_leaves_no_recording(
 
 
 def test_segments_follow_each_other_without_a_hole_and_each_stands_alone(
-    make_recorder, make_samples, every_message, device, start_ns: int
+    make_recorder: MakeRecorder,
+    make_samples: Callable[..., messages.Samples],
+    every_message: dict[str, messages.Message | messages.Log],
+    device: DeviceInfo,
+    start_ns: int,
 ) -> None:
     recorder = make_recorder(segment_s=2.0)
     recorder.set_device(device, start_ns)
     folder = recorder.start(start_ns).parent
-    recorder.write("calibration", replace(every_message["calibration"], status="uncalibrated"), start_ns)
-    recorder.write("calibration", every_message["calibration"], start_ns)
+    calibration = every_message["calibration"]
+    assert isinstance(calibration, messages.Calibration)
+    recorder.write("calibration", replace(calibration, status="uncalibrated"), start_ns)
+    recorder.write("calibration", calibration, start_ns)
     recorder.write("clock", every_message["clock"], start_ns)
     record_blocks(recorder, make_samples, range(200), start_ns)
     recorder.close()
@@ -168,7 +193,7 @@ def test_segments_follow_each_other_without_a_hole_and_each_stands_alone(
 
 
 def test_a_segment_ends_before_it_fills_a_quarter_of_the_quota(
-    make_recorder, make_samples, start_ns: int, tmp_path: Path
+    make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int, tmp_path: Path
 ) -> None:
     recorder = make_recorder(quota_mb=1.0)
     recorder.start(start_ns)
@@ -180,7 +205,7 @@ def test_a_segment_ends_before_it_fills_a_quarter_of_the_quota(
 
 
 def test_the_oldest_closed_segments_go_when_the_quota_is_reached(
-    make_recorder, make_samples, start_ns: int, tmp_path: Path
+    make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int, tmp_path: Path
 ) -> None:
     others = ["yard-crane-2-hook-notes.mcap", "yard-crane-2-hook2-20200101T000000Z.mcap", "readme.txt", "store"]
     for name in others[:-1]:
@@ -204,7 +229,7 @@ def test_the_oldest_closed_segments_go_when_the_quota_is_reached(
 
 
 def test_a_torn_file_of_the_last_run_is_left_alone_and_stays_readable(
-    make_recorder, make_samples, start_ns: int, tmp_path: Path
+    make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int, tmp_path: Path
 ) -> None:
     recorder = make_recorder()
     path = recorder.start(start_ns)
@@ -219,7 +244,13 @@ def test_a_torn_file_of_the_last_run_is_left_alone_and_stays_readable(
     assert read_samples_of(path) == list(range(65))  # synced with blocks 32, 64 and 96; the last chunk is torn
 
 
-def test_another_device_begins_a_new_segment(make_recorder, make_samples, device, start_ns: int, tmp_path) -> None:
+def test_another_device_begins_a_new_segment(
+    make_recorder: MakeRecorder,
+    make_samples: Callable[..., messages.Samples],
+    device: DeviceInfo,
+    start_ns: int,
+    tmp_path: Path,
+) -> None:
     recorder = make_recorder()
     recorder.start(start_ns)
     recorder.set_device(device, start_ns)
@@ -233,7 +264,9 @@ def test_another_device_begins_a_new_segment(make_recorder, make_samples, device
     assert [read_samples(path).device for path in segments(tmp_path)] == [device, other]
 
 
-def test_nothing_is_recorded_before_the_start_and_the_loss_is_told(make_recorder, make_samples, start_ns: int) -> None:
+def test_nothing_is_recorded_before_the_start_and_the_loss_is_told(
+    make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int
+) -> None:
     recorder = make_recorder()
     with pytest.raises(RecorderError) as caught:
         recorder.write("samples", make_samples(0), start_ns)
@@ -244,7 +277,7 @@ def test_nothing_is_recorded_before_the_start_and_the_loss_is_told(make_recorder
 
 
 def test_a_calibration_that_came_while_nothing_was_recorded_stands_in_the_next_segment(
-    make_recorder, make_calibration, start_ns: int
+    make_recorder: MakeRecorder, make_calibration: Callable[..., messages.Calibration], start_ns: int
 ) -> None:
     recorder = make_recorder()
     with pytest.raises(RecorderError):
@@ -256,7 +289,7 @@ def test_a_calibration_that_came_while_nothing_was_recorded_stands_in_the_next_s
 
 @pytest.mark.parametrize("log_time_ns", [-1, 2**63])
 def test_a_time_that_no_recording_can_hold_is_refused_and_harms_nothing(
-    make_recorder, make_samples, start_ns: int, log_time_ns: int
+    make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int, log_time_ns: int
 ) -> None:
     recorder = make_recorder()
     path = recorder.start(start_ns)
@@ -268,7 +301,9 @@ def test_a_time_that_no_recording_can_hold_is_refused_and_harms_nothing(
     assert [content["sequence"] for _, content in contents(path)] == [0, 2]
 
 
-def test_a_folder_that_cannot_be_one_is_named_with_the_mend(make_recorder, start_ns: int, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_one_is_named_with_the_mend(
+    make_recorder: MakeRecorder, start_ns: int, tmp_path: Path
+) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("not a folder")
     for data_dir in (blocked, blocked / "below"):
@@ -279,7 +314,10 @@ def test_a_folder_that_cannot_be_one_is_named_with_the_mend(make_recorder, start
 
 
 def test_a_disk_that_does_not_keep_data_stops_the_recording_and_it_can_start_again(
-    make_recorder, make_samples, start_ns: int, monkeypatch
+    make_recorder: MakeRecorder,
+    make_samples: Callable[..., messages.Samples],
+    start_ns: int,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     recorder = make_recorder()
     path = recorder.start(start_ns)
@@ -331,7 +369,7 @@ print(lost)
 
 @pytest.mark.slow
 def test_a_full_disk_stops_the_recording_and_leaves_whole_chunks(
-    header, make_samples, start_ns: int, tmp_path: Path
+    header: RecordingHeader, make_samples: Callable[..., messages.Samples], start_ns: int, tmp_path: Path
 ) -> None:
     made = [make_samples(number) for number in range(700)]
     done = subprocess.run(
@@ -352,7 +390,9 @@ def test_a_full_disk_stops_the_recording_and_leaves_whole_chunks(
     assert path.stat().st_size > 40_000
 
 
-def test_bytes_per_sample_of_an_adxl355_at_rest(make_recorder, make_samples, start_ns: int) -> None:
+def test_bytes_per_sample_of_an_adxl355_at_rest(
+    make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int
+) -> None:
     recorder = make_recorder()
     path = recorder.start(start_ns)
     sizes = [path.stat().st_size]

@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -5,16 +6,26 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from devices.block import DeviceInfo
 from devices.errors import RecordingError
+from gateway import messages
 from gateway.recording.info import summarise
 from gateway.recording.info_text import info_text
 from gateway.recording.reader import open_recording
 from gateway.recording.recovery import recover
 from gateway.recording.run import read_samples
+from tests.gateway.recording.conftest import MakeRecorder
+from tests.values import present
 
 
 @pytest.fixture
-def torn(make_recorder, make_samples, every_message, device, start_ns: int) -> Path:
+def torn(
+    make_recorder: MakeRecorder,
+    make_samples: Callable[..., messages.Samples],
+    every_message: dict[str, messages.Message | messages.Log],
+    device: DeviceInfo,
+    start_ns: int,
+) -> Path:
     """A recording that ends in the middle of its last chunk."""
     recorder = make_recorder()
     recorder.set_device(device, start_ns)
@@ -41,7 +52,14 @@ def test_a_torn_recording_becomes_a_whole_one(torn: Path, tmp_path: Path) -> Non
     with out.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
         found = [
-            (schema.name, channel.topic, message.data, message.log_time, message.publish_time, message.sequence)
+            (
+                present(schema).name,
+                channel.topic,
+                message.data,
+                message.log_time,
+                message.publish_time,
+                message.sequence,
+            )
             for schema, channel, message in reader.iter_messages(log_time_order=False)
         ]
         assert {record.name for record in reader.iter_metadata()} == {"plumbline", "device", "recovered"}
@@ -89,7 +107,9 @@ def test_an_existing_file_is_never_replaced(torn: Path) -> None:
     assert torn.read_bytes() == before
 
 
-def test_nothing_is_left_behind_where_nothing_can_be_recovered(make_recorder, start_ns: int, tmp_path: Path) -> None:
+def test_nothing_is_left_behind_where_nothing_can_be_recovered(
+    make_recorder: MakeRecorder, start_ns: int, tmp_path: Path
+) -> None:
     recorder = make_recorder()
     path = recorder.start(start_ns)
     recorder.close()

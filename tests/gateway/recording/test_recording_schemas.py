@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from gateway import messages
 from gateway.recording.schemas import logged_topics, schema_bytes
 from gateway.topics import encode
 
@@ -81,7 +82,7 @@ def viewer_fields(schema: dict[str, Any], path: str = "") -> list[str]:
 
 
 @pytest.mark.parametrize("topic", logged_topics())
-def test_every_message_keeps_its_schema(every_message, topic: str) -> None:
+def test_every_message_keeps_its_schema(every_message: dict[str, messages.Message | messages.Log], topic: str) -> None:
     content = json.loads(encode(topic, every_message[topic]))
     assert faults(content, json.loads(schema_bytes(topic))) == []
 
@@ -100,12 +101,14 @@ def test_every_message_keeps_its_schema(every_message, topic: str) -> None:
         ("alert", {"active": [{"rule": "swing"}]}),
     ],
 )
-def test_a_wrong_message_breaks_its_schema(every_message, topic: str, change: dict[str, Any]) -> None:
+def test_a_wrong_message_breaks_its_schema(
+    every_message: dict[str, messages.Message | messages.Log], topic: str, change: dict[str, Any]
+) -> None:
     content = {**json.loads(encode(topic, every_message[topic])), **change}
     assert faults(content, json.loads(schema_bytes(topic)))
 
 
-def test_a_missing_field_breaks_its_schema(every_message) -> None:
+def test_a_missing_field_breaks_its_schema(every_message: dict[str, messages.Message | messages.Log]) -> None:
     content = json.loads(encode("swing", every_message["swing"]))
     del content["phi_max_deg"]
     assert faults(content, json.loads(schema_bytes("swing"))) == ["$: phi_max_deg is missing"]

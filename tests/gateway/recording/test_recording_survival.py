@@ -5,19 +5,24 @@ import pickle
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from devices.block import DeviceInfo
 from devices.errors import RecordingError
+from gateway import messages
+from gateway.recording.header import RecordingHeader
 from gateway.recording.info import summarise
 from gateway.recording.info_text import info_text
 from gateway.recording.mcap_salvage import SalvageReport
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
 from gateway.recording.writer import Recorder
+from tests.gateway.recording.conftest import MakeRecorder
 
 BLOCK = 32
 FSYNC_S = 1.0
@@ -43,7 +48,13 @@ def recorded_numbers(path: Path) -> list[int]:
 
 
 @pytest.fixture
-def small(make_recorder, make_samples, every_message, device, start_ns: int) -> tuple[Path, list[int]]:
+def small(
+    make_recorder: MakeRecorder,
+    make_samples: Callable[..., messages.Samples],
+    every_message: dict[str, messages.Message | messages.Log],
+    device: DeviceInfo,
+    start_ns: int,
+) -> tuple[Path, list[int]]:
     """A closed file of 12 short blocks and one message of each other topic, and where its syncs ended."""
     recorder: Recorder = make_recorder()
     recorder.set_device(device, start_ns)
@@ -63,7 +74,9 @@ def small(make_recorder, make_samples, every_message, device, start_ns: int) -> 
 
 
 @pytest.mark.slow
-def test_sigkill_costs_at_most_fsync_s_and_one_block(header, make_samples, tmp_path: Path) -> None:
+def test_sigkill_costs_at_most_fsync_s_and_one_block(
+    header: RecordingHeader, make_samples: Callable[..., messages.Samples], tmp_path: Path
+) -> None:
     made = [make_samples(number, length=BLOCK, period_ns=1e6) for number in range(200)]
     command = [sys.executable, "-c", RECORD_IN_REAL_TIME]
     with subprocess.Popen(
