@@ -58,12 +58,12 @@ def _prediction(result: "Reconciliation", *, of_second: bool) -> str:
 
 def _report(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float) -> str:
     from gateway import __version__
-    from gateway.twin.report.page import report
+    from gateway.twin.report.page import render_report
 
     computed = {"recording": str(arguments.log)}
     computed["rig"] = "as the recording brings it" if arguments.rig is None else str(arguments.rig)
     computed["held out"] = "the recording’s last third" if arguments.held_out is None else str(arguments.held_out)
     computed |= {"seed": str(arguments.seed), "time": f"{runtime_s:.1f} s"}
-    return report(
+    return render_report(
         result, title=f"Reconciliation of {arguments.log.name}", software=f"plumbline {__version__}", computed=computed
     )

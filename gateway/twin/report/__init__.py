@@ -1,5 +1,1 @@
-"""A reconciliation as one self-contained HTML file, for a person who was not there."""
-
-from gateway.twin.report.page import report
-
-__all__ = ["report"]
+"""The HTML report of a reconciliation."""

@@ -1,17 +1,21 @@
-"""How the gap shrank, step by step."""
+"""The gap, step by step and on each part of the data."""
 
 import textwrap
 from dataclasses import dataclass
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Canvas
 
+from gateway.documents.figures import Figure
+from gateway.documents.format import format_number
+from gateway.documents.palette import AFTER, INK, MEASURED
+from gateway.documents.text import human_name
 from gateway.twin.reconcile.output.result import Gap, Reconciliation, Step
-from gateway.twin.report.drawing import decades, drawn, legend
-from gateway.twin.report.markup import Html, illustration, missing, paragraph, section
-from gateway.twin.report.models import BELIEVED, caution, final_name, fitted_part
-from gateway.twin.report.style import AFTER, INK, MEASURED
-from gateway.twin.report.words import number, plain, times_noise
+from gateway.twin.report.formatting import format_noise_ratio
+from gateway.twin.report.gap_table import PartRow, part_rows
+from gateway.twin.report.models import NOMINAL, caution, final_model_name
+from gateway.twin.report.plots import add_legend, label_decades, render_svg
+from gateway.twin.report.rope_angle import MIN_TRANSVERSE_SENSITIVITY, transverse_sensitivity
 
 LABEL_IN, LABEL_LETTERS = 1.45, 22
 NARROW_IN = 5.0
@@ -19,12 +23,10 @@ NARROW_IN = 5.0
 LEAST_SHOWN = 0.05
 SAME = 0.01
 """Relative: the last step's gap is the final one."""
-HELD_OUT = "held-out recording (not fitted to)"
-LAST_THIRD = "its last third (not fitted to)"
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class GapRow:
     """A model on the way, with its gap."""
 
     label: str
@@ -32,84 +34,94 @@ class Row:
     held_out: float | None
 
 
-def gap_part(result: Reconciliation) -> Html:
-    """The bars and how to read them."""
-    title, name = "The gap, step by step", "gap"
+@dataclass(frozen=True, slots=True)
+class GapView:
+    """The section as it is printed."""
+
+    figure: Figure
+    parts: tuple[PartRow, ...]
+    sensitivity: str
+    """1 - p/L."""
+    shows_angle: bool
+    """The transverse channels show the rope's angle at this place of the housing."""
+    gain: str
+    """The gain on held-out data with its interval, in a sentence."""
+
+
+def gap_view(result: Reconciliation) -> GapView | None:
+    """Return the section; None where no model was fitted."""
     if result.gap is None:
-        return section(title, missing("No model was fitted, so there is no gap to show."), name=name)
-    rows = rows_of(result.gap, result.steps, final_name(result), frozenset(result.model))
-    held_out = LAST_THIRD if result.held_out_is_last_third else HELD_OUT
-    picture = drawn(
-        "gap",
-        _spoken(rows),
-        0.9 + 0.5 * len(rows),
-        lambda figure: _draw(figure, rows, fitted_part(result), held_out),
-        NARROW_IN,
-    )
-    return section(
-        title,
-        paragraph(
-            "The gap is the reduced chi-square: the mean square of measured − simulated, in units of the sensor’s noise. "
-            "1 is noise alone; 100 means that the simulation misses by ten times the noise."
-        ),
-        illustration(
-            picture, f"Each row adds an effect to the model or drops one. The scale is logarithmic. {caution(result)}"
-        ),
-        _interval(result.gap),
-        name=name,
+        return None
+    sensitivity = transverse_sensitivity(result.rig)
+    return GapView(
+        figure=_figure(result, result.gap),
+        parts=part_rows(result),
+        sensitivity=format_number(sensitivity, 2),
+        shows_angle=abs(sensitivity) >= MIN_TRANSVERSE_SENSITIVITY,
+        gain=_gain(result.gap),
     )
 
 
-def rows_of(gap: Gap, steps: tuple[Step, ...], name: str, effects: frozenset[str]) -> list[Row]:
-    """From the model as believed over every step to the model after, of that name and with these effects.
+def gap_rows(gap: Gap, steps: tuple[Step, ...], name: str, effects: frozenset[str]) -> list[GapRow]:
+    """Return rows from the nominal model over every step to the model after, of that name and with these effects.
 
-    The last step leads elsewhere where held-out data preferred another model, or one of several that fit as well is shown.
+    The last step leads elsewhere where held-out data preferred another model, or one of several that fit equally is shown.
     """
-    rows = [Row(BELIEVED, gap.before_log, gap.before_held_out)]
+    rows = [GapRow(NOMINAL, gap.before_log, gap.before_held_out)]
     names: frozenset[str] = frozenset()
     for step in steps:
-        label = _label(frozenset(step.names) - names, names - frozenset(step.names))
+        label = _step_label(frozenset(step.names) - names, names - frozenset(step.names))
         if label:
-            rows.append(Row(label, step.gap_log, step.gap_held_out))
+            rows.append(GapRow(label, step.gap_log, step.gap_held_out))
         names = frozenset(step.names)
     elsewhere = len(rows) > 1 and not names <= effects
-    if elsewhere or not _alike(rows[-1].log, gap.after_log):
-        rows.append(Row(textwrap.fill(name, LABEL_LETTERS), gap.after_log, gap.after_held_out))
+    if elsewhere or not _is_same(rows[-1].log, gap.after_log):
+        rows.append(GapRow(textwrap.fill(name, LABEL_LETTERS), gap.after_log, gap.after_held_out))
     elif rows[-1].held_out is None:
-        rows[-1] = Row(rows[-1].label, rows[-1].log, gap.after_held_out)
+        rows[-1] = GapRow(rows[-1].label, rows[-1].log, gap.after_held_out)
     return rows
 
 
-def _alike(a: float, b: float) -> bool:
+def _is_same(a: float, b: float) -> bool:
     return abs(a - b) <= SAME * abs(b)
 
 
-def _label(added: frozenset[str], dropped: frozenset[str]) -> str:
-    """What the row before had not, and what it had; what was found before the search is added in the first row."""
-    changes = [f"+ {plain(name)}" for name in sorted(added)] + [f"− {plain(name)}" for name in sorted(dropped)]
+def _step_label(added: frozenset[str], dropped: frozenset[str]) -> str:
+    """Return what a step added and removed; effects found before the search are added in the first row."""
+    changes = [f"+ {human_name(name)}" for name in sorted(added)] + [
+        f"− {human_name(name)}" for name in sorted(dropped)
+    ]
     return "\n".join(textwrap.fill(change, LABEL_LETTERS) for change in changes)
 
 
-def _spoken(rows: list[Row]) -> str:
+def _figure(result: Reconciliation, gap: Gap) -> Figure:
+    rows = gap_rows(gap, result.steps, final_model_name(result), frozenset(result.model))
+    svg = render_svg("gap", _row_label(rows), 0.9 + 0.5 * len(rows), lambda canvas: _draw(canvas, rows), NARROW_IN)
+    caption = "Each row adds an effect to the model or removes one. The scale is logarithmic."
+    return Figure(svg, f"{caption} {caution(result)}".rstrip())
+
+
+def _row_label(rows: list[GapRow]) -> str:
+    """Return the rows as text for screen readers."""
     return "Reduced chi-square: " + "; ".join(
-        f"{' '.join(row.label.split())} {number(row.log)}"
-        + (f", held-out {number(row.held_out)}" if row.held_out is not None else "")
+        f"{' '.join(row.label.split())} {format_number(row.log)}"
+        + (f", held-out {format_number(row.held_out)}" if row.held_out is not None else "")
         for row in rows
     )
 
 
-def _draw(figure: Figure, rows: list[Row], fitted: str, held_out: str) -> None:
-    width, height = figure.get_size_inches()
+def _draw(canvas: Canvas, rows: list[GapRow]) -> None:
+    width, height = canvas.get_size_inches()
     margins = {"left": LABEL_IN / width, "right": 1 - 0.05 / width, "bottom": 0.48 / height, "top": 1 - 0.3 / height}
-    axes = figure.subplots(gridspec_kw=margins)
-    judged = any(row.held_out is not None for row in rows)
+    axes = canvas.subplots(gridspec_kw=margins)
+    evaluated = any(row.held_out is not None for row in rows)
     for i, row in enumerate(rows):
-        _bar(axes, i - 0.19 if judged else i, row.log, AFTER, fitted if i == 0 else "")
-        if judged:
-            _bar(axes, i + 0.19, row.held_out, MEASURED, held_out if i == 0 else "")
+        _bar(axes, i - 0.19 if evaluated else i, row.log, AFTER, "data of the fit" if i == 0 else "")
+        if evaluated:
+            _bar(axes, i + 0.19, row.held_out, MEASURED, "held-out data" if i == 0 else "")
     shown = [value for row in rows for value in (row.log, row.held_out) if value is not None]
     axes.set_xscale("log")
-    decades(axes.xaxis)
+    label_decades(axes.xaxis)
     axes.set_xlim(min(0.7, *shown, 0.7), max(10.0, *shown) ** 1.6)
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.set_yticks(range(len(rows)), [row.label for row in rows])
@@ -117,27 +129,28 @@ def _draw(figure: Figure, rows: list[Row], fitted: str, held_out: str) -> None:
     axes.grid(visible=False, axis="y")
     axes.axvline(1.0, color=INK, linewidth=1.0)
     axes.set_xlabel("gap: reduced chi-square of the residual (1 = noise alone)")
-    legend(figure)
+    add_legend(canvas)
 
 
 def _bar(axes: Axes, place: float, value: float | None, color: str, label: str) -> None:
     if value is None:
-        axes.text(1.05, place, "not judged on held-out data", va="center", fontsize=7.5)
+        axes.text(1.05, place, "not evaluated on held-out data", va="center", fontsize=7.5)
         return
     shown = max(value, LEAST_SHOWN)
     axes.barh(place, shown - 1.0, left=1.0, height=0.34, color=color, label=label or None)
-    axes.text(max(shown, 1.0) * 1.06, place, f"{number(value)}  ({times_noise(value)})", va="center", fontsize=7.5)
+    text = f"{format_number(value)}  ({format_noise_ratio(value)})"
+    axes.text(max(shown, 1.0) * 1.06, place, text, va="center", fontsize=7.5)
 
 
-def _interval(gap: Gap) -> Html:
+def _gain(gap: Gap) -> str:
     if gap.before_held_out is None or gap.after_held_out is None:
-        return missing("The model was not judged on data that it had not seen.")
+        return "The model was not evaluated on data to which it was not fitted."
     if gap.before_held_out == gap.after_held_out:
-        return paragraph("The gap is the same before and after.")
+        return "The gap is the same before and after."
     if gap.held_out_interval is None:
-        return missing("How sure the gain on held-out data is was not computed.")
+        return "The uncertainty of the gain on held-out data was not computed."
     low, high = gap.held_out_interval
-    return paragraph(
-        f"On data that it was not fitted to, the model after takes {number(gap.before_held_out - gap.after_held_out)} off the "
-        f"reduced chi-square (95 % interval {number(low)} to {number(high)}, from whole blocks of the recording drawn again)."
+    return (
+        f"On held-out data the final model reduces the chi-square by {format_number(gap.before_held_out - gap.after_held_out)} "
+        f"(95 % interval {format_number(low)} to {format_number(high)}, block bootstrap)."
     )

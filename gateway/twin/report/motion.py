@@ -1,134 +1,141 @@
-"""Measured against simulated, before and after."""
+"""Measured and simulated specific force, before and after."""
 
 from dataclasses import dataclass
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure as Canvas
 
+from gateway.documents.figures import CURVE_POINTS, Figure
+from gateway.documents.format import format_time_span
+from gateway.documents.palette import AFTER, BEFORE, EVENT, INK, MEASURED
+from gateway.documents.text import human_name, join_names
 from gateway.twin.reconcile.output.result import Curves, NamedEffect, Reconciliation
-from gateway.twin.report.drawing import POINTS, curve, drawn, legend, panels
-from gateway.twin.report.markup import Html, element, illustration, joined, missing, paragraph, section
-from gateway.twin.report.models import BELIEVED, caution, final_name, only_name, same
-from gateway.twin.report.stretch import acting_in, shows_gain, telling_stretch
-from gateway.twin.report.style import ACTING, AFTER, BEFORE, INK, MEASURED
-from gateway.twin.report.words import AXES, listed, plain, span
+from gateway.twin.report.data_parts import fitted_part_name, held_out_name
+from gateway.twin.report.formatting import AXES
+from gateway.twin.report.models import NOMINAL, caution, final_model_name, is_same_model, single_model_name
+from gateway.twin.report.plots import add_legend, add_panels, plot_curve, render_svg
+from gateway.twin.report.zoom_window import effects_acting_in, most_informative_window, shows_gain
 
 INSTANT = 0.01
 """An event shorter than this share of what is shown is drawn as a line."""
 
 
 @dataclass(frozen=True, slots=True)
-class View:
-    """What a picture shows of a recording."""
+class PlotWindow:
+    """What a figure shows of a recording; times count from its start."""
 
     curves: Curves
-    after: str
-    """What the later model is called."""
-    only: str
-    """What the model is called where both simulate the same."""
+    final_model: str
+    single_model: str
+    """The name of the model where both simulate the same."""
     from_s: float
     to_s: float
     acting: tuple[NamedEffect, ...]
     box_s: tuple[float, float] | None
-    """Where the next picture looks closer."""
+    """The window of the next figure."""
 
 
-def motion_part(result: Reconciliation) -> Html:
-    """Over the whole recording, then the stretch that tells most, then the same on held-out data."""
-    title, name = "Measured against simulated", "motion"
+@dataclass(frozen=True, slots=True)
+class MotionView:
+    """The section as it is printed."""
+
+    caution: str
+    fitted: tuple[Figure, ...]
+    held_out: tuple[Figure, ...]
+    no_held_out: str
+    """Why nothing held-out is shown; empty where it is."""
+
+
+def motion_view(result: Reconciliation) -> MotionView | None:
+    """Return whole recording and most informative window, then the same of held-out data; None without a simulation."""
     if result.log is None:
-        return section(title, missing("No simulation was made of this recording."), name=name)
-    return section(
-        title,
-        paragraph(caution(result)) if caution(result) else "",
-        _comparison(result, result.log, "log", _of_log(result)),
-        element("h3", "On data that the model was not fitted to"),
-        _held_out(result),
-        name=name,
-    )
-
-
-def _comparison(result: Reconciliation, curves: Curves, name: str, what: str) -> Html:
-    first, last = float(curves.time_s[0]), float(curves.time_s[-1])
-    from_s, to_s = telling_stretch(result, curves)
-    acting, names = acting_in(result, curves), (final_name(result), only_name(result))
-    whole = _picture(f"{name}-whole", View(curves, *names, first, last, acting, (from_s, to_s)))
-    zoom = _picture(f"{name}-zoom", View(curves, *names, from_s, to_s, acting, None))
-    return joined(
-        [
-            illustration(
-                whole, f"{what}, {span(first, last)}. The box marks the stretch shown below.", _marked(acting)
-            ),
-            illustration(zoom, f"{span(from_s, to_s)}: {_why(result, curves)}.", _marked(acting)),
-        ]
-    )
-
-
-def _of_log(result: Reconciliation) -> str:
-    split = result.held_out_is_last_third and result.held_out is not None
-    return "The first two thirds of the recording" if split else "The recording"
-
-
-def _held_out(result: Reconciliation) -> Html:
+        return None
+    held_out: tuple[Figure, ...] = ()
     if result.held_out is not None:
-        what = (
-            "last third of the recording, time counted anew" if result.held_out_is_last_third else "held-out recording"
-        )
-        return _comparison(
-            result, result.held_out, "held-out", f"The {what} (only its initial motion and the like were fitted)"
-        )
+        what = f"{held_out_name(result)} (only initial conditions and other parameters of the recording were fitted)"
+        held_out = _figures(result, result.held_out, "held-out", what)
+    return MotionView(
+        caution(result), _figures(result, result.log, "log", _log_name(result)), held_out, _absence(result)
+    )
+
+
+def _log_name(result: Reconciliation) -> str:
+    return "recording" if result.held_out is None else fitted_part_name(result)
+
+
+def _absence(result: Reconciliation) -> str:
+    if result.held_out is not None:
+        return ""
     if result.held_out_is_last_third:
-        return missing(
-            "No second recording was given: the last third of this one was held out, and it is part of the pictures above."
+        return (
+            "No second recording was given: the last third of this one was held out; it is part of the figures above."
         )
-    return missing("No held-out recording was given.")
+    return "No held-out recording was given."
 
 
-def _why(result: Reconciliation, curves: Curves) -> str:
-    acting = acting_in(result, curves)
+def _figures(result: Reconciliation, curves: Curves, name: str, what: str) -> tuple[Figure, Figure]:
+    first_s, last_s = curves.span_s
+    from_s, to_s = most_informative_window(result, curves)
+    acting, names = effects_acting_in(result, curves), (final_model_name(result), single_model_name(result))
+    marked = f" Purple: when {join_names([effect.name for effect in acting])} acted." if acting else ""
+    span, zoom_span = format_time_span(first_s, last_s), format_time_span(from_s, to_s)
+    return (
+        Figure(
+            _svg(f"{name}-whole", PlotWindow(curves, *names, first_s, last_s, acting, (from_s, to_s))),
+            f"The {what}, {span}. The box marks the window shown below.{marked}",
+        ),
+        Figure(
+            _svg(f"{name}-zoom", PlotWindow(curves, *names, from_s, to_s, acting, None)),
+            f"{zoom_span}: {_reason(result, curves)}.{marked}",
+        ),
+    )
+
+
+def _reason(result: Reconciliation, curves: Curves) -> str:
+    """Return why a window is shown."""
+    acting = effects_acting_in(result, curves)
     if acting:
-        return f"where {plain(acting[0].name)} acted"
-    return "where the model changed most" if shows_gain(result, curves) else "where most is left unexplained"
+        return f"the window in which {human_name(acting[0].name)} acted"
+    largest = "improvement" if shows_gain(result, curves) else "residual"
+    return f"the window with the largest {largest}"
 
 
-def _marked(acting: tuple[NamedEffect, ...]) -> str:
-    return f" Marked in purple: when {listed([effect.name for effect in acting])} acted." if acting else ""
+def _svg(name: str, window: PlotWindow) -> str:
+    label = f"Specific force on three axes from {window.from_s:.0f} s to {window.to_s:.0f} s, measured and simulated"
+    return render_svg(name, label, 4.6, lambda canvas: _draw(canvas, window))
 
 
-def _picture(name: str, view: View) -> Html:
-    label = f"Specific force on three axes from {view.from_s:.0f} s to {view.to_s:.0f} s, measured and simulated"
-    return drawn(name, label, 4.6, lambda figure: _draw(figure, view))
-
-
-def _draw(figure: Figure, view: View) -> None:
-    curves = view.curves
+def _draw(canvas: Canvas, window: PlotWindow) -> None:
+    curves = window.curves
     models = [("before", curves.before_g, BEFORE), ("after", curves.after_g, AFTER)]
-    if same(curves):
-        models = [(view.only, curves.before_g, AFTER)]
-    grid = panels(figure, len(models), share="row")
-    shown = (curves.time_s >= view.from_s) & (curves.time_s <= view.to_s) & curves.used
-    time_s, points = curves.time_s[shown], POINTS // len(models)
+    if is_same_model(curves):
+        models = [(window.single_model, curves.before_g, AFTER)]
+    grid = add_panels(canvas, len(models), share="row")
+    time_s = curves.recording_time_s
+    shown = (time_s >= window.from_s) & (time_s <= window.to_s) & curves.used
+    points = CURVE_POINTS // len(models)
     for column, (title, simulated_g, color) in enumerate(models):
         for row, axis in enumerate(AXES):
             axes = grid[row, column]
-            _mark(axes, view)
-            curve(axes, time_s, curves.measured_g[shown, row], MEASURED, "measured", 1.5, points)
-            curve(axes, time_s, simulated_g[shown, row], color, f"simulated, {title}", 0.9, points)
+            _mark(axes, window)
+            plot_curve(axes, time_s[shown], curves.measured_g[shown, row], MEASURED, "measured", 1.5, points)
+            plot_curve(axes, time_s[shown], simulated_g[shown, row], color, f"simulated, {title}", 0.9, points)
             axes.set_ylabel(f"{axis} (g)" if column == 0 else "")
-        grid[0, column].set_title("" if len(models) == 1 else f"{title}: {BELIEVED if column == 0 else view.after}")
+        model = NOMINAL if column == 0 else window.final_model
+        grid[0, column].set_title("" if len(models) == 1 else f"{title}: {model}")
         grid[2, column].set_xlabel("time (s)")
-        grid[2, column].set_xlim(view.from_s, view.to_s)
-    legend(figure)
+        grid[2, column].set_xlim(window.from_s, window.to_s)
+    add_legend(canvas)
 
 
-def _mark(axes: Axes, view: View) -> None:
-    """When events acted, and where the next picture looks closer."""
-    for effect in view.acting:
+def _mark(axes: Axes, window: PlotWindow) -> None:
+    """Mark when events acted, and the window of the next figure."""
+    for effect in window.acting:
         assert effect.when_s is not None
         from_s, to_s = effect.when_s
-        axes.axvline(from_s, color=ACTING, linewidth=0.9, linestyle="--")
-        if to_s - from_s > INSTANT * (view.to_s - view.from_s):
-            axes.axvline(to_s, color=ACTING, linewidth=0.9, linestyle="--")
-            axes.axvspan(from_s, to_s, facecolor=ACTING, alpha=0.12, linewidth=0)
-    if view.box_s is not None:
-        axes.axvspan(*view.box_s, facecolor="none", edgecolor=INK, linewidth=0.8)
+        axes.axvline(from_s, color=EVENT, linewidth=0.9, linestyle="--")
+        if to_s - from_s > INSTANT * (window.to_s - window.from_s):
+            axes.axvline(to_s, color=EVENT, linewidth=0.9, linestyle="--")
+            axes.axvspan(from_s, to_s, facecolor=EVENT, alpha=0.12, linewidth=0)
+    if window.box_s is not None:
+        axes.axvspan(*window.box_s, facecolor="none", edgecolor=INK, linewidth=0.8)

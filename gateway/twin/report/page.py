@@ -1,54 +1,60 @@
 """The whole report: one file that asks the network for nothing."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
+from gateway.documents.environment import render
 from gateway.twin.reconcile.output.result import Reconciliation
-from gateway.twin.report.confusable import confusable_part
-from gateway.twin.report.disagreement import disagreement_part
-from gateway.twin.report.equations import equations_part
-from gateway.twin.report.gap import gap_part
-from gateway.twin.report.markup import Html, element, joined, paragraph, section
-from gateway.twin.report.motion import motion_part
-from gateway.twin.report.parameters import parameters_part
-from gateway.twin.report.provenance import computed_part, data_part
-from gateway.twin.report.ranking import ranking_part
-from gateway.twin.report.remaining import remaining_part
-from gateway.twin.report.style import CSS
-from gateway.twin.report.verdict import verdict_part
+from gateway.twin.report.confusable import confusable_view
+from gateway.twin.report.disagreement import disagreement_view
+from gateway.twin.report.equations import equations_view
+from gateway.twin.report.gap import gap_view
+from gateway.twin.report.motion import motion_view
+from gateway.twin.report.parameters import parameters_view
+from gateway.twin.report.provenance import computed_view, data_view
+from gateway.twin.report.ranking import ranking_view
+from gateway.twin.report.residual import residual_view
+from gateway.twin.report.verdict import verdict_view
 
-NOTHING_ELSE = Html(
-    '<meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">'
-    "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; style-src 'unsafe-inline'; img-src data:\">"
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """A section of the report."""
+
+    name: str
+    """Its anchor, and the name of its template."""
+    title: str
+    view: object
+
+
+MODEL_SECTIONS: tuple[tuple[str, str, Callable[[Reconciliation], object]], ...] = (
+    ("gap", "The gap, step by step", gap_view),
+    ("motion", "Measured and simulated", motion_view),
+    ("disagreement", "Where simulation and measurement disagree", disagreement_view),
+    ("ranking", "Effects considered", ranking_view),
+    ("confusable", "Effects that cannot be distinguished", confusable_view),
+    ("parameters", "Estimated parameters", parameters_view),
+    ("residual", "Residual of the final model", residual_view),
+    ("model", "Model equations, before and after", equations_view),
 )
-
-FOUND = (
-    gap_part,
-    motion_part,
-    disagreement_part,
-    ranking_part,
-    confusable_part,
-    parameters_part,
-    remaining_part,
-    equations_part,
-)
-NO_MODEL = section(
-    "What this report lacks",
-    paragraph(
-        "No model was fitted. So there is no gap, no comparison of measured and simulated, no ranking, no parameter, "
-        "no residual and no equation to show."
-    ),
-    name="lacking",
-)
+"""Sections that need a fitted model: name, title, and what computes the view."""
 
 
-def report(result: Reconciliation, *, title: str, software: str, computed: Mapping[str, str] | None = None) -> str:
-    """HTML of a reconciliation.
+def render_report(
+    result: Reconciliation, *, title: str, software: str, computed: Mapping[str, str] | None = None
+) -> str:
+    """Return the HTML of a reconciliation.
 
     `software` is name and version of what computed it; `computed` whatever else it takes to compute it again, in words and in
     this order: the recordings, the rig's file, the seed, the time it took.
     """
-    found = NO_MODEL if result.gap is None and result.log is None else joined(part(result) for part in FOUND)
-    parts = [verdict_part(result), found, data_part(result), computed_part(result, software, computed or {})]
-    head = element("head", NOTHING_ELSE, element("title", title), element("style", Html(CSS)))
-    top = element("header", element("h1", title), element("p", "Simulation against measurement: what is missing?"))
-    return f'<!doctype html>\n<html lang="en">{head}{element("body", top, element("main", joined(parts)))}</html>\n'
+    if result.gap is None and result.log is None:
+        found = [Section("lacking", "No model was fitted", None)]
+    else:
+        found = [Section(name, heading, view(result)) for name, heading, view in MODEL_SECTIONS]
+    sections = [
+        *found,
+        Section("data", "The data", data_view(result)),
+        Section("computed", "How this was computed", computed_view(result, software, computed or {})),
+    ]
+    return render("report.html.j2", title=title, verdict=verdict_view(result), sections=sections)

@@ -1,184 +1,172 @@
-"""What was found, in one sentence, and what it means for who runs the crane."""
+"""The verdict: what was found, how large it is, and what it means for the operator of the crane."""
 
 from dataclasses import dataclass
 
+from gateway.documents.format import format_number, format_time_span
+from gateway.documents.text import as_sentence, human_name, join_names
 from gateway.twin.effects import EFFECTS
-from gateway.twin.reconcile.output.result import Gap, NamedEffect, Reconciliation
-from gateway.twin.report.markup import Html, element, facts, items, joined, paragraph
-from gateway.twin.report.models import fitted_part
-from gateway.twin.report.words import listed, number, percent, plain, sentence, span, times_noise
+from gateway.twin.reconcile.output.result import NamedEffect, Reconciliation
+from gateway.twin.report.effect_size import Size, effect_sizes
+from gateway.twin.report.formatting import format_noise_ratio
+from gateway.twin.report.gap_table import PartRow, part_rows
 
-WORDS = {
+LABELS = {
     "data_unusable": ("No answer", "unusable"),
-    "none_missing": ("Nothing missing", "agrees"),
-    "named": ("Cause named", "found"),
+    "none_missing": ("No effect missing", "agrees"),
+    "named": ("Cause identified", "found"),
     "one_of": ("One of several", "doubt"),
-    "named_with_remainder": ("Named in part", "doubt"),
+    "named_with_remainder": ("Partly identified", "doubt"),
     "unmodelled": ("Unknown cause", "unknown"),
 }
+NO_ACTION = (
+    "No action is needed. This holds for what the recording could show: its length, the amplitude of its swing, "
+    "and the time at which it was made."
+)
+UNUSABLE = "This is no statement on the crane or the sensor; do not take it for “all is well”."
+NEXT_TIME = "Once it is confirmed, add it to the rig’s description: the next comparison then starts from there."
+NO_NAME = "Its cause is unknown: check what else acted on the load, the rope or the sensor."
+INDISTINGUISHABLE = "explains the difference, and this recording cannot distinguish them"
+NO_SPLIT = "No experiment that would distinguish them was found."
+NOT_ONE_ALONE = "Until then, do not act on one of them alone."
+PEAKS = 3
 
 
 @dataclass(frozen=True, slots=True)
-class Answer:
-    """A verdict in words."""
+class Finding:
+    """An effect of the answer."""
 
+    name: str
+    meaning: str
+    is_addition: bool
+    """Identified on its own, in addition to a group that cannot be distinguished."""
+    acted: str
+    """When it acted; empty where it acts all the time or its time is not known."""
+    sizes: tuple[Size, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class VerdictView:
+    """The box at the head of the report, and the gap below it."""
+
+    label: str
+    kind: str
+    """Selects the colours."""
     sentence: str
-    meanings: tuple[Html, ...]
-    """What each name means, one by one."""
-    advice: str
-    """What to do with it."""
+    findings: tuple[Finding, ...]
+    paragraphs: tuple[str, ...]
+    parts: tuple[PartRow, ...]
+    """The gap on each part of the data; that of the last one is published. Empty where no model was fitted."""
 
 
-def verdict_part(result: Reconciliation) -> Html:
-    """The answer, and the gap in a few numbers."""
-    word, kind = WORDS[result.verdict]
-    answer = answer_of(result)
-    return joined(
-        [
-            element(
-                "section",
-                element("p", word, class_="word"),
-                element("p", answer.sentence, class_="answer"),
-                items(answer.meanings) if answer.meanings else "",
-                *_advice(result, answer),
-                class_=f"verdict {kind}",
-                id="verdict",
-            ),
-            _numbers(result.gap, result) if result.gap else "",
-        ]
+def verdict_view(result: Reconciliation) -> VerdictView:
+    """Return sentence, findings, advice and gap."""
+    label, kind = LABELS[result.verdict]
+    return VerdictView(
+        label=label,
+        kind=kind,
+        sentence=_sentence(result),
+        findings=_findings(result),
+        paragraphs=_paragraphs(result),
+        parts=part_rows(result),
     )
 
 
-def _advice(result: Reconciliation, answer: Answer) -> tuple[Html, ...]:
-    """The reason first where it is what to mend."""
-    advice = paragraph(answer.advice)
-    if not result.reason.strip():
-        return (advice,)
-    if result.verdict == "data_unusable":
-        return (paragraph(sentence(result.reason)), advice)
-    return (advice, paragraph("Why this verdict: ", sentence(result.reason)))
-
-
-def answer_of(result: Reconciliation) -> Answer:
-    """The sentence, the meanings and the advice of a verdict."""
-    sure = certain(result)
-    meanings = tuple(_meaning(effect) for effect in sure)
-    names = listed([effect.name for effect in sure])
-    them = "it" if len(sure) == 1 else "them"
-    match result.verdict:
-        case "data_unusable":
-            text = "The recording cannot be used, so there is no answer."
-            return Answer(
-                text, (), "This says nothing about the crane or the sensor; do not take it for “all is well”."
-            )
-        case "none_missing":
-            text = "Nothing is missing: simulation and measurement agree down to the sensor’s noise."
-            return Answer(text, meanings, NOTHING_TO_DO)
-        case "named":
-            text = f"The simulation lacked {names}. With {them}, it agrees with the measurement."
-            return Answer(text, meanings, f"Look for this on the crane or the sensor; {NEXT_TIME}")
-        case "one_of":
-            return _one_of(result, meanings)
-        case "named_with_remainder":
-            text = f"The simulation lacked {names} – and something more that is not known."
-            return Answer(
-                text,
-                meanings,
-                f"The named part is what the data hold. {left_over(result)} {NO_NAME}",
-            )
-        case "unmodelled":
-            text = "Something acts that no effect known to this program explains."
-            return Answer(text, meanings, f"{left_over(result)} {NO_NAME}")
-
-
-NOTHING_TO_DO = (
-    "Nothing needs doing. This holds for what this recording could show: its length, the size of its swing, "
-    "and the time it was taken."
-)
-NEXT_TIME = "once confirmed, write it into the rig’s description, so that the next comparison starts from there."
-NO_NAME = "It has no name here: look at what else acted on the load, the rope or the sensor."
-
-
-def certain(result: Reconciliation) -> tuple[NamedEffect, ...]:
-    """Effects that are named for themselves, not as one of a group."""
+def confirmed_effects(result: Reconciliation) -> tuple[NamedEffect, ...]:
+    """Return the effects that are identified on their own, not as one of a group."""
     group = set(result.candidates) if result.verdict == "one_of" else set()
     return tuple(effect for effect in result.effects if effect.name not in group)
 
 
-def left_over(result: Reconciliation) -> str:
-    """What the model after does not explain."""
-    peaks = result.residual.peaks if result.residual else ()
-    if not peaks:
-        return f"{_misses(result.gap)}; no single frequency stands out in what remains."
-    strongest = ", ".join(f"{number(p.hz)} Hz on {p.axis} ({number(1e3 * p.amplitude_g, 2)} mg)" for p in peaks[:3])
-    return f"{_misses(result.gap)}; what remains is strongest at {strongest}."
-
-
-def _misses(gap: Gap | None) -> str:
-    if gap is None:
-        return "How much remains is not known"
-    misses = f"The best model still misses by {times_noise(gap.after_log)}"
-    return misses if gap.after_held_out is None else f"{misses}, on held-out data by {times_noise(gap.after_held_out)}"
-
-
-def _one_of(result: Reconciliation, meanings: tuple[Html, ...]) -> Answer:
-    if not result.candidates:
-        text = f"One of several effects {CANNOT_TELL}; their names were not recorded."
+def unexplained(result: Reconciliation) -> str:
+    """Return what the final model does not explain, in a sentence."""
+    if result.gap is None:
+        size = "The size of the residual is not known"
     else:
-        text = f"One of these {CANNOT_TELL}: {listed(result.candidates, 'or')}."
-    group = tuple(_candidate(name) for name in result.candidates)
-    named = tuple(joined(["Beside it, named for itself – ", meaning]) for meaning in meanings)
-    split = f"To tell them apart: {sentence(result.split_by)}" if result.split_by else NO_SPLIT
-    return Answer(text, group + named, f"{split} Until then do not act on one of them alone.")
-
-
-CANNOT_TELL = "explains the difference, and this recording cannot tell which"
-NO_SPLIT = "No manoeuvre or measurement that would tell them apart was found."
-
-
-def _meaning(effect: NamedEffect) -> Html:
-    acted = f" It acted {_acted(effect.when_s)}." if effect.when_s else ""
-    return joined([element("strong", plain(effect.name)), f": {sentence(effect.explains)}{acted}"])
-
-
-def _acted(when_s: tuple[float, float]) -> str:
-    text = span(*when_s)
-    return (
-        f"{text} after the start of the recording"
-        if text.startswith("at ")
-        else f"from {text} after the recording’s start"
+        size = f"The residual of the best model is {format_noise_ratio(result.gap.after_log)}"
+        if result.gap.after_held_out is not None:
+            size += f", on held-out data {format_noise_ratio(result.gap.after_held_out)}"
+    peaks = result.residual.peaks[:PEAKS] if result.residual else ()
+    if not peaks:
+        return f"{size}; no single frequency stands out."
+    strongest = ", ".join(
+        f"{format_number(p.hz)} Hz on {p.axis} ({format_number(1e3 * p.amplitude_g, 2)} mg)" for p in peaks
     )
+    return f"{size}; its largest spectral peaks are {strongest}."
 
 
-def _candidate(name: str) -> Html:
+def _sentence(result: Reconciliation) -> str:
+    effects = confirmed_effects(result)
+    names = join_names([effect.name for effect in effects])
+    match result.verdict:
+        case "data_unusable":
+            return "The recording cannot be used, so there is no answer."
+        case "none_missing":
+            return "No effect is missing: simulation and measurement agree within the sensor’s noise."
+        case "named":
+            them = "it" if len(effects) == 1 else "them"
+            return f"The nominal model lacks {names}. With {them}, the simulation agrees with the measurement."
+        case "one_of":
+            return _group_sentence(result.candidates)
+        case "named_with_remainder":
+            return f"The nominal model lacks {names}, and a further effect that is not known."
+        case "unmodelled":
+            return "An effect acts that is not in the catalogue of known effects."
+
+
+def _group_sentence(candidates: tuple[str, ...]) -> str:
+    if not candidates:
+        return f"One of several effects {INDISTINGUISHABLE}; their names were not recorded."
+    return f"One of these effects {INDISTINGUISHABLE}: {join_names(candidates, 'or')}."
+
+
+def _findings(result: Reconciliation) -> tuple[Finding, ...]:
+    group = tuple(_candidate(name) for name in result.candidates) if result.verdict == "one_of" else ()
+    if result.verdict in ("data_unusable", "unmodelled"):
+        return ()
+    return group + tuple(_finding(effect, is_addition=bool(group)) for effect in confirmed_effects(result))
+
+
+def _finding(effect: NamedEffect, *, is_addition: bool) -> Finding:
+    meaning, acted = as_sentence(effect.explains), _acted(effect.when_s)
+    return Finding(human_name(effect.name), meaning, is_addition, acted, effect_sizes(effect))
+
+
+def _candidate(name: str) -> Finding:
     known = EFFECTS.get(name)
-    return joined([element("strong", plain(name)), f": {sentence(known.explains)}" if known else ""])
+    return Finding(human_name(name), as_sentence(known.explains) if known else "", False, "", ())
 
 
-def _numbers(gap: Gap, result: Reconciliation) -> Html:
-    held_out = (
-        "its last third, not fitted to," if result.held_out_is_last_third else "the held-out recording, not fitted to,"
-    )
-    return facts(
-        [
-            (f"Misses {fitted_part(result)} by", _from_to(gap.before_log, gap.after_log)),
-            ("of that gap, closed", _closed(gap.before_log, gap.after_log)),
-            (f"Misses {held_out} by", _from_to(gap.before_held_out, gap.after_held_out)),
-            ("of that gap, closed", _closed(gap.before_held_out, gap.after_held_out)),
-        ]
-    )
+def _acted(when_s: tuple[float, float] | None) -> str:
+    if when_s is None:
+        return ""
+    text = format_time_span(*when_s)
+    start = "" if text.startswith("at ") else "from "
+    return f"It acted {start}{text} after the start of the recording."
 
 
-def _from_to(before: float | None, after: float | None) -> str:
-    if before is None or after is None:
-        return "not judged"
-    return times_noise(before) if before == after else f"{times_noise(before).split()[0]} → {times_noise(after)}"
+def _paragraphs(result: Reconciliation) -> tuple[str, ...]:
+    """Return advice and reason; the reason comes first where it says what to mend."""
+    advice = _advice(result)
+    if not result.reason.strip():
+        return (advice,)
+    reason = as_sentence(result.reason)
+    if result.verdict == "data_unusable":
+        return (reason, advice)
+    return (advice, f"Reason for this verdict: {reason}")
 
 
-def _closed(before: float | None, after: float | None) -> str:
-    if before is None or after is None:
-        return "not judged"
-    if before == after:
-        return "the same before and after"
-    closed = Gap.closed_percent(before, after)
-    return "nothing was open" if closed is None else percent(min(closed, 100.0))
+def _advice(result: Reconciliation) -> str:
+    match result.verdict:
+        case "data_unusable":
+            return UNUSABLE
+        case "none_missing":
+            return NO_ACTION
+        case "named":
+            return f"Check the crane and the sensor for this. {NEXT_TIME}"
+        case "one_of":
+            split = f"To distinguish them: {as_sentence(result.split_by)}" if result.split_by else NO_SPLIT
+            return f"{split} {NOT_ONE_ALONE}"
+        case "named_with_remainder":
+            return f"The named part is supported by the data. {unexplained(result)} {NO_NAME}"
+        case "unmodelled":
+            return f"{unexplained(result)} {NO_NAME}"

@@ -34,6 +34,18 @@ class Curves:
     """False for lone spikes, shape (n,)."""
     noise_g: Array
     """Shape (3,)."""
+    offset_s: float = 0.0
+    """From the first sample of the recording to the first sample here; not 0 for a later part of a recording."""
+
+    @property
+    def recording_time_s(self) -> Array:
+        """Times since the first sample of the recording, shape (n,)."""
+        return self.time_s + self.offset_s
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """First and last time since the first sample of the recording."""
+        return float(self.time_s[0]) + self.offset_s, float(self.time_s[-1]) + self.offset_s
 
     @property
     def residual_before_g(self) -> Array:

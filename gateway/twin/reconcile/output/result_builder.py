@@ -119,6 +119,7 @@ def _curves(found: SearchOutcome, *, held_out: bool) -> Curves:
         _quantised(found, final.candidate.values, after),
         observations.used,
         np.array(found.model.rig.noise_g),
+        observations.offset_s,
     )
 
 

@@ -25,7 +25,7 @@ from gateway.twin.reconcile.output.result import (
     Spectrum,
     Step,
 )
-from gateway.twin.report import report
+from gateway.twin.report.page import render_report
 
 RIG = TwinRig(14.0, 5.0, 9.80665, (3e-4, 3e-4, 3e-4), 50.0, 2.0)
 SWING_RAD_S = math.sqrt(RIG.gravity_m_s2 / RIG.length_m)
@@ -163,7 +163,7 @@ class Reports(dict[str, str]):
     """The report of each verdict, made when first asked for and kept, since drawing takes time."""
 
     def __missing__(self, verdict: str) -> str:
-        self[verdict] = report(made(verdict), title=TITLE, software="plumbline 0.1.0")
+        self[verdict] = render_report(made(verdict), title=TITLE, software="plumbline 0.1.0")
         return self[verdict]
 
 

@@ -20,7 +20,7 @@ def file(reports: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> P
 
 
 @pytest.mark.parametrize(("width", "medium"), [(1000, "screen"), (360, "screen"), (A4_TEXT_PX, "print")])
-def test_it_fits_asks_for_nothing_and_reports_no_fault(
+def test_report_fits_and_loads_nothing(
     browser: Browser, file: Path, width: int, medium: Literal["screen", "print"]
 ) -> None:
     page = browser.new_page(viewport={"width": width, "height": 800})
@@ -41,7 +41,7 @@ def test_it_fits_asks_for_nothing_and_reports_no_fault(
     page.close()
 
 
-def test_in_print_no_picture_is_cut(browser: Browser, file: Path) -> None:
+def test_printed_report_cuts_no_figure(browser: Browser, file: Path) -> None:
     page = browser.new_page(viewport={"width": A4_TEXT_PX, "height": 1000})
     page.emulate_media(media="print")
     page.goto(file.as_uri())

@@ -1,0 +1,87 @@
+"""The gap on each part of the data: chi-square, multiple of the noise, and the equivalent error of the rope's angle."""
+
+import math
+from dataclasses import dataclass
+
+from gateway.documents.format import format_number, format_percent, format_short
+from gateway.twin.model import TwinRig
+from gateway.twin.reconcile.output.result import Curves, Gap, Reconciliation
+from gateway.twin.report.data_parts import DataPart, data_parts
+from gateway.twin.report.formatting import format_change, noise_ratio
+from gateway.twin.report.rope_angle import RopeAngleError, rope_angle_error
+
+NOT_EVALUATED = "not evaluated"
+NOT_DETERMINED = "not determined"
+ANGLE_DIGITS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class PartRow:
+    """The gap on a part of the data, before → after."""
+
+    name: str
+    role: str
+    chi2: str
+    rms: str
+    """In multiples of the noise."""
+    closed: str
+    """Percent of the gap that the final model closes."""
+    angle: str
+    """Equivalent error of the rope's angle, rms."""
+    displacement: str
+    """The same at the load."""
+
+
+def part_rows(result: Reconciliation) -> tuple[PartRow, ...]:
+    """Return the gap on each part of the data, the published one last; nothing where no model was fitted."""
+    if result.gap is None:
+        return ()
+    return tuple(_row(part, result.rig) for part in data_parts(result, result.gap))
+
+
+def _row(part: DataPart, rig: TwinRig) -> PartRow:
+    angle, displacement = _angle_texts(part.curves, rig)
+    if part.before is None or part.after is None:
+        return PartRow(part.name, part.role, NOT_EVALUATED, NOT_EVALUATED, NOT_EVALUATED, angle, displacement)
+    return PartRow(
+        part.name,
+        part.role,
+        format_change(format_number(part.before), format_number(part.after)),
+        f"{format_change(noise_ratio(part.before), noise_ratio(part.after))} × noise",
+        _closed(part.before, part.after),
+        angle,
+        displacement,
+    )
+
+
+def _closed(before: float, after: float) -> str:
+    if before == after:
+        return "unchanged"
+    closed = Gap.closed_percent(before, after)
+    return "no gap" if closed is None else format_percent(min(closed, 100.0))
+
+
+def _angle_texts(curves: Curves | None, rig: TwinRig) -> tuple[str, str]:
+    """Return angle and displacement of both models."""
+    if curves is None:
+        return NOT_EVALUATED, NOT_EVALUATED
+    before = rope_angle_error(curves.residual_before_g[curves.used], rig)
+    after = rope_angle_error(curves.residual_after_g[curves.used], rig)
+    if before is None or after is None:
+        return NOT_DETERMINED, NOT_DETERMINED
+    return (
+        format_change(_angle(before), _angle(after)),
+        format_change(_displacement(before), _displacement(after)),
+    )
+
+
+def _angle(error: RopeAngleError) -> str:
+    return f"{_bound(error)}{format_short(math.degrees(error.angle_rad), ANGLE_DIGITS)}°"
+
+
+def _displacement(error: RopeAngleError) -> str:
+    return f"{_bound(error)}{format_short(100 * error.displacement_m, ANGLE_DIGITS)} cm"
+
+
+def _bound(error: RopeAngleError) -> str:
+    return "< " if error.is_upper_bound else ""

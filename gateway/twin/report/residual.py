@@ -1,0 +1,138 @@
+"""The residual of the final model: whiteness, spectral peaks, spectrum."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure as Canvas
+from numpy.typing import NDArray
+
+from gateway.documents.figures import Figure
+from gateway.documents.format import format_number, format_p_value
+from gateway.documents.palette import AFTER, BEFORE, INK
+from gateway.twin.reconcile.output.result import Curves, Peak, Reconciliation, Residual, Spectrum
+from gateway.twin.report.disagreement import residual_sigma
+from gateway.twin.report.formatting import AXES, AXIS_NAMES
+from gateway.twin.report.models import is_same_model, single_model_name
+from gateway.twin.report.plots import add_legend, add_panels, label_decades, plot_curve, render_svg
+
+Array = NDArray[np.float64]
+BANDS = 240
+LOWEST = 1e-2
+"""Power below this share of white noise is not drawn."""
+
+
+@dataclass(frozen=True, slots=True)
+class ResidualView:
+    """The section as it is printed."""
+
+    white: bool
+    p_value: str
+    """Of the Ljung-Box test."""
+    peaks: tuple[tuple[str, str, str], ...]
+    """Frequency, axis and amplitude."""
+    residual: Figure | None
+    spectrum: Figure | None
+
+
+def residual_view(result: Reconciliation) -> ResidualView | None:
+    """Return whether the residual is noise, and its shape if not; None where no model was fitted."""
+    if result.residual is None:
+        return None
+    return ResidualView(
+        white=result.residual.white,
+        p_value=format_p_value(result.residual.ljung_box_p),
+        peaks=tuple(_peak(peak) for peak in result.residual.peaks),
+        residual=_residual_figure(result.log),
+        spectrum=_spectrum_figure(result.residual, result),
+    )
+
+
+def _peak(peak: Peak) -> tuple[str, str, str]:
+    axis = AXIS_NAMES.get(peak.axis, peak.axis)
+    return f"{format_number(peak.hz, 4)} Hz", axis, f"{format_number(1e3 * peak.amplitude_g)} mg"
+
+
+def _residual_figure(log: Curves | None) -> Figure | None:
+    if log is None:
+        return None
+    label = "Residual of the final model over time"
+    svg = render_svg("after-residual", label, 3.5, lambda canvas: _draw_residual(canvas, log))
+    return Figure(svg, "Residual of the final model on its own scale. Dotted: ±2 σ, which contains 95 % of the noise.")
+
+
+def _draw_residual(canvas: Canvas, log: Curves) -> None:
+    column = add_panels(canvas, share="all", top_margin_in=0.1)[:, 0]
+    time_s, residual = log.recording_time_s[log.used], residual_sigma(log.residual_after_g, log)
+    for row, axis in enumerate(AXES):
+        plot_curve(column[row], time_s, residual[:, row], AFTER, width=0.5)
+        column[row].set_ylabel(f"{axis} (σ)")
+        for level in (-2, 2):
+            column[row].axhline(level, color=INK, linewidth=0.7, linestyle=":")
+    column[2].set_xlabel("time (s)")
+    column[2].set_xlim(float(time_s[0]), float(time_s[-1]))
+
+
+def _spectrum_figure(residual: Residual, result: Reconciliation) -> Figure | None:
+    if residual.spectrum is None:
+        return None
+    single_model = single_model_name(result) if result.log is not None and is_same_model(result.log) else None
+    swing_hz = 1 / result.rig.small_swing_period_s
+    spectrum = _resolved(residual.spectrum, result.log)
+    svg = render_svg(
+        "spectrum",
+        "Power spectrum of the residual on three axes",
+        5.0,
+        lambda canvas: _draw_spectrum(canvas, spectrum, residual.peaks, swing_hz, single_model),
+    )
+    return Figure(
+        svg,
+        "Power spectrum of the residual over that of the noise, which lies around the line at 1. Dotted: the swing frequency "
+        "and its double. Averaged over narrow bands; triangles mark spectral peaks.",
+    )
+
+
+def _resolved(spectrum: Spectrum, log: Curves | None) -> Spectrum:
+    """Return the spectrum without frequencies that the recording is too short to resolve."""
+    lowest_hz = 0.0 if log is None else 1 / float(log.time_s[-1] - log.time_s[0])
+    shown = spectrum.frequency_hz > 0.99 * lowest_hz
+    return Spectrum(spectrum.frequency_hz[shown], spectrum.before[shown], spectrum.after[shown])
+
+
+def _draw_spectrum(
+    canvas: Canvas, spectrum: Spectrum, peaks: tuple[Peak, ...], swing_hz: float, single_model: str | None
+) -> None:
+    column = add_panels(canvas, share="all", gap=0.2)[:, 0]
+    models = [("before", spectrum.before, BEFORE), ("after", spectrum.after, AFTER)]
+    if single_model is not None:
+        models = [(single_model, spectrum.after, AFTER)]
+    for row, axis in enumerate(AXES):
+        axes = column[row]
+        for label, power, color in models:
+            frequency_hz, mean = decimate_spectrum(spectrum.frequency_hz, power[:, row])
+            axes.plot(frequency_hz, np.maximum(mean, LOWEST), color=color, label=label if row == 0 else None)
+        for peak in peaks:
+            if peak.axis == axis:
+                above = axes.get_xaxis_transform()
+                axes.plot(peak.hz, 1.05, "v", color=INK, markersize=5, transform=above, clip_on=False)
+        axes.axhline(1.0, color=INK, linewidth=0.9)
+        for line_hz in (swing_hz, 2 * swing_hz):
+            axes.axvline(line_hz, color=INK, linewidth=0.7, linestyle=":")
+        axes.set_xscale("log")
+        axes.set_yscale("log")
+        label_decades(axes.xaxis)
+        label_decades(axes.yaxis)
+        axes.set_ylabel(f"{axis} (power/noise)")
+    column[2].set_xlabel("frequency (Hz)")
+    add_legend(canvas)
+
+
+def decimate_spectrum(frequency_hz: Array, power: Array) -> tuple[Array, Array]:
+    """Return means over bands of equal width on a logarithmic scale; (m,) in, fewer out, without frequency zero."""
+    above = frequency_hz > 0
+    frequency_hz, power = frequency_hz[above], power[above]
+    edges = np.geomspace(frequency_hz[0], frequency_hz[-1] * (1 + 1e-9), BANDS + 1)
+    band = np.clip(np.searchsorted(edges, frequency_hz, side="right") - 1, 0, BANDS - 1)
+    count = np.bincount(band, minlength=BANDS)
+    filled = count > 0
+    mean_hz = np.bincount(band, frequency_hz, BANDS)[filled] / count[filled]
+    return mean_hz, np.bincount(band, power, BANDS)[filled] / count[filled]
