@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from gateway.documents.format import format_number, format_percent, format_short
+from gateway.documents.format import format_number, format_percent
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.output.result import Curves, Gap, Reconciliation
 from gateway.twin.report.data_parts import DataPart, data_parts
@@ -76,11 +76,11 @@ def _angle_texts(curves: Curves | None, rig: TwinRig) -> tuple[str, str]:
 
 
 def _angle(error: RopeAngleError) -> str:
-    return f"{_bound(error)}{format_short(math.degrees(error.angle_rad), ANGLE_DIGITS)}°"
+    return f"{_bound(error)}{format_number(math.degrees(error.angle_rad), ANGLE_DIGITS)}°"
 
 
 def _displacement(error: RopeAngleError) -> str:
-    return f"{_bound(error)}{format_short(100 * error.displacement_m, ANGLE_DIGITS)} cm"
+    return f"{_bound(error)}{format_number(100 * error.displacement_m, ANGLE_DIGITS)} cm"
 
 
 def _bound(error: RopeAngleError) -> str:

@@ -24,7 +24,7 @@ NO_ACTION = (
 )
 UNUSABLE = "This is no statement on the crane or the sensor; do not take it for “all is well”."
 NEXT_TIME = "Once it is confirmed, add it to the rig’s description: the next comparison then starts from there."
-NO_NAME = "Its cause is unknown: check what else acted on the load, the rope or the sensor."
+WHERE_TO_LOOK = "Check what else acted on the load, the rope or the sensor."
 INDISTINGUISHABLE = "explains the difference, and this recording cannot distinguish them"
 NO_SPLIT = "No experiment that would distinguish them was found."
 NOT_ONE_ALONE = "Until then, do not act on one of them alone."
@@ -110,7 +110,7 @@ def _sentence(result: Reconciliation) -> str:
         case "named_with_remainder":
             return f"The nominal model lacks {names}, and a further effect that is not known."
         case "unmodelled":
-            return "An effect acts that is not in the catalogue of known effects."
+            return "No effect in the catalogue explains the difference; its cause is unknown."
 
 
 def _group_sentence(candidates: tuple[str, ...]) -> str:
@@ -167,6 +167,6 @@ def _advice(result: Reconciliation) -> str:
             split = f"To distinguish them: {as_sentence(result.split_by)}" if result.split_by else NO_SPLIT
             return f"{split} {NOT_ONE_ALONE}"
         case "named_with_remainder":
-            return f"The named part is supported by the data. {unexplained(result)} {NO_NAME}"
+            return f"The named part is supported by the data. {unexplained(result)} {WHERE_TO_LOOK}"
         case "unmodelled":
-            return f"{unexplained(result)} {NO_NAME}"
+            return f"{unexplained(result)} {WHERE_TO_LOOK}"

@@ -226,7 +226,7 @@ def test_remainder_is_described_and_not_named(pages: dict[str, Page]) -> None:
 @pytest.mark.slow
 def test_unmodelled_effect_gets_no_name(pages: dict[str, Page]) -> None:
     verdict = pages["unmodelled"].sections["verdict"]
-    assert "An effect acts that is not in the catalogue" in verdict
+    assert "No effect in the catalogue explains the difference" in verdict
     assert "0.431 Hz on x (2.1 mg), 0.860 Hz on z (0.40 mg)" in verdict
     assert "The nominal model lacks" not in verdict
 
