@@ -121,8 +121,7 @@ class Processor(Worker[SamplerItem]):
 
     def _serve_requests(self) -> None:
         """Answer requests; a change of the session or of the record in force is told at once."""
-        self._desk.serve()
-        if anew := self._desk.changes_pipeline():
+        if anew := self._desk.serve():
             self._open_pipeline()
             self._next_second_ns = 0  # nobody may read the health of the record before as that of this one
         else:

@@ -51,7 +51,7 @@ class RecalibrationService:
         self._pace = RateLimiter(NEWS_PERIOD_S)
         self._told = NO_SESSION
         self._seen: Session | None = None
-        self._generation = 0
+        self._pipeline_changed = False
         self.view = NO_SESSION
 
     def submit(self, asked: PendingRequest) -> bool:
@@ -79,25 +79,23 @@ class RecalibrationService:
 
     def take(self, block: SampleBlock) -> None:
         """A block of raw samples."""
-        self._recalibration.feed(block, self._now())
+        self._pipeline_changed |= self._recalibration.feed(block, self._now())
 
     def set_condition(self, verdict: Verdict, time_ns: int) -> None:
         """What the condition stage said."""
         self._recalibration.watch.verdict(verdict, time_ns)
 
-    def serve(self) -> None:
-        """Answer what waits, and let time pass."""
+    def serve(self) -> bool:
+        """Answer the waiting requests and end a session that has timed out; return whether the pipeline must be opened again."""
         while len(self._loads) and (payload := self._loads.get(0.0)) is not None:
             self._load(payload)
-        self._recalibration.tick(self._now())
+        changed = self._recalibration.tick(self._now()) or self._pipeline_changed
+        self._pipeline_changed = False
         while len(self._waiting) and (asked := self._waiting.get(0.0)) is not None:
-            asked.reply(self._recalibration.answer(asked.verb, asked.payload, self._now()))
+            response = self._recalibration.answer(asked.verb, asked.payload, self._now())
+            changed |= response.pipeline_changed
+            asked.reply(response.answer)
         self._look()
-
-    def changes_pipeline(self) -> bool:
-        """Whether the pipeline must be opened anew since this was last asked."""
-        changed = self._generation != self._recalibration.generation
-        self._generation = self._recalibration.generation
         return changed
 
     def has_changed(self) -> bool:

@@ -5,6 +5,7 @@ in force stays so until one rename; what a restart finds half done is either fin
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -30,6 +31,14 @@ MARGIN_S = 1.0
 """Readings are kept for this much longer than zeroing needs."""
 
 
+@dataclass(frozen=True, slots=True)
+class Response:
+    """The answer to a request, and whether the request has changed what the pipeline computes with."""
+
+    answer: Answer
+    pipeline_changed: bool = False
+
+
 class Recalibration:
     """The sessions of a gateway. Whoever owns it feeds it blocks and requests, and tells it the time."""
 
@@ -49,8 +58,6 @@ class Recalibration:
         self.session = self._journal.session
         """The last session, active or ended."""
         self.watch = LoadInterlock()
-        self.generation = 0
-        """Counts what the pipeline must be opened anew for."""
 
     def open(self, device: DeviceInfo, moment: Timestamp) -> None:
         """A device has been opened, at start or again: an unfinished session goes on with it, or ends."""
@@ -87,42 +94,45 @@ class Recalibration:
         """Why the alerts are suspended; None: they are not."""
         return None if self.session is None else self.session.suspends
 
-    def feed(self, block: SampleBlock, moment: Timestamp) -> None:
-        """Take a block of raw samples."""
+    def feed(self, block: SampleBlock, moment: Timestamp) -> bool:
+        """Take a block of raw samples; return whether that has ended the session."""
         readings = self._readings.take(block)
         if self._procedure is None or self.session is None:
-            return
+            return False
         self._procedure.feed(readings)
         self._progress = progress = self._procedure.progress()
         if progress.poses != self.session.poses:
             self._keep(self.session.with_poses(progress.poses, moment.time_ns), moment)
         if progress.complete and self._procedure is not None:
             self._review(self._procedure, moment)
+        return not self.session.active
 
-    def tick(self, moment: Timestamp) -> None:
-        """End a session that has lasted too long."""
-        if self.session is not None and (why := self.session.timed_out(moment.time_ns)) is not None:
-            self._end("rejected", why, moment)
+    def tick(self, moment: Timestamp) -> bool:
+        """End a session that has lasted too long; return whether it has ended."""
+        if self.session is None or (why := self.session.timed_out(moment.time_ns)) is None:
+            return False
+        self._end("rejected", why, moment)
+        return True
 
-    def answer(self, verb: str, payload: bytes, moment: Timestamp) -> Answer:
+    def answer(self, verb: str, payload: bytes, moment: Timestamp) -> Response:
         """Do what is asked, or say why not. The same request has the same answer, and is done once."""
         if verb == "fetch":
-            return read_store(payload, self._opened.store, self._audit, self.session)
+            return Response(read_store(payload, self._opened.store, self._audit, self.session))
         try:
             request = requests.parse_request(verb, payload)
         except requests.RequestError as error:
             self._write_audit(moment, "request", verb=verb, accepted=False, why=str(error))
-            return Answer(id="", request="", accepted=False, text=str(error))
+            return Response(Answer(id="", request="", accepted=False, text=str(error)))
         fingerprint = f"{verb} {request.model_dump_json()}"
         known = self._journal.answer(request.id) or self._done_before(request, fingerprint)
         if known is None:
             return self._decide(verb, request, fingerprint, moment)
         if known.request == fingerprint:
-            return known
+            return Response(known)
         text = f"id {request.id} is that of another request; choose a new one"
-        return Answer(id=request.id, request=fingerprint, accepted=False, text=text)
+        return Response(Answer(id=request.id, request=fingerprint, accepted=False, text=text))
 
-    def _decide(self, verb: str, request: Request, fingerprint: str, moment: Timestamp) -> Answer:
+    def _decide(self, verb: str, request: Request, fingerprint: str, moment: Timestamp) -> Response:
         asked = {"verb": verb, **request.model_dump(mode="json")}
         try:
             act = self._opened.plan(request, self.session, moment)
@@ -130,28 +140,32 @@ class Recalibration:
             self._write_audit(moment, "request", **asked, accepted=False, why=str(refusal))
             answer = Answer(id=request.id, request=fingerprint, accepted=False, text=str(refusal))
             self._save(self.session, answer)
-            return answer
+            return Response(answer)
         try:
             self._audit.write(moment.utc, "request", **asked, accepted=True)
             outcome = act()
         except (OSError, CalibrationError) as error:
             self._write_audit(moment, "failed", id=request.id, text=str(error))
-            return Answer(id=request.id, request=fingerprint, accepted=False, text=f"could not be done: {error}")
+            return Response(
+                Answer(id=request.id, request=fingerprint, accepted=False, text=f"could not be done: {error}")
+            )
         content = {} if outcome.record_id is None else {"record": outcome.record_id}
         answer = Answer(id=request.id, request=fingerprint, accepted=True, text=outcome.text, content=content)
         return self._take(outcome, answer, moment)
 
-    def _take(self, outcome: Action, answer: Answer, moment: Timestamp) -> Answer:
+    def _take(self, outcome: Action, answer: Answer, moment: Timestamp) -> Response:
         """Keep what came of a request and its answer in one step."""
         begins = outcome.session is not None and outcome.session.active
         if not self._save(outcome.session, answer) and begins:
-            return answer.model_copy(update={"accepted": False, "text": "the session cannot be kept on the disk"})
+            return Response(
+                answer.model_copy(update={"accepted": False, "text": "the session cannot be kept on the disk"})
+            )
         self.session = outcome.session
         self._procedure = self._progress = None
         self._resume(outcome.session)
-        self._pipeline_changes()
+        self.watch.forget()
         self._write_audit(moment, "done", id=answer.id, text=answer.text)
-        return answer
+        return Response(answer, pipeline_changed=True)
 
     def _resume(self, session: Session | None) -> None:
         if session is None or session.phase != "collecting":
@@ -187,12 +201,8 @@ class Recalibration:
         self.session = self.session.ended(phase, text, moment.time_ns, left=phase == "rejected")
         self._procedure = self._progress = None
         self._save(self.session)
-        self._pipeline_changes()
-        self._write_audit(moment, phase, session=self.session.id, text=text)
-
-    def _pipeline_changes(self) -> None:
-        self.generation += 1
         self.watch.forget()
+        self._write_audit(moment, phase, session=self.session.id, text=text)
 
     def _done_before(self, request: Request, fingerprint: str) -> Answer | None:
         """The answer to a request that was done, and a kill came before the answer was kept."""

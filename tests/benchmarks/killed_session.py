@@ -47,7 +47,7 @@ class Site:
 
     def ask(self, verb, request_id, **content):
         payload = json.dumps({"id": request_id, "by": "ann", "reason": "trial", **content}).encode()
-        answer = self.recalibration.answer(verb, payload, self.moment)
+        answer = self.recalibration.answer(verb, payload, self.moment).answer
         if answer.accepted:
             self._acknowledge(request_id)
         return answer

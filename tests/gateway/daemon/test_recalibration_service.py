@@ -70,12 +70,11 @@ def test_requests_wait_for_the_processing_thread_within_bounds(desk: Recalibrati
 
 def test_a_session_is_told_of_at_each_change_and_twice_a_second(desk: RecalibrationService, clock: TurnedClock) -> None:
     assert not desk.has_changed()
-    assert not desk.changes_pipeline()
+    assert not desk.serve()
     (answers,) = [ask(desk, "recalibrate", "request-1", housing_off_rope=True)]
-    desk.serve()
+    assert desk.serve()
     assert answers[0].accepted
-    assert desk.changes_pipeline()
-    assert not desk.changes_pipeline()
+    assert not desk.serve()
     assert desk.suspended is not None
     assert desk.has_changed()
     news = sum(rest(desk, clock, 10.0))

@@ -86,6 +86,7 @@ class Site:
         self.now_ns = START_NS
         self.told = []
         self.requests = 0
+        self.pipeline_changed = False
         self.device = DEVICE
         self.start()
 
@@ -121,7 +122,9 @@ class Site:
         return self.ask_raw(verb, asked)
 
     def ask_raw(self, verb, asked):
-        return self.recalibration.answer(verb, json.dumps(asked).encode(), self.moment)
+        response = self.recalibration.answer(verb, json.dumps(asked).encode(), self.moment)
+        self.pipeline_changed = response.pipeline_changed
+        return response.answer
 
     def begin(self, request_id=None):
         answer = self.ask("recalibrate", request_id, housing_off_rope=True)

@@ -43,7 +43,7 @@ class Bench:
 
     def ask(self, verb, request_id, **content):
         payload = json.dumps({"id": request_id, "by": "ann", **content}).encode()
-        answer = self.recalibration.answer(verb, payload, self.moment)
+        answer = self.recalibration.answer(verb, payload, self.moment).answer
         assert answer.accepted, answer.text
 
     def rest(self, up, seconds):
