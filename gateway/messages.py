@@ -1,13 +1,16 @@
-"""The messages: what leaves the pipeline, is recorded, published and shown. Degrees and g at this edge, always suffixed.
+"""The messages that the pipeline emits and that are recorded, published and displayed. Angles in degrees, accelerations in g.
 
-Every number that could not be computed is null, never a stand-in; `reasons` say why. The JSON Schemas that recordings and
-`plumbline config schema --messages` carry are made from these classes.
+A number that could not be computed is null, and `reasons` state why. The JSON Schemas in recordings and in the output of
+`plumbline config schema --topic` are generated from these classes. `docs/messages.md` states the rules for their versions.
 """
 
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, WithJsonSchema
+
+SCHEMA_VERSION: Literal[1] = 1
+"""Version of every message and JSON output: raised when a field is removed, renamed or changes its meaning."""
 
 Verdict = Literal["static", "quasi_static", "swinging", "disturbed", "unknown"]
 Cause = Literal["hoisting", "trolley", "impact", "clipped", "vibration"]
@@ -28,41 +31,47 @@ Interval = Annotated[list[float], Field(min_length=2, max_length=2, description=
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Message:
-    """What every message carries."""
+    """The header of every message."""
 
-    time_ns: Annotated[int, Field(description="UTC of the (newest) sample that this speaks of, ns since 1970")]
+    schema_version: Annotated[Literal[1], Field(description="version of the message's fields")] = SCHEMA_VERSION
+    time_ns: Annotated[int, Field(description="UTC of the (newest) sample that the message describes, ns since 1970")]
     clock: ClockQuality
-    sequence: Annotated[int, Field(description="counts the messages of this topic since start, from 0")]
-    calibration_id: Annotated[str | None, Field(description="the calibration record that made the numbers; null: none")]
+    sequence: Annotated[int, Field(description="number of the message within its topic since start, from 0")]
+    calibration_id: Annotated[str | None, Field(description="the calibration record in force; null: none")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Samples(Message):
-    """One block of raw samples: everything else can be computed again from these."""
+    """One block of raw samples, from which every other message can be computed again."""
 
     first_log_time_ns: Annotated[
         int, Field(description="gateway time of the first sample (monotonic, anchored to UTC at start)")
     ]
-    period_ns: Annotated[float | None, Field(description="sample i is at first + round(i * period); null: see offsets")]
+    period_ns: Annotated[
+        float | None, Field(description="sample i is at first + round(i * period); null: see offsets_ns")
+    ]
     offsets_ns: Annotated[
-        list[int] | None, Field(description="time of each sample after the first, where they are uneven")
+        list[int] | None,
+        Field(description="times of the samples after the first, from the first; null where they are even"),
     ]
     unit: Literal["counts", "g"]
     packing: Annotated[
         Literal["difference", "plain"],
-        Field(description="difference: the first entry is a value, each other one the change from its predecessor"),
+        Field(
+            description="difference: the first entry is a value, each other entry the difference from the one before"
+        ),
     ]
     x: Readings
     y: Readings
     z: Readings
     temperature_c: float | None
-    lost: Annotated[int, Field(description="samples missing just before this block")]
-    invalid: Annotated[int, Field(description="samples that came and could not be used")]
+    lost: Annotated[int, Field(description="samples missing immediately before this block")]
+    invalid: Annotated[int, Field(description="samples that arrived and could not be used")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tilt(Message):
-    """The low-passed static tilt, at the newest sample less the filter's delay."""
+    """The low-passed static tilt, valid for the newest sample's time minus the filter's delay."""
 
     pitch_deg: Degrees | None
     roll_deg: Degrees | None
@@ -71,17 +80,17 @@ class Tilt(Message):
     ]
     u_deg: Annotated[float | None, Field(description="standard uncertainty of the axial tilt")]
     direction_deg: Annotated[
-        float | None, Field(description="azimuth in the housing frame that the rope leans to, from x to y")
+        float | None, Field(description="azimuth of the rope's lean in the housing frame, from x towards y")
     ]
     specific_force_g: Vector | None
     temperature_c: float | None
-    delay_s: Annotated[float, Field(description="group delay of the low-pass: this is how old the tilt is")]
-    trusted: Annotated[bool, Field(description="the condition allows a static tilt to be read")]
+    delay_s: Annotated[float, Field(description="group delay of the low-pass filter: the age of the tilt")]
+    trusted: Annotated[bool, Field(description="whether the condition allows a static tilt to be read")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Formulas:
-    """The four published phi_max formulas (000 eq. 22-25) over one swing, as printed; see the docs for where each holds."""
+    """The four formulas for phi_max over one swing (Łuczak et al. 2022, eq. 22 to 25); docs/swing.md states their validity."""
 
     arccos_min_az: Degrees | None
     arcsin_max_axy: Degrees | None
@@ -91,10 +100,10 @@ class Formulas:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Swing(Message):
-    """How far the load swings: the estimate with its uncertainty, and the four published formulas."""
+    """The swing estimate with its uncertainty, and the four published formulas."""
 
     swinging: Annotated[
-        bool | None, Field(description="false: no swing seen, phi_max is below its upper bound; null: unknown")
+        bool | None, Field(description="false: no swing detected, phi_max is below its upper limit; null: unknown")
     ]
     phi_max_deg: Annotated[
         float | None, Field(description="largest angle between rope and vertical over the last swing")
@@ -108,11 +117,11 @@ class Swing(Message):
     lean_deg: Degrees | None
     lean_azimuth_deg: Degrees | None
     period_s: Seconds | None
-    predicted_phi_max_deg: Annotated[float | None, Field(description="the coming maximum, from the motion so far")]
+    predicted_phi_max_deg: Annotated[float | None, Field(description="predicted maximum of the current half swing")]
     predicted_u_deg: Degrees | None
     time_to_peak_s: Seconds | None
     formulas_deg: Formulas
-    reasons: Annotated[list[str], Field(description="why a number is missing or widened")]
+    reasons: Annotated[list[str], Field(description="why a number is missing or its uncertainty is enlarged")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -120,20 +129,18 @@ class Condition(Message):
     """Whether the reading can be trusted."""
 
     verdict: Verdict
-    cause: Annotated[
-        Cause | None, Field(description="what disturbs, or shakes a steady mean; null: nothing, or not known")
-    ]
+    cause: Annotated[Cause | None, Field(description="cause of a disturbance or vibration; null: none, or not known")]
     trusted: bool
     reasons: list[str]
-    gates: Annotated[dict[str, bool], Field(description="each named gate, true where it is met")]
+    gates: Annotated[dict[str, bool], Field(description="the gates by name; true: passed")]
     norm_g: Annotated[float | None, Field(description="magnitude of the low-passed specific force")]
-    permissible_norm_error_g: Annotated[float | None, Field(description="dm of 001 eq. 14")]
+    permissible_norm_error_g: Annotated[float | None, Field(description="prediction interval dm (Łuczak n.d., eq. 14)")]
     calibration: CalibrationStatus
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActiveAlert:
-    """One alert that stands."""
+    """One alert that is active."""
 
     rule: Annotated[str, Field(description="swing, lean, calibration")]
     level: Level
@@ -145,20 +152,21 @@ class ActiveAlert:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Alert(Message):
-    """The standing alert state; sent at each change and as a heartbeat."""
+    """The state of the alerts, sent at each change and as a heartbeat."""
 
     level: Annotated[
-        Level, Field(description="the worst that stands; unknown: nothing can be said, which is not 'safe'")
+        Level,
+        Field(description="the highest active level; unknown: no statement is possible, which does not mean safe"),
     ]
     event: Literal["raised", "changed", "cleared", "standing"]
-    rule: Annotated[str | None, Field(description="the rule whose change this is; null for a heartbeat")]
+    rule: Annotated[str | None, Field(description="the rule that has changed; null for a heartbeat")]
     active: list[ActiveAlert]
     text: Annotated[str, Field(description="one line for the operator")]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Health(Message):
-    """How the gateway itself is."""
+    """The state of the gateway itself."""
 
     state: Literal["starting", "running", "recovering", "stopping"]
     device_id: str | None
@@ -170,8 +178,8 @@ class Health(Message):
     samples: int
     lost: int
     invalid: int
-    faults: Annotated[dict[str, int], Field(description="survived faults by name since start")]
-    dropped: Annotated[dict[str, int], Field(description="messages dropped by each bounded queue")]
+    faults: Annotated[dict[str, int], Field(description="faults since start that did not stop the gateway, by name")]
+    dropped: Annotated[dict[str, int], Field(description="items dropped by each bounded queue")]
     recording: str | None
     recording_error: str | None
     disk_free_mb: float | None
@@ -179,7 +187,7 @@ class Health(Message):
     resident_mb: float | None
     drift: Annotated[
         dict[str, Any] | None,
-        Field(description="what readings at rest say of the record in force; null, state no_rest: not watched yet"),
+        Field(description="drift of the record in force by readings at rest; null or state no_rest: not known yet"),
     ] = None
 
 
@@ -187,35 +195,41 @@ class Health(Message):
 class SessionPose:
     """One pose that was taken."""
 
-    face: Annotated[str | None, Field(description="sensor axis that pointed up; null: none near the vertical")]
+    face: Annotated[str | None, Field(description="sensor axis that pointed up; null: no axis near the vertical")]
     count: int
     used: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CalibrationSession:
-    """How a recalibration stands; faces and directions are in the sensor's axes."""
+    """The state of a recalibration; faces and directions are in the sensor's axes."""
 
-    id: Annotated[str, Field(description="of the request that began it; empty before the first one")]
+    id: Annotated[str, Field(description="id of the request that started the session; empty before the first session")]
     phase: SessionPhase
     method: str
-    by: Annotated[str, Field(description="who asked, as said in the request")]
+    by: Annotated[str, Field(description="who sent the request, as stated in it")]
     poses: list[SessionPose]
-    wanted: Annotated[int, Field(description="poses needed at least")]
-    still: Annotated[bool, Field(description="the housing is at rest now")]
-    pose_fraction: Annotated[float, Field(description="of the pose that is being taken, 0 to 1")]
-    seconds_left: Annotated[float | None, Field(description="until that pose is taken; null while it moves")]
+    wanted: Annotated[int, Field(description="smallest number of poses needed")]
+    still: Annotated[bool, Field(description="whether the housing is at rest")]
+    pose_fraction: Annotated[float, Field(description="progress of the current pose, 0 to 1")]
+    seconds_left: Annotated[
+        float | None, Field(description="seconds until the current pose is complete; null while the housing moves")
+    ]
     next_face: Annotated[
         str | None, Field(description="sensor axis that should point up next; null: see next_direction")
     ]
     next_direction: Annotated[
-        list[float] | None, Field(description="where up should point next in the sensor's axes; null: complete")
+        list[float] | None,
+        Field(description="direction in the sensor's axes that should point up next; null: complete"),
     ]
-    record_id: Annotated[str | None, Field(description="the new record, from review on")]
-    reasons: Annotated[list[str], Field(description="why it may not be committed, or not without a reason")]
-    suspended: Annotated[bool, Field(description="nothing that is measured speaks of the load; alerts are suspended")]
-    notes: Annotated[list[str], Field(description="drift since the record before, warnings of the fit")]
-    text: Annotated[str, Field(description="one line: what to do now, or how it ended")]
+    record_id: Annotated[str | None, Field(description="id of the new record, from the review on")]
+    reasons: Annotated[list[str], Field(description="why the record may not be committed, or only with a reason")]
+    committable: Annotated[
+        bool, Field(description="whether the record in review may be committed; `reasons` state if that needs a reason")
+    ] = False
+    suspended: Annotated[bool, Field(description="alerts are suspended, because no reading describes the load")]
+    notes: Annotated[list[str], Field(description="change since the previous record, warnings of the fit")]
+    text: Annotated[str, Field(description="one line: what to do now, or how the session ended")]
 
 
 NO_SESSION = CalibrationSession(
@@ -240,7 +254,7 @@ NO_SESSION = CalibrationSession(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration(Message):
-    """Which calibration makes the numbers."""
+    """The calibration in force."""
 
     status: CalibrationStatus
     device_id: str
@@ -253,17 +267,19 @@ class Calibration(Message):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Clock(Message):
-    """How gateway time, which never jumps, stands to the wall clock."""
+class ClockOffset(Message):
+    """The offset of the wall clock from gateway time, which never steps."""
 
     log_time_ns: int
-    wall_offset_ns: Annotated[int, Field(description="UTC by the wall clock minus gateway time")]
-    stepped: Annotated[bool, Field(description="the wall clock jumped by more than 0.5 s since the last message")]
+    wall_offset_ns: Annotated[int, Field(description="UTC of the wall clock minus gateway time")]
+    stepped: Annotated[
+        bool, Field(description="whether the wall clock has stepped by more than 0.5 s since the last message")
+    ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FoxgloveTime:
-    """Time as `foxglove.Log` wants it."""
+    """The time of a `foxglove.Log`."""
 
     sec: int
     nsec: int
@@ -271,7 +287,7 @@ class FoxgloveTime:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Log:
-    """`foxglove.Log`."""
+    """A line of the log, in the schema `foxglove.Log`."""
 
     timestamp: FoxgloveTime
     level: Annotated[int, Field(description="1 debug, 2 info, 3 warning, 4 error, 5 fatal")]

@@ -1,4 +1,4 @@
-"""The topic table: every topic once. Recording, bus, page and docs derive from it."""
+"""The table of topics. Recordings, the bus, the page and the documentation follow from it."""
 
 from dataclasses import dataclass
 from functools import cache
@@ -11,7 +11,7 @@ from gateway import messages
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One row: name, type, the most messages a second, and where they go."""
+    """One row: name, type of the messages, their rate, and their sinks."""
 
     name: str
     type: type[Any]
@@ -22,7 +22,7 @@ class Topic:
 
     @property
     def path(self) -> str:
-        """MCAP topic."""
+        """The topic's name in a recording."""
         return f"/{self.name}"
 
 
@@ -43,28 +43,28 @@ TOPICS: dict[str, Topic] = {
             True,
             "plumbline.Calibration",
         ),
-        ("clock", messages.Clock, "1 Hz", True, False, "plumbline.Clock"),
+        ("clock", messages.ClockOffset, "1 Hz", True, False, "plumbline.Clock"),
         ("log", messages.Log, "as written", True, False, "foxglove.Log"),
     )
 }
-"""By name, in the order of `docs/architecture.md`, which a test holds against this table."""
+"""The topics by name, in the order of the table in `docs/architecture.md`, which a test compares with this one."""
 
 TOPIC_OF: dict[type[Any], Topic] = {topic.type: topic for topic in TOPICS.values()}
 
 
 @cache
 def adapter(topic: str) -> TypeAdapter[Any]:
-    """Serialiser and validator of a topic's messages."""
+    """Return the serialiser and validator of a topic's messages."""
     return TypeAdapter(TOPICS[topic].type)
 
 
 def json_schema(topic: str) -> dict[str, Any]:
-    """JSON Schema of a topic's messages."""
+    """Return the JSON Schema of a topic's messages."""
     schema = adapter(topic).json_schema(mode="serialization")
     schema["title"] = TOPICS[topic].schema_name
     return schema
 
 
 def encode(topic: str, message: object) -> bytes:
-    """JSON of a message."""
+    """Encode a message as JSON."""
     return adapter(topic).dump_json(message)

@@ -83,7 +83,7 @@ def _result(session: dict[str, Any], screen: "Screen") -> int:
         for reason in [*session["notes"], *session["reasons"]]:
             screen.line(f"  {reason}")
         screen.line(f"record {session['record_id']} is in review: plumbline remote commit, or plumbline remote cancel")
-        return 0 if session["text"].endswith("may be committed") else 1
+        return 0 if session.get("committable", False) else 1
     return 0 if session["phase"] == "committed" else 1
 
 

@@ -16,7 +16,7 @@ from gateway.daemon.recording_worker import InForce, RecordingWorker
 from gateway.daemon.sampler import SamplerItem
 from gateway.daemon.wall_clock import WallClockWatch
 from gateway.daemon.worker import Worker
-from gateway.messages import Clock, Condition, Health
+from gateway.messages import ClockOffset, Condition, Health
 from gateway.pipeline.header import Header, HeaderMaker
 from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline
@@ -143,7 +143,7 @@ class Processor(Worker[SamplerItem]):
         state = self._watch.poll()
         stepped, self._clock_steps = self._watch.steps > self._clock_steps, self._watch.steps
         header = self._headers.make("clock", now_ns, state, self.correction.calibration_id)
-        clock = Clock(**header, log_time_ns=now_ns, wall_offset_ns=state.wall_offset_ns, stepped=stepped)
+        clock = ClockOffset(**header, log_time_ns=now_ns, wall_offset_ns=state.wall_offset_ns, stepped=stepped)
         yield OutgoingMessage("clock", now_ns, clock)
         if self.health is not None:
             header = self._headers.make("health", now_ns, state, self.correction.calibration_id)

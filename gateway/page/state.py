@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from gateway.calibration.alignment.assistant import Aligning, AligningView
-from gateway.messages import Calibration, Message, Swing, Tilt
+from gateway.messages import SCHEMA_VERSION, Calibration, Message, Swing, Tilt
 from gateway.page.history import History
 from gateway.page.inbox import Arrival
 from gateway.page.link import ALIVE, SHOWN
@@ -96,6 +96,7 @@ class PageState:
         judged = verdict(evidence)
         swing = evidence.get(Swing)
         return {
+            "schema_version": SCHEMA_VERSION,
             "now_s": round(now_s, 3),
             "gateway": evidence.gateway,
             "verdict": asdict(judged),

@@ -24,6 +24,7 @@ def session_message(session: Session | None, progress: Progress | None) -> Calib
         next_direction=None if direction is None else list(direction),
         record_id=session.record_id,
         reasons=_reasons(session),
+        committable=_is_committable(session),
         suspended=session.suspends is not None,
         notes=list(session.judgement.notes) if session.judgement is not None else [],
         text=_text(session, progress),
@@ -37,10 +38,15 @@ def _reasons(session: Session) -> list[str]:
     return [*judged.refused, *(f"{text}; give a reason" for text in judged.implausible)]
 
 
+def _is_committable(session: Session) -> bool:
+    return session.phase == "review" and session.judgement is not None and not session.judgement.refused
+
+
 def _text(session: Session, progress: Progress | None) -> str:
     if session.phase == "collecting":
         return "" if progress is None else progress.text
     if session.phase == "review":
-        may = session.judgement is not None and not session.judgement.refused
-        return "all poses are taken: the record may be committed" if may else "the record may not be committed"
+        if _is_committable(session):
+            return "all poses are taken: the record may be committed"
+        return "the record may not be committed"
     return f"{session.text}; alerts stay suspended: {CONFIRM}" if session.left else session.text

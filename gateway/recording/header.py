@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from devices.block import DeviceInfo
+from gateway.messages import SCHEMA_VERSION
 
 PROFILE = "plumbline"
 ORIGIN = "plumbline"
@@ -43,6 +44,7 @@ class RecordingHeader:
     def origin(self) -> dict[str, str]:
         """Content of the metadata record `plumbline`."""
         return {
+            "schema_version": str(SCHEMA_VERSION),
             "software": self.software,
             "site": self.site,
             "crane": self.crane,

@@ -104,8 +104,8 @@ class RecordingInfo:
     largest_swing: LargestSwing | None
 
     def as_json(self) -> dict[str, Any]:
-        """For `--json`."""
-        return asdict(self)
+        """Return the content of `record info --json`."""
+        return {"schema_version": messages.SCHEMA_VERSION, **asdict(self)}
 
 
 def summarise(path: Path | str) -> RecordingInfo:
@@ -137,7 +137,7 @@ class _SummaryBuilder:
     lost: int = 0
     invalid: int = 0
     calibration: messages.Calibration | None = None
-    clock: messages.Clock | None = None
+    clock: messages.ClockOffset | None = None
     clock_steps: int = 0
     alerts: list[AlertEvent] = field(default_factory=list)
     largest_swing: LargestSwing | None = None
@@ -154,7 +154,7 @@ class _SummaryBuilder:
                 self._take_samples(content)
             case messages.Calibration():
                 self.calibration = content
-            case messages.Clock():
+            case messages.ClockOffset():
                 self.clock = content
                 self.clock_steps += content.stepped
             case messages.Alert() if content.event != "standing":

@@ -38,6 +38,7 @@ REVIEW = COLLECTING | {
     "phase": "review",
     "record_id": "r2",
     "text": "all poses are taken: the record may be committed",
+    "committable": True,
     "notes": ["since r1: offset +0.1 mg"],
 }
 
@@ -82,7 +83,7 @@ def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     [
         (REVIEW, 0, "record r2 is in review: plumbline remote commit"),
         (
-            REVIEW | {"text": "the record may not be committed", "reasons": ["residual too large"]},
+            REVIEW | {"committable": False, "text": "refused", "reasons": ["residual too large"]},
             1,
             "residual too large",
         ),

@@ -7,7 +7,7 @@ import pytest
 
 from gateway import messages
 from gateway.recording.schemas import logged_topics, schema_bytes
-from gateway.topics import encode
+from gateway.topics import adapter, encode
 
 TYPES: dict[str, tuple[type, ...]] = {
     "object": (dict,),
@@ -28,6 +28,7 @@ CHECKED = {
     "minItems",
     "maxItems",
     "enum",
+    "const",
     "anyOf",
     "allOf",
 }
@@ -41,8 +42,9 @@ def faults(value: Any, schema: dict[str, Any], path: str = "$") -> list[str]:
         wrong_bool = isinstance(value, bool) and schema["type"] != "boolean"
         if wrong_bool or not isinstance(value, TYPES[schema["type"]]):
             found.append(f"{path}: {value!r} is no {schema['type']}")
-    if "enum" in schema and value not in schema["enum"]:
-        found.append(f"{path}: {value!r} is not one of {schema['enum']}")
+    allowed = schema.get("enum", [schema.get("const", value)])
+    if value not in allowed:
+        found.append(f"{path}: {value!r} is not one of {allowed}")
     if "anyOf" in schema and all(faults(value, option, path) for option in schema["anyOf"]):
         found.append(f"{path}: {value!r} fits none of {schema['anyOf']}")
     for part in schema.get("allOf", []):
@@ -96,6 +98,7 @@ def test_every_message_keeps_its_schema(every_message: dict[str, messages.Messag
         ("samples", {"x": [None]}),
         ("samples", {"lost": 0.5}),
         ("samples", {"clock": "late"}),
+        ("tilt", {"schema_version": 2}),
         ("condition", {"gates": {"norm": 1}}),
         ("swing", {"formulas_deg": {"arccos_min_az": 1.0}}),
         ("alert", {"active": [{"rule": "swing"}]}),
@@ -112,6 +115,23 @@ def test_a_missing_field_breaks_its_schema(every_message: dict[str, messages.Mes
     content = json.loads(encode("swing", every_message["swing"]))
     del content["phi_max_deg"]
     assert faults(content, json.loads(schema_bytes("swing"))) == ["$: phi_max_deg is missing"]
+
+
+@pytest.mark.parametrize("topic", [name for name in logged_topics() if name != "log"])
+def test_every_message_states_the_version_of_its_schema(
+    every_message: dict[str, messages.Message | messages.Log], topic: str
+) -> None:
+    assert json.loads(encode(topic, every_message[topic]))["schema_version"] == 1
+    schema = json.loads(schema_bytes(topic))
+    assert schema["properties"]["schema_version"]["const"] == 1
+
+
+def test_messages_without_a_version_are_of_the_first(
+    every_message: dict[str, messages.Message | messages.Log],
+) -> None:
+    content = json.loads(encode("tilt", every_message["tilt"]))
+    del content["schema_version"]
+    assert adapter("tilt").validate_python(content).schema_version == 1
 
 
 @pytest.mark.parametrize("topic", logged_topics())
