@@ -1,7 +1,7 @@
-"""Sample blocks as messages and back, exactly.
+"""Exact conversion of sample blocks into messages and back.
 
-Counts are stored as first differences: neighbouring samples are alike, so the differences are short numbers that compress
-well and stay readable JSON.
+Counts are stored as first differences. The differences of neighbouring samples are short numbers, which compress well and stay
+readable as JSON.
 """
 
 from functools import lru_cache
@@ -14,22 +14,22 @@ from gateway.messages import ClockQuality, Samples
 
 Times = NDArray[np.int64]
 LONGEST_PERIOD_NS = 1e12
-"""A thousand seconds: beyond it a period is not one of samples."""
+"""A thousand seconds, longer than any sample period."""
 
 
 def pack(
     block: SampleBlock, *, time_ns: int, clock: ClockQuality, sequence: int, calibration_id: str | None
 ) -> Samples:
-    """The message of a block; `time_ns` is the UTC of its newest sample.
+    """Return the message of a block; `time_ns` is the UTC of its newest sample.
 
-    `int32` readings become differences in counts, `float64` ones stay plain g. Raises `ValueError` for an empty block and
+    `int32` readings become differences in counts, `float64` readings stay in g. Raises `ValueError` for an empty block and
     for a reading that is not finite.
     """
     if not len(block):
         raise ValueError("a block without samples cannot be packed")
     counts = block.raw.dtype.kind == "i"
     x, y, z = _differences(block.raw) if counts else _plain(block.raw)
-    period_ns, offsets_ns = _times(block.time_ns)
+    period_ns, offsets_ns = _pack_times(block.time_ns)
     return Samples(
         time_ns=time_ns,
         clock=clock,
@@ -50,12 +50,12 @@ def pack(
 
 
 def unpack(samples: Samples) -> SampleBlock:
-    """The block of a message. Raises `ValueError` where its columns or times do not fit together, or no block can hold them."""
+    """Return the block of a message. Raises `ValueError` where its columns and times do not match or do not fit into 64 bits."""
     count = len(samples.x)
     if not count or len(samples.y) != count or len(samples.z) != count:
         raise ValueError(f"columns of {count}, {len(samples.y)} and {len(samples.z)} samples")
     try:
-        time_ns, raw = _times_back(samples, count), _readings(samples)
+        time_ns, raw = _unpack_times(samples, count), _readings(samples)
     except OverflowError as error:
         raise ValueError("a time or reading of more than 64 bits") from error
     return SampleBlock(
@@ -81,10 +81,10 @@ def _plain(raw: NDArray[np.int32] | NDArray[np.float64]) -> list[list[float]]:
     return columns
 
 
-def _times(time_ns: Times) -> tuple[float | None, list[int] | None]:
-    """(period, None) where sample i is at first + rint(i * period) for a single period, else (None, offsets).
+def _pack_times(time_ns: Times) -> tuple[float | None, list[int] | None]:
+    """Return (period, None) if sample i is at first + rint(i * period) for one period, else (None, offsets).
 
-    Sample i bounds the period to offset_i / i -+ 0.5 ns / i; the intersection of these intervals holds all that would do.
+    Sample i bounds the period to offset_i / i -+ 0.5 ns / i. Every period in the intersection of these intervals is valid.
     """
     offsets_ns = time_ns[1:] - time_ns[0]
     if not len(offsets_ns):
@@ -99,7 +99,7 @@ def _times(time_ns: Times) -> tuple[float | None, list[int] | None]:
 
 @lru_cache(maxsize=64)
 def _bounds(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Indices 1 to count and how far each of their samples bounds the period."""
+    """Return the indices 1 to count, and the half width of each one's bound on the period."""
     index = np.arange(1.0, count + 1)
     return index, 0.5 / index
 
@@ -113,7 +113,7 @@ def _readings(samples: Samples) -> NDArray[np.int32] | NDArray[np.float64]:
     return (np.cumsum(counts, axis=0) if samples.packing == "difference" else counts).astype(np.int32)
 
 
-def _times_back(samples: Samples, count: int) -> Times:
+def _unpack_times(samples: Samples, count: int) -> Times:
     if samples.period_ns is not None:
         if not abs(samples.period_ns) <= LONGEST_PERIOD_NS:
             raise ValueError(f"samples {samples.period_ns} ns apart")

@@ -1,4 +1,4 @@
-"""A bounded queue between two threads that counts what it had to drop."""
+"""A bounded queue between two threads that counts the items that it had to drop."""
 
 import queue
 from typing import Generic, TypeVar
@@ -7,14 +7,14 @@ Item = TypeVar("Item")
 
 
 class BoundedQueue(Generic[Item]):
-    """`put` never waits: when the reader has fallen behind by `size` items, the newest is dropped and counted."""
+    """A queue of at most `size` items. `put` never waits: into a full queue the new item is dropped and counted."""
 
     def __init__(self, size: int) -> None:
         self._queue: queue.Queue[Item] = queue.Queue(size)
         self.dropped = 0
 
     def put(self, item: Item) -> bool:
-        """Hand an item on; False when it was dropped."""
+        """Add an item; return False if it was dropped."""
         try:
             self._queue.put_nowait(item)
         except queue.Full:
@@ -23,7 +23,7 @@ class BoundedQueue(Generic[Item]):
         return True
 
     def put_waiting(self, item: Item, timeout_s: float) -> bool:
-        """Hand an item on, waiting for the reader; for sources that can wait. False when there was no room in time."""
+        """Add an item as soon as there is room, for sources that can wait; return False if there was none in time."""
         try:
             self._queue.put(item, timeout=timeout_s)
         except queue.Full:
@@ -31,7 +31,7 @@ class BoundedQueue(Generic[Item]):
         return True
 
     def get(self, timeout_s: float) -> Item | None:
-        """The oldest item, or None when none came in time."""
+        """Remove and return the oldest item; None if none came in time."""
         try:
             return self._queue.get(timeout=timeout_s)
         except queue.Empty:

@@ -1,4 +1,4 @@
-"""What the store has of a device: the correction that its record makes, and what recordings carry of it."""
+"""The calibration of the open device: the correction that its record makes, and the files that recordings carry of it."""
 
 import logging
 from dataclasses import replace
@@ -12,44 +12,43 @@ from gateway.recording.calibration_files import CalibrationFiles, calibration_fi
 
 log = logging.getLogger("plumbline.calibration")
 MOST_EARLIER = 32
-"""Records that a certificate's forecast looks back on, the newest."""
+"""The forecast in a certificate uses this many earlier records, the newest ones."""
 Axes = tuple[tuple[int, int], ...]
 """(sensor axis, sign) of each housing axis."""
 
 
 class CalibrationProvider:
-    """Reads the records of whichever device is open."""
+    """Reads the records of the device that is open."""
 
     def __init__(self, data_dir: Path, axes: Axes) -> None:
         self._data_dir = data_dir
         self._axes = axes
-        self._made: CalibrationFiles | None = None
+        self._files: CalibrationFiles | None = None
 
     def correction(self, info: DeviceInfo) -> Correction:
-        """The calibration in force for a device. A record that must not be used leaves it uncalibrated, and says so."""
+        """Return the correction in force for a device. A record that must not be used leaves the device uncalibrated."""
         try:
             return correction_for(info, self._axes, find(self._data_dir, info.device_id))
         except CalibrationError as error:
             log.error("%s", error)
-            bare = correction_for(
-                replace(info, factory_calibration=None), self._axes, None
-            )  # not silently the factory's
-            return replace(bare, text=f"{bare.text}; {error}")
+            without_factory = replace(info, factory_calibration=None)  # the factory's must not replace it silently
+            uncalibrated = correction_for(without_factory, self._axes, None)
+            return replace(uncalibrated, text=f"{uncalibrated.text}; {error}")
 
     def files(self, info: DeviceInfo, correction: Correction) -> CalibrationFiles | None:
-        """The record behind a correction, and its certificate; None where there is no record."""
+        """Return the record behind a correction and its certificate; None where there is no record."""
         if correction.record is None:
             return None
         record = CalibrationRecord.model_validate(correction.record)
-        made = self._made
-        if made is None or (made.device_id, made.record_id) != (record.device_id, record.id):
-            made = self._made = calibration_files(record, *self._before(record, info))
-        return made
+        files = self._files
+        if files is None or (files.device_id, files.record_id) != (record.device_id, record.id):
+            files = self._files = calibration_files(record, *self._earlier(record, info))
+        return files
 
-    def _before(
+    def _earlier(
         self, record: CalibrationRecord, info: DeviceInfo
     ) -> tuple[CalibrationRecord | None, list[CalibrationRecord]]:
-        """The record's parent, and older ones than either; a spoilt one is said and takes nothing from the record."""
+        """Return the record's parent, and older records than these two. A damaged one is reported and left out."""
         store = CalibrationStore(self._data_dir, info.device_id)
         known: dict[str, CalibrationRecord] = {}
         if info.factory_calibration is not None:

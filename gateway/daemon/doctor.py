@@ -18,7 +18,7 @@ from gateway.daemon.device_factory import make_device
 from gateway.daemon.instance import InstanceLock
 from gateway.daemon.page_process import PAGE_MODULES
 from gateway.daemon.resources import disk_free_mb
-from gateway.daemon.wall_clock import WallClockWatch
+from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.errors import PlumblineError
 
 Grade = Literal["good", "note", "bad"]
@@ -114,7 +114,7 @@ def _page(configuration: Configuration) -> Iterator[Finding]:
 
 
 def _clock(_configuration: Configuration) -> Iterator[Finding]:
-    quality = WallClockWatch(HostClock()).poll().quality
+    quality = WallClockMonitor(HostClock()).poll().quality
     if quality == "synchronised":
         yield Finding("good", "clock", "synchronised")
     else:

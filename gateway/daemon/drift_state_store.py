@@ -1,4 +1,4 @@
-"""The drift watch of whichever record is in force, and its state on the disk: `drift.json` in the device's store."""
+"""The drift monitor of the record in force, and its state on the disk: `drift.json` in the folder of the device."""
 
 import json
 import logging
@@ -16,58 +16,58 @@ log = logging.getLogger("plumbline.drift")
 
 
 class DriftStateStore:
-    """Begins a watch with each record, goes on with it after a restart, and keeps it once an hour and at the end."""
+    """Starts a monitor for each record, continues it after a restart, and saves its state once an hour and at the end."""
 
     def __init__(self, data_dir: Path) -> None:
         self._data_dir = data_dir
         self._path: Path | None = None
-        self._kept: dict[str, Any] | None = None
-        self.rest = DriftMonitor(None)
+        self._saved_status: dict[str, Any] | None = None
+        self.monitor = DriftMonitor(None)
 
     def open(self, device_id: str, correction: Correction) -> DriftMonitor:
-        """The watch of the record behind a correction: the one under way where it is the same, else its own."""
+        """Return the monitor of the record behind a correction: the present one if the record is the same."""
         path = CalibrationStore(self._data_dir, device_id).folder / "drift.json"
-        if path == self._path and self.rest.calibration_id == correction.calibration_id:
-            return self.rest
-        self.keep()
+        if path == self._path and self.monitor.calibration_id == correction.calibration_id:
+            return self.monitor
+        self.save()
         self._path = path
-        self.rest = DriftMonitor(_watch(correction, path))
-        self._kept = self.rest.told
-        return self.rest
+        self.monitor = DriftMonitor(_rest_monitor(correction, path))
+        self._saved_status = self.monitor.status_json
+        return self.monitor
 
-    def tick(self) -> None:
-        """Keep the state where the watch has something new to say: once an hour while there is rest."""
-        if self.rest.told is not self._kept:
-            self.keep()
+    def save_if_evaluated(self) -> None:
+        """Save the state if the monitor has evaluated it since the last time: once an hour while there is rest."""
+        if self.monitor.status_json is not self._saved_status:
+            self.save()
 
-    def keep(self) -> None:
-        """Keep the state now, if there is anything new in it."""
-        self._kept = self.rest.told
-        if self._path is None or not self.rest.unkept:
+    def save(self) -> None:
+        """Save the state now, if it has changed."""
+        self._saved_status = self.monitor.status_json
+        if self._path is None or not self.monitor.has_unsaved_readings:
             return
         try:
-            write_durably(self._path, json.dumps(self.rest.state()).encode())
+            write_durably(self._path, json.dumps(self.monitor.dump_state()).encode())
         except OSError as error:
-            log.error("%s: the drift watch cannot be kept: %s", self._path, error)
+            log.error("%s: the state of the drift monitor cannot be saved: %s", self._path, error)
 
 
-def _watch(correction: Correction, path: Path) -> RestDriftMonitor | None:
+def _rest_monitor(correction: Correction, path: Path) -> RestDriftMonitor | None:
     if correction.record is None:
         return None
     try:
-        return RestDriftMonitor(correction, _stored(path))
+        return RestDriftMonitor(correction, _read_state(path))
     except CalibrationError as error:
-        log.error("%s; its drift is not watched", error)
+        log.error("%s; its drift is not monitored", error)
         return None
 
 
-def _stored(path: Path) -> dict[str, Any] | None:
-    """What was kept; None where there is nothing that can be read: a watch that begins anew is worth more than none."""
+def _read_state(path: Path) -> dict[str, Any] | None:
+    """Return the saved state; None where there is none that can be read: the monitor then starts again."""
     try:
         content = json.loads(path.read_bytes())
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:
-        log.error("%s: cannot be read (%s); the drift watch begins anew", path, error)
+        log.error("%s: cannot be read (%s); the drift monitor starts again", path, error)
         return None
     return content if isinstance(content, dict) else None

@@ -1,4 +1,4 @@
-"""The gateway: everything put together, watched, and taken apart again in order."""
+"""The gateway: composition, supervision and orderly end of the threads."""
 
 import logging
 import sys
@@ -12,10 +12,12 @@ from gateway import __version__
 from gateway.bus.session import open_session
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
+from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.calibration_provider import CalibrationProvider
+from gateway.daemon.counters import SampleCounters
 from gateway.daemon.device_factory import make_device
 from gateway.daemon.drift_state_store import DriftStateStore
-from gateway.daemon.health import HealthReport
+from gateway.daemon.health import HealthReporter
 from gateway.daemon.instance import InstanceLock
 from gateway.daemon.logs import RecordingHandler
 from gateway.daemon.notify import ServiceNotifier
@@ -24,10 +26,11 @@ from gateway.daemon.processor import Processor
 from gateway.daemon.publisher import Publisher
 from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.recording_worker import RecordingWorker
-from gateway.daemon.sampler import Sampler
-from gateway.daemon.wall_clock import WallClockWatch
+from gateway.daemon.rpc_server import RpcServer
+from gateway.daemon.sampler import Sampler, SamplerItem
+from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.messages import Log
-from gateway.pipeline.outgoing_message import OutgoingMessage
+from gateway.pipeline.outgoing_message import encode_message
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.standard import StandardMethods
 from gateway.recording.events import AlertEventIndex
@@ -35,20 +38,22 @@ from gateway.recording.header import RecordingHeader
 from gateway.recording.writer import Recorder
 
 log = logging.getLogger("plumbline")
-WATCH_S = 0.2
+BLOCKS = 256
+"""Blocks that may wait for the processor; more are dropped and counted."""
+SUPERVISION_S = 0.2
 JOIN_S = 0.8
 """Longest wait for a thread to end: a read takes at most half a second."""
 SWITCH_S = 0.0005
-"""A thread that wants the interpreter waits this long at most: an alert must not wait out the usual 5 ms of a swing fit."""
+"""Longest wait of a thread for the interpreter. The usual 5 ms of a swing fit would delay an alert."""
 DRAIN_S = 60.0
-"""Longest wait for a recording that was replayed faster than it is processed."""
+"""Longest wait for the processing of a recording that was replayed faster than it is processed."""
 
 
 class Gateway:
-    """One gateway, from construction to `stop`. What cannot be started raises its own error, and all else is released."""
+    """One gateway, from construction to `stop`. If a part cannot be started, the others are released and its error is raised."""
 
     def __init__(self, configuration: Configuration) -> None:
-        """Take the data folder, open device, recording, bus and page.
+        """Lock the data folder and open device, recording, bus and page.
 
         Raises `InstanceError`, `DeviceError`, `RecorderError`, `BusError` or `PageError`.
         """
@@ -86,27 +91,48 @@ class Gateway:
         self._recording = RecordingWorker(recorder, clock.now_ns)
         log.addHandler(RecordingHandler(lambda line: self._record_line(line, clock.now_ns())))
         self._publisher = Publisher(session, section.key)
-        watch = WallClockWatch(clock)
-        recalibration = Recalibration(
-            section.data_dir, StandardMethods(configuration.device.axes), software=__version__, tell=log.warning
+        wall_clock = WallClockMonitor(clock)
+        methods = StandardMethods(configuration.device.axes)
+        recalibration = RecalibrationService(
+            Recalibration(section.data_dir, methods, software=__version__, tell=log.warning), wall_clock
         )
-        desk = RecalibrationService(recalibration, watch)
-        self._publisher.serve(desk)
-        shelf = CalibrationProvider(section.data_dir, configuration.device.axes)
-        drift = DriftStateStore(section.data_dir)
-        self.processor = Processor(configuration, info, shelf, drift, watch, desk, self._recording, self._publisher)
-        self._sampler = Sampler(device, info, self.processor.inbox, self._notifier)
-        self._health = HealthReport(
-            device, self._sampler, self.processor, self._recording, self._publisher, section.data_dir, boot_id
+        self._rpc = RpcServer(session, section.key, self._publisher.latest, recalibration)
+        drift_store = DriftStateStore(section.data_dir)
+        blocks: BoundedQueue[SamplerItem] = BoundedQueue(BLOCKS)
+        counters = SampleCounters()
+        self._sampler = Sampler(device, info, blocks, self._notifier)
+        self._health = HealthReporter(
+            device=device,
+            sampler=self._sampler,
+            counters=counters,
+            drift_store=drift_store,
+            recalibration=recalibration,
+            rpc=self._rpc,
+            recording=self._recording,
+            publisher=self._publisher,
+            data_dir=section.data_dir,
+            boot_id=boot_id,
         )
-        self.processor.health = self._health.make
+        self.processor = Processor(
+            configuration,
+            info,
+            blocks,
+            counters,
+            self._health,
+            CalibrationProvider(section.data_dir, configuration.device.axes),
+            drift_store,
+            wall_clock,
+            recalibration,
+            self._recording,
+            self._publisher,
+        )
 
     def _record_line(self, line: Log, now_ns: int) -> None:
-        """A line of the log goes into the recording; called by any thread."""
-        self._recording.inbox.put(OutgoingMessage("log", now_ns, line))
+        """Record a line of the log. Called by any thread."""
+        self._recording.inbox.put(encode_message("log", line, now_ns))
 
     def describe(self) -> str:
-        """Where everything is, for the person who started it."""
+        """Return the addresses of page, recording, bus and log, as text for the person who started the gateway."""
         configuration, key = self.configuration, self.configuration.gateway.key
         page = f"http://{configuration.page.listen}/" if self._page is not None else "off (page.enabled)"
         bus = ", ".join([*configuration.bus.listen, *configuration.bus.connect]) or "no endpoint"
@@ -123,11 +149,11 @@ class Gateway:
 
     @property
     def threads(self) -> tuple[threading.Thread, ...]:
-        """In the order of the data's flow."""
-        return self._sampler, self.processor, self._recording, self._publisher
+        """The threads in the order of the data flow."""
+        return self._sampler, self.processor, self._recording, self._rpc, self._publisher
 
     def run(self, stopping: threading.Event, duration_s: float | None = None) -> str | None:
-        """Sample until told to stop, the duration has passed or a recording has ended; the name of a thread that failed."""
+        """Sample until `stopping` is set or the duration or the recording has ended; return the name of a failed thread."""
         sys.setswitchinterval(SWITCH_S)
         for thread in reversed(self.threads):
             thread.start()
@@ -136,8 +162,8 @@ class Gateway:
         failed = None
         while not stopping.is_set() and not self._sampler.ended.is_set() and failed is None:
             if self._page is not None:
-                self._page.watch()
-            remaining_s = WATCH_S if end_s is None else min(WATCH_S, end_s - time.monotonic())
+                self._page.supervise()
+            remaining_s = SUPERVISION_S if end_s is None else min(SUPERVISION_S, end_s - time.monotonic())
             if remaining_s <= 0:
                 break
             stopping.wait(remaining_s)
@@ -147,17 +173,17 @@ class Gateway:
 
     @property
     def samples_not_recorded(self) -> int:
-        """Samples that came and are not on the disk, as far as they were counted."""
+        """Number of samples that arrived and are not on the disk, as far as they were counted."""
         return self._recording.samples_lost + self._sampler.lost_in_queue
 
     def stop(self) -> None:
-        """Let the samples on their way reach the disk, then release everything; within two seconds of a signal."""
+        """Write the queued samples to the disk, then release everything; within two seconds of a signal."""
         self._notifier.send("STOPPING=1")
         self._health.stopping = True
         patience_s = DRAIN_S if self._sampler.ended.is_set() else JOIN_S
         self._sampler.stop()
         self._sampler.join(JOIN_S)
-        for worker in (self.processor, self._recording, self._publisher):
+        for worker in (self.processor, self._recording, self._rpc, self._publisher):
             worker.finish()
             worker.join(patience_s)
         if self._page is not None:

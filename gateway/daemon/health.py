@@ -1,4 +1,4 @@
-"""The health message: what every thread has counted, in one place."""
+"""The health message, from the counters of all threads."""
 
 import time
 from collections import deque
@@ -7,27 +7,34 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
 
+from devices.block import DeviceInfo
 from devices.device import Device
 from gateway import __version__
-from gateway.daemon.processor import Counts, Processor
+from gateway.daemon.counters import SampleCounters
+from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.publisher import Publisher
+from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.recording_worker import RecordingWorker
 from gateway.daemon.resources import CpuMeter, disk_free_mb, resident_mb
+from gateway.daemon.rpc_server import RpcServer
 from gateway.daemon.sampler import Sampler
 from gateway.messages import Health
 from gateway.pipeline.header import Header
 
 RATE_WINDOW = 60
-"""Messages, one a second, over which the rate is taken."""
+"""The rate is computed over this many messages, one per second."""
 
 
 @dataclass(slots=True)
-class HealthReport:
-    """Reads the threads' counters; makes one message at a time."""
+class HealthReporter:
+    """Reads the counters of the threads and makes the health message."""
 
     device: Device
     sampler: Sampler
-    processor: Processor
+    counters: SampleCounters
+    drift_store: DriftStateStore
+    recalibration: RecalibrationService
+    rpc: RpcServer
     recording: RecordingWorker
     publisher: Publisher
     data_dir: Path
@@ -35,37 +42,37 @@ class HealthReport:
     stopping: bool = False
     _cpu: CpuMeter = field(default_factory=CpuMeter)
     _started_s: float = field(default_factory=time.monotonic)
-    _passed: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=RATE_WINDOW))
-    """(time of the newest sample, samples up to it) at each of the last messages."""
+    _history: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=RATE_WINDOW))
+    """(time of the newest sample, number of samples) at each of the last messages."""
 
-    def make(self, header: Header) -> Health:
-        """How the gateway is now."""
-        counts, path = self.processor.counts, self.recording.path
+    def make(self, header: Header, info: DeviceInfo) -> Health:
+        """Return the present state of the gateway."""
+        counters, path = self.counters, self.recording.path
         return Health(
             **header,
             state=self._state(),
-            device_id=self.processor.info.device_id,
-            device_kind=self.processor.info.kind,
+            device_id=info.device_id,
+            device_kind=info.kind,
             boot_id=self.boot_id,
             software=__version__,
             uptime_s=time.monotonic() - self._started_s,
-            measured_rate_hz=self._rate_hz(counts),
-            samples=counts.samples,
-            lost=counts.lost + self.sampler.lost_in_queue,
-            invalid=counts.invalid,
+            measured_rate_hz=self._rate_hz(),
+            samples=counters.samples,
+            lost=counters.lost + self.sampler.lost_in_queue,
+            invalid=counters.invalid,
             faults=self._faults(),
             dropped={
-                "blocks": self.processor.inbox.dropped,
+                "blocks": self.sampler.blocks.dropped,
                 "recording": self.recording.inbox.dropped,
                 "bus": self.publisher.inbox.dropped,
-                "requests": self.processor.requests_dropped,
+                "requests": self.recalibration.dropped + self.rpc.inbox.dropped,
             },
             recording=None if path is None else str(path),
             recording_error=self.recording.error,
             disk_free_mb=disk_free_mb(self.data_dir),
             cpu_percent=self._cpu.percent(),
             resident_mb=resident_mb(),
-            drift=self.processor.drift.rest.told,
+            drift=self.drift_store.monitor.status_json,
         )
 
     def _state(self) -> Literal["running", "recovering", "stopping"]:
@@ -80,13 +87,14 @@ class HealthReport:
             "samples_not_recorded": self.recording.samples_lost,
             "messages_not_writable": self.recording.unwritable,
         }
-        counted = {**self.device.faults, **own}
-        return {name: count for name, count in counted.items() if count}
+        counts = {**self.device.faults, **own}
+        return {name: count for name, count in counts.items() if count}
 
-    def _rate_hz(self, counts: Counts) -> float | None:
-        """By the sample times of the last minute, which follow the part's own clock; lost samples were measured too."""
-        if counts.newest_ns is None or (self._passed and self._passed[-1][0] == counts.newest_ns):
+    def _rate_hz(self) -> float | None:
+        """Return the sample rate of the last minute by the sample times; lost samples count, for the device took them."""
+        counters = self.counters
+        if counters.newest_ns is None or (self._history and self._history[-1][0] == counters.newest_ns):
             return None
-        self._passed.append((counts.newest_ns, counts.samples + counts.lost))
-        (first_ns, before), (last_ns, now) = self._passed[0], self._passed[-1]
-        return None if last_ns <= first_ns else (now - before) / ((last_ns - first_ns) / 1e9)
+        self._history.append((counters.newest_ns, counters.samples + counters.lost))
+        (first_ns, first_count), (last_ns, last_count) = self._history[0], self._history[-1]
+        return None if last_ns <= first_ns else (last_count - first_count) / ((last_ns - first_ns) / 1e9)

@@ -1,4 +1,4 @@
-"""The operator's page as a process of its own: started with a socket that is already bound, started again when it dies."""
+"""The process of the operator's page: started on a socket that is already bound, and started again when it ends."""
 
 import importlib.util
 import logging
@@ -7,6 +7,7 @@ import subprocess
 import time
 
 from gateway.configuration.model import Configuration
+from gateway.daemon.backoff import Backoff
 from gateway.errors import PlumblineError
 from gateway.page import launch
 from gateway.page.parameters import Parameters
@@ -18,14 +19,14 @@ LONGEST_PAUSE_S = 60.0
 
 
 class PageError(PlumblineError):
-    """The page cannot be served; the text names the address and the mend in one line."""
+    """The page cannot be served; the text names the address and the remedy in one line."""
 
 
 class PageProcess:
-    """Binds the page's address at once, so that an occupied one is known at start; then keeps a page process on it."""
+    """Binds the page's address at once, so that an occupied one is detected at start, and keeps a process on it."""
 
     def __init__(self, configuration: Configuration) -> None:
-        """Raises `PageError`."""
+        """Bind the address. Raises `PageError`."""
         missing = [name for name in PAGE_MODULES if importlib.util.find_spec(name) is None]
         if missing:
             raise PageError(
@@ -34,19 +35,19 @@ class PageProcess:
         self._parameters = page_parameters(configuration)
         self._socket = _bind(*configuration.page.address)
         self._process: subprocess.Popen[bytes] | None = None
-        self._pause_s = FIRST_PAUSE_S
+        self._backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
         self._started_s = 0.0
 
-    def watch(self) -> None:
-        """Start the process, or start it again after a pause when it has ended; call about once a second."""
+    def supervise(self) -> None:
+        """Start the process, or start it again after a pause if it has ended; call a few times a second."""
         now_s = time.monotonic()
         if self._process is not None and self._process.poll() is None:
             return
         if self._process is not None:
-            if now_s - self._started_s < self._pause_s:
+            if now_s - self._started_s < self._backoff.pause_s:
                 return
-            log.error("the page's process ended with code %s; starting it again", launch.stop(self._process))
-            self._pause_s = min(2 * self._pause_s, LONGEST_PAUSE_S)
+            log.error("the page's process has ended with code %s and is started again", launch.stop(self._process))
+            self._backoff.increase()
         self._started_s = now_s
         self._process = launch.start(self._parameters, self._socket)
 
@@ -58,11 +59,11 @@ class PageProcess:
 
 
 def page_parameters(configuration: Configuration) -> Parameters:
-    """What the page is told of this gateway."""
+    """Return the start parameters of the page of this gateway."""
     gateway, alerts = configuration.gateway, configuration.alerts
     return Parameters(
         key=gateway.key,
-        connect=connectable(configuration),
+        connect=connect_endpoints(configuration),
         warn_deg=alerts.warn_deg,
         trip_deg=alerts.trip_deg,
         lean_trip_deg=alerts.lean_trip_deg,
@@ -71,8 +72,8 @@ def page_parameters(configuration: Configuration) -> Parameters:
     )
 
 
-def connectable(configuration: Configuration) -> list[str]:
-    """Endpoints at which a process of this machine finds the gateway's bus."""
+def connect_endpoints(configuration: Configuration) -> list[str]:
+    """Return the endpoints at which a process of this machine reaches the gateway's bus."""
     listening = [endpoint.replace("0.0.0.0", "127.0.0.1") for endpoint in configuration.bus.listen]
     return listening or list(configuration.bus.connect)
 
@@ -82,5 +83,5 @@ def _bind(host: str, port: int) -> socket.socket:
         return socket.create_server((host, port), backlog=64)
     except OSError as error:
         raise PageError(
-            f"page: {host}:{port} cannot be used ({error.strerror}); stop what is there, or choose another page.listen"
+            f"page: {host}:{port} cannot be used ({error.strerror}); stop the program that uses it, or choose another page.listen"
         ) from error

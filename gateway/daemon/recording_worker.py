@@ -1,4 +1,4 @@
-"""The recording thread: writes messages, keeps going when the disk does not, and counts what that cost."""
+"""The recording thread: writes messages, survives failures of the disk, and counts the samples that these cost."""
 
 import logging
 from collections.abc import Callable
@@ -6,8 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from devices.block import DeviceInfo
+from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.worker import Worker
-from gateway.pipeline.outgoing_message import OutgoingMessage
+from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.calibration_files import CalibrationFiles
 from gateway.recording.writer import Recorder, RecorderError
 
@@ -17,51 +18,56 @@ RETRY_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
-class InForce:
-    """What recordings carry of the calibration from now on."""
+class CalibrationChange:
+    """Another calibration is in force from now on."""
 
     files: CalibrationFiles | None
-    """None: no record is in force."""
+    """The files that recordings carry of it; None: no record is in force."""
 
 
-class RecordingWorker(Worker[OutgoingMessage | DeviceInfo | InForce]):
-    """Owns the recorder, which has been started, from start to stop."""
+RecordingItem = EncodedMessage | DeviceInfo | CalibrationChange
+
+
+class RecordingWorker(Worker[RecordingItem]):
+    """Owns the recorder, which was started before, until its end."""
 
     def __init__(self, recorder: Recorder, now_ns: Callable[[], int]) -> None:
-        super().__init__("recorder", INBOX)
+        super().__init__("recorder", BoundedQueue(INBOX))
         self._recorder = recorder
         self._now_ns = now_ns
         self._retry_at_ns = 0
         self.error: str | None = None
+        """Why nothing is recorded now; None: it is recorded."""
         self.samples_lost = 0
         self.failures = 0
         self.unwritable = 0
+        """Number of messages with a time that no recording can hold."""
 
     @property
     def path(self) -> Path | None:
-        """The file being written; None while nothing is recorded."""
+        """The file that is being written; None while nothing is recorded."""
         return self._recorder.path
 
-    def handle(self, item: OutgoingMessage | DeviceInfo | InForce) -> None:
-        """Write one message, or note which device the next ones are from, or which record makes their numbers."""
+    def handle(self, item: RecordingItem) -> None:
+        """Write a message, or note another device or another calibration for the following messages."""
         if self.error is not None and self._now_ns() >= self._retry_at_ns:
-            self._try_again()
+            self._retry()
         try:
             if isinstance(item, DeviceInfo):
                 self._recorder.set_device(item, self._now_ns())
-            elif isinstance(item, InForce):
+            elif isinstance(item, CalibrationChange):
                 self._recorder.set_calibration(item.files, self._now_ns())
             else:
-                self._recorder.write(item.topic, item.message, item.log_time_ns)
+                self._recorder.write(item)
                 self._recorder.tick(self._now_ns())
         except RecorderError as error:
             self._fail(error)
         except ValueError as error:
-            log.error("%s", error)  # a time that no recording can hold: the host's clock is before 1970
+            log.error("%s", error)  # the host's clock is before 1970
             self.unwritable += 1
 
     def idle(self) -> None:
-        """What is buffered reaches the disk on time even when nothing comes."""
+        """Write the buffered messages to the disk in time."""
         try:
             if self.error is None:
                 self._recorder.tick(self._now_ns())
@@ -78,17 +84,17 @@ class RecordingWorker(Worker[OutgoingMessage | DeviceInfo | InForce]):
     def _fail(self, error: RecorderError) -> None:
         self.samples_lost += error.lost_samples
         if self.error is not None:
-            return  # stopped already: this message only adds to what is lost
+            return  # recording had stopped before; this message is only counted
         log.error("%s; next try in %.0f s", error, RETRY_S)
         self.error = str(error)
         self.failures += 1
         self._retry_at_ns = self._now_ns() + round(RETRY_S * 1e9)
 
-    def _try_again(self) -> None:
+    def _retry(self) -> None:
         self.error = None
         try:
             path = self._recorder.start(self._now_ns())
         except RecorderError as error:
             self._fail(error)
             return
-        log.warning("recording again, to %s; %d samples were not recorded", path, self.samples_lost)
+        log.warning("recording continues in %s; %d samples were not recorded", path, self.samples_lost)

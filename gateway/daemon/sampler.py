@@ -1,4 +1,4 @@
-"""The sampling thread: reads the device, hands blocks on, and brings a lost device back. Nothing here waits for anyone else."""
+"""The sampling thread: reads the device and opens a lost device again. It never waits for another thread."""
 
 import logging
 import threading
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from devices.block import DeviceInfo, SampleBlock
 from devices.device import Device, EndOfRecording
 from devices.errors import DeviceError
+from gateway.daemon.backoff import Backoff
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.notify import ServiceNotifier
 
@@ -17,7 +18,7 @@ LONGEST_PAUSE_S = 5.0
 
 @dataclass(frozen=True, slots=True)
 class DeviceReopened:
-    """The device came back, perhaps as another part."""
+    """The device was opened again; it may be another part."""
 
     info: DeviceInfo
 
@@ -26,7 +27,7 @@ SamplerItem = SampleBlock | DeviceReopened
 
 
 class Sampler(threading.Thread):
-    """Owns the device from start to stop; `ended` is set when a recording has been read to its end."""
+    """Owns the device from start to stop. `ended` is set at the end of a recording that is replayed."""
 
     def __init__(
         self, device: Device, info: DeviceInfo, blocks: BoundedQueue[SamplerItem], notifier: ServiceNotifier
@@ -34,16 +35,18 @@ class Sampler(threading.Thread):
         super().__init__(name="sampler", daemon=True)
         self._device = device
         self._info = info
-        self._blocks = blocks
+        self.blocks = blocks
         self._notifier = notifier
         self._stopping = threading.Event()
         self.ended = threading.Event()
         self.recovering = False
+        """The device is lost."""
         self.reopened = 0
         self.lost_in_queue = 0
+        """Number of samples that found the queue full."""
 
     def stop(self) -> None:
-        """Ask the thread to end after the read under way."""
+        """Ask the thread to end after the present read."""
         self._stopping.set()
 
     def run(self) -> None:
@@ -65,30 +68,30 @@ class Sampler(threading.Thread):
             self._recover()
             return
         if block is not None and len(block):
-            self._hand_on(block)
+            self._forward(block)
 
-    def _hand_on(self, block: SampleBlock) -> None:
+    def _forward(self, block: SampleBlock) -> None:
         if self._info.can_wait:
-            while not self._stopping.is_set() and not self._blocks.put_waiting(block, timeout_s=0.5):
+            while not self._stopping.is_set() and not self.blocks.put_waiting(block, timeout_s=0.5):
                 self._notifier.send("WATCHDOG=1")
-        elif not self._blocks.put(block):
+        elif not self.blocks.put(block):
             self.lost_in_queue += len(block)
 
     def _recover(self) -> None:
-        """Open the device again, with growing pauses, until it answers or the daemon stops."""
+        """Try to open the device, with growing pauses, until it answers or the daemon stops."""
         self.recovering = True
-        pause_s = FIRST_PAUSE_S
-        while not self._stopping.wait(pause_s):
+        backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
+        while not self._stopping.wait(backoff.pause_s):
             self._notifier.send("WATCHDOG=1")
             self._device.close()
             try:
                 self._info = self._device.open()
             except DeviceError as error:
-                log.warning("%s; next try in %.1f s", error, pause_s)
-                pause_s = min(2 * pause_s, LONGEST_PAUSE_S)
+                backoff.increase()
+                log.warning("%s; next try in %.1f s", error, backoff.pause_s)
                 continue
-            log.info("device is back: %s", self._info.device_id)
+            log.info("the device is open again: %s", self._info.device_id)
             self.reopened += 1
             self.recovering = False
-            self._blocks.put(DeviceReopened(self._info))
+            self.blocks.put(DeviceReopened(self._info))
             return

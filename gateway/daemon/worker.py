@@ -1,6 +1,5 @@
-"""A thread that lives off a bounded inbox: handles what comes, is told the time in between, and drains before it leaves."""
+"""A thread that handles the items of a bounded queue, and empties the queue before it ends."""
 
-import logging
 import threading
 from abc import abstractmethod
 from typing import Generic, TypeVar
@@ -9,23 +8,22 @@ from gateway.daemon.bounded_queue import BoundedQueue
 
 Item = TypeVar("Item")
 WAIT_S = 0.1
-log = logging.getLogger("plumbline")
 
 
 class Worker(threading.Thread, Generic[Item]):
-    """Base of the processing, recording and publishing threads."""
+    """Base of the threads that process, record, publish and answer remote calls."""
 
-    def __init__(self, name: str, size: int) -> None:
+    def __init__(self, name: str, inbox: BoundedQueue[Item]) -> None:
         super().__init__(name=name, daemon=True)
-        self.inbox: BoundedQueue[Item] = BoundedQueue(size)
+        self.inbox = inbox
         self._finishing = threading.Event()
 
     def finish(self) -> None:
-        """Handle what is in the inbox, then leave."""
+        """Ask the thread to handle what is in the inbox and then end."""
         self._finishing.set()
 
     def run(self) -> None:
-        """Work until told to finish and the inbox is empty."""
+        """Work until `finish` was called and the inbox is empty."""
         try:
             while True:
                 item = self.inbox.get(0.0 if self._finishing.is_set() else WAIT_S)
@@ -40,10 +38,10 @@ class Worker(threading.Thread, Generic[Item]):
 
     @abstractmethod
     def handle(self, item: Item) -> None:
-        """One item of the inbox."""
+        """Handle one item of the inbox."""
 
     def idle(self) -> None:
-        """Nothing came for a moment."""
+        """Called while no item comes."""
 
     @abstractmethod
     def close(self) -> None:

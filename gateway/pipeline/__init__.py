@@ -1,1 +1,1 @@
-"""Where the stages meet: sample blocks in, messages out. No I/O, no clock, no threads."""
+"""The composition of the stages: sample blocks in, messages out. No input or output, no clock, no threads."""

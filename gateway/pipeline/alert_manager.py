@@ -1,4 +1,4 @@
-"""The alert rules of a gateway side by side, and the one line that an operator reads."""
+"""The alert rules of a gateway, and the line of text that an operator reads."""
 
 import math
 from collections.abc import Iterator
@@ -12,12 +12,12 @@ from gateway.units import degrees
 LEAN_CLEAR_SHARE = 0.8
 """The lean alert clears below this share of its limit."""
 CALIBRATION = "calibration"
-"""The rule of the drift watch, which has a hold of its own."""
+"""The rule of the drift monitor, which has its own hold time."""
 
 
 @dataclass(frozen=True, slots=True)
 class AlertChange:
-    """A rule that changed, or a heartbeat when `rule` is None; and how everything stands then."""
+    """The change of a rule, or a heartbeat where `rule` is None, with the state of all rules at that time."""
 
     rule: str | None
     event: Event
@@ -27,7 +27,7 @@ class AlertChange:
 
 
 class AlertManager:
-    """Holds the rules' states. Angles are the upper ends of their intervals, in radians; None is not known."""
+    """Holds the states of the rules. Angles are upper confidence limits in radians; None: not known."""
 
     def __init__(self, limits: AlertsSection) -> None:
         self._limits = {
@@ -45,8 +45,8 @@ class AlertManager:
         }
         self._states: dict[str, RuleState] = {}
         self._values_rad: dict[str, float | None] = dict.fromkeys(self._limits)
-        self._why = "no reading yet"
-        self._drifted: str | None = None
+        self._why_unknown = "no reading yet"
+        self._drift_alarm: str | None = None
 
     def judge(
         self,
@@ -55,14 +55,14 @@ class AlertManager:
         trusted: bool,
         why_unknown: str,
         time_s: float,
-        drifted: str | None = None,
+        drift_alarm: str | None = None,
     ) -> Iterator[AlertChange]:
-        """Hold the values against the limits; one change for each rule whose level moved.
+        """Compare the values with the limits; yield one change for each rule whose level has changed.
 
-        A reading that is not trusted may raise an alert; it never clears one, and below the limits it says nothing.
-        `drifted` says why the calibration is no longer to be believed; None: nothing speaks against it.
+        A reading that is not trusted may raise an alert. It never clears one, and below the limits it counts as unknown.
+        `drift_alarm` is the reason why the calibration can no longer be trusted; None: there is none.
         """
-        self._why = why_unknown
+        self._why_unknown = why_unknown
         changed: list[tuple[str, Event]] = []
         for rule, limits in self._limits.items():
             value_rad = values_rad[rule]
@@ -70,28 +70,30 @@ class AlertManager:
             if value_rad is not None and not trusted and value_rad < raises_rad:
                 value_rad = None
             self._values_rad[rule] = value_rad
-            before = self._states.get(rule) or RuleState("unknown", time_s)  # nothing known yet is not "normal"
+            before = self._states.get(rule) or RuleState(
+                "unknown", time_s
+            )  # before the first value nothing is "normal"
             self._states[rule] = judge(before, value_rad, limits, time_s)
             event = event_between(before, self._states[rule])
             if event != "standing":
                 changed.append((rule, event))
-        changed += self._judge_calibration(drifted, time_s)
-        for rule, event in changed:  # told once every rule is judged: each message shows how all of them stand
+        changed += self._judge_calibration(drift_alarm, time_s)
+        for rule, event in changed:  # after all rules are judged: each message states the levels of all of them
             yield self._change(rule, event)
 
-    def _judge_calibration(self, drifted: str | None, time_s: float) -> Iterator[tuple[str, Event]]:
-        self._drifted = drifted
+    def _judge_calibration(self, drift_alarm: str | None, time_s: float) -> Iterator[tuple[str, Event]]:
+        self._drift_alarm = drift_alarm
         before = self._states.get(CALIBRATION) or RuleState("normal", time_s)
-        self._states[CALIBRATION] = initial_state(before, stands=drifted is not None, time_s=time_s)
+        self._states[CALIBRATION] = initial_state(before, stands=drift_alarm is not None, time_s=time_s)
         event = event_between(before, self._states[CALIBRATION])
         if event != "standing":
             yield CALIBRATION, event
 
     def suspend(self, why: str, time_s: float) -> Iterator[AlertChange]:
-        """Every rule is unknown, whatever stood: nothing that is measured now speaks of the load."""
-        self._why = why
+        """Make every rule unknown, because no reading describes the load."""
+        self._why_unknown = why
         changed: list[tuple[str, Event]] = []
-        self._drifted = None
+        self._drift_alarm = None
         for rule in self._limits:
             self._values_rad[rule] = None
             before = self._states.get(rule)
@@ -105,7 +107,7 @@ class AlertManager:
             yield self._change(rule, event)
 
     def heartbeat(self) -> AlertChange:
-        """How everything stands."""
+        """Return the state of all rules, without a change."""
         return self._change(None, "standing")
 
     def _change(self, rule: str | None, event: Event) -> AlertChange:
@@ -125,17 +127,18 @@ class AlertManager:
             since_ns=round(state.since_s * 1e9),
             value_deg=degrees(value_rad),
             limit_deg=None if limit_rad is None else round(math.degrees(limit_rad), 9),
-            text=_text(rule, state.level, value_rad, limit_rad, self._why),
+            text=_text(rule, state.level, value_rad, limit_rad, self._why_unknown),
         )
 
     def _active_calibration(self, state: RuleState) -> ActiveAlert:
+        known = self._drift_alarm is not None
         return ActiveAlert(
             rule=CALIBRATION,
             level=state.level,
             since_ns=round(state.since_s * 1e9),
             value_deg=None,
             limit_deg=None,
-            text=f"{CALIBRATION} unknown: {self._why}" if self._drifted is None else f"{CALIBRATION}: {self._drifted}",
+            text=f"{CALIBRATION}: {self._drift_alarm}" if known else f"{CALIBRATION} unknown: {self._why_unknown}",
         )
 
 

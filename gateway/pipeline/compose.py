@@ -1,4 +1,4 @@
-"""From the stages' results, in radians, to messages, in degrees."""
+"""Conversion of the stages' results, in radians, to messages, in degrees."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ def tilt_message(
     temperature_c: float | None,
     trusted: bool,
 ) -> Tilt:
-    """Static tilt of one low-passed reading, shape (3,)."""
+    """Return the static tilt of one low-passed reading, shape (3,)."""
     angles = fused_tilt(lowpassed_g)
     return Tilt(
         **header,
@@ -38,7 +38,7 @@ def tilt_message(
 
 
 def no_swing_message(header: Header, why: str) -> Swing:
-    """Nothing is known of the swing."""
+    """Return the message that the swing is not known."""
     return Swing(
         **header,
         swinging=None,
@@ -58,23 +58,23 @@ def no_swing_message(header: Header, why: str) -> Swing:
     )
 
 
-def condition_message(header: Header, found: ConditionResult, correction: Correction) -> Condition:
-    """The verdict with its gates."""
+def condition_message(header: Header, result: ConditionResult, correction: Correction) -> Condition:
+    """Return the verdict with its gates."""
     return Condition(
         **header,
-        verdict=found.verdict,
-        cause=found.cause,
-        trusted=found.trusted,
-        reasons=list(found.reasons),
-        gates=found.gates,
-        norm_g=finite(found.norm_g),
+        verdict=result.verdict,
+        cause=result.cause,
+        trusted=result.trusted,
+        reasons=list(result.reasons),
+        gates=result.gates,
+        norm_g=finite(result.norm_g),
         permissible_norm_error_g=correction.permissible_norm_error_g,
         calibration=correction.status,
     )
 
 
 def alert_message(header: Header, change: AlertChange) -> Alert:
-    """A change of a rule, or the heartbeat."""
+    """Return the message of a change of a rule, or of the heartbeat."""
     return Alert(
         **header, level=change.level, event=change.event, rule=change.rule, active=change.active, text=change.text
     )
@@ -83,7 +83,7 @@ def alert_message(header: Header, change: AlertChange) -> Alert:
 def calibration_message(
     header: Header, correction: Correction, info: DeviceInfo, session: CalibrationSession
 ) -> Calibration:
-    """Which calibration makes the numbers; the affine correction in force is given even without a record."""
+    """Return the calibration in force. The affine correction is stated even where there is no record."""
     in_force = {"gain_g_per_unit": correction.gain.tolist(), "bias_g": correction.bias_g.tolist(), "unit": info.unit}
     return Calibration(
         **header,

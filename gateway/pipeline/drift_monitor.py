@@ -1,4 +1,4 @@
-"""The drift watch of the record in force, fed while the housing is at rest; what it says is made anew once an hour."""
+"""The drift monitor of the record in force. The pipeline feeds it at rest; it evaluates the readings once an hour."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,52 +7,50 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.calibration.drift.rest_monitor import NS_PER_HOUR, RestDriftMonitor, at_rest
-from gateway.calibration.drift.rest_status import RestStatus, rest_status
+from gateway.calibration.drift.rest_status import rest_status
 
 DRIFTED = "at rest the norm has left the record's interval: calibrate"
 
 
 class DriftMonitor:
-    """Outlives the pipelines of one record: whoever opens a pipeline hands it in."""
+    """Monitors one record. It outlives the pipelines, which get it when they are made."""
 
-    def __init__(self, watch: RestDriftMonitor | None) -> None:
-        """`watch` is None where there is no record to drift from."""
-        self._watch = watch
+    def __init__(self, rest_monitor: RestDriftMonitor | None) -> None:
+        """`rest_monitor` is None where there is no record that could drift."""
+        self._rest = rest_monitor
         self._hour: int | None = None
-        self._status = None if watch is None else rest_status(watch)
-        self.told: dict[str, Any] | None = None if self._status is None else self._status.as_json()
-        """For the health message; None: nothing is watched."""
-        self.unkept = False
-        """Readings have been taken since the state was last asked for."""
+        self._status = None if rest_monitor is None else rest_status(rest_monitor)
+        self.status_json: dict[str, Any] | None = None if self._status is None else self._status.as_json()
+        """The content of the health message; None: nothing is monitored."""
+        self.has_unsaved_readings = False
+        """Readings have come since the last call of `dump_state`."""
 
     @property
     def calibration_id(self) -> str | None:
-        """Of the record that is watched."""
-        return None if self._watch is None else self._watch.record.id
+        """Id of the monitored record."""
+        return None if self._rest is None else self._rest.record.id
 
     @property
     def alarm(self) -> str | None:
-        """Why the record is no longer to be believed; None: nothing speaks against it, which is no proof."""
-        if self._watch is None or self._watch.alarm_since_hour is None:
+        """Why the record can no longer be trusted; None: no evidence against it, which is no proof."""
+        if self._rest is None or self._rest.alarm_since_hour is None:
             return None
         return self._status.reasons[0] if self._status is not None and self._status.reasons else DRIFTED
 
-    def take(
+    def update(
         self, gates: Mapping[str, bool], utc_ns: int, lowpassed_g: NDArray[np.float64], temperature_c: float | None
     ) -> None:
-        """Take a low-passed reading, shape (3,), where the gates of the condition say that it is one of rest."""
-        if self._watch is None or not at_rest(gates):
+        """Take a low-passed reading, shape (3,), if the gates of the condition show that the housing is at rest."""
+        if self._rest is None or not at_rest(gates):
             return
-        self._watch.feed(utc_ns, lowpassed_g, temperature_c)
-        self.unkept = True
+        self._rest.feed(utc_ns, lowpassed_g, temperature_c)
+        self.has_unsaved_readings = True
         if (hour := utc_ns // NS_PER_HOUR) != self._hour:
             self._hour = hour
-            self._emit(rest_status(self._watch))
+            self._status = rest_status(self._rest)
+            self.status_json = self._status.as_json()
 
-    def state(self) -> dict[str, Any] | None:
-        """What a restart goes on from; None where nothing is watched."""
-        self.unkept = False
-        return None if self._watch is None else self._watch.state()
-
-    def _emit(self, status: RestStatus) -> None:
-        self._status, self.told = status, status.as_json()
+    def dump_state(self) -> dict[str, Any] | None:
+        """Return the state from which a restart continues; None where nothing is monitored."""
+        self.has_unsaved_readings = False
+        return None if self._rest is None else self._rest.state()

@@ -1,4 +1,4 @@
-"""Where the long work of the pipeline is done: at once, or beside it. The answers and their places are the same either way."""
+"""Where the pipeline's long computations run: in the caller's thread or in another one, with the same results."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,36 +9,36 @@ T_co = TypeVar("T_co", covariant=True)
 T = TypeVar("T")
 
 
-class Answer(Protocol[T_co]):
-    """What will have been found; `concurrent.futures.Future` is one."""
+class Future(Protocol[T_co]):
+    """The result of a computation that may still run, such as a `concurrent.futures.Future`."""
 
     def result(self) -> T_co:
-        """The answer, waited for where it is not there yet."""
+        """Return the result; wait for it if necessary."""
         ...
 
 
 class Executor(Protocol):
-    """Does pieces of work in the order in which they come; a `concurrent.futures` executor of one worker is one."""
+    """Runs computations in the order of their submission, such as a `ThreadPoolExecutor` with one worker."""
 
-    def submit(self, work: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Answer[T]:
-        """Take a piece of work."""
+    def submit(self, work: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Start a computation."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class CompletedFuture(Generic[T]):
-    """An answer that is there."""
+    """The result of a computation that has ended."""
 
-    answer: T
+    value: T
 
     def result(self) -> T:
-        """The answer."""
-        return self.answer
+        """Return the result."""
+        return self.value
 
 
 class ImmediateExecutor:
-    """Works in the caller's thread: for replays, tests and benchmarks."""
+    """Runs each computation in the caller's thread: for replays, tests and benchmarks."""
 
     def submit(self, work: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> CompletedFuture[T]:
-        """Do the work now."""
+        """Run a computation."""
         return CompletedFuture(work(*args, **kwargs))

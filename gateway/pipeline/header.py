@@ -1,14 +1,14 @@
-"""What every message carries, counted in one place."""
+"""The header fields that every message has."""
 
 from collections import Counter
 from typing import TypedDict
 
 from gateway.messages import ClockQuality
-from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.clock_state import MessageTime
 
 
 class Header(TypedDict):
-    """The fields of `gateway.messages.Message`."""
+    """The fields of `gateway.messages.Message` that differ between messages."""
 
     time_ns: int
     clock: ClockQuality
@@ -17,18 +17,13 @@ class Header(TypedDict):
 
 
 class HeaderMaker:
-    """Numbers the messages of each topic and turns gateway time into UTC."""
+    """Numbers the messages of each topic and converts gateway time into UTC."""
 
     def __init__(self) -> None:
         self._sequence: Counter[str] = Counter()
 
-    def make(self, topic: str, log_time_ns: int, clock: ClockState, calibration_id: str | None) -> Header:
-        """The header of the next message of a topic."""
+    def make(self, topic: str, time: MessageTime, calibration_id: str | None) -> Header:
+        """Return the header of the next message of a topic."""
         sequence = self._sequence[topic]
         self._sequence[topic] += 1
-        return Header(
-            time_ns=log_time_ns + clock.wall_offset_ns,
-            clock=clock.quality,
-            sequence=sequence,
-            calibration_id=calibration_id,
-        )
+        return Header(time_ns=time.utc_ns, clock=time.clock.quality, sequence=sequence, calibration_id=calibration_id)

@@ -1,4 +1,4 @@
-"""What the configuration and the calibration say of the housing on its rope."""
+"""The mounted housing as the estimator sees it, from the configuration and the calibration."""
 
 import math
 from dataclasses import replace
@@ -8,16 +8,16 @@ from gateway.configuration.model import Configuration
 from gateway.swing.rig import MountedHousing
 
 POSITION_U_M = 0.05
-"""Standard uncertainty of the housing's place on the rope, as measured with a tape."""
+"""Standard uncertainty of the housing's position on the rope, measured with a tape."""
 
 MOUNT_U_RAD = 0.01
-"""Standard uncertainty of how the housing's z lies to the rope, as clamped by eye."""
+"""Standard uncertainty of the angle between the housing's z axis and the rope, clamped by eye."""
 
 
 def mounted_housing(
     configuration: Configuration, correction: Correction, bandwidth_hz: float | None = None
 ) -> MountedHousing | None:
-    """What is believed of the rope and the housing; None when nobody said where the housing is."""
+    """Return the rope and the housing as configured; None where the housing's position is not configured."""
     if configuration.housing_position_m is None:
         return None
     above_m = configuration.housing_above_load_m
@@ -32,7 +32,7 @@ def mounted_housing(
 
 
 def with_sensor(housing: MountedHousing, correction: Correction, bandwidth_hz: float | None) -> MountedHousing:
-    """The housing with what the calibration and the part's low-pass leave unknown."""
+    """Return the housing with the uncertainties of the calibration and the bandwidth of the sensor."""
     x, y, z = correction.u_zero_g_offset_g.tolist()
     sx, sy, sz = correction.u_scale_factor.tolist()
     return replace(

@@ -1,8 +1,8 @@
 """The pipeline: one sample block in, the messages that follow from it out.
 
-calibration -> low-pass -> static tilt -> swing -> condition -> alerts. The swing fit costs most: a runner makes it beside the
-pipeline, and its answer counts from a sample time that does not depend on how long it took. So no alert waits for a fit, and
-the same blocks give the same messages. No clock is read: live and replay are the same.
+Calibration, low-pass filter, static tilt, swing, condition, alerts. The swing fit costs most: an executor runs it, and its
+result is used from a sample time that does not depend on how long the fit took. No alert waits for a fit, and the same blocks
+give the same messages. No clock is read, so a live run and a replay are the same.
 """
 
 from collections.abc import Iterator
@@ -13,15 +13,15 @@ from numpy.typing import NDArray
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
-from gateway.messages import NO_SESSION, CalibrationSession, Condition
+from gateway.messages import NO_SESSION, CalibrationSession
 from gateway.packing import pack
 from gateway.pipeline import compose
 from gateway.pipeline.alert_manager import AlertChange, AlertManager
-from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.executor import Executor, ImmediateExecutor
 from gateway.pipeline.header import Header, HeaderMaker
-from gateway.pipeline.outgoing_message import OutgoingMessage
+from gateway.pipeline.outgoing_message import OutgoingMessage, PipelineOutput
 from gateway.pipeline.rate_limiter import RateLimiter
 from gateway.pipeline.swing_stage import SwingStage
 from gateway.stages.clipping import count_clipped
@@ -30,7 +30,10 @@ from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty
 
 LONGEST_BRIDGE_S = 0.05
-"""A gap longer than this restarts the low-pass: bridging it would invent data."""
+"""A longer gap restarts the low-pass filter, which would otherwise invent data."""
+LEAN_COVERAGE_FACTOR = 2
+"""The upper limit of the lean, from the static tilt, is this many standard uncertainties above it."""
+TILT_PERIOD_S, CONDITION_PERIOD_S, HEARTBEAT_PERIOD_S, CALIBRATION_PERIOD_S = 0.1, 0.5, 1.0, 10.0
 NOT_JUDGED = ConditionResult("unknown", None, False, ("no reading yet",), {}, None)
 
 
@@ -43,10 +46,10 @@ class Pipeline:
         info: DeviceInfo,
         correction: Correction,
         headers: HeaderMaker,
-        runner: Executor | None = None,
-        rest: DriftMonitor | None = None,
+        executor: Executor | None = None,
+        drift: DriftMonitor | None = None,
     ) -> None:
-        """`runner` makes the swing fits; without one they are made at once. `rest` watches the drift of the record."""
+        """`executor` runs the swing fits; without one they run at once. `drift` monitors the calibration record."""
         self._info = info
         self._full_scale = None if info.full_scale_g is None else info.full_scale_g * info.units_per_g
         self._correction = correction
@@ -54,91 +57,99 @@ class Pipeline:
         self._stale_ns = round(configuration.alerts.stale_s * 1e9)
         self._lowpass = LowPass(configuration.filter.cutoff_hz, configuration.filter.order, info.odr_hz)
         self._delay_s = self._lowpass.delay_s()
-        self._swing = SwingStage(configuration, info, correction, self._lowpass, runner or ImmediateExecutor())
-        self._watch = ConditionMonitor(info.noise_g, correction.permissible_norm_error_g)
-        self._board = AlertManager(configuration.alerts)
-        self._rest = rest or DriftMonitor(None)
+        self._swing = SwingStage(configuration, info, correction, self._lowpass, executor or ImmediateExecutor())
+        self._conditions = ConditionMonitor(info.noise_g, correction.permissible_norm_error_g)
+        self._alerts = AlertManager(configuration.alerts)
+        self._drift = drift or DriftMonitor(None)
         self._condition = NOT_JUDGED
-        self._tilt_pace, self._condition_pace = RateLimiter(0.1), RateLimiter(0.5)
-        self._heartbeat_pace, self._calibration_pace = RateLimiter(1.0), RateLimiter(10.0)
+        self._tilt_limiter = RateLimiter(TILT_PERIOD_S)
+        self._condition_limiter = RateLimiter(CONDITION_PERIOD_S)
+        self._heartbeat_limiter = RateLimiter(HEARTBEAT_PERIOD_S)
+        self._calibration_limiter = RateLimiter(CALIBRATION_PERIOD_S)
         self._origin_ns: int | None = None
         self._newest_ns: int | None = None
         self._lowpassed_g: NDArray[np.float64] | None = None
         self._temperature_c: float | None = None
-        """The newest known: a part may tell it less often than its samples."""
+        """The newest known temperature: a sensor may report it less often than its samples."""
         self._session = NO_SESSION
         self._suspended: str | None = None
 
-    def recalibrating(self, session: CalibrationSession, suspended: str | None) -> None:
-        """How a recalibration stands; `suspended` says why nothing may be said of the load meanwhile, None: it may."""
+    def set_session(self, session: CalibrationSession, suspended: str | None) -> None:
+        """Set the state of a recalibration; `suspended` is the reason why nothing is known of the load, None: it is known."""
         self._session = session
         self._suspended = suspended
 
-    def process(self, block: SampleBlock, clock: ClockState) -> Iterator[OutgoingMessage]:
-        """Everything that follows from a block; to be consumed wholly before the next."""
-        newest_ns = int(block.time_ns[-1])
-        yield OutgoingMessage("samples", newest_ns, pack(block, **self._header("samples", newest_ns, clock)))
-        if self._calibration_pace.is_due(newest_ns):
-            yield self.calibration(newest_ns, clock)
+    def process(self, block: SampleBlock, clock: ClockState) -> PipelineOutput:
+        """Return everything that follows from a block."""
+        return self._output(self._process(block, MessageTime(int(block.time_ns[-1]), clock)))
+
+    def idle(self, now_ns: int, clock: ClockState) -> PipelineOutput:
+        """Return what follows from the absence of blocks, once the reading is stale. `now_ns` is gateway time."""
+        return self._output(self._idle(MessageTime(now_ns, clock)))
+
+    def calibration_message(self, now: MessageTime) -> OutgoingMessage:
+        """Return the calibration in force and the state of a recalibration."""
+        header = self._header("calibration", now)
+        message = compose.calibration_message(header, self._correction, self._info, self._session)
+        return OutgoingMessage("calibration", now.log_time_ns, message)
+
+    def _output(self, messages: Iterator[OutgoingMessage]) -> PipelineOutput:
+        made = list(messages)
+        judged = any(message.topic == "condition" for message in made)
+        return PipelineOutput(made, self._condition.verdict if judged else None)
+
+    def _process(self, block: SampleBlock, now: MessageTime) -> Iterator[OutgoingMessage]:
+        yield OutgoingMessage("samples", now.log_time_ns, pack(block, **self._header("samples", now)))
+        if self._calibration_limiter.is_due(now.log_time_ns):
+            yield self.calibration_message(now)
         force_g, lowpassed_g = self._filter(block)
         if self._suspended is not None:
-            yield from self._without_load(self._suspended, block.temperature_c, newest_ns, clock)
+            yield from self._without_load(self._suspended, block.temperature_c, now)
             return
         time_s = self._time_s(block)
-        self._watch.update(time_s, force_g, count_clipped(block.raw, self._full_scale), block.lost + block.invalid)
-        if self._tilt_pace.is_due(newest_ns):
-            yield self._tilt(block.temperature_c, newest_ns, clock)
-        if self._swing.take(time_s, force_g, lowpassed_g, self._temperature_c):
-            message = self._swing.message(self._header("swing", newest_ns, clock))
-            yield OutgoingMessage("swing", newest_ns, message)
-        yield from self._judge_condition(block.temperature_c, newest_ns, clock)
-        yield from self._judge_alerts(newest_ns, clock)
+        self._conditions.update(time_s, force_g, count_clipped(block.raw, self._full_scale), block.lost + block.invalid)
+        if self._tilt_limiter.is_due(now.log_time_ns):
+            yield self._tilt(block.temperature_c, now)
+        if self._swing.update(time_s, force_g, lowpassed_g, self._temperature_c):
+            message = self._swing.message(self._header("swing", now))
+            yield OutgoingMessage("swing", now.log_time_ns, message)
+        yield from self._judge_condition(block.temperature_c, now)
+        yield from self._judge_alerts(now)
 
-    def idle(self, now_ns: int, clock: ClockState) -> Iterator[OutgoingMessage]:
-        """No block has come for a while; `now_ns` is gateway time. Says so once the reading is stale."""
-        silent_ns = 0 if self._newest_ns is None else now_ns - self._newest_ns
+    def _idle(self, now: MessageTime) -> Iterator[OutgoingMessage]:
+        silent_ns = 0 if self._newest_ns is None else now.log_time_ns - self._newest_ns
         if self._newest_ns is not None and silent_ns < self._stale_ns:
             return
         why = "no sample yet" if self._newest_ns is None else "stale: no samples are coming"
         if self._suspended is not None:
             why = f"{self._suspended}; {why}"
-        first = self._condition.reasons != (why,)
-        self._condition = ConditionResult("unknown", None, False, (why,), {"fresh": False}, None)
-        if self._condition_pace.is_due(now_ns) or first:
-            yield OutgoingMessage("condition", now_ns, self._condition_now(now_ns, clock))
-        yield from self._hold({"swing": None, "lean": None}, why, now_ns, clock)
+        changed = self._set_unknown(why, {"fresh": False})
+        if self._condition_limiter.is_due(now.log_time_ns) or changed:
+            yield self._condition_message(now)
+        yield from self._apply_limits({"swing": None, "lean": None}, why, now)
 
-    def calibration(self, time_ns: int, clock: ClockState) -> OutgoingMessage:
-        """Which calibration is in force, and how a recalibration stands."""
-        header = self._header("calibration", time_ns, clock)
-        message = compose.calibration_message(header, self._correction, self._info, self._session)
-        return OutgoingMessage("calibration", time_ns, message)
+    def _without_load(self, why: str, temperature_c: float | None, now: MessageTime) -> Iterator[OutgoingMessage]:
+        """Return the messages while the housing is off the rope, when no reading describes the load."""
+        changed = self._set_unknown(why, {"on_rope": False})
+        if self._tilt_limiter.is_due(now.log_time_ns):
+            yield self._tilt(temperature_c, now)
+        if self._condition_limiter.is_due(now.log_time_ns) or changed:
+            yield self._condition_message(now)
+        heartbeat = self._heartbeat_limiter.is_due(now.log_time_ns)
+        if heartbeat or changed:
+            message = compose.no_swing_message(self._header("swing", now), why)
+            yield OutgoingMessage("swing", now.log_time_ns, message)
+        changes = list(self._alerts.suspend(why, now.log_time_ns / 1e9))
+        yield from self._alert_messages(changes, heartbeat, now)
 
-    def _without_load(
-        self, why: str, temperature_c: float | None, time_ns: int, clock: ClockState
-    ) -> Iterator[OutgoingMessage]:
-        """The housing does not hang on the rope: what is measured says nothing of the load."""
-        first = self._condition.reasons != (why,)
-        self._condition = ConditionResult("unknown", None, False, (why,), {"on_rope": False}, None)
-        if self._tilt_pace.is_due(time_ns):
-            yield self._tilt(temperature_c, time_ns, clock)
-        if self._condition_pace.is_due(time_ns) or first:
-            yield OutgoingMessage("condition", time_ns, self._condition_now(time_ns, clock))
-        heartbeat = self._heartbeat_pace.is_due(time_ns)
-        if heartbeat or first:
-            yield OutgoingMessage(
-                "swing", time_ns, compose.no_swing_message(self._header("swing", time_ns, clock), why)
-            )
-        changes = list(self._board.suspend(why, time_ns / 1e9))
-        if heartbeat and not changes:
-            changes = [self._board.heartbeat()]
-        for change in changes:
-            yield OutgoingMessage(
-                "alert", time_ns, compose.alert_message(self._header("alert", time_ns, clock), change)
-            )
+    def _set_unknown(self, why: str, gates: dict[str, bool]) -> bool:
+        """Make the condition unknown; return whether the reason is a new one."""
+        changed = self._condition.reasons != (why,)
+        self._condition = ConditionResult("unknown", None, False, (why,), gates, None)
+        return changed
 
     def _filter(self, block: SampleBlock) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Specific force in the housing frame, as it is and low-passed."""
+        """Return the specific force in the housing frame, unfiltered and low-passed."""
         force_g = self._correction.apply(block.raw)
         if block.temperature_c is not None:
             self._temperature_c = block.temperature_c
@@ -149,71 +160,75 @@ class Pipeline:
         return force_g, lowpassed_g
 
     def _time_s(self, block: SampleBlock) -> NDArray[np.float64]:
-        """Seconds since the first sample: small numbers keep their nanoseconds."""
+        """Return the seconds since the first sample: small numbers keep their nanoseconds."""
         if self._origin_ns is None:
             self._origin_ns = int(block.time_ns[0])
         return np.asarray((block.time_ns - self._origin_ns) * 1e-9, dtype=np.float64)
 
-    def _tilt(self, temperature_c: float | None, time_ns: int, clock: ClockState) -> OutgoingMessage:
+    def _tilt(self, temperature_c: float | None, now: MessageTime) -> OutgoingMessage:
         trusted = self._condition.verdict in ("static", "quasi_static")
         message = compose.tilt_message(
-            self._header("tilt", time_ns, clock),
+            self._header("tilt", now),
             self._lowpassed(),
             self._correction.u_force_g(self._lowpassed(), self._temperature_c),
             self._delay_s,
             temperature_c,
             trusted,
         )
-        return OutgoingMessage("tilt", time_ns, message)
+        return OutgoingMessage("tilt", now.log_time_ns, message)
 
-    def _judge_condition(
-        self, temperature_c: float | None, time_ns: int, clock: ClockState
-    ) -> Iterator[OutgoingMessage]:
-        """At its pace; sent at once when the verdict changed. What is judged to be rest is for the drift watch too."""
-        if not self._condition_pace.is_due(time_ns) and "fresh" not in self._condition.gates:
+    def _judge_condition(self, temperature_c: float | None, now: MessageTime) -> Iterator[OutgoingMessage]:
+        """Judge the condition at its rate, or at once after stale readings; readings at rest also go to the drift monitor."""
+        if not self._condition_limiter.is_due(now.log_time_ns) and "fresh" not in self._condition.gates:
             return
-        self._condition = self._watch.judge(self._swing.condition_context())
-        self._rest.take(self._condition.gates, time_ns + clock.wall_offset_ns, self._lowpassed(), temperature_c)
-        yield OutgoingMessage("condition", time_ns, self._condition_now(time_ns, clock))
+        self._condition = self._conditions.judge(self._swing.condition_context())
+        self._drift.update(self._condition.gates, now.utc_ns, self._lowpassed(), temperature_c)
+        yield self._condition_message(now)
 
-    def _condition_now(self, time_ns: int, clock: ClockState) -> Condition:
-        return compose.condition_message(self._header("condition", time_ns, clock), self._condition, self._correction)
+    def _condition_message(self, now: MessageTime) -> OutgoingMessage:
+        message = compose.condition_message(self._header("condition", now), self._condition, self._correction)
+        return OutgoingMessage("condition", now.log_time_ns, message)
 
-    def _judge_alerts(self, time_ns: int, clock: ClockState) -> Iterator[OutgoingMessage]:
-        """Hold the upper ends of the intervals against the limits."""
+    def _judge_alerts(self, now: MessageTime) -> Iterator[OutgoingMessage]:
+        """Compare the upper confidence limits with the alert limits."""
         swing_rad, lean_rad = self._swing.upper_confidence_limits()
         why = "; ".join(self._swing.why_unknown or self._condition.reasons)
         if lean_rad is None and self._condition.verdict in ("static", "quasi_static"):
             lowpassed_g = self._lowpassed()
             u_rad = axial_tilt_uncertainty(lowpassed_g, self._correction.u_force_g(lowpassed_g, self._temperature_c))
-            lean_rad = float(axial_tilt(lowpassed_g)) + 2 * u_rad
+            lean_rad = float(axial_tilt(lowpassed_g)) + LEAN_COVERAGE_FACTOR * u_rad
         if self._correction.status == "uncalibrated":
             lean_rad, why = None, f"{why}; the sensor is not calibrated"
-        yield from self._hold({"swing": swing_rad, "lean": lean_rad}, why, time_ns, clock)
+        yield from self._apply_limits({"swing": swing_rad, "lean": lean_rad}, why, now)
 
-    def _hold(
-        self, values_rad: dict[str, float | None], why: str, time_ns: int, clock: ClockState
+    def _apply_limits(
+        self, values_rad: dict[str, float | None], why: str, now: MessageTime
     ) -> Iterator[OutgoingMessage]:
-        changes: list[AlertChange] = list(
-            self._board.judge(
+        changes = list(
+            self._alerts.judge(
                 values_rad,
                 trusted=self._condition.trusted,
                 why_unknown=why,
-                time_s=time_ns / 1e9,
-                drifted=self._rest.alarm,
+                time_s=now.log_time_ns / 1e9,
+                drift_alarm=self._drift.alarm,
             )
         )
-        if self._heartbeat_pace.is_due(time_ns) and not changes:
-            changes = [self._board.heartbeat()]
+        yield from self._alert_messages(changes, self._heartbeat_limiter.is_due(now.log_time_ns), now)
+
+    def _alert_messages(
+        self, changes: list[AlertChange], heartbeat: bool, now: MessageTime
+    ) -> Iterator[OutgoingMessage]:
+        """Return a message for each change, or the heartbeat when it is due and nothing has changed."""
+        if heartbeat and not changes:
+            changes = [self._alerts.heartbeat()]
         for change in changes:
-            yield OutgoingMessage(
-                "alert", time_ns, compose.alert_message(self._header("alert", time_ns, clock), change)
-            )
+            message = compose.alert_message(self._header("alert", now), change)
+            yield OutgoingMessage("alert", now.log_time_ns, message)
 
     def _lowpassed(self) -> NDArray[np.float64]:
         if self._lowpassed_g is None:
             raise ValueError("no block has been processed yet")
         return self._lowpassed_g
 
-    def _header(self, topic: str, time_ns: int, clock: ClockState) -> Header:
-        return self._headers.make(topic, time_ns, clock, self._correction.calibration_id)
+    def _header(self, topic: str, now: MessageTime) -> Header:
+        return self._headers.make(topic, now, self._correction.calibration_id)

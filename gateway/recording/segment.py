@@ -3,7 +3,6 @@
 import os
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, cast
 
@@ -12,21 +11,15 @@ from mcap.writer import CompressionType, Writer
 
 from devices.block import DeviceInfo
 from gateway.atomic_io import partial_of, sync_folder
+from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording import header as names
 from gateway.recording.calibration_files import AttachedFile
 from gateway.recording.header import RecordingHeader, device_metadata
 from gateway.recording.schemas import logged_topics, schema_bytes
 from gateway.topics import TOPICS
 
-
-@dataclass(frozen=True, slots=True)
-class EncodedMessage:
-    """A message as it goes into the file."""
-
-    topic: str
-    data: bytes
-    publish_time_ns: int
-    sequence: int
+SEQUENCE_MASK = 0xFFFF_FFFF
+"""MCAP's sequence numbers have 32 bits."""
 
 
 class SyncedFile:
@@ -119,9 +112,9 @@ class Segment:
         self._writer.add_message(
             channel_id=self._channels[message.topic],
             log_time=log_time_ns,
-            data=message.data,
+            data=message.payload,
             publish_time=message.publish_time_ns,
-            sequence=message.sequence,
+            sequence=message.sequence & SEQUENCE_MASK,
         )
 
     def add_device(self, device: DeviceInfo) -> None:

@@ -9,13 +9,13 @@ from pathlib import Path
 
 from devices.block import DeviceInfo
 from gateway.errors import PlumblineError
-from gateway.messages import Alert, Log, Message, Samples
+from gateway.messages import Alert, Samples
+from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.calibration_files import AttachedFile, CalibrationFiles
 from gateway.recording.events import AlertEventIndex
 from gateway.recording.header import RecordingHeader
 from gateway.recording.retention import BYTES_PER_MB, Retention, SegmentNames
-from gateway.recording.segment import EncodedMessage, Segment
-from gateway.topics import encode
+from gateway.recording.segment import Segment
 
 STANDING_TOPICS = ("calibration", "clock")
 """Repeated at the start of each segment, so that it can be read without its predecessor."""
@@ -32,7 +32,6 @@ MENDS = {
     errno.EIO: "the disk does not take or keep data; replace it",
 }
 LARGEST_TIME_NS = 2**63 - 1
-SEQUENCE_MASK = 0xFFFF_FFFF
 
 
 class RecorderError(PlumblineError):
@@ -132,9 +131,9 @@ class Recorder:
         self._synced_ns = now_ns
         self._unsynced_messages = self._unsynced_samples = 0
 
-    def write(self, topic: str, message: Message | Log, log_time_ns: int) -> None:
+    def write(self, encoded: EncodedMessage) -> None:
         """Record a message. Raises `RecorderError` when it cannot, `ValueError` for a time that no recording can hold."""
-        encoded = _encoded(topic, message)
+        topic, message, log_time_ns = encoded.topic, encoded.message, encoded.log_time_ns
         if not 0 <= log_time_ns <= LARGEST_TIME_NS or not 0 <= encoded.publish_time_ns <= LARGEST_TIME_NS:
             raise ValueError(f"/{topic}: times {log_time_ns} and {encoded.publish_time_ns} ns are not after 1970")
         if topic in STANDING_TOPICS:
@@ -200,10 +199,3 @@ class Recorder:
         self._segment = None
         self._unsynced_messages = self._unsynced_samples = 0
         return stopped
-
-
-def _encoded(topic: str, message: Message | Log) -> EncodedMessage:
-    if isinstance(message, Log):
-        publish_time_ns = message.timestamp.sec * 1_000_000_000 + message.timestamp.nsec
-        return EncodedMessage(topic, encode(topic, message), publish_time_ns, sequence=0)
-    return EncodedMessage(topic, encode(topic, message), message.time_ns, message.sequence & SEQUENCE_MASK)

@@ -14,6 +14,7 @@ from gateway.configuration.render import to_toml
 from gateway.errors import InputError
 from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.outgoing_message import encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.header import RecordingHeader
 from gateway.recording.writer import Recorder
@@ -68,9 +69,9 @@ def _record(recorder: Recorder, configuration: Configuration, device: DeviceInfo
         part = slice(first, first + BLOCK_SAMPLES)
         temperature_c = round(float(simulated.temperature_c[part][-1]), 2)
         block = SampleBlock(time_ns[part], simulated.force_g[part], temperature_c)
-        for emission in pipeline.process(block, CLOCK):
+        for emission in pipeline.process(block, CLOCK).messages:
             if TOPICS[emission.topic].logged:
-                recorder.write(emission.topic, emission.message, emission.log_time_ns)
+                recorder.write(encode_message(emission.topic, emission.message, emission.log_time_ns))
 
 
 def _configuration(rig: TwinRig, simulated: Simulated, seed: int) -> Configuration:

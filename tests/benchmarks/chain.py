@@ -22,12 +22,12 @@ from gateway.configuration.render import to_toml
 from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.executor import CompletedFuture, ImmediateExecutor
 from gateway.pipeline.header import HeaderMaker
-from gateway.pipeline.outgoing_message import OutgoingMessage
+from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.header import RecordingHeader
 from gateway.recording.info import summarise
 from gateway.recording.writer import Recorder
-from gateway.topics import TOPICS, encode
+from gateway.topics import TOPICS
 from tests.values import present
 
 P = ParamSpec("P")
@@ -56,7 +56,7 @@ class FastClock(HostClock):
         self.now += max(0, round(seconds * 1e9))
 
 
-class TimedRunner(ImmediateExecutor):
+class TimedExecutor(ImmediateExecutor):
     """Makes the swing fits at once, and keeps account of what they cost."""
 
     def __init__(self) -> None:
@@ -107,25 +107,23 @@ def measure(block: int) -> dict[str, float]:
             blocks.append(read)
     samples = sum(len(b) for b in blocks)
     correction = correction_for(info, configuration.device.axes, None)
-    fitting = TimedRunner()
+    fitting = TimedExecutor()
     pipeline = Pipeline(configuration, info, correction, HeaderMaker(), fitting)
     used: dict[str, float] = {}
     begin_s = cpu_s()
-    emissions = [emission for b in blocks for emission in pipeline.process(b, CLOCK)]
+    emissions = [emission for b in blocks for emission in pipeline.process(b, CLOCK).messages]
     used["swing"] = fitting.used_s
     used["pipeline"] = cpu_s() - begin_s - fitting.used_s
     begin_s = cpu_s()
-    payloads = [encode(emission.topic, emission.message) for emission in emissions]
+    encoded = [encode_message(e.topic, e.message, e.log_time_ns) for e in emissions]
     used["encode"] = cpu_s() - begin_s
-    used["mcap"], size = _record(configuration, info, emissions, used["encode"])
-    used["bus"] = _publish(configuration.gateway.key, [e.topic for e in emissions], payloads)
+    used["mcap"], size = _record(configuration, info, encoded)
+    used["bus"] = _publish(configuration.gateway.key, encoded)
     return {name: seconds / samples * 1e6 for name, seconds in used.items()} | {"bytes": size / samples}
 
 
-def _record(
-    configuration: Configuration, info: DeviceInfo, emissions: list[OutgoingMessage], encoding_s: float
-) -> tuple[float, int]:
-    """CPU of recording beyond encoding, and the bytes of the file."""
+def _record(configuration: Configuration, info: DeviceInfo, encoded: list[EncodedMessage]) -> tuple[float, int]:
+    """CPU of recording, and the bytes of the file."""
     with tempfile.TemporaryDirectory() as folder:
         header = RecordingHeader(
             software=__version__,
@@ -136,19 +134,19 @@ def _record(
             configuration_toml=to_toml(configuration),
         )
         recorder = Recorder(Path(folder), header, segment_s=86400, fsync_s=1.0, quota_mb=16000)
-        recorder.start(emissions[0].log_time_ns)
-        recorder.set_device(info, emissions[0].log_time_ns)
+        recorder.start(encoded[0].log_time_ns)
+        recorder.set_device(info, encoded[0].log_time_ns)
         begin_s = cpu_s()
-        for emission in emissions:
-            recorder.write(emission.topic, emission.message, emission.log_time_ns)
-            recorder.tick(emission.log_time_ns)
+        for message in encoded:
+            recorder.write(message)
+            recorder.tick(message.log_time_ns)
         path = recorder.path
         recorder.close()
         used_s = cpu_s() - begin_s
-        return used_s - encoding_s, summarise(present(path)).size_bytes
+        return used_s, summarise(present(path)).size_bytes
 
 
-def _publish(key: str, topics: list[str], payloads: list[bytes]) -> float:
+def _publish(key: str, encoded: list[EncodedMessage]) -> float:
     """CPU of putting, unpaced, with a subscriber in this process's own second session."""
     endpoint = free_endpoint()
     session = open_session("peer", [], [endpoint])
@@ -158,8 +156,8 @@ def _publish(key: str, topics: list[str], payloads: list[bytes]) -> float:
         if topic.published
     }
     begin_s = cpu_s()
-    for topic, payload in zip(topics, payloads, strict=True):
-        publishers[topic].put(payload)
+    for message in encoded:
+        publishers[message.topic].put(message.payload)
     used_s = cpu_s() - begin_s
     session.close()
     return used_s

@@ -53,7 +53,7 @@ def verdicts(seed: int) -> list[tuple]:
     said = [
         emission.message
         for block in recording.blocks
-        for emission in pipeline.process(block, clock)
+        for emission in pipeline.process(block, clock).messages
         if emission.topic == "condition"
     ]
     return [(*truth(recording, (message.time_ns - START_NS) / 1e9), message.verdict, message.cause) for message in said]

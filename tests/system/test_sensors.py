@@ -63,7 +63,7 @@ def test_adxl355_from_the_bus_to_the_swing(rate_error):
     swings, conditions = [], []
     while clock.elapsed_s < 30:
         block = device.read()
-        for emission in pipeline.process(block, ClockState("synchronised", 0)) if block is not None else ():
+        for emission in pipeline.process(block, ClockState("synchronised", 0)).messages if block is not None else ():
             if emission.topic == "swing":
                 swings.append(emission.message)
             elif emission.topic == "condition":

@@ -16,7 +16,7 @@ from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
 from gateway.daemon.calibration_provider import CalibrationProvider
 from gateway.daemon.drift_state_store import DriftStateStore
-from gateway.daemon.recording_worker import InForce, RecordingWorker
+from gateway.daemon.recording_worker import CalibrationChange, RecordingWorker
 from gateway.recording.calibration_files import CalibrationFiles
 from gateway.recording.writer import Recorder, RecorderError
 from tests.values import present
@@ -44,20 +44,20 @@ def put(tmp_path: Path, record: Callable[..., dict[str, Any]]) -> PutRecord:
 
 
 @pytest.fixture
-def shelf(tmp_path: Path) -> CalibrationProvider:
+def provider(tmp_path: Path) -> CalibrationProvider:
     return CalibrationProvider(tmp_path, AXES)
 
 
 @pytest.fixture
-def keeper(tmp_path: Path) -> DriftStateStore:
+def store(tmp_path: Path) -> DriftStateStore:
     return DriftStateStore(tmp_path)
 
 
-def rest(keeper: DriftStateStore, hours: int, first: int = 0) -> None:
+def rest(store: DriftStateStore, hours: int, first: int = 0) -> None:
     for hour in range(first, first + hours):
         for number in range(40):
-            keeper.rest.take(REST, MADE_NS + hour * NS_PER_HOUR + number, np.array([0.0, 0.0, 1.001]), 20.0)
-            keeper.tick()
+            store.monitor.update(REST, MADE_NS + hour * NS_PER_HOUR + number, np.array([0.0, 0.0, 1.001]), 20.0)
+            store.save_if_evaluated()
 
 
 def kept(tmp_path: Path) -> dict[str, Any] | None:
@@ -66,11 +66,11 @@ def kept(tmp_path: Path) -> dict[str, Any] | None:
 
 
 def test_a_record_goes_into_recordings_with_a_certificate_that_compares_it_with_its_parent(
-    shelf: CalibrationProvider, put: PutRecord
+    provider: CalibrationProvider, put: PutRecord
 ) -> None:
     put("r0", created_utc="2025-01-01T00:00:00Z")
     put("r1", created_utc="2026-01-01T00:00:00Z", parent="r0")
-    files = present(shelf.files(INFO, shelf.correction(INFO)))
+    files = present(provider.files(INFO, provider.correction(INFO)))
     assert (files.device_id, files.record_id) == ("part-7", "r1")
     certificate = next(file.data.decode() for file in files.files if file.name.endswith(".html"))
     assert "Change since the parent record r0" in certificate
@@ -78,7 +78,7 @@ def test_a_record_goes_into_recordings_with_a_certificate_that_compares_it_with_
 
 @pytest.mark.parametrize("parent", [None, "r0"])
 def test_a_spoilt_older_record_is_said_and_takes_nothing_from_the_new_one(
-    shelf: CalibrationProvider,
+    provider: CalibrationProvider,
     put: PutRecord,
     tmp_path: Path,
     caplog: pytest.LogCaptureFixture,
@@ -88,90 +88,90 @@ def test_a_spoilt_older_record_is_said_and_takes_nothing_from_the_new_one(
     put("r1", parent=parent)
     (CalibrationStore(tmp_path, "part-7").folder / "records" / "r0.json").write_text("{}")
     with caplog.at_level(logging.ERROR, "plumbline"):
-        assert present(shelf.files(INFO, shelf.correction(INFO))).record_id == "r1"
+        assert present(provider.files(INFO, provider.correction(INFO))).record_id == "r1"
     assert "r0.json" in caplog.text
 
 
 def test_the_factorys_record_is_a_parent_too(
-    shelf: CalibrationProvider, put: PutRecord, record: Callable[..., dict[str, Any]]
+    provider: CalibrationProvider, put: PutRecord, record: Callable[..., dict[str, Any]]
 ) -> None:
     put("r1", parent="factory-1")
     info = replace(INFO, factory_calibration=record(id="factory-1"))
-    files = present(shelf.files(info, shelf.correction(info)))
+    files = present(provider.files(info, provider.correction(info)))
     assert any(b"Change since the parent record factory-1" in file.data for file in files.files)
 
 
 def test_without_a_record_there_is_nothing_to_carry_and_nothing_to_watch(
-    shelf: CalibrationProvider, keeper: DriftStateStore
+    provider: CalibrationProvider, store: DriftStateStore
 ) -> None:
-    correction = shelf.correction(INFO)
+    correction = provider.correction(INFO)
     assert correction.status == "uncalibrated"
-    assert shelf.files(INFO, correction) is None
-    assert keeper.open("part-7", correction).told is None
+    assert provider.files(INFO, correction) is None
+    assert store.open("part-7", correction).status_json is None
 
 
 def test_a_watch_goes_on_after_a_restart_and_is_kept_once_an_hour(
-    shelf: CalibrationProvider, put: PutRecord, keeper: DriftStateStore, tmp_path: Path
+    provider: CalibrationProvider, put: PutRecord, store: DriftStateStore, tmp_path: Path
 ) -> None:
     put("r1")
-    correction = shelf.correction(INFO)
-    keeper.open("part-7", correction)
+    correction = provider.correction(INFO)
+    store.open("part-7", correction)
     assert kept(tmp_path) is None
-    rest(keeper, 2)
+    rest(store, 2)
     assert len(present(kept(tmp_path))["hours"]) == 1
-    keeper.keep()
+    store.save()
     again = DriftStateStore(tmp_path)
     again.open("part-7", correction)
     rest(again, 2, first=2)
     assert len(present(kept(tmp_path))["hours"]) == 3
-    assert present(again.rest.told)["norm_error_mg"] == pytest.approx(1.0, abs=0.01)
+    assert present(again.monitor.status_json)["norm_error_mg"] == pytest.approx(1.0, abs=0.01)
 
 
 def test_the_same_record_keeps_its_watch_and_another_one_begins_anew(
-    shelf: CalibrationProvider, put: PutRecord, keeper: DriftStateStore, tmp_path: Path
+    provider: CalibrationProvider, put: PutRecord, store: DriftStateStore, tmp_path: Path
 ) -> None:
     put("r1")
-    first = keeper.open("part-7", shelf.correction(INFO))
-    assert keeper.open("part-7", shelf.correction(INFO)) is first
-    rest(keeper, 2)
+    first = store.open("part-7", provider.correction(INFO))
+    assert store.open("part-7", provider.correction(INFO)) is first
+    rest(store, 2)
     put("r2")
-    second = keeper.open("part-7", shelf.correction(INFO))
+    second = store.open("part-7", provider.correction(INFO))
     assert second is not first
     assert present(kept(tmp_path))["calibration_id"] == "r1"
-    assert present(second.told)["state"] == "no_rest"
+    assert present(second.status_json)["state"] == "no_rest"
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"format": 2}', "\x00"])
 def test_a_state_that_cannot_be_read_is_left_aside(
-    shelf: CalibrationProvider, put: PutRecord, keeper: DriftStateStore, tmp_path: Path, text: str
+    provider: CalibrationProvider, put: PutRecord, store: DriftStateStore, tmp_path: Path, text: str
 ) -> None:
     put("r1")
     (CalibrationStore(tmp_path, "part-7").folder / "drift.json").write_text(text)
-    assert present(keeper.open("part-7", shelf.correction(INFO)).told)["state"] == "no_rest"
+    assert present(store.open("part-7", provider.correction(INFO)).status_json)["state"] == "no_rest"
 
 
 def test_a_disk_that_does_not_take_the_state_is_said_and_survived(
-    shelf: CalibrationProvider,
+    provider: CalibrationProvider,
     put: PutRecord,
-    keeper: DriftStateStore,
+    store: DriftStateStore,
     tmp_path: Path,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     put("r1")
-    keeper.open("part-7", shelf.correction(INFO))
+    store.open("part-7", provider.correction(INFO))
     (CalibrationStore(tmp_path, "part-7").folder / "drift.json").mkdir()
     with caplog.at_level(logging.ERROR, "plumbline"):
-        rest(keeper, 2)
-    assert "cannot be kept" in caplog.text
+        rest(store, 2)
+    assert "cannot be saved" in caplog.text
 
 
 def test_a_record_whose_time_cannot_be_read_is_not_watched_and_says_so(
-    shelf: CalibrationProvider, put: PutRecord, keeper: DriftStateStore, caplog: pytest.LogCaptureFixture
+    provider: CalibrationProvider, put: PutRecord, store: DriftStateStore, caplog: pytest.LogCaptureFixture
 ) -> None:
     put("r1", created_utc="in spring")
     with caplog.at_level(logging.ERROR, "plumbline"):
-        assert keeper.open("part-7", shelf.correction(INFO)).told is None
-    assert "not watched" in caplog.text
+        assert store.open("part-7", provider.correction(INFO)).status_json is None
+    assert "not monitored" in caplog.text
 
 
 class FullDisk(Recorder):
@@ -186,5 +186,5 @@ class FullDisk(Recorder):
 
 def test_a_record_that_the_disk_does_not_take_stops_the_recording_as_any_message_does() -> None:
     worker = RecordingWorker(FullDisk(), lambda: 0)
-    worker.handle(InForce(None))
+    worker.handle(CalibrationChange(None))
     assert (worker.error, worker.samples_lost) == ("full", 40)

@@ -1,4 +1,4 @@
-"""The desk between the bus and the processing thread: bounded, and news only where there is some."""
+"""The service between the bus and the processing thread: bounded, and news only where there is some."""
 
 import json
 import logging
@@ -11,8 +11,8 @@ import pytest
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import HostClock
-from gateway.daemon.recalibration_service import WAITING, PendingRequest, RecalibrationService
-from gateway.daemon.wall_clock import WallClockWatch
+from gateway.daemon.recalibration_service import WAITING, PendingRequest, RecalibrationService, ServiceUpdate
+from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.recalibration.journal import Answer
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.standard import StandardMethods
@@ -35,75 +35,73 @@ def clock() -> TurnedClock:
 
 
 @pytest.fixture
-def desk(tmp_path: Path, clock: TurnedClock) -> RecalibrationService:
+def service(tmp_path: Path, clock: TurnedClock) -> RecalibrationService:
     methods = StandardMethods(((0, 1), (1, 1), (2, 1)))
     recalibration = Recalibration(tmp_path, methods, software="test", tell=lambda _: None)
-    made = RecalibrationService(recalibration, WallClockWatch(clock))
+    made = RecalibrationService(recalibration, WallClockMonitor(clock))
     made.open(INFO)
     return made
 
 
-def ask(desk: RecalibrationService, verb: str, request_id: str, **content: Any) -> list[Answer]:
+def ask(service: RecalibrationService, verb: str, request_id: str, **content: Any) -> list[Answer]:
     answers: list[Answer] = []
     payload = json.dumps({"id": request_id, "by": "ann", **content}).encode()
-    assert desk.submit(PendingRequest(verb, payload, answers.append))
+    assert service.submit(PendingRequest(verb, payload, answers.append))
     return answers
 
 
-def rest(desk: RecalibrationService, clock: TurnedClock, seconds: float) -> Iterator[bool]:
+def rest(service: RecalibrationService, clock: TurnedClock, seconds: float) -> Iterator[bool]:
     for _ in range(int(seconds * 10)):
         clock.passed_ns += 100_000_000
         time_ns = clock.now_ns() + np.arange(10) * 10_000_000
-        desk.take(SampleBlock(time_ns=time_ns, raw=np.full((10, 3), [1, 2, 1000], dtype=np.int32)))
-        desk.serve()
-        yield desk.has_changed()
+        service.feed(SampleBlock(time_ns=time_ns, raw=np.full((10, 3), [1, 2, 1000], dtype=np.int32)))
+        yield service.serve().session_due
 
 
-def test_requests_wait_for_the_processing_thread_within_bounds(desk: RecalibrationService) -> None:
-    answers = [ask(desk, "cancel", f"request-{number}") for number in range(WAITING)]
-    assert not desk.submit(PendingRequest("cancel", b"", lambda _answer: None))
-    assert desk.dropped == 1
+def test_requests_wait_for_the_processing_thread_within_bounds(service: RecalibrationService) -> None:
+    answers = [ask(service, "cancel", f"request-{number}") for number in range(WAITING)]
+    assert not service.submit(PendingRequest("cancel", b"", lambda _answer: None))
+    assert service.dropped == 1
     assert not any(answers)
-    desk.serve()
+    service.serve()
     assert [answer.accepted for (answer,) in answers] == [False] * WAITING
 
 
-def test_a_session_is_told_of_at_each_change_and_twice_a_second(desk: RecalibrationService, clock: TurnedClock) -> None:
-    assert not desk.has_changed()
-    assert not desk.serve()
-    (answers,) = [ask(desk, "recalibrate", "request-1", housing_off_rope=True)]
-    assert desk.serve()
+def test_a_session_is_told_of_at_each_change_and_twice_a_second(
+    service: RecalibrationService, clock: TurnedClock
+) -> None:
+    assert service.serve() == ServiceUpdate(pipeline_changed=False, session_due=False)
+    (answers,) = [ask(service, "recalibrate", "request-1", housing_off_rope=True)]
+    assert service.serve() == ServiceUpdate(pipeline_changed=True, session_due=True)
     assert answers[0].accepted
-    assert not desk.serve()
-    assert desk.suspended is not None
-    assert desk.has_changed()
-    news = sum(rest(desk, clock, 10.0))
-    assert desk.view.poses[0].face == "+z"
+    assert not service.serve().pipeline_changed
+    assert service.suspended is not None
+    news = sum(rest(service, clock, 10.0))
+    assert service.session.poses[0].face == "+z"
     assert 20 <= news <= 30
-    ask(desk, "cancel", "request-2")
-    desk.serve()
-    assert desk.has_changed()
-    assert desk.view.phase == "rejected"
-    assert sum(rest(desk, clock, 5.0)) == 0
+    ask(service, "cancel", "request-2")
+    assert service.serve().session_due
+    assert service.session.phase == "rejected"
+    assert sum(rest(service, clock, 5.0)) == 0
 
 
-def test_a_load_on_the_hook_is_heard(desk: RecalibrationService, clock: TurnedClock) -> None:
-    desk.set_load_signal(b'{"loaded": true, "load_kg": 1250.0}')
-    (answers,) = [ask(desk, "recalibrate", "request-1", housing_off_rope=True)]
-    desk.serve()
+def test_a_load_on_the_hook_is_heard(service: RecalibrationService, clock: TurnedClock) -> None:
+    service.set_load_signal(b'{"loaded": true, "load_kg": 1250.0}')
+    (answers,) = [ask(service, "recalibrate", "request-1", housing_off_rope=True)]
+    service.serve()
     assert "a load hangs" in answers[0].text
-    desk.set_load_signal(b'{"loaded": false}')
-    (answers,) = [ask(desk, "recalibrate", "request-2", housing_off_rope=True)]
-    desk.serve()
+    service.set_load_signal(b'{"loaded": false}')
+    (answers,) = [ask(service, "recalibrate", "request-2", housing_off_rope=True)]
+    service.serve()
     assert answers[0].accepted
 
 
 @pytest.mark.parametrize("payload", [b"", b"5", b'{"loaded": "yes"}', b"\xff"])
 def test_a_load_signal_that_is_none_is_said_and_survived(
-    desk: RecalibrationService, payload: bytes, caplog: pytest.LogCaptureFixture
+    service: RecalibrationService, payload: bytes, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.ERROR, logger="plumbline.recalibration"):
         logging.getLogger("plumbline").propagate = True
-        desk.set_load_signal(payload)
-        desk.serve()
+        service.set_load_signal(payload)
+        service.serve()
     assert "load signal" in caplog.text

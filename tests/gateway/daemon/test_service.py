@@ -11,7 +11,7 @@ import pytest
 from devices.clock import HostClock
 from gateway.daemon.instance import InstanceError, InstanceLock
 from gateway.daemon.notify import ServiceNotifier
-from gateway.daemon.wall_clock import STEP_NS, WallClockWatch
+from gateway.daemon.wall_clock import STEP_NS, WallClockMonitor
 from tests.values import present
 
 
@@ -87,7 +87,7 @@ class SteppingClock(HostClock):
 
 def test_steps_of_the_wall_clock_are_counted() -> None:
     clock = SteppingClock()
-    watch = WallClockWatch(clock)
+    watch = WallClockMonitor(clock)
     watch.poll()
     assert watch.steps == 0
     clock.offset_ns = STEP_NS // 2

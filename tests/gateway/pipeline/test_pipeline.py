@@ -15,7 +15,7 @@ from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.messages import NO_SESSION
 from gateway.packing import unpack
-from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
 
@@ -71,7 +71,7 @@ class Run:
 
     def feed(self, block):
         self.blocks.append(block)
-        self.take(self.pipeline.process(block, CLOCK))
+        self.take(self.pipeline.process(block, CLOCK).messages)
 
     def take(self, emissions):
         for emission in emissions:
@@ -141,10 +141,10 @@ def test_nothing_is_normal_before_anything_is_known():
 def test_stale_is_said_and_never_clears_an_alert():
     run = Run(crane(9.0)).go(20)
     assert run.out["alert"][-1].level == "trip"
-    run.take(run.pipeline.idle(run.newest_ns + 500_000_000, CLOCK))
+    run.take(run.pipeline.idle(run.newest_ns + 500_000_000, CLOCK).messages)
     before = len(run.out["condition"])
     for second in range(1, 60):
-        run.take(run.pipeline.idle(run.newest_ns + second * 1_000_000_000 + 1, CLOCK))
+        run.take(run.pipeline.idle(run.newest_ns + second * 1_000_000_000 + 1, CLOCK).messages)
     assert len(run.out["condition"]) > before
     assert run.out["condition"][-1].verdict == "unknown"
     assert "stale" in run.out["condition"][-1].reasons[0]
@@ -154,7 +154,7 @@ def test_stale_is_said_and_never_clears_an_alert():
 
 def test_fresh_samples_end_staleness():
     run = Run(crane()).go(20)
-    run.take(run.pipeline.idle(run.newest_ns + 2_000_000_000, CLOCK))
+    run.take(run.pipeline.idle(run.newest_ns + 2_000_000_000, CLOCK).messages)
     assert run.out["condition"][-1].verdict == "unknown"
     run.go(1)
     assert "fresh" not in run.out["condition"][-1].gates
@@ -210,7 +210,7 @@ def test_nothing_is_said_of_the_load_while_the_sensor_is_recalibrated():
     run = Run(crane(9.0)).go(20)
     assert run.out["alert"][-1].level == "trip"
     before = {topic: len(messages) for topic, messages in run.out.items()}
-    run.pipeline.recalibrating(NO_SESSION, WHY)
+    run.pipeline.set_session(NO_SESSION, WHY)
     run.go(5)
     later = {topic: messages[before[topic] :] for topic, messages in run.out.items()}
     assert {alert.level for alert in later["alert"][1:]} == {
@@ -229,9 +229,9 @@ def test_nothing_is_said_of_the_load_while_the_sensor_is_recalibrated():
 
 def test_a_device_that_is_lost_while_it_is_recalibrated_says_both():
     run = Run(crane()).go(5)
-    run.pipeline.recalibrating(NO_SESSION, WHY)
+    run.pipeline.set_session(NO_SESSION, WHY)
     run.go(1)
-    run.take(run.pipeline.idle(run.newest_ns + 3_000_000_000, CLOCK))
+    run.take(run.pipeline.idle(run.newest_ns + 3_000_000_000, CLOCK).messages)
     reason = run.out["condition"][-1].reasons[0]
     assert WHY in reason
     assert "stale" in reason
@@ -242,7 +242,7 @@ def test_the_calibration_message_tells_how_a_session_stands():
     run = Run(crane()).go(1)
     assert run.out["calibration"][-1].session == NO_SESSION
     session = replace(NO_SESSION, id="session-1", phase="collecting")
-    run.pipeline.recalibrating(session, WHY)
-    message = run.pipeline.calibration(run.newest_ns, CLOCK).message
+    run.pipeline.set_session(session, WHY)
+    message = run.pipeline.calibration_message(MessageTime(run.newest_ns, CLOCK)).message
     assert message.session == session
     assert message.calibration_id == run.info.factory_calibration["id"]

@@ -60,7 +60,7 @@ class Hanging:
 
     def open(self):
         configuration = validate({"housing": {"position_m": 5.0}, "rope": {"length_m": 8.0}}, "test")
-        self.pipeline = Pipeline(configuration, INFO, CORRECTION, HeaderMaker(), rest=self.rest)
+        self.pipeline = Pipeline(configuration, INFO, CORRECTION, HeaderMaker(), drift=self.rest)
 
     def hour(self, hour, error_g=0.0, seconds=24.0, sway_g=0.0):
         for number in range(round(seconds * RATE_HZ / BLOCK)):
@@ -69,9 +69,8 @@ class Hanging:
             force_g[:, 0] += sway_g * np.sin(2 * np.pi * at_s / 5.7)
             raw = force_g + self._random.normal(0, NOISE_G, (BLOCK, 3))
             time_ns = MADE_NS + hour * NS_PER_HOUR + np.rint(at_s * 1e9).astype(np.int64)
-            for emission in self.pipeline.process(
-                SampleBlock(time_ns=time_ns, raw=raw, temperature_c=20.0), self.clock
-            ):
+            block = SampleBlock(time_ns=time_ns, raw=raw, temperature_c=20.0)
+            for emission in self.pipeline.process(block, self.clock).messages:
                 self.out[emission.topic].append(emission.message)
         return self
 
@@ -97,8 +96,8 @@ def test_a_sensor_that_drifted_out_of_its_interval_is_warned_of_though_it_is_nev
     assert "calibrate" in warned.text
     raised = [alert for alert in crane.out["alert"] if alert.rule == "calibration"]
     assert [alert.event for alert in raised] == ["raised"]
-    assert crane.rest.told["state"] == "alarm"
-    assert crane.rest.told["norm_error_mg"] == pytest.approx(2000 * DM_G, rel=0.05)
+    assert crane.rest.status_json["state"] == "alarm"
+    assert crane.rest.status_json["norm_error_mg"] == pytest.approx(2000 * DM_G, rel=0.05)
 
 
 @pytest.mark.slow
@@ -119,29 +118,29 @@ def test_the_warning_goes_with_the_drift_and_a_swing_says_nothing_of_it():
 
 def test_what_is_still_within_its_interval_is_watched_and_not_warned_of():
     crane = Hanging()
-    assert crane.rest.told["state"] == "no_rest"
+    assert crane.rest.status_json["state"] == "no_rest"
     for hour in range(HOLD_HOURS + 1):
         crane.hour(hour, error_g=DM_G / 2)
-    assert crane.rest.told["state"] == "watching"
+    assert crane.rest.status_json["state"] == "watching"
     assert crane.rest.alarm is None
     assert {alert.rule for alert in crane.out["alert"]} <= {None, "swing", "lean"}
 
 
 def test_nothing_is_fed_while_the_housing_is_off_the_rope():
     crane = Hanging()
-    crane.pipeline.recalibrating(NO_SESSION, "SUSPENDED: on the bench")
+    crane.pipeline.set_session(NO_SESSION, "SUSPENDED: on the bench")
     crane.hour(0).hour(1)
-    assert not crane.rest.unkept
-    crane.pipeline.recalibrating(NO_SESSION, None)
+    assert not crane.rest.has_unsaved_readings
+    crane.pipeline.set_session(NO_SESSION, None)
     crane.hour(2)
-    assert crane.rest.unkept
+    assert crane.rest.has_unsaved_readings
 
 
 def test_the_warning_is_unknown_while_alerts_are_suspended_and_comes_back_with_the_next_pipeline():
     crane = Hanging()
     for hour in range(HOLD_HOURS + 1):
         crane.hour(hour, error_g=2 * DM_G)
-    crane.pipeline.recalibrating(NO_SESSION, "SUSPENDED: on the bench")
+    crane.pipeline.set_session(NO_SESSION, "SUSPENDED: on the bench")
     crane.hour(HOLD_HOURS + 2, seconds=2)
     assert crane.alert.level == "unknown"
     assert "SUSPENDED" in calibration_of(crane.alert).text
@@ -152,10 +151,10 @@ def test_the_warning_is_unknown_while_alerts_are_suspended_and_comes_back_with_t
 
 def test_readings_are_dated_by_the_wall_clock():
     ahead = Hanging(2 * NS_PER_HOUR).hour(0)
-    assert ahead.rest.state()["open"]["hour"] == MADE_NS // NS_PER_HOUR + 2
+    assert ahead.rest.dump_state()["open"]["hour"] == MADE_NS // NS_PER_HOUR + 2
     behind = Hanging(-NS_PER_HOUR).hour(0)
-    assert behind.rest.state()["open"] is None
-    assert behind.rest.state()["misdated"] > 0
+    assert behind.rest.dump_state()["open"] is None
+    assert behind.rest.dump_state()["misdated"] > 0
 
 
 def test_an_alarm_whose_hours_were_forgotten_still_says_what_to_do():
@@ -165,5 +164,5 @@ def test_an_alarm_whose_hours_were_forgotten_still_says_what_to_do():
 
 def test_without_a_record_nothing_is_watched():
     rest = DriftMonitor(None)
-    rest.take({}, MADE_NS, np.array([0.0, 0.0, 1.0]), None)
-    assert (rest.told, rest.alarm, rest.calibration_id, rest.state()) == (None, None, None, None)
+    rest.update({}, MADE_NS, np.array([0.0, 0.0, 1.0]), None)
+    assert (rest.status_json, rest.alarm, rest.calibration_id, rest.dump_state()) == (None, None, None, None)

@@ -9,7 +9,7 @@ from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from gateway.calibration.correction import Correction
 from gateway.configuration.loading import validate
-from gateway.pipeline.clock_state import ClockState
+from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.executor import ImmediateExecutor
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
@@ -51,8 +51,8 @@ def last_word(crane, temperature_c):
     reading = SwingStage(validate(table, "test"), INFO, CORRECTION, LowPass(1.0, 2, RATE_HZ), ImmediateExecutor())
     for begin in range(0, len(time_s), 10):
         part = slice(begin, begin + 10)
-        reading.take(time_s[part], planted_g[part], planted_g[part], temperature_c)
-    header = HeaderMaker().make("swing", 0, ClockState("synchronised", 0), "r1")
+        reading.update(time_s[part], planted_g[part], planted_g[part], temperature_c)
+    header = HeaderMaker().make("swing", MessageTime(0, ClockState("synchronised", 0)), "r1")
     return reading.message(header), reading.upper_confidence_limits()[1]
 
 
@@ -80,7 +80,7 @@ def tilt_u_deg(temperatures_c):
     for number, temperature_c in enumerate(temperatures_c):
         time_ns = np.rint((number * 10 + np.arange(10)) / RATE_HZ * 1e9).astype(np.int64)
         block = SampleBlock(time_ns, np.tile([0.0, 0.0, 1.0], (10, 1)), temperature_c)
-        emissions = list(pipeline.process(block, ClockState("synchronised", 0)))
+        emissions = pipeline.process(block, ClockState("synchronised", 0)).messages
         tilts += [emission.message for emission in emissions if emission.topic == "tilt"]
     return tilts[-1].u_deg
 

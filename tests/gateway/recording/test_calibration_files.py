@@ -14,6 +14,7 @@ from mcap.reader import make_reader
 from devices.block import DeviceInfo
 from gateway import messages
 from gateway.calibration.record import CalibrationRecord, content_hash
+from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.calibration_files import CalibrationFiles, calibration_files
 from gateway.recording.info import summarise
 from gateway.recording.reader import open_recording
@@ -74,7 +75,7 @@ def test_every_segment_carries_the_record_and_its_certificate(
     recorder.set_calibration(files, start_ns)
     for number in range(150):
         now_ns = start_ns + number * 32_000_000
-        recorder.write("samples", make_samples(number), now_ns)
+        recorder.write(encode_message("samples", make_samples(number), now_ns))
         recorder.tick(now_ns)
     recorder.close()
     assert len(segments(folder)) == 3
@@ -99,7 +100,7 @@ def test_a_record_that_comes_in_force_is_on_the_disk_at_once_and_behind_what_cam
     recorder = make_recorder(fsync_s=3600.0)
     recorder.set_device(device, start_ns)
     path = recorder.start(start_ns)
-    recorder.write("samples", make_samples(0), start_ns)
+    recorder.write(encode_message("samples", make_samples(0), start_ns))
     recorder.set_calibration(files, start_ns + 5)
     recorder.set_calibration(calibration_files(make_record("r2"), make_record("r1")), start_ns + 6)
     as_killed = open_recording(path)
@@ -165,7 +166,7 @@ def test_recovering_a_torn_file_keeps_them(
     recorder.set_device(device, start_ns)
     path = recorder.start(start_ns)
     recorder.set_calibration(files, start_ns)
-    recorder.write("samples", make_samples(0), start_ns)
+    recorder.write(encode_message("samples", make_samples(0), start_ns))
     recorder.tick(start_ns + 2 * SECOND_NS)
     torn, whole = tmp_path / "torn", tmp_path / "whole.mcap"
     torn.write_bytes(path.read_bytes())
@@ -185,9 +186,9 @@ def test_a_disk_that_fails_stops_the_recording_and_the_next_one_carries_it(
     recorder = make_recorder()
     recorder.set_device(device, start_ns)
     recorder.start(start_ns)
-    recorder.write("samples", make_samples(0), start_ns)
+    recorder.write(encode_message("samples", make_samples(0), start_ns))
     recorder.set_calibration(calibration_files(make_record("r0"), None), start_ns)
-    recorder.write("samples", make_samples(1), start_ns)
+    recorder.write(encode_message("samples", make_samples(1), start_ns))
 
     def full(descriptor: int, data: bytes) -> int:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))

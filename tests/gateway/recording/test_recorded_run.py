@@ -11,6 +11,7 @@ from devices.block import DeviceInfo, SampleBlock
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.packing import pack
+from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.header import RecordingHeader
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
@@ -24,7 +25,7 @@ def record(recorder: Recorder, blocks: list[SampleBlock]) -> Path:
     for number, block in enumerate(blocks):
         last_ns = int(block.time_ns[-1])
         message = pack(block, time_ns=last_ns, clock="synchronised", sequence=number, calibration_id=None)
-        recorder.write("samples", message, last_ns)
+        recorder.write(encode_message("samples", message, last_ns))
     recorder.close()
     return path
 
@@ -41,7 +42,7 @@ def test_a_run_comes_back_block_by_block_with_all_that_replay_needs(
     recorder.set_device(device, start_ns)
     recorder.start(start_ns)
     standing = every_message["calibration"]
-    recorder.write("calibration", standing, start_ns)
+    recorder.write(encode_message("calibration", standing, start_ns))
     blocks = [make_block(0), make_block(4, length=8, lost=9), make_block(12, length=5)]
     path = record(recorder, blocks)
     run = read_samples(path)
@@ -68,9 +69,9 @@ def test_calibrations_are_told_once_each_in_order(
     recorder = make_recorder()
     recorder.set_device(device, start_ns)
     path = recorder.start(start_ns)
-    recorder.write("samples", make_samples(0), start_ns)
+    recorder.write(encode_message("samples", make_samples(0), start_ns))
     for step, name in enumerate(["a", "a", "b", "a"]):
-        recorder.write("calibration", make_calibration(name), start_ns + step)
+        recorder.write(encode_message("calibration", make_calibration(name), start_ns + step))
     recorder.close()
     told = [(found.log_time_ns - start_ns, found.message.calibration_id) for found in read_samples(path).calibrations]
     assert told == [(0, "a"), (2, "b"), (3, "a")]
@@ -137,7 +138,7 @@ def test_a_recording_without_samples_is_refused(
 ) -> None:
     recorder = make_recorder()
     path = recorder.start(start_ns)
-    recorder.write("health", every_message["health"], start_ns)
+    recorder.write(encode_message("health", every_message["health"], start_ns))
     recorder.close()
     with pytest.raises(RecordingError, match="holds no samples; the gateway was stopped or lost its device"):
         read_samples(path)
@@ -161,7 +162,7 @@ def test_samples_without_the_device_that_made_them_are_refused(
 ) -> None:
     recorder = make_recorder()
     path = recorder.start(start_ns)
-    recorder.write("samples", make_samples(0), start_ns)
+    recorder.write(encode_message("samples", make_samples(0), start_ns))
     recorder.close()
     with pytest.raises(RecordingError, match="no metadata 'device'"):
         read_samples(path)

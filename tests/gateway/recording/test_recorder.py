@@ -16,6 +16,7 @@ from mcap.reader import make_reader
 
 from devices.block import DeviceInfo
 from gateway import messages
+from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.header import RecordingHeader
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
@@ -46,7 +47,7 @@ def record_blocks(
 ) -> None:
     for number in numbers:
         now_ns = start_ns + round(number * block_s * 1e9)
-        recorder.write("samples", make_samples(number), now_ns)
+        recorder.write(encode_message("samples", make_samples(number), now_ns))
         recorder.tick(now_ns)
 
 
@@ -56,7 +57,7 @@ def test_every_topic_comes_back_through_the_public_reader(
     recorder = make_recorder()
     path = recorder.start(start_ns)
     for topic, message in every_message.items():
-        recorder.write(topic, message, start_ns + 99)
+        recorder.write(encode_message(topic, message, start_ns + 99))
     recorder.close()
     with path.open("rb") as file:
         reader = make_reader(file, validate_crcs=True)
@@ -107,7 +108,7 @@ def test_what_is_written_is_in_the_file_once_fsync_s_has_passed(
 ) -> None:
     recorder = make_recorder(fsync_s=1.0)
     path = recorder.start(start_ns)
-    recorder.write("samples", make_samples(0), start_ns)
+    recorder.write(encode_message("samples", make_samples(0), start_ns))
     recorder.tick(start_ns + SECOND_NS - 1)
     assert list(open_recording(path).messages()) == []
     recorder.tick(start_ns + SECOND_NS)
@@ -133,7 +134,7 @@ def test_the_file_and_its_name_are_synced(
     path = recorder.start(start_ns)
     assert synced == [str(path.parent / f".{path.name}.part"), str(path.parent)]  # the name comes last
     synced.clear()
-    recorder.write("samples", make_samples(0), start_ns)
+    recorder.write(encode_message("samples", make_samples(0), start_ns))
     recorder.tick(start_ns + SECOND_NS)
     assert synced == [str(path)]
     recorder.close()
@@ -172,9 +173,9 @@ def test_segments_follow_each_other_without_a_hole_and_each_stands_alone(
     folder = recorder.start(start_ns).parent
     calibration = every_message["calibration"]
     assert isinstance(calibration, messages.Calibration)
-    recorder.write("calibration", replace(calibration, status="uncalibrated"), start_ns)
-    recorder.write("calibration", calibration, start_ns)
-    recorder.write("clock", every_message["clock"], start_ns)
+    recorder.write(encode_message("calibration", replace(calibration, status="uncalibrated"), start_ns))
+    recorder.write(encode_message("calibration", calibration, start_ns))
+    recorder.write(encode_message("clock", every_message["clock"], start_ns))
     record_blocks(recorder, make_samples, range(200), start_ns)
     recorder.close()
     files = segments(folder)
@@ -254,12 +255,12 @@ def test_another_device_begins_a_new_segment(
     recorder = make_recorder()
     recorder.start(start_ns)
     recorder.set_device(device, start_ns)
-    recorder.write("samples", make_samples(0), start_ns)
+    recorder.write(encode_message("samples", make_samples(0), start_ns))
     recorder.set_device(device, start_ns)  # the same part came back
     assert len(segments(tmp_path)) == 1
     other = replace(device, device_id="adxl355-0x53-label8", units_per_g=128_000.0)
     recorder.set_device(other, start_ns + 5 * SECOND_NS)
-    recorder.write("samples", make_samples(1), start_ns + 5 * SECOND_NS)
+    recorder.write(encode_message("samples", make_samples(1), start_ns + 5 * SECOND_NS))
     recorder.close()
     assert [read_samples(path).device for path in segments(tmp_path)] == [device, other]
 
@@ -269,7 +270,7 @@ def test_nothing_is_recorded_before_the_start_and_the_loss_is_told(
 ) -> None:
     recorder = make_recorder()
     with pytest.raises(RecorderError) as caught:
-        recorder.write("samples", make_samples(0), start_ns)
+        recorder.write(encode_message("samples", make_samples(0), start_ns))
     assert (caught.value.lost_messages, caught.value.lost_samples) == (1, 32)
     recorder.tick(start_ns)
     recorder.close()
@@ -281,7 +282,7 @@ def test_a_calibration_that_came_while_nothing_was_recorded_stands_in_the_next_s
 ) -> None:
     recorder = make_recorder()
     with pytest.raises(RecorderError):
-        recorder.write("calibration", make_calibration("c-9"), start_ns)
+        recorder.write(encode_message("calibration", make_calibration("c-9"), start_ns))
     path = recorder.start(start_ns)
     recorder.close()
     assert [content["calibration_id"] for _, content in contents(path)] == ["c-9"]
@@ -293,10 +294,10 @@ def test_a_time_that_no_recording_can_hold_is_refused_and_harms_nothing(
 ) -> None:
     recorder = make_recorder()
     path = recorder.start(start_ns)
-    recorder.write("samples", make_samples(0), start_ns)
+    recorder.write(encode_message("samples", make_samples(0), start_ns))
     with pytest.raises(ValueError, match="/samples"):
-        recorder.write("samples", make_samples(1), log_time_ns)
-    recorder.write("samples", make_samples(2), start_ns)
+        recorder.write(encode_message("samples", make_samples(1), log_time_ns))
+    recorder.write(encode_message("samples", make_samples(2), start_ns))
     recorder.close()
     assert [content["sequence"] for _, content in contents(path)] == [0, 2]
 
@@ -336,7 +337,7 @@ def test_a_disk_that_does_not_keep_data_stops_the_recording_and_it_can_start_aga
     assert (caught.value.lost_messages, caught.value.lost_samples) == (7, 224)  # block 32 was synced, 39 is the last
     assert segments(path.parent) == [path]  # the try that failed left no empty file
     second = recorder.start(start_ns + 12 * SECOND_NS)
-    recorder.write("samples", make_samples(40), start_ns + 12 * SECOND_NS)
+    recorder.write(encode_message("samples", make_samples(40), start_ns + 12 * SECOND_NS))
     recorder.close()
     assert len(read_samples_of(path)) >= 33
     assert read_samples_of(second) == [40]
@@ -348,6 +349,7 @@ def read_samples_of(path: Path) -> list[int]:
 
 FULL_DISK = """
 import pickle, resource, sys
+from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.writer import Recorder, RecorderError
 header, made, folder, start_ns = pickle.load(sys.stdin.buffer)
 recorder = Recorder(folder, header, segment_s=600, fsync_s=1.0, quota_mb=100)
@@ -357,7 +359,7 @@ lost = 0
 for number, message in enumerate(made):
     now_ns = start_ns + number * 32_000_000
     try:
-        recorder.write("samples", message, now_ns)
+        recorder.write(encode_message("samples", message, now_ns))
         recorder.tick(now_ns)
     except RecorderError as error:
         if recorder.path is None and not lost:

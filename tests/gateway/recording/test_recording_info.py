@@ -8,6 +8,7 @@ import pytest
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
+from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.info import LargestSwing, TopicInfo, summarise
 from gateway.recording.info_text import info_text
 from tests.gateway.recording.conftest import MakeRecorder
@@ -29,19 +30,21 @@ def recorded(
     recorder = make_recorder()
     recorder.set_device(device, start_ns)
     path = recorder.start(start_ns)
-    recorder.write("calibration", every_message["calibration"], start_ns)
+    recorder.write(encode_message("calibration", every_message["calibration"], start_ns))
     for number in (n for n in range(313) if n not in (100, 101)):
         message = make_samples(number, period_ns=1e6, lost=64 if number == 102 else 0)
-        recorder.write("samples", message, message.time_ns)
+        recorder.write(encode_message("samples", message, message.time_ns))
         recorder.tick(message.time_ns)
     for second, phi_max_deg in enumerate([2.0, 4.25, None, 3.0]):
-        recorder.write("swing", make_swing(phi_max_deg, start_ns + second), start_ns + second * SECOND_NS)
+        recorder.write(
+            encode_message("swing", make_swing(phi_max_deg, start_ns + second), start_ns + second * SECOND_NS)
+        )
     for event in ("raised", "standing", "standing", "cleared"):
-        recorder.write("alert", make_alert(event), start_ns + SECOND_NS)
+        recorder.write(encode_message("alert", make_alert(event), start_ns + SECOND_NS))
     clock = every_message["clock"]
-    assert isinstance(clock, messages.Clock)
+    assert isinstance(clock, messages.ClockOffset)
     clock = replace(clock, wall_offset_ns=2 * SECOND_NS, stepped=True)
-    recorder.write("clock", clock, start_ns + SECOND_NS)
+    recorder.write(encode_message("clock", clock, start_ns + SECOND_NS))
     recorder.close()
     return path
 
@@ -115,7 +118,7 @@ def test_blocks_of_one_sample_have_a_rate_and_gaps_too(
     path = recorder.start(start_ns)
     for number in (0, 1, 2, 3, 7, 8):
         message = make_samples(number, length=1, period_ns=1e7)
-        recorder.write("samples", message, message.time_ns)
+        recorder.write(encode_message("samples", message, message.time_ns))
     recorder.close()
     samples = summarise(path).samples
     assert samples.rate_hz == pytest.approx(100.0)
@@ -128,7 +131,7 @@ def test_a_recording_without_samples_or_facts_is_told_without_them(
 ) -> None:
     recorder = make_recorder()
     path = recorder.start(start_ns)
-    recorder.write("log", every_message["log"], start_ns)
+    recorder.write(encode_message("log", every_message["log"], start_ns))
     recorder.close()
     text = info_text(summarise(path))
     assert "samples        none" in text

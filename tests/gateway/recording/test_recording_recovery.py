@@ -9,6 +9,7 @@ from mcap.writer import Writer
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
+from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.info import summarise
 from gateway.recording.info_text import info_text
 from gateway.recording.reader import open_recording
@@ -31,10 +32,10 @@ def torn(
     recorder.set_device(device, start_ns)
     path = recorder.start(start_ns)
     for topic in ("calibration", "log"):
-        recorder.write(topic, every_message[topic], start_ns)
+        recorder.write(encode_message(topic, every_message[topic], start_ns))
     for number in range(100):
         now_ns = start_ns + number * 32_000_000
-        recorder.write("samples", make_samples(number), now_ns)
+        recorder.write(encode_message("samples", make_samples(number), now_ns))
         recorder.tick(now_ns)
     recorder.close()
     path.write_bytes(path.read_bytes()[:-30_000])

@@ -15,6 +15,7 @@ from mcap.reader import make_reader
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
+from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.header import RecordingHeader
 from gateway.recording.info import summarise
 from gateway.recording.info_text import info_text
@@ -29,6 +30,7 @@ FSYNC_S = 1.0
 
 RECORD_IN_REAL_TIME = """
 import pickle, sys, time
+from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.writer import Recorder
 header, made, folder = pickle.load(sys.stdin.buffer)
 recorder = Recorder(folder, header, segment_s=600, fsync_s=1.0, quota_mb=100)
@@ -37,7 +39,7 @@ recorder.start(first_ns)
 began_s = time.monotonic()
 for message in made:
     time.sleep(max(0.0, began_s + (message.time_ns - first_ns) / 1e9 - time.monotonic()))
-    recorder.write("samples", message, message.time_ns)
+    recorder.write(encode_message("samples", message, message.time_ns))
     recorder.tick(message.time_ns)
     print(message.sequence, flush=True)
 """
@@ -62,10 +64,10 @@ def small(
     ends = [path.stat().st_size]
     for number in range(12):
         now_ns = start_ns + number * 400_000_000
-        recorder.write("samples", make_samples(number, length=4), now_ns)
+        recorder.write(encode_message("samples", make_samples(number, length=4), now_ns))
         if number == 1:
             for topic in set(every_message) - {"samples"}:
-                recorder.write(topic, every_message[topic], now_ns)
+                recorder.write(encode_message(topic, every_message[topic], now_ns))
         recorder.tick(now_ns)
         if path.stat().st_size > ends[-1]:
             ends.append(path.stat().st_size)

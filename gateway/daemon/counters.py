@@ -1,0 +1,23 @@
+"""Counters that the processor writes and the health message reads."""
+
+from dataclasses import dataclass
+
+from devices.block import SampleBlock
+
+
+@dataclass(slots=True)
+class SampleCounters:
+    """What has passed the processor since start."""
+
+    samples: int = 0
+    newest_ns: int | None = None
+    """Gateway time of the newest sample."""
+    lost: int = 0
+    invalid: int = 0
+
+    def add(self, block: SampleBlock) -> None:
+        """Count a block."""
+        self.samples += len(block)
+        self.newest_ns = int(block.time_ns[-1])
+        self.lost += block.lost
+        self.invalid += block.invalid
