@@ -72,7 +72,7 @@ def test_a_full_disk_stops_the_recording_and_not_the_gateway(start_gateway, join
     """The kernel's limit on file size stands in for a disk without room: writes fail at the outermost call."""
     gateway = start_gateway(
         "[device]\nodr_hz = 4000\nblock_samples = 32\n",
-        prefix=("sh", "-c", 'ulimit -f 128; exec "$@"', "sh"),  # blocks of 512 bytes
+        prefix=("sh", "-c", 'ulimit -f 256; exec "$@"', "sh"),  # blocks of 512 bytes: 128 KiB, beyond the first sync
     )
     peer = join_bus(gateway.endpoint)
     said = peer.wait_for("health", lambda message: message["recording_error"])
