@@ -5,24 +5,35 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.swing.bins import Bins, merge
-from gateway.swing.dead_axis import DeadAxis, silence_in
+from gateway.swing.data.bins import BINS_PER_PERIOD, Bins, merge
+from gateway.swing.data.input_checks import fault_of_means
+from gateway.swing.data.recent_window import RecentWindow
+from gateway.swing.detection.dead_axis import DeadAxis, silence_in
+from gateway.swing.detection.rest_detection import (
+    FAINTEST_GAIN,
+    RESTLESS,
+    at_rest_estimate,
+    irregular_motion_estimate,
+    is_below_detection,
+)
 from gateway.swing.estimate import SwingEstimate
+from gateway.swing.estimation.hoist_tracking import BACK_PERIODS, hoist_find, raster_step_s
+from gateway.swing.estimation.make_estimate import NO_MOTION, assess, hoisting_duration_s, predict
+from gateway.swing.estimation.robust_fit import (
+    FitResult,
+    choose_prior,
+    fit_robust,
+    fit_robust_from,
+    inflate_uncertainty,
+)
+from gateway.swing.fit.initial_guess import find_harmonics, start_motions
+from gateway.swing.fit.likelihood import Fit
+from gateway.swing.fit.multiple_shooting import advanced
+from gateway.swing.fit.priors import nominal_prior, relaxed_prior
 from gateway.swing.formulas import LowpassGain, as_published, corrected
-from gateway.swing.hoist_tracking import BACK_PERIODS, hoist_find, raster_step_s
-from gateway.swing.initial_guess import find_harmonics, start_motions
-from gateway.swing.input_checks import fault_of_means
-from gateway.swing.likelihood import Fit
-from gateway.swing.make_estimate import NO_MOTION, assess, hoisting_duration_s, predict
-from gateway.swing.model import Real
-from gateway.swing.motion import PLAIN
-from gateway.swing.multiple_shooting import advanced
-from gateway.swing.offline import BINS_PER_PERIOD, RESTLESS
-from gateway.swing.priors import nominal_prior, relaxed_prior
-from gateway.swing.rest_detection import FAINTEST_GAIN, at_rest_estimate, irregular_motion_estimate, is_below_detection
+from gateway.swing.model.motion import PLAIN
+from gateway.swing.model.spherical_pendulum import Real
 from gateway.swing.rig import MountedHousing
-from gateway.swing.robust_fit import FitResult, choose_prior, fit_robust, fit_robust_from, inflate_uncertainty
-from gateway.swing.window import RecentWindow
 
 WINDOW_PERIODS = 3.0
 SHORT_WINDOW_PERIODS = 0.85

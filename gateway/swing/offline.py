@@ -5,18 +5,14 @@ from dataclasses import replace
 import numpy as np
 
 from gateway.numerics.spikes import lone_spikes
-from gateway.swing.bins import Bins, bin_samples, checked
-from gateway.swing.dead_axis import silence_of
-from gateway.swing.estimate import SwingEstimate
-from gateway.swing.initial_guess import Harmonics, find_harmonics, start_motions
-from gateway.swing.input_checks import fault_of
-from gateway.swing.make_estimate import NO_MOTION, assess
-from gateway.swing.model import Real
-from gateway.swing.noise import believed_noise_g
-from gateway.swing.priors import Prior, nominal_prior, relaxed_prior
-from gateway.swing.rest_detection import (
+from gateway.swing.data.bins import BINS_PER_PERIOD, Bins, bin_samples, checked
+from gateway.swing.data.input_checks import fault_of
+from gateway.swing.data.noise import believed_noise_g
+from gateway.swing.detection.dead_axis import silence_of
+from gateway.swing.detection.rest_detection import (
     FAINTEST_AXIAL_GAIN,
     FAINTEST_GAIN,
+    RESTLESS,
     WORTH_A_FIT,
     at_rest_estimate,
     gains,
@@ -24,8 +20,9 @@ from gateway.swing.rest_detection import (
     is_below_detection,
     upper_bound_amplitude,
 )
-from gateway.swing.rig import MountedHousing
-from gateway.swing.robust_fit import (
+from gateway.swing.estimate import SwingEstimate
+from gateway.swing.estimation.make_estimate import NO_MOTION, assess
+from gateway.swing.estimation.robust_fit import (
     FitResult,
     choose_fit,
     choose_prior,
@@ -33,16 +30,17 @@ from gateway.swing.robust_fit import (
     fit_robust_from,
     inflate_uncertainty,
 )
-from gateway.swing.segmentation import Segmenter, assess_pieces, fit_gaps_with_hoisting
-from gateway.swing.sensor_lowpass import delay_s
+from gateway.swing.estimation.segmentation import Segmenter, assess_pieces, fit_gaps_with_hoisting
+from gateway.swing.fit.initial_guess import Harmonics, find_harmonics, start_motions
+from gateway.swing.fit.priors import Prior, nominal_prior, relaxed_prior
+from gateway.swing.model.sensor_lowpass import delay_s
+from gateway.swing.model.spherical_pendulum import Real
+from gateway.swing.rig import MountedHousing
 
-BINS_PER_PERIOD = 32
 FIRST_WINDOW_PERIODS = 3.0
 GROWTH = 2.2
 FEWEST_PERIODS = 0.8
 FEWEST_SAMPLES = 8
-RESTLESS = 0.5
-"""Unexplained by harmonics, rms over rms, from which on a small movement is not a swing."""
 FIRST_ITERATIONS = 25
 NO_EVENT_MISFIT = 0.01
 """Unexplained part of the signal above which the recording is looked through for an event."""

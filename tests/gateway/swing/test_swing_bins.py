@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.numerics.quantisation import smallest_steps
-from gateway.swing.bins import bin_samples, concatenate, merge
-from gateway.swing.input_checks import fault_of
-from gateway.swing.noise import believed_noise_g, noise_from_differences
+from gateway.swing.data.bins import bin_samples, concatenate, merge
+from gateway.swing.data.input_checks import fault_of
+from gateway.swing.data.noise import believed_noise_g, noise_from_differences
 
 RNG = np.random.default_rng(3)
 

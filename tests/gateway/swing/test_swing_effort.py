@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from gateway.swing import MountedHousing, SwingTracker
-from gateway.swing.bins import bin_samples
-from gateway.swing.initial_guess import find_harmonics, start_motions
-from gateway.swing.likelihood import improved, linearised
-from gateway.swing.priors import nominal_prior
+from gateway.swing.data.bins import bin_samples
+from gateway.swing.fit.initial_guess import find_harmonics, start_motions
+from gateway.swing.fit.likelihood import improved, linearised
+from gateway.swing.fit.priors import nominal_prior
 
 PERIOD_S = 2 * np.pi * np.sqrt(9.0 / 9.80665)
 NOISE_G = np.full(3, 4e-4)

@@ -9,8 +9,8 @@ from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import Hoist, TrolleyMove
 from gateway.swing import MountedHousing, SwingTracker, estimate_swing
-from gateway.swing.model import SensorPlacement, TrajectoryInput, integrate, specific_force_g
-from gateway.swing.rope_spline import SplineGrid
+from gateway.swing.model.rope_spline import SplineGrid
+from gateway.swing.model.spherical_pendulum import SensorPlacement, TrajectoryInput, integrate, specific_force_g
 
 NOISE_G = 4e-4
 TIME_S = np.arange(50 * 50) / 50.0

@@ -5,7 +5,7 @@ import pytest
 
 from devices.pendulum import pendulum
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
-from gateway.swing.model import ForceField, SensorPlacement, integrate, sample, specific_force_g
+from gateway.swing.model.spherical_pendulum import ForceField, SensorPlacement, integrate, sample, specific_force_g
 
 GRAVITY_M_S2 = STANDARD_GRAVITY_M_S2
 LENGTH_M, POSITION_M, DAMPING_1_S = 20.0, 13.0, 0.02

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from gateway.swing import MountedHousing
-from gateway.swing.bins import bin_samples
-from gateway.swing.cross_segment_consistency import enforce_common_sensor_errors
-from gateway.swing.hoist_tracking import FittedInterval
+from gateway.swing.data.bins import bin_samples
+from gateway.swing.estimation.cross_segment_consistency import enforce_common_sensor_errors
+from gateway.swing.estimation.hoist_tracking import FittedInterval
+from gateway.swing.fit.priors import nominal_prior
 from gateway.swing.offline import grow
-from gateway.swing.peaks import largest_angle
-from gateway.swing.priors import nominal_prior
+from gateway.swing.uncertainty.peaks import largest_angle
 
 NOISE_G = np.full(3, 4e-4)
 PULL_DEG = 3.0

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.swing.model import ForceField, TrajectoryInput, integrate, propagate
-from gateway.swing.motion import PLAIN, STATES, Grid, Motion
-from gateway.swing.multiple_shooting import linearise_segments, moved
-from gateway.swing.rope_spline import SplineGrid
+from gateway.swing.fit.multiple_shooting import linearise_segments, moved
+from gateway.swing.model.motion import PLAIN, STATES, Grid, Motion
+from gateway.swing.model.rope_spline import SplineGrid
+from gateway.swing.model.spherical_pendulum import ForceField, TrajectoryInput, integrate, propagate
 
 PERIOD_S = 6.0
 GRAVITY_M_S2 = 9.80665

@@ -6,17 +6,17 @@ from itertools import pairwise
 import numpy as np
 
 from gateway.numerics.stats import NORMAL_975
-from gateway.swing.bins import Bins
-from gateway.swing.cross_segment_consistency import enforce_common_sensor_errors
+from gateway.swing.data.bins import Bins
 from gateway.swing.estimate import SwingEstimate
-from gateway.swing.hoist_tracking import FittedInterval, track_backward, track_forward
-from gateway.swing.initial_guess import find_harmonics, start_motions
-from gateway.swing.make_estimate import CHOICE, assess, hoisting_duration_s
-from gateway.swing.model import Real
-from gateway.swing.peaks import largest_angle
-from gateway.swing.priors import Prior
+from gateway.swing.estimation.cross_segment_consistency import enforce_common_sensor_errors
+from gateway.swing.estimation.hoist_tracking import FittedInterval, track_backward, track_forward
+from gateway.swing.estimation.make_estimate import CHOICE, assess, hoisting_duration_s
+from gateway.swing.estimation.robust_fit import FitResult, fit_robust, fit_robust_from, inflate_uncertainty
+from gateway.swing.fit.initial_guess import find_harmonics, start_motions
+from gateway.swing.fit.priors import Prior
+from gateway.swing.model.spherical_pendulum import Real
 from gateway.swing.rig import MountedHousing
-from gateway.swing.robust_fit import FitResult, fit_robust, fit_robust_from, inflate_uncertainty
+from gateway.swing.uncertainty.peaks import largest_angle
 
 SHORTEST_PERIODS, LONGEST_PERIODS = 1.2, 8.0
 """Of a stretch."""

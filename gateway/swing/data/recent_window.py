@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.swing.bins import Bins, checked, concatenate, merge, single_samples
+from gateway.swing.data.bins import Bins, checked, concatenate, merge, single_samples
+from gateway.swing.data.noise import believed_noise_g
 from gateway.swing.formulas import Extremes, extremes
-from gateway.swing.model import Real
-from gateway.swing.noise import believed_noise_g
+from gateway.swing.model.spherical_pendulum import Real
 
 NOISE_MEMORY = 0.9
 """Share of the old noise that stays when a new one is seen."""

@@ -5,9 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.swing.sensor_lowpass import delay_s, spread_s
+from gateway.swing.model.sensor_lowpass import delay_s, spread_s
 
 Real = NDArray[np.float64]
+
+BINS_PER_PERIOD = 32
 
 
 @dataclass(frozen=True, slots=True)

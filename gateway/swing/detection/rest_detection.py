@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 
 from gateway.numerics.stats import NORMAL_975
-from gateway.swing.bins import Bins
+from gateway.swing.data.bins import Bins
 from gateway.swing.estimate import SwingEstimate
-from gateway.swing.initial_guess import Harmonics
-from gateway.swing.model import Real
+from gateway.swing.estimation.robust_fit import FitResult
+from gateway.swing.fit.initial_guess import Harmonics
+from gateway.swing.model.spherical_pendulum import Real
 from gateway.swing.rig import MountedHousing
-from gateway.swing.robust_fit import FitResult
 
 FAINTEST_GAIN = 40.0
 """Twice the log-likelihood that harmonics must gain to be called a swing: once in some 10^5 still windows noise does."""
@@ -23,6 +23,8 @@ Between this and `FAINTEST_GAIN` the answer is an angle that may as well be smal
 """
 BOUND_FACTOR = 2.5
 """Standard uncertainties added to an amplitude for its upper bound (of an ellipse, over all frequencies searched)."""
+RESTLESS = 0.5
+"""Unexplained by harmonics, rms over rms, from which on a small movement is not a swing."""
 LARGEST_RESTLESS_RAD = np.radians(1.0)
 
 

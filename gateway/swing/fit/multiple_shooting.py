@@ -10,9 +10,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gateway.swing.model import Complex, Path, Real, integrate, sample
-from gateway.swing.motion import STATES, STEPS_PER_SEGMENT, Instants, Motion
-from gateway.swing.segments import PERTURBATION, Segments
+from gateway.swing.model.motion import STATES, STEPS_PER_SEGMENT, Instants, Motion
+from gateway.swing.model.segments import PERTURBATION, Segments
+from gateway.swing.model.spherical_pendulum import Complex, Path, Real, integrate, sample
 
 LARGEST_TURN_RAD = 1.0
 """Of the swing's azimuth in one step."""

@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.swing.hoist_tracking import FittedInterval
-from gateway.swing.model import Real
-from gateway.swing.peaks import largest_angle, largest_angle_slope
-from gateway.swing.priors import ERRORS
-from gateway.swing.robust_fit import FitResult, inflate_uncertainty
+from gateway.swing.estimation.hoist_tracking import FittedInterval
+from gateway.swing.estimation.robust_fit import FitResult, inflate_uncertainty
+from gateway.swing.fit.priors import ERRORS
+from gateway.swing.model.spherical_pendulum import Real
+from gateway.swing.uncertainty.peaks import largest_angle, largest_angle_slope
 
 CHANCE = 1.5
 """Standard deviations by which two may differ."""

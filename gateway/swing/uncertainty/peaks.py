@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.swing.estimate import SwingPeak
-from gateway.swing.likelihood import Fit
-from gateway.swing.model import Complex, Real
-from gateway.swing.uncertainty import UncertaintyModel
+from gateway.swing.fit.likelihood import Fit
+from gateway.swing.model.spherical_pendulum import Complex, Real
+from gateway.swing.uncertainty.uncertainty_model import UncertaintyModel
 
 SAMPLES_PER_PERIOD = 48
 STEEPEST = 0.999

@@ -7,13 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.robust import robust_sigma
-from gateway.swing.bins import Bins
-from gateway.swing.likelihood import Fit, improved, linearised, maximum_a_posteriori, reweighted
-from gateway.swing.model import Real
-from gateway.swing.motion import PLAIN, STATES, Motion
-from gateway.swing.peaks import largest_angle
-from gateway.swing.priors import Prior, SensorModel
-from gateway.swing.uncertainty import LARGEST_MISFIT, UncertaintyModel, misfit, uncertainty_of
+from gateway.swing.data.bins import Bins
+from gateway.swing.fit.likelihood import Fit, improved, linearised, maximum_a_posteriori, reweighted
+from gateway.swing.fit.priors import Prior, SensorModel
+from gateway.swing.model.motion import PLAIN, STATES, Motion
+from gateway.swing.model.spherical_pendulum import Real
+from gateway.swing.uncertainty.peaks import largest_angle
+from gateway.swing.uncertainty.uncertainty_model import LARGEST_MISFIT, UncertaintyModel, misfit, uncertainty_of
 
 SPIKE_SIGMA = 6.0
 MOST_SPIKES = 0.03

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from devices.pendulum.small_swing import small_swing_period_s
-from gateway.swing.bins import Bins
-from gateway.swing.initial_guess import Harmonics, find_harmonics
-from gateway.swing.model import Real
+from gateway.swing.data.bins import Bins
+from gateway.swing.fit.initial_guess import Harmonics, find_harmonics
+from gateway.swing.model.spherical_pendulum import Real
 from gateway.swing.rig import MountedHousing
 
 SILENT = 5.0

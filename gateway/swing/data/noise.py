@@ -4,7 +4,7 @@ import numpy as np
 
 from gateway.numerics.quantisation import smallest_steps
 from gateway.numerics.robust import robust_sigma
-from gateway.swing.model import Real
+from gateway.swing.model.spherical_pendulum import Real
 
 DIFFERENCE_ORDER = 6
 """High enough that a swing of 2 s seen at 10 Hz leaves less than a tenth of a usual noise."""

@@ -6,10 +6,10 @@ import numpy as np
 
 from gateway.numerics.autocorrelation import correlation_sum
 from gateway.numerics.stats import student_quantile
-from gateway.swing.likelihood import Fit, information, weighted_square
-from gateway.swing.model import Real
-from gateway.swing.motion import LN_LENGTH, STATES
-from gateway.swing.sensor_lowpass import angle_u_rel
+from gateway.swing.fit.likelihood import Fit, information, weighted_square
+from gateway.swing.model.motion import LN_LENGTH, STATES
+from gateway.swing.model.sensor_lowpass import angle_u_rel
+from gateway.swing.model.spherical_pendulum import Real
 
 MISFIT_LEVERAGE = 3.0
 """Standard uncertainty of an angle, relative, per unexplained part of the signal.

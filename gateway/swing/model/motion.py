@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.pendulum.small_swing import small_swing_period_s
-from gateway.swing.model import Complex, ForceField, Real, State, TrajectoryInput, propagate
-from gateway.swing.rope_spline import Rope, SplineGrid
+from gateway.swing.model.rope_spline import Rope, SplineGrid
+from gateway.swing.model.spherical_pendulum import Complex, ForceField, Real, State, TrajectoryInput, propagate
 
 STATES = 6
 """u_x, u_y, w_x/w0, w_y/w0, l_x, l_y: a state, free of dimension."""

@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.swing.model import Complex, ForceField, Real, TrajectoryInput
-from gateway.swing.motion import DAMPING, LN_LENGTH, PLAIN, STATES, STEPS_PER_SEGMENT, Instants, Motion, field_of
-from gateway.swing.rope_spline import Rope
+from gateway.swing.model.motion import DAMPING, LN_LENGTH, PLAIN, STATES, STEPS_PER_SEGMENT, Instants, Motion, field_of
+from gateway.swing.model.rope_spline import Rope
+from gateway.swing.model.spherical_pendulum import Complex, ForceField, Real, TrajectoryInput
 
 PERTURBATION = 1e-6
 

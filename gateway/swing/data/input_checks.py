@@ -3,7 +3,7 @@
 import numpy as np
 
 from gateway.numerics.saturation import saturation_level
-from gateway.swing.model import Real
+from gateway.swing.model.spherical_pendulum import Real
 
 LARGEST_NORM_ERROR_G = 0.12
 """Of the mean specific force: a swing of 30 degrees moves it by 0.07."""

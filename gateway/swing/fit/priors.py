@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.swing.model import Real
-from gateway.swing.motion import LN_LENGTH, STATES
+from gateway.swing.model.motion import LN_LENGTH, STATES
+from gateway.swing.model.spherical_pendulum import Real
 from gateway.swing.rig import MountedHousing
 
 STATE_PRIOR = (1.0, 1.0, 1.0, 1.0, 0.3, 0.3)

@@ -4,11 +4,11 @@ import numpy as np
 
 from gateway.numerics.runs import true_runs
 from gateway.swing.estimate import SLOWEST_HOIST_M_S, SURE, PeakPrediction, SwingEstimate, SwingPeak
-from gateway.swing.model import Real
-from gateway.swing.motion import PLAIN, STATES
-from gateway.swing.peaks import angles, ellipse, half_swing_peaks, maxima_s, track
-from gateway.swing.robust_fit import FitResult
-from gateway.swing.uncertainty import UncertaintyModel
+from gateway.swing.estimation.robust_fit import FitResult
+from gateway.swing.model.motion import PLAIN, STATES
+from gateway.swing.model.spherical_pendulum import Real
+from gateway.swing.uncertainty.peaks import angles, ellipse, half_swing_peaks, maxima_s, track
+from gateway.swing.uncertainty.uncertainty_model import UncertaintyModel
 
 NOTABLE_WIDENING = 1.5
 CHOICE = 1.08

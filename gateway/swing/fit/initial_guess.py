@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from devices.pendulum.small_swing import small_swing_rate_1_s
-from gateway.swing.bins import Bins
-from gateway.swing.model import Complex, Real
-from gateway.swing.motion import Grid, Motion
+from gateway.swing.data.bins import Bins
+from gateway.swing.model.motion import Grid, Motion
+from gateway.swing.model.spherical_pendulum import Complex, Real
 from gateway.swing.rig import MountedHousing
 
 FREQUENCY_SPAN = (0.68, 1.55)

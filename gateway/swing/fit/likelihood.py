@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.swing.bins import Bins
-from gateway.swing.model import Real, SensorPlacement, position_jacobian, specific_force_g
-from gateway.swing.motion import LN_LENGTH, STATES, Motion
-from gateway.swing.multiple_shooting import SensitivityChain, largest_change, linearise_segments, moved
-from gateway.swing.priors import Prior, SensorModel
-from gateway.swing.rope_spline import Rope
+from gateway.swing.data.bins import Bins
+from gateway.swing.fit.multiple_shooting import SensitivityChain, largest_change, linearise_segments, moved
+from gateway.swing.fit.priors import Prior, SensorModel
+from gateway.swing.model.motion import LN_LENGTH, STATES, Motion
+from gateway.swing.model.rope_spline import Rope
+from gateway.swing.model.spherical_pendulum import Real, SensorPlacement, position_jacobian, specific_force_g
 
 CONVERGED, SETTLED = 0.01, 1.0
 """Fall of chi-square that a step may still promise when it is no longer taken, and when steps no longer keep the promise."""

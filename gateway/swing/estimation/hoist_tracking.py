@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.swing.bins import Bins
-from gateway.swing.model import Real
-from gateway.swing.motion import PLAIN, Motion
-from gateway.swing.priors import hoisting_prior
+from gateway.swing.data.bins import Bins
+from gateway.swing.estimation.robust_fit import FitResult, fit_robust
+from gateway.swing.fit.priors import hoisting_prior
+from gateway.swing.model.motion import PLAIN, Motion
+from gateway.swing.model.rope_spline import SplineGrid
+from gateway.swing.model.spherical_pendulum import Real
 from gateway.swing.rig import MountedHousing
-from gateway.swing.robust_fit import FitResult, fit_robust
-from gateway.swing.rope_spline import SplineGrid
 
 RASTER_STEPS_PER_PERIOD = 10
 MARGIN_PERIODS = 0.05

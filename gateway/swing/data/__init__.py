@@ -1,0 +1,1 @@
+"""Samples made ready for a fit: bins, noise, checks."""

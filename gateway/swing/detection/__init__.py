@@ -1,0 +1,1 @@
+"""Windows without a swing, and axes without a signal."""

@@ -1,0 +1,1 @@
+"""From fits to an estimate: outliers, choice of the prior, segments, hoists."""
