@@ -16,7 +16,7 @@ from gateway.twin.effects.sensor import Vibration
 from gateway.twin.reconcile.changepoints.changepoint_scan import COST_INSIDE
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.multiple_shooting import Fit
+from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
 Array = NDArray[np.float64]

@@ -61,9 +61,13 @@ class Observations:
         found: Array = (self.force_g - simulated_g) / self.noise_g * self.used[:, None]
         return found
 
+    def chi2(self, simulated_g: Array) -> float:
+        """Return the sum of the squared residual in sigma."""
+        return float((self.residual_sigma(simulated_g) ** 2).sum())
+
     def reduced_chi2(self, simulated_g: Array) -> float:
-        """Of the residual over the samples that count; 1 is noise alone."""
-        return float((self.residual_sigma(simulated_g) ** 2).sum() / self.n_values)
+        """Return chi-square per number that counts; 1 is noise alone."""
+        return self.chi2(simulated_g) / self.n_values
 
 
 @dataclass(frozen=True, slots=True)

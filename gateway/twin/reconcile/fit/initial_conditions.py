@@ -1,73 +1,59 @@
-"""The initial motion: found piece by piece from the readings, then as one motion over the whole recording."""
+"""Initial guesses of the initial conditions of each segment, by a fit of that segment alone."""
+
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import ModelStructure
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.multiple_shooting import Fit, fit_model, uniform_segments
+from gateway.twin.reconcile.fit.levenberg_marquardt import NormalEquations
 from gateway.twin.reconcile.fit.windowed_fit import initial_state_from_samples
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING, horizontal_pairs
 
 Array = NDArray[np.float64]
 LOCAL_ITERATIONS = 3
+"""Steps of each segment's fit; the samples are nearly linear in the initial state."""
+LOCAL_DAMPING = 1e-4
+"""Levenberg-Marquardt factor on the scaled diagonal, for segments that do not determine the whole initial state."""
+MAX_LOCAL_STEP = 0.7
+"""Largest step of an angle or a rate, rad and rad/s."""
 
 
 def segment_initial_conditions(
-    simulator: Simulator, observations: Observations, effects: Array, firsts: list[int]
+    simulator: Simulator, observations: Observations, effect_values: Array, first_samples: list[int]
 ) -> Array:
-    """A start for each segment from that segment's readings alone, shape (segments, starts).
+    """Return an initial state for each segment from the samples of that segment alone, shape (segments, states).
 
-    The directions of later segments are turned so that headings go on from segment to segment.
+    The samples of one segment do not determine its heading. It is set so that the headings of consecutive segments agree.
     """
-    starts = np.zeros((len(firsts), simulator.n_initial_states))
+    n_states = simulator.n_initial_states
+    initial_states = np.zeros((len(first_samples), n_states))
     if observations.has_large_amplitude:
-        starts = initial_state_from_samples(simulator.rig, observations, firsts, simulator.n_initial_states)
-    weight = observations.used[:, None] / observations.noise_g
-    turns = np.zeros(len(firsts))
+        initial_states = initial_state_from_samples(simulator.rig, observations, first_samples, n_states)
+    free = np.arange(n_states) != HEADING
+    weight = (observations.used[:, None] / observations.noise_g)[:, :, None]
+    turns_rad = np.zeros(len(first_samples))
     for _ in range(LOCAL_ITERATIONS):
-        found = simulator.linearise_segments(starts, effects, observations.time_s, firsts, observations.temperature_c)
-        residual = observations.residual_sigma(found.force_g)
-        for i, (first, last) in enumerate(zip(firsts, [*firsts[1:], len(residual)], strict=True)):
-            by = found.force_by_start[first:last] * weight[first:last, :, None]
-            by[..., HEADING] = 0.0
-            starts[i] += _damped_step(by.reshape(-1, simulator.n_initial_states), residual[first:last].ravel())
-        turns = found.ends[:, HEADING]
-    return rotate_about_vertical(starts, np.concatenate([[0.0], np.cumsum(turns[:-1])]), simulator.structure)
+        batch = simulator.linearise_segments(
+            initial_states, effect_values, observations.time_s, first_samples, observations.temperature_c
+        )
+        residual, jacobian = observations.residual_sigma(batch.force_g), batch.force_by_start * weight
+        for i, (first, last) in enumerate(pairwise([*first_samples, len(residual)])):
+            equations = NormalEquations.from_jacobian(jacobian[first:last], residual[first:last])
+            initial_states[i] += np.clip(equations.step(free, LOCAL_DAMPING), -MAX_LOCAL_STEP, MAX_LOCAL_STEP)
+        turns_rad = batch.ends[:, HEADING]
+    turned_rad = np.concatenate([[0.0], np.cumsum(turns_rad[:-1])])
+    return rotate_about_vertical(initial_states, turned_rad, simulator.structure)
 
 
-def rotate_about_vertical(starts: Array, by_rad: Array, structure: ModelStructure) -> Array:
-    """Starts (segments, starts) seen from a world turned about the vertical: the same readings, other directions and headings."""
-    found = starts.copy()
-    cos, sin = np.cos(by_rad), np.sin(by_rad)
+def rotate_about_vertical(initial_states: Array, angle_rad: Array, structure: ModelStructure) -> Array:
+    """Return initial states (segments, states) in a world rotated about the vertical; they give the same samples."""
+    rotated = initial_states.copy()
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
     for pair in horizontal_pairs(structure):
-        x, y = starts[:, pair].T
-        found[:, pair] = np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
-    found[:, HEADING] += by_rad
-    return found
-
-
-def _damped_step(flat: Array, residual: Array) -> Array:
-    normal = flat.T @ flat
-    scale = np.sqrt(np.diag(normal)) + 1e-9
-    matrix = normal / np.outer(scale, scale) + 1e-4 * np.eye(len(scale))
-    step: Array = np.linalg.solve(matrix, flat.T @ residual / scale) / scale
-    return np.clip(step, -0.7, 0.7)
-
-
-def free_values(simulator: Simulator, *, heading: bool, held: frozenset[str] = frozenset()) -> NDArray[np.bool_]:
-    """All values that are fitted: the heading only where directions of the world are told apart by it."""
-    return np.array(
-        [(heading if slot.parameter == "heading_rad" else slot.label not in held) for slot in simulator.parameters]
-    )
-
-
-def fit_nuisances(simulator: Simulator, observations: Observations, effects: Array) -> tuple[Fit, Array]:
-    """Only the initial motion is fitted, the effects' values stay; also returns the starts piece by piece."""
-    firsts = uniform_segments(observations)
-    starts = segment_initial_conditions(simulator, observations, effects, firsts)
-    free = np.zeros(len(simulator.parameters), dtype=bool)
-    free[: simulator.n_initial_states] = True
-    free[HEADING] = False
-    return fit_model(simulator, observations, starts, effects, free, firsts), starts
+        x, y = initial_states[:, pair].T
+        rotated[:, pair] = np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
+    rotated[:, HEADING] += angle_rad
+    return rotated

@@ -1,11 +1,6 @@
-"""A double pendulum by its rigging and its fast mode's frequency instead of its hook's mass: what a fit goes straight by.
-
-The readings tell the frequency to a part in a million, so rigging and mass make up for each other in a narrow valley, which is
-curved in them and straight in these.
-"""
+"""A double pendulum by its rigging length and the frequency of its fast mode, instead of the mass of its hook."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,84 +8,56 @@ from numpy.typing import NDArray
 from devices.pendulum.double_pendulum import hook_mass_ratio, hook_mass_ratio_slopes, modes
 from gateway.twin.effects.rope import DoublePendulum
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.fit.multiple_shooting import Fit
-from gateway.twin.simulator.simulator import SegmentBatch, Simulator
+from gateway.twin.reconcile.fit.reparameterisation import Reparameterisation
+from gateway.twin.simulator.parameter_vector import ParameterSpec
 
 Array = NDArray[np.float64]
-FAST_HZ = (0.01, 20.0)
+RIGGING_LENGTH, HOOK_MASS_RATIO = f"{DoublePendulum.name}.rigging_length_m", f"{DoublePendulum.name}.hook_mass_ratio"
+"""Labels of the two parameters."""
+FAST_MODE_BOUNDS_HZ = (0.01, 20.0)
+"""Bounds of the fast mode's frequency; wider than any rig's, so that the bounds of the hook's mass decide."""
 
 
-class ModalSimulator(Simulator):
-    """A simulator of a double pendulum that is run by the fast mode's frequency in the place of the hook's mass.
+class ModalParameterisation(Reparameterisation):
+    """The frequency of the fast mode in place of the hook's mass ratio.
 
-    `values` and `effects` are as a simulator's; `by_mode` and `by_mass` lead to these coordinates and back.
+    The samples determine the frequency to a part in a million. In rigging length and mass the minimum is therefore a narrow,
+    curved valley; in rigging length and frequency it is straight.
     """
 
-    def __init__(self, rig: TwinRig, effect_names: Sequence[str]) -> None:
-        """Raises `ValueError` as a simulator does, and without `double_pendulum`."""
-        super().__init__(rig, effect_names)
-        labels = [slot.label for slot in self.parameters]
-        self._rigging = labels.index(f"{DoublePendulum.name}.rigging_length_m")
-        self._mass = labels.index(f"{DoublePendulum.name}.hook_mass_ratio")
-        slots, place = list(self.parameters), self._mass
-        self._least, self._most = slots[place].lower, slots[place].upper
-        slots[place] = replace(slots[place], unit="Hz", lower=FAST_HZ[0], upper=FAST_HZ[1])
-        self.parameters = tuple(slots)
-        self.of_effects = self.parameters[self.n_initial_states :]
+    def __init__(self, rig: TwinRig, effect_parameters: Sequence[ParameterSpec]) -> None:
+        """Raises `ValueError` where the parameters are not those of a model with a double pendulum."""
+        labels = [parameter.label for parameter in effect_parameters]
+        self._rig, self._rigging, self._mass = rig, labels.index(RIGGING_LENGTH), labels.index(HOOK_MASS_RATIO)
+        self._mass_bounds = effect_parameters[self._mass].lower, effect_parameters[self._mass].upper
 
-    def to_modal(self, values: Array) -> Array:
-        """A simulator's values in these coordinates; all values or those of the effects alone."""
-        rigging, mass = self._places(values)
-        found, upper_m = values.copy(), self.rig.length_m - values[rigging]
-        _, fast = modes(upper_m, values[rigging], values[mass], self.rig.gravity_m_s2)
-        found[mass] = fast.rate / (2 * np.pi)
-        return found
+    def to_fitted(self, effect_values: Array) -> Array:
+        """Return the values with the fast mode's frequency, Hz, in place of the hook's mass ratio."""
+        fitted, rigging_m = effect_values.copy(), effect_values[self._rigging]
+        _, fast = modes(self._rig.length_m - rigging_m, rigging_m, effect_values[self._mass], self._rig.gravity_m_s2)
+        fitted[self._mass] = fast.rate / (2 * np.pi)
+        return fitted
 
-    def to_physical(self, values: Array) -> Array:
-        """And back."""
-        rigging, mass = self._places(values)
-        found = values.copy()
-        upper_m, rate_1_s = self.rig.length_m - values[rigging], 2 * np.pi * values[mass]
-        ratio = hook_mass_ratio(upper_m, values[rigging], rate_1_s, self.rig.gravity_m_s2)
-        found[mass] = np.clip(ratio, self._least, self._most)
-        return found
+    def to_physical(self, fitted: Array) -> Array:
+        """Return the effect values, the hook's mass ratio inside its bounds."""
+        physical = fitted.copy()
+        physical[self._mass] = np.clip(hook_mass_ratio(*self._lengths_rate_gravity(fitted)), *self._mass_bounds)
+        return physical
 
-    def predict(self, values: Array, time_s: Array, temperature_c: Array | None = None) -> Array:
-        """As a simulator does."""
-        return super().predict(self.to_physical(values), time_s, temperature_c)
+    def physical_by_fitted(self, fitted: Array) -> Array:
+        """Return the derivatives of the effect values by the coordinates of the fit."""
+        by_rigging, by_rate = hook_mass_ratio_slopes(*self._lengths_rate_gravity(fitted))
+        by_fitted = np.eye(len(fitted))
+        by_fitted[self._mass, self._rigging], by_fitted[self._mass, self._mass] = by_rigging, 2 * np.pi * by_rate
+        return by_fitted
 
-    def linearise_segments(
-        self,
-        starts: Array,
-        effects: Array,
-        time_s: Array,
-        firsts: Sequence[int],
-        temperature_c: Array | None = None,
-    ) -> SegmentBatch:
-        """As a simulator does; derivatives are by these coordinates."""
-        found = super().linearise_segments(starts, self.to_physical(effects), time_s, firsts, temperature_c)
-        by = self._mass_by(effects)
-        return replace(found, force_by_effects=found.force_by_effects @ by, ends_by_effects=found.ends_by_effects @ by)
+    def fitted_bounds(self, lower: Array, upper: Array) -> tuple[Array, Array]:
+        """Return the bounds, with those of the frequency."""
+        fitted_lower, fitted_upper = lower.copy(), upper.copy()
+        fitted_lower[self._mass], fitted_upper[self._mass] = FAST_MODE_BOUNDS_HZ
+        return fitted_lower, fitted_upper
 
-    def fit_by_mass(self, fit: Fit) -> Fit:
-        """A fit in these coordinates, in a simulator's."""
-        by = np.eye(len(fit.values))
-        by[self.n_initial_states :, self.n_initial_states :] = np.linalg.inv(
-            self._mass_by(fit.values[self.n_initial_states :])
-        )
-        jacobian = fit.jacobian @ by
-        flat = jacobian[..., fit.free].reshape(-1, int(fit.free.sum()))
-        return replace(fit, values=self.to_physical(fit.values), jacobian=jacobian, normal=flat.T @ flat)
-
-    def _places(self, values: Array) -> tuple[int, int]:
-        less = len(self.parameters) - len(values)
-        return self._rigging - less, self._mass - less
-
-    def _mass_by(self, effects: Array) -> Array:
-        """Effects' values by these coordinates, shape (effect values, effect values)."""
-        rigging, mass = self._places(effects)
-        upper_m, rate_1_s = self.rig.length_m - effects[rigging], 2 * np.pi * effects[mass]
-        by_rigging, by_rate = hook_mass_ratio_slopes(upper_m, effects[rigging], rate_1_s, self.rig.gravity_m_s2)
-        by = np.eye(len(effects))
-        by[mass, rigging], by[mass, mass] = by_rigging, 2 * np.pi * by_rate
-        return by
+    def _lengths_rate_gravity(self, fitted: Array) -> tuple[float, float, float, float]:
+        """Return the lengths of rope and rigging, the angular frequency of the fast mode, and gravity, in SI units."""
+        rigging_m, fast_rate_1_s = float(fitted[self._rigging]), 2 * np.pi * float(fitted[self._mass])
+        return self._rig.length_m - rigging_m, rigging_m, fast_rate_1_s, self._rig.gravity_m_s2

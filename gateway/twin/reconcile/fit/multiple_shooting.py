@@ -1,7 +1,8 @@
-"""Least squares by multiple shooting: each segment has a start of its own, continuity closes the gaps as the fit converges.
+"""Least squares by multiple shooting with condensing (Bock 1981; Albersmeyer and Diehl 2010).
 
-The step is condensed (Bock 1981, Albersmeyer and Diehl 2010, "lifted Newton"): the starts of later segments follow from the
-first start and the effects' values by the linearised continuity, so the normal equations are as small as in single shooting.
+Each segment of a recording has an initial state of its own, so that the simulation cannot leave the data far behind. Continuity
+constraints join the segments as the fit converges; once they hold, one segment remains. Each step is a Levenberg-Marquardt step
+of the condensed problem, inside the parameters' bounds and step limits.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,233 +12,199 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.fit.condensing import CondensedSystem, condense
+from gateway.twin.reconcile.fit.fit_result import Fit
+from gateway.twin.reconcile.fit.levenberg_marquardt import NormalEquations
+from gateway.twin.reconcile.fit.reparameterised_simulator import ReparameterisedSimulator, reparameterise
 from gateway.twin.simulator.compiled_model import IntegrationError
 from gateway.twin.simulator.simulator import Simulator
-from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
 SEGMENT_S = 30.0
 CONTINUITY_TOLERANCE = 1e-3
-"""Gaps between segments, rad and rad/s, below which one segment goes on alone: it is as linear, and quicker."""
+"""Discontinuities, rad and rad/s, below which one segment replaces several: it is as linear, and quicker to simulate."""
 MIN_RELATIVE_DECREASE = 1e-5
-"""Stop when a step lowers chi-square by less than this part, or by less than `SMALLEST_DROP`."""
+"""A fit has converged when a step lowers chi-square by less than this share."""
 MIN_DECREASE = 0.05
+"""A fit has converged when a step lowers chi-square by less than this, whatever the share."""
 JOIN_RELATIVE_DECREASE = 0.3
-INITIAL_DAMPING_LEVEL, UNDAMPED_LEVEL = 1, 1
-"""Levels; a damped step that gains little says nothing of how near the end is."""
-GIVE_UP_AFTER = 2
+"""Segments are joined only after a step that lowers chi-square by less than this share."""
 DAMPING_FACTORS = (1e-8, 3e-7, 1e-5, 3e-4, 1e-2, 0.3, 10.0)
-"""Levenberg-Marquardt factors on the scaled diagonal, tried in turn until chi-square falls."""
-
-
-@dataclass(frozen=True, slots=True)
-class Fit:
-    """A model fitted to observations."""
-
-    names: tuple[str, ...]
-    values: Array
-    """Start and effects' values in the simulator's order."""
-    free: NDArray[np.bool_]
-    force_g: Array
-    """Simulated, shape (n, 3)."""
-    chi2: float
-    """Sum over the samples that count."""
-    normal: Array
-    """J^T J of the free values."""
-    jacobian: Array
-    """In sigma, by all values, shape (n, 3, values); from the last linearisation."""
-
-    def covariance(self) -> Array:
-        """Of the free values, white noise; pseudo-inverse where something is not determined."""
-        diagonal = np.diag(self.normal)
-        scale = np.sqrt(np.where(diagonal > 0, diagonal, 1.0))
-        found: Array = np.linalg.pinv(self.normal / np.outer(scale, scale), rcond=1e-12) / np.outer(scale, scale)
-        return found
-
-
-FROZEN_ITERATIONS = 2
-"""Rounds in which times stand still: where nothing acts yet they have no sensitivity."""
+"""Levenberg-Marquardt factors on the scaled diagonal, tried in turn until a step improves."""
+INITIAL_DAMPING_LEVEL = 1
+"""Position of the first factor that is tried. A small decrease after more damping does not show convergence."""
+SETTLING_ITERATIONS = 2
+"""Iterations after which the pace of a fit is representative. For as many, the times of events are held: before the initial state
+is about right, the sensitivities to times that lie where nothing acts are zero."""
 
 
 def uniform_segments(observations: Observations, segment_s: float = SEGMENT_S) -> list[int]:
-    """First samples of segments of about this length."""
+    """Return the first samples of segments of equal length, about `segment_s`."""
     count = max(1, round(observations.duration_s / segment_s))
     edges_s = np.linspace(0, observations.duration_s, count + 1)[:-1]
     return [int(i) for i in np.searchsorted(observations.time_s, edges_s)]
 
 
-@dataclass(frozen=True, slots=True)
-class _CondensedProblem:
-    residual: Array
-    """Sigma, with the gaps closed to first order, shape (n, 3)."""
-    jacobian: Array
-    """Sigma, by first start and effects, shape (n, 3, values)."""
-    close: Array
-    """By how much each start moves to close the gaps, shape (segments, starts)."""
-    follow: Array
-    """Each start by first start and effects, shape (segments, starts, values)."""
-    gap: float
-
-
+@np.errstate(over="ignore", invalid="ignore")  # a step to a trajectory that diverges is not taken
 def fit_model(
     simulator: Simulator,
     observations: Observations,
-    starts: Array,
-    effects: Array,
+    initial_states: Array,
+    effect_values: Array,
     free: NDArray[np.bool_],
-    firsts: Sequence[int],
+    first_samples: Sequence[int],
     iterations: int = 8,
     tick: Callable[[], None] = lambda: None,
     beyond: float = np.inf,
 ) -> Fit:
-    """Fit the free values from starts (segments, n starts) and the effects' values; bounds are the simulator's.
+    """Fit the free ones of all values (values,), from initial states (segments, states) and effect values (k,).
 
-    A value that is not free stays as it is; of the first start only the free coordinates move. A fit that at its pace would not
-    come below the chi-square `beyond` is given up.
+    The segments begin at `first_samples`. `tick` is called before each simulation. The fit is abandoned when at its pace it
+    would not come below the chi-square `beyond`. Raises `IntegrationError` where the initial guess cannot be simulated.
     """
-    lower = np.array([slot.lower for slot in simulator.parameters])
-    upper = np.array([slot.upper for slot in simulator.parameters])
-    reach = np.array([slot.step_limit for slot in simulator.parameters])
-    timed = np.array([slot.is_event_time for slot in simulator.parameters])
-    lags = np.array([slot.is_cutoff for slot in simulator.parameters])
-    now = _condense(simulator, observations, starts, effects, firsts)
-    chi2, damping = float((now.residual**2).sum()), INITIAL_DAMPING_LEVEL
-    settling = FROZEN_ITERATIONS if (timed & free).any() else 0
-    for turn in range(iterations + settling):
-        values = np.concatenate([starts[0], effects])
-        at, to, by = (
-            _invert_cutoffs(values, lags),
-            _invert_cutoffs(np.stack([lower, upper]), lags),
-            np.ones(len(values)),
-        )
-        by[lags] = -(values[lags] ** 2)
-        near, far = np.maximum(to.min(axis=0), at - reach), np.minimum(to.max(axis=0), at + reach)
-        moving = free & ~timed if turn < settling else free
-        accepted = False
-        for level in range(damping, len(DAMPING_FACTORS)):
-            tick()
-            step = _step(now.residual, now.jacobian * by, at, moving, near, far, DAMPING_FACTORS[level])
-            step = _invert_cutoffs(at + step, lags) - values
-            moved = starts + now.close + now.follow @ step
-            changed = effects + step[simulator.n_initial_states :]
-            found = _evaluate_step(simulator, observations, moved, changed, firsts, chi2)
-            if found is None:
-                continue
-            tried, tried_chi2 = found, float((found.residual**2).sum())
-            if tried_chi2 < chi2 or (now.gap > CONTINUITY_TOLERANCE and tried.gap < now.gap / 2):
-                accepted, damping = True, level
-                break
-        if not accepted and turn >= settling:
+    problem = _ShootingProblem(reparameterise(simulator, free), observations, free, tick)
+    event_times = np.array([parameter.is_event_time for parameter in simulator.parameters])
+    settling = SETTLING_ITERATIONS if (event_times & free).any() else 0
+    current = problem.linearise(initial_states, problem.simulator.to_fitted(effect_values), first_samples)
+    level = INITIAL_DAMPING_LEVEL
+    for remaining in range(settling + iterations, 0, -1):
+        all_free = remaining <= iterations
+        step = problem.step(current, free if all_free else free & ~event_times, level)
+        if step is None and all_free:
             break
-        if not accepted:
-            damping = INITIAL_DAMPING_LEVEL
+        if step is None:
+            level = INITIAL_DAMPING_LEVEL
             continue
-        gain, closed = chi2 - tried_chi2, now.gap < CONTINUITY_TOLERANCE
-        starts, effects, now, chi2 = moved, changed, tried, tried_chi2
-        damping = max(0, damping - 1)
-        pace = max(gain, 0.0) * (iterations + settling - turn)
-        if turn >= settling + GIVE_UP_AFTER and closed and chi2 - pace > beyond:
-            break
-        if (
-            closed
-            and turn >= settling
-            and level <= UNDAMPED_LEVEL
-            and gain < max(MIN_DECREASE, MIN_RELATIVE_DECREASE * chi2)
+        current, level = step.after, max(0, step.damping_level - 1)
+        if (step.is_hopeless(remaining, beyond) and remaining <= iterations - SETTLING_ITERATIONS) or (
+            step.has_converged and all_free
         ):
             break
-        if len(starts) > 1 and now.gap < CONTINUITY_TOLERANCE and gain < JOIN_RELATIVE_DECREASE * chi2:
-            starts, firsts = starts[:1], [0]
-            now = _condense(simulator, observations, starts, effects, firsts)
-            chi2 = float((now.residual**2).sum())
-    return _make_fit(simulator, observations, np.concatenate([starts[0], effects]), free, now)
+        if step.may_join:
+            current = problem.join(current)
+    return problem.result(current)
 
 
-def _evaluate_step(
-    simulator: Simulator, observations: Observations, starts: Array, effects: Array, firsts: Sequence[int], chi2: float
-) -> _CondensedProblem | None:
-    """Where a step leads; None where one motion leaves as much as before, or none can be followed."""
-    try:
-        if len(starts) == 1 and _single_shooting_chi2(simulator, observations, starts[0], effects) >= chi2:
-            return None  # a prediction alone is several times quicker
-        return _condense(simulator, observations, starts, effects, firsts)
-    except IntegrationError:
+@dataclass(frozen=True, slots=True)
+class _Iterate:
+    """A point of the iteration, linearised there."""
+
+    initial_states: Array
+    """Shape (segments, states)."""
+    effect_values: Array
+    """In the coordinates of the fit, shape (k,)."""
+    first_samples: Sequence[int]
+    system: CondensedSystem
+    chi2: float
+
+    @property
+    def values(self) -> Array:
+        """First initial state and effect values, shape (values,)."""
+        return np.concatenate([self.initial_states[0], self.effect_values])
+
+    @property
+    def is_continuous(self) -> bool:
+        """Whether the continuity constraints hold."""
+        return self.system.largest_discontinuity < CONTINUITY_TOLERANCE
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """A step that was taken."""
+
+    before: _Iterate
+    after: _Iterate
+    damping_level: int
+
+    @property
+    def decrease(self) -> float:
+        """By how much chi-square fell."""
+        return self.before.chi2 - self.after.chi2
+
+    @property
+    def has_converged(self) -> bool:
+        """Whether a step without much damping lowered chi-square by next to nothing."""
+        least = max(MIN_DECREASE, MIN_RELATIVE_DECREASE * self.after.chi2)
+        return self.before.is_continuous and self.damping_level <= INITIAL_DAMPING_LEVEL and self.decrease < least
+
+    @property
+    def may_join(self) -> bool:
+        """Whether one segment can replace several."""
+        settled = self.decrease < JOIN_RELATIVE_DECREASE * self.after.chi2
+        return len(self.after.initial_states) > 1 and self.after.is_continuous and settled
+
+    def is_hopeless(self, remaining: int, beyond: float) -> bool:
+        """Whether so many more steps of this size would leave chi-square above `beyond`."""
+        return self.before.is_continuous and self.after.chi2 - remaining * max(self.decrease, 0.0) > beyond
+
+
+@dataclass(frozen=True, slots=True)
+class _ShootingProblem:
+    """What stays the same during a fit."""
+
+    simulator: ReparameterisedSimulator
+    observations: Observations
+    free: NDArray[np.bool_]
+    tick: Callable[[], None]
+
+    def linearise(self, initial_states: Array, effect_values: Array, first_samples: Sequence[int]) -> _Iterate:
+        """Return an iterate. Raises `IntegrationError` where it cannot be simulated."""
+        batch = self.simulator.linearise_segments(
+            initial_states,
+            effect_values,
+            self.observations.time_s,
+            first_samples,
+            self.observations.temperature_c,
+        )
+        system = condense(batch, self.observations, initial_states, first_samples)
+        return _Iterate(initial_states, effect_values, first_samples, system, system.chi2)
+
+    def join(self, current: _Iterate) -> _Iterate:
+        """Return the iterate with one segment."""
+        return self.linearise(current.initial_states[:1], current.effect_values, [0])
+
+    def step(self, current: _Iterate, free: NDArray[np.bool_], damping_level: int) -> _Step | None:
+        """Return a step of the free values, with the least damping from this level on that improves; None where none does."""
+        equations = NormalEquations.from_jacobian(current.system.jacobian, current.system.residual)
+        smallest = np.maximum(self.simulator.lower - current.values, -self.simulator.step_limit)
+        largest = np.minimum(self.simulator.upper - current.values, self.simulator.step_limit)
+        for level in range(damping_level, len(DAMPING_FACTORS)):
+            self.tick()
+            after = self._after(current, equations.bounded_step(free, smallest, largest, DAMPING_FACTORS[level]))
+            if after is not None and _improves(current, after):
+                return _Step(current, after, level)
         return None
 
+    def _after(self, current: _Iterate, step: Array) -> _Iterate | None:
+        """Return the iterate after a step; None where it cannot be simulated, or where one segment fits no better."""
+        initial_states = current.system.states_after(current.initial_states, step)
+        effect_values = current.effect_values + step[initial_states.shape[1] :]
+        try:
+            # With one segment a prediction, several times quicker than a linearisation, already shows chi-square.
+            if len(initial_states) == 1:
+                force_g = self._simulate(initial_states[0], effect_values)
+                if self.observations.chi2(force_g) >= current.chi2:
+                    return None
+            return self.linearise(initial_states, effect_values, current.first_samples)
+        except IntegrationError:
+            return None
 
-def _single_shooting_chi2(simulator: Simulator, observations: Observations, start: Array, effects: Array) -> float:
-    force_g = simulator.predict(np.concatenate([start, effects]), observations.time_s, observations.temperature_c)
-    return float((observations.residual_sigma(force_g) ** 2).sum())
+    def _simulate(self, initial_state: Array, effect_values: Array) -> Array:
+        o = self.observations
+        return self.simulator.predict(initial_state, effect_values, o.time_s, o.temperature_c)
 
-
-def _make_fit(
-    simulator: Simulator, observations: Observations, values: Array, free: NDArray[np.bool_], now: _CondensedProblem
-) -> Fit:
-    force_g = simulator.predict(values, observations.time_s, observations.temperature_c)
-    chi2 = float((observations.residual_sigma(force_g) ** 2).sum())
-    flat = now.jacobian[..., free].reshape(-1, int(free.sum()))
-    return Fit(simulator.effect_names, values, free, force_g, chi2, flat.T @ flat, now.jacobian)
-
-
-def _condense(
-    simulator: Simulator, observations: Observations, starts: Array, effects: Array, firsts: Sequence[int]
-) -> _CondensedProblem:
-    found = simulator.linearise_segments(starts, effects, observations.time_s, firsts, observations.temperature_c)
-    n, count = simulator.n_initial_states, simulator.n_initial_states + len(effects)
-    close, follow = np.zeros_like(starts), np.zeros((len(starts), n, count))
-    follow[0, :, :n] = np.eye(n)
-    gaps = found.ends[:-1] - starts[1:]
-    gaps[:, HEADING] = (gaps[:, HEADING] + np.pi) % (2 * np.pi) - np.pi
-    for i, gap in enumerate(gaps):
-        close[i + 1] = found.ends_by_start[i] @ close[i] + gap
-        follow[i + 1] = found.ends_by_start[i] @ follow[i]
-        follow[i + 1, :, n:] += found.ends_by_effects[i]
-    weight = observations.used[:, None] / observations.noise_g
-    residual = observations.residual_sigma(found.force_g)
-    jacobian = np.empty((len(residual), 3, count))
-    for i, (first, last) in enumerate(zip(firsts, [*firsts[1:], len(residual)], strict=True)):
-        by_start = found.force_by_start[first:last].reshape(-1, n)  # one product of matrices, not one for each sample
-        jacobian[first:last] = (by_start @ follow[i]).reshape(-1, 3, count)
-        residual[first:last] -= (by_start @ close[i]).reshape(-1, 3) * weight[first:last]
-    jacobian[..., n:] += found.force_by_effects
-    jacobian *= weight[..., None]
-    return _CondensedProblem(residual, jacobian, close, follow, float(np.abs(gaps).max(initial=0.0)))
+    def result(self, current: _Iterate) -> Fit:
+        """Return the fit as one trajectory from the first initial state."""
+        force_g = self._simulate(current.initial_states[0], current.effect_values)
+        values = np.concatenate([current.initial_states[0], self.simulator.to_physical(current.effect_values)])
+        jacobian = self.simulator.jacobian_by_physical(current.system.jacobian, current.effect_values)
+        flat = jacobian[..., self.free].reshape(-1, int(self.free.sum()))
+        names = self.simulator.simulator.effect_names
+        return Fit(names, values, self.free, force_g, self.observations.chi2(force_g), flat.T @ flat, jacobian)
 
 
-def _invert_cutoffs(values: Array, lags: NDArray[np.bool_]) -> Array:
-    """Cutoffs as their inverse and back: a lag is a shift of time, which the initial motion makes up for in proportion."""
-    found = values.copy()
-    found[..., lags] = 1 / values[..., lags]
-    return found
-
-
-def _step(
-    residual: Array,
-    jacobian: Array,
-    values: Array,
-    free: NDArray[np.bool_],
-    lower: Array,
-    upper: Array,
-    damping: float,
-) -> Array:
-    """A damped Gauss-Newton step inside the bounds: what would leave them is set on them and the rest solved again."""
-    step = np.zeros(len(values))
-    held = ~free
-    flat = jacobian.reshape(-1, len(values))
-    normal, gradient = flat.T @ flat, flat.T @ residual.ravel()
-    for _ in range(len(values)):
-        moving = np.flatnonzero(~held)
-        if not len(moving):
-            break
-        matrix = normal[np.ix_(moving, moving)]
-        scale = np.sqrt(np.diag(matrix)) + 1e-12
-        right = (gradient[moving] - normal[np.ix_(moving, np.flatnonzero(held))] @ step[held]) / scale
-        scaled = matrix / np.outer(scale, scale) + damping * np.eye(len(moving))
-        step[moving] = np.linalg.solve(scaled, right) / scale
-        outside = (values[moving] + step[moving] < lower[moving]) | (values[moving] + step[moving] > upper[moving])
-        if not outside.any():
-            break
-        for place in moving[outside]:
-            bound = lower[place] if values[place] + step[place] < lower[place] else upper[place]
-            step[place] = bound - values[place]
-            held[place] = True
-    return step
+def _improves(before: _Iterate, after: _Iterate) -> bool:
+    """Return whether a step lowers chi-square, or halves the discontinuities."""
+    discontinuity = before.system.largest_discontinuity
+    closes = discontinuity > CONTINUITY_TOLERANCE and after.system.largest_discontinuity < discontinuity / 2
+    return after.chi2 < before.chi2 or closes

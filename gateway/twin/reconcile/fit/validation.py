@@ -12,8 +12,9 @@ from gateway.twin.effects.sensor import Vibration
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import is_world_directed, segment_bounds
+from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
-from gateway.twin.reconcile.fit.multiple_shooting import Fit, fit_model
+from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.fit.windowed_fit import fit_trajectory
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 from devices.pendulum.small_swing import period_ratio
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.multiple_shooting import Fit, fit_model
+from gateway.twin.reconcile.fit.fit_result import Fit
+from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.simulator.simulator import SegmentBatch, Simulator
 from gateway.twin.simulator.state import HEADING, ROPE_RATES, ROPE_TILTS
 

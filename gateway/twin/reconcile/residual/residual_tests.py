@@ -1,7 +1,7 @@
 """What a model leaves: noise, hardly more with lines in it, or something."""
 
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.multiple_shooting import Fit
+from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.output.result import Peak
 from gateway.twin.reconcile.residual.whiteness import find_peaks
 

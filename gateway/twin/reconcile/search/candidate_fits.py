@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Value
 from gateway.twin.reconcile.fit.fit_context import SEARCH_ITERATIONS, FitContext
-from gateway.twin.reconcile.fit.multiple_shooting import Fit
+from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
 from gateway.twin.reconcile.residual.residual_tests import warrants_another_effect
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES

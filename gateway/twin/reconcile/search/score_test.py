@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
+from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.initial_conditions import segment_initial_conditions
-from gateway.twin.reconcile.fit.multiple_shooting import Fit
 from gateway.twin.reconcile.fit.windowed_fit import (
     fit_windows,
     project_out_initial_states,

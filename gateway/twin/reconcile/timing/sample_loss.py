@@ -11,7 +11,8 @@ from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.limits import ClockDrift, LowpassLag
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, is_world_directed
-from gateway.twin.reconcile.fit.multiple_shooting import Fit, fit_model
+from gateway.twin.reconcile.fit.fit_result import Fit
+from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
 from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT
 from gateway.twin.reconcile.search.candidate_fits import CandidateFit, Values

@@ -11,7 +11,7 @@ from gateway.twin.reconcile.data.data_checks import find_fault
 from gateway.twin.reconcile.data.observations import make_observations
 from gateway.twin.reconcile.data.swing_amplitude import LARGE_AMPLITUDE_RAD
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.modal_parameterisation import ModalSimulator
+from gateway.twin.reconcile.fit.reparameterised_simulator import reparameterise
 from gateway.twin.simulator.simulator import Simulator
 
 HOOK = {"rigging_length_m": 2.4, "hook_mass_ratio": 0.11}
@@ -19,9 +19,9 @@ LEANING = {"faint": (0.01, 0.0, 0.0, 0.0), "strong": (0.12, 0.05, 0.0, 0.0)}
 """Of the rigging against the rope, at the start: tilts and rates."""
 
 
-def modes_hz(rig, rigging_m, hook_mass_ratio):
+def modes_hz(length_m, rigging_m, hook_mass_ratio):
     """Slow and fast mode of a double pendulum whose whole length is the rope's."""
-    both = modes(rig.length_m - rigging_m, rigging_m, hook_mass_ratio, rig.gravity_m_s2)
+    both = modes(length_m - rigging_m, rigging_m, hook_mass_ratio, 9.80665)
     return tuple(mode.rate / (2 * np.pi) for mode in both)
 
 
@@ -46,26 +46,43 @@ def double(rig):
     return make
 
 
-def test_the_sensitivities_by_modes_are_those_of_central_differences(rig):
-    simulator, time_s = ModalSimulator(rig, ["double_pendulum"]), np.arange(0, 6, 0.05)
-    values = simulator.values([0.1, 0.04, -0.02, 0.05, 0.0, 0.12, 0.03, 0.0, 0.02], {"double_pendulum": HOOK})
-    at = simulator.to_modal(values)
-    found = simulator.linearise(at, time_s).jacobian
+@pytest.mark.parametrize(
+    ("effects", "coordinates"),
+    [
+        ({"double_pendulum": HOOK}, [2.4, modes_hz(8.0, 2.4, 0.11)[1]]),
+        ({"lowpass_lag": {"cutoff_hz": 0.5}}, [2.0, 0.0, 0.0, 0.0]),
+        (
+            {"double_pendulum": HOOK, "lowpass_lag": {"cutoff_hz": 0.5}},
+            [2.4, modes_hz(8.0, 2.4, 0.11)[1], 2.0, 0, 0, 0],
+        ),
+    ],
+    ids=["modal", "inverse cutoff", "both"],
+)
+def test_derivatives_by_fitted_coordinates_equal_central_differences(rig, effects, coordinates):
+    simulator, time_s = Simulator(rig, sorted(effects)), np.arange(0, 6, 0.05)
+    n_states = simulator.n_initial_states
+    values = simulator.values([0.1, 0.04, -0.02, 0.05, 0.0, 0.12, 0.03, 0.0, 0.02][:n_states], effects)
+    state, effect_values = values[:n_states], values[n_states:]
+    fitted_simulator = reparameterise(simulator, np.ones(len(values), dtype=bool))
+    fitted = fitted_simulator.to_fitted(effect_values)
+    derivatives = fitted_simulator.linearise_segments(state[None], fitted, time_s, [0]).force_by_effects
 
-    assert at[-1] == pytest.approx(modes_hz(rig, np.array(2.4), np.array(0.11))[1], rel=1e-12)
-    np.testing.assert_allclose(simulator.to_physical(at), values, rtol=1e-12, atol=1e-12)
-    for i in range(len(at)):
-        step = 1e-6 * np.eye(len(at))[i]
-        by_difference = (simulator.predict(at + step, time_s) - simulator.predict(at - step, time_s)) / 2e-6
-        np.testing.assert_allclose(found[..., i], by_difference, atol=1e-6)
+    assert fitted == pytest.approx(coordinates, rel=1e-12)
+    np.testing.assert_allclose(fitted_simulator.to_physical(fitted), effect_values, rtol=1e-12, atol=1e-12)
+    for i in range(len(fitted)):
+        step = 1e-6 * np.eye(len(fitted))[i]
+        ahead, behind = (fitted_simulator.predict(state, fitted + sign * step, time_s) for sign in (1, -1))
+        np.testing.assert_allclose(derivatives[..., i], (ahead - behind) / 2e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("leaning", ["faint", "strong"])
 def test_the_fast_mode_is_found_whichever_is_the_stronger(rig, double, leaning):
     observations = double(leaning)
     starts = guess_double_pendulum(guess_context(rig, observations, observations.force_g))
-    fast_hz = [modes_hz(rig, np.array(v["rigging_length_m"]), np.array(v["hook_mass_ratio"]))[1] for v in starts]
-    true_hz = modes_hz(rig, np.array(HOOK["rigging_length_m"]), np.array(HOOK["hook_mass_ratio"]))[1]
+    fast_hz = [
+        modes_hz(rig.length_m, np.array(v["rigging_length_m"]), np.array(v["hook_mass_ratio"]))[1] for v in starts
+    ]
+    true_hz = modes_hz(rig.length_m, np.array(HOOK["rigging_length_m"]), np.array(HOOK["hook_mass_ratio"]))[1]
 
     assert len(starts) > 1
     assert np.median(fast_hz) == pytest.approx(true_hz, rel=0.03)
@@ -80,11 +97,11 @@ def test_a_single_swing_has_no_second_mode(rig, record):
 @pytest.mark.slow
 def test_a_fit_goes_to_the_end_of_the_valley_of_rigging_and_hook(rig, double):
     setting = FitContext(rig, {}, double("strong", duration_s=24.0), lambda: None)
-    fast_hz = modes_hz(rig, np.array(HOOK["rigging_length_m"]), np.array(HOOK["hook_mass_ratio"]))[1]
+    fast_hz = modes_hz(rig.length_m, np.array(HOOK["rigging_length_m"]), np.array(HOOK["hook_mass_ratio"]))[1]
     tried = []
     for rigging_m in (1.6, 2.2, 3.2):
         ratio = np.geomspace(0.02, 1, 500)
-        off_hz = modes_hz(rig, np.full_like(ratio, rigging_m), ratio)[1] - fast_hz
+        off_hz = modes_hz(rig.length_m, np.full_like(ratio, rigging_m), ratio)[1] - fast_hz
         values = {"rigging_length_m": rigging_m, "hook_mass_ratio": float(ratio[np.argmin(np.abs(off_hz))])}
         tried.append({"double_pendulum": values})
     fit = setting.fit(setting.fit_rigging_length(tried))
