@@ -1,18 +1,35 @@
-"""Files that survive a kill and a power cut: whole or not at all, and on the disk when the call returns."""
+"""Files that survive a kill and a power failure: written completely or not at all, and on the disk when the call returns."""
 
 import contextlib
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 
 def write_durably(path: Path, content: bytes) -> None:
-    """Replace a file in one step: written beside, synced, renamed, the folder synced. Raises `OSError`; the old file stays."""
+    """Replace a file in one step, and make its folder where there is none. Raises `OSError`; the old file then stays."""
     make_folder(path.parent)
+    with replace_file(path) as descriptor:
+        _write_all(descriptor, content)
+
+
+@contextlib.contextmanager
+def replace_file(path: Path) -> Iterator[int]:
+    """Yield the descriptor of a new file that takes the place of `path` at the end of the block.
+
+    It is synced, renamed, and the folder is synced. After an error in the block the old file stays and nothing else is left.
+    Raises `OSError`.
+    """
     partial = partial_of(path)
     try:
-        _write_new(partial, content)
+        descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+        try:
+            yield descriptor
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
         partial.replace(path)
-    except OSError:
+    except BaseException:
         with contextlib.suppress(OSError):
             partial.unlink()
         raise
@@ -20,42 +37,33 @@ def write_durably(path: Path, content: bytes) -> None:
 
 
 def partial_of(path: Path) -> Path:
-    """Where a file is written until it is whole; hidden from a listing."""
+    """Return the path of a file while it is incomplete; it is hidden from a listing."""
     return path.with_name(f".{path.name}.part")
 
 
 def append_durably(path: Path, line: bytes) -> None:
-    """Add a line to a file, on a line of its own even after one that a kill tore. Raises `OSError`."""
+    """Append a line to a file, on a line of its own even if the last one is incomplete. Raises `OSError`."""
     make_folder(path.parent)
-    known = path.exists()
+    existed = path.exists()
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
     try:
         end = os.lseek(descriptor, 0, os.SEEK_END)
-        torn = end > 0 and os.pread(descriptor, 1, end - 1) != b"\n"
-        _write_all(descriptor, (b"\n" if torn else b"") + line + b"\n")
+        incomplete = end > 0 and os.pread(descriptor, 1, end - 1) != b"\n"
+        _write_all(descriptor, (b"\n" if incomplete else b"") + line + b"\n")
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
-    if not known:
+    if not existed:
         sync_folder(path.parent)
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder and what is above it, each on the disk. Raises `OSError`."""
+    """Make a folder and its parents where they are missing, and sync each. Raises `OSError`."""
     if folder.is_dir():
         return
     make_folder(folder.parent)
     folder.mkdir(exist_ok=True)
     sync_folder(folder.parent)
-
-
-def _write_new(path: Path, content: bytes) -> None:
-    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
-    try:
-        _write_all(descriptor, content)
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def _write_all(descriptor: int, content: bytes) -> None:
@@ -64,7 +72,7 @@ def _write_all(descriptor: int, content: bytes) -> None:
 
 
 def sync_folder(folder: Path) -> None:
-    """Make the names in a folder survive a power cut. Raises `OSError`."""
+    """Write the names in a folder to the disk. Raises `OSError`."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)

@@ -1,9 +1,22 @@
-"""The errors that a person is told: one line with the place and the mend, exit code 2."""
+"""The errors that a person reads: one line with the place and the remedy, exit code 2."""
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pydantic import ValidationError
 
 
 class PlumblineError(Exception):
-    """Something that the user can mend; the text says what, where and how, in one line."""
+    """An error that the user can remedy; the text states what, where and how, in one line."""
 
 
 class InputError(PlumblineError, ValueError):
     """Bad input to a command: a file, an option, a recording."""
+
+
+def describe_problems(error: "ValidationError", whole: str = "content") -> list[str]:
+    """Return the problems of a validation as "place: what is wrong"; `whole` is the place of one without a field."""
+    problems = error.errors(include_url=False)
+    places = [".".join(map(str, problem["loc"])) or whole for problem in problems]
+    texts = [problem["msg"].removeprefix("Value error, ") for problem in problems]
+    return [f"{place}: {text}" for place, text in zip(places, texts, strict=True)]

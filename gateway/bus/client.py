@@ -1,4 +1,4 @@
-"""One gateway, asked from another process: requests with an id, repeated until they are answered."""
+"""The client of one gateway in another process: requests with an id, repeated until they are answered."""
 
 import json
 import time
@@ -14,30 +14,42 @@ from gateway.errors import InputError
 
 CONNECT_MS = 2000
 ANSWER_S = 5.0
-"""A request is asked again after this; with the same id it is done once."""
+"""A request without an answer is repeated after this time. The gateway does a request with the same id once."""
 PAUSE_S = 0.5
+STATUS = "rpc/status"
 
 
 @dataclass(frozen=True, slots=True)
 class RpcReply:
-    """What a gateway answered."""
+    """The answer of a gateway."""
 
     accepted: bool
     content: dict[str, Any]
 
     @property
     def text(self) -> str:
-        """What was done, or why not."""
+        """What was done, or why it was refused."""
         return str(self.content.get("text" if self.accepted else "reason", ""))
 
 
-class Client:
-    """Asks one gateway and hears its calibration messages; the link may be lost and found again in between."""
+def open_client_session(connect: str) -> zenoh.Session:
+    """Open a session with the gateway or router at an endpoint. Raises `BusError` if nobody answers."""
+    return open_session("client", [connect], [], connect_timeout_ms=CONNECT_MS)
+
+
+def query_status(session: zenoh.Session, pattern: str) -> dict[str, dict[str, Any]]:
+    """Return the last message of every topic, by the keys of the gateways that match a pattern."""
+    replies = [reply.ok for reply in session.get(f"{pattern}/{STATUS}", timeout=ANSWER_S) if reply.ok]
+    return {str(reply.key_expr).removesuffix(f"/{STATUS}"): json.loads(reply.payload.to_bytes()) for reply in replies}
+
+
+class GatewayClient:
+    """Sends requests to one gateway and receives its messages. The link may be lost and restored in between."""
 
     def __init__(self, connect: str, pattern: str) -> None:
-        """`pattern` must mean one gateway only. Raises `InputError` where it means none or several, `BusError`."""
+        """Connect. Raises `InputError` where `pattern` matches no gateway or several, and `BusError`."""
         self._connect = connect
-        self._session = self._open()
+        self._session = open_client_session(connect)
         self._subscribers: list[zenoh.Subscriber[None]] = []
         try:
             self.key = self._resolve_single_gateway(pattern)
@@ -45,12 +57,8 @@ class Client:
             self._session.close()
             raise
 
-    def _open(self) -> zenoh.Session:
-        return open_session("client", [self._connect], [], connect_timeout_ms=CONNECT_MS)
-
     def _resolve_single_gateway(self, pattern: str) -> str:
-        replies = [reply.ok for reply in self._session.get(f"{pattern}/rpc/status", timeout=ANSWER_S) if reply.ok]
-        keys = sorted({str(reply.key_expr).removesuffix("/rpc/status") for reply in replies})
+        keys = sorted(query_status(self._session, pattern))
         if not keys:
             raise InputError(f"no gateway {pattern} answers at {self._connect}")
         if len(keys) > 1:
@@ -58,53 +66,54 @@ class Client:
         return keys[0]
 
     def ask(self, verb: str, request: dict[str, Any], patience_s: float) -> RpcReply | None:
-        """Ask until there is an answer; None where there is none in time, and the request may have been done or not."""
+        """Repeat a request until it is answered; None without an answer in time: the request may have been done or not."""
         end_s = time.monotonic() + patience_s
         while True:
-            if (said := self._ask_once(verb, request)) is not None:
-                return said
+            if (reply := self._ask_once(verb, request)) is not None:
+                return reply
             if time.monotonic() >= end_s:
                 return None
             time.sleep(PAUSE_S)
             self.reconnect()
 
     def status(self) -> dict[str, Any] | None:
-        """The last message of every topic; None where nobody answers."""
-        said = self._ask_once("status", None)
-        return None if said is None or not said.accepted else said.content
-
-    def _ask_once(self, verb: str, request: dict[str, Any] | None) -> RpcReply | None:
-        payload = None if request is None else json.dumps(request)
+        """Return the last message of every topic; None where nobody answers."""
         try:
-            for reply in self._session.get(f"{self.key}/rpc/{verb}", payload=payload, timeout=ANSWER_S):
-                if (said := _said(reply)) is not None:
-                    return said
+            return query_status(self._session, self.key).get(self.key)
+        except (zenoh.ZError, ValueError):
+            return None  # the link is down
+
+    def _ask_once(self, verb: str, request: dict[str, Any]) -> RpcReply | None:
+        try:
+            for reply in self._session.get(f"{self.key}/rpc/{verb}", payload=json.dumps(request), timeout=ANSWER_S):
+                if (decoded := _decode(reply)) is not None:
+                    return decoded
         except zenoh.ZError:
-            return None  # the link is down; whoever waits asks again
+            return None  # the link is down
         return None
 
-    def subscribe(self, topic: str, take: Callable[[zenoh.Sample], object]) -> None:
-        """Hand messages of a topic on until the next `reconnect` or `close`."""
-        self._subscribers.append(self._session.declare_subscriber(f"{self.key}/{topic}", take))
+    def subscribe(self, topic: str, receive: Callable[[zenoh.Sample], object]) -> None:
+        """Pass the messages of a topic to a function until the next `reconnect` or `close`."""
+        self._subscribers.append(self._session.declare_subscriber(f"{self.key}/{topic}", receive))
 
     def reconnect(self) -> bool:
-        """Open the link anew; False where nobody is there yet."""
+        """Open the link again; return False while nobody answers."""
         self.close()
         try:
-            self._session = self._open()
+            self._session = open_client_session(self._connect)
         except BusError:
             return False
         return True
 
     def close(self) -> None:
-        """Leave the bus."""
+        """Close the link."""
         self._subscribers.clear()
         with suppress(zenoh.ZError):
             self._session.close()
 
 
-def _said(reply: zenoh.Reply) -> RpcReply | None:
-    """The gateway's word; None for an error of the bus itself, such as a time-out."""
+def _decode(reply: zenoh.Reply) -> RpcReply | None:
+    """Return the gateway's answer; None for an error of the bus itself, such as a timeout."""
     answer = reply.ok or reply.err
     if answer is None:
         return None

@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from gateway.atomic_io import write_durably
 from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.errors import describe_problems
 
 ID_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,119}$"
 """Of a record: it is a file's name."""
@@ -76,7 +77,7 @@ class CalibrationStore:
         try:
             state = InForce.model_validate(content)
         except ValidationError as error:
-            raise CalibrationError(f"{path}: {_first(error)}; {_MEND}") from error
+            raise CalibrationError(f"{path}: {describe_problems(error)[0]}; {_MEND}") from error
         if state.device_id != self.device_id:
             raise CalibrationError(f"{path}: belongs to {state.device_id}, not to {self.device_id}; {_MEND}")
         return state
@@ -142,7 +143,7 @@ def parse(content: dict[str, Any], device_id: str, where: str) -> CalibrationRec
     try:
         record = CalibrationRecord.model_validate(content)
     except ValidationError as error:
-        raise CalibrationError(f"{where}: {_first(error)}; the record is not used") from error
+        raise CalibrationError(f"{where}: {describe_problems(error)[0]}; the record is not used") from error
     if record.device_id != device_id:
         raise CalibrationError(f"{where}: belongs to {record.device_id}, not to {device_id}; the record is not used")
     return record
@@ -157,11 +158,6 @@ def _read(path: Path) -> dict[str, Any] | None:
     except (OSError, ValueError) as error:
         raise CalibrationError(f"{path}: cannot be read ({error}); {_MEND}") from error
     return content
-
-
-def _first(error: ValidationError) -> str:
-    first = error.errors(include_url=False)[0]
-    return f"{'.'.join(str(part) for part in first['loc']) or 'content'}: {first['msg']}"
 
 
 def _json(content: dict[str, Any]) -> bytes:

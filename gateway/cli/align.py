@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TextIO
 from gateway.cli.argument_types import above_zero
 
 if TYPE_CHECKING:
-    from gateway.bus.client import Client
+    from gateway.bus.client import GatewayClient
     from gateway.calibration.alignment.assistant import AligningView
     from gateway.calibration.alignment.screw_advice import AligningAdvice, ScrewMechanics
 
@@ -43,7 +43,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argp
 
 
 def _align(arguments: argparse.Namespace) -> int:
-    from gateway.bus.client import Client
+    from gateway.bus.client import GatewayClient
     from gateway.calibration.alignment.screw_advice import ScrewMechanics
 
     screws = ScrewMechanics(
@@ -52,14 +52,14 @@ def _align(arguments: argparse.Namespace) -> int:
         pitch_sign=-1 if "pitch" in arguments.reversed else 1,
         roll_sign=-1 if "roll" in arguments.reversed else 1,
     )
-    client = Client(arguments.connect, arguments.gateway)
+    client = GatewayClient(arguments.connect, arguments.gateway)
     try:
         return watch(client, screws, sys.stdout)
     finally:
         client.close()
 
 
-def watch(client: "Client", screws: "ScrewMechanics", out: TextIO) -> int:
+def watch(client: "GatewayClient", screws: "ScrewMechanics", out: TextIO) -> int:
     """Show advice as tilts come, until the housing is aligned; a lost link is waited for."""
     import zenoh
 

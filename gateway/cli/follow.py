@@ -6,7 +6,7 @@ from typing import Any, TextIO
 
 import zenoh
 
-from gateway.bus.client import Client
+from gateway.bus.client import GatewayClient
 from gateway.cli.status_line import StatusLine
 from gateway.daemon.bounded_queue import BoundedQueue
 
@@ -21,7 +21,7 @@ NO_ANSWER = "no answer from the gateway; waiting for it"
 GOES_ON = "the session goes on: plumbline remote recalibrate --follow shows it, plumbline remote cancel ends it"
 
 
-def watch_session(client: Client, session_id: str | None, out: TextIO) -> int:
+def watch_session(client: GatewayClient, session_id: str | None, out: TextIO) -> int:
     """Show a session until it is reviewed or has ended; 0 where its record may be committed, or has been."""
     screen = Screen(out)
     news = _listen(client)
@@ -47,13 +47,13 @@ def watch_session(client: Client, session_id: str | None, out: TextIO) -> int:
         raise
 
 
-def _listen(client: Client) -> BoundedQueue[zenoh.Sample]:
+def _listen(client: GatewayClient) -> BoundedQueue[zenoh.Sample]:
     news: BoundedQueue[zenoh.Sample] = BoundedQueue(WAITING)
     client.subscribe("calibration", news.put)
     return news
 
 
-def _next(client: Client, news: BoundedQueue[zenoh.Sample], screen: "Screen") -> dict[str, Any] | None:
+def _next(client: GatewayClient, news: BoundedQueue[zenoh.Sample], screen: "Screen") -> dict[str, Any] | None:
     """The session as it stands next; None while nobody answers, and the link is opened again."""
     sample = news.get(LOOK_S)
     if sample is not None:
@@ -68,7 +68,7 @@ def _next(client: Client, news: BoundedQueue[zenoh.Sample], screen: "Screen") ->
     return session
 
 
-def _asked(client: Client) -> dict[str, Any] | None:
+def _asked(client: GatewayClient) -> dict[str, Any] | None:
     status = client.status()
     return None if status is None or "calibration" not in status else _session(status["calibration"])
 

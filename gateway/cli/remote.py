@@ -42,7 +42,7 @@ def _where(verb: argparse.ArgumentParser) -> None:
 def _watch(arguments: argparse.Namespace) -> int:
     import zenoh
 
-    from gateway.bus.session import open_session
+    from gateway.bus.client import open_client_session
     from gateway.daemon.bounded_queue import BoundedQueue
     from gateway.errors import InputError
     from gateway.topics import TOPICS
@@ -51,7 +51,7 @@ def _watch(arguments: argparse.Namespace) -> int:
     if unknown := [topic for topic in topics if topic not in TOPICS]:
         raise InputError(f"no topic {', '.join(unknown)}; there are {', '.join(TOPICS)}")
     samples: BoundedQueue[zenoh.Sample] = BoundedQueue(10_000)
-    with open_session("client", [arguments.connect], [], connect_timeout_ms=2000) as session:
+    with open_client_session(arguments.connect) as session:
         subscribers = [session.declare_subscriber(f"{arguments.gateway}/{topic}", samples.put) for topic in topics]
         seen = 0
         while arguments.count is None or seen < arguments.count:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from gateway.cli.output import write_text
 
 if TYPE_CHECKING:
-    from gateway.bus.client import Client
+    from gateway.bus.client import GatewayClient
     from gateway.calibration.record import CalibrationRecord
 
 LOST = 1
@@ -29,9 +29,9 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argp
 
 
 def _fetch(arguments: argparse.Namespace) -> int:
-    from gateway.bus.client import Client
+    from gateway.bus.client import GatewayClient
 
-    client = Client(arguments.connect, arguments.gateway)
+    client = GatewayClient(arguments.connect, arguments.gateway)
     try:
         listed = fetch_request(client, {}, PATIENCE_S)
         records, spoilt = fetched_records(client, listed, PATIENCE_S)
@@ -54,7 +54,7 @@ def _fetch(arguments: argparse.Namespace) -> int:
 
 
 def fetched_records(
-    client: "Client", listed: dict[str, Any], patience_s: float
+    client: "GatewayClient", listed: dict[str, Any], patience_s: float
 ) -> tuple[list["CalibrationRecord"], list[str]]:
     """Every record that can be read, and what is wrong with the others. Raises `InputError` where nobody answers."""
     from gateway.calibration.record import CalibrationError
@@ -71,7 +71,7 @@ def fetched_records(
     return records, spoilt
 
 
-def fetch_request(client: "Client", request: dict[str, Any], patience_s: float) -> dict[str, Any]:
+def fetch_request(client: "GatewayClient", request: dict[str, Any], patience_s: float) -> dict[str, Any]:
     """The answer to a request to read. Raises `InputError`."""
     from gateway.errors import InputError
 
@@ -83,7 +83,7 @@ def fetch_request(client: "Client", request: dict[str, Any], patience_s: float) 
     return said.content
 
 
-def _record(client: "Client", record_id: str, patience_s: float) -> "CalibrationRecord":
+def _record(client: "GatewayClient", record_id: str, patience_s: float) -> "CalibrationRecord":
     from gateway.calibration.store import parse
 
     content = fetch_request(client, {"what": "record", "record": record_id}, patience_s)["record"]

@@ -6,7 +6,7 @@ import uuid
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gateway.bus.client import Client
+    from gateway.bus.client import GatewayClient
 
 REFUSED = 1
 PATIENCE_S = 30.0
@@ -84,7 +84,7 @@ def _ask(arguments: argparse.Namespace, verb: str, more: dict[str, Any]) -> int:
 
 
 def _request(
-    client: "Client", verb: str, arguments: argparse.Namespace, more: dict[str, Any]
+    client: "GatewayClient", verb: str, arguments: argparse.Namespace, more: dict[str, Any]
 ) -> tuple[int, dict[str, Any]]:
     """Ask, and print the answer."""
     from gateway.errors import InputError
@@ -99,10 +99,10 @@ def _request(
     return 0 if said.accepted else REFUSED, request
 
 
-def _client(arguments: argparse.Namespace) -> "Client":
-    from gateway.bus.client import Client
+def _client(arguments: argparse.Namespace) -> "GatewayClient":
+    from gateway.bus.client import GatewayClient
     from gateway.errors import InputError
 
     if not arguments.by and not getattr(arguments, "follow", False):
         raise InputError("--by: say who asks; it goes into the record, its history and the audit")
-    return Client(arguments.connect, arguments.gateway)
+    return GatewayClient(arguments.connect, arguments.gateway)

@@ -5,9 +5,8 @@ import json
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from gateway.bus.client import Client
+    from gateway.bus.client import GatewayClient
 
-ANSWER_S = 2.0
 NOT_WATCHED = "not watched yet: no hour of rest has been seen since the record was made"
 NO_RECORD = "not watched: no calibration record is in force"
 NOT_TOLD = "not known yet: no message on health since this calibration came into force"
@@ -25,18 +24,17 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argp
 
 
 def _status(arguments: argparse.Namespace) -> int:
-    from gateway.bus.session import open_session
+    from gateway.bus.client import open_client_session, query_status
     from gateway.errors import InputError
 
-    with open_session("client", [arguments.connect], [], connect_timeout_ms=2000) as session:
-        replies = [reply.ok for reply in session.get(f"{arguments.gateway}/rpc/status", timeout=ANSWER_S) if reply.ok]
-    if not replies:
+    with open_client_session(arguments.connect) as session:
+        gateways = query_status(session, arguments.gateway)
+    if not gateways:
         raise InputError(f"no gateway {arguments.gateway} answers at {arguments.connect}")
-    found = {str(reply.key_expr).removesuffix("/rpc/status"): json.loads(reply.payload.to_bytes()) for reply in replies}
-    for key, topics in found.items():
+    for key, topics in gateways.items():
         rest = at_rest(topics.get("health"), topics.get("calibration"))
         topics["drift"] = {"at_rest": rest, "by_records": _by_records(arguments.connect, key)}
-    print(json.dumps(found, indent=1))
+    print(json.dumps(gateways, indent=1))
     return 0
 
 
@@ -57,12 +55,12 @@ def at_rest(health: dict[str, Any] | None, calibration: dict[str, Any] | None) -
 
 def _by_records(connect: str, key: str) -> str:
     """Within how many days to recalibrate, by the records of the device; or why that is not known."""
-    from gateway.bus.client import Client
+    from gateway.bus.client import GatewayClient
     from gateway.bus.session import BusError
     from gateway.errors import InputError
 
     try:
-        client = Client(connect, key)
+        client = GatewayClient(connect, key)
         try:
             return by_records(client)
         finally:
@@ -71,7 +69,7 @@ def _by_records(connect: str, key: str) -> str:
         return f"not known: {error}"
 
 
-def by_records(client: "Client") -> str:
+def by_records(client: "GatewayClient") -> str:
     """The forecast of the records that a gateway has. Raises `InputError` where it cannot be made."""
     from gateway.certificate.forecast import forecast, sentence
     from gateway.cli.remote_fetch import fetch_request, fetched_records

@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from devices.block import DeviceInfo, SampleBlock
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.wall_clock import WallClockMonitor
+from gateway.errors import describe_problems
 from gateway.messages import NO_SESSION, CalibrationSession, Verdict
 from gateway.pipeline.rate_limiter import RateLimiter
 from gateway.recalibration.interlock import LoadState
@@ -125,7 +126,9 @@ class RecalibrationService:
         try:
             signal = LoadSignal.model_validate_json(payload)
         except ValidationError as error:
-            log.error('load signal: %s; it must be JSON such as {"loaded": true}', error.errors()[0]["msg"])
+            log.error(
+                'load signal: %s; it must be JSON such as {"loaded": true}', describe_problems(error, "message")[0]
+            )
             return
         self._recalibration.watch.load(LoadState(signal.loaded, self._wall_clock.clock.now_ns()))
 

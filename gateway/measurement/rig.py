@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
-from gateway.errors import InputError
+from gateway.errors import InputError, describe_problems
 from gateway.swing.rig import MountedHousing
 
 LONGEST_RHO = 2.0
@@ -86,7 +86,5 @@ def read_rig(path: Path) -> Rig:
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: is not TOML: {error}") from error
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = ".".join(str(part) for part in first["loc"]) or "rig"
-        text = str(first["msg"]).removeprefix("Value error, ")
-        raise InputError(f"{path}: {place}: {text}; needed are [rope] length_m and [housing] position_m") from error
+        problem = describe_problems(error, "rig")[0]
+        raise InputError(f"{path}: {problem}; needed are [rope] length_m and [housing] position_m") from error

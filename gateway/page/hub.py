@@ -1,4 +1,4 @@
-"""Server-Sent Events to many browsers: one encoded payload shared by all, a short queue each, the slow ones dropped."""
+"""Server-Sent Events to several browsers: one encoded payload for all, a short queue for each; slow browsers are dropped."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -11,66 +11,66 @@ LONGEST_QUEUE = 20
 
 
 def event(name: str, content: object, *, number: int) -> bytes:
-    """One event; a number that is not finite becomes null, which every browser can read."""
+    """Encode one event; a number that is not finite becomes null, which every browser can read."""
     return b"id: %d\nevent: %s\ndata: %s\n\n" % (number, name.encode(), to_json(content, inf_nan_mode="null"))
 
 
-class Client:
-    """One browser's queue; None ends its stream."""
+class BrowserQueue:
+    """The payloads that one browser has not received yet; None ends its stream."""
 
     def __init__(self) -> None:
         self.queue: asyncio.Queue[bytes | None] = asyncio.Queue(LONGEST_QUEUE)
 
     def end(self) -> None:
-        """End the stream, forgetting what was not sent yet: it is old news."""
+        """End the stream and discard the payloads that were not sent: they are out of date."""
         while not self.queue.empty():
             self.queue.get_nowait()
         self.queue.put_nowait(None)
 
 
 class EventStream:
-    """The browsers that listen."""
+    """The browsers that receive the events."""
 
     def __init__(self) -> None:
-        self._clients: set[Client] = set()
+        self._browsers: set[BrowserQueue] = set()
         self._closed = False
         self.dropped = 0
-        """Browsers dropped because they did not keep up."""
+        """Number of browsers that were dropped because they were too slow."""
 
     def __len__(self) -> int:
-        return len(self._clients)
+        return len(self._browsers)
 
     @property
     def full(self) -> bool:
-        """No room for another browser."""
-        return self._closed or len(self._clients) >= MOST_CLIENTS
+        """Whether no other browser is admitted."""
+        return self._closed or len(self._browsers) >= MOST_CLIENTS
 
     def publish(self, payload: bytes) -> None:
-        """Hand one payload to every browser; never waits."""
-        for client in list(self._clients):
-            if client.queue.full():
+        """Add a payload to the queue of every browser; never waits."""
+        for browser in list(self._browsers):
+            if browser.queue.full():
                 self.dropped += 1
-                self._clients.discard(client)
-                client.end()
+                self._browsers.discard(browser)
+                browser.end()
             else:
-                client.queue.put_nowait(payload)
+                browser.queue.put_nowait(payload)
 
     def close(self) -> None:
-        """End all streams; no new ones."""
+        """End all streams, and admit no new ones."""
         self._closed = True
-        for client in self._clients:
-            client.end()
-        self._clients.clear()
+        for browser in self._browsers:
+            browser.end()
+        self._browsers.clear()
 
     async def stream(self, greeting: bytes) -> AsyncIterator[bytes]:
-        """Events for one browser: the greeting, then what is published from now on."""
+        """Yield the events for one browser: the greeting, then everything that is published from now on."""
         if self.full:
             return
-        client = Client()
-        self._clients.add(client)
+        browser = BrowserQueue()
+        self._browsers.add(browser)
         try:
             yield b"retry: %d\n\n" % RETRY_MS + greeting
-            while (payload := await client.queue.get()) is not None:
+            while (payload := await browser.queue.get()) is not None:
                 yield payload
         finally:
-            self._clients.discard(client)
+            self._browsers.discard(browser)

@@ -1,6 +1,5 @@
-"""The Zenoh side: subscribes to what the page shows. A client that never listens and waits for its gateway for ever."""
+"""The page's connection to the bus: a client that never listens and waits for its gateway without limit."""
 
-import json
 import threading
 import time
 from collections.abc import Callable
@@ -13,33 +12,12 @@ from gateway.topics import TOPICS
 
 ALIVE = "alive"
 SHOWN = tuple(topic.name for topic in TOPICS.values() if topic.published and topic.name != "samples")
-"""Topics that the page subscribes to, each by itself: the raw samples stay out of this process."""
+"""Topics that the page subscribes to one by one, so that the raw samples do not reach this process."""
 LARGEST_PAYLOAD = 65536
-
-SETTINGS = {
-    "mode": "client",
-    "listen/endpoints": [],
-    "scouting/multicast/enabled": False,
-    "connect/timeout_ms": -1,
-    "connect/exit_on_failure": False,
-    "connect/retry": {"period_init_ms": 200, "period_max_ms": 2000, "period_increase_factor": 2},
-    "transport/shared_memory/enabled": False,
-}
-
-
-def configuration(endpoints: list[str]) -> zenoh.Config:
-    """Zenoh's configuration. Raises `ValueError` for an endpoint that is none."""
-    config = zenoh.Config()
-    try:
-        for path, value in {**SETTINGS, "connect/endpoints": endpoints}.items():
-            config.insert_json5(path, json.dumps(value))
-    except zenoh.ZError as error:
-        raise ValueError(f"connect: {endpoints}: {error}") from None
-    return config
 
 
 class Link:
-    """Opens the session in a thread of its own: opening takes as long as the gateway is away."""
+    """Subscribes to the topics. The session is opened in a thread of its own, for that takes until the gateway answers."""
 
     def __init__(self, config: zenoh.Config, key: str, inbox: Inbox, on_failure: Callable[[str], object]) -> None:
         self._config = config
@@ -51,11 +29,11 @@ class Link:
         self._closed = False
 
     def start(self) -> None:
-        """Begin to connect; returns at once."""
+        """Begin to connect, without waiting."""
         threading.Thread(target=self._open, name="zenoh-open", daemon=True).start()
 
     def close(self) -> None:
-        """Close the session: one with a callback that is left open would hang the exit."""
+        """Close the session. An open session with a callback would block the end of the process."""
         with self._lock:
             self._closed = True
             self._session.close()

@@ -9,6 +9,8 @@ from typing import Annotated, ClassVar
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
+from gateway.errors import describe_problems
+
 LONGEST_LINE = 65536
 Key = Annotated[str, Field(pattern=r"^plumbline/v1/[^/*$#?]+/[^/*$#?]+/[^/*$#?]+$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -53,5 +55,4 @@ def parse(line: bytes) -> Parameters:
     try:
         return _ADAPTER.validate_json(line)
     except ValidationError as error:
-        faults = (f"{'.'.join(map(str, fault['loc'])) or 'line'}: {fault['msg']}" for fault in error.errors())
-        raise ValueError("; ".join(faults)) from None
+        raise ValueError("; ".join(describe_problems(error, "line"))) from None

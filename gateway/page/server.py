@@ -10,10 +10,11 @@ import time
 
 import uvicorn
 
+from gateway.bus.session import BusError, session_settings
 from gateway.page.application import HEADERS, application
 from gateway.page.hub import EventStream, event
 from gateway.page.inbox import Inbox
-from gateway.page.link import Link, configuration
+from gateway.page.link import Link
 from gateway.page.parameters import LONGEST_LINE, parse
 from gateway.page.state import PageState
 
@@ -34,16 +35,16 @@ def main() -> int:
     logging.basicConfig(level=logging.WARNING, format="page: %(message)s")
     try:
         parameters = parse(_read_line(sys.stdin.fileno()))
-        config = configuration(parameters.connect)
+        settings = session_settings("client", parameters.connect, [])
         listener = _adopt(parameters.fd)
-    except ValueError as error:
+    except (ValueError, BusError) as error:
         print(f"page: start parameters on standard input: {error}", file=sys.stderr)
         return 2
     state, hub = PageState(parameters), EventStream()
     page = Page(state, hub)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: page.stop())
-    link = Link(config, parameters.key, page.inbox, page.fail)
+    link = Link(settings, parameters.key, page.inbox, page.fail)
     return asyncio.run(page.serve(link, listener))
 
 

@@ -10,7 +10,7 @@ from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.record_factory import make_record
 from gateway.calibration.store import CalibrationStore
-from gateway.errors import PlumblineError
+from gateway.errors import PlumblineError, describe_problems
 from gateway.recalibration.interlock import LoadInterlock
 from gateway.recalibration.methods import Methods
 from gateway.recalibration.requests import Cancel, Commit, Recalibrate, Request, Rollback, Zero
@@ -92,8 +92,7 @@ class CommandHandler:
                 request=request,
             )
         except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            raise CalibrationError(f"the fit is no record: {first['loc']}: {first['msg']}") from error
+            raise CalibrationError(f"the fit is no record: {describe_problems(error)[0]}") from error
 
     def _session(self, request: Recalibrate, moment: Timestamp) -> Act:
         why = self.watch.recalibration_refusal(confirmed=request.housing_off_rope, now_ns=moment.time_ns)

@@ -8,6 +8,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gateway.atomic_io import write_durably
+from gateway.errors import describe_problems
 from gateway.recalibration.session import Session
 
 MOST_ANSWERS = 64
@@ -76,9 +77,7 @@ class Journal:
         except FileNotFoundError:
             return
         except ValidationError as error:
-            first = error.errors(include_url=False)[0]
-            place = ".".join(map(str, first["loc"]))
-            self.complaint = f"{self._path}: {place}: {first['msg']}; a session that was under way has ended"
+            self.complaint = f"{self._path}: {describe_problems(error)[0]}; a session that was under way has ended"
             return
         except (OSError, ValueError) as error:
             self.complaint = f"{self._path}: cannot be read ({error}); a session that was under way has ended"

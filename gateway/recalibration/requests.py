@@ -5,7 +5,7 @@ from typing import Annotated, Literal, Self, TypeVar
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from gateway.calibration.store import ID_PATTERN
-from gateway.errors import InputError
+from gateway.errors import InputError, describe_problems
 
 LARGEST_PAYLOAD = 8192
 Model = TypeVar("Model", bound=BaseModel)
@@ -104,6 +104,4 @@ def _parsed(model: type[Model], payload: bytes) -> Model:
     try:
         return model.model_validate_json(payload)
     except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        place = ".".join(str(part) for part in first["loc"])
-        raise RequestError(f"{place + ': ' if place else ''}{first['msg']}") from error
+        raise RequestError(describe_problems(error, "request")[0]) from error

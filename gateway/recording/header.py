@@ -10,6 +10,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from devices.block import DeviceInfo
+from gateway.errors import describe_problems
 from gateway.messages import SCHEMA_VERSION
 
 PROFILE = "plumbline"
@@ -73,5 +74,4 @@ def device_from_metadata(metadata: dict[str, str]) -> DeviceInfo:
         fields = {name: text if name in TEXT_FIELDS else json.loads(text) for name, text in metadata.items()}
         return _device_adapter().validate_python(fields)
     except ValidationError as error:
-        first = error.errors()[0]
-        raise ValueError(f"metadata 'device': {first['loc'][0]}: {first['msg']}") from error
+        raise ValueError(f"metadata 'device': {describe_problems(error)[0]}") from error

@@ -2,7 +2,6 @@
 
 import json
 import os
-import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -10,7 +9,7 @@ from mcap.records import Channel
 from mcap.writer import Writer
 
 from devices.errors import RecordingError
-from gateway.atomic_io import sync_folder
+from gateway.atomic_io import replace_file
 from gateway.recording.header import RECOVERED
 from gateway.recording.mcap_salvage import SalvageReport
 from gateway.recording.reader import RecordingFile, open_recording
@@ -35,24 +34,10 @@ def recover(path: Path | str, out: Path | str) -> Recovered:
     if out.exists():
         raise RecordingError(f"{out}: exists already; choose another name")
     try:
-        return _write_aside(source, out)
+        with replace_file(out) as descriptor, os.fdopen(descriptor, "wb", closefd=False) as file:
+            messages = _copy(source, Writer(file, enable_data_crcs=True))
     except OSError as error:
         raise RecordingError(f"{out}: cannot be written: {error.strerror or error}; choose another place") from error
-
-
-def _write_aside(source: RecordingFile, out: Path) -> Recovered:
-    descriptor, name = tempfile.mkstemp(dir=out.parent, prefix=f".{out.name}.", suffix=".part")
-    aside = Path(name)
-    try:
-        with os.fdopen(descriptor, "wb") as file:
-            messages = _copy(source, Writer(file, enable_data_crcs=True))
-            file.flush()
-            os.fchmod(descriptor, 0o644)
-            os.fsync(descriptor)
-        aside.replace(out)
-        sync_folder(out.parent)
-    finally:
-        aside.unlink(missing_ok=True)
     return Recovered(messages, source.losses)
 
 

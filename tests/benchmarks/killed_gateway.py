@@ -11,7 +11,7 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from gateway.bus.client import Client
+from gateway.bus.client import GatewayClient
 from gateway.bus.session import BusError
 from gateway.calibration.store import CalibrationStore
 from gateway.errors import InputError
@@ -37,7 +37,7 @@ class Office(threading.Thread):
     def run(self):
         while not self.stopping.is_set():
             try:
-                client = Client(self._endpoint, "plumbline/v1/*/*/*")
+                client = GatewayClient(self._endpoint, "plumbline/v1/*/*/*")
             except (InputError, BusError):
                 time.sleep(0.2)
                 continue

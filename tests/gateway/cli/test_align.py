@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway.bus.client import Client
+from gateway.bus.client import GatewayClient
 from gateway.calibration.alignment.screw_advice import ScrewMechanics
 from gateway.cli import align as aligning
 from gateway.cli.align import SILENT, watch
@@ -36,7 +36,7 @@ def tilt(number: int, pitch_deg: float, roll_deg: float, **changes: Any) -> Simp
     return SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: payload))
 
 
-class ScriptedGateway(Client):
+class ScriptedGateway(GatewayClient):
     """Says one batch of tilts each time that it is listened to."""
 
     def __init__(self, *batches: Any) -> None:

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from gateway.bus.client import Client
+from gateway.bus.client import GatewayClient
 from gateway.cli import follow as following
 from gateway.cli.follow import watch_session
 
@@ -43,7 +43,7 @@ REVIEW = COLLECTING | {
 }
 
 
-class ScriptedLink(Client):
+class ScriptedLink(GatewayClient):
     """A gateway that says one thing after another: a session, or None while it is away."""
 
     def __init__(self, *said: Any) -> None:

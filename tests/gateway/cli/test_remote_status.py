@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.bus.client import Client, RpcReply
+from gateway.bus.client import GatewayClient, RpcReply
 from gateway.calibration.record import CalibrationError, content_hash
 from gateway.cli.remote_status import NO_RECORD, NOT_TOLD, NOT_WATCHED, at_rest, by_records
 
@@ -55,7 +55,7 @@ def test_the_health_of_another_record_says_nothing_of_this_one(
     assert at_rest(health, calibration) == NOT_TOLD
 
 
-class Store(Client):
+class Store(GatewayClient):
     """A gateway whose device was calibrated on these days of a year, its x offset growing."""
 
     key = "plumbline/v1/a/b/c"

@@ -8,9 +8,10 @@ from typing import Any
 
 import pytest
 
+from gateway.bus.session import BusError, session_settings
 from gateway.page.hub import LONGEST_QUEUE, MOST_CLIENTS, EventStream, event
 from gateway.page.inbox import Arrival, Inbox
-from gateway.page.link import SHOWN, configuration
+from gateway.page.link import SHOWN
 from gateway.page.metrics import Counters, exposition
 from gateway.page.parameters import Parameters, encode, parse
 from gateway.page.verdict import Evidence
@@ -158,5 +159,5 @@ def test_wrong_start_parameters_are_named_in_one_line(line: bytes, names: str) -
 
 
 def test_an_endpoint_that_is_none_is_named() -> None:
-    with pytest.raises(ValueError, match="nowhere"):
-        configuration(["nowhere"])
+    with pytest.raises(BusError, match="nowhere"):
+        session_settings("client", ["nowhere"], [])
