@@ -1,6 +1,6 @@
-"""A symbolic function evaluated for many instants at once: its instructions, one after the other, on whole arrays.
+"""A symbolic function evaluated for many samples at once: its instructions, one after the other, on whole arrays.
 
-CasADi's own loop over columns takes some 10 ns for each instruction and column, numpy under 1 ns.
+CasADi's own loop over columns takes some 10 ns for each instruction and column, numpy less than 1 ns.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,11 +9,21 @@ from typing import Any
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 Array = NDArray[np.float64]
 Operation = Callable[..., Any]
-AT_ONCE = 2048
-"""Columns in one go, so that what is in work stays in the processor's cache."""
+COLUMNS_AT_ONCE = 2048
+"""Columns that are evaluated together, so that intermediate results stay in the processor's cache."""
+
+
+class UnsupportedOperationError(ValueError):
+    """An expression contains an operation that has no array form."""
+
+    def __init__(self, kind: int) -> None:
+        names = [name for name in dir(ca) if name.startswith("OP_") and getattr(ca, name) == kind]
+        self.operation = names[0].removeprefix("OP_").lower() if names else str(kind)
+        super().__init__(f"the operation {self.operation} of CasADi has no array form")
 
 
 def _as_number(comparison: Operation) -> Operation:
@@ -27,20 +37,38 @@ OPERATIONS: dict[int, Operation] = {
     ca.OP_MUL: np.multiply,
     ca.OP_DIV: np.divide,
     ca.OP_NEG: np.negative,
-    ca.OP_EXP: np.exp,
-    ca.OP_LOG: np.log,
+    ca.OP_INV: np.reciprocal,
+    ca.OP_TWICE: lambda a: 2.0 * a,
+    ca.OP_SQ: np.square,
+    ca.OP_SQRT: np.sqrt,
     ca.OP_POW: np.power,
     ca.OP_CONSTPOW: np.power,
-    ca.OP_SQRT: np.sqrt,
-    ca.OP_SQ: np.square,
-    ca.OP_TWICE: lambda a: 2.0 * a,
-    ca.OP_INV: np.reciprocal,
+    ca.OP_HYPOT: np.hypot,
+    ca.OP_EXP: np.exp,
+    ca.OP_EXPM1: np.expm1,
+    ca.OP_LOG: np.log,
+    ca.OP_LOG1P: np.log1p,
     ca.OP_SIN: np.sin,
     ca.OP_COS: np.cos,
     ca.OP_TAN: np.tan,
+    ca.OP_ASIN: np.arcsin,
+    ca.OP_ACOS: np.arccos,
+    ca.OP_ATAN: np.arctan,
     ca.OP_ATAN2: np.arctan2,
+    ca.OP_SINH: np.sinh,
+    ca.OP_COSH: np.cosh,
+    ca.OP_TANH: np.tanh,
+    ca.OP_ASINH: np.arcsinh,
+    ca.OP_ACOSH: np.arccosh,
+    ca.OP_ATANH: np.arctanh,
+    ca.OP_ERF: special.erf,
     ca.OP_FABS: np.abs,
     ca.OP_SIGN: np.sign,
+    ca.OP_COPYSIGN: np.copysign,
+    ca.OP_FLOOR: np.floor,
+    ca.OP_CEIL: np.ceil,
+    ca.OP_FMOD: np.fmod,
+    ca.OP_REMAINDER: lambda a, b: a - b * np.rint(a / b),
     ca.OP_FMIN: np.minimum,
     ca.OP_FMAX: np.maximum,
     ca.OP_LT: _as_number(np.less),
@@ -55,69 +83,71 @@ OPERATIONS: dict[int, Operation] = {
 
 
 class VectorisedFunction:
-    """`output` (a column) as a function of columns of inputs and of parameters that are the same for all."""
+    """A column `output` as a function of columns of inputs and of parameters that all samples share."""
 
     def __init__(self, inputs: Sequence[Any], p: Any, output: Any) -> None:
-        function = ca.Function("tape", [*inputs, p], [ca.densify(output)])
+        """Take the instructions of the expression. Raises `UnsupportedOperationError`."""
+        function = ca.Function("output", [*inputs, p], [ca.densify(output)])
         self.rows = output.numel()
-        self._parameters = len(inputs)
-        self._slots = function.sz_w()
-        self._steps: list[tuple[Operation | None, int, tuple[int, ...]]] = []
+        self._parameter_input = len(inputs)
+        self._n_registers = function.sz_w()
+        self._instructions: list[tuple[Operation | None, int, tuple[int, ...]]] = []
         for i in range(function.n_instructions()):
-            self._take(function, i)
+            self._append_instruction(function, i)
 
-    def _take(self, function: Any, i: int) -> None:
+    def _append_instruction(self, function: Any, i: int) -> None:
         kind = function.instruction_id(i)
-        into, of = function.instruction_output(i), function.instruction_input(i)
+        to, of = function.instruction_output(i), function.instruction_input(i)
         if kind == ca.OP_CONST:
-            self._steps.append((_constant(function.instruction_constant(i)), into[0], ()))
+            self._instructions.append((_constant(function.instruction_constant(i)), to[0], ()))
         elif kind == ca.OP_INPUT:
-            self._steps.append((None, into[0], (of[0], of[1])))
+            self._instructions.append((None, to[0], (of[0], of[1])))
         elif kind == ca.OP_OUTPUT:
-            self._steps.append((None, -1 - into[1], (of[0],)))
+            self._instructions.append((None, -1 - to[1], (of[0],)))
         elif kind in OPERATIONS:
-            self._steps.append((OPERATIONS[kind], into[0], tuple(of)))
+            self._instructions.append((OPERATIONS[kind], to[0], tuple(of)))
         else:
-            raise NotImplementedError(f"operation {kind} of CasADi has no array form here")
+            raise UnsupportedOperationError(kind)
 
     def __call__(self, inputs: Sequence[Array], p: Array) -> Array:
-        """Inputs of shape (rows, n) or (n,); returns (n, outputs)."""
+        """Return the outputs (n, rows) for inputs of shape (rows, n) or (n,)."""
         columns = [np.atleast_2d(each) for each in inputs]
         count = columns[0].shape[1]
-        found = np.empty((self.rows, count))
-        for first in range(0, count, AT_ONCE):
-            part = slice(first, first + AT_ONCE)
-            with np.errstate(all="ignore"):  # what runs away shows in the numbers
-                self._run([each[:, part] for each in columns], p, found[:, part])
-        return found.T
+        output = np.empty((self.rows, count))
+        for first in range(0, count, COLUMNS_AT_ONCE):
+            part = slice(first, first + COLUMNS_AT_ONCE)
+            with np.errstate(all="ignore"):  # parameters that diverge give numbers that are not finite
+                self._run([each[:, part] for each in columns], p, output[:, part])
+        return output.T
 
-    def _run(self, columns: list[Array], p: Array, found: Array) -> None:
-        work: list[Any] = [0.0] * self._slots
-        for operation, into, of in self._steps:
+    def _run(self, columns: list[Array], p: Array, output: Array) -> None:
+        registers: list[Any] = [0.0] * self._n_registers
+        for operation, to, of in self._instructions:
             if operation is not None:
-                work[into] = operation(*[work[i] for i in of])
-            elif into < 0:
-                found[-1 - into] = work[of[0]]
+                registers[to] = operation(*[registers[i] for i in of])
+            elif to < 0:
+                output[-1 - to] = registers[of[0]]
             else:
-                work[into] = p[of[1]] if of[0] == self._parameters else columns[of[0]][of[1]]
+                registers[to] = p[of[1]] if of[0] == self._parameter_input else columns[of[0]][of[1]]
 
 
 class VectorisedJacobian:
-    """A sparse Jacobian for many columns, filled into dense arrays."""
+    """A sparse Jacobian for many samples, in dense arrays."""
 
     def __init__(self, inputs: Sequence[Any], p: Any, output: Any, by: Any) -> None:
+        """Differentiate `output` by `by`. Raises `UnsupportedOperationError`."""
         jacobian = ca.jacobian(output, by)
         self.shape: tuple[int, int] = jacobian.shape
         rows, columns = jacobian.sparsity().get_triplet()
-        self._places = np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64)
+        self._entry_indices = np.array(rows, dtype=np.int64), np.array(columns, dtype=np.int64)
         self._entries = VectorisedFunction(inputs, p, ca.vertcat(ca.SX(0, 1), *jacobian.nonzeros()))
 
     def __call__(self, inputs: Sequence[Array], p: Array) -> Array:
-        """Shape (n, outputs, variables)."""
+        """Return the Jacobians, shape (n, outputs, variables)."""
         entries = self._entries(inputs, p)
-        found = np.zeros((len(entries), *self.shape))
-        found[:, self._places[0], self._places[1]] = entries
-        return found
+        jacobians = np.zeros((len(entries), *self.shape))
+        jacobians[:, self._entry_indices[0], self._entry_indices[1]] = entries
+        return jacobians
 
 
 def _constant(value: float) -> Operation:
