@@ -1,4 +1,4 @@
-"""A model is data: what is believed of the rig, and the effects that act, with their parameters."""
+"""A model as data: the nominal rig, and the effects that act, with their parameters."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -10,51 +10,54 @@ from devices.pendulum.small_swing import small_swing_period_s, small_swing_rate_
 from gateway.errors import InputError
 from gateway.measurement.rig import Rig
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.effect import Parameter, Value
+from gateway.twin.effects.parameter import Parameter, Value
 
 EffectValues = Mapping[str, Mapping[str, Value]]
+"""Effects by name, each with its parameters by name."""
+DEFAULT_NOISE_G = 1e-3
+"""Noise of each axis of a rig that states none."""
 
 
 @dataclass(frozen=True, slots=True)
 class TwinRig:
-    """What is believed before looking at the data."""
+    """The rig as it is described before any data: nominal values."""
 
     length_m: float
     position_m: float
     gravity_m_s2: float = STANDARD_GRAVITY_M_S2
-    noise_g: tuple[float, float, float] = (1e-3, 1e-3, 1e-3)
+    noise_g: tuple[float, float, float] = (DEFAULT_NOISE_G, DEFAULT_NOISE_G, DEFAULT_NOISE_G)
     sample_rate_hz: float | None = None
     full_scale_g: float | None = None
     reference_temperature_c: float = 22.0
-    """Where the sensor's offsets are known; `thermal_drift` counts from here."""
+    """The temperature at which the sensor's offsets are known; thermal drift counts from here."""
 
     @property
     def small_swing_period_s(self) -> float:
-        """Period of a small swing on the believed rope."""
+        """Period of a small swing on the nominal rope."""
         return small_swing_period_s(self.length_m, self.gravity_m_s2)
 
     @property
     def small_swing_rate_1_s(self) -> float:
-        """Angular frequency of a small swing on the believed rope."""
+        """Angular frequency of a small swing on the nominal rope."""
         return small_swing_rate_1_s(self.length_m, self.gravity_m_s2)
 
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """Base and effects."""
+    """A rig and the effects that act on it."""
 
     rig: TwinRig
     effects: EffectValues
 
 
-def model_of(rig: Rig, place: str = "rig") -> Model:
-    """Of a `rig.toml`; raises `InputError` with the place and the mend."""
+def model_of(rig: Rig, source: str = "rig") -> Model:
+    """Return the model of a `rig.toml`. Raises `InputError` with the place and the correction."""
     position_m = rig.housing.position_m
     if position_m is None:
         position_m = rig.rope.length_m - (rig.housing.above_load_m or 0.0)
     noise = rig.sensor.noise_g
-    noise_g = tuple(noise) if isinstance(noise, list) else (noise or 1e-3,) * 3
-    believed = TwinRig(
+    noise_g = tuple(noise) if isinstance(noise, list) else (noise or DEFAULT_NOISE_G,) * 3
+    nominal = TwinRig(
         rig.rope.length_m,
         position_m,
         rig.site.gravity_m_s2,
@@ -62,36 +65,39 @@ def model_of(rig: Rig, place: str = "rig") -> Model:
         rig.sensor.sample_rate_hz,
         rig.sensor.full_scale_g,
     )
-    return Model(believed, checked(rig.model, place))
+    return Model(nominal, validate_effects(rig.model, source))
 
 
-def checked(tables: Mapping[str, Mapping[str, Any]], place: str) -> EffectValues:
-    """Effects with all their parameters in bounds; raises `InputError`."""
-    return {name: _checked_effect(name, values, f"{place}: [model.{name}]") for name, values in tables.items()}
+def validate_effects(tables: Mapping[str, Mapping[str, Any]], source: str) -> EffectValues:
+    """Return effects with all their parameters. Raises `InputError` for unknown names, missing values and broken bounds."""
+    return {name: _validate_effect(name, values, f"{source}: [model.{name}]") for name, values in tables.items()}
 
 
-def _checked_effect(name: str, values: Mapping[str, Any], place: str) -> dict[str, Value]:
+def _validate_effect(name: str, values: Mapping[str, Any], place: str) -> dict[str, Value]:
     effect = EFFECTS.get(name)
     if effect is None:
-        raise InputError(f"{place} is no effect; known are {', '.join(sorted(EFFECTS))}")
+        raise InputError(
+            f"{place} is no effect; known are {', '.join(sorted(EFFECTS))}; "
+            "an effect of your own needs --effects-from FILE.py"
+        )
     known = {parameter.name: parameter for parameter in effect.parameters}
     for given in values:
         if given not in known:
             raise InputError(f"{place} has no {given}; its parameters are {', '.join(known)}")
     for needed, parameter in known.items():
         if needed not in values and not parameter.refitted:
-            raise InputError(f"{place} wants {needed}, in {parameter.unit}: {parameter.meaning}")
-    return {name: _checked_value(values.get(name, p.typical), p, f"{place} {name}") for name, p in known.items()}
+            raise InputError(f"{place} needs {needed}, in {parameter.unit}: {parameter.meaning}")
+    return {name: _validate_value(values.get(name, p.typical), p, f"{place} {name}") for name, p in known.items()}
 
 
-def _checked_value(value: Any, parameter: Parameter, place: str) -> Value:
+def _validate_value(value: Any, parameter: Parameter, place: str) -> Value:
     given = value if isinstance(value, (list, tuple)) else [value]
     if len(given) != parameter.size:
-        wanted = f"[{', '.join(parameter.components)}]" if parameter.components else "one number"
-        raise InputError(f"{place} = {value} should be {wanted}")
+        expected = f"[{', '.join(parameter.components)}]" if parameter.components else "one number"
+        raise InputError(f"{place} = {value} should be {expected}")
     for each in given:
-        number = isinstance(each, (int, float)) and not isinstance(each, bool) and math.isfinite(each)
-        if not number or not parameter.lower <= each <= parameter.upper:
+        is_number = isinstance(each, (int, float)) and not isinstance(each, bool) and math.isfinite(each)
+        if not is_number or not parameter.lower <= each <= parameter.upper:
             raise InputError(
                 f"{place} = {value} should be from {parameter.lower:g} to {parameter.upper:g} {parameter.unit}"
             )
@@ -100,32 +106,32 @@ def _checked_value(value: Any, parameter: Parameter, place: str) -> Value:
 
 
 def as_tables(effects: EffectValues) -> dict[str, dict[str, Any]]:
-    """`[model.<effect>]` tables of `rig.toml`."""
+    """Return effects as the `[model.<effect>]` tables of a `rig.toml`."""
     return {
         name: {key: list(value) if isinstance(value, tuple) else value for key, value in values.items()}
         for name, values in effects.items()
     }
 
 
-def parse_effect_assignments(effects: EffectValues, wanted: Sequence[str]) -> EffectValues:
-    """More effects, each as `name` or `name:parameter=value:parameter=value,value`; what is not given is typical.
+def parse_effect_assignments(effects: EffectValues, assignments: Sequence[str]) -> EffectValues:
+    """Return effects with those of the command line added; a parameter that is not given takes its typical value.
 
-    Raises `InputError`.
+    An assignment is `name` or `name:parameter=value:parameter=value,value`. Raises `InputError`.
     """
     tables: dict[str, Mapping[str, Any]] = dict(effects)
-    for text in wanted:
-        name, *assignments = text.split(":")
-        given = dict(_assignment(assignment, text) for assignment in assignments)
+    for text in assignments:
+        name, *pairs = text.split(":")
+        given = dict(_parse_pair(pair, text) for pair in pairs)
         effect = EFFECTS.get(name)
         typical = {} if effect is None else {p.name: p.typical for p in effect.parameters}
         tables[name] = {**typical, **given}
-    return checked(tables, "--effect")
+    return validate_effects(tables, "--effect")
 
 
-def _assignment(assignment: str, text: str) -> tuple[str, Any]:
-    name, _, value = assignment.partition("=")
+def _parse_pair(pair: str, text: str) -> tuple[str, Any]:
+    name, _, value = pair.partition("=")
     try:
         numbers = [float(number) for number in value.split(",")]
     except ValueError as error:
-        raise InputError(f"--effect {text}: {assignment!r} should be PARAMETER=VALUE, or VALUE,VALUE") from error
+        raise InputError(f"--effect {text}: {pair!r} should be PARAMETER=VALUE, or VALUE,VALUE") from error
     return name, numbers if len(numbers) > 1 else numbers[0]

@@ -1,4 +1,4 @@
-"""Simulated recordings as files: CSV, or MCAP through the very pipeline and recorder of the gateway."""
+"""Simulated recordings as files: CSV, or MCAP through the pipeline and the recorder of the gateway."""
 
 import tempfile
 from pathlib import Path
@@ -23,23 +23,25 @@ from gateway.twin.model import TwinRig
 from gateway.twin.simulation import Simulated
 
 START_NS = 1_735_689_600_000_000_000
-"""2025-01-01T00:00:00Z: a recording that was never measured has no time of its own."""
+"""2025-01-01T00:00:00Z, the time of the first sample of every simulated recording."""
 BLOCK_SAMPLES = 32
+"""Samples in a block, as of a device."""
 ONE_SEGMENT_S, QUOTA_MB = 1e7, 1e6
+"""Limits of the recorder that are never reached, so that it writes one file."""
 CLOCK = ClockState("replayed", 0)
 
 
 def as_csv(simulated: Simulated) -> str:
-    """The recording as text: one row per sample."""
+    """Return the recording as text, with one row per sample."""
     rows = np.column_stack([simulated.time_s, simulated.force_g, simulated.temperature_c]).tolist()
     lines = [f"{t:.6f},{x:.7f},{y:.7f},{z:.7f},{warm:.3f}" for t, x, y, z, warm in rows]
     return "\n".join(["time_s,ax_g,ay_g,az_g,temperature_c", *lines, ""])
 
 
 def write_mcap(path: Path, rig: TwinRig, simulated: Simulated, seed: int) -> None:
-    """Write the recording and all that the pipeline makes of it, whole or not at all.
+    """Write the recording and all messages that the pipeline computes from it, completely or not at all.
 
-    Raises `InputError` where the rig is none that a gateway can be configured for or the file cannot be written.
+    Raises `InputError` if no gateway can be configured for the rig, or the file cannot be written.
     """
     configuration = _configuration(rig, simulated, seed)
     header = RecordingHeader(
@@ -91,7 +93,7 @@ def _configuration(rig: TwinRig, simulated: Simulated, seed: int) -> Configurati
 
 
 def _device(simulated: Simulated, seed: int) -> DeviceInfo:
-    """Its readings are in g and in the housing's axes already: the sensor's errors are effects of the model."""
+    """Return a device whose readings are in g and in the housing's axes, since the sensor's errors are effects of the model."""
     return DeviceInfo(
         kind="simulated",
         device_id=f"twin-{seed}",

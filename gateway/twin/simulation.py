@@ -1,4 +1,4 @@
-"""A recording that was never measured: the model's prediction, through the simulated part."""
+"""A simulated recording: the model's prediction, through the simulated accelerometer."""
 
 import math
 from dataclasses import dataclass
@@ -9,31 +9,35 @@ from numpy.typing import NDArray
 from devices.pendulum.double_pendulum import modes
 from devices.simulated.accelerometer import Accelerometer, no_errors
 from gateway.errors import InputError
-from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.limits import Quantization
-from gateway.twin.effects.rope import DoublePendulum, RopeStretch
-from gateway.twin.model import Model
+from gateway.twin.effects import EFFECTS, ModelStructure
+from gateway.twin.effects.evaluation_context import Rigging
+from gateway.twin.model import EffectValues, Model
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import RIGGING_RATES, RIGGING_TILTS, ROPE_RATES, ROPE_TILTS, STRETCH
 
 Array = NDArray[np.float64]
-FIRST_SWING_RAD = math.radians(5.0)
-"""Where a load is let go that nobody gave another start."""
-FIRST_ROUNDNESS = 0.2
-FIRST_STRETCH_M = 5e-3
-RIGGING_AHEAD = 1.5
-"""By how much the rigging leans more than it does in the slow mode, so that both modes are there."""
-WARMS_UP_BY_C, WARM_UP_S = 20.0, 30.0
+DEFAULT_AMPLITUDE_RAD = math.radians(5.0)
+"""Tilt of the rope from which the load is released if no initial state is given."""
+DEFAULT_AXIS_RATIO = 0.2
+"""Smaller axis of the swing's ellipse over the larger one."""
+DEFAULT_STRETCH_M = 5e-3
+"""Initial stretch of an elastic rope."""
+FAST_MODE_SHARE = 1.5
+"""Initial tilt of the rigging over that in the slow mode; 1 would leave the fast mode at rest."""
+TEMPERATURE_RISE_C, TEMPERATURE_TIME_S = 20.0, 30.0
+"""Rise of the sensor's temperature after it is switched on, and its time constant."""
 DEFAULT_RATE_HZ = 50.0
+"""Sample rate of a rig that states none."""
 DEFAULT_RANGE_G = 2.0
+"""Full scale of a rig that states none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Simulated:
-    """What the simulated part handed on."""
+    """The samples that the simulated accelerometer delivers."""
 
     time_s: Array
-    """As stamped, shape (n,)."""
+    """Recorded time, shape (n,)."""
     force_g: Array
     """Shape (n, 3)."""
     temperature_c: Array
@@ -44,9 +48,10 @@ class Simulated:
 
 
 def simulate(model: Model, duration_s: float, seed: int, initial: dict[str, float]) -> Simulated:
-    """A recording of a model; `initial` gives coordinates of the start by name, without it the load is let go from 5 degrees.
+    """Return a recording of a model; `initial` gives coordinates of the initial state by name.
 
-    The same seed gives the same recording. Raises `InputError` where the part or the model cannot do it.
+    Coordinates that are not given are those of a load that is released at 5 degrees. The same seed gives the same recording.
+    Raises `InputError` for a model that cannot be simulated.
     """
     random = np.random.default_rng(seed)
     rate_hz = model.rig.sample_rate_hz or DEFAULT_RATE_HZ
@@ -54,14 +59,15 @@ def simulate(model: Model, duration_s: float, seed: int, initial: dict[str, floa
     if len(time_s) < 2:
         raise InputError(f"{duration_s:g} s at {rate_hz:g} Hz holds no two samples; choose a longer duration")
     time_s = _drop_samples(model, time_s, random)
-    temperature_c = model.rig.reference_temperature_c + WARMS_UP_BY_C * -np.expm1(-time_s / WARM_UP_S)
+    temperature_c = model.rig.reference_temperature_c + TEMPERATURE_RISE_C * -np.expm1(-time_s / TEMPERATURE_TIME_S)
     force_g = _prediction(model, initial, random, time_s, temperature_c)
-    part = Accelerometer(no_errors(), rate_hz, model.rig.full_scale_g or DEFAULT_RANGE_G)
-    noisy_g = force_g + _excess_noise_g(model, part) * random.standard_normal(force_g.shape)
-    handed_g = part.counts(noisy_g, temperature_c, random) / part.units_per_g
-    stamped_s = np.arange(len(time_s)) / rate_hz  # stamps count samples: what was lost leaves no trace in them
+    sensor = Accelerometer(no_errors(), rate_hz, model.rig.full_scale_g or DEFAULT_RANGE_G)
+    noisy_g = force_g + _excess_noise_g(model, sensor) * random.standard_normal(force_g.shape)
+    samples_g = sensor.counts(noisy_g, temperature_c, random) / sensor.units_per_g
+    recorded_s = np.arange(len(time_s)) / rate_hz  # stamps count samples, so lost samples leave no trace in them
     noise_g = float(np.sqrt(np.mean(np.square(model.rig.noise_g))))
-    return Simulated(stamped_s, _hand_on(model, handed_g), temperature_c, part.full_scale_g, noise_g, rate_hz)
+    output_g = _apply_sample_effects(model, samples_g)
+    return Simulated(recorded_s, output_g, temperature_c, sensor.full_scale_g, noise_g, rate_hz)
 
 
 def _prediction(
@@ -73,44 +79,52 @@ def _prediction(
     except ValueError as error:
         raise InputError(str(error)) from error
     values = simulator.values([], predicted)
-    _refuse_outside(simulator, values)
-    start = _start(simulator, model, random)
-    known = [slot.parameter for slot in simulator.initial]
+    _check_bounds(simulator, values)
+    start = _initial_state(simulator, predicted, random)
+    known = [spec.parameter for spec in simulator.initial]
     for name, value in initial.items():
         if name not in known:
-            raise InputError(f"the start has no {name}; its coordinates are {', '.join(known)}")
+            raise InputError(f"the initial state has no {name}; its coordinates are {', '.join(known)}")
         start[known.index(name)] = value
     values[: simulator.n_initial_states] = start
-    _refuse_outside(simulator, values)
+    _check_bounds(simulator, values)
     return simulator.predict(values, time_s, temperature_c)
 
 
-def _refuse_outside(simulator: Simulator, values: Array) -> None:
-    for slot, value in zip(simulator.parameters, values, strict=True):
-        if not slot.lower <= value <= slot.upper:
+def _check_bounds(simulator: Simulator, values: Array) -> None:
+    for spec, value in zip(simulator.parameters, values, strict=True):
+        if not spec.lower <= value <= spec.upper:
             raise InputError(
-                f"{slot.label} = {value:g} should be from {slot.lower:g} to {slot.upper:g} {slot.unit} here"
+                f"{spec.label} = {value:g} should be from {spec.lower:g} to {spec.upper:g} {spec.unit} here"
             )
 
 
-def _start(simulator: Simulator, model: Model, random: np.random.Generator) -> Array:
-    """Let go from a lean in some direction, with a little speed across; the rigging leans further, the rope is stretched."""
-    rig = model.rig
+def _initial_state(simulator: Simulator, effects: EffectValues, random: np.random.Generator) -> Array:
+    """Return the initial state of a load that is released at a tilt in a random direction, with some speed across it.
+
+    Rigging has a larger tilt than in the slow mode, and an elastic rope is stretched, so that all modes are excited.
+    """
+    rig = simulator.rig
     azimuth_rad = random.uniform(-np.pi, np.pi)
     along = np.array([np.cos(azimuth_rad), np.sin(azimuth_rad)])
-    tilt = FIRST_SWING_RAD * along
-    rate = FIRST_ROUNDNESS * rig.small_swing_rate_1_s * FIRST_SWING_RAD * along[::-1] * [-1, 1]
+    tilt = DEFAULT_AMPLITUDE_RAD * along
+    rate = DEFAULT_AXIS_RATIO * rig.small_swing_rate_1_s * DEFAULT_AMPLITUDE_RAD * along[::-1] * [-1, 1]
     start = np.zeros(simulator.n_initial_states)
     start[ROPE_TILTS], start[ROPE_RATES] = tilt, rate
-    if DoublePendulum.name in model.effects:
-        hung = model.effects[DoublePendulum.name]
-        lower_m, ratio = hung["rigging_length_m"], hung["hook_mass_ratio"]
-        slow, _ = modes(rig.length_m - np.asarray(lower_m), lower_m, ratio, rig.gravity_m_s2)
-        start[RIGGING_TILTS] = RIGGING_AHEAD * slow.rigging_tilt * tilt
+    rigging = _rigging(effects)
+    if rigging is not None:
+        upper_m = rig.length_m - rigging.length_m
+        slow, _ = modes(upper_m, rigging.length_m, rigging.hook_mass_ratio, rig.gravity_m_s2)
+        start[RIGGING_TILTS] = FAST_MODE_SHARE * slow.rigging_tilt * tilt
         start[RIGGING_RATES] = slow.rigging_tilt * rate
-    if RopeStretch.name in model.effects:
-        start[STRETCH] = FIRST_STRETCH_M
+    if simulator.structure is ModelStructure.ELASTIC:
+        start[STRETCH] = DEFAULT_STRETCH_M
     return start
+
+
+def _rigging(effects: EffectValues) -> Rigging | None:
+    found = (EFFECTS[name].rigging(values) for name, values in effects.items())
+    return next((rigging for rigging in found if rigging is not None), None)
 
 
 def _drop_samples(model: Model, time_s: Array, random: np.random.Generator) -> Array:
@@ -120,21 +134,21 @@ def _drop_samples(model: Model, time_s: Array, random: np.random.Generator) -> A
     return time_s
 
 
-def _excess_noise_g(model: Model, part: Accelerometer) -> Array:
-    """What the believed noise has more than the part's own, shape (3,)."""
-    squares = np.square(model.rig.noise_g) - part.noise_g**2
+def _excess_noise_g(model: Model, sensor: Accelerometer) -> Array:
+    """Return the noise of the rig beyond that of the simulated accelerometer, shape (3,)."""
+    squares = np.square(model.rig.noise_g) - sensor.noise_g**2
     if (squares < 0).any():
         raise InputError(
-            f"sensor.noise_g {min(model.rig.noise_g):g} is below what the simulated part has at {part.odr_hz:g} Hz, "
-            f"{part.noise_g:.2g} g; raise it, or lower sensor.sample_rate_hz"
+            f"sensor.noise_g {min(model.rig.noise_g):g} is below what the simulated part has at {sensor.odr_hz:g} Hz, "
+            f"{sensor.noise_g:.2g} g; raise it, or lower sensor.sample_rate_hz"
         )
-    beyond: Array = np.sqrt(squares)
-    return beyond
+    excess: Array = np.sqrt(squares)
+    return excess
 
 
-def _hand_on(model: Model, force_g: Array) -> Array:
-    """Apply what acts on noisy samples, the coarse steps before the smaller range."""
-    for name in (Quantization.name, *(each for each in EFFECTS if each != Quantization.name)):
+def _apply_sample_effects(model: Model, force_g: Array) -> Array:
+    """Apply the effects that act on noisy samples, in the order of the sensor's chain."""
+    for name, effect in EFFECTS.items():
         if name in model.effects:
-            force_g = EFFECTS[name].sample_output_g(model.effects[name], force_g)
+            force_g = effect.sample_output_g(model.effects[name], force_g)
     return force_g

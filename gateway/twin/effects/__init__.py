@@ -1,20 +1,17 @@
-"""The vocabulary: every effect by its name, in the order in which the sensor's chain applies them."""
+"""The vocabulary: every effect by its name, in the order in which the sensor's chain applies them.
 
+An effect of your own needs no more than what this package exports; see docs/how-to/add_an_effect.md.
+"""
+
+from gateway.twin.effects.clock import ClockDrift, SampleLoss
 from gateway.twin.effects.damping import CoulombFriction, QuadraticDrag, ViscousDamping
 from gateway.twin.effects.driving import Impact, SteadyWind, TrolleyAcceleration, WindGust
-from gateway.twin.effects.effect import (
-    BodyState,
-    Effect,
-    EvaluationContext,
-    ModelStructure,
-    Parameter,
-    ParameterKind,
-    RopeGeometry,
-    Symbols,
-)
-from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.effect import Effect, ModelStructure
+from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext, Rigging, RopeGeometry
+from gateway.twin.effects.guess_context import EventWindow, GuessContext
 from gateway.twin.effects.housing import HousingPosition, HousingSpin, Slewing
-from gateway.twin.effects.limits import Clipping, ClockDrift, LowpassLag, Quantization, SampleLoss
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values
+from gateway.twin.effects.pulse import Pulse, PulseEffect, duration, ramp_fraction, start
 from gateway.twin.effects.registry import EffectRegistry
 from gateway.twin.effects.rope import DoublePendulum, Hoisting, LoadChange, RopeLength, RopeStretch
 from gateway.twin.effects.sensor import (
@@ -25,18 +22,28 @@ from gateway.twin.effects.sensor import (
     ThermalDrift,
     Vibration,
 )
+from gateway.twin.effects.sensor_output import Clipping, LowpassLag, Quantization
 
 __all__ = [
     "EFFECTS",
     "BodyState",
     "Effect",
     "EvaluationContext",
+    "EventWindow",
     "GuessContext",
     "ModelStructure",
     "Parameter",
     "ParameterKind",
+    "Pulse",
+    "PulseEffect",
+    "Rigging",
     "RopeGeometry",
     "Symbols",
+    "Value",
+    "Values",
+    "duration",
+    "ramp_fraction",
+    "start",
 ]
 
 EFFECTS = EffectRegistry(
@@ -63,8 +70,8 @@ EFFECTS = EffectRegistry(
         AxisOffset(),
         ThermalDrift(),
         LowpassLag(),
-        Clipping(),
         Quantization(),
+        Clipping(),
         ClockDrift(),
         SampleLoss(),
     )

@@ -1,60 +1,97 @@
-"""What takes energy out of the swing."""
+"""Forces that take energy out of the swing."""
 
 import casadi as ca
 
-from devices.pendulum.equations import Vector, dot, scale
-from gateway.twin.effects.effect import BodyState, Effect, EvaluationContext, Parameter, Symbols
+from devices.pendulum.equations import Scalar, Vector, dot, scale
+from gateway.twin.effects.effect import Effect
+from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
+from gateway.twin.effects.experiments import LARGER_SWING
+from gateway.twin.effects.parameter import Parameter, Symbols
 
-LARGER_SWING = "record from a swing twice as wide until it has died away to a quarter"
-SLOWEST_M_S = 1e-3
-"""Coulomb friction turns over within this speed; without it the force would jump at every turning point."""
+SMOOTHING_SPEED_M_S = 1e-3
+"""Speed within which Coulomb friction reverses; without it the force would jump at every turning point of the swing."""
 
 
 class ViscousDamping(Effect):
-    """A' = -zeta w0 A."""
+    """Force proportional to the velocity; the amplitude decays as A' = -c A/2, c = 2 zeta sqrt(g/L)."""
 
     name = "viscous_damping"
     equation = "F/m = −2 ζ √(g/L) v"
-    explains = "The swing dies away by the same part in each period: losses in rope, sheaves and joints."
-    reference = "physics of the linear oscillator; envelope A' = −c A/2, c = 2 ζ w0"
+    explains = "The swing loses the same fraction in each period: losses in the rope, the sheaves and the joints."
+    reference = "viscous damping, Inman 2014, section 1.3: A′ = −c A/2, c = 2 ζ √(g/L)"
     enters = "force on the load"
     discriminating_experiment = LARGER_SWING
-    parameters = (Parameter("damping_ratio", "1", "part of critical damping", 0.0, 0.5, 0.0, 1e-3, 5e-3),)
+    parameters = (
+        Parameter(
+            "damping_ratio",
+            "1",
+            "ζ, fraction of critical damping",
+            lower=0.0,
+            upper=0.5,
+            neutral=0.0,
+            scale=1e-3,
+            typical=5e-3,
+        ),
+    )
 
-    def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
-        """Against the velocity, in proportion to it."""
-        return scale(-2 * p["damping_ratio"] * load.swing_rate, load.velocity)
+    def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
+        """Return a force against the velocity."""
+        return scale(-2 * p["damping_ratio"] * load.small_swing_rate_1_s, load.velocity_m_s)
 
 
 class QuadraticDrag(Effect):
-    """A' = -(4/3 pi) k L w A^2."""
+    """Force proportional to the square of the speed; the amplitude decays as A' = -(4/3 pi) k L w A^2."""
 
     name = "quadratic_drag"
     equation = "F/m = −k |v| v"
-    explains = "Large swings die away faster than small ones: drag of the air on a large, light load."
-    reference = "drag law k = ρ_air c_d A / (2 m); envelope A' = −(4/3π) k L w A²"
+    explains = "Large swings die away faster than small ones: air drag on a large, light load."
+    reference = "drag law, k = ρ_air c_d A/(2 m); by the work in one period: A′ = −(4/3π) k L ω A²"
     enters = "force on the load"
     discriminating_experiment = LARGER_SWING
-    parameters = (Parameter("drag_per_m", "1/m", "k", 0.0, 1.0, 0.0, 1e-3, 5e-3),)
+    parameters = (
+        Parameter(
+            "drag_per_m",
+            "1/m",
+            "k, drag coefficient over mass",
+            lower=0.0,
+            upper=1.0,
+            neutral=0.0,
+            scale=1e-3,
+            typical=5e-3,
+        ),
+    )
 
-    def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
-        """Against the velocity, as its square."""
-        speed = ca.sqrt(dot(load.velocity, load.velocity) + SLOWEST_M_S**2)
-        return scale(-p["drag_per_m"] * speed, load.velocity)
+    def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
+        """Return a force against the velocity."""
+        return scale(-p["drag_per_m"] * _smoothed_speed(load), load.velocity_m_s)
 
 
 class CoulombFriction(Effect):
-    """A' = -2 mu/(pi w)."""
+    """Force of constant magnitude against the velocity; the amplitude decays as A' = -2 mu/(pi w L)."""
 
     name = "coulomb_friction"
     equation = "F/m = −μ v/|v|"
     explains = "Small swings die away faster than large ones and come to a stop: dry friction at the pivot."
-    reference = "Coulomb's law; envelope A' = −2 μ/(π w L)"
+    reference = "Coulomb friction, Inman 2014, section 1.10: A′ = −2 μ/(π ω L)"
     enters = "force on the load"
     discriminating_experiment = LARGER_SWING
-    parameters = (Parameter("decel_m_s2", "m/s²", "μ", 0.0, 0.5, 0.0, 1e-3, 4e-3),)
+    parameters = (
+        Parameter(
+            "decel_m_s2",
+            "m/s²",
+            "μ, friction force over mass",
+            lower=0.0,
+            upper=0.5,
+            neutral=0.0,
+            scale=1e-3,
+            typical=4e-3,
+        ),
+    )
 
-    def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
-        """Against the velocity, whatever its size."""
-        speed = ca.sqrt(dot(load.velocity, load.velocity) + SLOWEST_M_S**2)
-        return scale(-p["decel_m_s2"] / speed, load.velocity)
+    def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
+        """Return a force against the velocity, of a magnitude that does not depend on it."""
+        return scale(-p["decel_m_s2"] / _smoothed_speed(load), load.velocity_m_s)
+
+
+def _smoothed_speed(load: BodyState) -> Scalar:
+    return ca.sqrt(dot(load.velocity_m_s, load.velocity_m_s) + SMOOTHING_SPEED_M_S**2)

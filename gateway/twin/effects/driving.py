@@ -1,126 +1,134 @@
-"""What pushes the load or moves the pivot."""
-
-from collections.abc import Sequence
-from typing import Any
+"""Forces that drive the load, and motion of the pivot."""
 
 import numpy as np
 
 from devices.pendulum.equations import Scalar, Vector
-from gateway.twin.effects.effect import BodyState, Effect, EvaluationContext, Parameter, Symbols, Values
-from gateway.twin.effects.event_guesses import guess_gust, guess_impact, guess_trapezoid
+from gateway.twin.effects.effect import Effect
+from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
+from gateway.twin.effects.event_guesses import guess_gust, guess_trapezoid
+from gateway.twin.effects.experiments import RECORD_DRIVES, TURN_HOUSING
 from gateway.twin.effects.guess_context import GuessContext
-from gateway.twin.effects.pulse import Pulse, duration, ramp_fraction, start
+from gateway.twin.effects.parameter import Parameter, Symbols, Values
+from gateway.twin.effects.pulse import Pulse, PulseEffect, duration, ramp_fraction, start
 from gateway.twin.effects.pulse_shape import SHARPEST
 
 HORIZONTAL = ("x", "y")
-TURN_HOUSING = (
-    "turn the housing about the rope by 90 degrees and record again: what stays with the sensor is offset, mount or "
-    "cross-axis sensitivity, what turns is wind; a wider swing separates a tilt from an offset"
-)
-RECORD_DRIVES = "repeat the manoeuvre with the drives' own signals recorded, or with a second sensor at the pivot"
 
 
-def horizontal(p: Any, factor: Scalar) -> Vector:
-    """A horizontal vector, scaled."""
-    return factor * p[0], factor * p[1], 0.0
+def horizontal(components: tuple[Scalar, Scalar], factor: Scalar = 1.0) -> Vector:
+    """Return a horizontal vector with these components, scaled."""
+    return factor * components[0], factor * components[1], 0.0
 
 
 class SteadyWind(Effect):
-    """A lean that stays."""
+    """A constant horizontal force."""
 
     name = "steady_wind"
     equation = "F/m = (a_x, a_y, 0)"
-    explains = "A steady side pull: wind on the load, or a tag line; the rope leans and swings about the lean."
+    explains = (
+        "A steady side pull, by wind on the load or by a tag line: the rope leans and the load swings about the lean."
+    )
     reference = "statics: lean = arctan(a/g)"
     enters = "force on the load"
     discriminating_experiment = TURN_HOUSING
     world_directed = True
     parameters = (
-        Parameter("accel_m_s2", "m/s²", "force over the load's mass", -2.0, 2.0, 0.0, 0.01, (0.2, 0.0), HORIZONTAL),
+        Parameter(
+            "accel_m_s2",
+            "m/s²",
+            "a, force over the load's mass",
+            lower=-2.0,
+            upper=2.0,
+            neutral=0.0,
+            scale=0.01,
+            typical=(0.2, 0.0),
+            components=HORIZONTAL,
+        ),
     )
 
-    def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
-        """The same always."""
-        return horizontal(p["accel_m_s2"], 1.0)
+    def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
+        """Return the constant force."""
+        return horizontal(p["accel_m_s2"])
 
 
-class WindGust(Effect):
-    """A push that lasts for a time."""
+class WindGust(PulseEffect):
+    """A horizontal force with the shape of a pulse."""
 
     name = "wind_gust"
-    equation = "F/m = (a_x, a_y, 0) w(t; t₀, T, s), w rises as (1 − cos)/2 over s T/2, stays 1 and falls until t₀ + T"
+    equation = "F/m = (a_x, a_y, 0) w(t; t₀, T, s), w rises as (1 − cos)/2 during s T/2, stays 1 and falls until t₀ + T"
     explains = "A gust, or a pull on the load for some seconds."
-    reference = (
-        "s = 1: the one-minus-cosine gust of load standards (EN 61400-1, CS 25.341); s → 0: a pull with sharp edges"
-    )
+    reference = "s = 1: the one-minus-cosine gust of EN 61400-1 and CS 25.341; s → 0: a pull with sharp edges"
     enters = "force on the load"
     discriminating_experiment = RECORD_DRIVES
-    transient = True
     world_directed = True
     min_duration_s = 0.5
-    """A push that lasts for less is an impact."""
+    """A shorter push is an impact."""
     parameters = (
-        Parameter("accel_m_s2", "m/s²", "force over the load's mass", -5.0, 5.0, 0.0, 0.01, (0.25, 0.1), HORIZONTAL),
+        Parameter(
+            "accel_m_s2",
+            "m/s²",
+            "a, force over the load's mass",
+            lower=-5.0,
+            upper=5.0,
+            neutral=0.0,
+            scale=0.01,
+            typical=(0.25, 0.1),
+            components=HORIZONTAL,
+        ),
         start(30.0),
         duration(5.0),
         ramp_fraction(1.0),
     )
 
-    def initial_guesses(self, context: GuessContext) -> Sequence[Values]:
-        """Between the changepoints, and longer about the windows' middles: a gust swells and dies away."""
+    def initial_guesses(self, context: GuessContext) -> list[Values]:
+        """Return a pulse between the changepoints, and longer ones around the windows, since a gust swells and dies away."""
         return guess_gust(context)
 
-    def discontinuities_s(self, p: Symbols) -> tuple[Scalar, ...]:
-        """Where it starts, is full, falls and ends."""
-        return self._pulse(p).edges
-
     def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
-        """Eight steps at least."""
+        """Return an eighth of the duration."""
         return p["duration_s"] / 8
 
-    def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
-        """Rises to the full force, stays, and falls again."""
-        return horizontal(p["accel_m_s2"], self._pulse(p).value(now))
-
-    @staticmethod
-    def _pulse(p: Symbols) -> Pulse:
-        return Pulse(p["start_s"], p["duration_s"], p["rising_share"])
+    def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
+        """Return the force of the pulse."""
+        return horizontal(p["accel_m_s2"], self.pulse(p).value(context))
 
 
 class Impact(Effect):
-    """A blow."""
+    """An impulse on the load."""
 
     name = "impact"
     equation = "v⁺ = v⁻ + (Δv_x, Δv_y, 0) at t₀"
     explains = "Something struck the load, or the load struck something."
-    reference = "impulse over the load's mass; the rope takes the part along it"
+    reference = "impulse over the load's mass; the rope takes the component along it"
     enters = "force on the load"
     discriminating_experiment = RECORD_DRIVES
     transient = True
     world_directed = True
     instantaneous = True
     profile_modelled = False
-    """What strikes the load gives way for some hundredths of a second."""
+    """A real impact lasts some hundredths of a second."""
     parameters = (
-        Parameter("delta_v_m_s", "m/s", "jump of velocity", -5.0, 5.0, 0.0, 0.01, (0.2, 0.1), HORIZONTAL),
+        Parameter(
+            "delta_v_m_s",
+            "m/s",
+            "jump of velocity",
+            lower=-5.0,
+            upper=5.0,
+            neutral=0.0,
+            scale=0.01,
+            typical=(0.2, 0.1),
+            components=HORIZONTAL,
+        ),
         start(30.0),
     )
 
-    def initial_guesses(self, context: GuessContext) -> Sequence[Values]:
-        """At the changepoint, and in the middle of the short windows."""
-        return guess_impact(context)
-
-    def discontinuities_s(self, p: Symbols) -> tuple[Scalar, ...]:
-        """The instant of the blow."""
-        return (p["start_s"],)
-
     def velocity_jump_m_s(self, p: Symbols) -> Vector:
-        """The jump."""
-        return horizontal(p["delta_v_m_s"], 1.0)
+        """Return the jump of the velocity."""
+        return horizontal(p["delta_v_m_s"])
 
 
 class TrolleyAcceleration(Effect):
-    """The pivot speeds up, runs on, slows down."""
+    """The pivot accelerates, moves at constant speed, and decelerates."""
 
     name = "trolley_acceleration"
     equation = "a_p = (a_x, a_y, 0) (w(t; t₀, T, s) − w(t; t₀ + T + T_c, T, s)), w as of a gust"
@@ -131,33 +139,43 @@ class TrolleyAcceleration(Effect):
     transient = True
     world_directed = True
     parameters = (
-        Parameter("accel_m_s2", "m/s²", "of the pivot", -2.0, 2.0, 0.0, 0.01, (0.2, 0.1), HORIZONTAL),
+        Parameter(
+            "accel_m_s2",
+            "m/s²",
+            "a, acceleration of the pivot",
+            lower=-2.0,
+            upper=2.0,
+            neutral=0.0,
+            scale=0.01,
+            typical=(0.2, 0.1),
+            components=HORIZONTAL,
+        ),
         start(30.0),
-        duration(3.0),
-        duration(5.0, "coast_s"),
+        duration(3.0, meaning="T, duration of each of the two ramps"),
+        duration(5.0, "coast_s", "T_c, time at constant speed"),
         ramp_fraction(SHARPEST),
     )
 
     def interval_s(self, values: Values) -> tuple[float, float]:
-        """From speeding up to the end of slowing down: two ramps and the run between them."""
+        """Return the time from the first ramp to the end of the second."""
         start_s, ramp_s, coast_s = (float(np.asarray(values[key])) for key in ("start_s", "duration_s", "coast_s"))
         return start_s, start_s + 2 * ramp_s + coast_s
 
-    def initial_guesses(self, context: GuessContext) -> Sequence[Values]:
-        """Two ramps at the ends: short and long ones between the changepoints, middling ones in the windows."""
+    def initial_guesses(self, context: GuessContext) -> list[Values]:
+        """Return drives with short and with long ramps between the changepoints, and one in each window."""
         return guess_trapezoid(context)
 
     def discontinuities_s(self, p: Symbols) -> tuple[Scalar, ...]:
-        """Of speeding up and of slowing down."""
-        speeding, slowing = self._pulses(p)
-        return *speeding.edges, *slowing.edges
+        """Return those of both ramps."""
+        accelerating, decelerating = self._ramps(p)
+        return *accelerating.discontinuities_s, *decelerating.discontinuities_s
 
-    def pivot_m_s2(self, p: Symbols, now: EvaluationContext) -> Vector:
-        """Constant on each ramp but for its rise and fall."""
-        speeding, slowing = self._pulses(p)
-        return horizontal(p["accel_m_s2"], speeding.value(now) - slowing.value(now))
+    def pivot_acceleration_m_s2(self, p: Symbols, context: EvaluationContext) -> Vector:
+        """Return the acceleration of the two ramps."""
+        accelerating, decelerating = self._ramps(p)
+        return horizontal(p["accel_m_s2"], accelerating.value(context) - decelerating.value(context))
 
     @staticmethod
-    def _pulses(p: Symbols) -> tuple[Pulse, Pulse]:
-        begin, ramp, share = p["start_s"], p["duration_s"], p["rising_share"]
-        return Pulse(begin, ramp, share), Pulse(begin + ramp + p["coast_s"], ramp, share)
+    def _ramps(p: Symbols) -> tuple[Pulse, Pulse]:
+        start_s, ramp_s, fraction = p["start_s"], p["duration_s"], p["rising_share"]
+        return Pulse(start_s, ramp_s, fraction), Pulse(start_s + ramp_s + p["coast_s"], ramp_s, fraction)

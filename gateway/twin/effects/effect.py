@@ -1,32 +1,35 @@
-"""What an effect is: a unit that says what it does to the model, in equations that are printed and in symbols that are run.
+"""The base class of effects: an effect describes one physical cause by equations, parameters, traits and initial guesses.
 
-An effect overrides the hooks that it needs; the others leave the model as it is. Hooks get their parameters as symbols by
-name, a tuple of symbols where the parameter has components.
+An effect overrides the hooks that it needs; the others leave the model unchanged. A hook receives the parameters by name as
+symbols of CasADi (a tuple of symbols for a parameter with components), and returns expressions of them.
 """
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum
 from types import MappingProxyType
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from devices.pendulum.equations import Scalar, Vector
+from gateway.twin.effects.evaluation_context import (
+    ZERO_VECTOR,
+    BodyState,
+    EvaluationContext,
+    Rigging,
+    RopeGeometry,
+)
+from gateway.twin.effects.event_guesses import guess_event
 from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values
 
 Array = NDArray[np.float64]
-Symbols = Mapping[str, Scalar]
-Value = float | tuple[float, ...]
-Values = Mapping[str, Value]
-"""Parameters of one effect by name."""
-NOTHING: Vector = (0.0, 0.0, 0.0)
 
 
 class ModelStructure(Enum):
-    """What hangs from the pivot; it fixes the state of the motion."""
+    """The bodies that hang from the pivot; they determine the state of the model."""
 
     ROPE = "rope"
     RIGGING = "double pendulum"
@@ -43,170 +46,71 @@ class ModelStructure(Enum):
         return {ModelStructure.ROPE: 5, ModelStructure.RIGGING: 9, ModelStructure.ELASTIC: 7}[self]
 
 
-class ParameterKind(Enum):
-    """What a parameter means to a fit."""
-
-    AMPLITUDE = "amplitude"
-    """How strong the effect is."""
-    START = "start"
-    """When an event starts, in s since the recording's first sample."""
-    DURATION = "duration"
-    """How long an event, or a part of it, lasts, in s."""
-    EDGE = "edge"
-    """Share of an event in which it rises and falls."""
-    FREQUENCY = "frequency"
-    PHASE = "phase"
-    CUTOFF = "cutoff"
-    """A cutoff frequency: fitted by its inverse, the lag, to which samples respond in proportion."""
-
-
-EVENT_TIME_KINDS = frozenset({ParameterKind.START, ParameterKind.DURATION, ParameterKind.EDGE})
-"""Kinds without any sensitivity as long as the event's amplitude is zero."""
-
-
-@dataclass(frozen=True, slots=True)
-class Parameter:
-    """A number, or a few of the same kind, that an effect has."""
-
-    name: str
-    unit: str
-    meaning: str
-    lower: float
-    upper: float
-    """Bounds of each component; a bound of 0 is a constraint on the sign."""
-    neutral: float
-    """Where the effect vanishes, or, for a parameter that does not make it vanish, where to start looking."""
-    scale: float
-    """A change of this size is one that an operator would call small."""
-    typical: Value
-    """What `simulate` takes when nothing else is said."""
-    components: tuple[str, ...] = ()
-    """Names of the components of a parameter that has several."""
-    refitted: bool = False
-    """Belongs to a recording, not to the rig: the phase of a periodic effect."""
-    kind: ParameterKind = ParameterKind.AMPLITUDE
-    step_limit: float = math.inf
-    """Largest change in one step of a fit: samples respond in proportion only that far."""
-    prior_sigma: float | None = None
-    """One sigma of what a drawing or a tape measure says, where the parameter is a belief about the rig."""
-    operator_sigma: float | None = None
-    """One sigma of what an operator brings about who tries for a value."""
-
-    @property
-    def size(self) -> int:
-        """Number of components."""
-        return max(1, len(self.components))
-
-
-@dataclass(frozen=True, slots=True)
-class EvaluationContext:
-    """An instant inside an integration step. Steps end at the edges of events, so a step is wholly inside or outside."""
-
-    time_s: Scalar
-    middle_s: Scalar
-    """The middle of the step: it decides whether an event acts, so that no rounding at an edge can."""
-    gravity_m_s2: float
-    """Gravity at the rig's site."""
-    warmer_c: Scalar = 0.0
-    """By how much the sensor is warmer than where its offsets are known."""
-    stretch: tuple[Scalar, Scalar, Scalar] = NOTHING
-    """Of an elastic rope beyond that of a load at rest, with its two derivatives."""
-
-    def is_between(self, start_s: Scalar, end_s: Scalar) -> Scalar:
-        """1 between two edges, 0 outside."""
-        return (self.middle_s >= start_s) * (self.middle_s < end_s)
-
-    def step_at(self, start_s: Scalar) -> Scalar:
-        """1 from an edge on, 0 before."""
-        return self.middle_s >= start_s
-
-
-@dataclass(frozen=True, slots=True)
-class RopeGeometry:
-    """Lengths at an instant with their first two derivatives, in m, m/s, m/s^2."""
-
-    length: tuple[Scalar, Scalar, Scalar]
-    """Pivot to the load's centre; with a double pendulum pivot to the hook."""
-    position: tuple[Scalar, Scalar, Scalar]
-    """Pivot to the accelerometer."""
-
-
-@dataclass(frozen=True, slots=True)
-class BodyState:
-    """The load, or the housing, at an instant, in the world."""
-
-    place: Vector
-    """Relative to the pivot, in m."""
-    velocity: Vector
-    """Relative to the pivot, in m/s."""
-    swing_rate: Scalar
-    """sqrt(g/L) of the believed rope, in 1/s."""
-
-
 class Effect:
-    """Base of all effects."""
+    """Base class of all effects."""
 
     name: ClassVar[str]
     equation: ClassVar[str]
-    """As printed in a report."""
+    """The equation as the report prints it."""
     explains: ClassVar[str]
-    """What it would mean, in an operator's words."""
+    """The physical cause in an operator's words."""
     reference: ClassVar[str]
+    """The source of the equation: authors, year and equation, a standard, or the physical law."""
     enters: ClassVar[str]
-    """force on the load, pivot, rope, structure, housing, sensor or clock."""
+    """The part of the model that the effect changes: force on the load, pivot, rope, structure, housing, sensor or clock."""
     parameters: ClassVar[tuple[Parameter, ...]]
     discriminating_experiment: ClassVar[str] = "record for longer and from a wider swing"
-    """Measurement or manoeuvre that separates this effect from others with the same signature."""
+    """The measurement or manoeuvre that separates the effect from others with the same signature."""
 
     transient: ClassVar[bool] = False
-    """Acts for a time; parameters of kind START and DURATION say when."""
+    """The effect is an event: it acts for a limited time, given by its parameters of the kinds START and DURATION."""
     linear_at_neutral: ClassVar[bool] = True
-    """The sensitivity at the neutral values shows whether the effect is there."""
+    """The sensitivity at the neutral values reveals the effect."""
     scored: ClassVar[bool | None] = None
-    """A score test at the neutral values ranks it; None means as `linear_at_neutral` and only if it is not transient."""
+    """Whether a score test at the neutral values ranks the effect; None for the default, see `is_scored`."""
     found_before_search: ClassVar[bool] = False
-    """Detected in the samples, the spectrum or the time stamps; the search does not try it."""
+    """The effect is detected in the samples, the spectrum or the time stamps; the search does not try it."""
     detected_in_samples: ClassVar[bool] = False
-    """Visible in the values of the samples themselves; backward elimination does not remove it."""
+    """The values of the samples themselves show the effect; backward elimination keeps it."""
     structure: ClassVar[ModelStructure] = ModelStructure.ROPE
-    """Structure that the effect gives to the model; two effects with different ones exclude each other."""
+    """The structure that the effect gives to the model; effects with different structures exclude each other."""
     world_directed: ClassVar[bool] = False
-    """Has a direction in the world, so that the housing's heading matters."""
+    """The effect has a direction in the world, so that the heading of the housing matters."""
     changes_length: ClassVar[bool] = False
-    """An event after which the rope has another length."""
+    """The rope has another length after the event."""
     instantaneous: ClassVar[bool] = False
-    """An event without duration."""
+    """The event has no duration."""
     profile_modelled: ClassVar[bool] = True
-    """False where the exact course of an event is not modelled: its samples count neither for nor against a model."""
+    """False if the exact time course of the event is not modelled: its samples count neither for nor against a model."""
     scales_period: ClassVar[bool] = False
-    """Changes the rate of the whole motion, as a clock that runs slow does."""
+    """The effect changes the rate of the whole motion, as a slow clock does."""
     length_like: ClassVar[bool] = False
-    """Makes up for a wrong distance along the rope: a nuisance after an event that changed it."""
+    """The effect compensates for a wrong distance along the rope: a nuisance after an event that changed it."""
     mixes_axes: ClassVar[bool] = False
-    """Reads a constant linear combination of the three axes; several such effects are one matrix."""
+    """The sensor reads a constant linear combination of its axes; several such effects are one matrix."""
     needs_temperature: ClassVar[bool] = False
-    """Shows only in recordings with a temperature."""
+    """Only recordings with a temperature can show the effect."""
     steady_frequency: ClassVar[bool] = False
-    """Has a parameter `frequency_hz`; residual lines close to it contradict the effect."""
+    """The effect has a parameter `frequency_hz`; residual lines close to it contradict the effect."""
     slow_convergence: ClassVar[bool] = False
-    """Its parameters lie in a narrow valley of chi-square: a fit needs more iterations to converge."""
+    """The parameters lie in a narrow valley of chi-square, so that a fit needs more iterations."""
     segment_s: ClassVar[float] = math.inf
-    """Longest segment of multiple shooting that a fit from rest can follow."""
+    """The longest segment of multiple shooting that a fit from rest can follow, in s."""
     needs_single_segment: ClassVar[bool] = False
-    """Has memory that segments of multiple shooting do not carry over."""
+    """The effect has memory that segments of multiple shooting do not carry over."""
     min_duration_s: ClassVar[float] = 0.0
-    """Shortest duration for which the search accepts the effect."""
+    """The shortest duration for which the search accepts the event, in s."""
     default_guess: ClassVar[Values] = MappingProxyType({})
-    """Where a fit starts; parameters left out start at their neutral values."""
+    """Initial guess of a fit; parameters that it lacks start at their neutral values."""
 
     @property
     def is_scored(self) -> bool:
-        """Whether a score test ranks the effect."""
+        """Whether a score test ranks the effect: by default a persistent one that is linear at its neutral values."""
         return not self.transient and (self.linear_at_neutral if self.scored is None else self.scored)
 
     @property
     def is_guessed_from_residual(self) -> bool:
-        """Whether a persistent effect is searched for from initial guesses that come from the residual."""
+        """Whether the search starts this persistent effect from initial guesses that come from the residual."""
         return not (self.transient or self.is_scored or self.found_before_search)
 
     @property
@@ -214,75 +118,117 @@ class Effect:
         """Whether the effect has initial guesses of its own."""
         return type(self).initial_guesses is not Effect.initial_guesses
 
+    # what a fit needs to know
+
     def initial_guesses(self, context: GuessContext) -> Sequence[Values]:
-        """Starting points of a fit, the most likely first; none where the data show no sign of the effect."""
-        return [self.default_guess]
+        """Return initial guesses for a fit, the most likely first; none if the data show no sign of the effect.
+
+        By default the time of an event comes from the changepoints, and an effect without a sensitivity at its neutral values
+        starts at its typical ones.
+        """
+        if self.transient:
+            names = {kind: self.names_of(kind) for kind in ParameterKind}
+            return guess_event(
+                context, names[ParameterKind.START], names[ParameterKind.DURATION], names[ParameterKind.EDGE]
+            )
+        if self.default_guess or self.linear_at_neutral:
+            return [self.default_guess]
+        return [{p.name: p.typical for p in self.parameters}]
+
+    def names_of(self, kind: ParameterKind) -> tuple[str, ...]:
+        """Return the names of the parameters of a kind, in their order."""
+        return tuple(p.name for p in self.parameters if p.kind is kind)
 
     def interval_s(self, values: Values) -> tuple[float, float] | None:
-        """When a transient effect acts, in s since the recording's first sample; None for a persistent one."""
-        if not self.transient:
-            return None
-        start_s = sum(self.numbers(values, ParameterKind.START))
-        return start_s, start_s + sum(self.numbers(values, ParameterKind.DURATION))
+        """Return when an event acts, in s since the first sample of the recording; None for a persistent effect."""
+        return self._interval_s(values) if self.transient else None
 
-    def numbers(self, values: Values, kind: ParameterKind) -> list[float]:
-        """Values of the scalar parameters of a kind, in their order; parameters that are not given are left out."""
-        return [float(np.asarray(values[p.name])) for p in self.parameters if p.kind is kind and p.name in values]
+    def _interval_s(self, values: Mapping[str, Any]) -> tuple[Any, Any]:
+        """Return the start of an event and its end, of numbers or of symbols."""
+        start_s, duration_s = (
+            sum(values[name] for name in self.names_of(kind) if name in values)
+            for kind in (ParameterKind.START, ParameterKind.DURATION)
+        )
+        return start_s, start_s + duration_s
 
-    def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
-        """What the integration needs to follow this effect on a rope of a believed length under the rig's gravity."""
-        return math.inf
+    def shift_start(self, values: Values, by_s: float) -> Values:
+        """Return the parameters for a recording whose first sample is later by this time."""
+        starts = self.names_of(ParameterKind.START)
+        return {name: float(np.asarray(each)) - by_s if name in starts else each for name, each in values.items()}
 
     def upper_bound(self, parameter: Parameter, length_m: float) -> float:
-        """Of a parameter, on a rope of a believed length."""
+        """Return the upper bound of a parameter on a rope of this nominal length."""
         return parameter.upper
 
+    # what the integration needs to know
+
+    def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
+        """Return the longest integration step that follows this effect on a rope of this nominal length."""
+        return math.inf
+
     def discontinuities_s(self, p: Symbols) -> tuple[Scalar, ...]:
-        """Times at which what acts has a jump."""
-        return ()
+        """Return the times at which the effect, or its derivative, is discontinuous; by default the ends of an event."""
+        if not self.transient:
+            return ()
+        start_s, end_s = self._interval_s(p)
+        return (start_s,) if self.instantaneous else (start_s, end_s)
+
+    # motion of the load
 
     def velocity_jump_m_s(self, p: Symbols) -> Vector | None:
-        """A jump of the load's velocity in m/s at the first of the edges."""
+        """Return the jump of the load's velocity at the first discontinuity, or None."""
         return None
 
-    def ropes(self, p: Symbols, now: EvaluationContext, ropes: RopeGeometry) -> RopeGeometry:
-        """Lengths with this effect."""
-        return ropes
+    def rope_geometry(self, p: Symbols, context: EvaluationContext, geometry: RopeGeometry) -> RopeGeometry:
+        """Return the lengths with this effect."""
+        return geometry
 
-    def stretch_m_s2(self, p: Symbols, now: EvaluationContext, beyond_rest_m_s2: Scalar) -> Scalar:
-        """Second derivative of the stretch; given is what pulls the load along the rope beyond its weight at rest."""
+    def rigging(self, p: Symbols) -> Rigging | None:
+        """Return the rigging of an effect with the structure RIGGING."""
+        return None
+
+    def stretch_acceleration_m_s2(self, p: Symbols, context: EvaluationContext, excess_pull_m_s2: Scalar) -> Scalar:
+        """Return the second derivative of the stretch, for the pull along the rope beyond the weight at rest, over the mass."""
         return 0.0
 
-    def force_m_s2(self, p: Symbols, now: EvaluationContext, load: BodyState) -> Vector:
-        """Force on the load over its mass."""
-        return NOTHING
+    def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
+        """Return the force on the load divided by its mass."""
+        return ZERO_VECTOR
 
-    def pivot_m_s2(self, p: Symbols, now: EvaluationContext) -> Vector:
-        """Acceleration of the pivot."""
-        return NOTHING
+    def pivot_acceleration_m_s2(self, p: Symbols, context: EvaluationContext) -> Vector:
+        """Return the acceleration of the pivot."""
+        return ZERO_VECTOR
 
-    def fictitious_acceleration_m_s2(self, p: Symbols, now: EvaluationContext, housing: BodyState) -> Vector:
-        """What the housing feels beyond its acceleration against the pivot's frame, where that frame turns."""
-        return NOTHING
+    # the sensor's chain
 
-    def housing_rotation_rad(self, p: Symbols, now: EvaluationContext) -> Scalar:
-        """By how much the housing has turned about the rope, right-handed about its z axis."""
+    def fictitious_acceleration_m_s2(self, p: Symbols, context: EvaluationContext, housing: BodyState) -> Vector:
+        """Return what the sensor measures beyond the acceleration in the pivot's frame, if that frame rotates."""
+        return ZERO_VECTOR
+
+    def housing_rotation_rad(self, p: Symbols, context: EvaluationContext) -> Scalar:
+        """Return the rotation of the housing about the rope, right-handed about its z axis."""
         return 0.0
 
-    def reading_g(self, p: Symbols, now: EvaluationContext, reading: Vector) -> Vector:
-        """What the sensor makes of what it feels, before its low-pass."""
+    def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
+        """Return the sensor's reading of a specific force in g, before its low-pass."""
         return reading
 
     def output_stage_g(self, p: Symbols, reading: Vector) -> Vector:
-        """What it hands on of a filtered reading."""
+        """Return the sensor's output for a filtered reading in g."""
         return reading
 
+    def true_time_s(self, p: Symbols, recorded_s: Scalar) -> Scalar:
+        """Return the true time of a recorded time, both since the first sample of the recording."""
+        return recorded_s
+
+    # simulated recordings
+
     def sample_output_g(self, values: Values, force_g: Array) -> Array:
-        """Samples (n, 3) in g as the sensor hands them on, noise included; for simulated recordings."""
+        """Return the samples (n, 3) in g as the sensor delivers them, noise included; for simulated recordings."""
         return force_g
 
     def keep_samples(self, values: Values, count: int, random: np.random.Generator) -> NDArray[np.bool_] | None:
-        """Which of `count` samples arrive, shape (count,); None for all. For simulated recordings."""
+        """Return which of `count` samples arrive, shape (count,), or None for all; for simulated recordings."""
         return None
 
     @property
@@ -292,12 +238,3 @@ class Effect:
             type(self).sample_output_g is not Effect.sample_output_g
             or type(self).keep_samples is not Effect.keep_samples
         )
-
-    def true_time_s(self, p: Symbols, elapsed_s: Scalar) -> Scalar:
-        """True time since the recording's first sample by the recorded one."""
-        return elapsed_s
-
-
-def parameter_label(parameter: Parameter, component: int) -> str:
-    """`accel_m_s2[x]`, or the name alone where it has no components."""
-    return f"{parameter.name}[{parameter.components[component]}]" if parameter.components else parameter.name

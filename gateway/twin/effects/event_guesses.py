@@ -1,33 +1,48 @@
-"""Initial guesses of events: fits are not convex in times, so the times come from the changepoints and scanned windows."""
+"""Initial guesses of events: a fit is not convex in times, so the times come from changepoints and scanned windows."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 
 import numpy as np
 
 from gateway.twin.effects.guess_context import EventWindow, GuessContext
+from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.pulse_shape import SHARPEST
 
-Values = Mapping[str, float]
 GUST_WIDENING = 1.5
-"""A gust over the window that the scan finds: its flanks are too weak to be found."""
-GUST_EDGE = 0.5
-"""Share of a gust in which it rises and falls: between one that swells all the time and a pull with sharp edges."""
-RAMPS_BETWEEN_CHANGEPOINTS = (0.2, 0.28, 0.36)
-"""Share of a drive that is each of its two ramps, tried in turn."""
-RAMP_IN_WINDOW = 0.25
-"""The same where only a window is known."""
+"""Duration of a gust over that of the window in which the scan finds it: the ramps are too weak to be found."""
+GUST_RAMP_FRACTION = 0.5
+"""Initial fraction of a gust in which it rises and falls: between a smooth gust (1) and a pull with sharp edges (0)."""
+RAMP_SHARES_BETWEEN_CHANGEPOINTS = (0.2, 0.28, 0.36)
+"""Initial durations of each of the two ramps of a drive, over the time between the changepoints."""
+RAMP_SHARE_IN_WINDOW = 0.25
+"""The same for a scanned window."""
 IMPACT_INTERVAL_S = 1.5
-"""Changepoints of an impact are no further apart: half a second of either side is needed to see them."""
+"""Longest time between the changepoints of an impact: each side needs half a second of samples."""
 IMPACT_SPACING_S = 0.15
-"""How near a fit must begin to find the instant of an impact."""
+"""Spacing of the instants from which a fit finds an impact."""
 OFF_GRID_S = 0.013
-"""Shift that keeps the edges of an event off the samples."""
+"""Shift that keeps the edges of an event between the samples."""
 MIN_GUESS_S = 2.0
 """Shortest event that is guessed from a window."""
 
 
+def guess_event(
+    context: GuessContext, start: Sequence[str], durations: Sequence[str], edges: Sequence[str]
+) -> list[Values]:
+    """Return guesses for an event by the names of its parameters: for an instant, for a pulse, or for a sequence of parts."""
+    if not durations:
+        return [dict.fromkeys(start, values["start_s"]) for values in guess_impact(context)]
+    found: list[Values] = []
+    for pulse in guess_pulse(context):
+        times: dict[str, float | tuple[float, ...]] = dict.fromkeys(start, pulse["start_s"])
+        times |= {name: float(np.asarray(pulse["duration_s"])) / len(durations) for name in durations}
+        times |= {name: pulse["rising_share"] for name in edges if "rising_share" in pulse}
+        found += [times] if times not in found else []
+    return found
+
+
 def guess_impact(context: GuessContext) -> list[Values]:
-    """Return instants about the changepoint, nearest first, and the middles of the short windows."""
+    """Return instants around the changepoint, the nearest first, then the middles of the short windows."""
     found: list[Values] = []
     between = context.changepoints
     if between is not None and between.to_s - between.from_s < IMPACT_INTERVAL_S:
@@ -38,15 +53,15 @@ def guess_impact(context: GuessContext) -> list[Values]:
 
 
 def guess_gust(context: GuessContext) -> list[Values]:
-    """Return pulses between the changepoints, and longer ones about the windows' middles."""
+    """Return a pulse between the changepoints, and longer ones around the middles of the windows."""
     found = [_pulse_in(window, GUST_WIDENING) for window in context.windows[1:3]]
     if context.changepoints is not None:
         found.insert(0, _pulse_in(context.changepoints))
-    return [{**values, "rising_share": GUST_EDGE} for values in found]
+    return [{**values, "rising_share": GUST_RAMP_FRACTION} for values in found]
 
 
 def guess_pulse(context: GuessContext) -> list[Values]:
-    """Return pulses from changepoint to changepoint and over the windows, with soft edges and with sharp ones."""
+    """Return pulses between the changepoints with the usual and with sharp edges, and sharp ones in the windows."""
     sharp: list[Values] = [{**_pulse_in(window), "rising_share": SHARPEST} for window in context.windows[1:]]
     if context.changepoints is None:
         return sharp
@@ -55,19 +70,19 @@ def guess_pulse(context: GuessContext) -> list[Values]:
 
 
 def guess_trapezoid(context: GuessContext) -> list[Values]:
-    """Return drives of two ramps and a run: several ramps between the changepoints, one in each window."""
-    found = [_trapezoid_in(window, RAMP_IN_WINDOW) for window in context.windows[2:]]
+    """Return drives of two ramps with constant speed between them: several between the changepoints, one in each window."""
+    found = [_trapezoid_in(window, RAMP_SHARE_IN_WINDOW) for window in context.windows[2:]]
     if context.changepoints is None:
         return found
-    return [_trapezoid_in(context.changepoints, ramp) for ramp in RAMPS_BETWEEN_CHANGEPOINTS] + found
+    return [_trapezoid_in(context.changepoints, share) for share in RAMP_SHARES_BETWEEN_CHANGEPOINTS] + found
 
 
-def _trapezoid_in(window: EventWindow, ramp: float) -> Values:
+def _trapezoid_in(window: EventWindow, ramp_share: float) -> Values:
     length_s = max(window.to_s - window.from_s, MIN_GUESS_S)
     return {
         "start_s": window.from_s + OFF_GRID_S,
-        "duration_s": ramp * length_s,
-        "coast_s": (1 - 2 * ramp) * length_s,
+        "duration_s": ramp_share * length_s,
+        "coast_s": (1 - 2 * ramp_share) * length_s,
     }
 
 

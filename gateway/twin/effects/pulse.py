@@ -1,42 +1,47 @@
-"""Something that goes on for a time: it rises, stays and falls."""
+"""Events that rise, stay and fall: their parameters, their shape, and the base class of effects with that shape."""
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import casadi as ca
 
 from devices.pendulum.equations import Scalar
-from gateway.twin.effects.effect import EvaluationContext, Parameter, ParameterKind
+from gateway.twin.effects.effect import Effect
+from gateway.twin.effects.evaluation_context import EvaluationContext
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols
 from gateway.twin.effects.pulse_shape import SHARPEST
 
 
 def start(typical: float, operator_sigma: float | None = None) -> Parameter:
-    """Return the parameter that says when an event starts."""
+    """Return the parameter `start_s`, the time at which an event starts."""
     return Parameter(
         "start_s",
         "s",
-        "when it starts, in the recording's time",
-        0.0,
-        1e6,
-        0.0,
-        0.1,
-        typical,
+        "start, since the first sample of the recording",
+        lower=0.0,
+        upper=1e6,
+        neutral=0.0,
+        scale=0.1,
+        typical=typical,
         kind=ParameterKind.START,
         step_limit=2.0,
         operator_sigma=operator_sigma,
     )
 
 
-def duration(typical: float, name: str = "duration_s", operator_sigma: float | None = None) -> Parameter:
-    """Return a parameter that says how long an event or a part of it lasts."""
+def duration(
+    typical: float, name: str = "duration_s", meaning: str = "duration", operator_sigma: float | None = None
+) -> Parameter:
+    """Return the parameter for the duration of an event, or of a part of it."""
     return Parameter(
         name,
         "s",
-        "how long it lasts",
-        0.05,
-        600.0,
-        5.0,
-        0.1,
-        typical,
+        meaning,
+        lower=0.05,
+        upper=600.0,
+        neutral=5.0,
+        scale=0.1,
+        typical=typical,
         kind=ParameterKind.DURATION,
         step_limit=3.0,
         operator_sigma=operator_sigma,
@@ -44,16 +49,16 @@ def duration(typical: float, name: str = "duration_s", operator_sigma: float | N
 
 
 def ramp_fraction(typical: float) -> Parameter:
-    """Return the parameter that says how sharp the edges of an event are."""
+    """Return the parameter `rising_share`, the fraction of an event in which it rises and falls."""
     return Parameter(
         "rising_share",
         "1",
-        "part in which it rises and falls",
-        SHARPEST,
-        1.0,
-        typical,
-        0.1,
-        typical,
+        "fraction in which it rises and falls",
+        lower=SHARPEST,
+        upper=1.0,
+        neutral=typical,
+        scale=0.1,
+        typical=typical,
         kind=ParameterKind.EDGE,
         step_limit=0.3,
     )
@@ -61,48 +66,62 @@ def ramp_fraction(typical: float) -> Parameter:
 
 @dataclass(frozen=True, slots=True)
 class Pulse:
-    """w(t): (1 - cos)/2 over s T/2, then 1, then down likewise until t0 + T; with s = 1 the gust of load standards."""
+    """The shape w(t) of an event of duration T: it rises as (1 - cos)/2 during s T/2, stays 1, and falls in the same way."""
 
     start_s: Scalar
     duration_s: Scalar
-    rising_share: Scalar
+    ramp_fraction: Scalar
 
     @property
-    def rise_s(self) -> Scalar:
-        """Length of each flank."""
-        return self.rising_share * self.duration_s / 2
+    def ramp_s(self) -> Scalar:
+        """Duration of each ramp."""
+        return self.ramp_fraction * self.duration_s / 2
 
     @property
-    def edges(self) -> tuple[Scalar, Scalar, Scalar, Scalar]:
-        """Where it starts, is full, falls and ends."""
+    def discontinuities_s(self) -> tuple[Scalar, Scalar, Scalar, Scalar]:
+        """The times at which the pulse starts to rise, is full, starts to fall and ends."""
         end_s = self.start_s + self.duration_s
-        return self.start_s, self.start_s + self.rise_s, end_s - self.rise_s, end_s
+        return self.start_s, self.start_s + self.ramp_s, end_s - self.ramp_s, end_s
 
-    def value(self, now: EvaluationContext) -> Scalar:
-        """w."""
-        begin, full, falls, end = self.edges
-        rising = now.is_between(begin, full) * (1 - ca.cos(self._angle(now.time_s - begin))) / 2
-        falling = now.is_between(falls, end) * (1 - ca.cos(self._angle(end - now.time_s))) / 2
-        return rising + now.is_between(full, falls) + falling
+    def value(self, context: EvaluationContext) -> Scalar:
+        """Return w."""
+        start, full, fall, end = self.discontinuities_s
+        rising = context.is_between(start, full) * (1 - ca.cos(self._angle(context.time_s - start))) / 2
+        falling = context.is_between(fall, end) * (1 - ca.cos(self._angle(end - context.time_s))) / 2
+        return rising + context.is_between(full, fall) + falling
 
-    def slope(self, now: EvaluationContext) -> Scalar:
-        """w'; of the sharpest edges nothing, they fall between the samples."""
-        begin, full, falls, end = self.edges
-        rising = now.is_between(begin, full) * ca.sin(self._angle(now.time_s - begin))
-        falling = now.is_between(falls, end) * ca.sin(self._angle(end - now.time_s))
-        return (self.rising_share > SHARPEST) * ca.pi / (2 * self.rise_s) * (rising - falling)
+    def slope(self, context: EvaluationContext) -> Scalar:
+        """Return the derivative of w by time; 0 for the sharpest ramps, which lie between two samples."""
+        start, full, fall, end = self.discontinuities_s
+        rising = context.is_between(start, full) * ca.sin(self._angle(context.time_s - start))
+        falling = context.is_between(fall, end) * ca.sin(self._angle(end - context.time_s))
+        return (self.ramp_fraction > SHARPEST) * ca.pi / (2 * self.ramp_s) * (rising - falling)
 
-    def area(self, now: EvaluationContext) -> Scalar:
-        """Of w until now."""
-        begin, full, falls, end = self.edges
-        rising = now.is_between(begin, full) * self._ramp_integral(now.time_s - begin)
-        flat = now.is_between(full, falls) * (now.time_s - begin - self.rise_s / 2)
-        whole = self.duration_s - self.rise_s
-        falling = now.is_between(falls, end) * (whole - self._ramp_integral(end - now.time_s))
-        return rising + flat + falling + now.step_at(end) * whole
+    def integral(self, context: EvaluationContext) -> Scalar:
+        """Return the integral of w over time."""
+        start, full, fall, end = self.discontinuities_s
+        rising = context.is_between(start, full) * self._ramp_integral(context.time_s - start)
+        flat = context.is_between(full, fall) * (context.time_s - start - self.ramp_s / 2)
+        total = self.duration_s - self.ramp_s
+        falling = context.is_between(fall, end) * (total - self._ramp_integral(end - context.time_s))
+        return rising + flat + falling + context.step_at(end) * total
 
-    def _angle(self, since_s: Scalar) -> Scalar:
-        return ca.pi * since_s / self.rise_s
+    def _angle(self, elapsed_s: Scalar) -> Scalar:
+        return ca.pi * elapsed_s / self.ramp_s
 
-    def _ramp_integral(self, since_s: Scalar) -> Scalar:
-        return (since_s - self.rise_s / ca.pi * ca.sin(self._angle(since_s))) / 2
+    def _ramp_integral(self, elapsed_s: Scalar) -> Scalar:
+        return (elapsed_s - self.ramp_s / ca.pi * ca.sin(self._angle(elapsed_s))) / 2
+
+
+class PulseEffect(Effect):
+    """Base class of events with the shape of one pulse; its parameters include `start`, `duration` and `ramp_fraction`."""
+
+    transient: ClassVar[bool] = True
+
+    def pulse(self, p: Symbols) -> Pulse:
+        """Return the shape of the event."""
+        return Pulse(p["start_s"], p["duration_s"], p["rising_share"])
+
+    def discontinuities_s(self, p: Symbols) -> tuple[Scalar, ...]:
+        """Return the times at which the pulse starts to rise, is full, starts to fall and ends."""
+        return self.pulse(p).discontinuities_s

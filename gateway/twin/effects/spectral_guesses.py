@@ -1,6 +1,4 @@
-"""Initial guesses from spectra: fits are not convex in frequencies, so the frequencies come from lines of the samples."""
-
-from collections.abc import Mapping
+"""Initial guesses from spectra: a fit is not convex in frequencies, so the frequencies come from spectral lines."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,41 +7,43 @@ from devices.pendulum.double_pendulum import hook_mass_ratio
 from devices.pendulum.small_swing import small_swing_rate_1_s
 from gateway.numerics.spectrum import find_machine_line, find_strongest_line, fit_sine_phasors
 from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.parameter import Values
 
 Array = NDArray[np.float64]
-Values = Mapping[str, float | tuple[float, ...]]
 BOUNCE_HZ = (0.5, 8.0)
-"""Band in which loads bounce on their ropes."""
+"""Band of the oscillation of loads along their ropes."""
 MIN_BOUNCE_POWER = 30.0
-"""Power of a bounce over the noise floor around it: it decays, so its line is broad and low."""
+"""Power of an oscillation along the rope over the noise floor around it: it decays, so its line is broad and low."""
 RIGGING_SHARES = (0.08, 0.13, 0.2, 0.27, 0.35, 0.45, 0.6)
-"""Lengths of the rigging that are tried, as shares of the rope."""
+"""Initial lengths of the rigging over the nominal length."""
+HOOK_MASS_RATIOS = (0.01, 3.0)
+"""Range of the initial mass of the hook block over that of the load."""
 AMPLITUDE_CORRECTION = 1.01
-"""Small-swing frequency of the fast mode over the measured one: a large swing is slower."""
+"""Frequency of the fast mode of a small swing over the measured one: a large swing is slower."""
 MODE_RATIO = (1.5, 12.0)
-"""Range of the fast mode's frequency over the slow one's; nearer lines are one swing that changes."""
+"""Range of the fast mode's frequency over the slow one's; closer lines belong to one swing whose amplitude changes."""
 MIN_FAST_AMPLITUDE = 0.05
-"""Amplitude of the fast mode's line over the slow one's: overtones of a swing that changes are weaker."""
+"""Smallest amplitude of the fast mode's line over the slow one's; overtones of a decaying swing are weaker."""
 SWING_BAND_HZ = (0.03, 2.0)
 """Band of the swings of loads on ropes of 0.1 to 200 m."""
 FIGURE_BAND_HZ = (0.025, 0.975)
-"""Band in which the figure of the swing is looked for on both sides of zero."""
+"""Band, on both sides of zero, of the lines of the swing's figure x + i y."""
 MIN_YAW_RATE_DEG_S = 0.3
-"""Slower rotations are found from zero."""
+"""Slowest rotation that needs a guess; a fit finds slower ones from zero."""
 MIN_LINE_POWER = 100.0
-"""Power of an evident line over the noise floor around it."""
+"""Smallest power of an evident line over the noise floor around it."""
 SECOND_MODE_FROM_HZ = 0.4
-"""Above the slow swing of a rope of 2 m or more."""
+"""Lower end of the band of a main line that has overtones among the vibrations."""
 OVERTONES = (2, 3, 4, 5)
-"""Multiples of the main line that large swings show."""
+"""Multiples of the main line in the spectrum of large swings."""
 OVERTONE_CYCLES = 3.0
-"""Cycles in the recording by which an overtone may be off: the line itself moves as it decays."""
+"""Largest deviation of an overtone from the multiple, in cycles per recording: the main line moves as the swing decays."""
 MAX_MAIN_LINE_RATIO = 10.0
-"""Residual of the main line over a line below its last overtone, above which that line is no machine's."""
+"""Residual of the main line over that of a line below its last overtone, above which the line is no vibration."""
 
 
 def guess_vibration(context: GuessContext) -> list[Values]:
-    """Return the strongest line above the pendulum's frequencies; none if there is none, or it is an overtone."""
+    """Return the parameters of the strongest line above the pendulum's frequencies, unless it is an overtone."""
     line = find_machine_line(context.time_s, context.residual_g, context.noise_g)
     if line is None or _is_overtone(context, line.frequency_hz):
         return []
@@ -51,9 +51,9 @@ def guess_vibration(context: GuessContext) -> list[Values]:
 
 
 def _is_overtone(context: GuessContext, line_hz: float) -> bool:
-    """Whether a line is a multiple of the main line of the swings: large swings are not sinusoidal.
+    """Return whether a line is a multiple of the main line of the swing, since large swings are not sinusoidal.
 
-    Where the main line itself remains in the residual, its multiples may be split, too.
+    If the main line itself remains in the residual, its multiples may be split.
     """
     window = np.hanning(len(context.force_g))[:, None]
     transverse = (context.force_g - context.force_g.mean(axis=0)) * [1.0, 1.0, 0.0] * window / context.noise_g
@@ -93,10 +93,10 @@ def guess_bounce(context: GuessContext) -> list[Values]:
 
 
 def guess_double_pendulum(context: GuessContext) -> list[Values]:
-    """Return riggings and hooks whose slow mode is near the nominal swing and whose fast mode is the strongest line above.
+    """Return rigging lengths and hook masses whose slow mode is near the nominal swing and whose fast mode is the line above.
 
-    Either mode may be the stronger one. A line whose amplitude or frequency changes has flanks that exceed the other
-    mode's line: the window removes them except near the line, and each mode is looked for on its own side.
+    Either mode may be the stronger one. A line whose amplitude or frequency changes has flanks that exceed the line of the
+    other mode: a window removes them except near the line, and each mode is searched in its own band.
     """
     time_s, transverse = context.time_s, context.force_g * [1.0, 1.0, 0.0] / context.noise_g
     between_hz = MODE_RATIO[0] * small_swing_rate_1_s(context.length_m, context.gravity_m_s2) / (2 * np.pi)
@@ -116,14 +116,14 @@ def guess_double_pendulum(context: GuessContext) -> list[Values]:
 
 
 def _with_fast_mode(context: GuessContext, rigging_m: float, fast_hz: float) -> Values:
-    """The hook's mass that gives a rigging of this length the measured fast mode."""
+    """Return a rigging of this length with the hook's mass that gives the measured fast mode."""
     fast_rate_1_s = 2 * np.pi * AMPLITUDE_CORRECTION * fast_hz
     ratio = hook_mass_ratio(context.length_m - rigging_m, rigging_m, fast_rate_1_s, context.gravity_m_s2)
-    return {"rigging_length_m": rigging_m, "hook_mass_ratio": float(np.clip(ratio, 0.01, 3.0))}
+    return {"rigging_length_m": rigging_m, "hook_mass_ratio": float(np.clip(ratio, *HOOK_MASS_RATIOS))}
 
 
 def _find_evident_line(time_s: Array, transverse: Array, from_hz: float, to_hz: float) -> float | None:
-    """Frequency of the strongest line in a band, if it stands out."""
+    """Return the frequency of the strongest line in a band, if it stands out."""
     windowed = (transverse - transverse.mean(axis=0)) * np.hanning(len(transverse))[:, None]
     line = find_strongest_line(time_s, windowed, from_hz, to_hz)
     return None if line is None or float(line.power[:2].sum()) < MIN_LINE_POWER else line.frequency_hz

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from gateway.errors import InputError
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.effect import Parameter
+from gateway.twin.effects.parameter import Parameter
 from gateway.twin.simulator.parameter_vector import ParameterSpec
 
 

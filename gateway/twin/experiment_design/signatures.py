@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS, ModelStructure
-from gateway.twin.effects.effect import Parameter, Value
+from gateway.twin.effects.parameter import Parameter, Value
 from gateway.twin.experiment_design.experiment import INPUTS, Experiment, Run
 from gateway.twin.experiment_design.hypotheses import Group, Hypothesis, is_amplitude
 from gateway.twin.model import EffectValues, TwinRig

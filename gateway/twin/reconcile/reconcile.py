@@ -6,8 +6,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.effects.effect import Value
-from gateway.twin.effects.limits import ClockDrift, Quantization, SampleLoss
+from gateway.twin.effects.clock import ClockDrift, SampleLoss
+from gateway.twin.effects.parameter import Value
+from gateway.twin.effects.sensor_output import Quantization
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.data_checks import CheckedRecording

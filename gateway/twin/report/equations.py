@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from gateway.twin.effects.effect import Value
+from gateway.twin.effects.parameter import Value
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.report.models import caution, final_model_name
 

@@ -1,102 +1,105 @@
-"""One stretch of motion, integrated from its start, with its sensitivities carried along.
+"""Integration of one segment of the motion, with its sensitivities.
 
-Sensitivities are total derivatives of the very steps that are taken: S+ = F_x S + F_p + F_t dt/dp + F_h dh/dp, where t and h,
-the time and length of a step, follow the edges of events. So they are exact for the prediction as it is computed.
+The sensitivities are total derivatives of exactly the steps that are taken: S+ = F_x S + F_p + F_t dt/dp + F_h dh/dp, where the
+time t and the length h of a step follow the discontinuities of events. So they are exact for the computed prediction.
 """
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.simulator.compiled_model import CompiledModel
-from gateway.twin.simulator.integration_grid import Grid, SampleTimes, grid
+from gateway.twin.simulator.integration_grid import IntegrationGrid, Times, make_grid
 
 Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)
 class Sensitivities:
-    """Of the states at both ends of each step by the start and the parameters, shape (steps, states, start + parameters)."""
+    """Derivatives of the states at both ends of each step by initial state and parameters, shape (steps, states, values)."""
 
-    begins: Array
-    ends: Array
+    at_step_start: Array
+    at_step_end: Array
 
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
-    """States at both ends of each step: they differ from step to step where a blow strikes."""
+    """States at both ends of each step; the end of a step differs from the start of the next at an impulse."""
 
-    grid: Grid
-    begins: Array
+    grid: IntegrationGrid
+    step_starts: Array
     """Shape (steps, states)."""
-    ends: Array
+    step_ends: Array
     """Shape (steps, states)."""
-    by: Sensitivities | None
+    sensitivities: Sensitivities | None
 
 
 def integrate(
-    compiled: CompiledModel, start: Array, p: Array, from_s: float, until_s: float, sensitive: bool
+    compiled: CompiledModel, initial: Array, p: Array, from_s: float, until_s: float, with_sensitivities: bool
 ) -> Trajectory:
-    """Integrate from a start (coordinates z) between two times as recorded since the first sample."""
-    nodes = _grid(compiled, p, from_s, until_s)
-    state, state_by = (each.full() for each in compiled.state(start))
-    steps = len(nodes.nodes_s) - 1
-    begins, ends = np.empty((steps, len(state))), np.empty((steps, len(state)))
-    bounds = sorted({0, *nodes.kicks, steps})
-    x = state[:, 0]
-    for first, last in pairwise(bounds):
-        if first in nodes.kicks:
-            x = compiled.velocity_jumps[nodes.kicks[first]](x, nodes.nodes_s[first], p)[0].full()[:, 0]
-        ends[first:last] = compiled.steps(x, nodes.nodes_s[first:last], nodes.steps_s[first:last], p)
-        begins[first], begins[first + 1 : last] = x, ends[first : last - 1]
-        x = ends[last - 1]
-    found = _sensitivities(compiled, nodes, begins, ends, state_by, p) if sensitive else None
-    return Trajectory(nodes, begins, ends, found)
+    """Integrate from an initial state z between two recorded times since the first sample."""
+    grid = _grid(compiled, p, from_s, until_s)
+    x, x_by_initial = (each.full() for each in compiled.state(initial))
+    state = x[:, 0]
+    steps = len(grid.nodes_s) - 1
+    step_starts, step_ends = np.empty((steps, len(state))), np.empty((steps, len(state)))
+    for first, last in pairwise(sorted({0, *grid.impulses, steps})):
+        if first in grid.impulses:
+            state = compiled.impulses[grid.impulses[first]](state, grid.nodes_s[first], p)[0].full()[:, 0]
+        step_ends[first:last] = compiled.steps(state, grid.nodes_s[first:last], grid.steps_s[first:last], p)
+        step_starts[first], step_starts[first + 1 : last] = state, step_ends[first : last - 1]
+        state = step_ends[last - 1]
+    sensitivities = (
+        _sensitivities(compiled, grid, step_starts, step_ends, x_by_initial, p) if with_sensitivities else None
+    )
+    return Trajectory(grid, step_starts, step_ends, sensitivities)
 
 
-def _grid(compiled: CompiledModel, p: Array, from_s: float, until_s: float) -> Grid:
+def _grid(compiled: CompiledModel, p: Array, from_s: float, until_s: float) -> IntegrationGrid:
     recorded = [np.array([from_s, until_s])]
-    bounds = SampleTimes(compiled.true_time(recorded, p)[:, 0], compiled.true_time_by_p(recorded, p)[:, 0])
-    edges, edges_by = (each.full() for each in compiled.edges(p))
-    return grid(bounds, SampleTimes(edges[:, 0], edges_by), compiled.velocity_jumps, compiled.step_s(p))
+    bounds = Times(compiled.true_time(recorded, p)[:, 0], compiled.true_time_by_p(recorded, p)[:, 0])
+    times, times_by = (each.full() for each in compiled.discontinuities(p))
+    return make_grid(bounds, Times(times[:, 0], times_by), compiled.impulses, compiled.step_s(p))
 
 
 def _sensitivities(
-    compiled: CompiledModel, nodes: Grid, begins: Array, ends: Array, state_by: Array, p: Array
+    compiled: CompiledModel, grid: IntegrationGrid, step_starts: Array, step_ends: Array, x_by_initial: Array, p: Array
 ) -> Sensitivities:
-    steps, states = begins.shape
-    starts = state_by.shape[1]
-    jacobian = compiled.step_jacobian([begins.T, nodes.nodes_s[:-1], nodes.steps_s], p)
-    along, pushed = jacobian[:, :, :states], _propagate_sensitivities(jacobian, nodes, starts)
-    before, after = np.empty((2, steps, states, starts + len(p)))
-    s = np.zeros(before.shape[1:])
-    s[:, :starts] = state_by
+    steps, states = step_starts.shape
+    n_initial = x_by_initial.shape[1]
+    jacobian = compiled.step_jacobian([step_starts.T, grid.nodes_s[:-1], grid.steps_s], p)
+    by_state, by_parameters = jacobian[:, :, :states], _step_derivatives(jacobian, grid, n_initial)
+    at_start, at_end = np.empty((2, steps, states, n_initial + len(p)))
+    s = np.zeros(at_start.shape[1:])
+    s[:, :n_initial] = x_by_initial
     for step in range(steps):
-        if step in nodes.kicks:
-            at = ends[step - 1], nodes.nodes_s[step], p
-            s = _apply_jump(compiled.velocity_jumps[nodes.kicks[step]](*at), s, nodes.nodes_by[step])
-        before[step] = s
-        s = along[step] @ s + pushed[step]
-        after[step] = s
-    return Sensitivities(before, after)
+        if step in grid.impulses:
+            impulse = compiled.impulses[grid.impulses[step]](step_ends[step - 1], grid.nodes_s[step], p)
+            s = _across_impulse(impulse, s, grid.nodes_by[step])
+        at_start[step] = s
+        s = by_state[step] @ s + by_parameters[step]
+        at_end[step] = s
+    return Sensitivities(at_start, at_end)
 
 
-def _propagate_sensitivities(jacobian: Array, nodes: Grid, starts: int) -> Array:
-    """What each step adds to the sensitivities: by the parameters, and by the times of its ends."""
+def _step_derivatives(jacobian: Array, grid: IntegrationGrid, n_initial: int) -> Array:
+    """Return what each step adds to the sensitivities: by the parameters, and by the times of both its ends."""
     states = jacobian.shape[1]
-    pushed = np.zeros((len(jacobian), states, starts + nodes.nodes_by.shape[1]))
-    pushed[:, :, starts:] = jacobian[:, :, states + 2 :]
-    time_by, step_by = nodes.nodes_by[:-1], np.diff(nodes.nodes_by, axis=0)
+    added = np.zeros((len(jacobian), states, n_initial + grid.nodes_by.shape[1]))
+    added[:, :, n_initial:] = jacobian[:, :, states + 2 :]
+    time_by, step_by = grid.nodes_by[:-1], np.diff(grid.nodes_by, axis=0)
     moving = np.flatnonzero(time_by.any(axis=1) | step_by.any(axis=1))
-    pushed[moving, :, starts:] += jacobian[moving, :, states, None] * time_by[moving, None]
-    pushed[moving, :, starts:] += jacobian[moving, :, states + 1, None] * step_by[moving, None]
-    return pushed
+    added[moving, :, n_initial:] += jacobian[moving, :, states, None] * time_by[moving, None]
+    added[moving, :, n_initial:] += jacobian[moving, :, states + 1, None] * step_by[moving, None]
+    return added
 
 
-def _apply_jump(kicked: tuple[object, ...], s: Array, time_by: Array) -> Array:
-    by_x, by_p, by_time = (np.array(each) for each in kicked[1:])
+def _across_impulse(impulse: tuple[Any, ...], s: Array, time_by: Array) -> Array:
+    """Return the sensitivities after an impulse."""
+    by_x, by_p, by_time = (np.array(each) for each in impulse[1:])
     after: Array = by_x @ s
     after[:, s.shape[1] - by_p.shape[1] :] += by_p + by_time * time_by
     return after

@@ -1,4 +1,4 @@
-"""The times between which the motion is integrated: regular ones, and the edges of events."""
+"""The nodes between which the motion is integrated: regular ones, and the discontinuities of events."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -7,50 +7,56 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
-CLOSEST_S = 1e-6
-"""A regular node nearer than this to an edge is left out."""
+MIN_SPACING_S = 1e-6
+"""A regular node closer than this to a discontinuity is left out."""
+ROUNDING_STEPS = 1e-9
+"""Excess over a whole number of steps that is a rounding error."""
 
 
 @dataclass(frozen=True, slots=True)
-class SampleTimes:
-    """Instants and their derivatives by the parameters."""
+class Times:
+    """Times and their derivatives by the parameters."""
 
-    at_s: Array
+    time_s: Array
     """Shape (n,)."""
     by: Array
     """Shape (n, parameters)."""
 
 
 @dataclass(frozen=True, slots=True)
-class Grid:
-    """Nodes in rising order."""
+class IntegrationGrid:
+    """Nodes in ascending order."""
 
     nodes_s: Array
     """Shape (nodes,)."""
     nodes_by: Array
     """Derivatives by the parameters, shape (nodes, parameters)."""
-    kicks: dict[int, int]
-    """Nodes at which the state jumps, and by which edge."""
+    impulses: dict[int, int]
+    """Nodes at which the state jumps, each with the index of its discontinuity."""
 
     @property
     def steps_s(self) -> Array:
-        """Shape (nodes - 1,)."""
+        """Lengths of the steps, shape (nodes - 1,)."""
         return np.diff(self.nodes_s)
 
 
-def grid(bounds: SampleTimes, edges: SampleTimes, kicking: Collection[int], step_s: float) -> Grid:
-    """Nodes from the first bound to the second, no further apart than `step_s`, and at each edge between them."""
-    first_s, last_s = bounds.at_s
-    steps = max(1, int(np.ceil((last_s - first_s) / step_s - 1e-9)))
+def make_grid(bounds: Times, discontinuities: Times, with_impulse: Collection[int], step_s: float) -> IntegrationGrid:
+    """Return nodes from the first bound to the second, at most `step_s` apart, with one at each discontinuity between them."""
+    first_s, last_s = bounds.time_s
+    steps = max(1, int(np.ceil((last_s - first_s) / step_s - ROUNDING_STEPS)))
     regular_s = np.linspace(first_s, last_s, steps + 1)
     regular_by = np.zeros((steps + 1, bounds.by.shape[1]))
     regular_by[[0, -1]] = bounds.by
-    inside = np.flatnonzero((edges.at_s > first_s + CLOSEST_S) & (edges.at_s < last_s - CLOSEST_S))
-    apart = np.abs(regular_s[:, None] - edges.at_s[inside]).min(axis=1, initial=np.inf) > CLOSEST_S
-    apart[[0, -1]] = True
-    nodes_s = np.concatenate([regular_s[apart], edges.at_s[inside]])
+    inside = np.flatnonzero(
+        (discontinuities.time_s > first_s + MIN_SPACING_S) & (discontinuities.time_s < last_s - MIN_SPACING_S)
+    )
+    distance_s = np.abs(regular_s[:, None] - discontinuities.time_s[inside]).min(axis=1, initial=np.inf)
+    kept = distance_s > MIN_SPACING_S
+    kept[[0, -1]] = True
+    nodes_s = np.concatenate([regular_s[kept], discontinuities.time_s[inside]])
     order = np.argsort(nodes_s, kind="stable")
     node_of = np.empty_like(order)
     node_of[order] = np.arange(len(order))
-    kicks = {int(node_of[apart.sum() + i]): int(edge) for i, edge in enumerate(inside) if edge in kicking}
-    return Grid(nodes_s[order], np.concatenate([regular_by[apart], edges.by[inside]])[order], kicks)
+    impulses = {int(node_of[kept.sum() + i]): int(each) for i, each in enumerate(inside) if each in with_impulse}
+    nodes_by = np.concatenate([regular_by[kept], discontinuities.by[inside]])
+    return IntegrationGrid(nodes_s[order], nodes_by[order], impulses)

@@ -1,16 +1,10 @@
-"""What a simulator's values mean, one by one."""
+"""The parameter vector of a simulator: the meaning of each of its values."""
 
 import math
 from dataclasses import dataclass
 
-from gateway.twin.effects.effect import (
-    EVENT_TIME_KINDS,
-    Effect,
-    ModelStructure,
-    Parameter,
-    ParameterKind,
-    parameter_label,
-)
+from gateway.twin.effects.effect import Effect, ModelStructure
+from gateway.twin.effects.parameter import EVENT_TIME_KINDS, Parameter, ParameterKind, parameter_label
 
 TILTS = (
     ("tilt_x_rad", "rad", 3.1),
@@ -18,20 +12,23 @@ TILTS = (
     ("rate_x_rad_s", "rad/s", 50.0),
     ("rate_y_rad_s", "rad/s", 50.0),
 )
-"""Names, units and limits; the tilt toward y is an arc sine, so a start is regular where that is below 90 degrees."""
+"""Name, unit and limit of each coordinate; the tilt toward y is an arc sine, so it must stay below 90 degrees."""
 HEADING = ("heading_rad", "rad", 7.0)
+"""The same for the heading of the housing."""
 STRETCH = (("stretch_m", "m", 0.5), ("stretch_rate_m_s", "m/s", 5.0))
-SMALL = 1e-3
+"""The same for the stretch of an elastic rope."""
+INITIAL_STATE_SCALE = 1e-3
+"""A change of an initial state that an operator would call small."""
 
 
 @dataclass(frozen=True, slots=True)
 class ParameterSpec:
-    """One number among the simulator's values."""
+    """One number of the parameter vector."""
 
     label: str
     """`steady_wind.accel_m_s2[x]`, `initial.tilt_x_rad`."""
     effect: str
-    """Empty for the initial motion."""
+    """Name of the effect; empty for an initial state."""
     parameter: str
     component: int
     unit: str
@@ -40,40 +37,40 @@ class ParameterSpec:
     neutral: float
     scale: float
     refitted: bool
-    """Belongs to the recording and not to the rig: initial motion, heading, phases."""
+    """True for a nuisance parameter, which belongs to a recording and not to the rig: initial states, heading, phases."""
     kind: ParameterKind = ParameterKind.AMPLITUDE
     step_limit: float = math.inf
 
     @property
     def is_event_time(self) -> bool:
-        """Whether the number says when an event acts, and not how strongly."""
+        """Whether the number determines when an event acts, and not how strongly."""
         return self.kind in EVENT_TIME_KINDS
 
     @property
     def is_cutoff(self) -> bool:
-        """Whether the number is fitted by its inverse."""
+        """Whether the number is a cutoff frequency, which is fitted by its inverse."""
         return self.kind is ParameterKind.CUTOFF
 
 
 def initial_state_specs(structure: ModelStructure) -> tuple[ParameterSpec, ...]:
-    """The start's coordinates."""
+    """Return the coordinates of the initial state."""
     kinds = [*TILTS, HEADING]
     if structure is ModelStructure.RIGGING:
         kinds += [(f"rigging_{name}", unit, limit) for name, unit, limit in TILTS]
     if structure is ModelStructure.ELASTIC:
         kinds += STRETCH
     return tuple(
-        ParameterSpec(f"initial.{name}", "", name, 0, unit, -limit, limit, 0.0, SMALL, True)
+        ParameterSpec(f"initial.{name}", "", name, 0, unit, -limit, limit, 0.0, INITIAL_STATE_SCALE, True)
         for name, unit, limit in kinds
     )
 
 
 def effect_parameter_specs(effect: Effect, length_m: float) -> tuple[ParameterSpec, ...]:
-    """An effect's numbers, on a rope of a believed length."""
-    return tuple(_slot(effect, p, i, length_m) for p in effect.parameters for i in range(p.size))
+    """Return the numbers of an effect on a rope of this nominal length."""
+    return tuple(_spec(effect, p, i, length_m) for p in effect.parameters for i in range(p.size))
 
 
-def _slot(effect: Effect, p: Parameter, component: int, length_m: float) -> ParameterSpec:
+def _spec(effect: Effect, p: Parameter, component: int, length_m: float) -> ParameterSpec:
     label, upper = f"{effect.name}.{parameter_label(p, component)}", effect.upper_bound(p, length_m)
     neutral = min(p.neutral, upper)
     return ParameterSpec(

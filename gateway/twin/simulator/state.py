@@ -15,9 +15,9 @@ import casadi as ca
 from devices.pendulum import equations as eq
 from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Effect, ModelStructure
+from gateway.twin.effects.evaluation_context import ZERO_VECTOR
 
 Expression = Any
-NOTHING: Vector = (0.0, 0.0, 0.0)
 ROPE_TILTS, ROPE_RATES = slice(0, 2), slice(2, 4)
 """Positions in z of the rope's tilts (x, y), and of their rates."""
 HEADING = 4
@@ -52,8 +52,8 @@ class State:
     n: Vector
     n_rate: Vector
     x_axis: Vector
-    m: Vector = NOTHING
-    m_rate: Vector = NOTHING
+    m: Vector = ZERO_VECTOR
+    m_rate: Vector = ZERO_VECTOR
     stretch: Scalar = 0.0
     stretch_rate: Scalar = 0.0
 

@@ -7,7 +7,7 @@ from devices.pendulum import pendulum
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.simulated.crane import Crane
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.effect import EvaluationContext
+from gateway.twin.effects.evaluation_context import EvaluationContext
 from gateway.twin.effects.pulse import Pulse
 from gateway.twin.model import TwinRig
 from gateway.twin.simulator.compiled_model import IntegrationError
@@ -211,7 +211,7 @@ def test_offsets_drift_with_the_temperature():
     drifted = predicted(RIG, {"thermal_drift": {"mg_per_c": (1.0, 0.0, -2.0)}}, START, TIME_S, temperature_c)
     moved = np.outer(TIME_S / 3, [1e-3, 0.0, -2e-3])
     assert drifted - plain() == pytest.approx(moved, abs=1e-12)
-    with pytest.raises(ValueError, match="wants temperature_c"):
+    with pytest.raises(ValueError, match="needs temperature_c"):
         predicted(RIG, {"thermal_drift": {"mg_per_c": (1.0, 0.0, 0.0)}}, START, TIME_S)
 
 
@@ -274,7 +274,7 @@ def test_a_pulse_has_its_area_and_its_slope(share):
     time_s = np.linspace(0, 7, 70_001)
     level, area, slope = (
         np.array([float(each(EvaluationContext(t, t, STANDARD_GRAVITY_M_S2))) for t in time_s])
-        for each in (pulse.value, pulse.area, pulse.slope)
+        for each in (pulse.value, pulse.integral, pulse.slope)
     )
 
     assert level.max() == pytest.approx(1.0)

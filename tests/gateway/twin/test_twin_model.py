@@ -8,7 +8,7 @@ import tomli_w
 
 from gateway.errors import InputError
 from gateway.measurement.rig import read_rig
-from gateway.twin.model import as_tables, checked, model_of, parse_effect_assignments
+from gateway.twin.model import as_tables, model_of, parse_effect_assignments, validate_effects
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.swings import RIG
 
@@ -46,7 +46,7 @@ def test_a_housing_given_above_the_load_is_found_from_the_pivot(tmp_path):
     ("tables", "text"),
     [
         ({"viscosity": {}}, r"rig: \[model.viscosity\] is no effect; known are axis_offset, .*vibration"),
-        ({"impact": {"start_s": 1.0}}, r"\[model.impact\] wants delta_v_m_s, in m/s: jump of velocity"),
+        ({"impact": {"start_s": 1.0}}, r"\[model.impact\] needs delta_v_m_s, in m/s: jump of velocity"),
         ({"quadratic_drag": {"drag": 1.0}}, r"\[model.quadratic_drag\] has no drag; its parameters are drag_per_m"),
         ({"viscous_damping": {"damping_ratio": -0.1}}, r"damping_ratio = -0.1 should be from 0 to 0.5 1"),
         ({"viscous_damping": {"damping_ratio": float("nan")}}, "should be from 0 to 0.5"),
@@ -57,7 +57,7 @@ def test_a_housing_given_above_the_load_is_found_from_the_pivot(tmp_path):
 )
 def test_a_wrong_model_is_refused_with_the_mend(tables, text):
     with pytest.raises(InputError, match=text):
-        checked(tables, "rig")
+        validate_effects(tables, "rig")
 
 
 def test_effects_from_the_command_line():

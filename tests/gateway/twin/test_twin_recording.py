@@ -65,7 +65,10 @@ def test_same_seed_same_recording(rig, tmp_path):
         (["--out", "log.txt"], "should end in .csv or .mcap"),
         (["--out", "log.csv", "--effect", "storm"], "is no effect; known are"),
         (["--out", "log.csv", "--initial", "tilt_x_deg"], "should be NAME=VALUE"),
-        (["--out", "log.csv", "--initial", "height_m=3"], "the start has no height_m; its coordinates are tilt_x_rad"),
+        (
+            ["--out", "log.csv", "--initial", "height_m=3"],
+            "the initial state has no height_m; its coordinates are tilt_x_rad",
+        ),
         (["--out", "log.csv", "--effect", "double_pendulum", "--effect", "rope_stretch"], "cannot act together"),
         (
             ["--out", "log.csv", "--initial", "tilt_y_deg=95"],

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.effect import Value
 from gateway.twin.effects.guess_context import EventWindow
+from gateway.twin.effects.parameter import Value
 from gateway.twin.effects.sensor import Vibration
 from gateway.twin.reconcile.changepoints.changepoint_scan import COST_INSIDE
 from gateway.twin.reconcile.data.observations import Observations, slice_samples

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.effect import Value
+from gateway.twin.effects.parameter import Value
 from gateway.twin.reconcile.changepoints.changepoint import (
     CHANGEPOINT_ITERATIONS,
     CONSISTENT_CHI2,

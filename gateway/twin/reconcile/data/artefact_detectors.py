@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.effects.effect import Value
+from gateway.twin.effects.parameter import Value
 from gateway.twin.reconcile.data.observations import Observations
 
 Array = NDArray[np.float64]

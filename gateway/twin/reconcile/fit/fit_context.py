@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.effect import ParameterKind
 from gateway.twin.effects.guess_context import EventWindow, GuessContext
+from gateway.twin.effects.parameter import ParameterKind
 from gateway.twin.effects.pulse_shape import SHARPEST
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations, slice_samples

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from gateway.numerics.stats import NORMAL_975
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.effect import Parameter, Value
-from gateway.twin.effects.limits import Quantization, SampleLoss
+from gateway.twin.effects.clock import SampleLoss
+from gateway.twin.effects.parameter import Parameter, Value
+from gateway.twin.effects.sensor_output import Quantization
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.observations import Recordings

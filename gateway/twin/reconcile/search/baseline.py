@@ -5,9 +5,9 @@ from dataclasses import replace
 
 from gateway.numerics.spectrum import find_machine_line
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.effect import Value
-from gateway.twin.effects.limits import Clipping, Quantization
+from gateway.twin.effects.parameter import Value
 from gateway.twin.effects.sensor import Vibration
+from gateway.twin.effects.sensor_output import Clipping, Quantization
 from gateway.twin.reconcile.data.artefact_detectors import (
     detect_quantisation_step,
     detect_saturation,

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.effect import Value
+from gateway.twin.effects.parameter import Value
 from gateway.twin.reconcile.fit.fit_context import SEARCH_ITERATIONS, FitContext
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor

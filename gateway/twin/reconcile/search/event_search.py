@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS, ModelStructure
-from gateway.twin.effects.effect import Value
 from gateway.twin.effects.guess_context import EventWindow
+from gateway.twin.effects.parameter import Value
 from gateway.twin.effects.rope import DoublePendulum, RopeLength
 from gateway.twin.reconcile.changepoints.changepoint import (
     ConsistentPrefix,

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS, ModelStructure
-from gateway.twin.effects.effect import Value
+from gateway.twin.effects.parameter import Value
 from gateway.twin.reconcile.decision.ambiguity_groups import ambiguity_partners
 from gateway.twin.reconcile.search.candidate_fits import CandidateFit
 from gateway.twin.reconcile.search.event_search import NEARLY, PARENTS, POLISH_ROUNDS, EventSearch

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import find_machine_line
 from gateway.twin.effects import EFFECTS, ModelStructure
-from gateway.twin.effects.limits import ClockDrift, LowpassLag
+from gateway.twin.effects.clock import ClockDrift
+from gateway.twin.effects.sensor_output import LowpassLag
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, is_world_directed
 from gateway.twin.reconcile.fit.fit_result import Fit

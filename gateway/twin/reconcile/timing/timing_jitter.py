@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import MachineLine, find_machine_line
-from gateway.twin.effects.limits import Quantization
+from gateway.twin.effects.sensor_output import Quantization
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.timing.time_warp_smoother import (

@@ -1,0 +1,66 @@
+"""The quantities that the equations of effects are evaluated with: time, gravity, rope lengths, motion."""
+
+from dataclasses import dataclass
+
+from devices.pendulum.equations import Scalar, Vector
+
+ZERO_VECTOR: Vector = (0.0, 0.0, 0.0)
+WithDerivatives = tuple[Scalar, Scalar, Scalar]
+"""A quantity with its first and second derivative by time."""
+
+
+@dataclass(frozen=True, slots=True)
+class EvaluationContext:
+    """An instant inside an integration step.
+
+    Steps end at the discontinuities of events, so a step lies wholly inside or outside an event.
+    """
+
+    time_s: Scalar
+    step_middle_s: Scalar
+    """Middle of the step: it decides whether an event acts, so that rounding at a discontinuity cannot."""
+    gravity_m_s2: Scalar
+    temperature_rise_c: Scalar = 0.0
+    """Temperature of the sensor above the one at which its offsets are known."""
+    stretch: WithDerivatives = ZERO_VECTOR
+    """Stretch of an elastic rope beyond that under a load at rest, in m, m/s, m/s²."""
+
+    def is_between(self, start_s: Scalar, end_s: Scalar) -> Scalar:
+        """Return 1 between two discontinuities, else 0."""
+        return (self.step_middle_s >= start_s) * (self.step_middle_s < end_s)
+
+    def step_at(self, start_s: Scalar) -> Scalar:
+        """Return 1 from a discontinuity on, 0 before."""
+        return self.step_middle_s >= start_s
+
+
+@dataclass(frozen=True, slots=True)
+class RopeGeometry:
+    """Distances from the pivot along the rope, in m, m/s, m/s²."""
+
+    length: WithDerivatives
+    """From the pivot to the centre of the load; with a double pendulum to the hook."""
+    position: WithDerivatives
+    """From the pivot to the accelerometer."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rigging:
+    """Rigging below a hook block with mass."""
+
+    length_m: Scalar
+    """From the hook to the centre of the load."""
+    hook_mass_ratio: Scalar
+    """Mass of the hook block divided by the mass of the load."""
+
+
+@dataclass(frozen=True, slots=True)
+class BodyState:
+    """Position and velocity of the load, or of the housing, in the frame of the world."""
+
+    position_m: Vector
+    """Relative to the pivot."""
+    velocity_m_s: Vector
+    """Relative to the pivot."""
+    small_swing_rate_1_s: Scalar
+    """√(g/L) of the nominal rope."""

@@ -1,0 +1,13 @@
+"""Measurements and manoeuvres that separate effects with the same signature, in an operator's words."""
+
+MEASURE_ROPE = "measure the rope, or compare the recording's clock with another over some minutes"
+MEASURE_HOUSING = (
+    "turn the sensor upside down at rest: an offset keeps its sign, a scale error does not; measure the housing's place"
+)
+TURN_HOUSING = (
+    "turn the housing about the rope by 90 degrees and record again: what stays with the sensor is offset, mount or "
+    "cross-axis sensitivity, what turns is wind; a wider swing separates a tilt from an offset"
+)
+RECORD_DRIVES = "repeat the manoeuvre with the drives' own signals recorded, or with a second sensor at the pivot"
+LOCK_SLEWING = "repeat with the crane's slewing locked; or look at the housing while the load swings"
+LARGER_SWING = "record from a swing twice as wide until it has died away to a quarter"

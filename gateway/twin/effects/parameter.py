@@ -1,0 +1,80 @@
+"""Parameters of effects: meaning, unit, bounds, prior and scale."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import Enum
+
+from devices.pendulum.equations import Scalar
+
+Value = float | tuple[float, ...]
+"""Value of a parameter: a number, or one number for each component."""
+Values = Mapping[str, Value]
+"""Parameters of one effect by name."""
+Symbols = Mapping[str, Scalar]
+"""Symbols of the parameters of one effect by name."""
+
+
+class ParameterKind(Enum):
+    """The role of a parameter in a fit."""
+
+    AMPLITUDE = "amplitude"
+    """The strength of the effect."""
+    START = "start"
+    """The time at which an event starts, in s since the first sample of the recording."""
+    DURATION = "duration"
+    """The duration of an event, or of a part of it, in s."""
+    EDGE = "edge"
+    """The fraction of an event in which it rises and falls."""
+    FREQUENCY = "frequency"
+    PHASE = "phase"
+    CUTOFF = "cutoff"
+    """A cutoff frequency. It is fitted by its inverse, the lag, in which the samples are nearly linear."""
+
+
+EVENT_TIME_KINDS = frozenset({ParameterKind.START, ParameterKind.DURATION, ParameterKind.EDGE})
+"""Kinds that have no sensitivity while the amplitude of the event is zero."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A parameter of an effect: one number, or several components of the same kind."""
+
+    name: str
+    unit: str
+    meaning: str
+    lower: float
+    upper: float
+    """Bounds of each component; a bound of 0 is a constraint on the sign."""
+    neutral: float
+    """The value at which the effect vanishes; for a parameter that does not make it vanish, an initial guess."""
+    scale: float
+    """A change that an operator would call small, in the parameter's unit."""
+    typical: Value
+    """The value that `simulate` takes if none is given."""
+    components: tuple[str, ...] = ()
+    """Names of the components; empty for a single number."""
+    refitted: bool = False
+    """True for a nuisance parameter, which belongs to a recording and not to the rig, such as the phase of a vibration."""
+    kind: ParameterKind = ParameterKind.AMPLITUDE
+    step_limit: float = math.inf
+    """The largest change in one step of a fit: the range in which the samples are nearly linear in the parameter."""
+    prior_sigma: float | None = None
+    """Standard deviation of the nominal value, for a parameter that corrects a nominal length of the rig."""
+    operator_sigma: float | None = None
+    """Standard deviation of the value that an operator achieves by intention."""
+
+    @property
+    def size(self) -> int:
+        """Number of components."""
+        return max(1, len(self.components))
+
+    @property
+    def is_amplitude(self) -> bool:
+        """Whether the parameter says how strong the effect is, and so has a signature while the effect is weak."""
+        return self.kind is ParameterKind.AMPLITUDE and self.typical != self.neutral
+
+
+def parameter_label(parameter: Parameter, component: int) -> str:
+    """Return `accel_m_s2[x]`, or the name alone for a parameter without components."""
+    return f"{parameter.name}[{parameter.components[component]}]" if parameter.components else parameter.name

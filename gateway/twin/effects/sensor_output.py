@@ -1,0 +1,128 @@
+"""Limits of the sensor's output: bandwidth, range and resolution."""
+
+from types import MappingProxyType
+
+import casadi as ca
+import numpy as np
+
+from devices.pendulum.equations import Vector
+from gateway.twin.effects.effect import Array, Effect
+from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values
+from gateway.twin.effects.sensor import AXES
+
+SAME_READING_G = 1e-6
+"""Readings that differ by less are the same: recordings are written with six or seven digits."""
+MIN_SATURATED_SAMPLES = 3
+"""Samples that stand exactly at a limit: several, since noise comes before the limit; noise alone puts one at the extreme."""
+
+
+class LowpassLag(Effect):
+    """A one-pole low-pass in the sensor."""
+
+    name = "lowpass_lag"
+    equation = "f_s′ = 2π f_c (f − f_s)"
+    explains = "A low-pass filter in the sensor that is not in its description: smaller and later readings."
+    reference = "one-pole low-pass, solved exactly between samples (first-order hold)"
+    enters = "sensor"
+    linear_at_neutral = False
+    scored = True
+    needs_single_segment = True
+    default_guess = MappingProxyType({"cutoff_hz": 2.0})
+    parameters = (
+        Parameter(
+            "cutoff_hz",
+            "Hz",
+            "f_c, −3 dB",
+            lower=0.05,
+            upper=1000.0,
+            neutral=20.0,
+            scale=0.02,
+            typical=1.0,
+            kind=ParameterKind.CUTOFF,
+            step_limit=1.0,
+        ),
+        Parameter(
+            "began_g",
+            "g",
+            "state of the filter at the first sample, minus the state that the motion alone would give",
+            lower=-2.0,
+            upper=2.0,
+            neutral=0.0,
+            scale=1e-3,
+            typical=(0.0, 0.0, 0.0),
+            components=AXES,
+            refitted=True,
+        ),
+    )
+
+
+class Quantization(Effect):
+    """Rounding of the readings to a coarse step."""
+
+    name = "quantization"
+    equation = "f_s = q round(f/q)"
+    explains = "The sensor's resolution is coarse, or its range is set too wide."
+    reference = "uniform quantisation, IEEE 528: the error has a variance of q²/12"
+    enters = "sensor"
+    linear_at_neutral = False
+    detected_in_samples = True
+    found_before_search = True
+    parameters = (
+        Parameter(
+            "lsb_g",
+            "g",
+            "q, step of the readings",
+            lower=0.0,
+            upper=0.5,
+            neutral=0.0,
+            scale=1e-4,
+            typical=4e-3,
+        ),
+    )
+
+    def sample_output_g(self, values: Values, force_g: Array) -> Array:
+        """Round to multiples of the step; a step of 0 leaves the samples unchanged."""
+        lsb_g = float(np.asarray(values["lsb_g"]))
+        return force_g if lsb_g == 0 else np.rint(force_g / lsb_g) * lsb_g
+
+
+class Clipping(Effect):
+    """Saturation of the readings at a limit."""
+
+    name = "clipping"
+    equation = "f_s = max(−c, min(c, f))"
+    explains = "The sensor's range is too small, or is set wrong."
+    reference = "saturation, IEEE 528"
+    enters = "sensor"
+    linear_at_neutral = False
+    detected_in_samples = True
+    parameters = (
+        Parameter(
+            "full_scale_g",
+            "g",
+            "c, largest reading",
+            lower=0.05,
+            upper=100.0,
+            neutral=16.0,
+            scale=1e-3,
+            typical=1.005,
+        ),
+    )
+
+    def initial_guesses(self, context: GuessContext) -> list[Values]:
+        """Return the largest reading, if several samples stand exactly at it."""
+        size_g = np.abs(context.force_g)
+        top_g = float(size_g.max())
+        saturated = int((size_g > top_g - SAME_READING_G).sum())
+        return [{"full_scale_g": top_g}] if saturated >= MIN_SATURATED_SAMPLES else []
+
+    def sample_output_g(self, values: Values, force_g: Array) -> Array:
+        """Limit each axis to the full scale."""
+        full_scale_g = np.asarray(values["full_scale_g"])
+        return np.clip(force_g, -full_scale_g, full_scale_g)
+
+    def output_stage_g(self, p: Symbols, reading: Vector) -> Vector:
+        """Limit each axis to the full scale."""
+        x, y, z = (ca.fmin(ca.fmax(f, -p["full_scale_g"]), p["full_scale_g"]) for f in reading)
+        return x, y, z
