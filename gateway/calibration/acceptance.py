@@ -1,128 +1,124 @@
-"""Whether a calibration is good enough to be put in force, and whether it is a plausible successor of the one before."""
+"""Acceptance: whether a fit may become the record in force, and whether it is a plausible successor of its parent."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict
 
-from gateway.calibration.methods.calibration_fit import OUTLIER, CalibrationFit
-from gateway.calibration.methods.face_outliers import changed_readings
-from gateway.calibration.poses.pose import Array
+from gateway.calibration.drift.change import SensorChange, sensor_change
+from gateway.calibration.methods.calibration_fit import CalibrationFit, WarningKind
+from gateway.calibration.methods.face_outliers import find_changed_readings
+from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
 from gateway.calibration.record import CalibrationRecord
+from gateway.numerics.array import Array
 
-COVERAGE = 3.0
+MIN_EIGENVALUE = -1e-6
+"""Least eigenvalue of a scaled covariance that is zero within rounding errors."""
 
 
 @dataclass(frozen=True, slots=True)
-class Limits:
-    """What a record must meet, and how far a sensor may have moved since its parent without a reason."""
+class AcceptanceLimits:
+    """Limits of a fit, and of the change since its parent beyond which a person must give a reason."""
 
     residual_rms_g: float = 0.010
-    """0.6 degrees: the faces did not lie, or the sensor did not rest."""
+    """Largest residual, g: 0.6 degrees. A larger one means that faces were misplaced or the sensor was not at rest."""
     condition_number: float = 30.0
+    """Largest condition number of the design."""
     prediction_interval_g: float = 0.10
-    """Beyond it a reading at rest tells nothing of the condition."""
+    """Largest prediction interval, g: beyond it a reading at rest shows nothing of the condition."""
     offset_change_g: float = 0.020
-    """1.1 degrees; 4.5 years moved 0.86 (000 eq. 21)."""
+    """Largest change of an offset, g: 1.1 degrees; in 4.5 years 0.86 degrees were measured (Łuczak et al. 2022, eq. 21)."""
     scale_change: float = 0.010
-    turn_deg: float = 2.0
-    """Of the sensor in its housing."""
+    """Largest relative change of a scale factor."""
+    rotation_deg: float = 2.0
+    """Largest rotation of the sensor in its housing, degrees."""
 
 
-@dataclass(frozen=True, slots=True)
-class Acceptance:
-    """The judge's word."""
+class Acceptance(BaseModel):
+    """The decision on a fit. The journal and the audit store it under these names."""
 
-    refusals: tuple[str, ...] = ()
-    """Limits that are not met: no reason helps."""
-    needs_reason: tuple[str, ...] = ()
-    """What a person must explain before it is put in force."""
-    notes: tuple[str, ...] = field(default=())
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    refused: tuple[str, ...] = ()
+    """Limits that are not met; no reason changes that."""
+    implausible: tuple[str, ...] = ()
+    """Findings for which a person must give a reason."""
+    notes: tuple[str, ...] = ()
+    """Warnings of the fit, and the change since the parent."""
+
+    def refusal(self, reason: str) -> str | None:
+        """Return why the record may not be put in force with this reason, or None."""
+        if self.refused:
+            return "; ".join(self.refused)
+        if self.implausible and not reason.strip():
+            return f"{'; '.join(self.implausible)}; give a reason"
+        return None
 
 
-def judge(
-    new: CalibrationFit | CalibrationRecord, parent: CalibrationRecord | None, limits: Limits | None = None
-) -> Acceptance:
-    """Judge a fit or a record against the limits and against its parent, None where there is none."""
-    limits = limits or Limits()
-    needs_reason = [text for text in new.warnings if text.startswith(OUTLIER)]
-    notes = [text for text in new.warnings if not text.startswith(OUTLIER)]
+def judge(fit: CalibrationFit, parent: CalibrationRecord | None, limits: AcceptanceLimits | None = None) -> Acceptance:
+    """Judge a fit by the limits and by its parent, None if there is none."""
+    limits = limits or AcceptanceLimits()
+    implausible = [warning.as_record_text() for warning in fit.warnings if warning.kind is WarningKind.OUTLIER]
+    notes = [warning.as_record_text() for warning in fit.warnings if warning.kind is not WarningKind.OUTLIER]
     if parent is not None:
-        needs_reason += _comparison_text(new, parent, limits)
-        needs_reason += changed_readings(_poses(new), tuple(parent.poses))
-        notes.append(_change_text(new, parent))
-    return Acceptance(tuple(_refusals(new, limits)), tuple(needs_reason), tuple(notes))
+        change = change_since(fit, parent)
+        implausible += _implausible_changes(change, parent.id, limits)
+        poses = tuple(pose.as_json() for pose in fit.poses)
+        implausible += [
+            warning.as_record_text() for warning in find_changed_readings(poses, tuple(parent.poses), PLACEMENT_U_DEG)
+        ]
+        notes.append(_describe_change(change, parent.id))
+    return Acceptance(refused=tuple(_refusals(fit, limits)), implausible=tuple(implausible), notes=tuple(notes))
 
 
-def _refusals(new: CalibrationFit | CalibrationRecord, limits: Limits) -> list[str]:
+def change_since(fit: CalibrationFit, parent: CalibrationRecord) -> SensorChange:
+    """Return the change of the sensor since the parent record."""
+    return sensor_change(
+        matrix=np.array(parent.correction_matrix, dtype=np.float64),
+        offset=np.array(parent.offset, dtype=np.float64),
+        later_sensitivity=np.asarray(np.linalg.inv(fit.correction_matrix), dtype=np.float64),
+        later_offset=np.array(fit.offset, dtype=np.float64),
+    )
+
+
+def _refusals(fit: CalibrationFit, limits: AcceptanceLimits) -> list[str]:
     measured = [
-        ("residual", new.residual_rms_g, limits.residual_rms_g, "g"),
-        ("condition number", new.condition_number, limits.condition_number, ""),
-        ("prediction interval", new.prediction_interval_g, limits.prediction_interval_g, "g"),
+        ("residual", fit.residual_rms_g, limits.residual_rms_g, "g"),
+        ("condition number", fit.condition_number, limits.condition_number, ""),
+        ("prediction interval", fit.prediction_interval_g, limits.prediction_interval_g, "g"),
     ]
     refusals = [
         f"{name} {value:.3g} {unit}".rstrip() + f" is above the limit of {limit:g}; take the poses again"
         for name, value, limit, unit in measured
-        if value is not None and value > limit
+        if value > limit
     ]
-    if not _is_covariance(np.array(new.covariance, dtype=np.float64)):
-        refusals.append("its covariance has negative variances: the poses do not determine it")
+    if not _is_covariance(fit.covariance):
+        refusals.append("the covariance has negative variances: the poses do not determine the calibration")
     return refusals
 
 
 def _is_covariance(covariance: Array) -> bool:
-    """Positive semidefinite, after scaling: the matrix's entries and the offset differ by many orders."""
+    """Return whether a matrix is positive semidefinite; it is scaled, because its entries differ by many orders of magnitude."""
     scale = np.sqrt(np.clip(np.diag(covariance), 0, None))
     scale[scale == 0] = 1.0
-    return bool(np.linalg.eigvalsh(covariance / np.outer(scale, scale)).min() > -1e-6)
+    return bool(np.linalg.eigvalsh(covariance / np.outer(scale, scale)).min() > MIN_EIGENVALUE)
 
 
-@dataclass(frozen=True, slots=True)
-class Change:
-    """Of a sensor between two records, both in its own axes."""
-
-    offset_g: Array
-    """Shape (3,)."""
-    scale: Array
-    """Relative, shape (3,)."""
-    turn_deg: float
-
-
-def change(new: CalibrationFit | CalibrationRecord, parent: CalibrationRecord) -> Change:
-    """What has changed since the parent."""
-    matrix, old = (
-        np.array(new.correction_matrix, dtype=np.float64),
-        np.array(parent.correction_matrix, dtype=np.float64),
-    )
-    ratio = old @ np.linalg.inv(matrix)  # of the sensitivities: the new over the old
-    turned = (ratio - ratio.T) / 2
-    return Change(
-        offset_g=old @ np.subtract(new.offset, parent.offset),
-        scale=np.diag(ratio) - 1,
-        turn_deg=float(np.degrees(np.linalg.norm(turned) / np.sqrt(2))),
-    )
-
-
-def _comparison_text(new: CalibrationFit | CalibrationRecord, parent: CalibrationRecord, limits: Limits) -> list[str]:
-    seen = change(new, parent)
-    found = []
-    for axis, moved_g, scale in zip("xyz", seen.offset_g, seen.scale, strict=True):
-        if abs(moved_g) > limits.offset_change_g:
-            found.append(f"offset {axis} has moved by {moved_g * 1000:+.1f} mg since {parent.id}")
+def _implausible_changes(change: SensorChange, parent_id: str, limits: AcceptanceLimits) -> list[str]:
+    texts = []
+    for axis, offset_g, scale in zip("xyz", change.offset_g, change.scale, strict=True):
+        if abs(offset_g) > limits.offset_change_g:
+            texts.append(f"offset {axis} has moved by {offset_g * 1000:+.1f} mg since {parent_id}")
         if abs(scale) > limits.scale_change:
-            found.append(f"scale {axis} has changed by {scale * 100:+.2f} % since {parent.id}")
-    if seen.turn_deg > limits.turn_deg:
-        found.append(f"the sensor is turned by {seen.turn_deg:.1f} deg in its housing since {parent.id}")
-    return found
+            texts.append(f"scale {axis} has changed by {scale * 100:+.2f} % since {parent_id}")
+    rotation_deg = float(np.linalg.norm(change.rotation_deg))
+    if rotation_deg > limits.rotation_deg:
+        texts.append(f"the sensor is turned by {rotation_deg:.1f} deg in its housing since {parent_id}")
+    return texts
 
 
-def _change_text(new: CalibrationFit | CalibrationRecord, parent: CalibrationRecord) -> str:
-    seen = change(new, parent)
-    offsets = ", ".join(f"{value * 1000:+.2f}" for value in seen.offset_g)
-    scales = ", ".join(f"{value * 100:+.3f}" for value in seen.scale)
-    return f"since {parent.id}: offset {offsets} mg, scale {scales} %, turned {seen.turn_deg:.3f} deg"
-
-
-def _poses(new: CalibrationFit | CalibrationRecord) -> tuple[dict[str, object], ...]:
-    if isinstance(new, CalibrationFit):
-        return tuple(pose.as_json() for pose in new.poses)
-    return tuple(new.poses)
+def _describe_change(change: SensorChange, parent_id: str) -> str:
+    offsets = ", ".join(f"{value * 1000:+.2f}" for value in change.offset_g)
+    scales = ", ".join(f"{value * 100:+.3f}" for value in change.scale)
+    rotation_deg = float(np.linalg.norm(change.rotation_deg))
+    return f"since {parent_id}: offset {offsets} mg, scale {scales} %, turned {rotation_deg:.3f} deg"

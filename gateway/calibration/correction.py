@@ -1,4 +1,4 @@
-"""From raw readings to specific force in the housing frame, with what is known of its error."""
+"""The correction in force: from raw readings to specific force in the housing frame, with its uncertainty."""
 
 import math
 from dataclasses import dataclass, replace
@@ -8,64 +8,74 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.block import DeviceInfo
+from gateway.calibration.frame import AxesMap, housing_rotation
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.uncertainty import reading_covariance
 from gateway.messages import CalibrationStatus
+from gateway.numerics.array import Array
 
-UNCALIBRATED_SCALE_U = 0.03
-"""Relative standard uncertainty of a nominal sensitivity where nothing better is known."""
+UNCALIBRATED_SCALE_FACTOR_U = 0.03
+"""Relative standard uncertainty of a nominal sensitivity without further information."""
 UNCALIBRATED_CROSS_AXIS_U = 0.01
-UNCALIBRATED_OFFSET_G = 0.15
-"""Limit of the zero-g offset of a part whose datasheet limit is not known."""
-ZERO_G_OFFSET_G_PER_K, SCALE_FACTOR_PER_K = 1e-3, 3e-4
-"""Limits of the change with temperature of a part whose datasheet limits are not known."""
-RECORDED_NORM_MARGIN_G = 0.01
-"""Permissible norm error of a recording in g that brings no calibration record."""
+"""Standard uncertainty of the cross-axis sensitivity of an uncalibrated sensor, relative."""
+UNCALIBRATED_OFFSET_LIMIT_G = 0.15
+"""Limit of the zero-g offset, g, of a sensor without a limit in its data sheet."""
+ZERO_G_OFFSET_LIMIT_G_PER_K = 1e-3
+"""Limit of the temperature coefficient of the zero-g offset, g/K, of a sensor without a limit in its data sheet."""
+SCALE_FACTOR_LIMIT_PER_K = 3e-4
+"""Limit of the temperature coefficient of the scale factor, 1/K, of a sensor without a limit in its data sheet."""
+RECORDED_NORM_ERROR_G = 0.01
+"""Permissible error of |m|, g, of a recording in g that brings no calibration record."""
+K_UNCALIBRATED = 2.0
+"""Coverage factor of the permissible error of |m| of an uncalibrated sensor."""
 
 
 @dataclass(frozen=True, slots=True)
 class Correction:
-    """An affine correction in force: specific_force_g = raw @ gain.T + bias, in the housing frame."""
+    """An affine correction: specific_force_g = raw @ gain.T + bias_g, in the housing frame."""
 
     status: CalibrationStatus
     calibration_id: str | None
-    gain: NDArray[np.float64]
-    bias_g: NDArray[np.float64]
-    u_zero_g_offset_g: NDArray[np.float64]
-    """Standard uncertainty per housing axis, shape (3,): across the rope that of a reading at rest, how the axes lie included."""
-    u_scale_factor: NDArray[np.float64]
-    """Relative, per housing axis, shape (3,)."""
+    gain: Array
+    """Gain, g per raw unit, shape (3, 3)."""
+    bias_g: Array
+    """Bias, g, shape (3,)."""
+    u_zero_g_offset_g: Array
+    """Standard uncertainty by housing axis, g, shape (3,): of a reading at rest across the rope, the axes' attitude included."""
+    u_scale_factor: Array
+    """Relative standard uncertainty of the scale factor by housing axis, shape (3,)."""
     permissible_norm_error_g: float
-    """dm of 001 eq. 14."""
+    """Largest plausible deviation of |m| from 1 g at rest (Łuczak n.d., eq. 14, dm)."""
     text: str
     record: dict[str, Any] | None = None
-    """The calibration record behind it, where there is one."""
+    """The calibration record, if there is one."""
     u_cross_axis: float = 0.0
-    """Standard uncertainty of what an axis reads of another one, relative."""
+    """Standard uncertainty of the cross-axis sensitivity, relative."""
     calibrated_c: tuple[float, float] | None = None
-    """Lowest and highest temperature of the calibration, beyond which nothing corrects for temperature; None: not known."""
+    """Lowest and highest temperature of the calibration, °C; None: not known. Beyond them nothing corrects for temperature."""
     u_zero_g_offset_g_per_k: float = 0.0
-    """What each kelvin beyond that adds to the standard uncertainty of the zero-g offset, on every axis."""
+    """Standard uncertainty of the zero-g offset's temperature coefficient, g/K, on every axis."""
     u_scale_factor_per_k: float = 0.0
+    """Standard uncertainty of the scale factor's temperature coefficient, 1/K, on every axis."""
 
-    def apply(self, raw: NDArray[np.int32] | NDArray[np.float64]) -> NDArray[np.float64]:
-        """Specific force in the housing frame in g, shape (n, 3)."""
+    def apply(self, raw: NDArray[np.int32] | Array) -> Array:
+        """Return the specific force in the housing frame, g, shape (n, 3)."""
         return np.asarray(raw @ self.gain.T + self.bias_g, dtype=np.float64)
 
-    def u_force_g(self, force_g: NDArray[np.float64], temperature_c: float | None = None) -> NDArray[np.float64]:
-        """Standard uncertainty per axis of a reading in g, shape (3,), from offset, scale and temperature."""
-        then = self.beyond(self.beyond_k(temperature_c))
-        return np.asarray(np.hypot(then.u_zero_g_offset_g, then.u_scale_factor * force_g), dtype=np.float64)
+    def u_force_g(self, force_g: Array, temperature_c: float | None = None) -> Array:
+        """Return the standard uncertainty of a reading in g by axis, shape (3,), from offset, scale factor and temperature."""
+        widened = self.widened_by(self.kelvin_beyond(temperature_c))
+        return np.asarray(np.hypot(widened.u_zero_g_offset_g, widened.u_scale_factor * force_g), dtype=np.float64)
 
-    def beyond_k(self, temperature_c: float | None) -> int:
-        """How far a temperature lies beyond the calibration's, in whole kelvins, rounded up; 0 where either is not known."""
+    def kelvin_beyond(self, temperature_c: float | None) -> int:
+        """Return the distance of a temperature from those of the calibration, whole kelvins rounded up; 0 if one is unknown."""
         if temperature_c is None or self.calibrated_c is None:
             return 0
         low_c, high_c = self.calibrated_c
         return max(0, math.ceil(low_c - temperature_c), math.ceil(temperature_c - high_c))
 
-    def beyond(self, kelvin: float) -> "Correction":
-        """The same with the uncertainty that it has so far beyond the calibration's temperatures (type B)."""
+    def widened_by(self, kelvin: float) -> "Correction":
+        """Return the correction with its uncertainty at this distance from the temperatures of the calibration (type B)."""
         return replace(
             self,
             u_zero_g_offset_g=np.hypot(self.u_zero_g_offset_g, kelvin * self.u_zero_g_offset_g_per_k),
@@ -73,110 +83,111 @@ class Correction:
         )
 
     def range_warnings(self, temperature_c: float | None) -> tuple[str, ...]:
-        """That a reading lies beyond the calibration's temperatures, for people; nothing where it does not."""
-        if self.calibrated_c is None or not self.beyond_k(temperature_c):
+        """Return a warning for people if a temperature is outside those of the calibration."""
+        if self.calibrated_c is None or not self.kelvin_beyond(temperature_c):
             return ()
         low_c, high_c = self.calibrated_c
         return (f"widened: at {temperature_c:.0f} °C, calibrated at {low_c:.0f} to {high_c:.0f} °C",)
 
 
-def correction_for(info: DeviceInfo, axes: tuple[tuple[int, int], ...], stored: CalibrationRecord | None) -> Correction:
-    """The best that is known of a device: its stored record, its factory record, or the datasheet.
+def correction_for(info: DeviceInfo, axes: AxesMap, stored: CalibrationRecord | None) -> Correction:
+    """Return the best correction of a device: by its stored record, its factory record, or the data sheet.
 
-    Raises `CalibrationError` when the record is for another device or another unit of raw input.
+    Raises `CalibrationError` if the record is for another device or another unit of raw input.
     """
-    turn = np.zeros((3, 3))
-    for housing_axis, (sensor_axis, sign) in enumerate(axes):
-        turn[housing_axis, sensor_axis] = sign
+    housing_from_sensor = housing_rotation(axes)
     if stored is not None:
-        return _from_record("calibrated", stored, info, turn)
+        return _by_record("calibrated", stored, info, housing_from_sensor)
     if info.factory_calibration is not None:
-        return _from_record("factory", CalibrationRecord.model_validate(info.factory_calibration), info, turn)
+        factory_record = CalibrationRecord.model_validate(info.factory_calibration)
+        return _by_record("factory", factory_record, info, housing_from_sensor)
     if info.calibrated_source:
-        return _as_recorded(turn)
-    return _nominal(info, turn)
+        return _as_recorded(housing_from_sensor)
+    return _by_data_sheet(info, housing_from_sensor)
 
 
-def _from_record(
-    status: CalibrationStatus, record: CalibrationRecord, info: DeviceInfo, turn: NDArray[np.float64]
+def _by_record(
+    status: CalibrationStatus, record: CalibrationRecord, info: DeviceInfo, housing_from_sensor: Array
 ) -> Correction:
     if record.device_id != info.device_id:
         raise CalibrationError(f"calibration {record.id} belongs to {record.device_id}, not to {info.device_id}")
     if record.unit != info.unit:
         raise CalibrationError(
-            f"calibration {record.id} is for raw input in {record.unit}, the device gives {info.unit}"
+            f"calibration {record.id} is for raw input in {record.unit}, the device delivers {info.unit}"
         )
-    gain = turn @ np.array(record.correction_matrix)
-    source = np.abs(turn)
+    gain = housing_from_sensor @ np.array(record.correction_matrix)
     return Correction(
         status=status,
         calibration_id=record.id,
         gain=gain,
         bias_g=-gain @ np.array(record.offset),
-        u_zero_g_offset_g=_u_at_rest(record, turn),
-        u_scale_factor=source @ record.u_scale_factor,
+        u_zero_g_offset_g=_rest_u_g(record, housing_from_sensor),
+        u_scale_factor=np.abs(housing_from_sensor) @ record.u_scale_factor,
         permissible_norm_error_g=record.prediction_interval_g,
         text=f"{status}: record {record.id}, {record.method}, {record.created_utc[:10]}",
         record=record.model_dump(mode="json"),
-        u_cross_axis=_u_cross_axis(record),
-        calibrated_c=_calibrated_c(record),
-        u_zero_g_offset_g_per_k=_u_of_limit(info.zero_g_offset_g_per_k, ZERO_G_OFFSET_G_PER_K),
-        u_scale_factor_per_k=_u_of_limit(info.scale_factor_per_k, SCALE_FACTOR_PER_K),
+        u_cross_axis=_cross_axis_u(record),
+        calibrated_c=_temperature_limits_c(record),
+        u_zero_g_offset_g_per_k=_rectangular_u(info.zero_g_offset_g_per_k, ZERO_G_OFFSET_LIMIT_G_PER_K),
+        u_scale_factor_per_k=_rectangular_u(info.scale_factor_per_k, SCALE_FACTOR_LIMIT_PER_K),
     )
 
 
-def _u_cross_axis(record: CalibrationRecord) -> float:
-    """The largest of the six."""
+def _cross_axis_u(record: CalibrationRecord) -> float:
+    """Return the largest relative standard uncertainty of the six off-diagonal entries."""
     deviation = np.sqrt(np.diag(np.array(record.covariance))[:9]).reshape(3, 3)
     relative = deviation / np.abs(np.diag(np.array(record.correction_matrix)))[:, None]
     return float((relative * (1 - np.eye(3))).max())
 
 
-def _calibrated_c(record: CalibrationRecord) -> tuple[float, float] | None:
+def _temperature_limits_c(record: CalibrationRecord) -> tuple[float, float] | None:
     known = record.temperature_c
     return None if known is None else (float(known["min"]), float(known["max"]))
 
 
-def _u_of_limit(limit: float | None, where_unknown: float) -> float:
-    """Of a rectangular distribution (GUM 4.3.7)."""
-    return (where_unknown if limit is None else limit) / math.sqrt(3)
+def _rectangular_u(limit: float | None, default: float) -> float:
+    """Return the standard uncertainty of a rectangular distribution within a limit (GUM 4.3.7)."""
+    return (default if limit is None else limit) / math.sqrt(3)
 
 
-def _u_at_rest(record: CalibrationRecord, turn: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Across the rope, of a reading that hangs at rest: zero-g offset, cross-axis sensitivity and attitude with their
-    correlations (zeroed in place, their sum is known better than each). Along it, of the zero-g offset alone.
+def _rest_u_g(record: CalibrationRecord, housing_from_sensor: Array) -> Array:
+    """Return the standard uncertainty of a reading at rest on the rope, g, shape (3,).
+
+    Across the rope: of zero-g offset, cross-axis sensitivity and attitude with their correlations, because zeroing in place
+    determines their sum better than each of them. Along the rope: of the zero-g offset alone.
     """
     matrix, covariance = np.array(record.correction_matrix), np.array(record.covariance)
-    at_rest = turn @ reading_covariance(matrix, covariance, turn[2]) @ turn.T
+    hanging = reading_covariance(matrix, covariance, housing_from_sensor[2])
+    at_rest = housing_from_sensor @ hanging @ housing_from_sensor.T
     u_g = np.sqrt(np.clip(np.diag(at_rest), 0, None))
-    u_g[2] = (np.abs(turn) @ record.u_zero_g_offset_g)[2]
+    u_g[2] = (np.abs(housing_from_sensor) @ record.u_zero_g_offset_g)[2]
     return u_g
 
 
-def _as_recorded(turn: NDArray[np.float64]) -> Correction:
+def _as_recorded(housing_from_sensor: Array) -> Correction:
     return Correction(
         status="as_recorded",
         calibration_id=None,
-        gain=turn,
+        gain=housing_from_sensor,
         bias_g=np.zeros(3),
         u_zero_g_offset_g=np.zeros(3),
         u_scale_factor=np.zeros(3),
-        permissible_norm_error_g=RECORDED_NORM_MARGIN_G,
+        permissible_norm_error_g=RECORDED_NORM_ERROR_G,
         text="as recorded: specific force in g; its calibration is not known here",
     )
 
 
-def _nominal(info: DeviceInfo, turn: NDArray[np.float64]) -> Correction:
-    offset_limit_g = info.zero_g_offset_g if info.zero_g_offset_g is not None else UNCALIBRATED_OFFSET_G
+def _by_data_sheet(info: DeviceInfo, housing_from_sensor: Array) -> Correction:
+    offset_limit_g = info.zero_g_offset_g if info.zero_g_offset_g is not None else UNCALIBRATED_OFFSET_LIMIT_G
     u_offset_g = offset_limit_g / np.sqrt(3)  # a limit is a rectangular distribution (GUM 4.3.7)
     return Correction(
         status="uncalibrated",
         calibration_id=None,
-        gain=turn / info.units_per_g,
+        gain=housing_from_sensor / info.units_per_g,
         bias_g=np.zeros(3),
         u_zero_g_offset_g=np.full(3, u_offset_g),
-        u_scale_factor=np.full(3, UNCALIBRATED_SCALE_U),
+        u_scale_factor=np.full(3, UNCALIBRATED_SCALE_FACTOR_U),
         u_cross_axis=UNCALIBRATED_CROSS_AXIS_U,
-        permissible_norm_error_g=2 * float(np.hypot(u_offset_g, UNCALIBRATED_SCALE_U)),
-        text=f"uncalibrated: datasheet sensitivity, zero-g offset unknown within {offset_limit_g * 1000:.0f} mg",
+        permissible_norm_error_g=K_UNCALIBRATED * float(np.hypot(u_offset_g, UNCALIBRATED_SCALE_FACTOR_U)),
+        text=f"uncalibrated: data sheet sensitivity, zero-g offset unknown within {offset_limit_g * 1000:.0f} mg",
     )

@@ -5,23 +5,23 @@ import json
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
 from gateway.errors import InputError
+from gateway.numerics.array import Array
 
 Number = int | float
-"""Kept as it came: 0 must not become 0.0 on its way through, or the hash would no longer match."""
+"""A number that keeps its type: 0 must not become 0.0, or the hash would no longer match."""
 Row = Annotated[list[Number], Field(min_length=3, max_length=3)]
 CovarianceRow = Annotated[list[Number], Field(min_length=12, max_length=12)]
 
 
 class CalibrationError(InputError):
-    """A calibration record cannot be used; the text says why in one line."""
+    """A calibration record cannot be used; the text states the reason in one line."""
 
 
 class NotDeterminedError(CalibrationError):
-    """The readings do not determine the calibration; the text names what is missing and the mend."""
+    """The readings do not determine the calibration; the text states what is missing and how to obtain it."""
 
 
 class BudgetRow(BaseModel):
@@ -32,16 +32,16 @@ class BudgetRow(BaseModel):
     source: str
     type: Literal["A", "B"]
     u_g: Number = Field(ge=0)
-    """Standard uncertainty of a component, the worst over the six faces."""
+    """Standard uncertainty of a component, largest over the six faces."""
     u_deg: Number = Field(ge=0)
-    """The same as an angle, across the vertical."""
+    """Standard uncertainty of a tilt, from the components across the vertical."""
 
 
 class CalibrationRecord(BaseModel):
     """corrected_g = correction_matrix @ (raw - offset), in the sensor's axes.
 
-    Fields with a default may be missing in records of another origin (a factory, an older version); what is missing stays
-    missing when the record is written again, so that its hash holds.
+    Fields with a default may be missing in records of another origin (a factory, an older version). A missing field stays missing
+    when the record is written again, so that its hash matches.
     """
 
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
@@ -61,11 +61,11 @@ class CalibrationRecord(BaseModel):
     prediction_interval_g: Number = Field(gt=0)
     temperature_c: dict[str, Number] | None
     thermal: dict[str, Any] | None = None
-    """Coefficients of a thermal calibration, where there was one."""
+    """Coefficients of a thermal calibration; null if there was none."""
     poses: list[dict[str, Any]] = []
-    """Each as `Pose.as_json` gives it."""
+    """Poses, each as of `Pose.as_json`."""
     misalignment_deg: dict[str, list[Number]] | None = None
-    """Per axis the two angles of 000 eq. 13-18, in the order of the source's positions, see `misalignment`."""
+    """Two angles of each axis (Łuczak et al. 2022, eq. 13 to 18), in the order of `misalignment.PAIR_ORDER`."""
     residual_rms_g: Number | None = None
     condition_number: Number | None = None
     budget: list[BudgetRow] = []
@@ -73,31 +73,30 @@ class CalibrationRecord(BaseModel):
     sha256: str
 
     @model_serializer(mode="wrap")
-    def _as_made(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Only the fields that the record came with."""
+    def _without_missing_fields(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
         return {key: value for key, value in handler(self).items() if key in self.model_fields_set}
 
     @model_validator(mode="after")
-    def _whole(self) -> Self:
+    def _check_hash(self) -> Self:
         if self.sha256 != content_hash(self.model_dump(mode="json")):
             raise ValueError("sha256 does not match the content; the record was changed after it was made")
         return self
 
     @property
-    def u_zero_g_offset_g(self) -> NDArray[np.float64]:
-        """Standard uncertainty of each axis' zero-g offset, shape (3,), g."""
+    def u_zero_g_offset_g(self) -> Array:
+        """Standard uncertainty of the zero-g offset of each axis, g, shape (3,)."""
         matrix = np.array(self.correction_matrix)
         offset_covariance = np.array(self.covariance)[9:, 9:]
         return np.sqrt(np.diag(matrix @ offset_covariance @ matrix.T))
 
     @property
-    def u_scale_factor(self) -> NDArray[np.float64]:
-        """Relative standard uncertainty of each axis' scale factor, shape (3,)."""
+    def u_scale_factor(self) -> Array:
+        """Relative standard uncertainty of the scale factor of each axis, shape (3,)."""
         diagonal = np.sqrt(np.diag(np.array(self.covariance)))[[0, 4, 8]]
         return np.asarray(diagonal / np.abs(np.diag(np.array(self.correction_matrix))))
 
 
 def content_hash(record: dict[str, Any]) -> str:
-    """SHA-256 of the canonical JSON (sorted keys, no blanks) of everything but the hash itself."""
+    """Return the SHA-256 of the canonical JSON (sorted keys, no spaces) of everything except the hash itself."""
     content = {key: value for key, value in record.items() if key != "sha256"}
     return hashlib.sha256(json.dumps(content, sort_keys=True, separators=(",", ":")).encode()).hexdigest()

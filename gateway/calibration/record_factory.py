@@ -1,4 +1,4 @@
-"""From a fit to a record: who, when, for which device; its id and its hash."""
+"""Makes a record from a fit: person, time and device, the id and the hash."""
 
 import re
 from typing import Any
@@ -18,10 +18,10 @@ def make_record(
     parent: str | None,
     **extra: Any,
 ) -> CalibrationRecord:
-    """The record of a fit. Its id sorts by time: `created_utc` without punctuation, then the head of the content's hash.
+    """Return the record of a fit. Its id sorts by time: `created_utc` without punctuation, then the start of the content's hash.
 
-    `extra` holds further JSON fields (the reason of a commit, the request's id). Raises pydantic's `ValidationError` where a
-    value is none that a record may have.
+    `extra` contains further JSON fields, such as the id of the request. Raises pydantic's `ValidationError` if a record may not
+    have such a value.
     """
     content = {
         "format": 1,
@@ -39,7 +39,7 @@ def make_record(
 
 
 def fit_as_json(fit: CalibrationFit) -> dict[str, Any]:
-    """The fields of a record that a fit fills."""
+    """Return the fields of a record that a fit determines."""
     return {
         "offset": list(fit.offset),
         "correction_matrix": fit.correction_matrix.tolist(),
@@ -52,12 +52,12 @@ def fit_as_json(fit: CalibrationFit) -> dict[str, Any]:
         "residual_rms_g": fit.residual_rms_g,
         "condition_number": fit.condition_number,
         "budget": list(fit.budget),
-        "warnings": list(fit.warnings),
+        "warnings": [warning.as_record_text() for warning in fit.warnings],
     }
 
 
 def add_content_hash(content: dict[str, Any]) -> CalibrationRecord:
-    """Give a record's content its id and its hash."""
+    """Return the record with this content, with its id and its hash."""
     content = {key: value for key, value in content.items() if key not in {"id", "sha256"}}
     stamp = re.sub(r"[^0-9TZ]", "", re.sub(r"\.\d+", "", content["created_utc"]).replace("+00:00", "Z"))
     content["id"] = f"{stamp}-{content_hash(content)[:8]}"

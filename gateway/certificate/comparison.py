@@ -3,9 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-from numpy.typing import NDArray
-
 from gateway.calibration.drift.change import DriftChange, change_between
 from gateway.calibration.drift.forecast import MEASURING_METHODS
 from gateway.calibration.record import CalibrationError, CalibrationRecord
@@ -13,7 +10,6 @@ from gateway.certificate.forecast import forecast, sentence
 from gateway.documents.format import UNKNOWN, format_fixed, format_with_uncertainty
 from gateway.documents.text import as_sentence, printable_text
 
-Array = NDArray[np.float64]
 SIGNIFICANT = 2.0
 """A change beyond this many standard uncertainties is one."""
 MOST = 260
@@ -73,14 +69,13 @@ def differs_from_named(record: CalibrationRecord, parent: CalibrationRecord | No
 
 def _rows(change: DriftChange, measured: bool) -> tuple[tuple[str, ...], ...]:
     """Return a row per axis; without uncertainties where the record copies its parent's values."""
-    rotation_deg, u_rotation_deg = _rotation_deg(change)
     return tuple(
         (
             "xyz"[axis],
             _figure(1000 * change.offset_g[axis], 1000 * change.u_offset_g[axis], measured),
             _figure(1000 * change.scale[axis], 1000 * change.u_scale[axis], measured),
             format_fixed(float(change.tilt_error_deg[axis]), 3),
-            _figure(rotation_deg[axis], u_rotation_deg[axis], measured),
+            _figure(change.rotation_deg[axis], change.u_rotation_deg[axis], measured),
             _significant_changes(change, axis) if measured else UNKNOWN,
         )
         for axis in range(3)
@@ -98,16 +93,6 @@ def _significant_changes(change: DriftChange, axis: int) -> str:
     ]
     changed = [name for name, value, u_value in pairs if abs(value) > SIGNIFICANT * u_value]
     return " and ".join(changed) or "no"
-
-
-def _rotation_deg(change: DriftChange) -> tuple[Array, Array]:
-    """Return the rotation of the axes between the records, from the antisymmetric part of the gain, and its uncertainty."""
-    pick = np.zeros((3, 12))
-    for axis, (row, column) in enumerate(((2, 1), (0, 2), (1, 0))):
-        pick[axis, 3 * row + column], pick[axis, 3 * column + row] = 0.5, -0.5
-    gain = np.concatenate([change.gain.ravel(), change.offset_g])
-    u_rotation = np.sqrt(np.clip(np.diag(pick @ change.covariance @ pick.T), 0, None))
-    return np.degrees(pick @ gain), np.degrees(u_rotation)
 
 
 def _change_paragraph(change: DriftChange, measured: bool) -> str:

@@ -1,4 +1,4 @@
-"""`plumbline calibrate`: a calibration from recordings, offline."""
+"""`plumbline calibrate`: offline calibration from recordings."""
 
 import argparse
 import getpass
@@ -6,6 +6,7 @@ import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
+from gateway.calibration.pose_method import PoseMethod
 from gateway.cli.argument_types import above_zero
 
 UNIDENTIFIED = "unidentified"
@@ -15,8 +16,8 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     """Add the command."""
     command = commands.add_parser(
         "calibrate",
-        help="a calibration record from recordings",
-        description="Finds the resting poses in recordings of a calibration and makes the record: the same code as live.",
+        help="make a calibration record from recordings",
+        description="Finds the resting poses in recordings and makes a calibration record, with the code of a live session.",
         epilog="example: plumbline calibrate six-position faces.csv --device-id adxl355-1d-0042 --json record.json",
     )
     methods = command.add_subparsers(dest="method", metavar="METHOD", required=True)
@@ -26,9 +27,9 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
 def _add_six_position(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     method = methods.add_parser(
-        "six-position",
-        help="the six faces up, on a levelled surface, in any order",
-        description="Offset, scale and misalignment from the six faces, in any order; repeats are averaged.",
+        PoseMethod.SIX_POSITION.value,
+        help="six faces up in turn, on a levelled surface, in any order",
+        description="Determines offset, scale factor and misalignment from the six faces, in any order. Repeats are averaged.",
         epilog="example: plumbline calibrate six-position faces.csv --device-id part-7 --json record.json",
     )
     _add_common(method)
@@ -36,15 +37,16 @@ def _add_six_position(methods: "argparse._SubParsersAction[argparse.ArgumentPars
         "--placement-deg",
         type=above_zero,
         metavar="DEG",
-        help="standard uncertainty of how the faces lie: level of the surface, squareness of the housing (default 0.1)",
+        help="standard uncertainty of the faces' placement: level of the surface, squareness of the housing (default 0.1)",
     )
 
 
 def _add_norm_fit(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     method = methods.add_parser(
-        "norm-fit",
-        help="nine or more poses all round; no levelled surface needed",
-        description="Offset, scale and non-orthogonality from |m| = 1 in at least nine attitudes all round, twelve better.",
+        PoseMethod.NORM_FIT.value,
+        help="nine or more poses in all directions; no levelled surface needed",
+        description="Determines offset, scale factor and non-orthogonality from |m| = 1 g in nine or more attitudes in all "
+        "directions. Twelve are better, because the additional poses check the fit.",
         epilog="example: plumbline calibrate norm-fit session.csv --unit counts --rate 100 --json record.json",
     )
     _add_common(method)
@@ -52,50 +54,61 @@ def _add_norm_fit(methods: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--frame-deg",
         type=above_zero,
         metavar="DEG",
-        help="standard uncertainty of how the sensor's axes lie in the housing, which this method cannot see (default 0.58)",
+        help="standard uncertainty of the attitude of the sensor's axes in the housing, which this method does not measure "
+        "(default 0.58)",
     )
 
 
 def _add_common(method: argparse.ArgumentParser) -> None:
     method.add_argument(
-        "files", type=Path, nargs="+", metavar="FILE", help=".csv: one whole session, or one file per pose"
+        "files", type=Path, nargs="+", metavar="FILE", help="CSV recordings: one of a whole session, or one per pose"
     )
-    method.add_argument("--json", type=Path, metavar="FILE", help="write the record")
-    method.add_argument("--html", type=Path, metavar="FILE", help="write the certificate: prints on one sheet of A4")
+    method.add_argument("--json", type=Path, metavar="FILE", help="write the record to FILE")
     method.add_argument(
-        "--device-id", default=UNIDENTIFIED, metavar="ID", help="the sensor's identity; a record serves no other"
+        "--html", type=Path, metavar="FILE", help="write the certificate to FILE; it prints on one sheet of A4"
     )
-    method.add_argument("--by", metavar="NAME", help="who calibrated (default: the user)")
+    method.add_argument(
+        "--device-id",
+        default=UNIDENTIFIED,
+        metavar="ID",
+        help="identity of the sensor; the record is valid for no other sensor",
+    )
+    method.add_argument("--by", metavar="NAME", help="person who calibrates (default: the current user)")
     method.add_argument(
         "--parent",
         type=Path,
         metavar="FILE",
-        help="the record in force: the change since is judged, a norm fit keeps its frame",
+        help="the record in force: the change since then is judged, and a norm fit keeps its frame",
     )
     method.add_argument(
-        "--unit", choices=("counts", "V", "g", "m/s2"), help="of the readings (default: by column name or size)"
+        "--unit",
+        choices=("counts", "V", "g", "m/s2"),
+        help="unit of the readings (default: by column name or size)",
     )
     method.add_argument(
-        "--units-per-g", type=above_zero, metavar="N", help="nominal sensitivity (default: from the readings)"
+        "--units-per-g",
+        type=above_zero,
+        metavar="N",
+        help="nominal sensitivity (default: estimated from the readings)",
     )
     method.add_argument(
-        "--columns", type=_columns, metavar="X,Y,Z", help="the columns of the axes (default: by their names)"
+        "--columns", type=_columns, metavar="X,Y,Z", help="columns of the axes (default: found by their names)"
     )
     method.add_argument(
-        "--time", metavar="COLUMN", help="column of the time in s, or of a counter together with --rate"
+        "--time", metavar="COLUMN", help="column of the time in s, or, together with --rate, of a sample counter"
     )
-    method.add_argument("--rate", type=above_zero, metavar="HZ", help="sample rate where there is no time column")
+    method.add_argument("--rate", type=above_zero, metavar="HZ", help="sample rate if there is no time column")
     method.set_defaults(run=run, placement_deg=None, frame_deg=None)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Calibrate and tell; 1 where the readings do not determine it, or the record is not acceptable."""
+    """Calibrate and print the result; 1 if the readings do not determine it or the record is not acceptable."""
     from gateway import __version__
     from gateway.calibration.acceptance import judge
-    from gateway.calibration.offline.calibrate_files import BenchOptions, calibrate
+    from gateway.calibration.offline.calibrate_files import CalibrateOptions, calibrate_files
     from gateway.calibration.offline.parent_record import read_parent
     from gateway.calibration.offline.readings_file import TableOptions
-    from gateway.calibration.offline.report import as_text
+    from gateway.calibration.offline.report import format_report
     from gateway.calibration.record import NotDeterminedError
     from gateway.calibration.record_factory import make_record
     from gateway.certificate.page import render_certificate
@@ -105,9 +118,9 @@ def run(arguments: argparse.Namespace) -> int:
     tables = TableOptions(arguments.unit, arguments.columns, arguments.time, arguments.rate)
     stated = {"placement_u_deg": arguments.placement_deg, "frame_u_deg": arguments.frame_deg}
     known = {name: value for name, value in stated.items() if value is not None}
-    options = BenchOptions(arguments.method, arguments.units_per_g, parent=parent, **known)
+    options = CalibrateOptions(arguments.method, arguments.units_per_g, parent=parent, **known)
     try:
-        found = calibrate(arguments.files, tables, options)
+        found = calibrate_files(arguments.files, tables, options)
     except NotDeterminedError as error:
         print(f"plumbline calibrate: {error}", file=sys.stderr)
         return 1
@@ -120,17 +133,17 @@ def run(arguments: argparse.Namespace) -> int:
         created_utc=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         parent=None if parent is None else parent.id,
     )
-    acceptance = judge(record, parent)
+    acceptance = judge(found.fit, parent)
     if arguments.json is not None:
         write_json(arguments.json, record.model_dump(mode="json"))
     if arguments.html is not None:
         write_text(arguments.html, render_certificate(record, parent))
-    print(as_text(record, acceptance, found.notes + _identity_note(arguments.device_id)))
-    return 1 if acceptance.refusals else 0
+    print(format_report(record, acceptance, found.notes + _identity_note(arguments.device_id)))
+    return 1 if acceptance.refused else 0
 
 
 def _identity_note(device_id: str) -> tuple[str, ...]:
-    return ("no --device-id: the record can be put in force for no sensor",) if device_id == UNIDENTIFIED else ()
+    return ("no --device-id: the record cannot be put in force for any sensor",) if device_id == UNIDENTIFIED else ()
 
 
 def _user() -> str:

@@ -84,10 +84,10 @@ def fetch_request(client: "GatewayClient", request: dict[str, Any], patience_s: 
 
 
 def _record(client: "GatewayClient", record_id: str, patience_s: float) -> "CalibrationRecord":
-    from gateway.calibration.store import parse
+    from gateway.calibration.store import parse_record
 
     content = fetch_request(client, {"what": "record", "record": record_id}, patience_s)["record"]
-    return parse(content, str(content.get("device_id")), f"record {record_id} of {client.key}")
+    return parse_record(content, str(content.get("device_id")), f"record {record_id} of {client.key}")
 
 
 def _write(folder: Path, name: str, record: "CalibrationRecord", records: list["CalibrationRecord"]) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from devices.block import DeviceInfo
 from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.record import CalibrationError, CalibrationRecord
-from gateway.calibration.store import CalibrationStore, find
+from gateway.calibration.store import CalibrationStore, find_record_in_force
 from gateway.recording.calibration_files import CalibrationFiles, calibration_files
 
 log = logging.getLogger("plumbline.calibration")
@@ -28,7 +28,7 @@ class CalibrationProvider:
     def correction(self, info: DeviceInfo) -> Correction:
         """Return the correction in force for a device. A record that must not be used leaves the device uncalibrated."""
         try:
-            return correction_for(info, self._axes, find(self._data_dir, info.device_id))
+            return correction_for(info, self._axes, find_record_in_force(self._data_dir, info.device_id))
         except CalibrationError as error:
             log.error("%s", error)
             without_factory = replace(info, factory_calibration=None)  # the factory's must not replace it silently

@@ -12,7 +12,7 @@ from devices.clock import HostClock
 from devices.errors import DeviceError
 from gateway.bus.session import open_session
 from gateway.calibration.correction import correction_for
-from gateway.calibration.store import find
+from gateway.calibration.store import find_record_in_force
 from gateway.configuration.model import Configuration
 from gateway.daemon.device_factory import make_device
 from gateway.daemon.instance import InstanceLock
@@ -71,7 +71,7 @@ def _device(configuration: Configuration) -> Iterator[Finding]:
     device.close()
     yield Finding("good", "device", f"{info.kind} {info.device_id} at {info.odr_hz:g} Hz")
     try:
-        stored = find(configuration.gateway.data_dir, info.device_id)
+        stored = find_record_in_force(configuration.gateway.data_dir, info.device_id)
         correction = correction_for(info, configuration.device.axes, stored)
     except PlumblineError as error:
         yield Finding("bad", "calibration", str(error))

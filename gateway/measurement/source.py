@@ -11,7 +11,7 @@ from devices.errors import RecordingError
 from devices.recording import Recording
 from devices.table import read_table
 from gateway.calibration.correction import Correction, correction_for
-from gateway.calibration.store import parse
+from gateway.calibration.store import parse_record
 from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
 from gateway.measurement.rig import Rig
@@ -88,11 +88,11 @@ def _from_run(path: Path) -> Source:
     first = run.calibrations[0].message if run.calibrations else None
     stored = None  # a factory record comes with the device
     if first is not None and first.status == "calibrated":
-        stored = parse(first.record, run.device.device_id, str(path))
+        stored = parse_record(first.record, run.device.device_id, str(path))
     axes = AXES_AS_THEY_ARE if configuration is None else configuration.device.axes
     correction = correction_for(run.device, axes, stored)
     farthest_c = _farthest_c(recording, correction)
-    widened = correction.beyond(correction.beyond_k(farthest_c))
+    widened = correction.widened_by(correction.kelvin_beyond(farthest_c))
     bandwidth_hz = run.device.bandwidth_hz
     return Source(
         path=path,
@@ -114,7 +114,7 @@ def _farthest_c(recording: Recording, correction: Correction) -> float | None:
     if recording.temperature_c is None or not np.isfinite(recording.temperature_c).any():
         return None
     ends_c = float(np.nanmin(recording.temperature_c)), float(np.nanmax(recording.temperature_c))
-    return max(ends_c, key=correction.beyond_k)
+    return max(ends_c, key=correction.kelvin_beyond)
 
 
 def _configuration(run: RecordedRun) -> Configuration | None:

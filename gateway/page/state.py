@@ -9,7 +9,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from gateway.calibration.alignment.assistant import Aligning, AligningView
+from gateway.calibration.alignment.assistant import AlignmentAssistant, AlignmentView
 from gateway.messages import SCHEMA_VERSION, Calibration, Message, Swing, Tilt
 from gateway.page.history import History
 from gateway.page.inbox import Arrival
@@ -43,8 +43,8 @@ class PageState:
         self._latest: dict[str, Message] = {}
         self._news_s: dict[str, float] = {}
         self._last_good: LastGood | None = None
-        self._aligning = Aligning()
-        self._aligned: AligningView | None = None
+        self._aligning = AlignmentAssistant()
+        self._aligned: AlignmentView | None = None
 
     def receive(self, batch: Mapping[str, Arrival]) -> None:
         """Take in what the inbox handed over."""
@@ -71,7 +71,7 @@ class PageState:
         self.received[topic] += 1
         before = self._latest.get(topic)
         if isinstance(message, Tilt) and (before is None or message.time_ns != before.time_ns):
-            self._aligned = self._aligning.add_samples(message)
+            self._aligned = self._aligning.add_tilt(message)
         if topic not in MEASURED or before is None or message.time_ns != before.time_ns:
             self._news_s[topic] = arrival.at_s
         self._latest[topic] = message

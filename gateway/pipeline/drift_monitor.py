@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.calibration.drift.rest_monitor import NS_PER_HOUR, RestDriftMonitor, at_rest
-from gateway.calibration.drift.rest_status import rest_status
+from gateway.calibration.drift.rest_monitor import NS_PER_HOUR, RestDriftMonitor, is_at_rest
+from gateway.calibration.drift.rest_status import judge_at_rest
 
 DRIFTED = "at rest the norm has left the record's interval: calibrate"
 
@@ -19,7 +19,7 @@ class DriftMonitor:
         """`rest_monitor` is None where there is no record that could drift."""
         self._rest = rest_monitor
         self._hour: int | None = None
-        self._status = None if rest_monitor is None else rest_status(rest_monitor)
+        self._status = None if rest_monitor is None else judge_at_rest(rest_monitor)
         self.status_json: dict[str, Any] | None = None if self._status is None else self._status.as_json()
         """The content of the health message; None: nothing is monitored."""
         self.has_unsaved_readings = False
@@ -41,13 +41,13 @@ class DriftMonitor:
         self, gates: Mapping[str, bool], utc_ns: int, lowpassed_g: NDArray[np.float64], temperature_c: float | None
     ) -> None:
         """Take a low-passed reading, shape (3,), if the gates of the condition show that the housing is at rest."""
-        if self._rest is None or not at_rest(gates):
+        if self._rest is None or not is_at_rest(gates):
             return
         self._rest.feed(utc_ns, lowpassed_g, temperature_c)
         self.has_unsaved_readings = True
         if (hour := utc_ns // NS_PER_HOUR) != self._hour:
             self._hour = hour
-            self._status = rest_status(self._rest)
+            self._status = judge_at_rest(self._rest)
             self.status_json = self._status.as_json()
 
     def dump_state(self) -> dict[str, Any] | None:

@@ -81,11 +81,11 @@ class SwingStage:
         if temperature_c is None or temperature_c == self._temperature_c or self._rig is None:
             return None
         self._temperature_c = temperature_c
-        beyond_k, before_k = self._correction.beyond_k(temperature_c), self._beyond_k
+        beyond_k, before_k = self._correction.kelvin_beyond(temperature_c), self._beyond_k
         self._beyond_k, self._range_warnings = beyond_k, self._correction.range_warnings(temperature_c)
         if beyond_k == before_k:
             return None
-        return with_sensor(self._rig, self._correction.beyond(beyond_k), self._bandwidth_hz)
+        return with_sensor(self._rig, self._correction.widened_by(beyond_k), self._bandwidth_hz)
 
     @property
     def _current(self) -> SwingEstimate | None:

@@ -119,7 +119,7 @@ class CommandHandler:
             raise Refused(why)
         fit = self.methods.zero(self.readings.recent(), parent, self.device)
         record = self.record(fit, by=request.by, request=request.id, moment=moment)
-        if (why := self.methods.judge(record, parent).refusal(request.reason)) is not None:
+        if (why := self.methods.judge(fit, parent).refusal(request.reason)) is not None:
             raise Refused(why)
         session = Session(
             id=request.id,

@@ -3,12 +3,12 @@
 from collections import deque
 from dataclasses import dataclass
 
-from gateway.calibration.methods.zeroing import LEAST_S
+from gateway.calibration.methods.zeroing import MIN_REST_S
 from gateway.messages import Verdict
 
 MEMORY_S = 60.0
 MOST_VERDICTS = 600
-STATIC_S = LEAST_S + 2.0
+STATIC_S = MIN_REST_S + 2.0
 """So long a load must have hung still before its rope is taken for a plumb line."""
 LOAD_HOLDS_S = 10.0
 """What the crane's own load signal said counts for this long."""

@@ -3,11 +3,11 @@
 from typing import Protocol
 
 from devices.block import DeviceInfo
+from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.poses.pose import RawReadings
 from gateway.calibration.procedures.pose_procedure import PoseProcedure
 from gateway.calibration.record import CalibrationRecord
-from gateway.recalibration.session import Judgement
 
 
 class Methods(Protocol):
@@ -21,6 +21,6 @@ class Methods(Protocol):
         """The parent with the mount's two angles removed. Raises `CalibrationError`."""
         ...
 
-    def judge(self, record: CalibrationRecord, parent: CalibrationRecord | None) -> Judgement:
-        """Whether a record may replace its parent."""
+    def judge(self, fit: CalibrationFit, parent: CalibrationRecord | None) -> Acceptance:
+        """Return whether the record of a fit may replace its parent."""
         ...

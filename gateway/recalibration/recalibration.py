@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Literal
 
 from devices.block import DeviceInfo, SampleBlock
-from gateway.calibration.methods.zeroing import LEAST_S
-from gateway.calibration.procedures.pose_procedure import PoseProcedure, Progress
+from gateway.calibration.methods.zeroing import MIN_REST_S
+from gateway.calibration.procedures.pose_procedure import PoseProcedure, PoseProgress
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
 from gateway.errors import PlumblineError
@@ -51,9 +51,9 @@ class Recalibration:
         self._tell = tell
         self._journal = Journal(folder / "session.json")
         self._audit = Audit(folder / "audit.jsonl", tell)
-        self._readings = RecentSamples(LEAST_S + MARGIN_S)
+        self._readings = RecentSamples(MIN_REST_S + MARGIN_S)
         self._procedure: PoseProcedure | None = None
-        self._progress: Progress | None = None
+        self._progress: PoseProgress | None = None
         self._planner: CommandHandler | None = None
         self.session = self._journal.session
         """The last session, active or ended."""
@@ -85,7 +85,7 @@ class Recalibration:
             self._resume(self.session)
 
     @property
-    def progress(self) -> Progress | None:
+    def progress(self) -> PoseProgress | None:
         """Of the procedure under way."""
         return self._progress
 
@@ -180,8 +180,9 @@ class Recalibration:
         session = self.session
         assert session is not None
         try:
-            record = self._opened.record(procedure.finish(), by=session.by, request=session.id, moment=moment)
-            judgement = self._methods.judge(record, self._opened.parent())
+            fit = procedure.finish()
+            record = self._opened.record(fit, by=session.by, request=session.id, moment=moment)
+            judgement = self._methods.judge(fit, self._opened.parent())
         except (ValueError, ArithmeticError) as error:  # of numbers that nobody thought of, too: no restart mends them
             self._end("rejected", str(error), moment)
             return

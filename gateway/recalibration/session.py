@@ -4,6 +4,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
 
+from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.poses.pose import Pose
 
 Phase = Literal["idle", "collecting", "review", "committed", "rejected"]
@@ -17,27 +18,6 @@ MOST_RESTARTS = 10
 """Without a pose in between: what makes the gateway end, and it may be the session, must not do so for ever."""
 CLOCK_SLACK_S = 60.0
 """A clock that is set back by more while the gateway was away no longer tells how long that was."""
-
-
-class Judgement(BaseModel):
-    """Whether a new record may replace its parent."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    refused: tuple[str, ...] = ()
-    """Limits that are not met: no reason helps."""
-    implausible: tuple[str, ...] = ()
-    """What a person must give a reason for."""
-    notes: tuple[str, ...] = ()
-    """What is worth knowing: drift since the parent, warnings of the fit."""
-
-    def refusal(self, reason: str) -> str | None:
-        """Why the record may not be put in force with this reason; None: it may."""
-        if self.refused:
-            return "; ".join(self.refused)
-        if self.implausible and not reason.strip():
-            return f"{'; '.join(self.implausible)}; give a reason"
-        return None
 
 
 class Session(BaseModel):
@@ -62,7 +42,7 @@ class Session(BaseModel):
     """Of the gateway, since the last pose or transition."""
     candidate: dict[str, Any] | None = None
     """The new record, from review on."""
-    judgement: Judgement | None = None
+    judgement: Acceptance | None = None
     text: str = ""
     """How it ended."""
     left: bool = False
@@ -82,7 +62,7 @@ class Session(BaseModel):
         """Poses have been taken."""
         return self.model_copy(update={"poses": poses, "touched_ns": now_ns, "restarts": 0})
 
-    def reviewed(self, candidate: dict[str, Any], judgement: Judgement, now_ns: int) -> "Session":
+    def reviewed(self, candidate: dict[str, Any], judgement: Acceptance, now_ns: int) -> "Session":
         """All poses are there and the fit is made."""
         return self.model_copy(
             update={

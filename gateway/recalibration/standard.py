@@ -3,15 +3,14 @@
 import numpy as np
 
 from devices.block import DeviceInfo
-from gateway.calibration import acceptance
+from gateway.calibration.acceptance import Acceptance, judge
 from gateway.calibration.methods.calibration_fit import CalibrationFit
-from gateway.calibration.methods.zeroing import zero
+from gateway.calibration.methods.zeroing import zero_in_place
+from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.poses.pose import RawReadings
-from gateway.calibration.poses.pose_finder import NominalSensitivity
 from gateway.calibration.procedures.pose_procedure import PoseProcedure
-from gateway.calibration.procedures.procedure_factory import procedure_for
+from gateway.calibration.procedures.procedure_factory import make_procedure
 from gateway.calibration.record import CalibrationRecord
-from gateway.recalibration.session import Judgement
 
 Axes = tuple[tuple[int, int], ...]
 """(sensor axis, sign) of each housing axis."""
@@ -27,13 +26,12 @@ class StandardMethods:
 
     def procedure(self, method: str, device: DeviceInfo, parent: CalibrationRecord | None) -> PoseProcedure:
         """A procedure that has seen nothing yet; a norm fit, which cannot see the frame, keeps that of `parent`."""
-        return procedure_for(method, NominalSensitivity(device.units_per_g), parent=parent)
+        return make_procedure(method, NominalSensitivity(device.units_per_g), parent=parent)
 
     def zero(self, readings: RawReadings, parent: CalibrationRecord, device: DeviceInfo) -> CalibrationFit:
         """The parent with the mount's two angles removed. Raises `CalibrationError`."""
-        return zero(readings, parent, self._turn, device.units_per_g)
+        return zero_in_place(readings, parent, self._turn, device.units_per_g)
 
-    def judge(self, record: CalibrationRecord, parent: CalibrationRecord | None) -> Judgement:
-        """Whether a record may replace its parent."""
-        found = acceptance.judge(record, parent)
-        return Judgement(refused=found.refusals, implausible=found.needs_reason, notes=found.notes)
+    def judge(self, fit: CalibrationFit, parent: CalibrationRecord | None) -> Acceptance:
+        """Return whether the record of a fit may replace its parent."""
+        return judge(fit, parent)

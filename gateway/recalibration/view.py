@@ -1,11 +1,11 @@
 """The session as others are shown it. Faces and directions are the sensor's own axes, as in the record."""
 
-from gateway.calibration.procedures.pose_procedure import Progress
+from gateway.calibration.procedures.pose_procedure import PoseProgress
 from gateway.messages import NO_SESSION, CalibrationSession, SessionPose
 from gateway.recalibration.session import CONFIRM, Session
 
 
-def session_message(session: Session | None, progress: Progress | None) -> CalibrationSession:
+def session_message(session: Session | None, progress: PoseProgress | None) -> CalibrationSession:
     """What is published of a session; `progress` of its procedure while it collects."""
     if session is None:
         return NO_SESSION
@@ -42,7 +42,7 @@ def _is_committable(session: Session) -> bool:
     return session.phase == "review" and session.judgement is not None and not session.judgement.refused
 
 
-def _text(session: Session, progress: Progress | None) -> str:
+def _text(session: Session, progress: PoseProgress | None) -> str:
     if session.phase == "collecting":
         return "" if progress is None else progress.text
     if session.phase == "review":

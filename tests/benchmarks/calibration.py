@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import fit_norm
 from gateway.calibration.methods.six_position import fit_six_positions
-from gateway.calibration.poses.faces import face_of
+from gateway.calibration.poses.faces import find_face
+from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.poses.pose import Pose
-from gateway.calibration.poses.pose_finder import NominalSensitivity
-from gateway.calibration.procedures.procedure_factory import procedure_for
+from gateway.calibration.procedures.procedure_factory import make_procedure
 from tests.benchmarks.calibration_sessions import (
     ADXL345,
     ADXL355,
@@ -39,7 +39,7 @@ NAMES = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz", "offset x", "offs
 def session_fit(method: str, part: Part, errors: Planted, random: np.random.Generator) -> CalibrationFit:
     """One session from counts to fit. The norm fit states nothing of the frame, which it cannot see."""
     poses = laid_faces(random, PLACEMENT_DEG) if method == "six-position" else all_round(random)
-    procedure = procedure_for(
+    procedure = make_procedure(
         method, NominalSensitivity(part.units_per_g), placement_u_deg=PLACEMENT_DEG, frame_u_deg=0.0
     )
     for readings in blocks(counts_of(random, part, errors, force_of(random, poses))):
@@ -83,7 +83,7 @@ def relative_tilt_errors_deg(method: str, placement_deg: float, sessions: int, s
 
 def _pose(up: Array, errors: Planted, method: str, random: np.random.Generator) -> Pose:
     x, y, z = (errors.gain @ up + errors.offset_g + MEAN_U_G * random.standard_normal(3)).tolist()
-    face = face_of(up) if method == "six-position" else None
+    face = find_face(up) if method == "six-position" else None
     return Pose((x, y, z), (MEAN_U_G,) * 3, 300, face, noise=ADXL355.noise_g)
 
 

@@ -1,62 +1,65 @@
-"""The aligning assistant on live readings: advice only from a sensor that is calibrated and hangs still."""
+"""The alignment assistant: advice from live tilts, only if the sensor is calibrated and hangs still."""
 
 from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.alignment.screw_advice import AligningAdvice, ScrewMechanics, advise
+from gateway.calibration.alignment.screw_advice import ScrewAdvice, ScrewMechanics, advise, wait
 from gateway.messages import Tilt
 
 WINDOW_S = 2.0
-"""Angles are averaged over this long, and their scatter is seen in it."""
-FEWEST = 10
-MOST = 64
-FARTHEST_DEG = 10.0
-"""Beyond, the housing does not hang; two screws turn it by a few degrees."""
+"""Time over which the angles are averaged and their scatter is measured, s."""
+MIN_TILTS = 10
+"""Least number of tilts of an average."""
+MAX_TILTS = 64
+"""Largest number of tilts of an average, which bounds memory."""
+MAX_ANGLE_DEG = 10.0
+"""Largest angle of a hanging housing, degrees; the screws turn it by a few degrees."""
 
 
 @dataclass(frozen=True, slots=True)
-class AligningView:
-    """What whoever holds the screwdriver is shown."""
+class AlignmentView:
+    """What the person who turns the screws sees."""
 
     pitch_deg: float | None
+    """Mean over the averaging time at rest; the newest angle while the housing moves."""
     roll_deg: float | None
-    """Means of the last seconds at rest; while it moves, the newest."""
+    """As `pitch_deg`."""
     u_calibration_deg: float | None
-    """Standard uncertainty of the vertical by the calibration: no turning of screws makes it less."""
-    advice: AligningAdvice
+    """Standard uncertainty of the vertical from the calibration, degrees; the screws do not reduce it."""
+    advice: ScrewAdvice
 
 
-class Aligning:
-    """Takes tilts as they come."""
+class AlignmentAssistant:
+    """Averages tilts and advises."""
 
     def __init__(self, screws: ScrewMechanics | None = None) -> None:
         self._screws = screws
-        self._still: deque[tuple[int, float, float]] = deque(maxlen=MOST)
-        """(time, pitch, roll in degrees), in a row at rest."""
+        self._still: deque[tuple[int, float, float]] = deque(maxlen=MAX_TILTS)
+        """Time, ns, pitch and roll, degrees, of consecutive tilts at rest."""
 
-    def add_samples(self, tilt: Tilt) -> AligningView:
-        """What to do, by this tilt and those before it."""
+    def add_tilt(self, tilt: Tilt) -> AlignmentView:
+        """Return what to do after this tilt and those before it."""
         pitch_deg, roll_deg = tilt.pitch_deg, tilt.roll_deg
         if tilt.calibration_id is None:
-            why = "no advice: no calibration is in force; recalibrate first"
+            reason = "no advice: no calibration is in force; recalibrate first"
         elif pitch_deg is None or roll_deg is None or not tilt.trusted:
-            why = "wait: no advice while the load moves or the reading is not trusted"
-        elif max(abs(pitch_deg), abs(roll_deg)) > FARTHEST_DEG:
-            why = f"no advice: over {FARTHEST_DEG:.0f} deg off the rope, the housing does not hang"
+            reason = "wait: no advice while the load moves or the reading is not trusted"
+        elif max(abs(pitch_deg), abs(roll_deg)) > MAX_ANGLE_DEG:
+            reason = f"no advice: over {MAX_ANGLE_DEG:.0f} deg off the rope, the housing does not hang"
         else:
-            return self._advised(tilt, pitch_deg, roll_deg)
+            return self._advise_at_rest(tilt, pitch_deg, roll_deg)
         self._still.clear()
-        return AligningView(pitch_deg, roll_deg, tilt.u_deg, _nothing(why))
+        return AlignmentView(pitch_deg, roll_deg, tilt.u_deg, wait(reason))
 
-    def _advised(self, tilt: Tilt, pitch_deg: float, roll_deg: float) -> AligningView:
+    def _advise_at_rest(self, tilt: Tilt, pitch_deg: float, roll_deg: float) -> AlignmentView:
         self._still.append((tilt.time_ns, pitch_deg, roll_deg))
         while tilt.time_ns - self._still[0][0] > WINDOW_S * 1e9:
             self._still.popleft()
         angles_deg = np.array([entry[1:] for entry in self._still])
-        if len(angles_deg) < FEWEST:
-            return AligningView(pitch_deg, roll_deg, tilt.u_deg, _nothing("wait: the angles are being averaged"))
+        if len(angles_deg) < MIN_TILTS:
+            return AlignmentView(pitch_deg, roll_deg, tilt.u_deg, wait("wait: the angles are being averaged"))
         pitch_deg, roll_deg = (float(mean) for mean in angles_deg.mean(axis=0))
         advice = advise(
             float(np.radians(pitch_deg)),
@@ -65,8 +68,4 @@ class Aligning:
             still=True,
             screws=self._screws,
         )
-        return AligningView(pitch_deg, roll_deg, tilt.u_deg, advice)
-
-
-def _nothing(why: str) -> AligningAdvice:
-    return AligningAdvice("not_still", None, None, 0.0, why)
+        return AlignmentView(pitch_deg, roll_deg, tilt.u_deg, advice)

@@ -1,7 +1,7 @@
-"""The aligning assistant: which of the two screws of the housing on the rope, which way, how much (000 sec. 8).
+"""Advice on the two screws of the housing: which one to turn, which way, and how far (Łuczak et al. 2022, sec. 8).
 
-Screw 7a turns the housing about one axis and 7b about the other; the two are not quite independent, so a few rounds are needed,
-the larger angle first.
+Screw 7a of the source turns the housing about one axis, 7b about the other. They are not quite independent, so a few rounds are
+needed, the larger angle first.
 """
 
 from dataclasses import dataclass
@@ -11,21 +11,23 @@ import numpy as np
 
 Screw = Literal["pitch", "roll"]
 TOLERANCE_RAD = float(np.radians(0.03))
-"""What the source reached (eq. 2)."""
-COVERAGE = 2.0
+"""Largest angle of an aligned housing, radians; the source achieved it (Łuczak et al. 2022, eq. 2)."""
+K_ALIGNED = 2.0
+"""Coverage factor with which the uncertainty of an angle must be within the tolerance."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScrewMechanics:
-    """The two screws, alike."""
+    """Dimensions of the two screws, which are equal, and their signs."""
 
     lead_m: float = 0.5e-3
-    """Advance per turn: M3."""
+    """Advance per turn, m; that of an M3 screw."""
     lever_m: float = 40e-3
-    """From the hinge to the screw."""
+    """Distance from the hinge to the screw, m."""
     pitch_sign: int = 1
-    """+1 where screwing in makes pitch grow."""
+    """+1 if screwing in increases pitch, otherwise -1."""
     roll_sign: int = 1
+    """+1 if screwing in increases roll, otherwise -1."""
 
     def __post_init__(self) -> None:
         if self.lead_m <= 0 or self.lever_m <= 0 or {self.pitch_sign, self.roll_sign} - {1, -1}:
@@ -33,14 +35,14 @@ class ScrewMechanics:
 
 
 @dataclass(frozen=True, slots=True)
-class AligningAdvice:
-    """What to do now."""
+class ScrewAdvice:
+    """What to do next."""
 
     state: Literal["not_still", "turn", "aligned", "too_noisy"]
     screw: Screw | None
     direction: Literal["in", "out"] | None
     turns: float
-    """Of that screw; 0 where nothing is to be turned."""
+    """Number of turns of the screw; 0 if no screw is to be turned."""
     text: str
 
 
@@ -52,25 +54,25 @@ def advise(
     still: bool,
     screws: ScrewMechanics | None = None,
     tolerance_rad: float = TOLERANCE_RAD,
-) -> AligningAdvice:
-    """What to do at these angles of the hanging housing, radians, with standard uncertainty `u_rad` of either."""
+) -> ScrewAdvice:
+    """Return what to do at these angles of the hanging housing, each with the standard uncertainty `u_rad`."""
     screws = screws or ScrewMechanics()
     if not still or not np.isfinite([pitch_rad, roll_rad, u_rad]).all():
-        return AligningAdvice("not_still", None, None, 0.0, "wait: the housing moves")
+        return wait("wait: the housing moves")
     screw: Screw = "pitch" if abs(pitch_rad) >= abs(roll_rad) else "roll"
     angle_rad = pitch_rad if screw == "pitch" else roll_rad
-    angle_deg = np.degrees(angle_rad)
     if abs(angle_rad) <= tolerance_rad:
-        if COVERAGE * u_rad > tolerance_rad:
-            return AligningAdvice("too_noisy", None, None, 0.0, f"wait: known to {np.degrees(u_rad):.3f} deg only")
-        return AligningAdvice("aligned", None, None, 0.0, f"aligned: within {np.degrees(tolerance_rad):.3f} deg")
+        if K_ALIGNED * u_rad > tolerance_rad:
+            text = f"wait: the angle's standard uncertainty is still {np.degrees(u_rad):.3f} deg"
+            return ScrewAdvice("too_noisy", None, None, 0.0, text)
+        return ScrewAdvice("aligned", None, None, 0.0, f"aligned: within {np.degrees(tolerance_rad):.3f} deg")
     sign = screws.pitch_sign if screw == "pitch" else screws.roll_sign
     direction: Literal["in", "out"] = "out" if sign * angle_rad > 0 else "in"
     turns = float(np.tan(abs(angle_rad)) * screws.lever_m / screws.lead_m)
-    return AligningAdvice(
-        "turn",
-        screw,
-        direction,
-        turns,
-        f"{screw} reads {angle_deg:+.3f} deg: turn the {screw} screw {direction} by {turns:.2f} turns",
-    )
+    text = f"{screw} reads {np.degrees(angle_rad):+.3f} deg: turn the {screw} screw {direction} by {turns:.2f} turns"
+    return ScrewAdvice("turn", screw, direction, turns, text)
+
+
+def wait(reason: str) -> ScrewAdvice:
+    """Return the advice to turn nothing, with its reason."""
+    return ScrewAdvice("not_still", None, None, 0.0, reason)

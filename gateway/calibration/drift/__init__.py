@@ -1,1 +1,1 @@
-"""Drift: how offset and scale move between records, and what a hook at rest shows of it."""
+"""Drift: how offset and scale change between records, and what the readings at rest show of it."""

@@ -1,33 +1,56 @@
-"""What changed between two calibrations of one device, with its uncertainty.
+"""Change of a sensor between two calibrations, with its uncertainty.
 
-With readings raw = S a + b and a record's correction_matrix M = S^-1, the earlier record reads a later sensor as
-D a + d, D = M_earlier M_later^-1 and d = M_earlier (b_later - b_earlier): d is the change of the zero-g offsets in g, the
-diagonal of D - 1 the relative change of the scale factors, as 000 tables 6 to 8 give them.
+With readings raw = S a + b and the correction matrix M = S^-1, the earlier record reads a specific force of the later sensor as
+D a + d, where D = M_earlier S_later and d = M_earlier (b_later - b_earlier). d is the change of the zero-g offsets in g, the
+diagonal of D - 1 the relative change of the scale factors, as in Łuczak et al. 2022, Tables 6 to 8.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.numerics.array import Array
 
-Array = NDArray[np.float64]
 DIAGONAL = (0, 4, 8)
+"""Places of the diagonal among the nine entries of a matrix by rows."""
+ROTATION_OF_GAIN = (
+    np.array([[0, 0, 0, 0, 0, -1, 0, 1, 0], [0, 0, 1, 0, 0, 0, -1, 0, 0], [0, -1, 0, 1, 0, 0, 0, 0, 0]]) / 2
+)
+"""Small rotation about x, y and z, by the nine entries of a matrix: its antisymmetric part."""
 
 
 @dataclass(frozen=True, slots=True)
-class DriftChange:
-    """What an earlier record would read, per sensor axis, now that a later one is the truth."""
+class SensorChange:
+    """Change of a sensor between two calibrations, in the sensor's axes."""
 
-    offset_g: Array
-    """Change of the zero-g offsets, shape (3,)."""
-    scale: Array
-    """Relative change of the scale factors, shape (3,)."""
     gain: Array
     """D, shape (3, 3)."""
+    offset_g: Array
+    """Change of the zero-g offsets, g, shape (3,)."""
+
+    @property
+    def scale(self) -> Array:
+        """Relative change of the scale factors, shape (3,)."""
+        return np.asarray(np.diag(self.gain) - 1, dtype=np.float64)
+
+    @property
+    def rotation_deg(self) -> Array:
+        """Rotation of the axes about x, y and z, degrees, shape (3,)."""
+        return np.asarray(np.degrees(ROTATION_OF_GAIN @ self.gain.ravel()), dtype=np.float64)
+
+    @property
+    def tilt_error_deg(self) -> Array:
+        """Tilt error of each axis with the earlier record (Łuczak et al. 2022, eq. 19 and 20), degrees, shape (3,)."""
+        return np.asarray(np.degrees(tilt_error_rad(reading_error_g(self.offset_g, self.scale))), dtype=np.float64)
+
+
+@dataclass(frozen=True, slots=True)
+class DriftChange(SensorChange):
+    """Change of a sensor between two records, with its uncertainty."""
+
     covariance: Array
-    """Of D by rows, then d, shape (12, 12)."""
+    """Covariance of D by rows, then d, shape (12, 12)."""
 
     @property
     def u_offset_g(self) -> Array:
@@ -40,41 +63,55 @@ class DriftChange:
         return np.asarray(np.sqrt(np.diag(self.covariance)[list(DIAGONAL)]), dtype=np.float64)
 
     @property
-    def tilt_error_deg(self) -> Array:
-        """Tilt error of each axis read with the earlier record now, from offset and scale (000 eq. 19 and 20), shape (3,)."""
-        return np.asarray(np.degrees(tilt_error_rad(reading_error_g(self.offset_g, self.scale))), dtype=np.float64)
+    def u_rotation_deg(self) -> Array:
+        """Standard uncertainty of `rotation_deg`, shape (3,)."""
+        variance = np.diag(ROTATION_OF_GAIN @ self.covariance[:9, :9] @ ROTATION_OF_GAIN.T)
+        return np.asarray(np.degrees(np.sqrt(np.clip(variance, 0, None))), dtype=np.float64)
 
     def error_g(self, force_g: Array) -> tuple[Array, Array]:
-        """Error of the earlier record at a specific force of shape (3,) in g, and its standard uncertainty, each (3,)."""
+        """Return the error of the earlier record at a specific force in g, and its standard uncertainty, each of shape (3,)."""
         jacobian = np.hstack([np.kron(np.eye(3), force_g), np.eye(3)])
         error_g = (self.gain - np.eye(3)) @ force_g + self.offset_g
         return error_g, np.sqrt(np.diag(jacobian @ self.covariance @ jacobian.T))
 
 
-def change_between(earlier: CalibrationRecord, later: CalibrationRecord) -> DriftChange:
-    """The change, both records' uncertainties included, taken as independent.
+def sensor_change(*, matrix: Array, offset: Array, later_sensitivity: Array, later_offset: Array) -> SensorChange:
+    """Return the change from an earlier correction to a later sensitivity, raw units per g, and offset."""
+    return SensorChange(gain=matrix @ later_sensitivity, offset_g=matrix @ (later_offset - offset))
 
-    Raises `CalibrationError` where the two are of different devices or units.
+
+def change_between(earlier: CalibrationRecord, later: CalibrationRecord) -> DriftChange:
+    """Return the change with the uncertainties of both records, which are taken as independent.
+
+    Raises `CalibrationError` if the records are of different devices or units.
     """
     return _change(earlier, later, covariance_of_earlier=np.array(earlier.covariance, dtype=np.float64))
 
 
-def observable_change(reference: CalibrationRecord, record: CalibrationRecord) -> DriftChange:
-    """The change with the uncertainty of `record` alone: points of a series that share one reference.
+def change_from_reference(reference: CalibrationRecord, record: CalibrationRecord) -> DriftChange:
+    """Return the change with the uncertainty of `record` alone, for a series of records with a common reference.
 
-    Raises `CalibrationError` where the two are of different devices or units.
+    Raises `CalibrationError` if the records are of different devices or units.
     """
     return _change(reference, record, covariance_of_earlier=np.zeros((12, 12)))
 
 
 def reading_error_g(offset_g: Array, scale: Array) -> Array:
-    """Largest error of an axis' reading within 1 g, from changes of offset and scale: both in magnitude (000 eq. 19)."""
+    """Return the largest error of a reading within 1 g from the changes of offset and scale (Łuczak et al. 2022, eq. 19), g."""
     return np.asarray(np.abs(offset_g) + np.abs(scale), dtype=np.float64)
 
 
 def tilt_error_rad(error_g: Array) -> Array:
-    """The tilt errors that errors of a reading make (000 eq. 20); a right angle from 1 g on."""
+    """Return the tilt errors that errors of a reading cause (Łuczak et al. 2022, eq. 20), radians; a right angle from 1 g."""
     return np.asarray(np.arcsin(np.minimum(np.abs(error_g), 1.0)), dtype=np.float64)
+
+
+def sensitivity_of(record: CalibrationRecord) -> Array:
+    """Return the sensitivity, raw units per g, shape (3, 3). Raises `CalibrationError` if the matrix cannot be inverted."""
+    try:
+        return np.linalg.inv(np.array(record.correction_matrix, dtype=np.float64))
+    except np.linalg.LinAlgError as error:
+        raise CalibrationError(f"record {record.id}: correction_matrix is singular; calibrate again") from error
 
 
 def _change(earlier: CalibrationRecord, later: CalibrationRecord, covariance_of_earlier: Array) -> DriftChange:
@@ -84,23 +121,18 @@ def _change(earlier: CalibrationRecord, later: CalibrationRecord, covariance_of_
         raise CalibrationError(
             f"records {earlier.id} in {earlier.unit} and {later.id} in {later.unit}: a drift needs one unit"
         )
-    matrix = np.array(earlier.correction_matrix, dtype=np.float64)
+    matrix, offset = (np.array(values, dtype=np.float64) for values in (earlier.correction_matrix, earlier.offset))
+    later_offset = np.array(later.offset, dtype=np.float64)
     sensitivity = sensitivity_of(later)
-    moved = np.array(later.offset, dtype=np.float64) - np.array(earlier.offset, dtype=np.float64)
-    gain = matrix @ sensitivity
-    by_earlier, by_later = np.zeros((12, 12)), np.zeros((12, 12))
-    by_earlier[:9, :9] = np.kron(np.eye(3), sensitivity.T)
-    by_earlier[9:, :9] = np.kron(np.eye(3), moved)
-    by_earlier[9:, 9:] = -matrix
-    by_later[:9, :9] = -np.kron(gain, sensitivity.T)
-    by_later[9:, 9:] = matrix
-    covariance = by_earlier @ covariance_of_earlier @ by_earlier.T + by_later @ np.array(later.covariance) @ by_later.T
-    return DriftChange(offset_g=matrix @ moved, scale=np.diag(gain) - 1, gain=gain, covariance=covariance)
-
-
-def sensitivity_of(record: CalibrationRecord) -> Array:
-    """Raw units per g, shape (3, 3). Raises `CalibrationError` where the matrix cannot be inverted."""
-    try:
-        return np.linalg.inv(np.array(record.correction_matrix, dtype=np.float64))
-    except np.linalg.LinAlgError as error:
-        raise CalibrationError(f"record {record.id}: correction_matrix is singular; calibrate again") from error
+    change = sensor_change(matrix=matrix, offset=offset, later_sensitivity=sensitivity, later_offset=later_offset)
+    earlier_jacobian, later_jacobian = np.zeros((12, 12)), np.zeros((12, 12))
+    earlier_jacobian[:9, :9] = np.kron(np.eye(3), sensitivity.T)
+    earlier_jacobian[9:, :9] = np.kron(np.eye(3), later_offset - offset)
+    earlier_jacobian[9:, 9:] = -matrix
+    later_jacobian[:9, :9] = -np.kron(change.gain, sensitivity.T)
+    later_jacobian[9:, 9:] = matrix
+    covariance = (
+        earlier_jacobian @ covariance_of_earlier @ earlier_jacobian.T
+        + later_jacobian @ np.array(later.covariance) @ later_jacobian.T
+    )
+    return DriftChange(gain=change.gain, offset_g=change.offset_g, covariance=covariance)

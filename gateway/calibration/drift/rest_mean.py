@@ -1,32 +1,33 @@
-"""Means of low-passed readings at rest over an hour, and over the hours of a day."""
+"""Means of low-pass filtered readings at rest, over an hour and over the hours of a day."""
 
 from typing import Annotated
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field
 
-Array = NDArray[np.float64]
+from gateway.numerics.array import Array
+
 Vector = Annotated[list[float], Field(min_length=3, max_length=3)]
 
 
 class RestMean(BaseModel):
-    """A mean at rest."""
+    """A mean of readings at rest."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     hour: int
-    """Hours since 1970, UTC; of a day, its newest hour with rest."""
+    """Hours since 1970, UTC; for a day its newest hour with rest."""
     count: int = Field(gt=0)
+    """Number of readings."""
     norm_g: float = Field(gt=0)
-    """Mean of the norms."""
+    """Mean of the magnitudes, g."""
     force_g: Vector
-    """Mean specific force in the housing frame."""
+    """Mean specific force in the housing frame, g."""
     temperature_c: float | None
 
 
 class HourSums(BaseModel):
-    """The hour that is being filled."""
+    """Sums over the readings of the current hour."""
 
     model_config = ConfigDict(extra="forbid", allow_inf_nan=False)
 
@@ -36,9 +37,10 @@ class HourSums(BaseModel):
     force_g: Vector = [0.0, 0.0, 0.0]
     temperature_c: float = 0.0
     temperatures: int = 0
+    """Number of readings with a temperature."""
 
     def add(self, force_g: Array, temperature_c: float | None) -> None:
-        """Take a reading, shape (3,)."""
+        """Add a reading, shape (3,)."""
         self.count += 1
         self.norm_g += float(np.linalg.norm(force_g))
         self.force_g = [total + float(value) for total, value in zip(self.force_g, force_g, strict=True)]
@@ -47,7 +49,7 @@ class HourSums(BaseModel):
             self.temperatures += 1
 
     def mean(self) -> RestMean:
-        """Of what was added; at least one reading."""
+        """Return the mean of the readings; there must be at least one."""
         return RestMean(
             hour=self.hour,
             count=self.count,
@@ -57,8 +59,8 @@ class HourSums(BaseModel):
         )
 
 
-def joined(earlier: RestMean, later: RestMean) -> RestMean:
-    """Two means in one, each with its count."""
+def combine_means(earlier: RestMean, later: RestMean) -> RestMean:
+    """Return the mean of two means, weighted by their counts."""
     count = earlier.count + later.count
     a, b = earlier.count / count, later.count / count
     temperature_c = None

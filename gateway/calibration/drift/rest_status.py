@@ -1,123 +1,129 @@
-"""What the watch at rest has to say: one line for a person, a JSON object for `health`."""
+"""Status of the drift monitor at rest, as the `health` message reports it."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 
-from gateway.calibration.drift.rest_mean import RestMean, joined
-from gateway.calibration.drift.rest_monitor import RestDriftMonitor, RestReading
-from gateway.calibration.drift.trend import Line, line_of_means
+from gateway.calibration.drift.rest_mean import RestMean, combine_means
+from gateway.calibration.drift.rest_monitor import HOURS_PER_DAY, RestDriftMonitor, RestReading
+from gateway.calibration.drift.trend import Trend, fit_means
 
-FEWEST_DAYS = 8
-MOST_POINTS = 32
+MIN_TREND_DAYS = 8
+"""Least number of days with rest for a trend."""
+MAX_TREND_POINTS = 32
+"""Largest number of points of a trend; neighbouring days are combined, so that a fit takes milliseconds."""
 HORIZON_DAYS = 3650.0
-COVARIATE_C = 2.0
-"""Range of temperature over the days from which on it is fitted beside time."""
+"""Longest forecast, days."""
+FORECAST_STEPS = 200
+"""Number of steps of a forecast, in geometric progression from one day."""
+MIN_TEMPERATURE_RANGE_C = 2.0
+"""Least range of the days' temperatures, °C, at which the temperature is fitted together with time."""
 
 
 @dataclass(frozen=True, slots=True)
 class RestTrend:
-    """A straight line through the daily means of the norm."""
+    """Trend of the daily means of the magnitude."""
 
     days: int
     rate_mg_per_day: float
     rate95_mg_per_day: tuple[float, float]
+    """95 % interval of the rate."""
     temperature_fitted: bool
-    """The rate is that at one temperature."""
+    """Whether the rate is that at one temperature."""
     limit_in_days: float | None
-    """From now until the upper end of the predicted norm error reaches the limit; None: not within ten years."""
+    """Days until the upper end of the predicted error of the magnitude reaches the limit; None: not within ten years."""
 
 
 @dataclass(frozen=True, slots=True)
 class RestStatus:
-    """How the record in force stands against rest."""
+    """Status of the record in force, judged at rest."""
 
     calibration_id: str
     state: str
-    """`watching`, `alarm`, or `no_rest` while no hour of rest has come since the record."""
+    """`watching`, `alarm`, or `no_rest` before the first hour with rest."""
     norm_error_mg: float | None
     limit_mg: float | None
     trend: RestTrend | None
     shows: str
-    """What rest in this pose can show, and what not."""
+    """What rest in this pose can show, and what it cannot."""
     reasons: tuple[str, ...]
 
     def as_json(self) -> dict[str, Any]:
-        """For the health message."""
+        """Return the status as the health message contains it."""
         return asdict(self)
 
 
-def rest_status(watch: RestDriftMonitor) -> RestStatus:
-    """Judge what the watch holds; costs some milliseconds, so once an hour."""
-    reading = watch.reading()
+def judge_at_rest(monitor: RestDriftMonitor) -> RestStatus:
+    """Return the status of a monitor; this takes some milliseconds, so it is called once an hour."""
+    reading = monitor.reading()
     if reading is None:
-        return RestStatus(watch.record.id, "no_rest", None, None, None, "nothing yet: no hour with rest", ())
+        return RestStatus(monitor.record.id, "no_rest", None, None, None, "nothing yet: no hour with rest", ())
     return RestStatus(
-        calibration_id=watch.record.id,
-        state="watching" if watch.alarm_since_hour is None else "alarm",
+        calibration_id=monitor.record.id,
+        state="watching" if monitor.alarm_since_hour is None else "alarm",
         norm_error_mg=1000 * reading.norm_error_g,
         limit_mg=1000 * reading.limit_g,
-        trend=_trend(watch.days, reading),
-        shows=_shows(reading),
-        reasons=_reasons(watch, reading),
+        trend=_fit_trend(monitor.days, reading),
+        shows=_describe_visibility(reading),
+        reasons=_reasons(monitor, reading),
     )
 
 
-def _trend(days: tuple[RestMean, ...], reading: RestReading) -> RestTrend | None:
-    if len(days) < FEWEST_DAYS:
+def _fit_trend(days: tuple[RestMean, ...], reading: RestReading) -> RestTrend | None:
+    if len(days) < MIN_TREND_DAYS:
         return None
-    points = _thinned(days)
-    day = np.array([mean.hour for mean in points]) / 24
+    points = _thin_out(days)
+    day = np.array([mean.hour for mean in points]) / HOURS_PER_DAY
     known = [mean.temperature_c for mean in points if mean.temperature_c is not None]
-    fitted = len(known) == len(points) and max(known) - min(known) > COVARIATE_C
-    line = line_of_means(day, np.array([mean.norm_g - 1 for mean in points]), np.array(known) if fitted else None)
+    is_fitted = len(known) == len(points) and max(known) - min(known) > MIN_TEMPERATURE_RANGE_C
+    trend = fit_means(day, np.array([mean.norm_g - 1 for mean in points]), np.array(known) if is_fitted else None)
     return RestTrend(
         days=len(days),
-        rate_mg_per_day=1000 * line.rate,
-        rate95_mg_per_day=(1000 * line.rate_low, 1000 * line.rate_high),
-        temperature_fitted=fitted,
-        limit_in_days=_until(line, float(day[-1]), reading.limit_g),
+        rate_mg_per_day=1000 * trend.rate,
+        rate95_mg_per_day=(1000 * trend.rate_low, 1000 * trend.rate_high),
+        temperature_fitted=is_fitted,
+        limit_in_days=_days_to_limit(trend, float(day[-1]), reading.limit_g),
     )
 
 
-def _thinned(days: tuple[RestMean, ...]) -> list[RestMean]:
-    """Neighbouring days joined until few enough are left."""
+def _thin_out(days: tuple[RestMean, ...]) -> list[RestMean]:
+    """Return the means with neighbouring days combined until they are few enough."""
     points = list(days)
-    while len(points) > MOST_POINTS:
+    while len(points) > MAX_TREND_POINTS:
         pairs = zip(points[::2], points[1::2], strict=False)
-        points = [joined(*pair) for pair in pairs] + points[len(points) - len(points) % 2 :]
+        points = [combine_means(*pair) for pair in pairs] + points[len(points) - len(points) % 2 :]
     return points
 
 
-def _until(line: Line, now_day: float, limit_g: float) -> float | None:
-    ahead_days = np.concatenate([[0.0], np.geomspace(1, HORIZON_DAYS, 200)])
-    mean, half = line.predict(now_day + ahead_days)
-    reached = np.abs(mean) + half >= limit_g
-    return float(ahead_days[np.argmax(reached)]) if reached.any() else None
+def _days_to_limit(trend: Trend, now_day: float, limit_g: float) -> float | None:
+    ahead_days = np.concatenate([[0.0], np.geomspace(1, HORIZON_DAYS, FORECAST_STEPS)])
+    mean, half = trend.predict(now_day + ahead_days)
+    is_reached = np.abs(mean) + half >= limit_g
+    return float(ahead_days[np.argmax(is_reached)]) if is_reached.any() else None
 
 
-def _shows(reading: RestReading) -> str:
+def _describe_visibility(reading: RestReading) -> str:
     weights = ", ".join(f"{weight:+.2f} {axis}" for axis, weight in zip("xyz", reading.direction, strict=True))
     return (
-        f"one sum: zero-g offsets ({weights}) and the scale errors by the squares of these; an offset across it reads as a "
-        "lean and is not seen"
+        f"one sum: zero-g offsets ({weights}) and the scale errors by the squares of these weights; "
+        "an offset across the vertical reads as a lean and is not seen"
     )
 
 
-def _reasons(watch: RestDriftMonitor, reading: RestReading) -> tuple[str, ...]:
-    said = []
-    if watch.alarm_since_hour is not None:
-        said.append(
-            f"at rest the norm left 1 g by over {1000 * reading.limit_g:.1f} mg and is {1000 * reading.norm_error_g:+.1f} mg off "
-            "now: calibrate"
+def _reasons(monitor: RestDriftMonitor, reading: RestReading) -> tuple[str, ...]:
+    texts = []
+    if monitor.alarm_since_hour is not None:
+        texts.append(
+            f"the norm at rest deviates from 1 g by {1000 * reading.norm_error_g:+.1f} mg, "
+            f"the limit is {1000 * reading.limit_g:.1f} mg: calibrate"
         )
-    known = watch.record.temperature_c
+    known = monitor.record.temperature_c
     if reading.temperature_c is not None and known and not known["min"] <= reading.temperature_c <= known["max"]:
-        said.append(
+        texts.append(
             f"{reading.temperature_c:.0f} °C is outside the calibration's {known['min']:.0f} to {known['max']:.0f} °C: "
-            "warmth and ageing are not told apart"
+            "thermal drift and ageing cannot be distinguished"
         )
-    if watch.misdated:
-        said.append(f"{watch.misdated} readings were left aside: the clock was wrong")
-    return tuple(said)
+    if monitor.misdated:
+        texts.append(f"{monitor.misdated} readings were ignored: the clock was wrong")
+    return tuple(texts)

@@ -1,1 +1,1 @@
-"""Calibration methods: from resting poses, or a rest on the rope, to a fit with its uncertainty."""
+"""Calibration methods: they compute a calibration fit, with its uncertainty, from resting poses or from a rest on the rope."""

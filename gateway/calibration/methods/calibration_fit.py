@@ -1,48 +1,79 @@
-"""From what a method has found to a `CalibrationFit`: covariance, prediction interval and budget are made alike for all."""
+"""The calibration fit: the result of every method, with covariance, prediction interval and uncertainty budget."""
 
 from dataclasses import dataclass
+from enum import StrEnum
 from typing import Any
 
 from gateway.calibration.methods.misalignment import misalignment_deg
-from gateway.calibration.poses.pose import Array, Pose
+from gateway.calibration.poses.pose import Pose
 from gateway.calibration.record import Number
 from gateway.calibration.uncertainty import (
     Contribution,
-    budget,
     gravity_contribution,
-    noise_g,
     prediction_interval_g,
-    temperature,
+    reading_noise_g,
     temperature_contribution,
-    total,
+    temperature_range,
+    total_covariance,
+    uncertainty_budget,
 )
+from gateway.numerics.array import Array
 
-OUTLIER = "outlier:"
-"""A fit's warning that begins so names a reading that does not fit the others."""
+
+class WarningKind(StrEnum):
+    """Subject of a warning."""
+
+    OUTLIER = "outlier"
+    """A reading that the other readings do not explain."""
+    PLACEMENT = "placement"
+    """The faces were placed worse than stated."""
+    SCATTER = "scatter"
+    """The magnitudes scatter more than the noise explains."""
+    UNCHECKED = "unchecked"
+    """There are no more poses than unknowns."""
+    UNUSED_POSES = "unused poses"
+    """Poses on no face."""
+    ZEROING = "zeroing"
+    """Zeroing has removed a sum of two errors, and by how much."""
+
+
+@dataclass(frozen=True, slots=True)
+class FitWarning:
+    """A remark on a fit, for the person who decides on the record."""
+
+    kind: WarningKind
+    text: str
+
+    def as_record_text(self) -> str:
+        """Return the warning as the record stores it: an outlier with its kind in front, any other as text alone."""
+        return f"{self.kind}: {self.text}" if self.kind is WarningKind.OUTLIER else self.text
 
 
 @dataclass(frozen=True, slots=True)
 class CalibrationFit:
-    """What a procedure found: the record's content but for who, when and for which device."""
+    """Content of a calibration record, without device, person and time."""
 
     method: str
     offset: tuple[Number, Number, Number]
+    """Reading at zero g, raw units."""
     correction_matrix: Array
-    """Shape (3, 3), g per unit."""
+    """Correction matrix, g per raw unit, shape (3, 3)."""
     covariance: Array
-    """Shape (12, 12): matrix rows, then offset."""
+    """Covariance of the matrix by rows, then of the offset, shape (12, 12)."""
     prediction_interval_g: float
     poses: tuple[Pose, ...]
     temperature_c: dict[str, Number] | None
+    """Mean, minimum and maximum of the poses' temperatures."""
     misalignment_deg: dict[str, list[float]]
     residual_rms_g: float
     condition_number: float
+    """Condition number of the design of the fit."""
     budget: tuple[dict[str, Any], ...]
-    """Rows of the GUM budget: source, type (A or B), u_g, u_deg."""
-    warnings: tuple[str, ...]
+    """Rows of the uncertainty budget (GUM): source, type (A or B), u_g, u_deg."""
+    warnings: tuple[FitWarning, ...]
 
 
-def assemble(
+def assemble_fit(
     method: str,
     *,
     matrix: Array,
@@ -52,27 +83,27 @@ def assemble(
     poses: tuple[Pose, ...],
     residual_rms_g: float,
     condition_number: float,
-    warnings: list[str],
+    warnings: list[FitWarning],
 ) -> CalibrationFit:
-    """A fit of resting poses. To the method's contributions come those of temperature and gravity.
+    """Return the fit of resting poses; the contributions of temperature and gravity are added to those of the method.
 
-    `sensitivity` is what the misalignment angles are taken from, shape (3, 3), unit per g.
+    The misalignment angles are computed from `sensitivity`, shape (3, 3), raw units per g.
     """
     used = tuple(pose for pose in poses if pose.used)
     contributions = (*contributions, temperature_contribution(used, matrix), gravity_contribution())
-    covariance = total(contributions)
+    covariance = total_covariance(contributions)
     x, y, z = offset.tolist()
     return CalibrationFit(
         method=method,
         offset=(x, y, z),
         correction_matrix=matrix,
         covariance=covariance,
-        prediction_interval_g=prediction_interval_g(matrix, covariance, noise_g(used, matrix)),
+        prediction_interval_g=prediction_interval_g(matrix, covariance, reading_noise_g(used, matrix)),
         poses=poses,
-        temperature_c=temperature(used),
+        temperature_c=temperature_range(used),
         misalignment_deg=misalignment_deg(sensitivity),
         residual_rms_g=residual_rms_g,
         condition_number=condition_number,
-        budget=budget(matrix, contributions),
+        budget=uncertainty_budget(matrix, contributions),
         warnings=tuple(warnings),
     )

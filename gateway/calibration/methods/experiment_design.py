@@ -1,20 +1,20 @@
-"""What a set of pose directions determines of the nine parameters of the norm fit, and which pose would help most.
+"""Experiment design of the norm fit: which of its nine parameters a set of poses determines, and which pose would help most.
 
-At first order |m| changes by n.E.n - n.b for a symmetric matrix error E and an offset b: what is determined hangs on the
-directions n alone.
+To first order |m| changes by n.E.n - n.b for a symmetric matrix error E and an offset b, so the directions n alone decide what is
+determined.
 """
 
 import numpy as np
 
-from gateway.calibration.poses.faces import candidate_directions, direction_text
-from gateway.calibration.poses.pose import Array
+from gateway.calibration.poses.faces import candidate_directions, describe_direction
 from gateway.calibration.record import NotDeterminedError
+from gateway.numerics.array import Array
 
-CONDITION_LIMIT = 30.0
-"""Poses all round give 2 to 4."""
-PRIOR = 1e-3
-"""Information that is taken for granted, so that the first poses can be compared."""
-NAMES = (
+MAX_CONDITION_NUMBER = 30.0
+"""Largest condition number of the design of a fit; poses in all directions give 2 to 4."""
+PRIOR_INFORMATION = 1e-3
+"""Information on each parameter that is assumed before the first pose, so that few poses can be compared."""
+PARAMETER_NAMES = (
     "scale x",
     "scale y",
     "scale z",
@@ -25,44 +25,47 @@ NAMES = (
     "offset y",
     "offset z",
 )
+NAMED_SHARE = 0.5
+"""Least component of an undetermined combination, relative to its largest one, that is named."""
 
 
-def design(up: Array) -> Array:
-    """Derivative of |m| by the nine parameters, for unit vectors `up` of shape (p, 3); shape (p, 9)."""
+def design_matrix(up: Array) -> Array:
+    """Return the derivatives of |m| by the nine parameters for unit vectors `up`, (p, 3), to the vertical; shape (p, 9)."""
     x, y, z = up.T
     return np.column_stack([x * x, y * y, z * z, 2 * x * y, 2 * x * z, 2 * y * z, -x, -y, -z])
 
 
-def conditioning(up: Array) -> float:
-    """Condition number of the design, infinite where something is not determined."""
-    return float(np.linalg.cond(design(up)))
+def condition_number(up: Array) -> float:
+    """Return the condition number of the design matrix, infinite if a parameter is undetermined."""
+    return float(np.linalg.cond(design_matrix(up)))
 
 
 def worst_combination(up: Array) -> str:
-    """The parameters of the combination that the directions determine least, named."""
-    direction = np.linalg.svd(design(up), full_matrices=True)[2][-1]
-    strong = np.abs(direction) > 0.5 * np.abs(direction).max()
-    return ", ".join(name for name, found in zip(NAMES, strong, strict=True) if found)
+    """Return the names of the parameters in the combination that the directions determine least."""
+    combination = np.linalg.svd(design_matrix(up), full_matrices=True)[2][-1]
+    is_strong = np.abs(combination) > NAMED_SHARE * np.abs(combination).max()
+    return ", ".join(name for name, strong in zip(PARAMETER_NAMES, is_strong, strict=True) if strong)
 
 
 def next_direction(up: Array) -> Array:
-    """Where up should point next, of the 26 that can be told: what lessens the determinant of the covariance most (D-optimal).
+    """Return the direction of 26 that reduces the determinant of the covariance most (D-optimal design).
 
-    `up` are the unit vectors so far, shape (p, 3), p may be 0.
+    `up` are the unit vectors of the poses so far, shape (p, 3); p may be 0.
     """
-    rows = design(up)
-    information = rows.T @ rows + PRIOR * np.eye(9)
+    rows = design_matrix(up)
+    information = rows.T @ rows + PRIOR_INFORMATION * np.eye(9)
     candidates = candidate_directions()
-    offered = design(candidates)
-    gain = np.einsum("ci,ij,cj->c", offered, np.linalg.inv(information), offered)
+    candidate_rows = design_matrix(candidates)
+    gain = np.einsum("ci,ij,cj->c", candidate_rows, np.linalg.inv(information), candidate_rows)
     return np.asarray(candidates[int(np.argmax(gain))])
 
 
 def require_well_conditioned(up: Array) -> None:
-    """Raise `NotDeterminedError` naming what is open and the pose that would help, where the condition number is too large."""
-    found = conditioning(up)
-    if found > CONDITION_LIMIT:
+    """Raise `NotDeterminedError` if the condition number is too large, with the parameters and the pose that would help."""
+    found = condition_number(up)
+    if found > MAX_CONDITION_NUMBER:
         raise NotDeterminedError(
-            f"the poses do not determine {worst_combination(up)} (condition number {found:.3g}, limit {CONDITION_LIMIT:g}); "
-            f"add a pose with {direction_text(next_direction(up))}"
+            f"the poses do not determine {worst_combination(up)} "
+            f"(condition number {found:.3g}, limit {MAX_CONDITION_NUMBER:g}); "
+            f"add a pose with {describe_direction(next_direction(up))}"
         )

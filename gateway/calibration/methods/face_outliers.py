@@ -1,41 +1,64 @@
-"""A single reading that has changed since the parent's session while the others have not: a face that lay wrong, or a slip."""
+"""Outliers among the readings on the six faces: within one session, and against an earlier session."""
 
 from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from gateway.calibration.methods.calibration_fit import OUTLIER
-from gateway.calibration.methods.six_position import OUTLIER_SIGMA, PLACEMENT_U_DEG
+from gateway.calibration.methods.calibration_fit import FitWarning, WarningKind
 from gateway.calibration.poses.faces import FACES
-from gateway.calibration.poses.pose import Array
+from gateway.calibration.poses.pose import Pose
+from gateway.numerics.array import Array
 
-Poses = tuple[Mapping[str, Any], ...]
-"""As a record has them."""
+K_OUTLIER = 5.0
+"""Standard deviations by which an outlier deviates."""
+MIN_OUTLIER_G = 1e-6
+"""Least deviation of an outlier, g: above the rounding errors of a perfect fit."""
+
+RecordPoses = tuple[Mapping[str, Any], ...]
+"""Poses as a calibration record stores them."""
 
 
-def changed_readings(new: Poses, old: Poses, placement_u_deg: float = PLACEMENT_U_DEG) -> list[str]:
-    """Readings of faces that both sessions have, changed by more than two placements explain; the common drift apart.
+def find_outliers(poses: tuple[Pose, ...], residual_g: Array, u_g: Array) -> list[FitWarning]:
+    """Return the readings that deviate from the fit by more than the placement explains.
 
-    Within one session two opposite faces share their residual; an earlier session tells which of them it is.
+    Residuals and their standard uncertainties, shape (p, 3), g. Two opposite faces share their residual, so both are named.
     """
-    before, after = _by_face(old), _by_face(new)
+    faces: dict[str, list[str]] = {}
+    for pose, axis in np.argwhere(residual_g > np.maximum(K_OUTLIER * u_g, MIN_OUTLIER_G)):
+        text = f"U_{'xyz'[axis]} stands {residual_g[pose, axis] * 1000:.1f} mg off the other positions"
+        faces.setdefault(text, []).append(str(poses[pose].face))
+    return [
+        FitWarning(WarningKind.OUTLIER, f"{text} with {' or '.join(names)} up; lay that face again")
+        for text, names in faces.items()
+    ]
+
+
+def find_changed_readings(new: RecordPoses, old: RecordPoses, placement_u_deg: float) -> list[FitWarning]:
+    """Return the readings that changed between two sessions by more than two placements explain, the common drift removed.
+
+    Within one session two opposite faces share their residual; the comparison with an earlier session shows which one is wrong.
+    """
+    before, after = _means_by_face(old), _means_by_face(new)
     faces = [face for face in FACES if face in before and face in after]
     if len(faces) < len(FACES):
         return []
     readings = np.array([after[face] for face in faces])
-    moved = readings - np.array([before[face] for face in faces])
+    change = readings - np.array([before[face] for face in faces])
     scale = np.ptp(readings, axis=0) / 2
-    moved_g = (moved - np.median(moved, axis=0)) / scale
-    limit_g = OUTLIER_SIGMA * np.sqrt(2) * np.sin(np.radians(placement_u_deg))
+    change_g = (change - np.median(change, axis=0)) / scale
+    limit_g = K_OUTLIER * np.sqrt(2) * np.sin(np.radians(placement_u_deg))
     return [
-        f"{OUTLIER} U_{'xyz'[axis]} with {faces[place]} up moved by {moved_g[place, axis] * 1000:+.1f} mg, the others did not"
-        for place, axis in np.argwhere(np.abs(moved_g) > limit_g)
+        FitWarning(
+            WarningKind.OUTLIER,
+            f"U_{'xyz'[axis]} with {faces[place]} up moved by {change_g[place, axis] * 1000:+.1f} mg, the others did not",
+        )
+        for place, axis in np.argwhere(np.abs(change_g) > limit_g)
     ]
 
 
-def _by_face(poses: Poses) -> dict[str, Array]:
-    """Mean of the used poses of each face."""
+def _means_by_face(poses: RecordPoses) -> dict[str, Array]:
+    """Return the mean of the used poses of each face."""
     groups: dict[str, list[Any]] = {}
     for pose in poses:
         if pose.get("used") and pose.get("face"):

@@ -1,9 +1,9 @@
-"""Norm fit: |m| = 1 at rest in any attitude, so that no levelled surface is needed.
+"""Norm fit: |m| = 1 at rest in every attitude, so no levelled surface is needed.
 
-|m| does not change when all readings are turned together: nine parameters are determined, three are a convention. The matrix
-is taken symmetric. That is the frame nearest to all three sensitive axes at once and prefers none of them, so that any axes
-map serves; an upper triangular one would lay the whole of the misalignment on two axes. How this frame lies in the housing
-stays unknown and is in the covariance as a rotation of type B; `zero` in place removes two of its three angles. Where an earlier
+A rotation of all readings changes no magnitude: nine parameters are determined and three are a convention. The matrix is taken
+symmetric. This frame is the nearest to all three sensitive axes and prefers none of them, so every axes map can be used with
+it; an upper triangular matrix would put the whole misalignment on two axes. The attitude of this frame in the housing stays
+unknown; the covariance contains it as a rotation of type B, and zeroing in place removes two of its three angles. If an earlier
 record knows the frame, it is kept: a recalibration must not turn the housing.
 """
 
@@ -11,37 +11,48 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.methods.calibration_fit import CalibrationFit, assemble
-from gateway.calibration.methods.experiment_design import conditioning, require_well_conditioned
-from gateway.calibration.methods.misalignment import inverse
-from gateway.calibration.methods.reference_frame import Frame, frame_of, nominal_frame, rotation_covariance
+from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind, assemble_fit
+from gateway.calibration.methods.experiment_design import condition_number, require_well_conditioned
+from gateway.calibration.methods.reference_frame import ReferenceFrame, nominal_frame, parent_frame, rotation_covariance
+from gateway.calibration.pose_method import PoseMethod
 from gateway.calibration.poses.mean_uncertainty import quantisation_u
-from gateway.calibration.poses.pose import Array, Pose
+from gateway.calibration.poses.pose import Pose
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.calibration.uncertainty import Contribution
+from gateway.numerics.array import Array
 from gateway.numerics.stats import chi_square_quantile
 
-METHOD = "norm-fit"
 FRAME_U_DEG = 0.58
-"""Standard uncertainty of the frame's attitude in the housing per axis: 1 degree, rectangular (axis to package, 000 Table 9)."""
-NEEDED = 9
-STEPS = 50
-SYMMETRIC = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-"""Places of the six free entries."""
+"""Standard uncertainty of the frame's attitude in the housing about each axis, degrees.
+
+1 degree between axes and package, rectangular (Łuczak et al. 2022, Table 9).
+"""
+N_PARAMETERS = 9
+MAX_ITERATIONS = 50
+CONVERGED_STEP = 1e-12
+"""Largest step of a parameter, g or relative, at which the iteration has converged."""
+MIN_U_G = 1e-9
+"""Least uncertainty of a magnitude, g, so that readings without noise have a finite weight."""
+SINGULAR_SPHERE = 1e-6
+"""Relative singular value below which the poses do not determine a sphere."""
+CHANCE_LEVEL = 0.99
+"""Probability with which noise alone keeps chi-square below the limit of the scatter."""
+SYMMETRIC_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+"""Rows and columns of the six free entries of the matrix."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Solution:
-    """Of the least squares in scaled readings: matrix near 1, offset in g."""
+    """Solution of the least squares in scaled readings, with a matrix near 1 and an offset in g."""
 
     matrix: Array
     offset: Array
     residual: Array
-    """|m| - 1 per pose."""
+    """|m| - 1 of each pose, shape (p,)."""
     gradient: Array
-    """Of each |m| by its scaled reading, shape (p, 3)."""
+    """Derivative of each |m| by its scaled reading, shape (p, 3)."""
     projection: Array
-    """From changes of |m| to the nine parameters, shape (9, p)."""
+    """Derivative of the nine parameters by each |m|, shape (9, p)."""
 
 
 def fit_norm(
@@ -50,56 +61,55 @@ def fit_norm(
     frame_u_deg: float = FRAME_U_DEG,
     parent: CalibrationRecord | None = None,
 ) -> CalibrationFit:
-    """Gauss-Newton on |M (raw - offset)| = 1, weighted by the noise along each pose's vertical.
+    """Fit |M (raw - offset)| = 1 by Gauss-Newton, weighted by the noise along the vertical of each pose.
 
-    `units_per_g` is the nominal sensitivity, to within 30 %. The frame is that of `parent` where there is one. Raises
-    `NotDeterminedError` where the poses are too few or too alike, naming what they leave open and which pose would help.
+    `units_per_g` is the nominal sensitivity, to within 30 %. The frame is that of `parent` if there is one. Raises
+    `NotDeterminedError` if the poses are too few or too alike, with the undetermined parameters and the pose that would help.
     """
     used = tuple(pose for pose in poses if pose.used)
-    if len(used) < NEEDED:
+    if len(used) < N_PARAMETERS:
         raise NotDeterminedError(
-            f"{len(used)} poses for {NEEDED} unknowns; take {NEEDED - len(used)} more, each turned by 30 degrees or more"
+            f"{len(used)} poses for {N_PARAMETERS} unknowns; "
+            f"take {N_PARAMETERS - len(used)} more, each turned by 30 degrees or more"
         )
     mean = np.array([pose.mean for pose in used])
-    u = _pose_u(used)
-    centre, radius = _sphere(mean, units_per_g)
+    u = _mean_u(used)
+    centre, radius = _fit_sphere(mean, units_per_g)
     up = (mean - centre) / np.linalg.norm(mean - centre, axis=1, keepdims=True)
     require_well_conditioned(up)
     solution = _solve((mean - centre) / radius, u / radius)
     symmetric = solution.matrix / radius
-    frame = nominal_frame(frame_u_deg) if parent is None else frame_of(parent, symmetric)
+    frame = nominal_frame(frame_u_deg) if parent is None else parent_frame(parent, symmetric)
     matrix = np.asarray(frame.rotation @ symmetric)
     offset = centre + solution.offset * radius
-    warnings: list[str] = []
-    excess = _excess(solution, u / radius, warnings)
-    return assemble(
-        METHOD,
+    scatter_ratio, warnings = _check_scatter(solution, u / radius)
+    return assemble_fit(
+        PoseMethod.NORM_FIT.value,
         matrix=matrix,
         offset=offset,
-        sensitivity=inverse(matrix),
-        contributions=_contributions(used, solution, radius, excess, frame),
+        sensitivity=np.asarray(np.linalg.inv(matrix), dtype=np.float64),
+        contributions=_contributions(used, solution, radius, scatter_ratio, frame),
         poses=poses,
         residual_rms_g=float(np.sqrt(np.mean(solution.residual**2))),
-        condition_number=conditioning(up),
+        condition_number=condition_number(up),
         warnings=warnings,
     )
 
 
-def _pose_u(poses: tuple[Pose, ...]) -> Array:
-    """Standard uncertainty of each mean, noise and quantisation, shape (p, 3)."""
-    return np.asarray(np.hypot([pose.type_a for pose in poses], _quantisation(poses)))
+def _mean_u(poses: tuple[Pose, ...]) -> Array:
+    """Return the standard uncertainty of each mean, from noise and quantisation, shape (p, 3)."""
+    return np.asarray(np.hypot([pose.type_a for pose in poses], _quantisation_u(poses)))
 
 
-def _quantisation(poses: tuple[Pose, ...]) -> Array:
-    noise = [pose.noise or tuple(u * np.sqrt(pose.count) for u in pose.type_a) for pose in poses]
-    return np.array([quantisation_u(pose.step, np.array(sigma)) for pose, sigma in zip(poses, noise, strict=True)])
+def _quantisation_u(poses: tuple[Pose, ...]) -> Array:
+    return np.array([quantisation_u(pose.step, pose.reading_sigma) for pose in poses])
 
 
-def _sphere(mean: Array, units_per_g: float) -> tuple[Array, float]:
-    """Centre and radius of the sphere through the poses, by linear least squares: where the fit starts."""
+def _fit_sphere(mean: Array, units_per_g: float) -> tuple[Array, float]:
+    """Return centre and radius of the sphere through the poses by linear least squares, the initial guess of the fit."""
     scaled = mean / units_per_g
     design = np.hstack([2 * scaled, np.ones((len(scaled), 1))])
-    found, _, rank, _ = np.linalg.lstsq(design, (scaled**2).sum(axis=1), rcond=1e-6)
+    found, _, rank, _ = np.linalg.lstsq(design, (scaled**2).sum(axis=1), rcond=SINGULAR_SPHERE)
     if rank < 4:
         return np.zeros(3), units_per_g
     centre = found[:3]
@@ -108,76 +118,75 @@ def _sphere(mean: Array, units_per_g: float) -> tuple[Array, float]:
 
 def _solve(scaled: Array, u: Array) -> _Solution:
     parameters = np.concatenate([np.ones(3), np.zeros(6)])
-    for _ in range(STEPS):
-        matrix, offset = _symmetric(parameters), parameters[6:]
-        up, residual, jacobian = _model(matrix, offset, scaled)
+    for _ in range(MAX_ITERATIONS):
+        matrix, offset = _symmetric_matrix(parameters), parameters[6:]
+        up, residual, jacobian = _evaluate_model(matrix, offset, scaled)
         gradient = up @ matrix
-        weight = 1 / np.maximum(np.linalg.norm(gradient * u, axis=1), 1e-9)
+        weight = 1 / np.maximum(np.linalg.norm(gradient * u, axis=1), MIN_U_G)
         projection = np.linalg.pinv(jacobian * weight[:, None]) * weight
         step = projection @ residual
         parameters = parameters - step
-        if np.max(np.abs(step)) < 1e-12:
+        if np.max(np.abs(step)) < CONVERGED_STEP:
             break
     else:
         raise NotDeterminedError(
-            "the fit does not settle: a pose was moved, or the readings clip; take the poses again"
+            "the fit does not converge: the sensor was moved in a pose, or the readings clip; take the poses again"
         )
-    return _Solution(_symmetric(parameters), parameters[6:], residual, gradient, projection)
+    return _Solution(_symmetric_matrix(parameters), parameters[6:], residual, gradient, projection)
 
 
-def _symmetric(parameters: Array) -> Array:
+def _symmetric_matrix(parameters: Array) -> Array:
     xx, yy, zz, xy, xz, yz = parameters[:6]
     return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
-def _model(matrix: Array, offset: Array, scaled: Array) -> tuple[Array, Array, Array]:
-    """Directions of the corrected readings (p, 3), |m| - 1 (p,), and its derivative by the nine parameters (p, 9)."""
+def _evaluate_model(matrix: Array, offset: Array, scaled: Array) -> tuple[Array, Array, Array]:
+    """Return directions of the corrected readings (p, 3), |m| - 1 (p,), and its derivatives by the nine parameters (p, 9)."""
     centred = scaled - offset
     corrected = centred @ matrix.T
     norm = np.linalg.norm(corrected, axis=1)
     up = corrected / norm[:, None]
-    by_matrix = [up[:, i] * centred[:, j] + (up[:, j] * centred[:, i] if i != j else 0) for i, j in SYMMETRIC]
-    return up, norm - 1, np.column_stack([*by_matrix, -up @ matrix])
+    matrix_columns = [
+        up[:, i] * centred[:, j] + (up[:, j] * centred[:, i] if i != j else 0) for i, j in SYMMETRIC_ENTRIES
+    ]
+    return up, norm - 1, np.column_stack([*matrix_columns, -up @ matrix])
 
 
-def _excess(solution: _Solution, u: Array, warnings: list[str]) -> float:
-    """By how much the residuals exceed what the noise explains, at least 1 (Birge); told in `warnings`."""
-    freedom = len(u) - NEEDED
+def _check_scatter(solution: _Solution, u: Array) -> tuple[float, list[FitWarning]]:
+    """Return the Birge ratio, the scatter of the residuals over that of the noise, at least 1, and warnings about it."""
+    freedom = len(u) - N_PARAMETERS
     if freedom < 1:
-        warnings.append("nine poses for nine unknowns: nothing checks the fit; one more pose would")
-        return 1.0
-    chi_square = float(
-        np.sum((solution.residual / np.maximum(np.linalg.norm(solution.gradient * u, axis=1), 1e-9)) ** 2)
-    )
-    if chi_square <= chi_square_quantile(0.99, freedom):
-        return 1.0
+        text = "nine poses for nine unknowns: nothing checks the fit; one more pose would"
+        return 1.0, [FitWarning(WarningKind.UNCHECKED, text)]
+    norm_u = np.maximum(np.linalg.norm(solution.gradient * u, axis=1), MIN_U_G)
+    chi_square = float(np.sum((solution.residual / norm_u) ** 2))
+    if chi_square <= chi_square_quantile(CHANCE_LEVEL, freedom):
+        return 1.0, []
     ratio = float(np.sqrt(chi_square / freedom))
-    warnings.append(
-        f"the norms scatter {ratio:.1f} times as much as the noise explains; the uncertainties are widened by it"
-    )
-    return ratio
+    text = f"the norms scatter {ratio:.1f} times as much as the noise explains; the uncertainties are widened by it"
+    return ratio, [FitWarning(WarningKind.SCATTER, text)]
 
 
 def _contributions(
-    poses: tuple[Pose, ...], solution: _Solution, radius: float, excess: float, frame: Frame
+    poses: tuple[Pose, ...], solution: _Solution, radius: float, scatter_ratio: float, frame: ReferenceFrame
 ) -> tuple[Contribution, ...]:
     matrix = np.asarray(frame.rotation @ solution.matrix / radius)
-    noise = solution.gradient * [pose.type_a for pose in poses] * excess / radius
-    steps = solution.gradient * _quantisation(poses) / radius
+    noise_u = solution.gradient * [pose.type_a for pose in poses] * scatter_ratio / radius
+    steps_u = solution.gradient * _quantisation_u(poses) / radius
     return (
-        Contribution("noise of the pose means", "A", _covariance(solution, frame, noise, radius)),
+        Contribution("noise of the pose means", "A", _covariance(solution, frame, noise_u, radius)),
         Contribution(frame.source, "B", rotation_covariance(matrix, frame.covariance_rad2)),
-        Contribution("quantisation", "B", _covariance(solution, frame, steps, radius)),
+        Contribution("quantisation", "B", _covariance(solution, frame, steps_u, radius)),
     )
 
 
-def _covariance(solution: _Solution, frame: Frame, u: Array, radius: float) -> Array:
-    """Of matrix and offset in raw units, from the uncertainty of |m| that each axis brings, shape (p, 3)."""
+def _covariance(solution: _Solution, frame: ReferenceFrame, u: Array, radius: float) -> Array:
+    """Return the covariance of matrix and offset in raw units, from the uncertainty of |m| by axis, shape (p, 3)."""
     projected = solution.projection * np.linalg.norm(u, axis=1)
-    spread = np.zeros((12, 9))
-    for place, (i, j) in enumerate(SYMMETRIC):
-        spread[3 * i + j, place] = spread[3 * j + i, place] = 1 / radius
-    spread[9:, 6:] = radius * np.eye(3)
-    root = spread @ projected
+    unscaling = np.zeros((12, 9))
+    for place, (i, j) in enumerate(SYMMETRIC_ENTRIES):
+        unscaling[3 * i + j, place] = unscaling[3 * j + i, place] = 1 / radius
+    unscaling[9:, 6:] = radius * np.eye(3)
+    root = unscaling @ projected
     root[:9] = np.kron(frame.rotation, np.eye(3)) @ root[:9]
     return np.asarray(root @ root.T)

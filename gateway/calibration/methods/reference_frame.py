@@ -1,49 +1,52 @@
-"""The frame of a norm fit: three angles that |m| does not see, from the record before it or from how parts are built."""
+"""The reference frame of a norm fit: three angles that no magnitude shows, from the parent or from the sensor's assembly."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.poses.pose import Array
 from gateway.calibration.record import CalibrationRecord
+from gateway.numerics.array import Array
 
 
 @dataclass(frozen=True, slots=True)
-class Frame:
-    """How the symmetric matrix of a norm fit is turned into the sensor's axes as the housing knows them."""
+class ReferenceFrame:
+    """Rotation of the symmetric matrix of a norm fit into the sensor's axes."""
 
     source: str
+    """Origin of the frame, as the uncertainty budget names it."""
     rotation: Array
-    """Shape (3, 3)."""
+    """Rotation matrix, shape (3, 3)."""
     covariance_rad2: Array
-    """Of a further small rotation, shape (3, 3)."""
+    """Covariance of the rotation's angles about the three axes, shape (3, 3)."""
 
 
-def nominal_frame(u_deg: float) -> Frame:
-    """The symmetric frame itself, with this standard uncertainty about each axis."""
-    return Frame("attitude of the frame in the housing", np.eye(3), np.radians(u_deg) ** 2 * np.eye(3))
+def nominal_frame(u_deg: float) -> ReferenceFrame:
+    """Return the symmetric frame itself, with this standard uncertainty about each axis."""
+    return ReferenceFrame("attitude of the frame in the housing", np.eye(3), np.radians(u_deg) ** 2 * np.eye(3))
 
 
-def frame_of(parent: CalibrationRecord, symmetric: Array) -> Frame:
-    """The frame that the parent's record has found, or was zeroed to: the nearest rotation of `symmetric` to its matrix."""
+def parent_frame(parent: CalibrationRecord, symmetric: Array) -> ReferenceFrame:
+    """Return the frame of a parent record: the rotation that brings the symmetric matrix nearest to the parent's matrix."""
     matrix = np.array(parent.correction_matrix, dtype=np.float64)
     left, _, right = np.linalg.svd(matrix @ np.linalg.inv(symmetric))
-    by_matrix = np.kron(np.eye(3), np.linalg.inv(matrix).T)  # of the error as a factor in front of the matrix
-    turning = np.array([skew(axis).ravel() / 2 for axis in np.eye(3)]) @ by_matrix
+    relative_error_jacobian = np.kron(np.eye(3), np.linalg.inv(matrix).T)  # (1 + E) M: E by the entries of M
+    angle_jacobian = np.array([_skew(axis).ravel() / 2 for axis in np.eye(3)]) @ relative_error_jacobian
     covariance = np.array(parent.covariance, dtype=np.float64)[:9, :9]
-    return Frame(
-        f"attitude of the frame, as of record {parent.id}", np.asarray(left @ right), turning @ covariance @ turning.T
+    return ReferenceFrame(
+        source=f"attitude of the frame, as of record {parent.id}",
+        rotation=np.asarray(left @ right),
+        covariance_rad2=angle_jacobian @ covariance @ angle_jacobian.T,
     )
 
 
 def rotation_covariance(matrix: Array, covariance_rad2: Array) -> Array:
-    """Of a correction matrix that is turned by a small rotation with this covariance, shape (12, 12)."""
-    root = np.zeros((12, 3))
-    root[:9] = np.column_stack([(skew(axis) @ matrix).ravel() for axis in np.eye(3)])
-    return np.asarray(root @ covariance_rad2 @ root.T)
+    """Return the covariance that small rotations of a correction matrix with this covariance cause, shape (12, 12)."""
+    jacobian = np.zeros((12, 3))
+    jacobian[:9] = np.column_stack([(_skew(axis) @ matrix).ravel() for axis in np.eye(3)])
+    return np.asarray(jacobian @ covariance_rad2 @ jacobian.T)
 
 
-def skew(vector: Array) -> Array:
-    """The matrix of the cross product `vector` x ..., shape (3, 3)."""
+def _skew(vector: Array) -> Array:
+    """Return the matrix of the cross product `vector` x ..., shape (3, 3)."""
     x, y, z = vector
     return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

@@ -1,4 +1,4 @@
-"""Feeds recordings to a procedure as the gateway would, and makes the record."""
+"""Feeds recordings to a procedure, as the gateway does with live readings, and fits them."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,22 +8,22 @@ import numpy as np
 from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import FRAME_U_DEG
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
-from gateway.calibration.offline.nominal_sensitivity import nominal_for
-from gateway.calibration.offline.readings_file import Session, TableOptions, read_session
+from gateway.calibration.offline.nominal_sensitivity import estimate_sensitivity
+from gateway.calibration.offline.readings_file import FileReadings, TableOptions, read_file
+from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.poses.pose import RawReadings
-from gateway.calibration.poses.pose_finder import NominalSensitivity
 from gateway.calibration.procedures.pose_procedure import PoseProcedure
-from gateway.calibration.procedures.procedure_factory import procedure_for
+from gateway.calibration.procedures.procedure_factory import make_procedure
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.errors import InputError
 
-BLOCK = 64
-"""Readings at a time; the result does not hang on it."""
+BLOCK_READINGS = 64
+"""Number of readings that are fed at once; the result does not depend on it."""
 
 
 @dataclass(frozen=True, slots=True)
-class BenchOptions:
-    """How to calibrate."""
+class CalibrateOptions:
+    """Options of an offline calibration."""
 
     method: str
     units_per_g: float | None = None
@@ -33,8 +33,8 @@ class BenchOptions:
 
 
 @dataclass(frozen=True, slots=True)
-class BenchResult:
-    """What came of the files."""
+class OfflineCalibration:
+    """Result of an offline calibration."""
 
     fit: CalibrationFit
     unit: str
@@ -42,54 +42,50 @@ class BenchResult:
     notes: tuple[str, ...]
 
 
-def calibrate(paths: list[Path], tables: TableOptions, options: BenchOptions) -> BenchResult:
-    """Find the poses in the files, each a session or one pose, and fit them.
+def calibrate_files(paths: list[Path], tables: TableOptions, options: CalibrateOptions) -> OfflineCalibration:
+    """Find the poses in the files, each of which contains a session or one pose, and fit them.
 
-    Raises `NotDeterminedError` where the poses do not determine the calibration, `RecordingError` or `InputError` for files
-    that cannot be used.
+    Raises `NotDeterminedError` if the poses do not determine the calibration, `RecordingError` or `InputError` for files that
+    cannot be used.
     """
-    sessions = [read_session(path, tables) for path in paths]
-    units = {session.unit for session in sessions}
+    files = [read_file(path, tables) for path in paths]
+    units = {one.unit for one in files}
     if len(units) > 1:
         raise InputError(f"the files are in {' and '.join(sorted(units))}; calibrate from one unit")
-    nominal = nominal_for(sessions, options.units_per_g)
-    procedure = procedure_for(
+    nominal = estimate_sensitivity(files, options.units_per_g)
+    procedure = make_procedure(
         options.method,
         nominal,
         placement_u_deg=options.placement_u_deg,
         frame_u_deg=options.frame_u_deg,
         parent=options.parent,
     )
-    notes = [f"taken as {sessions[0].unit}; --unit says otherwise"] if tables.unit is None else []
-    for session in sessions:
-        before = len(procedure.progress().poses)
-        feed_session(procedure, session)
-        if session.left_out:
-            notes.append(f"{session.path}: {session.left_out} rows could not be used")
-        if len(procedure.progress().poses) == before:
-            notes.append(f"{session.path}: no new pose found in it ({procedure.progress().text})")
+    notes = [f"readings taken to be in {files[0].unit}; --unit sets another unit"] if tables.unit is None else []
+    for one in files:
+        n_before = len(procedure.progress().poses)
+        _feed_file(procedure, one)
+        if one.n_skipped:
+            notes.append(f"{one.path}: {one.n_skipped} rows could not be used")
+        if len(procedure.progress().poses) == n_before:
+            notes.append(f"{one.path}: no new pose found in it ({procedure.progress().text})")
     try:
         fit = procedure.finish()
     except NotDeterminedError as error:
-        poses = procedure.progress().poses
-        text = f"{len(poses)} poses in {_files(paths)}: {error}"
-        raise NotDeterminedError("; ".join([text, *notes])) from error
-    return BenchResult(fit, sessions[0].unit, nominal, tuple(notes))
+        n_poses = len(procedure.progress().poses)
+        where = str(paths[0]) if len(paths) == 1 else f"{len(paths)} files"
+        raise NotDeterminedError("; ".join([f"{n_poses} poses in {where}: {error}", *notes])) from error
+    return OfflineCalibration(fit, files[0].unit, nominal, tuple(notes))
 
 
-def feed_session(procedure: PoseProcedure, session: Session) -> None:
-    """All readings of a file, in blocks; its end ends a pose."""
-    for start in range(0, len(session.time_s), BLOCK):
-        part = slice(start, start + BLOCK)
-        procedure.feed(RawReadings(session.time_s[part], session.raw[part], _temperature(session, part)))
-    procedure.cut()
+def _feed_file(procedure: PoseProcedure, readings: FileReadings) -> None:
+    """Feed all readings of a file in blocks; the end of the file ends a pose."""
+    for start in range(0, len(readings.time_s), BLOCK_READINGS):
+        part = slice(start, start + BLOCK_READINGS)
+        procedure.feed(RawReadings(readings.time_s[part], readings.raw[part], _mean_temperature_c(readings, part)))
+    procedure.end_segment()
 
 
-def _temperature(session: Session, part: slice) -> float | None:
-    if session.temperature_c is None or np.all(np.isnan(session.temperature_c[part])):
+def _mean_temperature_c(readings: FileReadings, part: slice) -> float | None:
+    if readings.temperature_c is None or np.all(np.isnan(readings.temperature_c[part])):
         return None
-    return float(np.nanmean(session.temperature_c[part]))
-
-
-def _files(paths: list[Path]) -> str:
-    return str(paths[0]) if len(paths) == 1 else f"{len(paths)} files"
+    return float(np.nanmean(readings.temperature_c[part]))

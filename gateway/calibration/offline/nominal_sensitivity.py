@@ -1,51 +1,58 @@
-"""What a sensor's unit is worth where nobody says: from the readings themselves, to within the gates of the pose finder."""
+"""Estimates the nominal sensitivity of a sensor from the readings, to within the tolerance of the pose finder."""
 
 import numpy as np
 
-from gateway.calibration.offline.readings_file import Floats, Session
-from gateway.calibration.poses.pose_finder import NORM_LIMIT, NominalSensitivity
+from gateway.calibration.offline.readings_file import FileReadings
+from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
+from gateway.calibration.poses.pose_finder import NORM_TOLERANCE
 from gateway.calibration.record import NotDeterminedError
+from gateway.numerics.array import Array
 
-BLOCK = 16
-"""Readings averaged before looking at extremes: noise and knocks stay out."""
-LEAST_TURN = 0.02
-"""Half range below which a sensor in volts was not turned: noise only."""
-LARGEST_ZERO = 0.5
-"""In g. A zero further off is that of an analogue part, in the middle of its supply."""
+BLOCK_READINGS = 16
+"""Number of readings that are averaged before their extremes are taken, so that noise and knocks do not count."""
+EXTREME_QUANTILE = 0.01
+"""Quantile of the averages that counts as their minimum, and one minus it as their maximum."""
+MIN_HALF_RANGE = 0.02
+"""Half range, raw units, below which a sensor was not turned: noise alone."""
+MAX_DIGITAL_ZERO_G = 0.5
+"""Largest zero of a digital sensor, g; a larger one is that of an analogue sensor, in the middle of its supply voltage."""
 
 
-def nominal_for(sessions: list[Session], units_per_g: float | None) -> NominalSensitivity:
-    """Nominal sensitivity and zero. Raises `NotDeterminedError` where the readings do not tell them."""
-    unit = sessions[0].unit
-    means = np.concatenate([_block_means(session.raw) for session in sessions])
+def estimate_sensitivity(files: list[FileReadings], units_per_g: float | None) -> NominalSensitivity:
+    """Return nominal sensitivity and zero. Raises `NotDeterminedError` if the readings do not determine them."""
+    unit = files[0].unit
+    means = np.concatenate([_block_means(one.raw) for one in files])
     norm = float(np.median(np.linalg.norm(means, axis=1)))
-    if unit == "g" and abs(norm - 1) <= NORM_LIMIT:
+    if unit == "g" and abs(norm - 1) <= NORM_TOLERANCE:
         return NominalSensitivity(1.0)
-    analogue = _from_extremes(means, units_per_g)
-    if analogue is not None and (unit == "V" or np.max(np.abs(analogue.zero)) > LARGEST_ZERO * analogue.units_per_g):
-        return analogue
+    analogue = _estimate_from_extremes(means, units_per_g)
+    if analogue is not None:
+        zero_g = np.max(np.abs(analogue.zero)) / analogue.units_per_g
+        if unit == "V" or zero_g > MAX_DIGITAL_ZERO_G:
+            return analogue
     if unit == "V":
         raise NotDeterminedError(
-            "the readings do not tell volts per g: every axis has to point up once and down once; take the missing poses"
+            "the readings do not determine volts per g: every axis has to point up once and down once; take the missing poses"
         )
     return NominalSensitivity(units_per_g or norm)
 
 
-def _block_means(raw: Floats) -> Floats:
-    whole = len(raw) // BLOCK * BLOCK
-    return raw[:whole].reshape(-1, BLOCK, 3).mean(axis=1) if whole else raw
+def _block_means(raw: Array) -> Array:
+    n_used = len(raw) // BLOCK_READINGS * BLOCK_READINGS
+    return raw[:n_used].reshape(-1, BLOCK_READINGS, 3).mean(axis=1) if n_used else raw
 
 
-def _from_extremes(means: Floats, units_per_g: float | None) -> NominalSensitivity | None:
-    """Zero between the extremes of each axis; where an axis has one of them only, at its median: it lay across mostly.
+def _estimate_from_extremes(means: Array, units_per_g: float | None) -> NominalSensitivity | None:
+    """Return the zero between the extremes of each axis, or at its median if the axis has one extreme only.
 
-    None where an axis was not turned.
+    None if an axis was not turned.
     """
-    low, middle, high = np.quantile(means, [0.01, 0.5, 0.99], axis=0)
+    low, middle, high = np.quantile(means, [EXTREME_QUANTILE, 0.5, 1 - EXTREME_QUANTILE], axis=0)
     zero, half = (low + high) / 2, (high - low) / 2
     scale = units_per_g or float(half.max())
-    zero = np.where(half > (1 - NORM_LIMIT) * scale, zero, middle)
-    if scale < LEAST_TURN or np.any(np.maximum(high - zero, zero - low) < (1 - NORM_LIMIT) * scale):
+    least_half_range = (1 - NORM_TOLERANCE) * scale
+    zero = np.where(half > least_half_range, zero, middle)
+    if scale < MIN_HALF_RANGE or np.any(np.maximum(high - zero, zero - low) < least_half_range):
         return None
     x, y, z = zero.tolist()
     return NominalSensitivity(scale, (x, y, z))

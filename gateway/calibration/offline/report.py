@@ -1,4 +1,4 @@
-"""A calibration for people: poses, offsets, scales, misalignment, budget."""
+"""The text output of `plumbline calibrate`: poses, offsets, scale factors, misalignment, uncertainty budget."""
 
 import numpy as np
 
@@ -6,31 +6,31 @@ from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.record import CalibrationRecord
 
 
-def as_text(record: CalibrationRecord, acceptance: Acceptance, notes: tuple[str, ...]) -> str:
-    """Several lines, to be printed."""
+def format_report(record: CalibrationRecord, acceptance: Acceptance, notes: tuple[str, ...]) -> str:
+    """Return the report as several lines of text."""
     return "\n".join(
         [
             f"{record.method} of {record.device_id}, {record.created_utc} by {record.by}, raw input in {record.unit}",
             f"record {record.id}",
             "",
-            *_poses(record),
+            *_pose_lines(record),
             "",
-            *_axes(record),
+            *_axis_lines(record),
             "",
-            *_budget(record),
+            *_budget_lines(record),
             "",
-            f"residual {_mg(record.residual_rms_g)} rms, condition number {record.condition_number:.3g}, "
+            f"residual {_format_mg(record.residual_rms_g)} rms, condition number {record.condition_number:.3g}, "
             f"|m| at rest within 1 +- {record.prediction_interval_g:.4f}",
-            *_temperature(record),
+            *_temperature_lines(record),
             *(f"warning: {text}" for text in record.warnings),
             *(f"note: {text}" for text in notes),
-            *(f"needs a reason: {text}" for text in acceptance.needs_reason),
-            *(f"not acceptable: {text}" for text in acceptance.refusals),
+            *(f"needs a reason: {text}" for text in acceptance.implausible),
+            *(f"not acceptable: {text}" for text in acceptance.refused),
         ]
     )
 
 
-def _poses(record: CalibrationRecord) -> list[str]:
+def _pose_lines(record: CalibrationRecord) -> list[str]:
     lines = [f"{'pose':>4}  {'up':4} {'readings':>8}  {'mean':^38}  {'type A':>8}"]
     for number, pose in enumerate(record.poses, start=1):
         mean = " ".join(f"{value:12.6g}" for value in pose["mean"])
@@ -39,7 +39,7 @@ def _poses(record: CalibrationRecord) -> list[str]:
     return lines
 
 
-def _axes(record: CalibrationRecord) -> list[str]:
+def _axis_lines(record: CalibrationRecord) -> list[str]:
     sensitivity = np.linalg.inv(np.array(record.correction_matrix))
     u_scale, u_offset_g = record.u_scale_factor, record.u_zero_g_offset_g
     misalignment = record.misalignment_deg or {}
@@ -47,23 +47,23 @@ def _axes(record: CalibrationRecord) -> list[str]:
     for place, axis in enumerate("xyz"):
         angles = ", ".join(f"{value:+.3f}" for value in misalignment.get(axis, ()))
         lines.append(
-            f"{axis:4}  {record.offset[place]:12.6g}  {_mg(u_offset_g[place]):>9}  {sensitivity[place, place]:12.6g}  "
-            f"{u_scale[place] * 100:6.3f} %  {angles} deg"
+            f"{axis:4}  {record.offset[place]:12.6g}  {_format_mg(u_offset_g[place]):>9}  "
+            f"{sensitivity[place, place]:12.6g}  {u_scale[place] * 100:6.3f} %  {angles} deg"
         )
     return lines
 
 
-def _budget(record: CalibrationRecord) -> list[str]:
-    rows = [f"  {row.type}  {row.source:40} {_mg(row.u_g):>10}  {row.u_deg:.4f} deg" for row in record.budget]
+def _budget_lines(record: CalibrationRecord) -> list[str]:
+    rows = [f"  {row.type}  {row.source:40} {_format_mg(row.u_g):>10}  {row.u_deg:.4f} deg" for row in record.budget]
     u_g = float(np.sqrt(sum(row.u_g**2 for row in record.budget)))
     u_deg = float(np.sqrt(sum(row.u_deg**2 for row in record.budget)))
-    return ["standard uncertainty of a reading", *rows, f"     {'together':40} {_mg(u_g):>10}  {u_deg:.4f} deg"]
+    return ["standard uncertainty of a reading", *rows, f"     {'combined':40} {_format_mg(u_g):>10}  {u_deg:.4f} deg"]
 
 
-def _temperature(record: CalibrationRecord) -> list[str]:
-    seen = record.temperature_c
-    return [] if seen is None else [f"temperature {seen['mean']:.1f} C, {seen['min']:.1f} to {seen['max']:.1f}"]
+def _temperature_lines(record: CalibrationRecord) -> list[str]:
+    known = record.temperature_c
+    return [] if known is None else [f"temperature {known['mean']:.1f} C, {known['min']:.1f} to {known['max']:.1f}"]
 
 
-def _mg(value_g: float | None) -> str:
+def _format_mg(value_g: float | None) -> str:
     return "unknown" if value_g is None else f"{value_g * 1000:.3f} mg"

@@ -1,1 +1,1 @@
-"""Resting poses in the readings: windows, stillness, faces, means with their uncertainty."""
+"""Detection of resting poses in the readings: windows, stillness, faces, and means with their uncertainty."""

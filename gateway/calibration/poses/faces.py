@@ -1,8 +1,9 @@
-"""Faces, directions and angles of resting poses, in the sensor's axes."""
+"""Faces of the sensor, and the directions into which a pose can be turned, in the sensor's axes."""
 
 import numpy as np
 
-from gateway.calibration.poses.pose import Array, Face
+from gateway.calibration.poses.pose import Face
+from gateway.numerics.array import Array
 
 FACES: tuple[Face, ...] = ("+x", "-x", "+y", "-y", "+z", "-z")
 FACE_DIRECTIONS: dict[Face, Array] = {
@@ -10,36 +11,43 @@ FACE_DIRECTIONS: dict[Face, Array] = {
     for axis, pair in enumerate((FACES[:2], FACES[2:4], FACES[4:]))
     for face, sign in zip(pair, (1, -1), strict=True)
 }
-"""Where up points in the sensor's axes."""
-FACE_LIMIT_RAD = np.radians(20.0)
-"""An axis this near the vertical makes a face: the largest zero-g offsets and mounting errors turn a reading by less."""
+"""Unit vector to the vertical, upwards, for each face."""
+FACE_TOLERANCE_RAD = np.radians(20.0)
+"""Largest angle between an axis and the vertical at which the sensor lies on a face, radians.
+
+The largest zero-g offsets and mounting errors of data sheets rotate a reading by less.
+"""
+NONZERO_COMPONENT = 0.3
+"""Components of a candidate direction are 0, or at least 1/sqrt(3); this threshold separates them."""
 
 
-def face_of(direction: Array) -> Face | None:
-    """The face whose axis is near the vertical, or None. `direction` as read, shape (3,), nearly in g."""
+def find_face(direction: Array) -> Face | None:
+    """Return the face whose axis is near the vertical, or None. `direction` is a reading in nominal g, shape (3,)."""
     length = float(np.linalg.norm(direction))
     face = max(FACES, key=lambda name: float(FACE_DIRECTIONS[name] @ direction))
-    near = length > 0 and FACE_DIRECTIONS[face] @ direction >= np.cos(FACE_LIMIT_RAD) * length
-    return face if near else None
+    is_near = length > 0 and FACE_DIRECTIONS[face] @ direction >= np.cos(FACE_TOLERANCE_RAD) * length
+    return face if is_near else None
 
 
-def off_face_deg(direction: Array) -> float:
-    """Angle to the nearest face, degrees."""
+def angle_to_face_deg(direction: Array) -> float:
+    """Return the angle between a direction and the axis of the nearest face, degrees."""
     cosine = np.max(np.abs(direction)) / np.linalg.norm(direction)
     return float(np.degrees(np.arccos(min(cosine, 1.0))))
 
 
 def candidate_directions() -> Array:
-    """The 26 directions that a rigger can be told: 6 faces, 12 edges, 8 corners; unit vectors, shape (26, 3)."""
+    """Return the 26 directions that can be described to a rigger: 6 faces, 12 edges, 8 corners; unit vectors (26, 3)."""
     grid = np.array([(x, y, z) for x in (1, 0, -1) for y in (1, 0, -1) for z in (1, 0, -1) if (x, y, z) != (0, 0, 0)])
     ordered = grid[np.argsort(np.abs(grid).sum(axis=1), kind="stable")].astype(np.float64)
     return np.asarray(ordered / np.linalg.norm(ordered, axis=1, keepdims=True))
 
 
-def direction_text(direction: Array) -> str:
-    """How to turn the sensor so that up points there, for a person."""
+def describe_direction(direction: Array) -> str:
+    """Return how to turn the sensor so that this direction points up, for a person."""
     parts = [
-        f"{'+' if value > 0 else '-'}{axis}" for axis, value in zip("xyz", direction, strict=True) if abs(value) > 0.3
+        f"{'+' if value > 0 else '-'}{axis}"
+        for axis, value in zip("xyz", direction, strict=True)
+        if abs(value) > NONZERO_COMPONENT
     ]
     if len(parts) == 1:
         return f"{parts[0]} up"

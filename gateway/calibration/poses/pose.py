@@ -1,46 +1,55 @@
-"""What every way of calibrating has in common: readings in, progress out, a fit at the end. Live and offline run the same."""
+"""Readings of a device, and a resting pose: the mean of the readings in one attitude."""
 
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from gateway.numerics.array import Array
+
 Face = Literal["+x", "-x", "+y", "-y", "+z", "-z"]
-"""The sensor axis that points up."""
+"""Sensor axis that points up."""
 
 
 @dataclass(frozen=True, slots=True)
 class RawReadings:
-    """Readings as they leave the device, in the sensor's axes."""
+    """Readings as the device delivers them, in the sensor's axes."""
 
     time_s: Array
-    """Shape (n,), rising."""
+    """Time of each reading, rising, shape (n,)."""
     raw: Array
-    """Shape (n, 3), in the record's unit."""
+    """Readings in the unit of the record, shape (n, 3)."""
     temperature_c: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Pose:
-    """One resting pose: the mean of its readings."""
+    """The mean of the readings in one resting pose."""
 
     mean: tuple[float, float, float]
     type_a: tuple[float, float, float]
-    """Standard uncertainty of each mean (GUM 4.2)."""
+    """Standard uncertainty of each mean, type A (GUM 4.2)."""
     count: int
+    """Number of readings."""
     face: Face | None
-    """None where no axis is near the vertical."""
+    """Face on which the sensor lies; None if no axis is near the vertical."""
     used: bool = True
+    """Whether the fit uses the pose."""
     temperature_c: float | None = None
     noise: tuple[float, float, float] | None = None
-    """Standard deviation of a single reading; None: from `type_a` and `count`, as for independent readings."""
+    """Standard deviation of one reading; None: computed from `type_a` and `count`, as for uncorrelated readings."""
     step: float = 0.0
-    """Smallest step of the readings, for their quantisation."""
+    """Quantisation step of the readings; 0 if they are not quantised."""
+
+    @property
+    def reading_sigma(self) -> Array:
+        """Standard deviation of one reading, shape (3,)."""
+        if self.noise is not None:
+            return np.array(self.noise)
+        return np.array([u * np.sqrt(self.count) for u in self.type_a])
 
     def as_json(self) -> dict[str, Any]:
-        """As the record has it."""
+        """Return the pose as the calibration record stores it."""
         return {
             "mean": list(self.mean),
             "type_a": list(self.type_a),

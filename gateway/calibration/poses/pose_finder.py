@@ -1,51 +1,42 @@
-"""Finds resting poses in readings as they come; live and offline run the same."""
+"""The pose finder: it detects resting poses in a stream of readings, the same for live and for offline calibration."""
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from gateway.calibration.poses.faces import face_of
+from gateway.calibration.poses.faces import find_face
 from gateway.calibration.poses.mean_uncertainty import correlation_factor
-from gateway.calibration.poses.pose import Array, Pose, RawReadings
+from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
+from gateway.calibration.poses.pose import Pose, RawReadings
 from gateway.calibration.poses.stillness import STILL_RATIO, StillnessGate
-from gateway.calibration.poses.windows import Window, Windows
+from gateway.calibration.poses.windows import Window, WindowSplitter
+from gateway.numerics.array import Array
 
-
-@dataclass(frozen=True, slots=True)
-class NominalSensitivity:
-    """What is believed of the sensor before it is calibrated."""
-
-    units_per_g: float
-    zero: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Reading at zero g; half the supply for an analogue part."""
-
-    def in_g(self, mean: Array | tuple[float, ...]) -> Array:
-        """A reading in g, to within the nominal errors, shape (3,)."""
-        return np.asarray(np.subtract(mean, self.zero) / self.units_per_g)
-
-
-READINGS = 300
-"""Per pose (000 sec. 4)."""
-TYPE_A_TARGET_G = 1e-4
-"""A pose is taken with fewer readings once its mean is as good as this: 0.006 degrees."""
-TYPE_A_LIMIT_G = 2e-3
-"""A pose that was cut short is kept when its mean is as good as this: 0.1 degrees, as good as a face is laid."""
-LEAST_S = 1.0
-"""At rest before a pose is taken: several windows, for correlation to show."""
-NORM_LIMIT = 0.3
-"""Relative error of |m| that an uncalibrated sensor may have at rest (zero-g offset and sensitivity)."""
+READINGS_PER_POSE = 300
+"""Number of readings of a pose (Łuczak et al. 2022, sec. 4)."""
+TARGET_TYPE_A_G = 1e-4
+"""Uncertainty of the mean, g, at which fewer readings complete a pose: 0.006 degrees of tilt."""
+MAX_TYPE_A_G = 2e-3
+"""Largest uncertainty of the mean, g, of a rest that ended early: 0.1 degrees, the uncertainty of the placement of a face."""
+MIN_REST_S = 1.0
+"""Shortest rest of a pose, s: four windows, so that correlation of the noise can show."""
+NORM_TOLERANCE = 0.3
+"""Largest relative error of the magnitude at rest of an uncalibrated sensor, from zero-g offset and sensitivity together."""
 SHIFT_LIMIT_G = 0.002
-SHIFT_SIGMA = 6.0
-"""A window whose mean has moved by more than both is of another attitude."""
-TURN_LIMIT_G = 0.25
-"""Another pose is one that the sensor was turned for by more than about 15 degrees; offsets cancel in the difference."""
+"""Smallest change of the mean, g, that can be another attitude: 0.1 degrees."""
+K_SHIFT = 6.0
+"""Standard deviations of the noise that a change of the mean must exceed as well, to be another attitude."""
+MIN_TURN_G = 0.25
+"""Least difference between two readings of two different poses, g: 15 degrees; zero-g offsets cancel in the difference."""
 SETTLING_WINDOWS = 1
-"""Left out at the start of a rest: the tail of the movement."""
+"""Number of windows that are discarded at the start of a rest: the end of the movement."""
+PLACE_SENSOR = "lay the sensor down and let it rest"
+TURN_SENSOR = "this pose is taken; turn the sensor to the next one"
 
 
 @dataclass(slots=True)
 class _RestInterval:
-    """Windows of the rest that is being taken."""
+    """Consecutive still windows of the pose that is being taken."""
 
     windows: list[Window] = field(default_factory=list)
 
@@ -62,12 +53,12 @@ class _RestInterval:
         return np.asarray(counts @ np.array([window.mean for window in self.windows]) / counts.sum())
 
     def sigma(self) -> Array:
-        """Of a reading within windows, shape (3,)."""
+        """Return the standard deviation of a reading within the windows, shape (3,)."""
         freedom = self.count - len(self.windows)
         return np.asarray(np.sqrt(sum(window.square_sum for window in self.windows) / freedom))
 
     def type_a(self) -> Array:
-        """Standard uncertainty of the mean, shape (3,), correlation reckoned with."""
+        """Return the standard uncertainty of the mean, correlation included, shape (3,)."""
         sigma = self.sigma()
         means = np.array([window.mean for window in self.windows])
         counts = np.array([window.count for window in self.windows], dtype=np.float64)
@@ -81,7 +72,7 @@ class _RestInterval:
             mean=_triple(mean),
             type_a=_triple(type_a),
             count=self.count,
-            face=face_of(nominal.in_g(mean)),
+            face=find_face(nominal.in_g(mean)),
             temperature_c=float(np.mean(known)) if known else None,
             noise=_triple(sigma),
             step=min(steps, default=0.0),
@@ -89,83 +80,85 @@ class _RestInterval:
 
 
 class PoseFinder:
-    """Readings in, resting poses out. A pose ends when the sensor moves; the next one needs a turn."""
+    """Finds resting poses. A pose ends when the sensor moves; the next one requires a turn."""
 
     def __init__(self, nominal: NominalSensitivity) -> None:
         self.nominal = nominal
         self.still = False
-        self.text = "lay the sensor down and let it rest"
-        self._windows = Windows()
+        """Whether the newest window is still."""
+        self.text = PLACE_SENSOR
+        """State of the pose for the rigger."""
+        self._splitter = WindowSplitter()
         self._gate = StillnessGate(nominal.units_per_g)
         self._rest = _RestInterval()
-        self._settling = SETTLING_WINDOWS
-        self._last: Array | None = None
+        self._settling_windows = SETTLING_WINDOWS
+        self._last_mean: Array | None = None
         self._turned = True
-        self._lying_on = ""
+        self._unturned_text = ""
 
     @property
     def fraction(self) -> float:
-        """Of the pose that is being taken, 0 to 1; 0 where none is."""
+        """Completed fraction of the pose that is being taken, 0 to 1; 0 if none is being taken."""
         rest = self._rest
         if not rest.windows:
             return 0.0
-        return min(rest.duration_s / LEAST_S, max(rest.count / READINGS, self._target_fraction()), 1.0)
+        return min(rest.duration_s / MIN_REST_S, max(rest.count / READINGS_PER_POSE, self._target_fraction()), 1.0)
 
     @property
     def seconds_left(self) -> float | None:
-        """Until the pose is taken; None where none is being taken."""
+        """Expected time until the pose is complete, s; None if none is being taken."""
         fraction, duration_s = self.fraction, self._rest.duration_s
         if fraction <= 0:
             return None
-        return max(LEAST_S - duration_s, min(duration_s / fraction - duration_s, self._count_left_s()), 0.0)
+        return max(MIN_REST_S - duration_s, min(duration_s / fraction - duration_s, self._count_left_s()), 0.0)
 
     def feed(self, readings: RawReadings) -> list[Pose]:
-        """Poses that these readings complete."""
-        found = [self._judge(window) for window in self._windows.feed(readings)]
-        return [pose for pose in found if pose is not None]
+        """Return the poses that these readings complete."""
+        poses = [self._process_window(window) for window in self._splitter.feed(readings)]
+        return [pose for pose in poses if pose is not None]
 
-    def cut(self) -> list[Pose]:
-        """The stretch of readings ends here; what follows is another pose. A pose that was nearly taken is returned."""
-        pose = self._end()
-        self._windows.cut()
+    def end_segment(self) -> list[Pose]:
+        """End the pose at the end of a segment of readings, and return it if its mean is good enough."""
+        pose = self._end_rest()
+        self._splitter.start_new_segment()
         self._turned = True
         return [] if pose is None else [pose]
 
-    def set_expected_pose(self, mean: tuple[float, float, float]) -> None:
-        """Go on after this pose: it is the last one that was taken."""
-        self._last, self._turned = np.array(mean), False
-        self._lying_on = "this pose is taken; turn the sensor to the next one"
+    def set_last_pose(self, mean: tuple[float, float, float]) -> None:
+        """Continue after this pose: the next one requires a turn from it."""
+        self._last_mean, self._turned = np.array(mean), False
+        self._unturned_text = TURN_SENSOR
 
     def was_still(self, pose: Pose) -> bool:
-        """Whether a pose rested, by the noise known by now: the first were judged before there was any to compare with."""
+        """Return whether a pose was still by the noise that is known now: the first poses had little noise to compare with."""
         noise_g = max(pose.noise or (0.0,)) / self.nominal.units_per_g
         return noise_g <= max(STILL_RATIO * self._gate.noise_g, pose.step / self.nominal.units_per_g)
 
-    def _judge(self, window: Window) -> Pose | None:
+    def _process_window(self, window: Window) -> Pose | None:
         self.still = self._gate.is_still(window)
         if (
-            self._last is not None
-            and np.linalg.norm(window.mean - self._last) > TURN_LIMIT_G * self.nominal.units_per_g
+            self._last_mean is not None
+            and np.linalg.norm(window.mean - self._last_mean) > MIN_TURN_G * self.nominal.units_per_g
         ):
             self._turned = True
         if window.after_gap or not self.still:
-            return self._end()
-        if self._settling > 0:
-            self._settling -= 1
+            return self._end_rest()
+        if self._settling_windows > 0:
+            self._settling_windows -= 1
             return None
         if not self._turned:
-            self.text = self._lying_on
+            self.text = self._unturned_text
             return None
-        while self._shifted(window):  # it settles: what came before is another attitude
+        while self._is_shifted(window):  # the sensor is settling: the oldest windows are of another attitude
             self._rest.windows.pop(0)
         self._rest.windows.append(window)
-        enough = self._rest.count >= READINGS or float(np.max(self._rest.type_a())) <= self._target
+        is_enough = self._rest.count >= READINGS_PER_POSE or float(np.max(self._rest.type_a())) <= self._target
         self.text = "hold still"
-        return self._take() if enough and self._rest.duration_s >= LEAST_S else None
+        return self._complete_pose() if is_enough and self._rest.duration_s >= MIN_REST_S else None
 
     @property
     def _target(self) -> float:
-        return TYPE_A_TARGET_G * self.nominal.units_per_g
+        return TARGET_TYPE_A_G * self.nominal.units_per_g
 
     def _target_fraction(self) -> float:
         type_a = float(np.max(self._rest.type_a()))
@@ -173,34 +166,34 @@ class PoseFinder:
 
     def _count_left_s(self) -> float:
         rest = self._rest
-        return max(READINGS - rest.count, 0) * rest.duration_s / rest.count
+        return max(READINGS_PER_POSE - rest.count, 0) * rest.duration_s / rest.count
 
-    def _shifted(self, window: Window) -> bool:
+    def _is_shifted(self, window: Window) -> bool:
         rest = self._rest
         if not rest.windows:
             return False
-        noise = self._gate.noise_g * np.sqrt(1 / window.count + 1 / rest.count)
-        limit = max(SHIFT_SIGMA * noise, SHIFT_LIMIT_G, window.step / self.nominal.units_per_g)
-        return bool(np.max(np.abs(window.mean - rest.mean())) > limit * self.nominal.units_per_g)
+        noise_g = self._gate.noise_g * np.sqrt(1 / window.count + 1 / rest.count)
+        limit_g = max(K_SHIFT * noise_g, SHIFT_LIMIT_G, window.step / self.nominal.units_per_g)
+        return bool(np.max(np.abs(window.mean - rest.mean())) > limit_g * self.nominal.units_per_g)
 
-    def _end(self) -> Pose | None:
-        """The rest is over before its time: kept if it is good enough."""
-        rest, self._settling = self._rest, SETTLING_WINDOWS
+    def _end_rest(self) -> Pose | None:
+        """End a rest before its pose is complete; return the pose if its mean is good enough."""
+        rest, self._settling_windows = self._rest, SETTLING_WINDOWS
         if not rest.windows:
             return None
-        self.text = f"moved after {rest.count} of {READINGS} readings: not taken; lay it down again"
-        if rest.duration_s >= LEAST_S and float(np.max(rest.type_a())) <= TYPE_A_LIMIT_G * self.nominal.units_per_g:
-            return self._take()
+        self.text = f"moved after {rest.count} of {READINGS_PER_POSE} readings: not taken; lay it down again"
+        if rest.duration_s >= MIN_REST_S and float(np.max(rest.type_a())) <= MAX_TYPE_A_G * self.nominal.units_per_g:
+            return self._complete_pose()
         self._rest = _RestInterval()
         return None
 
-    def _take(self) -> Pose | None:
+    def _complete_pose(self) -> Pose | None:
         pose, self._rest = self._rest.pose(self.nominal), _RestInterval()
-        norm = float(np.linalg.norm(self.nominal.in_g(pose.mean)))
-        self.set_expected_pose(pose.mean)
-        if abs(norm - 1) > NORM_LIMIT:
-            self.text = f"reads {norm:.2f} g at rest: not taken; is it held still, and its sensitivity right?"
-            self._lying_on = self.text
+        norm_g = float(np.linalg.norm(self.nominal.in_g(pose.mean)))
+        self.set_last_pose(pose.mean)
+        if abs(norm_g - 1) > NORM_TOLERANCE:
+            self.text = f"reads {norm_g:.2f} g at rest: not taken; hold the sensor still and check its sensitivity"
+            self._unturned_text = self.text
             return None
         self.text = f"pose taken: {pose.count} readings"
         return pose

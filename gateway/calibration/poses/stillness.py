@@ -1,4 +1,4 @@
-"""Whether the sensor was still in a window: against its own noise, and in g."""
+"""Stillness: whether the sensor was at rest in a window, by its own noise and by a limit in g."""
 
 from collections import deque
 
@@ -6,29 +6,31 @@ import numpy as np
 
 from gateway.calibration.poses.windows import Window
 
-KEPT_WINDOWS = 400
+MAX_KEPT_WINDOWS = 400
+"""Number of windows whose scatter is kept: 100 s."""
 QUIET_QUANTILE = 0.2
+"""Quantile of the windows' scatter that is taken for the sensor's noise: one window in five is at rest in every session."""
 STILL_RATIO = 3.0
-"""A still window scatters at most so many times as much as the quiet ones before it."""
+"""Largest scatter of a still window over the sensor's noise."""
 STILL_LIMIT_G = 0.025
-"""However noisy the sensor: more is a moving hand or a running machine."""
+"""Largest scatter of a still window for any sensor, g: a hand or a running machine moves it by more."""
 
 
 class StillnessGate:
-    """Whether a window is still, by the noise that the sensor itself has shown."""
+    """Decides whether a window is still, by the noise that the sensor has shown so far."""
 
     def __init__(self, units_per_g: float) -> None:
         self._units_per_g = units_per_g
-        self._quiet: deque[float] = deque(maxlen=KEPT_WINDOWS)
+        self._window_sigmas_g: deque[float] = deque(maxlen=MAX_KEPT_WINDOWS)
 
     @property
     def noise_g(self) -> float:
-        """Of a reading, from the quiet windows so far; 0 before any."""
-        return float(np.quantile(self._quiet, QUIET_QUANTILE)) if self._quiet else 0.0
+        """Standard deviation of one reading, g, from the quiet windows so far; 0 before the first window."""
+        return float(np.quantile(self._window_sigmas_g, QUIET_QUANTILE)) if self._window_sigmas_g else 0.0
 
     def is_still(self, window: Window) -> bool:
-        """Take the window into account and judge it."""
-        scatter_g = float(np.max(window.scatter)) / self._units_per_g
+        """Include the window in the estimate of the noise, and return whether it is still."""
+        sigma_g = float(np.max(window.sigma)) / self._units_per_g
         step_g = window.step / self._units_per_g
-        self._quiet.append(scatter_g)
-        return scatter_g <= min(max(STILL_RATIO * self.noise_g, step_g), STILL_LIMIT_G)
+        self._window_sigmas_g.append(sigma_g)
+        return sigma_g <= min(max(STILL_RATIO * self.noise_g, step_g), STILL_LIMIT_G)

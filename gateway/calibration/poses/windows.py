@@ -1,16 +1,19 @@
-"""Windows of readings."""
+"""Windows of consecutive readings, cut by the times of the readings and not by the blocks in which they arrive."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.poses.pose import Array, RawReadings
+from gateway.calibration.poses.pose import RawReadings
+from gateway.numerics.array import Array
 from gateway.numerics.quantisation import smallest_steps
 
 WINDOW_S = 0.25
-LEAST_READINGS = 8
-LARGEST_GAP_S = 1.0
-"""Readings further apart belong to different poses: what happened between is not known."""
+"""Duration of a window, s: several windows fit into the shortest rest, and each has readings enough for a scatter."""
+MIN_WINDOW_READINGS = 8
+"""Least number of readings in a window; at low sample rates a window lasts longer for it."""
+MAX_GAP_S = 1.0
+"""Readings further apart, s, belong to different poses: the motion in between is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,23 +24,23 @@ class Window:
     end_s: float
     count: int
     mean: Array
-    """Shape (3,), raw."""
+    """Mean reading, raw, shape (3,)."""
     square_sum: Array
-    """Of the deviations from the mean, shape (3,)."""
+    """Sum of the squared deviations from the mean, shape (3,)."""
     step: float
-    """Smallest difference between two readings of an axis; 0 where all are alike."""
+    """Smallest difference between two readings of an axis; 0 if all readings of every axis are equal."""
     temperature_c: float | None
     after_gap: bool
-    """Readings are missing between the window before and this one."""
+    """Whether readings are missing between the previous window and this one."""
 
     @property
-    def scatter(self) -> Array:
-        """Standard deviation, shape (3,)."""
+    def sigma(self) -> Array:
+        """Standard deviation of the readings, shape (3,)."""
         return np.sqrt(self.square_sum / (self.count - 1))
 
 
-class Windows:
-    """Cuts readings into windows that do not depend on how they were delivered."""
+class WindowSplitter:
+    """Splits a stream of readings into windows."""
 
     def __init__(self) -> None:
         self._time = np.empty(0)
@@ -46,36 +49,36 @@ class Windows:
         self._gap = False
 
     def feed(self, readings: RawReadings) -> list[Window]:
-        """Windows that these readings complete."""
+        """Return the windows that these readings complete."""
         temperature = np.nan if readings.temperature_c is None else readings.temperature_c
         self._time = np.concatenate([self._time, readings.time_s])
         self._raw = np.concatenate([self._raw, readings.raw])
         self._temperature = np.concatenate([self._temperature, np.full(len(readings.time_s), temperature)])
-        found = []
-        while (window := self._next()) is not None:
-            found.append(window)
-        return found
+        windows = []
+        while (window := self._next_window()) is not None:
+            windows.append(window)
+        return windows
 
-    def cut(self) -> None:
-        """What follows is another stretch: readings that do not fill a window are left out."""
-        self._drop(len(self._time))
+    def start_new_segment(self) -> None:
+        """Discard the readings of an incomplete window; the next window counts as one after a gap."""
+        self._discard(len(self._time))
         self._gap = True
 
-    def _next(self) -> Window | None:
+    def _next_window(self) -> Window | None:
         while True:
-            steps = np.diff(self._time)
-            gaps = np.flatnonzero((steps > LARGEST_GAP_S) | (steps <= 0))
+            intervals = np.diff(self._time)
+            gaps = np.flatnonzero((intervals > MAX_GAP_S) | (intervals <= 0))
             usable = int(gaps[0]) + 1 if len(gaps) else len(self._time)
             full = int(np.searchsorted(self._time[:usable], self._time[0] + WINDOW_S)) + 1 if usable else 1
-            count = max(full, LEAST_READINGS)
+            count = max(full, MIN_WINDOW_READINGS)
             if count <= usable:
-                return self._take(count)
+                return self._take_window(count)
             if not len(gaps):
                 return None
-            self._drop(usable)
+            self._discard(usable)
             self._gap = True
 
-    def _take(self, count: int) -> Window:
+    def _take_window(self, count: int) -> Window:
         raw = self._raw[:count]
         mean = raw.mean(axis=0)
         known = self._temperature[:count][~np.isnan(self._temperature[:count])]
@@ -89,9 +92,9 @@ class Windows:
             temperature_c=float(known.mean()) if len(known) else None,
             after_gap=self._gap,
         )
-        self._drop(count)
+        self._discard(count)
         self._gap = False
         return window
 
-    def _drop(self, count: int) -> None:
+    def _discard(self, count: int) -> None:
         self._time, self._raw, self._temperature = self._time[count:], self._raw[count:], self._temperature[count:]

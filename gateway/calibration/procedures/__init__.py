@@ -1,1 +1,1 @@
-"""Calibration procedures: they take readings as they come, show progress, and fit at the end."""
+"""Calibration procedures: they take readings as they arrive, report progress, and fit at the end."""

@@ -1,140 +1,134 @@
-"""A procedure that collects resting poses for a plan and fits them at the end."""
+"""The pose procedure: it collects resting poses for a plan and fits them at the end."""
 
 from dataclasses import dataclass
 from typing import Protocol
 
 from gateway.calibration.methods.calibration_fit import CalibrationFit
-from gateway.calibration.poses.pose import Array, Face, Pose, RawReadings
-from gateway.calibration.poses.pose_finder import NominalSensitivity, PoseFinder
+from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
+from gateway.calibration.poses.pose import Face, Pose, RawReadings
+from gateway.calibration.poses.pose_finder import PoseFinder
+from gateway.numerics.array import Array
 
-LARGEST_COUNT = 200
-"""Poses of one session; memory and the fit stay bounded."""
+MAX_POSES = 200
+"""Largest number of poses of one session, which bounds memory and the time of the fit."""
 
 Poses = tuple[Pose, ...]
 
 
 @dataclass(frozen=True, slots=True)
 class RequestedPose:
-    """What is still to be done."""
+    """The pose that a plan requests next."""
 
     face: Face | None
+    """Face to point up; None: any attitude, or the plan is complete."""
     direction: Array | None
-    """Where up should point next, a unit vector; None: nothing is missing."""
+    """Direction to point up, a unit vector; None: the plan is complete."""
     text: str
 
 
 @dataclass(frozen=True, slots=True)
-class Progress:
-    """How far a procedure has come; what the rigger is shown."""
+class PoseProgress:
+    """Progress of a procedure, for display to the rigger."""
 
-    poses: tuple[Pose, ...]
+    poses: Poses
     wanted: int
-    """Poses needed at least."""
+    """Least number of poses."""
     still: bool
-    """The housing is at rest now."""
+    """Whether the housing is at rest now."""
     pose_fraction: float
-    """Of the readings of the pose that is being taken, 0 to 1."""
+    """Completed fraction of the pose that is being taken, 0 to 1."""
     seconds_left: float | None
-    """Until that pose is taken; None while it moves."""
+    """Expected time until that pose is complete, s; None while the housing moves."""
     next_face: Face | None
-    """Which sensor axis should point up next; None: any, or complete."""
+    """Sensor axis that should point up next; None: any attitude, or complete."""
     next_direction: tuple[float, float, float] | None
-    """Where up should point in the sensor's axes next, a unit vector; None: complete."""
+    """Direction in the sensor's axes that should point up next, a unit vector; None: complete."""
     complete: bool
+    """Whether all requested poses are taken."""
     text: str
-    """One line for the rigger: what to do now, or what was wrong with the pose."""
+    """One line for the rigger: what to do next, or what was wrong with the pose."""
 
 
 class PosePlan(Protocol):
-    """Which poses a method takes, and what it makes of them."""
+    """The poses that a method requires, and their fit."""
 
     @property
-    def method(self) -> str:
-        """Its name in the record."""
+    def n_poses(self) -> int:
+        """Least number of poses."""
         ...
 
-    @property
-    def wanted(self) -> int:
-        """Poses needed at least."""
+    def accept(self, pose: Pose, earlier: Poses) -> tuple[Pose | None, str]:
+        """Return the pose as it is stored, None if it is refused, and a text for the rigger."""
         ...
 
-    def receive(self, pose: Pose, earlier: Poses) -> tuple[Pose | None, str]:
-        """The pose as it is kept, None where it is refused, and what to tell the rigger."""
-        ...
-
-    def next(self, poses: Poses) -> RequestedPose:
-        """What to do next."""
+    def request_next(self, poses: Poses) -> RequestedPose:
+        """Return the pose to take next."""
         ...
 
     def fit(self, poses: Poses) -> CalibrationFit:
-        """Raises `NotDeterminedError`."""
+        """Return the fit. Raises `NotDeterminedError`."""
         ...
 
 
 class PoseProcedure:
-    """`Procedure`: feed, progress, resume, finish."""
+    """Collects poses from readings. What the rigger does never raises an error; the progress states it."""
 
     def __init__(self, plan: PosePlan, nominal: NominalSensitivity) -> None:
         self._plan = plan
         self._finder = PoseFinder(nominal)
         self._poses: Poses = ()
-        self._said = ""
-
-    @property
-    def method(self) -> str:
-        """`six-position` or `norm-fit`."""
-        return self._plan.method
+        self._pose_text = ""
 
     def feed(self, readings: RawReadings) -> None:
-        """Take readings."""
+        """Process readings."""
         for pose in self._finder.feed(readings):
-            self._take(pose)
+            self._add_pose(pose)
 
-    def cut(self) -> None:
-        """The stretch of readings ends; what is fed next is another pose. A pose that is good enough by now is kept."""
-        for pose in self._finder.cut():
-            self._take(pose)
+    def end_segment(self) -> None:
+        """End a segment of readings: later readings belong to another pose. An incomplete pose is kept if it is good enough."""
+        for pose in self._finder.end_segment():
+            self._add_pose(pose)
 
     def resume(self, poses: Poses) -> None:
-        """Go on from poses that were taken before a restart."""
+        """Continue from poses that were taken before a restart."""
         self._poses = tuple(poses)
         if poses:
-            self._finder.set_expected_pose(poses[-1].mean)
+            self._finder.set_last_pose(poses[-1].mean)
 
-    def progress(self) -> Progress:
-        """How far it has come."""
-        wanted = self._plan.next(self._poses)
-        heading = None
-        if wanted.direction is not None:
-            x, y, z = wanted.direction.tolist()
-            heading = (x, y, z)
-        return Progress(
+    def progress(self) -> PoseProgress:
+        """Return the progress."""
+        requested = self._plan.request_next(self._poses)
+        direction = None
+        if requested.direction is not None:
+            x, y, z = requested.direction.tolist()
+            direction = (x, y, z)
+        return PoseProgress(
             poses=self._poses,
-            wanted=self._plan.wanted,
+            wanted=self._plan.n_poses,
             still=self._finder.still,
             pose_fraction=self._finder.fraction,
             seconds_left=self._finder.seconds_left,
-            next_face=wanted.face,
-            next_direction=heading,
-            complete=wanted.direction is None,
-            text="; ".join(part for part in (self._finder.text, self._said, wanted.text) if part),
+            next_face=requested.face,
+            next_direction=direction,
+            complete=requested.direction is None,
+            text="; ".join(part for part in (self._finder.text, self._pose_text, requested.text) if part),
         )
 
     def finish(self) -> CalibrationFit:
-        """The fit; a pose that is being taken counts if it is good enough. Raises `NotDeterminedError`."""
-        self.cut()
+        """Return the fit, with the pose that is being taken if it is good enough. Raises `NotDeterminedError`."""
+        self.end_segment()
         return self._plan.fit(self._poses)
 
-    def _take(self, pose: Pose) -> None:
-        if len(self._poses) >= LARGEST_COUNT:
-            self._said = f"{LARGEST_COUNT} poses are enough; finish"
+    def _add_pose(self, pose: Pose) -> None:
+        if len(self._poses) >= MAX_POSES:
+            self._pose_text = f"{MAX_POSES} poses are enough; finish"
             return
-        kept, self._said = self._plan.receive(pose, self._poses)
-        if kept is not None:
-            self._poses = (*self._poses, kept)
-        quiet = tuple(one for one in self._poses if self._finder.was_still(one))
-        if len(quiet) < len(self._poses):
-            self._said += (
-                f"; {len(self._poses) - len(quiet)} earlier pose was not still by the noise seen since: take it again"
+        accepted, self._pose_text = self._plan.accept(pose, self._poses)
+        if accepted is not None:
+            self._poses = (*self._poses, accepted)
+        still = tuple(one for one in self._poses if self._finder.was_still(one))
+        if len(still) < len(self._poses):
+            self._pose_text += (
+                f"; {len(self._poses) - len(still)} earlier pose was not still by the noise seen since: take it again"
             )
-            self._poses = quiet
+            self._poses = still

@@ -1,18 +1,15 @@
-"""The ways of calibrating, as procedures that are fed readings; live sessions and the offline command build them here."""
+"""Makes the procedure of a method, for live sessions and for offline calibration."""
 
 from gateway.calibration.methods.norm_fit import FRAME_U_DEG
-from gateway.calibration.methods.norm_fit import METHOD as NORM_FIT
-from gateway.calibration.methods.six_position import METHOD as SIX_POSITION
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
-from gateway.calibration.poses.pose_finder import NominalSensitivity
+from gateway.calibration.pose_method import PoseMethod
+from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.procedures.pose_plans import NormFitPlan, SixPositionPlan
 from gateway.calibration.procedures.pose_procedure import PoseProcedure
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 
-METHODS = (SIX_POSITION, NORM_FIT)
 
-
-def procedure_for(
+def make_procedure(
     method: str,
     nominal: NominalSensitivity,
     *,
@@ -20,14 +17,14 @@ def procedure_for(
     frame_u_deg: float = FRAME_U_DEG,
     parent: CalibrationRecord | None = None,
 ) -> PoseProcedure:
-    """A fresh procedure; the standard uncertainties are those of `fit_six_positions` and `fit_norm`.
+    """Return a new procedure; the standard uncertainties are those of `fit_six_positions` and `fit_norm`.
 
-    `parent` is the record in force: a norm fit, which cannot see the frame, keeps its frame.
-
-    Raises `CalibrationError` for a method that there is not.
+    `parent` is the record in force, whose reference frame a norm fit keeps. Raises `CalibrationError` for an unknown method.
     """
-    if method == SIX_POSITION:
-        return PoseProcedure(SixPositionPlan(placement_u_deg), nominal)
-    if method == NORM_FIT:
-        return PoseProcedure(NormFitPlan(nominal, frame_u_deg, parent), nominal)
-    raise CalibrationError(f"no method {method}; there are {', '.join(METHODS)}")
+    match method:
+        case PoseMethod.SIX_POSITION:
+            return PoseProcedure(SixPositionPlan(placement_u_deg), nominal)
+        case PoseMethod.NORM_FIT:
+            return PoseProcedure(NormFitPlan(nominal, frame_u_deg, parent), nominal)
+        case _:
+            raise CalibrationError(f"no method {method}; there are {', '.join(PoseMethod)}")

@@ -14,11 +14,11 @@ from devices.table import TableLayout, read_table
 from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import fit_norm
 from gateway.calibration.methods.six_position import fit_six_positions
-from gateway.calibration.methods.zeroing import zero
-from gateway.calibration.poses.faces import candidate_directions, face_of
+from gateway.calibration.methods.zeroing import zero_in_place
+from gateway.calibration.poses.faces import candidate_directions, find_face
+from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.poses.pose import Pose, RawReadings
-from gateway.calibration.poses.pose_finder import NominalSensitivity
-from gateway.calibration.procedures.procedure_factory import procedure_for
+from gateway.calibration.procedures.procedure_factory import make_procedure
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.record_factory import make_record
 
@@ -64,7 +64,7 @@ def _norm_fit(parent: CalibrationRecord | None) -> CalibrationFit:
     means = (directions @ GAIN.T + OFFSET_G + 2e-4 * random.standard_normal(directions.shape)) * UNITS_PER_G
     u = 1e-4 * UNITS_PER_G
     poses = tuple(
-        Pose((x, y, z), (u, u, u), 300, face_of(up), temperature_c=20.0 + place / 4, noise=(0.5, 0.5, 0.75), step=1.0)
+        Pose((x, y, z), (u, u, u), 300, find_face(up), temperature_c=20.0 + place / 4, noise=(0.5, 0.5, 0.75), step=1.0)
         for place, ((x, y, z), up) in enumerate(zip(means.tolist(), directions, strict=True))
     )
     return fit_norm(poses, UNITS_PER_G, parent=parent)
@@ -74,18 +74,20 @@ def _zero(parent: CalibrationRecord) -> CalibrationFit:
     random = np.random.default_rng(4)
     time_s = np.arange(2000) / 50
     force_g = np.array([0.03, -0.05, np.sqrt(1 - 0.03**2 - 0.05**2)]) + 1e-3 * random.standard_normal((2000, 3))
-    return zero(RawReadings(time_s, (force_g @ GAIN.T + OFFSET_G) * UNITS_PER_G, 22.0), parent, np.eye(3), UNITS_PER_G)
+    return zero_in_place(
+        RawReadings(time_s, (force_g @ GAIN.T + OFFSET_G) * UNITS_PER_G, 22.0), parent, np.eye(3), UNITS_PER_G
+    )
 
 
 def _table(number: int) -> tuple[Pose, ...]:
     """Poses of one of tables 1 to 5 of Łuczak et al. 2022."""
     u_v = TABLES["type_A_uncertainty_V"]
     means = [(row["U_x_V"], row["U_y_V"], row["U_z_V"]) for row in TABLES["tables_1_to_5"][number - 1]["positions"]]
-    return tuple(Pose(mean, (u_v, u_v, u_v), 300, face_of((np.array(mean) - 1.5) / 0.42)) for mean in means)
+    return tuple(Pose(mean, (u_v, u_v, u_v), 300, find_face((np.array(mean) - 1.5) / 0.42)) for mean in means)
 
 
 def _session(name: str, rate_hz: float, units_per_g: float) -> CalibrationFit:
-    procedure = procedure_for("six-position", NominalSensitivity(units_per_g))
+    procedure = make_procedure("six-position", NominalSensitivity(units_per_g))
     for readings in _readings(DATA / f"{name}.csv", rate_hz):
         procedure.feed(readings)
     return procedure.finish()

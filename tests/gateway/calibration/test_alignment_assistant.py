@@ -1,11 +1,12 @@
-"""Advice on live tilts: only of a calibrated sensor that hangs still, averaged, and settled before it says aligned."""
+"""The alignment assistant: advice only for a calibrated sensor that hangs still, from averaged angles."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
-from gateway.calibration.alignment.assistant import FEWEST, Aligning
+from gateway.calibration.alignment.assistant import MIN_TILTS, AlignmentAssistant, AlignmentView
 from gateway.calibration.alignment.screw_advice import ScrewMechanics
 from gateway.messages import Tilt
 
@@ -26,62 +27,70 @@ TILT = Tilt(
 )
 
 
-def advised(aligning, pitch_deg, roll_deg, noise_deg=0.0, tilts=FEWEST, **changes):
+def add_tilts(
+    assistant: AlignmentAssistant,
+    pitch_deg: float,
+    roll_deg: float,
+    noise_deg: float = 0.0,
+    tilts: int = MIN_TILTS,
+    **changes: Any,
+) -> AlignmentView:
+    """Add tilts at ten per second, and return the last view."""
     random = np.random.default_rng(1)
     for number in range(tilts):
         pitch, roll = (pitch_deg, roll_deg) + noise_deg * random.standard_normal(2)
-        view = aligning.add_samples(
+        view = assistant.add_tilt(
             replace(TILT, time_ns=number * 100_000_000, pitch_deg=float(pitch), roll_deg=float(roll), **changes)
         )
     return view
 
 
-def test_it_waits_for_an_average_and_then_names_screw_way_and_turns():
-    aligning = Aligning()
-    assert advised(aligning, 0.2, -1.5, tilts=FEWEST - 1).advice.state == "not_still"
-    view = advised(aligning, 0.2, -1.5, noise_deg=0.01, tilts=2)
+def test_it_waits_for_an_average_and_then_names_screw_direction_and_turns() -> None:
+    assistant = AlignmentAssistant()
+    assert add_tilts(assistant, 0.2, -1.5, tilts=MIN_TILTS - 1).advice.state == "not_still"
+    view = add_tilts(assistant, 0.2, -1.5, noise_deg=0.01, tilts=2)
     assert (view.advice.state, view.advice.screw, view.advice.direction) == ("turn", "roll", "in")
     assert view.advice.turns == pytest.approx(np.tan(np.radians(1.5)) * 80, rel=0.02)
     assert view.u_calibration_deg == TILT.u_deg
 
 
-def test_screws_that_work_the_other_way_round():
-    view = advised(Aligning(ScrewMechanics(roll_sign=-1)), 0.2, -1.5)
+def test_a_screw_of_the_other_sign_is_turned_the_other_way() -> None:
+    view = add_tilts(AlignmentAssistant(ScrewMechanics(roll_sign=-1)), 0.2, -1.5)
     assert view.advice.direction == "out"
 
 
-def test_aligned_is_said_of_settled_angles_alone():
-    assert advised(Aligning(), 0.01, -0.02).advice.state == "aligned"
-    assert advised(Aligning(), 0.01, -0.02, noise_deg=0.05, tilts=20).advice.state in ("too_noisy", "turn")
+def test_only_settled_angles_are_aligned() -> None:
+    assert add_tilts(AlignmentAssistant(), 0.01, -0.02).advice.state == "aligned"
+    assert add_tilts(AlignmentAssistant(), 0.01, -0.02, noise_deg=0.05, tilts=20).advice.state in ("too_noisy", "turn")
 
 
 @pytest.mark.parametrize(
-    ("changes", "said"),
+    ("changes", "text"),
     [
         ({"trusted": False}, "while the load moves"),
         ({"calibration_id": None}, "recalibrate first"),
         ({"trusted": False, "calibration_id": None}, "recalibrate first"),
     ],
 )
-def test_no_advice_without_rest_or_record(changes, said):
-    view = advised(Aligning(), 0.2, -1.5, **changes)
+def test_there_is_no_advice_without_rest_or_record(changes: dict[str, Any], text: str) -> None:
+    view = add_tilts(AlignmentAssistant(), 0.2, -1.5, **changes)
     assert (view.advice.state, view.advice.screw) == ("not_still", None)
-    assert said in view.advice.text
+    assert text in view.advice.text
 
 
-def test_a_housing_that_lies_on_a_table_is_not_told_to_turn_screws():
-    view = advised(Aligning(), 0.2, 89.0)
+def test_a_housing_that_does_not_hang_gets_no_advice() -> None:
+    view = add_tilts(AlignmentAssistant(), 0.2, 89.0)
     assert view.advice.screw is None
     assert "does not hang" in view.advice.text
 
 
-def test_angles_that_are_not_known_are_none():
-    view = Aligning().add_samples(replace(TILT, pitch_deg=None))
+def test_unknown_angles_are_none() -> None:
+    view = AlignmentAssistant().add_tilt(replace(TILT, pitch_deg=None))
     assert (view.pitch_deg, view.advice.state) == (None, "not_still")
 
 
-def test_what_was_read_before_a_movement_is_forgotten():
-    aligning = Aligning()
-    advised(aligning, 0.2, -1.5)
-    aligning.add_samples(replace(TILT, trusted=False))
-    assert aligning.add_samples(TILT).advice.state == "not_still"
+def test_angles_before_a_movement_are_discarded() -> None:
+    assistant = AlignmentAssistant()
+    add_tilts(assistant, 0.2, -1.5)
+    assistant.add_tilt(replace(TILT, trusted=False))
+    assert assistant.add_tilt(TILT).advice.state == "not_still"

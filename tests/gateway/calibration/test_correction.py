@@ -1,6 +1,8 @@
-"""From raw to specific force: records, factory records, datasheet."""
+"""The correction: from raw readings to specific force by a record, a factory record, or the data sheet."""
 
 import dataclasses
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,15 +10,17 @@ import pytest
 from devices.block import DeviceInfo
 from gateway.calibration.correction import correction_for
 from gateway.calibration.record import CalibrationError, CalibrationRecord
-from gateway.calibration.store import parse
+from gateway.calibration.store import parse_record
 
 AXES = ((0, 1), (1, 1), (2, 1))
 INFO = DeviceInfo(
     kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0, zero_g_offset_g=0.075
 )
 
+MakeContent = Callable[..., dict[str, Any]]
 
-def test_record_is_applied_as_the_interface_states(record):
+
+def test_a_record_is_applied_as_the_interface_states(record: MakeContent) -> None:
     stored = CalibrationRecord.model_validate(record())
     correction = correction_for(INFO, AXES, stored)
     raw = np.array([[100, 200, 1000], [-5, 0, 7]], dtype=np.int32)
@@ -27,16 +31,16 @@ def test_record_is_applied_as_the_interface_states(record):
     np.testing.assert_allclose(correction.u_scale_factor, [1e-3, 0, 0], atol=1e-12)
 
 
-def test_axes_map_turns_values_and_uncertainties(record):
-    turned = correction_for(INFO, ((1, -1), (0, 1), (2, 1)), CalibrationRecord.model_validate(record()))
+def test_the_axes_map_rotates_values_and_uncertainties(record: MakeContent) -> None:
+    rotated = correction_for(INFO, ((1, -1), (0, 1), (2, 1)), CalibrationRecord.model_validate(record()))
     straight = correction_for(INFO, AXES, CalibrationRecord.model_validate(record()))
     raw = np.array([[100, 200, 1000]], dtype=np.int32)
     x, y, z = straight.apply(raw)[0]
-    np.testing.assert_allclose(turned.apply(raw)[0], [-y, x, z])
-    np.testing.assert_allclose(turned.u_zero_g_offset_g, straight.u_zero_g_offset_g[[1, 0, 2]])
+    np.testing.assert_allclose(rotated.apply(raw)[0], [-y, x, z])
+    np.testing.assert_allclose(rotated.u_zero_g_offset_g, straight.u_zero_g_offset_g[[1, 0, 2]])
 
 
-def test_without_a_record_the_datasheet_limit_is_the_uncertainty():
+def test_without_a_record_the_limit_of_the_data_sheet_is_the_uncertainty() -> None:
     correction = correction_for(INFO, AXES, None)
     assert correction.status == "uncalibrated"
     assert correction.calibration_id is None
@@ -44,44 +48,45 @@ def test_without_a_record_the_datasheet_limit_is_the_uncertainty():
     np.testing.assert_allclose(correction.u_zero_g_offset_g, 0.075 / np.sqrt(3))
 
 
-def test_another_unit_is_refused(record):
+def test_a_record_in_another_unit_is_refused(record: MakeContent) -> None:
     with pytest.raises(CalibrationError, match="for raw input in V"):
         correction_for(INFO, AXES, CalibrationRecord.model_validate(record(unit="V")))
 
 
-def test_a_changed_record_is_refused(record):
+def test_a_changed_record_is_refused(record: MakeContent) -> None:
     changed = record() | {"offset": [0.0, 0.0, 0.0]}
     with pytest.raises(CalibrationError, match="sha256 does not match"):
-        parse(changed, "part-7", "x.json")
+        parse_record(changed, "part-7", "x.json")
 
 
-def test_how_the_axes_lie_counts_across_the_rope(record):
-    """A frame known to 0.5 degrees is 8.7 mg across the rope at rest, and nothing along it."""
+def test_the_attitude_of_the_axes_counts_across_the_rope_only(record: MakeContent) -> None:
+    """A frame with an uncertainty of 0.5 degrees is 8.7 mg across the rope at rest, and nothing along it."""
     covariance = np.zeros((12, 12))
     covariance[[2, 5], [2, 5]] = (np.radians(0.5) * 1e-3) ** 2  # of the entries that take z into x and y
     stored = CalibrationRecord.model_validate(record(covariance=covariance.tolist(), offset=[0.0, 0.0, 0.0]))
-    u = correction_for(INFO, AXES, stored).u_zero_g_offset_g
-    np.testing.assert_allclose(u, [np.radians(0.5) / 1.01, np.radians(0.5) / 1.01, 0], rtol=1e-2, atol=1e-9)
+    u_g = correction_for(INFO, AXES, stored).u_zero_g_offset_g
+    np.testing.assert_allclose(u_g, [np.radians(0.5) / 1.01, np.radians(0.5) / 1.01, 0], rtol=1e-2, atol=1e-9)
 
 
-def test_beyond_the_calibrated_temperatures_offset_and_scale_are_less_well_known(record):
-    """Type B of the datasheet's limits per kelvin, from the nearer end of the calibration's range on."""
+def test_the_uncertainty_grows_beyond_the_temperatures_of_the_calibration(record: MakeContent) -> None:
+    """Type B from the limits of the data sheet per kelvin, from the nearer end of the calibration's range."""
     info = dataclasses.replace(INFO, zero_g_offset_g_per_k=0.15e-3, scale_factor_per_k=1e-4)
-    made = record(temperature_c={"mean": 22.0, "min": 20.0, "max": 24.0})
-    correction = correction_for(info, AXES, CalibrationRecord.model_validate(made))
-    inside, at_34 = correction.beyond(correction.beyond_k(21.5)), correction.beyond(correction.beyond_k(34.0))
+    content = record(temperature_c={"mean": 22.0, "min": 20.0, "max": 24.0})
+    correction = correction_for(info, AXES, CalibrationRecord.model_validate(content))
+    inside = correction.widened_by(correction.kelvin_beyond(21.5))
+    at_34 = correction.widened_by(correction.kelvin_beyond(34.0))
 
     np.testing.assert_array_equal(inside.u_zero_g_offset_g, correction.u_zero_g_offset_g)
     added_g = np.sqrt(at_34.u_zero_g_offset_g**2 - correction.u_zero_g_offset_g**2)
     np.testing.assert_allclose(added_g, 10 * 0.15e-3 / np.sqrt(3))
     added = np.sqrt(at_34.u_scale_factor**2 - correction.u_scale_factor**2)
     np.testing.assert_allclose(added, 10 * 1e-4 / np.sqrt(3))
-    assert correction.beyond_k(14.2) == 6
+    assert correction.kelvin_beyond(14.2) == 6
     assert correction.range_warnings(22.0) == correction.range_warnings(None) == ()
     assert correction.range_warnings(34.0) == ("widened: at 34 °C, calibrated at 20 to 24 °C",)
     assert (correction.u_force_g(np.zeros(3), 34.0) > correction.u_force_g(np.zeros(3), 22.0)).all()
 
 
-def test_a_record_that_knows_no_temperature_says_nothing_of_it(record):
+def test_without_a_temperature_in_the_record_no_temperature_is_beyond_it(record: MakeContent) -> None:
     correction = correction_for(INFO, AXES, CalibrationRecord.model_validate(record(temperature_c=None)))
-    assert correction.beyond_k(60.0) == 0
+    assert correction.kelvin_beyond(60.0) == 0

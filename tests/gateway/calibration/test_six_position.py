@@ -1,4 +1,4 @@
-"""Six positions: the published tables, planted errors, and what is refused or flagged."""
+"""Six positions: the published tables, injected errors, missing faces and outliers."""
 
 import json
 from dataclasses import replace
@@ -7,35 +7,40 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gateway.calibration.methods.calibration_fit import OUTLIER
-from gateway.calibration.methods.face_outliers import changed_readings
-from gateway.calibration.methods.six_position import extremes, fit_six_positions, relative
-from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, face_of
-from gateway.calibration.poses.pose import Pose
+from gateway.calibration.methods.calibration_fit import FitWarning, WarningKind
+from gateway.calibration.methods.face_outliers import find_changed_readings
+from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, apply_extremes, find_extremes, fit_six_positions
+from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, find_face
+from gateway.calibration.poses.pose import Face, Pose
 from gateway.calibration.record import NotDeterminedError
+from gateway.numerics.array import Array
 
 TABLES = json.loads((Path(__file__).parents[2] / "data" / "calibration" / "luczak_2022_tables.json").read_text())
 TYPE_A_V = TABLES["type_A_uncertainty_V"]
 
 
-def table(number):
-    """Poses of one published table, faces found from the readings."""
+def table(number: int) -> tuple[Pose, ...]:
+    """Return the poses of one published table, with the faces found from the readings."""
     means = [(row["U_x_V"], row["U_y_V"], row["U_z_V"]) for row in TABLES["tables_1_to_5"][number - 1]["positions"]]
-    return tuple(Pose(mean, (TYPE_A_V,) * 3, 300, face_of((np.array(mean) - 1.5) / 0.42)) for mean in means)
+    return tuple(
+        Pose(mean, (TYPE_A_V, TYPE_A_V, TYPE_A_V), 300, find_face((np.array(mean) - 1.5) / 0.42)) for mean in means
+    )
 
 
-def published(name, number):
+def published(name: str, number: int) -> list[float]:
     row = TABLES[name][number - 1]
-    return [row["x"], row["y"], row["z"]]
+    return [float(row[axis]) for axis in "xyz"]
 
 
-def laid(gain, offset, tilts_deg=(), noise_u=1e-6):
-    """One pose a face of a sensor with this gain and offset in g; `tilts_deg` per face, a rotation vector."""
+def place_on_faces(
+    gain: Array, offset: Array, tilts_deg: Array | None = None, noise_u: float = 1e-6
+) -> tuple[Pose, ...]:
+    """Return one pose for each face of a sensor with this gain and offset in g; `tilts_deg` by face, a rotation vector."""
     poses = []
     for place, (face, up) in enumerate(FACE_DIRECTIONS.items()):
-        turn = np.radians(tilts_deg[place]) if len(tilts_deg) else np.zeros(3)
-        mean = gain @ (up + np.cross(turn, up)) + offset
-        poses.append(Pose(tuple(mean.tolist()), (noise_u,) * 3, 300, face))
+        turn = np.zeros(3) if tilts_deg is None else np.radians(tilts_deg[place])
+        x, y, z = (gain @ (up + np.cross(turn, up)) + offset).tolist()
+        poses.append(Pose((x, y, z), (noise_u, noise_u, noise_u), 300, face))
     return tuple(poses)
 
 
@@ -44,53 +49,55 @@ OFFSET = np.array([0.05, -0.05, 0.05])
 
 
 @pytest.mark.parametrize("number", [1, 2, 3, 4, 5])
-def test_published_offsets_and_scales(number):
-    found, fit = extremes(table(number)), fit_six_positions(table(number))
+def test_published_offsets_and_scale_factors_are_reproduced(number: int) -> None:
+    found, fit = find_extremes(table(number)), fit_six_positions(table(number))
     for offset in (found.offset, fit.offset):
         np.testing.assert_allclose(offset, published("table_6_offset_V", number), atol=1e-4)
     np.testing.assert_allclose(found.scale, published("table_7_scale_V_per_g", number), atol=1e-4)
     np.testing.assert_allclose(np.diag(np.linalg.inv(fit.correction_matrix)), found.scale, atol=1e-9)
-    np.testing.assert_allclose(found.u_a, TYPE_A_V / np.sqrt(2))
+    np.testing.assert_allclose(found.type_a, TYPE_A_V / np.sqrt(2))
 
 
-def test_misalignment_angles_of_table_1_with_the_pairs_from_the_data():
+def test_misalignment_angles_of_table_1_are_reproduced_with_the_pairs_from_the_data() -> None:
     found = fit_six_positions(table(1)).misalignment_deg
     expected = {"x": [1.318, -1.579], "y": [0.533, -3.211], "z": [1.065, -3.218]}
     for axis, angles in expected.items():
         np.testing.assert_allclose(found[axis], angles, atol=5e-4)
 
 
-def test_misalignment_angles_do_not_hang_on_the_order_of_the_poses():
+def test_misalignment_angles_do_not_depend_on_the_order_of_the_poses() -> None:
     assert fit_six_positions(table(1)[::-1]).misalignment_deg == fit_six_positions(table(1)).misalignment_deg
 
 
-def test_readings_in_g_without_misalignment_are_one_at_the_extremes():
+def test_readings_in_g_without_misalignment_are_one_at_the_extremes() -> None:
     poses = table(1)
-    found = relative(np.array([pose.mean for pose in poses]), extremes(poses))
+    found = apply_extremes(np.array([pose.mean for pose in poses]), find_extremes(poses))
     assert np.max(found, axis=0) == pytest.approx(1)
     assert np.min(found, axis=0) == pytest.approx(-1)
 
 
-def test_only_the_outlier_of_table_3_is_flagged():
+def test_only_the_outlier_of_table_3_is_flagged() -> None:
     flagged = {
-        number: [text for text in fit_six_positions(table(number)).warnings if text.startswith(OUTLIER)]
+        number: [
+            warning.text for warning in fit_six_positions(table(number)).warnings if warning.kind is WarningKind.OUTLIER
+        ]
         for number in range(1, 6)
     }
     assert [number for number, texts in flagged.items() if texts] == [3]
-    assert flagged[3] == [f"{OUTLIER} U_x stands 9.1 mg off the other positions with -y or +y up; lay that face again"]
+    assert flagged[3] == ["U_x stands 9.1 mg off the other positions with -y or +y up; lay that face again"]
 
 
-def test_an_earlier_session_tells_which_position_the_outlier_is():
+def test_an_earlier_session_decides_which_position_is_the_outlier() -> None:
     as_json = {number: tuple(pose.as_json() for pose in table(number)) for number in range(1, 6)}
     for old in (1, 2, 4, 5):
-        (text,) = changed_readings(as_json[3], as_json[old])
-        assert "U_x with +y up" in text
+        (warning,) = find_changed_readings(as_json[3], as_json[old], PLACEMENT_U_DEG)
+        assert "U_x with +y up" in warning.text
         for new in (1, 2, 4, 5):
-            assert changed_readings(as_json[new], as_json[old]) == []
+            assert find_changed_readings(as_json[new], as_json[old], PLACEMENT_U_DEG) == []
 
 
-def test_planted_errors_come_back_exactly():
-    fit = fit_six_positions(laid(GAIN, OFFSET))
+def test_injected_errors_are_recovered_exactly() -> None:
+    fit = fit_six_positions(place_on_faces(GAIN, OFFSET))
     np.testing.assert_allclose(fit.correction_matrix, np.linalg.inv(GAIN), atol=1e-9)
     np.testing.assert_allclose(fit.offset, OFFSET, atol=1e-9)
     assert fit.residual_rms_g < 1e-9
@@ -98,14 +105,14 @@ def test_planted_errors_come_back_exactly():
 
 
 @pytest.mark.parametrize("face", FACES)
-def test_a_missing_face_is_named(face):
-    poses = tuple(pose for pose in laid(GAIN, OFFSET) if pose.face != face)
+def test_a_missing_face_is_named(face: Face) -> None:
+    poses = tuple(pose for pose in place_on_faces(GAIN, OFFSET) if pose.face != face)
     with pytest.raises(NotDeterminedError, match=rf"face \{face} missing: lay the sensor with \{face} up"):
         fit_six_positions(poses)
 
 
-def test_repeats_are_averaged():
-    poses = laid(GAIN, OFFSET)
+def test_repeats_are_averaged() -> None:
+    poses = place_on_faces(GAIN, OFFSET)
     first = poses[0]
     higher = replace(first, mean=(first.mean[0] + 2e-4, *first.mean[1:]))
     both, averaged = (
@@ -116,9 +123,9 @@ def test_repeats_are_averaged():
     np.testing.assert_allclose(both.correction_matrix, averaged.correction_matrix, atol=1e-9)
 
 
-def test_placement_is_in_the_covariance_where_it_acts():
-    """Off-diagonal entries carry the placement of a pair, half of two; offset and scale hardly any."""
-    fit = fit_six_positions(laid(np.eye(3), np.zeros(3)), placement_u_deg=0.5)
+def test_placement_is_in_the_covariance_of_the_off_diagonal_entries() -> None:
+    """Off-diagonal entries contain the placement of a pair, half of two; offset and scale hardly any."""
+    fit = fit_six_positions(place_on_faces(np.eye(3), np.zeros(3)), placement_u_deg=0.5)
     u = np.sqrt(np.diag(fit.covariance))
     across = np.radians(0.5) / np.sqrt(2)
     np.testing.assert_allclose(u[[1, 2, 3, 5, 6, 7]], across, rtol=1e-3)
@@ -129,25 +136,26 @@ def test_placement_is_in_the_covariance_where_it_acts():
 
 
 @pytest.mark.slow
-def test_covariance_is_that_of_many_sessions():
+def test_the_covariance_is_that_of_many_sessions() -> None:
     """Monte Carlo of the placement alone, cross-axis included."""
     random = np.random.default_rng(5)
-    fits = [fit_six_positions(laid(GAIN, OFFSET, random.normal(0, 0.1, (6, 3)))) for _ in range(700)]
+    fits = [fit_six_positions(place_on_faces(GAIN, OFFSET, random.normal(0, 0.1, (6, 3)))) for _ in range(700)]
     found = np.array([[*fit.correction_matrix.ravel(), *fit.offset] for fit in fits]).std(axis=0)
     stated = np.sqrt(np.mean([np.diag(fit.covariance) for fit in fits], axis=0))
     np.testing.assert_allclose(found, stated, rtol=0.15)
 
 
-def test_faces_that_lay_worse_than_stated_widen_the_uncertainty():
+def test_a_placement_worse_than_stated_enlarges_the_uncertainty() -> None:
     random = np.random.default_rng(6)
-    fit = fit_six_positions(laid(GAIN, OFFSET, random.normal(0, 1.0, (6, 3))), placement_u_deg=0.1)
-    assert any("lay worse than the 0.1 deg stated" in text for text in fit.warnings)
+    fit = fit_six_positions(place_on_faces(GAIN, OFFSET, random.normal(0, 1.0, (6, 3))), placement_u_deg=0.1)
+    (warning,) = (warning for warning in fit.warnings if warning.kind is WarningKind.PLACEMENT)
+    assert "lay worse than the 0.1 deg stated" in warning.text
     assert np.sqrt(fit.covariance[1, 1]) > 3 * np.radians(0.1) / np.sqrt(2)
 
 
-def test_poses_on_no_face_are_left_out_and_told():
-    between = Pose((0.7, 0.7, 0.0), (1e-6,) * 3, 300, None, used=False)
-    fit = fit_six_positions((*laid(GAIN, OFFSET), between))
+def test_poses_on_no_face_are_not_used_and_reported() -> None:
+    between = Pose((0.7, 0.7, 0.0), (1e-6, 1e-6, 1e-6), 300, None, used=False)
+    fit = fit_six_positions((*place_on_faces(GAIN, OFFSET), between))
     np.testing.assert_allclose(fit.offset, OFFSET, atol=1e-9)
     assert fit.poses[-1] == between
-    assert "1 poses lay on no face and were not used" in fit.warnings
+    assert fit.warnings == (FitWarning(WarningKind.UNUSED_POSES, "1 poses lay on no face and were not used"),)

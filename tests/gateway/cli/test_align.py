@@ -11,7 +11,7 @@ import pytest
 from gateway.bus.client import GatewayClient
 from gateway.calibration.alignment.screw_advice import ScrewMechanics
 from gateway.cli import align as aligning
-from gateway.cli.align import SILENT, watch
+from gateway.cli.align import SILENCE_TEXT, show_advice
 from gateway.messages import Tilt
 from gateway.topics import encode
 
@@ -59,7 +59,7 @@ class Terminal(io.StringIO):
 
 @pytest.fixture(autouse=True)
 def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(aligning, "SILENT_S", 0.01)
+    monkeypatch.setattr(aligning, "SILENCE_S", 0.01)
     monkeypatch.setattr(time, "sleep", lambda _: None)
 
 
@@ -70,7 +70,7 @@ ALIGNED = [tilt(number, 0.01, 0.02) for number in range(60, 80)]
 
 def test_it_ends_when_both_are_aligned_and_says_how_well_that_is_known() -> None:
     out = io.StringIO()
-    assert watch(ScriptedGateway([*MOVING, *TURN, *ALIGNED]), ScrewMechanics(), out) == 0
+    assert show_advice(ScriptedGateway([*MOVING, *TURN, *ALIGNED]), ScrewMechanics(), out) == 0
     lines = out.getvalue().splitlines()
     assert len(lines) == 5  # moves, is averaged, is to be turned, is averaged, is aligned
     assert "no advice while the load moves" in lines[0]
@@ -81,14 +81,14 @@ def test_it_ends_when_both_are_aligned_and_says_how_well_that_is_known() -> None
 
 def test_a_lost_gateway_is_waited_for() -> None:
     gateway, out = ScriptedGateway(TURN, ALIGNED), io.StringIO()
-    assert watch(gateway, ScrewMechanics(), out) == 0
-    assert out.getvalue().count(SILENT) == 1
+    assert show_advice(gateway, ScrewMechanics(), out) == 0
+    assert out.getvalue().count(SILENCE_TEXT) == 1
     assert gateway.reconnects == 2
 
 
 def test_a_terminal_gets_one_line_that_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "60")
     out = Terminal()
-    assert watch(ScriptedGateway([*TURN, *ALIGNED]), ScrewMechanics(), out) == 0
+    assert show_advice(ScriptedGateway([*TURN, *ALIGNED]), ScrewMechanics(), out) == 0
     *moving, _last, _end = out.getvalue().split("\r\x1b[K")
     assert max(map(len, moving)) <= 59

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gateway.calibration.poses.pose_finder import NominalSensitivity
-from gateway.calibration.procedures.procedure_factory import procedure_for
+from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
+from gateway.calibration.procedures.procedure_factory import make_procedure
 from gateway.calibration.record import CalibrationRecord
 from gateway.cli.main import main
 from tests.benchmarks.calibration_sessions import (
@@ -73,7 +73,7 @@ def test_it_makes_the_record_that_the_live_session_makes(
         tmp_path, method, path, "--units-per-g", 256000, "--device-id", "adxl355-1d", "--by", "Ada"
     )
     assert code == 0
-    live = procedure_for(method, NominalSensitivity(256000.0))
+    live = make_procedure(method, NominalSensitivity(256000.0))
     for readings in blocks(counts, size=32):
         live.feed(readings)
     fit = live.finish()

@@ -92,7 +92,7 @@ def test_a_sensor_that_drifted_out_of_its_interval_is_warned_of_though_it_is_nev
     assert "static" not in {condition.verdict for condition in crane.out["condition"]}
     warned = calibration_of(crane.alert)
     assert warned.level == "warn"
-    assert "left 1 g" in warned.text
+    assert "deviates from 1 g" in warned.text
     assert "calibrate" in warned.text
     raised = [alert for alert in crane.out["alert"] if alert.rule == "calibration"]
     assert [alert.event for alert in raised] == ["raised"]

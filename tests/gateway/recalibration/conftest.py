@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo, SampleBlock
+from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.poses.pose import Pose
-from gateway.calibration.procedures.pose_procedure import Progress
+from gateway.calibration.procedures.pose_procedure import PoseProgress
 from gateway.calibration.store import CalibrationStore
 from gateway.recalibration.recalibration import Recalibration
-from gateway.recalibration.session import Judgement
 from gateway.recalibration.timestamp import Timestamp
 
 START_NS = 1_767_225_600_000_000_000
@@ -49,7 +49,9 @@ class ScriptedProcedure:
 
     def progress(self):
         complete = len(self._poses) >= WANTED
-        return Progress(self._poses, WANTED, True, 0.5, 1.5, None if complete else "+x", None, complete, "hold still")
+        return PoseProgress(
+            self._poses, WANTED, True, 0.5, 1.5, None if complete else "+x", None, complete, "hold still"
+        )
 
     def resume(self, poses):
         self._poses = tuple(poses)
@@ -64,7 +66,7 @@ class ScriptedProcedure:
 class Script:
     """`Methods` whose outcome a test chooses."""
 
-    judgement: Judgement = field(default_factory=Judgement)
+    judgement: Acceptance = field(default_factory=Acceptance)
     error: Exception | None = None
 
     def procedure(self, method, _device, _parent):

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.record import CalibrationError
-from gateway.recalibration.session import IDLE_S, REVIEW_S, WHOLE_S, Judgement
+from gateway.recalibration.session import IDLE_S, REVIEW_S, WHOLE_S
 
 
 def test_the_whole_way(site):
@@ -125,7 +126,7 @@ def test_commit_needs_a_review_and_the_record_that_was_reviewed(site):
 
 
 def test_limits_that_are_not_met_are_no_matter_of_reasons(site):
-    site.script.judgement = Judgement(refused=("residual too large",))
+    site.script.judgement = Acceptance(refused=("residual too large",))
     site.review()
     answer = site.ask("commit", reason="because")
     assert (answer.accepted, answer.text) == (False, "residual too large")
@@ -134,7 +135,7 @@ def test_limits_that_are_not_met_are_no_matter_of_reasons(site):
 
 
 def test_implausible_drift_asks_for_a_reason(site):
-    site.script.judgement = Judgement(implausible=("offset x moved by 60 mg",))
+    site.script.judgement = Acceptance(implausible=("offset x moved by 60 mg",))
     site.review()
     assert "give a reason" in site.ask("commit", reason="  ").text
     assert site.in_force is None
@@ -177,7 +178,7 @@ def test_zero_needs_a_record_and_a_load_that_hangs_still(site):
     assert (zeroed.method, zeroed.parent, zeroed.by) == ("zero", parent, "bob")
     assert site.session.phase == "committed"
     site.hang_still()
-    site.script.judgement = Judgement(implausible=("turned by 4 deg",))
+    site.script.judgement = Acceptance(implausible=("turned by 4 deg",))
     assert "give a reason" in site.ask("zero").text
     assert site.ask("zero", reason="new clamp").accepted
 

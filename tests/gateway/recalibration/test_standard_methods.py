@@ -7,9 +7,9 @@ import pytest
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.simulated.accelerometer import Accelerometer, typical_errors
+from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.poses.pose import RawReadings
-from gateway.calibration.poses.pose_finder import NominalSensitivity
-from gateway.calibration.procedures.procedure_factory import procedure_for
+from gateway.calibration.procedures.procedure_factory import make_procedure
 from gateway.calibration.record import CalibrationRecord
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.standard import StandardMethods
@@ -84,7 +84,7 @@ def test_turned_as_asked_the_planted_errors_are_found(bench, method):
 
 def offline(method, blocks, parent=None):
     """The fit of the same readings in one piece."""
-    procedure = procedure_for(method, NominalSensitivity(INFO.units_per_g), parent=parent)
+    procedure = make_procedure(method, NominalSensitivity(INFO.units_per_g), parent=parent)
     time_s = (np.concatenate([block.time_ns for block in blocks]) - blocks[0].time_ns[0]) * 1e-9
     procedure.feed(RawReadings(time_s, np.concatenate([block.raw for block in blocks]).astype(np.float64)))
     return procedure.finish()

@@ -1,0 +1,16 @@
+"""Names of the calibration methods in records, in requests and on the command line."""
+
+from enum import StrEnum
+
+
+class PoseMethod(StrEnum):
+    """A calibration method that fits resting poses; a session and `plumbline calibrate` offer it."""
+
+    SIX_POSITION = "six-position"
+    NORM_FIT = "norm-fit"
+
+
+ZEROING = "zero"
+"""Method of a record that zeroing in place has made from its parent."""
+ROTATION = "rotation"
+"""Method of records from a turntable, made elsewhere."""
