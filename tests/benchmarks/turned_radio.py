@@ -7,8 +7,10 @@ import threading
 import time
 import tty
 from contextlib import suppress
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 RATE_HZ = 400
 BURST = 4
@@ -29,7 +31,7 @@ FACES = {
 class TurnedRadio:
     """A WitMotion receiver on a pseudo-terminal whose sensor somebody turns."""
 
-    def __init__(self, link):
+    def __init__(self, link: Path) -> None:
         self.link = link
         self.force_g = np.array([0.0, 0.0, 1.0])
         self._random = np.random.default_rng(3)
@@ -41,7 +43,7 @@ class TurnedRadio:
         self._sender = threading.Thread(target=self._send)
         self._sender.start()
 
-    def _send(self):
+    def _send(self) -> None:
         due_s = time.monotonic()
         while not self._stopping.is_set():
             reading_g = GAIN @ self.force_g + OFFSET_G + self._random.normal(0, NOISE_G, (BURST, 3))
@@ -52,14 +54,14 @@ class TurnedRadio:
             time.sleep(max(0.0, due_s - time.monotonic()))
 
     @staticmethod
-    def _frame(words):
+    def _frame(words: NDArray[np.int64]) -> bytes:
         head = struct.pack("<BB4h", 0x55, 0x51, *words, 2500)
         return head + bytes([sum(head) & 0xFF])
 
-    def turn(self, face):
+    def turn(self, face: str) -> None:
         self.force_g = np.array(FACES[face], dtype=float)
 
-    def close(self):
+    def close(self) -> None:
         self._stopping.set()
         self._sender.join()
         os.close(self._slave)

@@ -6,23 +6,34 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, Protocol
 
 import pytest
 import zenoh
 
 from tests.ports import unused_port
+from tests.waiting import PATIENCE_S
 
 ROOT = Path(__file__).parents[2]
-PATIENCE_S = 20.0
 
 
 class RunningGateway:
     """`plumbline run` with its own data folder, bus and page."""
 
-    def __init__(self, folder, toml="", page=False, arguments=(), prefix=(), environment=None):
+    def __init__(
+        self,
+        folder: Path,
+        toml: str = "",
+        page: bool = False,
+        arguments: Sequence[str] = (),
+        prefix: Sequence[str] = (),
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
         self.data_dir = folder / "data"
         self.bus_port, self.page_port = unused_port(), unused_port()
         self.endpoint = f"tcp/127.0.0.1:{self.bus_port}"
@@ -44,12 +55,12 @@ class RunningGateway:
             text=True,
         )
 
-    def wait(self, timeout_s=PATIENCE_S):
+    def wait(self, timeout_s: float = PATIENCE_S) -> tuple[int, str, str]:
         """(exit code, standard output, standard error)."""
         out, err = self.process.communicate(timeout=timeout_s)
         return self.process.returncode, out, err
 
-    def stop(self, name=signal.SIGTERM):
+    def stop(self, name: signal.Signals = signal.SIGTERM) -> tuple[int, float, str]:
         """Signal it; (exit code, seconds that it took, standard error)."""
         self.process.send_signal(name)
         begun_s = time.monotonic()
@@ -57,50 +68,73 @@ class RunningGateway:
         return code, time.monotonic() - begun_s, err
 
     @property
-    def recordings(self):
+    def recordings(self) -> list[Path]:
         return sorted(self.data_dir.glob("*.mcap"))
 
 
 class BusPeer:
     """A second party on the bus that keeps what it hears."""
 
-    def __init__(self, endpoint, key="plumbline/v1/**"):
+    def __init__(self, endpoint: str, key: str = "plumbline/v1/**") -> None:
         config = zenoh.Config()
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", json.dumps([endpoint]))
         config.insert_json5("connect/timeout_ms", "15000")
         config.insert_json5("scouting/multicast/enabled", "false")
         self.session = zenoh.open(config)
-        self.heard = []
+        self.heard: list[tuple[int, str, bytes]] = []
+        self._news = threading.Condition()
         self._subscriber = self.session.declare_subscriber(key, self._hear)
 
-    def _hear(self, sample):
-        self.heard.append((time.time_ns(), str(sample.key_expr), sample.payload.to_bytes()))
+    def _hear(self, sample: zenoh.Sample) -> None:
+        with self._news:
+            self.heard.append((time.time_ns(), str(sample.key_expr), sample.payload.to_bytes()))
+            self._news.notify_all()
 
-    def messages(self, topic):
+    def messages(self, topic: str) -> list[Any]:
         return [json.loads(payload) for _, key, payload in list(self.heard) if key.endswith(f"/{topic}")]
 
-    def wait_for(self, topic, wanted=lambda _: True, timeout_s=PATIENCE_S):
+    def wait_for(
+        self, topic: str, wanted: Callable[[Any], object] = lambda _: True, timeout_s: float = PATIENCE_S
+    ) -> Any:
         """The first message of a topic that is wanted."""
         deadline = time.monotonic() + timeout_s
-        while time.monotonic() < deadline:
-            for message in self.messages(topic):
-                if wanted(message):
+        seen = 0
+        while True:
+            with self._news:
+                while len(self.heard) == seen:
+                    left_s = deadline - time.monotonic()
+                    assert left_s > 0, f"no such message of {topic} in {timeout_s} s; heard {seen}"
+                    self._news.wait(left_s)
+                news, seen = self.heard[seen:], len(self.heard)
+            for _, key, payload in news:
+                if key.endswith(f"/{topic}") and wanted(message := json.loads(payload)):
                     return message
-            time.sleep(0.02)
-        raise AssertionError(f"no such message of {topic} in {timeout_s} s; heard {len(self.heard)}")
 
-    def close(self):
+    def close(self) -> None:
         self._subscriber.undeclare()
         self.session.close()
 
 
-@pytest.fixture
-def start_gateway(tmp_path):
-    """Starts gateways that do not outlive the test."""
-    running = []
+StartGateway = Callable[..., RunningGateway]
+"""Starts a gateway with the arguments of `RunningGateway` but the folder."""
+JoinBus = Callable[[str], BusPeer]
 
-    def start(*arguments, **options):
+
+class Plumbline(Protocol):
+    """Run a command to its end."""
+
+    def __call__(
+        self, *arguments: str | Path, timeout_s: float = 60.0, cwd: Path = ROOT
+    ) -> subprocess.CompletedProcess[str]: ...
+
+
+@pytest.fixture
+def start_gateway(tmp_path: Path) -> Iterator[StartGateway]:
+    """Starts gateways that do not outlive the test."""
+    running: list[RunningGateway] = []
+
+    def start(*arguments: Any, **options: Any) -> RunningGateway:
         running.append(RunningGateway(tmp_path, *arguments, **options))
         return running[-1]
 
@@ -112,11 +146,11 @@ def start_gateway(tmp_path):
 
 
 @pytest.fixture
-def join_bus():
+def join_bus() -> Iterator[JoinBus]:
     """Joins buses, and leaves them after the test."""
-    peers = []
+    peers: list[BusPeer] = []
 
-    def join(endpoint):
+    def join(endpoint: str) -> BusPeer:
         peers.append(BusPeer(endpoint))
         return peers[-1]
 
@@ -126,10 +160,8 @@ def join_bus():
 
 
 @pytest.fixture
-def plumbline():
-    """Runs a command to its end."""
-
-    def run(*arguments, timeout_s=60.0, cwd=ROOT):
+def plumbline() -> Plumbline:
+    def run(*arguments: str | Path, timeout_s: float = 60.0, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             [sys.executable, "-m", "gateway", *map(str, arguments)],
             cwd=cwd,
@@ -144,6 +176,6 @@ def plumbline():
 
 
 @contextmanager
-def listening_on(port):
+def listening_on(port: int) -> Iterator[None]:
     with socket.create_server(("127.0.0.1", port)):
         yield

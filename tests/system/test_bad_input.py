@@ -1,16 +1,15 @@
 """Bad input: one clear line that names the place and the mend, exit code 2, nothing left behind."""
 
 import json
-import time
+from pathlib import Path
 
 import pytest
 
 from gateway.recording.info import summarise
+from tests.system.conftest import JoinBus, Plumbline, StartGateway, listening_on
 
-from .conftest import listening_on
 
-
-def one_line(err):
+def one_line(err: str) -> str:
     lines = err.strip().splitlines()
     assert len(lines) == 1, err
     assert "Traceback" not in err
@@ -29,7 +28,7 @@ REFUSED = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", REFUSED)
-def test_refused_at_start(start_gateway, case):
+def test_refused_at_start(start_gateway: StartGateway, case: str) -> None:
     toml, expected = REFUSED[case]
     gateway = start_gateway(toml)
     code, out, err = gateway.wait()
@@ -40,7 +39,7 @@ def test_refused_at_start(start_gateway, case):
 
 
 @pytest.mark.slow
-def test_second_instance_on_the_same_data(start_gateway, join_bus):
+def test_second_instance_on_the_same_data(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     first = start_gateway()
     join_bus(first.endpoint).wait_for("health")
     second = start_gateway()
@@ -51,7 +50,7 @@ def test_second_instance_on_the_same_data(start_gateway, join_bus):
 
 
 @pytest.mark.slow
-def test_occupied_ports(start_gateway, tmp_path):
+def test_occupied_ports(start_gateway: StartGateway, tmp_path: Path) -> None:
     for page in (False, True):
         gateway = start_gateway(page=page)
         gateway.process.kill()
@@ -68,20 +67,19 @@ def test_occupied_ports(start_gateway, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_full_disk_stops_the_recording_and_not_the_gateway(start_gateway, join_bus):
+def test_a_full_disk_stops_the_recording_and_not_the_gateway(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     """The kernel's limit on file size stands in for a disk without room: writes fail at the outermost call."""
     gateway = start_gateway(
         "[device]\nodr_hz = 4000\nblock_samples = 32\n",
-        prefix=("sh", "-c", 'ulimit -f 256; exec "$@"', "sh"),  # blocks of 512 bytes: 128 KiB, beyond the first sync
+        prefix=("sh", "-c", 'ulimit -f 512; exec "$@"', "sh"),  # blocks of 512 bytes: 256 KiB, beyond the first sync
     )
     peer = join_bus(gateway.endpoint)
     said = peer.wait_for("health", lambda message: message["recording_error"])
     assert "recording to" in said["recording_error"]
     later = peer.wait_for("health", lambda message: message["faults"].get("samples_not_recorded", 0) > 0)
     assert later["state"] == "running"
-    tilts = len(peer.messages("tilt"))
-    time.sleep(1.0)
-    assert len(peer.messages("tilt")) > tilts
+    last_ns = peer.messages("tilt")[-1]["time_ns"]
+    peer.wait_for("tilt", lambda message: message["time_ns"] > last_ns + 1e9)
     code, seconds, err = gateway.stop()
     assert code == 3
     assert "samples could not be recorded" in err
@@ -104,14 +102,14 @@ CLI_REFUSED = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CLI_REFUSED)
-def test_commands_refuse(plumbline, case):
+def test_commands_refuse(plumbline: Plumbline, case: str) -> None:
     arguments, expected = CLI_REFUSED[case]
     done = plumbline(*arguments)
     assert done.returncode == 2
     assert expected in one_line(done.stderr)
 
 
-def test_usage_errors_are_two_as_well(plumbline):
+def test_usage_errors_are_two_as_well(plumbline: Plumbline) -> None:
     assert plumbline("run", "--duration", "-1").returncode == 2
     assert plumbline("nonsense").returncode == 2
 
@@ -138,7 +136,7 @@ def test_usage_errors_are_two_as_well(plumbline):
         ["doctor"],
     ],
 )
-def test_every_command_has_help_with_an_example(plumbline, command):
+def test_every_command_has_help_with_an_example(plumbline: Plumbline, command: list[str]) -> None:
     done = plumbline(*command, "--help")
     assert done.returncode == 0
     assert "example" in done.stdout

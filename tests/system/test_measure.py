@@ -2,12 +2,14 @@
 
 import json
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
+from tests.system.conftest import Plumbline, StartGateway
 
 pytestmark = pytest.mark.slow
 
@@ -26,7 +28,7 @@ gravity_m_s2 = 9.80665
 """
 
 
-def write_recording(path, angle_deg, seconds=40.0):
+def write_recording(path: Path, angle_deg: float, seconds: float = 40.0) -> None:
     crane = Crane(
         length_m=LENGTH_M,
         position_m=POSITION_M,
@@ -41,7 +43,9 @@ def write_recording(path, angle_deg, seconds=40.0):
 
 
 @pytest.mark.parametrize("angle_deg", [2.0, 10.0])
-def test_mid_rope_swing_is_right_where_the_formulas_are_not(plumbline, tmp_path, angle_deg):
+def test_mid_rope_swing_is_right_where_the_formulas_are_not(
+    plumbline: Plumbline, tmp_path: Path, angle_deg: float
+) -> None:
     write_recording(tmp_path / "log.csv", angle_deg)
     (tmp_path / "rig.toml").write_text(RIG)
     done = plumbline("measure", tmp_path / "log.csv", "--rig", tmp_path / "rig.toml", "--json", tmp_path / "out.json")
@@ -62,7 +66,7 @@ def test_mid_rope_swing_is_right_where_the_formulas_are_not(plumbline, tmp_path,
     assert set(found["tilt"]) == {"pitch_deg", "roll_deg", "axial_deg", "plain_pitch_deg", "plain_roll_deg"}
 
 
-def test_rest_is_no_swing_with_an_upper_bound(plumbline, tmp_path):
+def test_rest_is_no_swing_with_an_upper_bound(plumbline: Plumbline, tmp_path: Path) -> None:
     write_recording(tmp_path / "log.csv", 0.0)
     (tmp_path / "rig.toml").write_text(RIG)
     plumbline("measure", tmp_path / "log.csv", "--rig", tmp_path / "rig.toml", "--json", tmp_path / "out.json")
@@ -72,14 +76,14 @@ def test_rest_is_no_swing_with_an_upper_bound(plumbline, tmp_path):
     assert found["conditions"]["verdict"] == "static"
 
 
-def test_without_a_rig_the_swing_is_unknown_and_says_why(plumbline, tmp_path):
+def test_without_a_rig_the_swing_is_unknown_and_says_why(plumbline: Plumbline, tmp_path: Path) -> None:
     write_recording(tmp_path / "log.csv", 5.0)
     done = plumbline("measure", tmp_path / "log.csv")
     assert done.returncode == 0
     assert "unknown (where the housing is on the rope is not known: give --rig)" in done.stdout
 
 
-def test_the_gateways_recording_needs_no_rig(start_gateway, plumbline, tmp_path):
+def test_the_gateways_recording_needs_no_rig(start_gateway: StartGateway, plumbline: Plumbline, tmp_path: Path) -> None:
     gateway = start_gateway(arguments=("--duration", "9"))
     assert gateway.wait()[0] == 0
     done = plumbline("measure", *gateway.recordings, "--json", tmp_path / "out.json")
@@ -90,7 +94,9 @@ def test_the_gateways_recording_needs_no_rig(start_gateway, plumbline, tmp_path)
 
 
 @pytest.mark.parametrize(("turning_dps", "verdict"), [(0.0, "static"), (10.0, "disturbed")])
-def test_angular_rates_of_a_recording_are_judged_too(plumbline, tmp_path, turning_dps, verdict):
+def test_angular_rates_of_a_recording_are_judged_too(
+    plumbline: Plumbline, tmp_path: Path, turning_dps: float, verdict: str
+) -> None:
     write_recording(tmp_path / "log.csv", 0.0, seconds=20.0)
     header, *rows = (tmp_path / "log.csv").read_text().splitlines()
     lines = [f"{header},gx_dps,gy_dps,gz_dps", *(f"{row},0.01,-0.02,{turning_dps}" for row in rows)]

@@ -7,19 +7,25 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+import zenoh
 from mcap.reader import make_reader
 
 from devices.replay import table_info
 from devices.table import TableLayout, read_table
+from gateway import messages
 from gateway.calibration.record_factory import add_content_hash
 from gateway.calibration.store import CalibrationStore
 from gateway.recording.reader import open_recording
 from tests.benchmarks.turned_radio import COUNTS_PER_G, FACES, GAIN, NOISE_G, OFFSET_G, TurnedRadio
+from tests.system.conftest import BusPeer, JoinBus, Plumbline, StartGateway
+from tests.values import present
 
 pytestmark = pytest.mark.slow
 
@@ -30,7 +36,7 @@ TOML += "[recorder]\nsegment_s = 1\nfsync_s = 0.2\n"
 
 
 @pytest.fixture
-def radio(tmp_path):
+def radio(tmp_path: Path) -> Iterator[TurnedRadio]:
     made = TurnedRadio(tmp_path / "radio")
     yield made
     made.close()
@@ -39,66 +45,74 @@ def radio(tmp_path):
 class Site:
     """A gateway with the radio, killed and started again at will, and the command line of somebody far away."""
 
-    def __init__(self, start_gateway, join_bus, radio, serial="hook-7"):
-        self._start, self._join, self.radio, self._serial = start_gateway, join_bus, radio, serial
-        self.gateway = None
-        self.endpoint = None
-        self.start()
+    def __init__(self, start_gateway: StartGateway, join_bus: JoinBus, radio: TurnedRadio) -> None:
+        self._start, self._join, self.radio = start_gateway, join_bus, radio
+        self.gateway = start_gateway(self._toml("hook-7"))
+        self.endpoint: str = self.gateway.endpoint
+        self._listen()
 
-    def start(self, serial=None):
-        toml = TOML.format(port=self.radio.link, serial=serial or self._serial)
-        environment = {} if self.endpoint is None else {"PLUMBLINE_BUS__LISTEN": json.dumps([self.endpoint])}
-        self.gateway = self._start(toml, environment=environment)
-        self.endpoint = self.endpoint or self.gateway.endpoint
+    def _toml(self, serial: str) -> str:
+        return TOML.format(port=self.radio.link, serial=serial)
+
+    def start(self, serial: str = "hook-7") -> None:
+        environment = {"PLUMBLINE_BUS__LISTEN": json.dumps([self.endpoint])}
+        self.gateway = self._start(self._toml(serial), environment=environment)
+        self._listen()
+
+    def _listen(self) -> None:
         self.peer = self._join(self.endpoint)
         self.peer.wait_for("health")
 
-    def kill(self):
+    def kill(self) -> None:
         self.gateway.process.kill()
         self.gateway.process.communicate()
 
-    def command(self, *arguments):
+    def command(self, *arguments: str) -> list[str]:
         return [*REMOTE, *arguments, "--connect", self.endpoint]
 
-    def remote(self, *arguments):
+    def remote(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             self.command(*arguments), cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
         )
 
-    def follow(self, *arguments):
+    def follow(self, *arguments: str) -> subprocess.Popen[str]:
         """Begin to run a command that takes a while."""
         return subprocess.Popen(
             self.command(*arguments), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
 
-    def wait_session(self, wanted):
+    def wait_session(self, wanted: Callable[[Any], bool]) -> Any:
         return self.peer.wait_for("calibration", lambda message: wanted(message["session"]))["session"]
 
-    def take(self, face, poses):
+    def take(self, face: str, poses: int) -> Any:
         self.radio.turn(face)
         return self.wait_session(lambda session: len(session["poses"]) >= poses or session["phase"] == "review")
 
-    def next_segment(self, calibration_id):
+    def next_segment(self, calibration_id: str | None) -> Path:
         """The first segment that begins from now on, once messages of this calibration are in it."""
         now = self.gateway.recordings[-1]
         return Path(
             self.peer.wait_for(
                 "health",
-                lambda health: health["calibration_id"] == calibration_id and Path(health["recording"]) > now,
+                lambda health: (
+                    health["calibration_id"] == calibration_id
+                    and health["recording"] is not None
+                    and Path(health["recording"]) > now
+                ),
             )["recording"]
         )
 
     @property
-    def data_dir(self):
+    def data_dir(self) -> Path:
         return self.gateway.data_dir
 
 
 @pytest.fixture
-def site(start_gateway, join_bus, radio):
+def site(start_gateway: StartGateway, join_bus: JoinBus, radio: TurnedRadio) -> Site:
     return Site(start_gateway, join_bus, radio)
 
 
-def test_a_session_from_request_to_record_over_a_kill(site, tmp_path):
+def test_a_session_from_request_to_record_over_a_kill(site: Site, tmp_path: Path) -> None:
     assert site.remote("commit", "--by", "ann").returncode == 1  # nothing is in review
     follower = site.follow("recalibrate", "--by", "ann", "--housing-off-rope")
     site.wait_session(lambda session: session["phase"] == "collecting")
@@ -163,11 +177,11 @@ def test_a_session_from_request_to_record_over_a_kill(site, tmp_path):
     assert b"Calibration certificate" in kept[f"calibration-{record['id']}.html"]
     assert not [name for name in none if name.startswith("calibration-")]
     lines = [
-        file.decode(message).message
+        decoded.message
         for path in site.gateway.recordings
         for file in [open_recording(path)]
         for message in file.messages()
-        if message.topic == "/log"
+        if isinstance(decoded := file.decode(message), messages.Log)
     ]
     assert sum('"verb": "commit"' in line for line in lines) == 2
     told = [line.partition("in force: ")[2] for line in lines if "calibration in force: " in line]
@@ -175,19 +189,29 @@ def test_a_session_from_request_to_record_over_a_kill(site, tmp_path):
     assert [record["id"] in line for line in told[-2:]] == [True, False]
 
 
-def attached(path):
+def attached(path: Path) -> dict[str, bytes]:
     """Content of each attachment of a closed recording, by name."""
     with path.open("rb") as file:
         return {one.name: one.data for one in make_reader(file).iter_attachments()}
 
 
-def query(peer, verb, payload, key="plumbline/v1/demo-site/crane-1/hook-1"):
+def query(
+    peer: BusPeer, verb: str, payload: bytes | None, key: str = "plumbline/v1/demo-site/crane-1/hook-1"
+) -> list[tuple[bool, Any]]:
     """(accepted, content) of every answer."""
     replies = peer.session.get(f"{key}/rpc/{verb}", payload=payload, timeout=5)
-    return [(reply.ok is not None, json.loads((reply.ok or reply.err).payload.to_bytes())) for reply in replies]
+    return [(reply.ok is not None, _content(reply)) for reply in replies]
 
 
-def test_what_is_no_request_is_refused_with_a_reason_and_nothing_happens(start_gateway, join_bus):
+def _content(reply: zenoh.Reply) -> Any:
+    if reply.ok is not None:
+        return json.loads(reply.ok.payload.to_bytes())
+    return json.loads(present(reply.err).payload.to_bytes())
+
+
+def test_what_is_no_request_is_refused_with_a_reason_and_nothing_happens(
+    start_gateway: StartGateway, join_bus: JoinBus
+) -> None:
     gateway = start_gateway()
     peer = join_bus(gateway.endpoint)
     peer.wait_for("health")
@@ -214,7 +238,7 @@ def test_what_is_no_request_is_refused_with_a_reason_and_nothing_happens(start_g
     assert gateway.process.poll() is None
 
 
-def test_ctrl_c_leaves_the_session_to_whoever_follows_it_next(start_gateway, join_bus):
+def test_ctrl_c_leaves_the_session_to_whoever_follows_it_next(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     gateway = start_gateway()
     peer = join_bus(gateway.endpoint)
     peer.wait_for("health")
@@ -222,13 +246,13 @@ def test_ctrl_c_leaves_the_session_to_whoever_follows_it_next(start_gateway, joi
     follower = subprocess.Popen(
         [*command, "--by", "ann", "--housing-off-rope"], cwd=ROOT, stdout=subprocess.PIPE, text=True
     )
-    assert "recalibrate: collecting" in follower.stdout.readline()
-    assert "poses" in follower.stdout.readline()
+    assert "recalibrate: collecting" in present(follower.stdout).readline()
+    assert "poses" in present(follower.stdout).readline()
     follower.send_signal(signal.SIGINT)
     out, _ = follower.communicate(timeout=20)
     assert "the session goes on" in out
     again = subprocess.Popen([*command, "--follow"], cwd=ROOT, stdout=subprocess.PIPE, text=True)
-    assert "0 of 6 poses" in again.stdout.readline()
+    assert "0 of 6 poses" in present(again.stdout).readline()
     ((accepted, _),) = query(peer, "cancel", b'{"id": "request-1", "by": "bob"}')
     assert accepted
     out, _ = again.communicate(timeout=20)
@@ -239,16 +263,16 @@ def test_ctrl_c_leaves_the_session_to_whoever_follows_it_next(start_gateway, joi
 class Line:
     """A line between the office and the gateway that can be cut and mended."""
 
-    def __init__(self, endpoint):
+    def __init__(self, endpoint: str) -> None:
         self._target = ("127.0.0.1", int(endpoint.rsplit(":", 1)[1]))
-        self._sockets = []
+        self._sockets: list[socket.socket] = []
         self._cut = threading.Event()
         self._server = socket.create_server(("127.0.0.1", 0))
         self.endpoint = f"tcp/127.0.0.1:{self._server.getsockname()[1]}"
         self._threads = [threading.Thread(target=self._accept)]
         self._threads[0].start()
 
-    def _accept(self):
+    def _accept(self) -> None:
         with suppress(OSError):
             while True:
                 office, _ = self._server.accept()
@@ -261,21 +285,21 @@ class Line:
                     self._threads.append(threading.Thread(target=self._carry, args=pair))
                     self._threads[-1].start()
 
-    def _carry(self, source, target):
+    def _carry(self, source: socket.socket, target: socket.socket) -> None:
         with suppress(OSError):
             while data := source.recv(65536):
                 target.sendall(data)
 
-    def cut(self):
+    def cut(self) -> None:
         self._cut.set()
         for one in self._sockets:
             with suppress(OSError):
                 one.shutdown(socket.SHUT_RDWR)
 
-    def mend(self):
+    def mend(self) -> None:
         self._cut.clear()
 
-    def close(self):
+    def close(self) -> None:
         self.cut()
         self._server.shutdown(socket.SHUT_RDWR)
         for thread in self._threads:
@@ -284,7 +308,7 @@ class Line:
             one.close()
 
 
-def test_a_follower_outlives_the_loss_of_its_line(start_gateway, join_bus):
+def test_a_follower_outlives_the_loss_of_its_line(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     gateway = start_gateway()
     peer = join_bus(gateway.endpoint)
     peer.wait_for("health")
@@ -296,10 +320,10 @@ def test_a_follower_outlives_the_loss_of_its_line(start_gateway, join_bus):
             stdout=subprocess.PIPE,
             text=True,
         )
-        assert "recalibrate: collecting" in follower.stdout.readline()
-        assert "poses" in follower.stdout.readline()
+        assert "recalibrate: collecting" in present(follower.stdout).readline()
+        assert "poses" in present(follower.stdout).readline()
         line.cut()
-        while "no answer from the gateway" not in (said := follower.stdout.readline()):
+        while "no answer from the gateway" not in (said := present(follower.stdout).readline()):
             assert said
         ((accepted, _),) = query(peer, "cancel", b'{"id": "request-1", "by": "bob"}')
         assert accepted
@@ -312,8 +336,8 @@ def test_a_follower_outlives_the_loss_of_its_line(start_gateway, join_bus):
 
 
 def test_a_spoilt_store_leaves_the_device_uncalibrated_and_not_on_the_factorys_record(
-    start_gateway, join_bus, tmp_path
-):
+    start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
+) -> None:
     folder = tmp_path / "data" / "calibration" / "simulated-1"
     folder.mkdir(parents=True)
     (folder / "in_force.json").write_text('{"format": 1')
@@ -327,7 +351,9 @@ def test_a_spoilt_store_leaves_the_device_uncalibrated_and_not_on_the_factorys_r
     assert "in_force.json" in message["text"]
 
 
-def test_zero_in_place_while_the_load_hangs_still(start_gateway, join_bus, tmp_path, plumbline):
+def test_zero_in_place_while_the_load_hangs_still(
+    start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path, plumbline: Plumbline
+) -> None:
     """A recording of a load at rest, leaning by what the mount is off, played ten times as fast."""
     rate_hz, lean_rad = 50, np.radians(1.5)
     random = np.random.default_rng(4)

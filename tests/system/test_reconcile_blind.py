@@ -1,6 +1,7 @@
 """`plumbline reconcile` as a process on recordings of the second simulator; `script/campaign` asks hundreds."""
 
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -24,7 +25,7 @@ CASES = [
 
 
 @pytest.mark.parametrize("plan", CASES, ids=lambda plan: "+".join(plan.hidden) or "null")
-def test_hidden_effect_is_found(plan, tmp_path):
+def test_hidden_effect_is_found(plan: Plan, tmp_path: Path) -> None:
     write_case(generate(plan, LENGTHS_S), tmp_path)
     row = ask(tmp_path, [sys.executable, "-m", "gateway"], PATIENCE_S)
     assert row["score"] in (RIGHT, RIGHT_GROUP), row

@@ -25,14 +25,14 @@ OUTPUTS = {"--json": "out.json", "--report": "out.html", "--prediction": "out.cs
 
 
 @pytest.fixture
-def rig(tmp_path) -> Path:
+def rig(tmp_path: Path) -> Path:
     path = tmp_path / "rig.toml"
     path.write_text(RIG)
     return path
 
 
 @pytest.fixture
-def log(rig, tmp_path, capsys) -> Path:
+def log(rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
     """A gateway's recording of a swing that dies away."""
     path = tmp_path / "log.mcap"
     effect = ["--effect", "viscous_damping:damping_ratio=0.01"]
@@ -47,7 +47,9 @@ def outputs(folder: Path) -> list[str]:
 
 
 @pytest.mark.slow
-def test_recording_of_the_gateway_needs_no_other_file_and_gives_the_same_answer_twice(log, tmp_path, capsys):
+def test_recording_of_the_gateway_needs_no_other_file_and_gives_the_same_answer_twice(
+    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     answers = []
     for name in ("first", "second"):
         assert main(["reconcile", str(log), *outputs(tmp_path / name), "--seed", "4"]) == 0
@@ -66,7 +68,7 @@ def test_recording_of_the_gateway_needs_no_other_file_and_gives_the_same_answer_
 
 
 @pytest.mark.slow
-def test_ctrl_c_leaves_nothing_but_a_word(log, tmp_path):
+def test_ctrl_c_leaves_nothing_but_a_word(log: Path, tmp_path: Path) -> None:
     written = tmp_path / "written"
     leader, follower = pty.openpty()  # a terminal: the progress bar tells when the search goes on
     command = [sys.executable, "-m", "gateway", "reconcile", str(log), *outputs(written)]
@@ -113,7 +115,14 @@ def _rest(terminal: int) -> bytes:
         (["log.csv", "--rig", "rig.toml", "--json", "a", "--report", "a"], "--report a: is --json, too"),
     ],
 )
-def test_bad_input_is_one_line_before_any_work(words, fault, rig, tmp_path, monkeypatch, capsys):
+def test_bad_input_is_one_line_before_any_work(
+    words: list[str],
+    fault: str,
+    rig: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
     monkeypatch.chdir(tmp_path)
     header = "time_s,ax_g,ay_g,az_g\n"
     swing = "".join(f"{i / 25},0,0,1\n" for i in range(400))
@@ -129,14 +138,16 @@ def test_bad_input_is_one_line_before_any_work(words, fault, rig, tmp_path, monk
 
 @pytest.mark.parametrize("command", [["reconcile", "log.csv"], ["simulate", "rig.toml", "--out", "log.csv"]])
 @pytest.mark.parametrize("seed", ["-1", "1.5", "x"])
-def test_seed_is_a_whole_number(command, seed, capsys):
+def test_seed_is_a_whole_number(command: list[str], seed: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit, match="2"):
         main([*command, "--seed", seed])
     assert f"argument --seed: {seed} is not a whole number from 0" in capsys.readouterr().err
 
 
 @pytest.mark.slow
-def test_wrong_rig_is_told_and_reported(log, rig, tmp_path, capsys):
+def test_wrong_rig_is_told_and_reported(
+    log: Path, rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     rig.write_text(RIG.replace("6.0", "15.0"))
     assert main(["reconcile", str(log), "--rig", str(rig), *outputs(tmp_path / "wrong")]) == 1
     assert "check rope.length_m (6" in capsys.readouterr().out

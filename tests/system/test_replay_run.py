@@ -4,6 +4,7 @@ import json
 import math
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from gateway.recording.info import summarise
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
+from tests.system.conftest import StartGateway
 
 pytestmark = pytest.mark.slow
 
@@ -23,20 +25,21 @@ SIX_POSITIONS = (
 PHONE = 'time_column = "1"\naxis_columns = ["2", "3", "4"]\nunit = "m/s2"\n'
 
 
-def messages(path, topic):
+def messages(path: Path, topic: str) -> list[Any]:
     file = open_recording(path)
     return [file.decode(message) for message in file.messages() if message.topic == f"/{topic}"]
 
 
-def replayed(start_gateway, toml):
+def replayed(start_gateway: StartGateway, toml: str) -> Path:
     gateway = start_gateway(toml)
     code, _, err = gateway.wait(60)
     assert (code, err) == (0, "")
+    path: Path
     (path,) = gateway.recordings
     return path
 
 
-def test_six_position_session_reads_its_labels(start_gateway):
+def test_six_position_session_reads_its_labels(start_gateway: StartGateway) -> None:
     """Faces last five seconds each; the second half of each is past the low-pass's transient."""
     path = replayed(start_gateway, SIX_POSITIONS)
     assert summarise(path).samples.count == 300
@@ -56,7 +59,7 @@ def test_six_position_session_reads_its_labels(start_gateway):
     assert {message.calibration for message in messages(path, "condition")} == {"uncalibrated"}
 
 
-def test_phone_at_rest_is_still_and_leans_a_little(start_gateway):
+def test_phone_at_rest_is_still_and_leans_a_little(start_gateway: StartGateway) -> None:
     path = replayed(start_gateway, AT_ONCE + f'path = "{REAL / "phone_at_rest.txt"}"\n' + PHONE)
     last = messages(path, "tilt")[-1]
     rows = np.loadtxt(REAL / "phone_at_rest.txt")[:, 1:4]
@@ -65,7 +68,7 @@ def test_phone_at_rest_is_still_and_leans_a_little(start_gateway):
     assert {message.verdict for message in messages(path, "condition")} <= {"unknown", "static", "quasi_static"}
 
 
-def test_phone_falling_is_never_trusted_in_the_fall(start_gateway):
+def test_phone_falling_is_never_trusted_in_the_fall(start_gateway: StartGateway) -> None:
     """In free fall the specific force vanishes, and the impact is far beyond 1 g: no angle of that may look right."""
     path = replayed(start_gateway, AT_ONCE + f'path = "{REAL / "phone_falling.txt"}"\n' + PHONE)
     conditions = messages(path, "condition")
@@ -75,7 +78,7 @@ def test_phone_falling_is_never_trusted_in_the_fall(start_gateway):
     assert all(message.coverage95_deg is None for message in messages(path, "swing"))
 
 
-def test_a_recording_of_the_gateway_replays_to_the_same_numbers(start_gateway, tmp_path):
+def test_a_recording_of_the_gateway_replays_to_the_same_numbers(start_gateway: StartGateway, tmp_path: Path) -> None:
     first = start_gateway("[device]\nblock_samples = 8\n", arguments=("--duration", "14"))
     assert first.wait()[0] == 0
     (path,) = first.recordings
@@ -94,6 +97,6 @@ def test_a_recording_of_the_gateway_replays_to_the_same_numbers(start_gateway, t
         assert live == replay, topic
 
 
-def _numbers(message):
+def _numbers(message: Any) -> list[object]:
     """What was computed, without the header's clock."""
     return [value for name, value in asdict(message).items() if name not in ("time_ns", "clock")]

@@ -7,6 +7,7 @@ import struct
 import threading
 import time
 import tty
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,17 +17,21 @@ from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
+from gateway.messages import Condition, Swing
 from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
-from tests.devices.adxl355_chip import Adxl355Chip, FakeClock
+from tests.devices.adxl355_chip import Adxl355Chip, FakeClock, Signal
+from tests.system.conftest import JoinBus, StartGateway
+from tests.values import present
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
 LENGTH_M, POSITION_M, SWING_DEG = 6.0, 4.0, 5.0
 
 
-def swinging_signal(seconds):
+def swinging_signal(seconds: float) -> Signal:
     """Specific force of a free swing at any time of a run, by interpolation of a dense track."""
     crane = Crane(
         length_m=LENGTH_M,
@@ -38,16 +43,17 @@ def swinging_signal(seconds):
     grid_s = np.arange(0, seconds, 0.005)
     track_g = np.concatenate([crane.specific_force_m_s2(part) for part in np.array_split(grid_s, 100)]) / 9.80665
 
-    def signal(time_s):
+    def signal(time_s: float) -> tuple[float, float, float]:
         index = min(int(time_s / 0.005), len(grid_s) - 2)
         share = time_s / 0.005 - index
-        return tuple((1 - share) * track_g[index] + share * track_g[index + 1] + random.normal(0, 2e-4, 3))
+        x_g, y_g, z_g = (1 - share) * track_g[index] + share * track_g[index + 1] + random.normal(0, 2e-4, 3)
+        return x_g, y_g, z_g
 
     return signal
 
 
 @pytest.mark.parametrize("rate_error", [0.0, 0.03])
-def test_adxl355_from_the_bus_to_the_swing(rate_error):
+def test_adxl355_from_the_bus_to_the_swing(rate_error: float) -> None:
     """A chip that runs 3 % fast still gives the right swing and period: times come from the host's clock."""
     clock = FakeClock(0.0005)
     chip = Adxl355Chip(clock, swinging_signal(60.0), rate_error=rate_error)
@@ -60,24 +66,26 @@ def test_adxl355_from_the_bus_to_the_swing(rate_error):
     }
     configuration = validate(table, "test")
     pipeline = Pipeline(configuration, info, correction_for(info, configuration.device.axes, None), HeaderMaker())
-    swings, conditions = [], []
+    swings: list[Swing] = []
+    conditions: list[Condition] = []
     while clock.elapsed_s < 30:
         block = device.read()
         for emission in pipeline.process(block, ClockState("synchronised", 0)).messages if block is not None else ():
-            if emission.topic == "swing":
+            if isinstance(emission.message, Swing):
                 swings.append(emission.message)
-            elif emission.topic == "condition":
+            elif isinstance(emission.message, Condition):
                 conditions.append(emission.message)
-    low_deg, high_deg = swings[-1].coverage95_deg
+    low_deg, high_deg = present(swings[-1].coverage95_deg)
+    u_deg = present(swings[-1].u_deg)
     assert low_deg < SWING_DEG < high_deg
-    assert swings[-1].u_deg < 0.08 * SWING_DEG  # scale and cross-axis of a part that nobody has calibrated
-    assert swings[-1].phi_max_deg == pytest.approx(SWING_DEG, abs=swings[-1].u_deg)
+    assert u_deg < 0.08 * SWING_DEG  # scale and cross-axis of a part that nobody has calibrated
+    assert swings[-1].phi_max_deg == pytest.approx(SWING_DEG, abs=u_deg)
     assert swings[-1].period_s == pytest.approx(2 * math.pi * math.sqrt(LENGTH_M / 9.80665), rel=0.005)
     assert conditions[-1].verdict == "swinging"
     assert conditions[-1].calibration == "uncalibrated"
 
 
-def frame(x_g, y_g, z_g):
+def frame(x_g: float, y_g: float, z_g: float) -> bytes:
     words = [round(value * 2048) for value in (x_g, y_g, z_g)]
     head = struct.pack("<BB4h", 0x55, 0x51, *words, 2500)
     return head + bytes([sum(head) & 0xFF])
@@ -86,12 +94,12 @@ def frame(x_g, y_g, z_g):
 class Radio:
     """A receiver on a pseudo-terminal that a link names; it can be pulled out and put back."""
 
-    def __init__(self, link, lean_deg):
+    def __init__(self, link: Path, lean_deg: float) -> None:
         self.link = link
         self.force_g = (math.sin(math.radians(lean_deg)), 0.0, math.cos(math.radians(lean_deg)))
         self._stopping = threading.Event()
 
-    def plug_in(self):
+    def plug_in(self) -> None:
         self._master, slave = pty.openpty()
         tty.setraw(slave)
         self.link.unlink(missing_ok=True)
@@ -101,7 +109,7 @@ class Radio:
         self._sender = threading.Thread(target=self._send)
         self._sender.start()
 
-    def _send(self):
+    def _send(self) -> None:
         os.write(self._master, b"\x55\x51garbage of a receiver that wakes up\x55")
         due_s = time.monotonic()
         while not self._stopping.is_set():
@@ -109,7 +117,7 @@ class Radio:
             due_s += 0.01
             time.sleep(max(0.0, due_s - time.monotonic()))
 
-    def pull_out(self):
+    def pull_out(self) -> None:
         self._stopping.set()
         self._sender.join()
         self.link.unlink()
@@ -117,7 +125,9 @@ class Radio:
         os.close(self._master)
 
 
-def test_witmotion_radio_that_goes_away_and_comes_back(start_gateway, join_bus, tmp_path):
+def test_witmotion_radio_that_goes_away_and_comes_back(
+    start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
+) -> None:
     radio = Radio(tmp_path / "radio", lean_deg=5.0)
     radio.plug_in()
     try:
@@ -134,9 +144,7 @@ def test_witmotion_radio_that_goes_away_and_comes_back(start_gateway, join_bus, 
         tilts = len(peer.messages("tilt"))
         radio.plug_in()
         peer.wait_for("health", lambda message: message["faults"].get("device_reopened"))
-        deadline = time.monotonic() + 15
-        while len(peer.messages("tilt")) < tilts + 10 and time.monotonic() < deadline:
-            time.sleep(0.05)
+        wait_until(lambda: len(peer.messages("tilt")) >= tilts + 10, "ten more tilts")
         assert peer.messages("tilt")[-1]["axial_deg"] == pytest.approx(5.0, abs=0.1)
         assert gateway.process.poll() is None
     finally:

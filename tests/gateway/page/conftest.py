@@ -238,14 +238,6 @@ class PageUnderTest:
         return code
 
 
-def wait_until(condition: Callable[[], bool], what: str, patience_s: float = 15.0) -> None:
-    """Fail with what was waited for; the time is generous, nothing is asserted of it."""
-    end_s = time.monotonic() + patience_s
-    while not condition():
-        assert time.monotonic() < end_s, f"waited in vain for {what}"
-        time.sleep(0.02)
-
-
 def _peer(endpoint: str) -> zenoh.Config:
     config = zenoh.Config()
     config.insert_json5("mode", '"peer"')
@@ -257,11 +249,6 @@ def _peer(endpoint: str) -> zenoh.Config:
 @pytest.fixture
 def scene() -> Scene:
     return Scene()
-
-
-@pytest.fixture(name="wait_until")
-def _wait_until() -> Callable[..., None]:
-    return wait_until
 
 
 @pytest.fixture

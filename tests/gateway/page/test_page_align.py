@@ -7,6 +7,8 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from gateway.messages import NO_SESSION
+from tests.gateway.page.conftest import FakeGateway, PageUnderTest
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -14,14 +16,14 @@ SIZES = [(800, 480), (1280, 800)]
 
 
 @pytest.fixture
-def screen(page: Any, browser: Browser) -> Any:
+def screen(page: PageUnderTest, browser: Browser) -> Any:
     made = browser.new_page(viewport={"width": 800, "height": 480})
     made.goto(page.url)
     yield made
     made.close()
 
 
-def test_the_larger_angle_first_then_the_other_until_both_are_aligned(gateway: Any, screen: Any) -> None:
+def test_the_larger_angle_first_then_the_other_until_both_are_aligned(gateway: FakeGateway, screen: Any) -> None:
     scene = gateway.scene
     scene.condition, scene.pitch_deg, scene.roll_deg = "static", 0.4, -1.5
     screen.locator("#align-link").click()
@@ -48,7 +50,9 @@ def test_the_larger_angle_first_then_the_other_until_both_are_aligned(gateway: A
     expect(screen.locator("main")).to_be_visible()
 
 
-def test_no_advice_while_it_moves_or_nobody_answers_or_the_sensor_is_recalibrated(gateway: Any, screen: Any) -> None:
+def test_no_advice_while_it_moves_or_nobody_answers_or_the_sensor_is_recalibrated(
+    gateway: FakeGateway, screen: Any
+) -> None:
     scene = gateway.scene
     screen.locator("#align-link").click()
     expect(screen.locator("#align-word")).to_have_text("WAIT")
@@ -67,7 +71,7 @@ def test_no_advice_while_it_moves_or_nobody_answers_or_the_sensor_is_recalibrate
     expect(screen.locator("#align-roll")).to_have_text("—")
 
 
-def test_drift_is_told_and_what_is_not_watched_is_never_shown_as_well(gateway: Any, screen: Any) -> None:
+def test_drift_is_told_and_what_is_not_watched_is_never_shown_as_well(gateway: FakeGateway, screen: Any) -> None:
     fact = screen.locator("#fact-drift")
     expect(fact.locator("dd")).to_have_text("not watched yet")
     gateway.scene.drift = {"state": "no_rest", "norm_error_mg": None, "limit_mg": None, "reasons": []}
@@ -80,7 +84,7 @@ def test_drift_is_told_and_what_is_not_watched_is_never_shown_as_well(gateway: A
     expect(fact).to_have_class("bad")
 
 
-def test_the_drift_is_a_metric_once_it_is_watched(gateway: Any, page: Any, wait_until: Any) -> None:
+def test_the_drift_is_a_metric_once_it_is_watched(gateway: FakeGateway, page: PageUnderTest) -> None:
     wait_until(lambda: page.state()["topics"].get("health"), "health")
     assert "drift" not in page.get("/metrics")[1]
     gateway.scene.drift = {"state": "alarm", "norm_error_mg": 9.0, "limit_mg": 5.0}

@@ -6,6 +6,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
+from tests.gateway.page.conftest import FakeGateway, PageUnderTest
+
 pytestmark = pytest.mark.slow
 
 PATIENCE_MS = 15_000
@@ -50,7 +52,7 @@ class Screen:
         return int(across), int(down)
 
 
-def test_the_angle_moves(gateway: Any, page: Any, browser: Browser) -> None:
+def test_the_angle_moves(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
     screen = Screen(browser, page.url)
     screen.shows("OK", "circle")
     expect(screen.band).to_have_css("background-color", GREEN)
@@ -92,7 +94,7 @@ CALLS = [
 ]
 
 
-def test_numbers_promise_no_more_than_is_known(page: Any, browser: Browser) -> None:
+def test_numbers_promise_no_more_than_is_known(page: PageUnderTest, browser: Browser) -> None:
     screen = Screen(browser, page.url)
     for module, function, argument, expected in CALLS:
         call = f"argument => import('/{module}').then(module => module.{function}(argument))"
@@ -118,7 +120,7 @@ LATE = """() => import('/link.js').then(({Link}) => {
 })"""
 
 
-def test_pushes_that_come_late_are_not_taken_for_news(page: Any, browser: Browser) -> None:
+def test_pushes_that_come_late_are_not_taken_for_news(page: PageUnderTest, browser: Browser) -> None:
     screen = Screen(browser, page.url)
     complaints = screen.page.evaluate(LATE)
     assert complaints == [
@@ -129,7 +131,7 @@ def test_pushes_that_come_late_are_not_taken_for_news(page: Any, browser: Browse
     ]
 
 
-def test_what_is_not_right_is_never_green(gateway: Any, page: Any, browser: Browser) -> None:
+def test_what_is_not_right_is_never_green(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
     screen = Screen(browser, page.url, DESKTOP)
     screen.shows("OK", "circle")
     gateway.scene.calibration = "uncalibrated"
@@ -158,7 +160,9 @@ def test_what_is_not_right_is_never_green(gateway: Any, page: Any, browser: Brow
     assert screen.errors == []
 
 
-def test_a_dead_page_server_is_seen_and_its_return_too(gateway: Any, page: Any, browser: Browser) -> None:
+def test_a_dead_page_server_is_seen_and_its_return_too(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
     screen = Screen(browser, page.url)
     screen.shows("OK", "circle")
     page.process.send_signal(19)  # SIGSTOP: connected and silent, as a host that hangs
@@ -173,7 +177,7 @@ def test_a_dead_page_server_is_seen_and_its_return_too(gateway: Any, page: Any, 
     assert gateway.speaking.is_set()
 
 
-def test_field_values_are_text_and_nothing_else(gateway: Any, page: Any, browser: Browser) -> None:
+def test_field_values_are_text_and_nothing_else(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
     screen = Screen(browser, page.url)
     gateway.scene.level = "warn"
     gateway.scene.alert_text = gateway.scene.recording_error = gateway.scene.device_kind = HOSTILE
@@ -186,7 +190,7 @@ def test_field_values_are_text_and_nothing_else(gateway: Any, page: Any, browser
     assert screen.errors == []
 
 
-def test_everything_fits(gateway: Any, page: Any, browser: Browser) -> None:
+def test_everything_fits(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
     screen = Screen(browser, page.url)
     screen.shows("OK", "circle")
     gateway.scene.phi_max_deg, gateway.scene.coverage95_deg = 12.4, [11.8, 13.0]

@@ -8,6 +8,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from gateway.messages import NO_SESSION, SessionPose
+from tests.gateway.page.conftest import FakeGateway, PageUnderTest
 
 pytestmark = pytest.mark.slow
 
@@ -32,14 +33,14 @@ SIZES = [(800, 480), (1280, 800)]
 
 
 @pytest.fixture
-def screen(page: Any, browser: Browser) -> Any:
+def screen(page: PageUnderTest, browser: Browser) -> Any:
     made = browser.new_page(viewport={"width": 800, "height": 480})
     made.goto(page.url)
     yield made
     made.close()
 
 
-def test_the_rigger_is_shown_what_to_do(gateway: Any, screen: Any) -> None:
+def test_the_rigger_is_shown_what_to_do(gateway: FakeGateway, screen: Any) -> None:
     expect(screen.locator("#word")).to_have_text("OK")
     expect(screen.locator("#calibration")).to_be_hidden()
     gateway.scene.session = COLLECTING
@@ -67,7 +68,7 @@ def test_the_rigger_is_shown_what_to_do(gateway: Any, screen: Any) -> None:
         ]
 
 
-def test_review_and_end_are_told_and_the_swing_comes_back(gateway: Any, screen: Any) -> None:
+def test_review_and_end_are_told_and_the_swing_comes_back(gateway: FakeGateway, screen: Any) -> None:
     review = replace(
         COLLECTING, phase="review", next_face=None, next_direction=None, text="may not", reasons=[HOSTILE], still=False
     )
@@ -85,7 +86,7 @@ def test_review_and_end_are_told_and_the_swing_comes_back(gateway: Any, screen: 
     expect(screen.locator("#word")).to_have_text("OK")
 
 
-def test_a_norm_fit_shows_the_direction_that_helps_most(gateway: Any, screen: Any) -> None:
+def test_a_norm_fit_shows_the_direction_that_helps_most(gateway: FakeGateway, screen: Any) -> None:
     gateway.scene.session = replace(
         COLLECTING, method="norm-fit", wanted=12, next_face=None, next_direction=[0.6, 0.0, 0.8]
     )

@@ -16,6 +16,7 @@ from gateway.page.metrics import Counters, exposition
 from gateway.page.parameters import Parameters, encode, parse
 from gateway.page.verdict import Evidence
 from gateway.topics import TOPIC_OF
+from tests.gateway.page.conftest import Scene
 
 KEY = "plumbline/v1/north-yard/crane-3/hook"
 PARAMETERS = Parameters(key=KEY, connect=["tcp/127.0.0.1:7447"], warn_deg=4.0, trip_deg=6.0, fd=5)
@@ -87,7 +88,7 @@ def test_the_page_subscribes_to_all_that_is_published_but_the_samples() -> None:
     assert SHOWN == ("tilt", "swing", "condition", "alert", "health", "calibration")
 
 
-def _evidence(scene: Any, **ages_s: float) -> Evidence:
+def _evidence(scene: Scene, **ages_s: float) -> Evidence:
     latest = {TOPIC_OF[type(message)].name: message for message in scene.messages(0, 1)}
     return Evidence(True, latest, dict.fromkeys(latest, 0.25) | ages_s, 1.0)
 
@@ -97,7 +98,7 @@ def _samples(text: str) -> dict[str, float]:
     return {name: float(value) for name, value in rows}
 
 
-def test_metrics_are_exposition_format(scene: Any) -> None:
+def test_metrics_are_exposition_format(scene: Scene) -> None:
     text = exposition(_evidence(scene), COUNTERS, LABELS)
     labels = 'site="north-yard",crane="crane-3",sensor="hook"'
     samples = _samples(text)
@@ -117,7 +118,7 @@ def test_metrics_are_exposition_format(scene: Any) -> None:
     assert text.endswith("\n")
 
 
-def test_metrics_leave_out_what_is_stale_or_not_known(scene: Any) -> None:
+def test_metrics_leave_out_what_is_stale_or_not_known(scene: Scene) -> None:
     scene.level = "trip"
     stale = exposition(_evidence(scene, swing=60.0, alert=60.0), COUNTERS, LABELS)
     assert "phi_max" not in stale
@@ -129,7 +130,7 @@ def test_metrics_leave_out_what_is_stale_or_not_known(scene: Any) -> None:
     assert _samples(nothing)['plumbline_up{site="north-yard",crane="crane-3",sensor="hook"}'] == 0
 
 
-def test_metrics_escape_label_values(scene: Any) -> None:
+def test_metrics_escape_label_values(scene: Scene) -> None:
     text = exposition(_evidence(scene), COUNTERS, {"site": 'a"b\\c\nd'})
     assert 'plumbline_up{site="a\\"b\\\\c\\nd"} 1' in text.splitlines()
 

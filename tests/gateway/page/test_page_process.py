@@ -13,16 +13,20 @@ from typing import Any
 
 import pytest
 
+from tests.gateway.page.conftest import FakeGateway, PageUnderTest
+from tests.values import present
+from tests.waiting import wait_until
+
 pytestmark = pytest.mark.slow
 
 CSP = "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
 
 
-def _is(page: Any, word: str) -> Callable[[], bool]:
+def _is(page: PageUnderTest, word: str) -> Callable[[], bool]:
     return lambda: bool(page.word() == word)
 
 
-def test_state_health_and_metrics_follow_the_gateway(gateway: Any, page: Any, wait_until: Any) -> None:
+def test_state_health_and_metrics_follow_the_gateway(gateway: FakeGateway, page: PageUnderTest) -> None:
     wait_until(_is(page, "OK"), "OK")
     state = page.state()
     assert state["gateway"] is True
@@ -50,7 +54,7 @@ def test_state_health_and_metrics_follow_the_gateway(gateway: Any, page: Any, wa
 
 
 def test_a_page_that_starts_first_waits_for_its_gateway(
-    endpoint: str, page: Any, start_gateway: Any, wait_until: Any
+    endpoint: str, page: PageUnderTest, start_gateway: Callable[[str], FakeGateway]
 ) -> None:
     assert page.word() == "NO DATA"
     assert page.get("/healthz")[0] == 503
@@ -58,7 +62,7 @@ def test_a_page_that_starts_first_waits_for_its_gateway(
         wait_until(_is(page, "OK"), "OK")
 
 
-def test_static_files_and_headers(page: Any) -> None:
+def test_static_files_and_headers(page: PageUnderTest) -> None:
     for path, media_type in {"/": "text/html", "/page.css": "text/css", "/page.js": "text/javascript"}.items():
         with urllib.request.urlopen(page.url + path, timeout=10) as response:
             assert response.headers.get_content_type() == media_type
@@ -85,7 +89,7 @@ def _events(response: Any) -> Iterator[dict[str, str]]:
 
 
 @pytest.mark.usefixtures("gateway")
-def test_updates_are_pushed(gateway: Any, page: Any, wait_until: Any) -> None:
+def test_updates_are_pushed(gateway: FakeGateway, page: PageUnderTest) -> None:
     wait_until(_is(page, "OK"), "OK")
     with urllib.request.urlopen(page.url + "/api/events", timeout=10) as response:
         assert response.headers.get_content_type() == "text/event-stream"
@@ -106,7 +110,7 @@ def test_updates_are_pushed(gateway: Any, page: Any, wait_until: Any) -> None:
     assert indices == list(range(indices[0], indices[-1] + 1))
 
 
-def test_payloads_that_are_no_messages_do_no_harm(gateway: Any, page: Any, wait_until: Any) -> None:
+def test_payloads_that_are_no_messages_do_no_harm(gateway: FakeGateway, page: PageUnderTest) -> None:
     wait_until(_is(page, "OK"), "OK")
     for payload in (b"", b"\x00\xff", b"[]", b'{"time_ns": 1e999}', b"[" * 5000, b"x" * 100_000):
         before = _invalid(page)
@@ -119,7 +123,7 @@ def test_payloads_that_are_no_messages_do_no_harm(gateway: Any, page: Any, wait_
     assert page.word() == "OK"
 
 
-def _invalid(page: Any) -> int:
+def _invalid(page: PageUnderTest) -> int:
     found = re.search(r"^plumbline_page_invalid_messages_total\{.*\} (\d+)$", page.get("/metrics")[1], re.M)
     assert found is not None
     return int(found[1])
@@ -128,13 +132,13 @@ def _invalid(page: Any) -> int:
 @pytest.mark.usefixtures("gateway")
 @pytest.mark.parametrize("ending", ["SIGTERM", "SIGINT", "parent gone"])
 def test_it_ends_quietly_with_a_browser_attached(
-    page: Any, wait_until: Any, ending: str, capfd: pytest.CaptureFixture[str]
+    page: PageUnderTest, ending: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     wait_until(_is(page, "OK"), "OK")
     with urllib.request.urlopen(page.url + "/api/events", timeout=10) as response:
         assert response.readline() == b"retry: 500\n"
         if ending == "parent gone":
-            page.process.stdin.close()
+            present(page.process.stdin).close()
         else:
             page.process.send_signal(signal.Signals[ending])
         assert page.process.wait(10) == 0
@@ -142,7 +146,7 @@ def test_it_ends_quietly_with_a_browser_attached(
     assert capfd.readouterr() == ("", "")
 
 
-def test_it_ends_while_it_waits_for_its_gateway(page: Any) -> None:
+def test_it_ends_while_it_waits_for_its_gateway(page: PageUnderTest) -> None:
     assert page.word() == "NO DATA"
     assert page.close() == 0
 
@@ -168,7 +172,7 @@ def test_wrong_start_parameters_end_it_with_one_line(line: str, says: str) -> No
     assert ended.stderr.count("\n") == 1
 
 
-def test_the_socket_outlives_the_process(page: Any, wait_until: Any) -> None:
+def test_the_socket_outlives_the_process(page: PageUnderTest) -> None:
     page.process.kill()
     with socket.create_connection(page.listener.getsockname(), timeout=5):
         page.start_again()

@@ -1,7 +1,5 @@
 """What the page process keeps: latest messages, ages, history, last good value."""
 
-from typing import Any
-
 import pytest
 from pydantic_core import from_json, to_json
 
@@ -11,6 +9,7 @@ from gateway.page.link import ALIVE
 from gateway.page.parameters import Parameters
 from gateway.page.state import PageState
 from gateway.topics import TOPIC_OF, encode
+from tests.gateway.page.conftest import Scene
 
 KEY = "plumbline/v1/north-yard/crane-3/hook"
 MS_NS = 1_000_000
@@ -21,14 +20,14 @@ def state() -> PageState:
     return PageState(Parameters(key=KEY, connect=["tcp/127.0.0.1:7447"], warn_deg=4.0, trip_deg=6.0))
 
 
-def tell(state: PageState, scene: Any, at_s: float, sequence: int = 0, time_ns: int | None = None) -> None:
+def tell(state: PageState, scene: Scene, at_s: float, sequence: int = 0, time_ns: int | None = None) -> None:
     messages = scene.messages(sequence, round(at_s * 1000) * MS_NS if time_ns is None else time_ns)
     batch = {TOPIC_OF[type(message)].name: message for message in messages}
     arrivals = {topic: Arrival(encode(topic, message), at_s) for topic, message in batch.items()}
     state.receive(arrivals | {ALIVE: Arrival(b"1", at_s)})
 
 
-def test_the_snapshot_carries_messages_ages_and_verdict(state: PageState, scene: Any) -> None:
+def test_the_snapshot_carries_messages_ages_and_verdict(state: PageState, scene: Scene) -> None:
     assert state.snapshot(9.0)["verdict"]["word"] == "NO DATA"
     tell(state, scene, 10.0)
     snapshot = from_json(to_json(state.snapshot(10.25)))
@@ -40,28 +39,28 @@ def test_the_snapshot_carries_messages_ages_and_verdict(state: PageState, scene:
     assert snapshot["page"]["crane"] == "crane-3"
 
 
-def test_the_pushed_state_leaves_the_calibration_record_out(state: PageState, scene: Any) -> None:
+def test_the_pushed_state_leaves_the_calibration_record_out(state: PageState, scene: Scene) -> None:
     tell(state, scene, 10.0)
     assert state.snapshot(10.0)["topics"]["calibration"].record["id"] == "six-2025-03"
     assert state.summary(10.0)["topics"]["calibration"].record == {}
     assert state.summary(10.0)["topics"]["calibration"].status == "calibrated"
 
 
-def test_a_message_repeated_for_ever_does_not_look_fresh(state: PageState, scene: Any) -> None:
+def test_a_message_repeated_for_ever_does_not_look_fresh(state: PageState, scene: Scene) -> None:
     for k in range(30):
         tell(state, scene, 10.0 + k / 10, sequence=k, time_ns=77)
     assert state.evidence(12.9).age_s["tilt"] == pytest.approx(2.9)
     assert state.verdict(12.9).word == "STALE"
 
 
-def test_the_gateway_that_leaves_is_stale_at_once(state: PageState, scene: Any) -> None:
+def test_the_gateway_that_leaves_is_stale_at_once(state: PageState, scene: Scene) -> None:
     tell(state, scene, 10.0)
     state.receive({ALIVE: Arrival(b"", 10.1)})
     assert state.verdict(10.1).word == "STALE"
 
 
 @pytest.mark.parametrize("payload", [b"", b"{}", b"\xff\xfe", b'{"time_ns": "x"}', b"[1, 2"])
-def test_what_is_no_message_is_counted_and_ignored(state: PageState, scene: Any, payload: bytes) -> None:
+def test_what_is_no_message_is_counted_and_ignored(state: PageState, scene: Scene, payload: bytes) -> None:
     tell(state, scene, 10.0)
     state.receive({"tilt": Arrival(payload, 10.1)})
     assert state.invalid == 1
@@ -69,26 +68,26 @@ def test_what_is_no_message_is_counted_and_ignored(state: PageState, scene: Any,
     assert state.evidence(10.1).age_s["tilt"] == pytest.approx(0.1)
 
 
-def test_fields_that_a_newer_gateway_adds_are_ignored(state: PageState, scene: Any) -> None:
+def test_fields_that_a_newer_gateway_adds_are_ignored(state: PageState, scene: Scene) -> None:
     payload = encode("tilt", scene.tilt())[:-1] + b', "novel": 1}'
     state.receive({"tilt": Arrival(payload, 10.0)})
     assert (state.invalid, state.received["tilt"]) == (0, 1)
 
 
-def test_the_last_good_value_is_the_last_that_was_sound(state: PageState, scene: Any) -> None:
+def test_the_last_good_value_is_the_last_that_was_sound(state: PageState, scene: Scene) -> None:
     tell(state, scene, 10.0)
     scene.phi_max_deg, scene.trusted, scene.condition = 9.9, False, "disturbed"
     tell(state, scene, 10.5)
     assert state.snapshot(12.0)["last_good"] == {"age_s": 2.0, "phi_max_deg": 2.3}
 
 
-def test_the_last_good_value_is_not_the_one_of_no_swing(state: PageState, scene: Any) -> None:
+def test_the_last_good_value_is_not_the_one_of_no_swing(state: PageState, scene: Scene) -> None:
     scene.swinging, scene.coverage95_deg, scene.condition = False, [0.0, 0.2], "static"
     tell(state, scene, 10.0)
     assert state.snapshot(10.0)["last_good"] == {"age_s": 0.0, "phi_max_deg": None}
 
 
-def test_history_marks_unsound_values_and_gaps(state: PageState, scene: Any) -> None:
+def test_history_marks_unsound_values_and_gaps(state: PageState, scene: Scene) -> None:
     tell(state, scene, 10.0)
     scene.calibration = "uncalibrated"
     tell(state, scene, 10.5)
@@ -101,7 +100,7 @@ def test_history_marks_unsound_values_and_gaps(state: PageState, scene: Any) -> 
     ]
 
 
-def test_history_is_bounded_by_time_and_number(scene: Any) -> None:
+def test_history_is_bounded_by_time_and_number(scene: Scene) -> None:
     history = History()
     for k in range(MOST_POINTS + 10):
         history.add(scene.swing(), sound=True, at_s=k / 10)

@@ -10,17 +10,18 @@ import pytest
 from gateway.messages import NO_SESSION, Message
 from gateway.page.verdict import FACES, USUAL_PAUSE_S, Evidence, verdict
 from gateway.topics import TOPIC_OF, TOPICS
+from tests.gateway.page.conftest import Scene
 
 Change = Callable[[Any], None]
 
 
-def evidence_of(scene: Any, gateway: bool = True, age_s: float = 0.05, **ages_s: float) -> Evidence:
+def evidence_of(scene: Scene, gateway: bool = True, age_s: float = 0.05, **ages_s: float) -> Evidence:
     latest = {TOPIC_OF[type(message)].name: message for message in scene.messages(0, 1)}
     return Evidence(gateway, latest, dict.fromkeys(latest, age_s) | ages_s, stale_s=1.0)
 
 
 def setting(**changes: Any) -> Change:
-    def change(scene: Any) -> None:
+    def change(scene: Scene) -> None:
         for name, value in changes.items():
             assert hasattr(scene, name)
             setattr(scene, name, value)
@@ -71,7 +72,7 @@ TABLE = [
 
 
 @pytest.mark.parametrize(("change", "circumstances", "word"), TABLE)
-def test_verdict_by_the_table(scene: Any, change: Change, circumstances: dict[str, Any], word: str) -> None:
+def test_verdict_by_the_table(scene: Scene, change: Change, circumstances: dict[str, Any], word: str) -> None:
     change(scene)
     judged = verdict(evidence_of(scene, **circumstances))
     assert judged.word == word
@@ -80,7 +81,7 @@ def test_verdict_by_the_table(scene: Any, change: Change, circumstances: dict[st
 
 
 @pytest.mark.parametrize("topic", USUAL_PAUSE_S)
-def test_nothing_is_green_before_every_topic_spoke(scene: Any, topic: str) -> None:
+def test_nothing_is_green_before_every_topic_spoke(scene: Scene, topic: str) -> None:
     whole = evidence_of(scene)
     latest: dict[str, Message] = {name: message for name, message in whole.latest.items() if name != topic}
     judged = verdict(Evidence(True, latest, whole.age_s, 1.0))
@@ -94,7 +95,7 @@ def test_no_data_at_all(gateway: bool) -> None:
     assert (judged.word, judged.sound) == ("NO DATA", False)
 
 
-def test_a_lost_alarm_is_told_beside_the_loss(scene: Any) -> None:
+def test_a_lost_alarm_is_told_beside_the_loss(scene: Scene) -> None:
     setting(level="trip", alert_text="swing trip: up to 8.1 deg")(scene)
     judged = verdict(evidence_of(scene, tilt=3.0))
     assert judged.also == ["STOP"]
@@ -110,7 +111,7 @@ def test_a_lost_alarm_is_told_beside_the_loss(scene: Any) -> None:
         (setting(calibration="uncalibrated", **DISTURBED), ["DISTURBED"]),
     ],
 )
-def test_what_is_told_beside_the_verdict(scene: Any, change: Change, also: list[str]) -> None:
+def test_what_is_told_beside_the_verdict(scene: Scene, change: Change, also: list[str]) -> None:
     change(scene)
     assert verdict(evidence_of(scene)).also == also
 
@@ -126,12 +127,12 @@ def test_what_is_told_beside_the_verdict(scene: Any, change: Change, also: list[
         (setting(session=SUSPENDED), False),
     ],
 )
-def test_sound_is_whether_the_number_may_be_believed(scene: Any, change: Change, sound: bool) -> None:
+def test_sound_is_whether_the_number_may_be_believed(scene: Scene, change: Change, sound: bool) -> None:
     change(scene)
     assert verdict(evidence_of(scene)).sound is sound
 
 
-def test_a_long_rope_does_not_excuse_silence_for_ever(scene: Any) -> None:
+def test_a_long_rope_does_not_excuse_silence_for_ever(scene: Scene) -> None:
     whole = evidence_of(scene, swing=17.0)
     object.__setattr__(whole.latest["swing"], "period_s", 1e9)
     assert verdict(whole).word == "STALE"
