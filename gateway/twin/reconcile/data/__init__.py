@@ -1,1 +1,1 @@
-"""Recordings made ready for reconciliation, checked, and searched for artefacts of the sensor."""
+"""Recordings prepared for a fit: checks of their quality, and artefacts of the sensor."""

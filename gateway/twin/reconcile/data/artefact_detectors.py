@@ -1,86 +1,79 @@
-"""Effects that are not in the readings' mean: seen in the values themselves, before any model is fitted."""
-
-import math
+"""Detectors of quantisation and saturation, from the samples alone, before any model is fitted."""
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import erf
 
-from gateway.twin.effects.parameter import Value
 from gateway.twin.reconcile.data.observations import Observations
 
 Array = NDArray[np.float64]
 MIN_SATURATED_SHARE = 0.004
-"""Part of an axis' readings that stand exactly at its extreme: noise puts one there, a limit many."""
+"""Share of an axis' readings at exactly its extreme value; noise puts one there, a limit puts many."""
 WRITTEN_RESOLUTION_G = 1e-6
-"""Readings that differ by less are the same, g: recordings are written with six or seven digits."""
-MIN_STEP_SIGMA = 1.0
-"""A step this many noise sigmas wide shows in the residual: its error has a variance of q^2/12."""
+"""Readings that differ by less are equal, g: recordings are written with six or seven digits."""
 MIN_ON_LATTICE_SHARE = 0.98
+"""Share of the readings that are multiples of a step, for the step to be real; spikes need not be."""
 
 
 def detect_saturation(force_g: Array) -> float | None:
-    """The level at which readings (n, 3) stop, g; None where they do not."""
-    found = []
+    """Return the level in g at which readings (n, 3) stop; None where they do not."""
+    levels = []
     for axis in force_g.T:
         for signed in (axis, -axis):
-            top = float(signed.max())
-            if top > 0 and np.mean(signed > top - WRITTEN_RESOLUTION_G) > MIN_SATURATED_SHARE:
-                found.append(top)
-    return max(found, default=None)
+            largest = float(signed.max())
+            if largest > 0 and np.mean(signed > largest - WRITTEN_RESOLUTION_G) > MIN_SATURATED_SHARE:
+                levels.append(largest)
+    return max(levels, default=None)
 
 
 def detect_quantisation_step(force_g: Array, noise_g: Array) -> float | None:
-    """The step q of readings (n, 3) that are all multiples of one, g; None where it is finer than the noise shows.
+    """Return the step in g of which all readings (n, 3) are multiples; None where none is as large as the noise (3,).
 
-    Believed only where far fewer values occur than readings of this spread would have, and all stand on the lattice.
+    A smaller step does not show in the residual: its error has a variance of step^2/12.
     """
-    gaps = []
+    differences = []
     for axis in force_g.T:
         values = np.unique(np.round(axis / WRITTEN_RESOLUTION_G) * WRITTEN_RESOLUTION_G)
-        if len(values) > 1:
-            gaps.append(np.diff(values))
-    if not gaps:
+        differences.append(np.diff(values))
+    steps = np.concatenate(differences)
+    steps = steps[steps > 2 * WRITTEN_RESOLUTION_G]
+    if not len(steps):
         return None
-    every = np.concatenate(gaps)
-    # Written with six or seven digits, a step shows with that rounding: the smallest gaps, averaged.
-    step = (
-        float(np.median(every[every < 1.5 * every[every > 2 * WRITTEN_RESOLUTION_G].min(initial=np.inf)]))
-        if len(every)
-        else 0.0
-    )
-    if not math.isfinite(step) or step < MIN_STEP_SIGMA * float(np.min(noise_g)):
+    # The smallest differences are all one step, with the rounding of the written digits.
+    step_g = float(np.median(steps[steps < 1.5 * steps.min()]))
+    if step_g < float(np.min(noise_g)):
         return None
-    step = _refine_step(step, force_g)
-    away = np.abs(force_g / step - np.round(force_g / step)) * step
-    return step if np.mean(away < 5 * WRITTEN_RESOLUTION_G) > MIN_ON_LATTICE_SHARE else None
+    step_g = _refine_step(step_g, force_g)
+    off_lattice_g = np.abs(force_g / step_g - np.round(force_g / step_g)) * step_g
+    return step_g if np.mean(off_lattice_g < 5 * WRITTEN_RESOLUTION_G) > MIN_ON_LATTICE_SHARE else None
 
 
-def _refine_step(step: float, force_g: Array) -> float:
-    """The step from all readings, small multiples first, so that no multiple is miscounted."""
-    for most in (4, 16, 64, 256, 1024, 8192):
-        times = np.round(force_g / step)
-        inside = (np.abs(times) <= most) & (times != 0)
-        if inside.any():
-            step = float((force_g[inside] * times[inside]).sum() / (times[inside] ** 2).sum())
-    return step
+def _refine_step(step_g: float, force_g: Array) -> float:
+    """Return the step by least squares over small multiples first, so that no multiple is miscounted."""
+    for largest_multiple in (4, 16, 64, 256, 1024, 8192):
+        multiples = np.round(force_g / step_g)
+        counted = (np.abs(multiples) <= largest_multiple) & (multiples != 0)
+        if counted.any():
+            step_g = float((force_g[counted] * multiples[counted]).sum() / (multiples[counted] ** 2).sum())
+    return step_g
+
+
+def constant_share(step_g: float, noise_g: Array) -> float:
+    """Return the largest share of equal readings that quantisation of a constant with this noise (3,) can give."""
+    return float(erf(step_g / 2 / (np.sqrt(2) * np.min(noise_g))))
 
 
 def noise_with_quantisation_g(observations: Observations, step_g: float) -> Array:
-    """Noise with the step's error in it, shape (3,)."""
-    found: Array = np.sqrt(observations.noise_g**2 + step_g**2 / 12)
-    return found
+    """Return the standard deviation of noise and quantisation error together, shape (3,)."""
+    noise_g: Array = np.sqrt(observations.noise_g**2 + step_g**2 / 12)
+    return noise_g
 
 
 def quantised_mean(force_g: Array, step_g: float, noise_g: Array) -> Array:
-    """What readings in steps are on average when noise comes before the step, shape (n, 3)."""
-    erf = np.vectorize(math.erf, otypes=[np.float64])
+    """Return the mean of quantised readings for specific forces (n, 3) with noise (3,) before the quantisation."""
     nearest = np.round(force_g / step_g)
-    found = (nearest + 2.5) * step_g
+    mean_g = (nearest + 2.5) * step_g
     for edge in (-1.5, -0.5, 0.5, 1.5):
-        found = found - step_g * 0.5 * (1 + erf(((nearest + edge) * step_g - force_g) / (noise_g * math.sqrt(2))))
-    return found - step_g * 0.5
-
-
-def step_values(step_g: float) -> dict[str, Value]:
-    """Of the effect."""
-    return {"lsb_g": step_g}
+        mean_g = mean_g - step_g * 0.5 * (1 + erf(((nearest + edge) * step_g - force_g) / (noise_g * np.sqrt(2))))
+    quantised: Array = mean_g - step_g * 0.5
+    return quantised

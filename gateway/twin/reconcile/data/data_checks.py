@@ -1,4 +1,4 @@
-"""A recording made ready for reconciliation, and the reasons for which it is not fit for it."""
+"""Checks whether a recording can be reconciled with a model of a swing."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,43 +11,54 @@ from gateway.measurement.source import Source
 from gateway.numerics.robust import robust_sigma
 from gateway.numerics.runs import true_runs
 from gateway.twin.model import Model, TwinRig
+from gateway.twin.reconcile.data.artefact_detectors import constant_share, detect_quantisation_step
 from gateway.twin.reconcile.data.observations import Observations, make_observations
 
 Array = NDArray[np.float64]
 MIN_PERIODS = 2.0
-"""Least number of swings in a recording that says anything of a pendulum."""
+"""Shortest recording, and window of a recording, that determines a trajectory, in periods of the swing."""
 MIN_SAMPLES = 200
-MIN_SIGNAL_TO_NOISE = 3.0
-"""The swing must stand out of the noise by this factor, lateral rms over noise, averaged over a tenth of a swing."""
+"""Fewest samples of a recording; about ten parameters are fitted to them."""
+SHORT_PERIODS = 0.1
+"""A time in which a swing hardly moves, in periods: samples are averaged over it, and a free fall lasts longer."""
+DETECTION_SIGMA = 3.0
+"""Ratio to the noise from which a deviation is real: noise alone exceeds it once in 370."""
 MIN_SWING_RMS_G = 1e-4
-EXCESS_NOISE_FACTOR = 3.0
-MAX_STUCK_SHARE = 0.9
+"""Smallest swing, g rms of the lateral axes, however small the noise: 6 millidegrees at the pivot."""
+MAX_CONSTANT_SHARE = 0.9
+"""Share of equal readings above which an axis is constant."""
 PLAUSIBLE_NORM_G = (0.5, 2.0)
-"""Median of the norm: outside, the numbers are not in g."""
-FREE_FALL_G, MAX_FREE_FALL_PERIODS = 0.3, 0.1
-"""A rope is slack where the norm stays below this for more than this part of a swing's period."""
-MAX_RHO_FREE_FALL_CHECK = 0.7
-"""Share of the rope from which a housing may well read that little at the top of a wide swing."""
-SAME_FREQUENCY_RATIO, WRONG_FREQUENCY_RATIO, MIN_POWER_SHARE = 1.15, 1.25, 0.01
-"""The rig is not this one when the swing's frequency is off by a quarter (the rope by 1.6), and less than this part of the power
-is near the believed frequency; a second mode may be the stronger one."""
-NEIGHBOURHOOD_RATIO, MIN_LINE_TO_NEIGHBOURS = 2.0, 10.0
-"""Beside a strong second mode: a line that much above all else within a factor of two of the believed frequency is the swing."""
+"""Median of the norm outside of which the numbers are not in g."""
+FREE_FALL_G = 0.3
+"""Norm below which the rope is slack."""
+MAX_FREE_FALL_RHO = 0.7
+"""Position over rope length up to which free fall is checked: nearer the load, the top of a large swing reads as little."""
+SAME_FREQUENCY_RATIO = 1.15
+"""Ratio of two frequencies up to which they are the same line."""
+WRONG_FREQUENCY_RATIO = 1.25
+"""Ratio of the swing's frequency to the rig's from which the rig is wrong; the rope length is then wrong by 1.6."""
+MIN_POWER_SHARE = 0.01
+"""Power at the rig's frequency, relative to the strongest line, from which the rig is right: a second mode may be stronger."""
+NEIGHBOUR_RATIO = 2.0
+"""Ratio of frequencies within which a weaker line at the rig's frequency is compared with its neighbours."""
+MIN_LINE_TO_NEIGHBOURS = 10.0
+"""Power ratio to these neighbours from which the weaker line is the swing."""
 
 
 @dataclass(frozen=True, slots=True)
 class CheckedRecording:
-    """A recording, or why it cannot be used."""
+    """A recording, or the reason why it cannot be used."""
 
     observations: Observations | None
     fault: str | None
     counts: Mapping[str, int]
+    """Numbers of samples by what happened to them."""
     time_s: Array
     """As recorded, shape (n,)."""
 
 
 def model_from_recording(source: Source) -> Model:
-    """The rig that a recording brings with it. Raises `InputError` where it brings none."""
+    """Return the rig that a recording contains. Raises `InputError` where it contains none."""
     housing = source.housing
     if housing is None:
         raise InputError(
@@ -65,7 +76,7 @@ def model_from_recording(source: Source) -> Model:
 
 
 def check_recording(source: Source, twin: TwinRig) -> CheckedRecording:
-    """A recording with lone spikes marked; looks first whether it says anything."""
+    """Return the observations of a recording, with spikes excluded, or the fault that makes it unusable."""
     recording = source.recording
     counts = {
         "read": len(recording.time_s),
@@ -77,84 +88,122 @@ def check_recording(source: Source, twin: TwinRig) -> CheckedRecording:
     fault = find_fault(recording.time_s, source.force_g, twin)
     if fault is not None:
         return CheckedRecording(None, fault, counts, recording.time_s)
-    warm = recording.temperature_c
-    if warm is not None and np.isfinite(warm).sum() < MIN_SAMPLES:
-        warm = None
-    observations = make_observations(recording.time_s, source.force_g, warm, np.array(twin.noise_g))
+    temperature_c = recording.temperature_c
+    if temperature_c is not None and np.isfinite(temperature_c).sum() < MIN_SAMPLES:
+        temperature_c = None
+    observations = make_observations(recording.time_s, source.force_g, temperature_c, np.array(twin.noise_g))
     counts["spikes"] = int((~observations.used).sum())
     return CheckedRecording(observations, None, counts, recording.time_s)
 
 
 def find_fault(time_s: Array, force_g: Array, twin: TwinRig) -> str | None:
-    """Why a recording says nothing about a model, and what would do; None where it can be used."""
+    """Return why a recording cannot be used, and what would be usable; None where it can."""
     if len(time_s) < MIN_SAMPLES:
         return f"too short: {len(time_s)} usable samples; record at least {MIN_SAMPLES}, over some swings"
     period_s = twin.small_swing_period_s
     duration_s = float(time_s[-1] - time_s[0])
-    norm = float(np.median(np.linalg.norm(force_g, axis=1)))
-    if not PLAUSIBLE_NORM_G[0] < norm < PLAUSIBLE_NORM_G[1]:
-        unit = " (m/s²?)" if 9 < norm < 11 else " (mg?)" if 500 < norm < 2000 else ""
-        return f"wrong units: the readings' norm is {norm:.3g}{unit}, at rest it is 1 g; give them in g"
-    falling_s = _longest_fall_s(time_s, force_g)
-    if falling_s > MAX_FREE_FALL_PERIODS * period_s and twin.position_m < MAX_RHO_FREE_FALL_CHECK * twin.length_m:
+    norm_g = float(np.median(np.linalg.norm(force_g, axis=1)))
+    if not PLAUSIBLE_NORM_G[0] < norm_g < PLAUSIBLE_NORM_G[1]:
+        unit = " (m/s²?)" if 9 < norm_g < 11 else " (mg?)" if 500 < norm_g < 2000 else ""
+        return f"wrong units: the norm of the readings is {norm_g:.3g}{unit}, at rest it is 1 g; give them in g"
+    falling_s = _longest_free_fall_s(time_s, force_g)
+    if falling_s > SHORT_PERIODS * period_s and twin.position_m < MAX_FREE_FALL_RHO * twin.length_m:
         return (
             f"in free fall: the readings stay below {FREE_FALL_G:g} g for {falling_s:.2g} s, no rope was taut; "
             "record with the housing clamped to the rope"
         )
     if duration_s < MIN_PERIODS * period_s:
-        return f"too short: {duration_s:.3g} s, a swing of this rig takes {period_s:.3g} s; record at least {3 * period_s:.0f} s"
-    stuck = [float(np.mean(np.abs(axis - np.median(axis)) < 1e-9)) for axis in force_g.T]
-    if max(stuck) > MAX_STUCK_SHARE:
-        return "clipped or stuck throughout: an axis gives the same value all the time; set a wider range"
-    return _find_swing_fault(time_s, force_g, twin, period_s)
+        return (
+            f"too short: {duration_s:.3g} s, the period of this rig is {period_s:.3g} s; "
+            f"record at least {3 * period_s:.0f} s"
+        )
+    return _find_constant_axis(force_g, twin) or _find_swing_fault(time_s, force_g, twin)
 
 
-def _longest_fall_s(time_s: Array, force_g: Array) -> float:
-    """Longest time for which the norm of (n, 3) stays below `FALL_G`."""
+def _longest_free_fall_s(time_s: Array, force_g: Array) -> float:
+    """Return the longest time for which the norm of (n, 3) stays below `FREE_FALL_G`."""
     falling = true_runs(np.linalg.norm(force_g, axis=1) < FREE_FALL_G)
     return max((float(time_s[stop - 1] - time_s[start]) for start, stop in falling), default=0.0)
 
 
-def _find_swing_fault(time_s: Array, force_g: Array, twin: TwinRig, period_s: float) -> str | None:
-    lateral = (force_g[:, :2] - force_g[:, :2].mean(axis=0)).T
-    step = max(1, int(len(time_s) * 0.1 * period_s / (time_s[-1] - time_s[0])))
-    count = len(time_s) // step
-    binned = lateral[:, : count * step].reshape(2, count, step).mean(axis=2)
+def _find_constant_axis(force_g: Array, twin: TwinRig) -> str | None:
+    """Return a fault where an axis is constant, and not because the swing is less than a quantisation step."""
+    medians_g = np.median(force_g, axis=0)
+    constant = (np.abs(force_g - medians_g) < 1e-9).mean(axis=0) > MAX_CONSTANT_SHARE
+    if not constant.any():
+        return None
+    if constant.all():
+        return "stuck or quantised throughout: no axis changes; set a smaller range, or let the load swing wider"
+    step_g = _hiding_step_g(force_g, twin)
+    limit_g = np.inf if twin.full_scale_g is None or step_g is None else twin.full_scale_g - step_g
+    if step_g is None or np.abs(medians_g[constant]).max() > limit_g:
+        return "clipped or stuck throughout: an axis gives the same value all the time; set a wider range"
+    return None
+
+
+def _hiding_step_g(force_g: Array, twin: TwinRig) -> float | None:
+    """Return the quantisation step where it is so large that an axis can be constant in spite of its noise."""
+    noise_g = np.array(twin.noise_g)
+    step_g = detect_quantisation_step(force_g, noise_g)
+    return None if step_g is None or constant_share(step_g, noise_g) < MAX_CONSTANT_SHARE else step_g
+
+
+def _find_swing_fault(time_s: Array, force_g: Array, twin: TwinRig) -> str | None:
+    """Return a fault where no swing exceeds the noise, or where its frequency is not that of the rig."""
+    duration_s, period_s = float(time_s[-1] - time_s[0]), twin.small_swing_period_s
+    lateral_g = (force_g[:, :2] - force_g[:, :2].mean(axis=0)).T
+    bin_samples = max(1, int(len(time_s) * SHORT_PERIODS * period_s / duration_s))
+    n_bins = len(time_s) // bin_samples
+    binned_g = lateral_g[:, : n_bins * bin_samples].reshape(2, n_bins, bin_samples).mean(axis=2)
     stated_g = float(np.mean(twin.noise_g[:2]))
     seen_g = float(robust_sigma(np.diff(force_g[:, :2], axis=0).ravel())) / np.sqrt(2)
-    noise_g = max(stated_g, seen_g) / np.sqrt(step)
-    rms_g = float(np.sqrt((binned**2).sum(axis=0).mean() / 2))
-    if rms_g < MIN_SIGNAL_TO_NOISE * noise_g and seen_g > EXCESS_NOISE_FACTOR * stated_g:
+    detectable_g = DETECTION_SIGMA * max(stated_g, seen_g) / np.sqrt(bin_samples)
+    rms_g = float(np.sqrt((binned_g**2).sum(axis=0).mean() / 2))
+    if rms_g < detectable_g and seen_g > DETECTION_SIGMA * stated_g:
         return (
             f"too noisy: {seen_g * 1e3:.2g} mg where {stated_g * 1e3:.2g} mg is believed hides the swing; "
             "mend the sensor or its mount"
         )
-    if rms_g < max(MIN_SWING_RMS_G, MIN_SIGNAL_TO_NOISE * noise_g):
+    if rms_g < max(MIN_SWING_RMS_G, detectable_g):
+        return _static_fault(_hiding_step_g(force_g, twin), stated_g)
+    return _find_wrong_frequency(binned_g, duration_s / n_bins, twin)
+
+
+def _static_fault(step_g: float | None, stated_g: float) -> str:
+    if step_g is None:
         return (
             f"static: nothing swings beyond the noise of {stated_g * 1e3:.2g} mg; let the load swing by a few degrees"
         )
-    bin_s = (time_s[-1] - time_s[0]) / count
-    power = (np.abs(np.fft.rfft(binned * np.hanning(count), 8 * count, axis=1)) ** 2).sum(axis=0)
-    frequency_hz = np.fft.rfftfreq(8 * count, bin_s)
+    return (
+        f"static or quantised: nothing swings beyond the steps of {step_g * 1e3:.2g} mg; "
+        "set a smaller range, or let the load swing wider"
+    )
+
+
+def _find_wrong_frequency(binned_g: Array, bin_s: float, twin: TwinRig) -> str | None:
+    """Return a fault where the lateral readings (2, bins) have no line at the frequency of the rig."""
+    n_bins, period_s = binned_g.shape[1], twin.small_swing_period_s
+    power = (np.abs(np.fft.rfft(binned_g * np.hanning(n_bins), 8 * n_bins, axis=1)) ** 2).sum(axis=0)
+    frequency_hz: Array = np.fft.rfftfreq(8 * n_bins, bin_s).astype(np.float64)
     band = frequency_hz > 0.2 / period_s
     found_hz = float(frequency_hz[band][np.argmax(power[band])])
-    elsewhere = abs(np.log(found_hz * period_s)) > np.log(WRONG_FREQUENCY_RATIO)
-    if elsewhere and not _frequency_matches_rig(frequency_hz[band], power[band], period_s):
-        length_m = twin.gravity_m_s2 / (2 * np.pi * found_hz) ** 2
-        return (
-            f"the rig is wrong: the load swings once in {1 / found_hz:.3g} s, a rope of {twin.length_m:.4g} m would in "
-            f"{period_s:.3g} s; check rope.length_m ({length_m:.3g} m would fit)"
-        )
-    return None
+    differs = abs(np.log(found_hz * period_s)) > np.log(WRONG_FREQUENCY_RATIO)
+    if not differs or _has_line_of_rig(frequency_hz[band], power[band], period_s):
+        return None
+    length_m = twin.gravity_m_s2 / (2 * np.pi * found_hz) ** 2
+    return (
+        f"the rig is wrong: the load swings once in {1 / found_hz:.3g} s, a rope of {twin.length_m:.4g} m would in "
+        f"{period_s:.3g} s; check rope.length_m ({length_m:.3g} m would fit)"
+    )
 
 
-def _frequency_matches_rig(frequency_hz: Array, power: Array, period_s: float) -> bool:
-    """Much of the power is at the believed frequency; or a line stands there alone, below a second mode that is the main one."""
-    off = np.log(frequency_hz * period_s)
-    near = np.abs(off) < np.log(SAME_FREQUENCY_RATIO)
-    at_belief = power[near].max(initial=0.0)
-    if at_belief >= MIN_POWER_SHARE * power.max():
+def _has_line_of_rig(frequency_hz: Array, power: Array, period_s: float) -> bool:
+    """Return whether the rig's frequency has much power, or a line of its own below a stronger second mode."""
+    log_ratio = np.log(frequency_hz * period_s)
+    at_rig = np.abs(log_ratio) < np.log(SAME_FREQUENCY_RATIO)
+    rig_power = power[at_rig].max(initial=0.0)
+    if rig_power >= MIN_POWER_SHARE * power.max():
         return True
-    around = power[~near & (np.abs(off) < np.log(NEIGHBOURHOOD_RATIO))]
-    second_mode = off[np.argmax(power)] > np.log(WRONG_FREQUENCY_RATIO)
-    return bool(second_mode and len(around) and at_belief > MIN_LINE_TO_NEIGHBOURS * around.max())
+    neighbours = power[~at_rig & (np.abs(log_ratio) < np.log(NEIGHBOUR_RATIO))]
+    is_second_mode = log_ratio[np.argmax(power)] > np.log(WRONG_FREQUENCY_RATIO)
+    return bool(is_second_mode and len(neighbours) and rig_power > MIN_LINE_TO_NEIGHBOURS * neighbours.max())

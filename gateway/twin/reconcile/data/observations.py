@@ -1,4 +1,4 @@
-"""A recording as the reconciliation takes it: times that rise, forces in g, noise, and which samples count."""
+"""The samples that a model is fitted to: times, specific forces, their noise, and which samples count."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,7 +6,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.numerics.quantisation import smallest_steps
 from gateway.numerics.robust import robust_sigma
+from gateway.numerics.spikes import MIN_SPIKE_SIGMA
+from gateway.numerics.stats import normal_quantile
 from gateway.twin.reconcile.data.swing_amplitude import (
     LARGE_AMPLITUDE_RAD,
     estimate_amplitude_rad,
@@ -14,17 +17,18 @@ from gateway.twin.reconcile.data.swing_amplitude import (
 )
 
 Array = NDArray[np.float64]
-SPIKE_SIGMA = 8.0
-"""A lone sample further from its neighbours' line than this, in robust spreads of that distance, is no motion of a load."""
-TEMPERATURE_DEGREE = 6
+MAX_TEMPERATURE_DEGREE = 6
+"""Degree of the polynomial that stands for the temperature."""
+SAMPLES_PER_DEGREE = 50
+"""Samples that one degree of it needs; more smooth the noise of the thermometer."""
 
 
 @dataclass(frozen=True)
 class Observations:
-    """What was measured, n samples. Without slots: properties of the samples are computed once."""
+    """The n samples of a recording. It has no slots, so that properties of the samples can be cached."""
 
     time_s: Array
-    """Since the first sample, rising, shape (n,)."""
+    """Since the first sample, increasing, shape (n,)."""
     force_g: Array
     """Specific force in the housing frame, shape (n, 3)."""
     temperature_c: Array | None
@@ -32,23 +36,23 @@ class Observations:
     noise_g: Array
     """1-sigma per sample and axis, shape (3,)."""
     used: NDArray[np.bool_]
-    """False for lone spikes, shape (n,): they count nowhere."""
+    """False for spikes, which count nowhere, shape (n,)."""
     offset_s: float = 0.0
-    """Of the recording that it is a piece of, since that one's first sample."""
+    """Time of the first sample in the recording of which this is a slice."""
 
     @property
     def n_values(self) -> int:
-        """Numbers that count: three for each sample used."""
+        """Number of values that count: three for each sample used."""
         return 3 * int(self.used.sum())
 
     @property
     def duration_s(self) -> float:
-        """From first to last sample."""
+        """Time from the first to the last sample."""
         return float(self.time_s[-1] - self.time_s[0])
 
     @cached_property
     def amplitude_rad(self) -> float:
-        """The swing's amplitude at the start."""
+        """Amplitude of the swing at the start of the recording."""
         return estimate_amplitude_rad(self.time_s, self.force_g, self.used)
 
     @cached_property
@@ -57,38 +61,39 @@ class Observations:
         return self.amplitude_rad > LARGE_AMPLITUDE_RAD and has_swing_at_half_axial_frequency(self.time_s, self.force_g)
 
     def residual_sigma(self, simulated_g: Array) -> Array:
-        """(measured - simulated)/noise, 0 where a sample does not count, shape (n, 3)."""
-        found: Array = (self.force_g - simulated_g) / self.noise_g * self.used[:, None]
-        return found
+        """Return (measured - simulated)/noise, 0 where a sample does not count, shape (n, 3)."""
+        residual: Array = (self.force_g - simulated_g) / self.noise_g * self.used[:, None]
+        return residual
 
     def chi2(self, simulated_g: Array) -> float:
         """Return the sum of the squared residual in sigma."""
         return float((self.residual_sigma(simulated_g) ** 2).sum())
 
     def reduced_chi2(self, simulated_g: Array) -> float:
-        """Return chi-square per number that counts; 1 is noise alone."""
+        """Return chi-square per value that counts; 1 is noise alone."""
         return self.chi2(simulated_g) / self.n_values
 
 
 @dataclass(frozen=True, slots=True)
 class Recordings:
-    """What is fitted and what is judged on."""
+    """A recording to fit and one to validate on."""
 
     log: Observations
     held_out: Observations
     """At true times, where samples were lost."""
     held_out_as_stamped: Observations
     last_third: bool
+    """Whether the held-out recording is the last third of the same one."""
 
 
 def slice_samples(observations: Observations, first: int, last: int) -> Observations:
-    """Samples first to last - 1."""
+    """Return the samples from `first` to before `last`, with times from the first of them."""
     chosen = slice(first, last)
-    warm = observations.temperature_c
+    temperature_c = observations.temperature_c
     return Observations(
         observations.time_s[chosen] - observations.time_s[first],
         observations.force_g[chosen],
-        None if warm is None else warm[chosen],
+        None if temperature_c is None else temperature_c[chosen],
         observations.noise_g,
         observations.used[chosen],
         observations.offset_s + float(observations.time_s[first]),
@@ -96,31 +101,32 @@ def slice_samples(observations: Observations, first: int, last: int) -> Observat
 
 
 def make_observations(time_s: Array, force_g: Array, temperature_c: Array | None, noise_g: Array) -> Observations:
-    """Observations of rising, finite samples (n >= 8)."""
-    elapsed = time_s - time_s[0]
-    warm = None if temperature_c is None else fit_temperature(elapsed, temperature_c)
-    return Observations(elapsed, force_g, warm, noise_g, ~detect_spikes(force_g))
+    """Return the observations of increasing, finite samples (n >= 8)."""
+    elapsed_s = time_s - time_s[0]
+    smoothed_c = None if temperature_c is None else smooth_temperature(elapsed_s, temperature_c)
+    return Observations(elapsed_s, force_g, smoothed_c, noise_g, ~detect_spikes(force_g))
 
 
-def fit_temperature(time_s: Array, temperature_c: Array) -> Array:
-    """A polynomial: a sensor's case warms slowly, what is quick is the thermometer's noise."""
+def smooth_temperature(time_s: Array, temperature_c: Array) -> Array:
+    """Return a polynomial through the temperatures: a housing warms slowly, what is fast is the noise of the thermometer."""
     known = np.isfinite(temperature_c)
-    degree = min(TEMPERATURE_DEGREE, int(known.sum()) // 50)
-    fitted = np.polynomial.Polynomial.fit(time_s[known], temperature_c[known], degree)
-    return np.asarray(fitted(time_s), dtype=np.float64)
+    degree = min(MAX_TEMPERATURE_DEGREE, int(known.sum()) // SAMPLES_PER_DEGREE)
+    polynomial = np.polynomial.Polynomial.fit(time_s[known], temperature_c[known], degree)
+    return np.asarray(polynomial(time_s), dtype=np.float64)
 
 
 def detect_spikes(force_g: Array) -> NDArray[np.bool_]:
-    """Samples that stand alone: far from the median of their neighbours, shape (n,).
+    """Return which samples (n, 3) are far from the mean of their neighbours, shape (n,).
 
-    The first and the last have neighbours on one side only: a line through four of them is carried on.
+    The first and the last sample are compared with the mean of the four next to them.
     """
-    around = np.empty_like(force_g)
-    around[1:-1] = (force_g[:-2] + force_g[2:]) / 2
-    around[0], around[-1] = force_g[1:5].mean(axis=0), force_g[-5:-1].mean(axis=0)
-    away = np.abs(force_g - around)
-    # Median and a high quantile: on a lattice or at a limit most neighbours agree exactly.
-    spread = np.maximum(robust_sigma(away), np.quantile(away, 0.98, axis=0) / 2.33) + 1e-12
-    found: NDArray[np.bool_] = np.any(away > SPIKE_SIGMA * spread, axis=1)
-    found[0] = True  # the first sample after a start is often a stale one
-    return found
+    neighbours = np.empty_like(force_g)
+    neighbours[1:-1] = (force_g[:-2] + force_g[2:]) / 2
+    neighbours[0], neighbours[-1] = force_g[1:5].mean(axis=0), force_g[-5:-1].mean(axis=0)
+    distance = np.abs(force_g - neighbours)
+    # Quantised or saturated readings mostly equal their neighbours; the median alone would be zero.
+    sigma = np.maximum(robust_sigma(distance), np.quantile(distance, 0.98, axis=0) / normal_quantile(0.99)) + 1e-12
+    limit = np.maximum(MIN_SPIKE_SIGMA * sigma, 1.5 * smallest_steps(force_g))  # a change by one step is no spike
+    spikes: NDArray[np.bool_] = np.any(distance > limit, axis=1)
+    spikes[0] = True  # the first sample after a start is often a stale one
+    return spikes

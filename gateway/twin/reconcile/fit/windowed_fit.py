@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from devices.pendulum.small_swing import period_ratio
 from gateway.twin.model import TwinRig
+from gateway.twin.reconcile.data.data_checks import MIN_PERIODS
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
@@ -20,8 +21,6 @@ from gateway.twin.simulator.simulator import SegmentBatch, Simulator
 from gateway.twin.simulator.state import HEADING, ROPE_RATES, ROPE_TILTS
 
 Array = NDArray[np.float64]
-PERIODS_PER_WINDOW = 2.0
-"""In one piece."""
 LOWEST_POINT_SEARCH_PERIODS = 0.55
 """Part of a period within which there is a passage through the lowest point."""
 RATE_INTERVAL_PERIODS = 0.02
@@ -43,7 +42,7 @@ START_SCALES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5)
 def window_bounds(rig: TwinRig, observations: Observations) -> list[int]:
     """First samples of pieces of about two swings; all but the first begin at the lowest point, where a start is regular."""
     period_s = swing_period_s(rig, observations)
-    count = max(1, round(observations.duration_s / (PERIODS_PER_WINDOW * period_s)))
+    count = max(1, round(observations.duration_s / (MIN_PERIODS * period_s)))
     found = {0}
     for wanted_s in observations.duration_s * np.arange(1, count) / count:
         near = np.flatnonzero(np.abs(observations.time_s - wanted_s) < LOWEST_POINT_SEARCH_PERIODS / 2 * period_s)

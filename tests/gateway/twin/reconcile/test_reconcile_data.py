@@ -1,0 +1,131 @@
+"""Quantisation, saturation and spikes in the samples, and recordings that cannot be used."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gateway.twin.model import TwinRig
+from gateway.twin.reconcile.data.artefact_detectors import detect_quantisation_step, detect_saturation, quantised_mean
+from gateway.twin.reconcile.data.data_checks import find_fault
+from gateway.twin.reconcile.data.observations import Observations, detect_spikes
+from gateway.twin.simulator.simulator import Simulator
+
+Array = NDArray[np.float64]
+Record = Callable[..., Observations]
+NOISE_G = np.full(3, 5e-4)
+COARSE_STEP_G = 0.043
+
+
+def test_quantisation_step_is_found_to_a_millionth(record: Record) -> None:
+    force_g = record({}).force_g
+    step_g = 0.0041237
+    written = np.round(step_g * np.round(force_g / step_g), 7)
+
+    assert detect_quantisation_step(written, NOISE_G) == pytest.approx(step_g, rel=1e-6)
+    assert detect_quantisation_step(np.round(force_g, 7), NOISE_G) is None
+
+
+def test_saturation_level_is_found_and_the_maximum_of_noise_is_none(record: Record) -> None:
+    force_g = record({}).force_g
+
+    assert detect_saturation(np.minimum(force_g, 1.001)) == pytest.approx(1.001)
+    assert detect_saturation(force_g) is None
+
+
+def test_quantised_mean_equals_the_mean_of_many_noisy_readings() -> None:
+    rng = np.random.default_rng(1)
+    force_g = np.linspace(-0.013, 0.013, 30).reshape(10, 3)
+    drawn = np.mean(
+        [0.005 * np.round((force_g + 1e-3 * rng.normal(size=force_g.shape)) / 0.005) for _ in range(4000)], axis=0
+    )
+
+    np.testing.assert_allclose(quantised_mean(force_g, 0.005, np.full(3, 1e-3)), drawn, atol=2e-4)
+
+
+def test_lone_spike_is_excluded_and_a_swing_is_not(record: Record) -> None:
+    force_g = record({}).force_g.copy()
+    force_g[500, 2] += 0.05
+    found = detect_spikes(force_g)
+
+    assert found[500]
+    assert found[0]
+    assert found.sum() <= 4  # a neighbour of the spike may be excluded, too
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (lambda t, f: (t[:100], f[:100]), "too short"),
+        (lambda t, f: (t[:220], f[:220]), "too short"),
+        (lambda t, f: (t, f * 9.80665), "wrong units"),
+        (lambda t, f: (t, 0 * f + [0, 0, 1] + 5e-4 * np.random.default_rng(1).normal(size=f.shape)), "static"),
+        (lambda t, f: (t, f + np.random.default_rng(1).normal(size=f.shape)), "too noisy"),
+        (lambda t, f: (t, f * [1, 1, 0] + [0, 0, 1.0]), "clipped or stuck"),
+        (lambda t, f: (t, 0 * f + [0, 0, 1.0]), "stuck or quantised"),
+        (lambda t, f: (t / 1.42, f), "the rig is wrong"),
+    ],
+)
+def test_unusable_recording_is_refused_with_the_reason(
+    record: Record, rig: TwinRig, change: Callable[[Array, Array], tuple[Array, Array]], reason: str
+) -> None:
+    observations = record({})
+    time_s, force_g = change(observations.time_s, observations.force_g)
+
+    assert reason in (find_fault(time_s, force_g, rig) or "")
+
+
+def coarse_recording(rig: TwinRig, tilt_rad: float) -> tuple[Array, Array]:
+    """Return times and readings of a swing in a plane, in steps of 43 mg."""
+    time_s, simulator = np.arange(0, 60, 1 / 20.0), Simulator(rig, [])
+    force_g = simulator.predict(simulator.values([tilt_rad, 0, 0, 0, 0], {}), time_s)
+    noisy_g = force_g + np.array(rig.noise_g) * np.random.default_rng(1).normal(size=force_g.shape)
+    return time_s, COARSE_STEP_G * np.round(noisy_g / COARSE_STEP_G)
+
+
+@pytest.mark.parametrize(("position_m", "tilt_rad"), [(0.0, 0.07), (4.0, 0.07), (6.0, 0.2)])
+def test_quantised_recording_with_constant_axes_is_usable(rig: TwinRig, position_m: float, tilt_rad: float) -> None:
+    time_s, force_g = coarse_recording(replace(rig, position_m=position_m), tilt_rad)
+
+    assert len(np.unique(force_g[:, 1])) == 1
+    assert find_fault(time_s, force_g, rig) is None
+    assert detect_quantisation_step(force_g, NOISE_G) == pytest.approx(COARSE_STEP_G)
+    assert detect_spikes(force_g).sum() == 1  # the first sample
+
+
+def test_swing_that_quantisation_hides_near_the_hook_is_not_called_clipped(rig: TwinRig) -> None:
+    near_hook = replace(rig, position_m=7.6)
+    axial_steps = find_fault(*coarse_recording(near_hook, 0.2), near_hook)
+    no_step = find_fault(*coarse_recording(near_hook, 0.05), near_hook)
+
+    assert axial_steps is not None
+    assert axial_steps.startswith("static or quantised: nothing swings beyond the steps of 43 mg")
+    assert no_step is not None
+    assert no_step.startswith("stuck or quantised")
+
+
+def test_saturated_axis_of_a_quantised_recording_is_called_clipped(rig: TwinRig) -> None:
+    time_s, force_g = coarse_recording(rig, 0.2)
+    limit_g = 21 * COARSE_STEP_G
+
+    assert "clipped or stuck" in (
+        find_fault(time_s, np.minimum(force_g, limit_g), replace(rig, full_scale_g=limit_g)) or ""
+    )
+
+
+def test_slack_rope_is_reported_as_free_fall(record: Record, rig: TwinRig) -> None:
+    observations = record({})
+    force_g = observations.force_g.copy()
+    force_g[400:420] *= 0.1  # one second; the period is 5.7 s
+
+    assert "in free fall" in (find_fault(observations.time_s, force_g, rig) or "")
+    force_g[400:413] = observations.force_g[400:413]
+    assert find_fault(observations.time_s, force_g, rig) is None
+
+
+def test_usable_recording_is_not_refused(record: Record, rig: TwinRig) -> None:
+    observations = record({})
+
+    assert find_fault(observations.time_s, observations.force_g, rig) is None
