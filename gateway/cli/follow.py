@@ -7,6 +7,7 @@ from typing import Any, TextIO
 import zenoh
 
 from gateway.bus.client import GatewayClient
+from gateway.calibration.pose_method import PoseMethod
 from gateway.cli.status_line import StatusLine
 from gateway.daemon.bounded_queue import BoundedQueue
 
@@ -16,7 +17,6 @@ LOOK_S = 1.5
 """While it collects a gateway tells of a session twice a second; after this silence it is asked."""
 WAITING = 256
 BAR = 24
-SIX_POSITION = "six-position"
 NO_ANSWER = "no answer from the gateway; waiting for it"
 GOES_ON = "the session goes on: plumbline remote recalibrate --follow shows it, plumbline remote cancel ends it"
 
@@ -121,7 +121,7 @@ class Screen:
 def _poses_line(session: dict[str, Any]) -> int:
     """Poses that count: a face that lay up twice is one of six."""
     used = [pose for pose in session["poses"] if pose["used"]]
-    return len({pose["face"] for pose in used}) if session["method"] == SIX_POSITION else len(used)
+    return len({pose["face"] for pose in used}) if session["method"] == PoseMethod.SIX_POSITION else len(used)
 
 
 def _next_face(session: dict[str, Any]) -> str:

@@ -5,6 +5,8 @@ import sys
 import uuid
 from typing import TYPE_CHECKING, Any
 
+from gateway.calibration.pose_method import PoseMethod
+
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
 
@@ -17,7 +19,9 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> list
     recalibrate = _verb(
         verbs, "recalibrate", "begin a session and follow it", _recalibrate, "--by ann --housing-off-rope"
     )
-    recalibrate.add_argument("--method", choices=("six-position", "norm-fit"), default="six-position")
+    recalibrate.add_argument(
+        "--method", choices=[method.value for method in PoseMethod], default=PoseMethod.SIX_POSITION.value
+    )
     recalibrate.add_argument(
         "--housing-off-rope", action="store_true", help="confirm that the housing has been taken off the rope"
     )

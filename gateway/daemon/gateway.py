@@ -32,7 +32,6 @@ from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.messages import Log
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recalibration.recalibration import Recalibration
-from gateway.recalibration.standard import StandardMethods
 from gateway.recording.events import AlertEventIndex
 from gateway.recording.header import RecordingHeader
 from gateway.recording.writer import Recorder
@@ -92,9 +91,9 @@ class Gateway:
         log.addHandler(RecordingHandler(lambda line: self._record_line(line, clock.now_ns())))
         self._publisher = Publisher(session, section.key)
         wall_clock = WallClockMonitor(clock)
-        methods = StandardMethods(configuration.device.axes)
+        axes = configuration.device.axes
         recalibration = RecalibrationService(
-            Recalibration(section.data_dir, methods, software=__version__, tell=log.warning), wall_clock
+            Recalibration(section.data_dir, axes, software=__version__, log_line=log.warning), wall_clock
         )
         self._rpc = RpcServer(session, section.key, self._publisher.latest, recalibration)
         drift_store = DriftStateStore(section.data_dir)

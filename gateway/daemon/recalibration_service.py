@@ -13,11 +13,10 @@ from gateway.errors import describe_problems
 from gateway.messages import NO_SESSION, CalibrationSession, Verdict
 from gateway.pipeline.rate_limiter import RateLimiter
 from gateway.recalibration.interlock import LoadState
-from gateway.recalibration.journal import Answer
+from gateway.recalibration.journal import RequestAnswer
 from gateway.recalibration.recalibration import Recalibration
-from gateway.recalibration.session import Session
-from gateway.recalibration.timestamp import Timestamp
-from gateway.recalibration.view import session_message
+from gateway.recalibration.session import Session, Timestamp
+from gateway.recalibration.session_message import make_session_message
 
 log = logging.getLogger("plumbline.recalibration")
 WAITING = 16
@@ -31,7 +30,7 @@ class PendingRequest:
 
     verb: str
     payload: bytes
-    reply: Callable[[Answer], object]
+    reply: Callable[[RequestAnswer], object]
 
 
 class LoadSignal(BaseModel):
@@ -83,7 +82,7 @@ class RecalibrationService:
     @property
     def suspended(self) -> str | None:
         """Why nothing is known of the load; None: it is known."""
-        return self._recalibration.suspended
+        return self._recalibration.suspension
 
     def open(self, info: DeviceInfo) -> None:
         """Start with a device that was opened."""
@@ -96,7 +95,7 @@ class RecalibrationService:
 
     def set_condition(self, verdict: Verdict, time_ns: int) -> None:
         """Take a verdict of the condition stage, for the interlock."""
-        self._recalibration.watch.verdict(verdict, time_ns)
+        self._recalibration.interlock.add_verdict(verdict, time_ns)
 
     def serve(self) -> ServiceUpdate:
         """Answer the waiting requests, and end a session that has timed out."""
@@ -120,7 +119,7 @@ class RecalibrationService:
     def _update_session(self) -> None:
         session, progress = self._recalibration.session, self._recalibration.progress
         if session is not self._shown or progress is not None:
-            self._shown, self.session = session, session_message(session, progress)
+            self._shown, self.session = session, make_session_message(session, progress)
 
     def _take_load_signal(self, payload: bytes) -> None:
         try:
@@ -130,7 +129,7 @@ class RecalibrationService:
                 'load signal: %s; it must be JSON such as {"loaded": true}', describe_problems(error, "message")[0]
             )
             return
-        self._recalibration.watch.load(LoadState(signal.loaded, self._wall_clock.clock.now_ns()))
+        self._recalibration.interlock.set_load_state(LoadState(signal.loaded, self._wall_clock.clock.now_ns()))
 
     def _now(self) -> Timestamp:
         now_ns = self._wall_clock.clock.now_ns()

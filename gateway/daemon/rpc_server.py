@@ -13,8 +13,8 @@ from pydantic_core import to_json
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.recalibration_service import PendingRequest, RecalibrationService
 from gateway.daemon.worker import Worker
-from gateway.recalibration.journal import Answer
-from gateway.recalibration.requests import LARGEST_PAYLOAD, VERBS
+from gateway.recalibration.journal import RequestAnswer
+from gateway.recalibration.requests import MAX_PAYLOAD_BYTES, VERBS
 
 log = logging.getLogger("plumbline.rpc")
 INBOX = 256
@@ -35,7 +35,7 @@ class Reply:
     """The answer to a query."""
 
     query: IncomingQuery
-    answer: Answer
+    answer: RequestAnswer
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ class RpcServer(Worker[RpcItem]):
                 self._submit(item)
             case Reply():
                 self._answer(item.query, item.answer)
-            case IncomingLoadSignal() if len(item.sample.payload) <= LARGEST_PAYLOAD:
+            case IncomingLoadSignal() if len(item.sample.payload) <= MAX_PAYLOAD_BYTES:
                 self._recalibration.set_load_signal(item.sample.payload.to_bytes())
 
     def _status(self) -> bytes:
@@ -104,16 +104,16 @@ class RpcServer(Worker[RpcItem]):
 
     def _refusal(self, query: IncomingQuery) -> str | None:
         payload = query.query.payload
-        if payload is not None and len(payload) > LARGEST_PAYLOAD:
-            return f"a request of {len(payload)} bytes; {LARGEST_PAYLOAD} is the most"
+        if payload is not None and len(payload) > MAX_PAYLOAD_BYTES:
+            return f"a request of {len(payload)} bytes; {MAX_PAYLOAD_BYTES} is the most"
         if query.verb in VERBS and str(query.query.key_expr) != f"{self._key}/rpc/{query.verb}":
             return f"{query.query.key_expr} may mean several gateways; ask one: {self._key}"
         return None
 
     def _refuse(self, query: IncomingQuery, why: str) -> None:
-        self._answer(query, Answer(id="", request="", accepted=False, text=why))
+        self._answer(query, RequestAnswer(id="", request="", accepted=False, text=why))
 
-    def _answer(self, query: IncomingQuery, answer: Answer) -> None:
+    def _answer(self, query: IncomingQuery, answer: RequestAnswer) -> None:
         payload = to_json(answer.payload())
         if answer.accepted:
             self._reply(query, payload)

@@ -1,1 +1,1 @@
-"""Recalibration asked for from afar: requests, the session, its journal, the interlock and the audit. No threads, no clock."""
+"""Recalibration over the network: requests, session, interlock, journal and audit. Time is an argument of every call."""

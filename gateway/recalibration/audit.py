@@ -1,4 +1,4 @@
-"""Who asked for what, and what came of it: one line each, on the disk before anything is done."""
+"""The audit: every request and its outcome, one line each, on the disk before the request is executed."""
 
 import json
 from collections import deque
@@ -8,35 +8,35 @@ from typing import Any
 
 from gateway.atomic_io import append_durably
 
-LARGEST_FILE = 8_000_000
-"""Then the file becomes the previous one, of which there is one."""
+MAX_FILE_BYTES = 8_000_000
+"""Size at which the file becomes the previous file; there is one previous file."""
 
 
 class Audit:
-    """`<data_dir>/calibration/audit.jsonl`; every line is told to the log too, which is recorded."""
+    """`<data_dir>/calibration/audit.jsonl`; every entry is also logged, and so recorded."""
 
-    def __init__(self, path: Path, tell: Callable[[str], None]) -> None:
+    def __init__(self, path: Path, log_line: Callable[[str], None]) -> None:
         self._path = path
-        self._tell = tell
+        self._log_line = log_line
 
     def write(self, time_utc: str, event: str, **content: Any) -> None:
-        """Keep an entry. Raises `OSError`."""
+        """Append an entry. Raises `OSError`."""
         line = json.dumps({"time_utc": time_utc, "event": event, **content})
-        self._tell(f"audit {line}")
-        if self._path.exists() and self._path.stat().st_size > LARGEST_FILE:
+        self._log_line(f"audit {line}")
+        if self._path.exists() and self._path.stat().st_size > MAX_FILE_BYTES:
             self._path.replace(self._path.with_suffix(".previous.jsonl"))
         append_durably(self._path, line.encode())
 
     def newest(self, count: int) -> list[dict[str, Any]]:
-        """The last entries of the file, oldest first; a line that a kill tore is left out. Raises `OSError`."""
+        """Return the last entries of the file, oldest first, without a line that a kill has truncated. Raises `OSError`."""
         if not self._path.exists():
             return []
         with self._path.open("rb") as file:
             lines = deque(file, maxlen=count)
-        return [entry for entry in map(_parsed, lines) if entry is not None]
+        return [entry for entry in map(_parse_entry, lines) if entry is not None]
 
 
-def _parsed(line: bytes) -> dict[str, Any] | None:
+def _parse_entry(line: bytes) -> dict[str, Any] | None:
     try:
         entry = json.loads(line)
     except ValueError:

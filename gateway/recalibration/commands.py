@@ -1,4 +1,4 @@
-"""What each request would do, and why it must not: decided before anything is written."""
+"""Commands: what each request would do, or why it is refused; decided before anything is written."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -6,69 +6,73 @@ from dataclasses import dataclass
 from pydantic import ValidationError
 
 from devices.block import DeviceInfo
+from gateway.calibration.acceptance import judge
+from gateway.calibration.frame import AxesMap, housing_rotation
 from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.methods.zeroing import zero_in_place
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.record_factory import make_record
 from gateway.calibration.store import CalibrationStore
 from gateway.errors import PlumblineError, describe_problems
 from gateway.recalibration.interlock import LoadInterlock
-from gateway.recalibration.methods import Methods
 from gateway.recalibration.requests import Cancel, Commit, Recalibrate, Request, Rollback, Zero
 from gateway.recalibration.sample_buffer import RecentSamples
-from gateway.recalibration.session import Session
-from gateway.recalibration.timestamp import Timestamp
+from gateway.recalibration.session import Session, Timestamp
+
+ALERTS_RESUMED = "alerts are on again: the housing must hang on the rope"
 
 
-class Refused(PlumblineError):  # noqa: N818  (not an error: the answer is no, and the text says why)
-    """What was asked is not done."""
+class Refused(PlumblineError):  # noqa: N818  (not an error: the answer is no, and the text states why)
+    """A request is refused; the text states the reason."""
 
 
 @dataclass(frozen=True, slots=True)
-class Action:
-    """What came of a request."""
+class CommandResult:
+    """Result of an executed command."""
 
     text: str
     session: Session | None
+    """The session afterwards."""
     record_id: str | None = None
+    """Id of the record that the command has put in force."""
 
 
-ON_AGAIN = "alerts are on again: the housing must hang on the rope"
-Act = Callable[[], Action]
-"""Does what was planned. Raises `OSError` or `CalibrationError` where the disk does not let it."""
+Command = Callable[[], CommandResult]
+"""Executes what was decided. Raises `OSError` or `CalibrationError` if the disk does not allow it."""
 
 
 @dataclass(frozen=True, slots=True)
 class CommandHandler:
-    """Plans for one device."""
+    """Makes the commands of one device."""
 
     device: DeviceInfo
     store: CalibrationStore
-    methods: Methods
-    watch: LoadInterlock
-    readings: RecentSamples
+    axes: AxesMap
+    interlock: LoadInterlock
+    recent_samples: RecentSamples
     software: str
 
-    def plan(self, request: Request, session: Session | None, moment: Timestamp) -> Act:
-        """How to do what is asked. Raises `Refused` or `CalibrationError` where it must not be done."""
-        active = session if session is not None and session.active else None
+    def prepare(self, request: Request, session: Session | None, now: Timestamp) -> Command:
+        """Return the command of a request. Raises `Refused` or `CalibrationError` if it must not be executed."""
+        active = session if session is not None and session.is_active else None
         match request:
             case Commit():
-                return self._commit(request, active, moment)
+                return self._prepare_commit(request, active, now)
             case Cancel():
-                return self._cancel(request, session, moment)
+                return self._prepare_cancel(request, session, now)
         if active is not None:
-            raise Refused(f"a session is under way ({active.method}, begun by {active.by}); cancel it first")
+            raise Refused(f"a session is active ({active.method}, started by {active.by}); cancel it first")
         match request:
             case Recalibrate():
-                return self._session(request, moment)
+                return self._prepare_session(request, now)
             case Zero():
-                return self._zero(request, moment)
+                return self._prepare_zero(request, now)
             case Rollback():
-                return self._rollback(request, session, moment)
+                return self._prepare_rollback(request, session, now)
         raise Refused(f"{type(request).__name__}: not known")
 
     def parent(self) -> CalibrationRecord | None:
-        """What a new record follows: the record in force, else the factory's. One that cannot be read is nobody's parent."""
+        """Return the parent of a new record: the record in force, or the factory record; None if it cannot be read."""
         try:
             stored = self.store.in_force()
         except CalibrationError:
@@ -77,8 +81,8 @@ class CommandHandler:
             return stored
         return CalibrationRecord.model_validate(self.device.factory_calibration)
 
-    def record(self, fit: CalibrationFit, *, by: str, request: str, moment: Timestamp) -> CalibrationRecord:
-        """The record of a fit. Raises `CalibrationError`."""
+    def record_of(self, fit: CalibrationFit, *, by: str, request: str, now: Timestamp) -> CalibrationRecord:
+        """Return the record of a fit. Raises `CalibrationError`."""
         parent = self.parent()
         try:
             return make_record(
@@ -87,40 +91,41 @@ class CommandHandler:
                 unit=self.device.unit,
                 software=self.software,
                 by=by,
-                created_utc=moment.utc,
+                created_utc=now.utc,
                 parent=None if parent is None else parent.id,
                 request=request,
             )
         except ValidationError as error:
-            raise CalibrationError(f"the fit is no record: {describe_problems(error)[0]}") from error
+            raise CalibrationError(f"the fit is no valid record: {describe_problems(error)[0]}") from error
 
-    def _session(self, request: Recalibrate, moment: Timestamp) -> Act:
-        why = self.watch.recalibration_refusal(confirmed=request.housing_off_rope, now_ns=moment.time_ns)
-        if why is not None:
-            raise Refused(why)
+    def _prepare_session(self, request: Recalibrate, now: Timestamp) -> Command:
+        reason = self.interlock.recalibration_refusal(confirmed=request.housing_off_rope, now_ns=now.time_ns)
+        if reason is not None:
+            raise Refused(reason)
         parent = self.parent()
         session = Session(
             id=request.id,
             phase="collecting",
-            method=request.method,
+            method=request.method.value,
             by=request.by,
             device_id=self.device.device_id,
             parent=None if parent is None else parent.id,
-            begun_ns=moment.time_ns,
-            touched_ns=moment.time_ns,
+            begun_ns=now.time_ns,
+            touched_ns=now.time_ns,
         )
-        return lambda: Action("collecting; swing alerts are suspended until the session ends", session)
+        return lambda: CommandResult("collecting; swing alerts are suspended until the session ends", session)
 
-    def _zero(self, request: Zero, moment: Timestamp) -> Act:
+    def _prepare_zero(self, request: Zero, now: Timestamp) -> Command:
         parent = self.parent()
         if parent is None:
             raise Refused("no calibration is in force that could be zeroed; recalibrate first")
-        if (why := self.watch.zeroing_refusal()) is not None:
-            raise Refused(why)
-        fit = self.methods.zero(self.readings.recent(), parent, self.device)
-        record = self.record(fit, by=request.by, request=request.id, moment=moment)
-        if (why := self.methods.judge(fit, parent).refusal(request.reason)) is not None:
-            raise Refused(why)
+        if (reason := self.interlock.zeroing_refusal()) is not None:
+            raise Refused(reason)
+        rotation = housing_rotation(self.axes)
+        fit = zero_in_place(self.recent_samples.recent(), parent, rotation, self.device.units_per_g)
+        record = self.record_of(fit, by=request.by, request=request.id, now=now)
+        if (reason := judge(fit, parent).refusal(request.reason)) is not None:
+            raise Refused(reason)
         session = Session(
             id=request.id,
             phase="committed",
@@ -128,38 +133,38 @@ class CommandHandler:
             by=request.by,
             device_id=self.device.device_id,
             parent=parent.id,
-            begun_ns=moment.time_ns,
-            touched_ns=moment.time_ns,
+            begun_ns=now.time_ns,
+            touched_ns=now.time_ns,
             candidate=record.model_dump(mode="json"),
             text=f"record {record.id} is in force",
         )
-        return lambda: self._put_in_force(record, session, request, moment)
+        return lambda: self._put_in_force(record, session, request, now)
 
-    def _commit(self, request: Commit, session: Session | None, moment: Timestamp) -> Act:
+    def _prepare_commit(self, request: Commit, session: Session | None, now: Timestamp) -> Command:
         if session is None or session.candidate is None or session.judgement is None:
             raise Refused("no record is in review" if session is None else "the session is still collecting poses")
         if request.record is not None and request.record != session.record_id:
             raise Refused(f"record {session.record_id} is in review, not {request.record}")
-        if (why := session.judgement.refusal(request.reason)) is not None:
-            raise Refused(why)
+        if (reason := session.judgement.refusal(request.reason)) is not None:
+            raise Refused(reason)
         record = CalibrationRecord.model_validate(session.candidate)
-        ended = session.ended("committed", f"record {record.id} is in force", moment.time_ns, left=False)
-        return lambda: self._put_in_force(record, ended, request, moment)
+        ended = session.end("committed", f"record {record.id} is in force", now.time_ns, left=False)
+        return lambda: self._put_in_force(record, ended, request, now)
 
-    def _rollback(self, request: Rollback, session: Session | None, moment: Timestamp) -> Act:
-        now = self.store.state().in_force
-        target = request.to if request.to is not None else self._parent_of(now)
-        if target == now:
-            raise Refused(f"record {now} is in force already")
+    def _prepare_rollback(self, request: Rollback, session: Session | None, now: Timestamp) -> Command:
+        in_force = self.store.state().in_force
+        target = request.to if request.to is not None else self._parent_of(in_force)
+        if target == in_force:
+            raise Refused(f"record {in_force} is in force already")
         if target is not None:
             self.store.record(target)
-        said = "the device's factory record, or none," if target is None else f"record {target}"
+        name = "the device's factory record, or none," if target is None else f"record {target}"
 
-        def act() -> Action:
-            self._change(target, request, moment)
-            return Action(f"{said} is in force again", session, target)
+        def roll_back() -> CommandResult:
+            self._change_in_force(target, request, now)
+            return CommandResult(f"{name} is in force again", session, target)
 
-        return act
+        return roll_back
 
     def _parent_of(self, record_id: str | None) -> str | None:
         if record_id is None:
@@ -172,26 +177,28 @@ class CommandHandler:
             return None
         raise Refused(f"parent {parent} of record {record_id} is not in the store; name another with to")
 
-    def _cancel(self, request: Cancel, session: Session | None, moment: Timestamp) -> Act:
+    def _prepare_cancel(self, request: Cancel, session: Session | None, now: Timestamp) -> Command:
         if session is not None and session.left:
             confirmed = session.model_copy(update={"left": False})
-            return lambda: Action("alerts are on again: the housing hangs on the rope", confirmed)
-        if session is None or not session.active:
-            raise Refused("no session is under way")
-        ended = session.ended("rejected", f"cancelled by {request.by}", moment.time_ns, left=False)
-        return lambda: Action(f"{ended.text}; {ON_AGAIN}", ended)
+            return lambda: CommandResult("alerts are on again: the housing hangs on the rope", confirmed)
+        if session is None or not session.is_active:
+            raise Refused("no session is active")
+        ended = session.end("rejected", f"cancelled by {request.by}", now.time_ns, left=False)
+        return lambda: CommandResult(f"{ended.text}; {ALERTS_RESUMED}", ended)
 
-    def _put_in_force(self, record: CalibrationRecord, ended: Session, request: Request, moment: Timestamp) -> Action:
+    def _put_in_force(
+        self, record: CalibrationRecord, ended: Session, request: Request, now: Timestamp
+    ) -> CommandResult:
         self.store.add(record)
-        self._change(record.id, request, moment)
-        return Action(f"record {record.id} is in force; {ON_AGAIN}", ended, record.id)
+        self._change_in_force(record.id, request, now)
+        return CommandResult(f"record {record.id} is in force; {ALERTS_RESUMED}", ended, record.id)
 
-    def _change(self, record_id: str | None, request: Request, moment: Timestamp) -> None:
-        """Raises `OSError` where nothing has changed."""
+    def _change_in_force(self, record_id: str | None, request: Request, now: Timestamp) -> None:
+        """Raises `OSError` if nothing has changed."""
         try:
             self.store.put_in_force(
-                record_id, by=request.by, reason=request.reason, request=request.id, time_utc=moment.utc
+                record_id, by=request.by, reason=request.reason, request=request.id, time_utc=now.utc
             )
         except OSError:
             if self.store.state().in_force != record_id:
-                raise  # else only the last sync failed: what a restart would find is what was asked for
+                raise  # otherwise only the last sync failed, and a restart would find the requested record

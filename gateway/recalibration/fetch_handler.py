@@ -1,45 +1,46 @@
-"""What can be fetched: the records, one of them, the audit. Nothing is changed by it."""
+"""Answers fetch requests: the list of records, one record, or the audit. It changes nothing."""
 
 from typing import Any
 
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
 from gateway.recalibration.audit import Audit
-from gateway.recalibration.journal import Answer
+from gateway.recalibration.journal import RequestAnswer
 from gateway.recalibration.requests import RequestError, parse_fetch
 from gateway.recalibration.session import Session
 
-SHOWN = {"id", "method", "created_utc", "by", "parent"}
+LISTED_FIELDS = {"id", "method", "created_utc", "by", "parent"}
+"""Fields of a record in the list."""
 
 
-def read_store(payload: bytes, store: CalibrationStore, audit: Audit, session: Session | None) -> Answer:
-    """The answer to a request for what is stored, or in review."""
+def answer_fetch(payload: bytes, store: CalibrationStore, audit: Audit, session: Session | None) -> RequestAnswer:
+    """Return the answer to a fetch request for what is stored or in review."""
     reviewed = session if session is not None and session.phase == "review" else None
     try:
-        wanted = parse_fetch(payload)
-        if wanted.what == "audit":
-            content: dict[str, Any] = {"audit": audit.newest(wanted.lines)}
-        elif wanted.what == "record":
-            content = {"record": _record(wanted.record or "", store, reviewed)}
+        fetch = parse_fetch(payload)
+        if fetch.what == "audit":
+            content: dict[str, Any] = {"audit": audit.newest(fetch.lines)}
+        elif fetch.what == "record":
+            content = {"record": _find_record(fetch.record or "", store, reviewed)}
         else:
-            content = _list(store) | {"review": None if reviewed is None else reviewed.record_id}
+            content = _list_records(store) | {"review": None if reviewed is None else reviewed.record_id}
     except (RequestError, CalibrationError, OSError) as error:
-        return Answer(id="", request="", accepted=False, text=str(error))
-    return Answer(id="", request="", accepted=True, text=wanted.what, content=content)
+        return RequestAnswer(id="", request="", accepted=False, text=str(error))
+    return RequestAnswer(id="", request="", accepted=True, text=fetch.what, content=content)
 
 
-def _record(record_id: str, store: CalibrationStore, reviewed: Session | None) -> dict[str, Any]:
+def _find_record(record_id: str, store: CalibrationStore, reviewed: Session | None) -> dict[str, Any]:
     if reviewed is not None and reviewed.candidate is not None and reviewed.record_id == record_id:
         return reviewed.candidate
     return store.record(record_id).model_dump(mode="json")
 
 
-def _list(store: CalibrationStore) -> dict[str, Any]:
-    """Every record in a line, a spoilt one by what is wrong with it."""
+def _list_records(store: CalibrationStore) -> dict[str, Any]:
+    """Return an entry for each record; the entry of an unreadable record states the error."""
     records: list[dict[str, Any]] = []
     for record_id in store.ids():
         try:
-            records.append(store.record(record_id).model_dump(mode="json", include=SHOWN))
+            records.append(store.record(record_id).model_dump(mode="json", include=LISTED_FIELDS))
         except CalibrationError as error:
             records.append({"id": record_id, "error": str(error)})
     state = store.state()

@@ -1,4 +1,4 @@
-"""What must be true of the load before its sensor may be taken away or set to zero."""
+"""The interlock: what must be true of the load before its sensor is taken off the rope or zeroed."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -7,65 +7,68 @@ from gateway.calibration.methods.zeroing import MIN_REST_S
 from gateway.messages import Verdict
 
 MEMORY_S = 60.0
-MOST_VERDICTS = 600
-STATIC_S = MIN_REST_S + 2.0
-"""So long a load must have hung still before its rope is taken for a plumb line."""
-LOAD_HOLDS_S = 10.0
-"""What the crane's own load signal said counts for this long."""
-STILL: tuple[Verdict, ...] = ("static", "quasi_static")
+"""Time for which verdicts are remembered, s."""
+MAX_VERDICTS = 600
+"""Largest number of verdicts that are remembered."""
+MIN_STATIC_S = MIN_REST_S + 2.0
+"""Least time, s, for which a load must have been static before its rope is used as a plumb line."""
+LOAD_SIGNAL_VALID_S = 10.0
+"""Time for which a message of the load signal is valid, s."""
+STILL_VERDICTS: tuple[Verdict, ...] = ("static", "quasi_static")
+MOVING_VERDICTS: tuple[Verdict, ...] = ("swinging", "disturbed")
 
 
 @dataclass(frozen=True, slots=True)
 class LoadState:
-    """What the crane's own load signal said."""
+    """State of the crane's load signal."""
 
     loaded: bool
     time_ns: int
 
 
 class LoadInterlock:
-    """Remembers the condition's verdicts of the last minute, and the load signal. Times are those of the samples."""
+    """Remembers the verdicts of the condition over the last minute, and the load signal. Times are those of the samples."""
 
     def __init__(self) -> None:
-        self._verdicts: deque[tuple[int, Verdict]] = deque(maxlen=MOST_VERDICTS)
+        self._verdicts: deque[tuple[int, Verdict]] = deque(maxlen=MAX_VERDICTS)
         self._load: LoadState | None = None
 
-    def verdict(self, verdict: Verdict, time_ns: int) -> None:
-        """What the condition stage judged."""
+    def add_verdict(self, verdict: Verdict, time_ns: int) -> None:
+        """Add a verdict of the condition stage."""
         self._verdicts.append((time_ns, verdict))
         while time_ns - self._verdicts[0][0] > MEMORY_S * 1e9:
             self._verdicts.popleft()
 
-    def load(self, said: LoadState) -> None:
-        """What a load cell or the crane's controller said."""
-        self._load = said
+    def set_load_state(self, load: LoadState) -> None:
+        """Set the newest state of the load signal."""
+        self._load = load
 
-    def forget(self) -> None:
-        """What was seen does not speak of what comes."""
+    def clear(self) -> None:
+        """Forget the verdicts, after which the load may have moved."""
         self._verdicts.clear()
 
     @property
     def static_s(self) -> float:
-        """For how long every verdict has been static, up to the newest."""
+        """Time for which all verdicts have been static, up to the newest, s."""
         moved = [time_ns for time_ns, verdict in self._verdicts if verdict != "static"]
-        kept = [time_ns for time_ns, _ in self._verdicts if not moved or time_ns > moved[-1]]
-        return (kept[-1] - kept[0]) / 1e9 if kept else 0.0
+        static = [time_ns for time_ns, _ in self._verdicts if not moved or time_ns > moved[-1]]
+        return (static[-1] - static[0]) / 1e9 if static else 0.0
 
     def recalibration_refusal(self, *, confirmed: bool, now_ns: int) -> str | None:
-        """Why the housing may not be taken off the rope now; None: it may. `confirmed`: that has been done."""
-        if self._load is not None and self._load.loaded and now_ns - self._load.time_ns < LOAD_HOLDS_S * 1e9:
-            return "the load signal says that a load hangs; its swing must stay watched"
+        """Return why the housing may not be taken off the rope, or None; `confirmed` if it has been taken off."""
+        if self._load is not None and self._load.loaded and now_ns - self._load.time_ns < LOAD_SIGNAL_VALID_S * 1e9:
+            return "a load hangs on the hook, by the load signal; its swing must be monitored"
         if confirmed:
             return None
-        seen = {verdict for _, verdict in self._verdicts}
-        if seen & {"swinging", "disturbed"}:
+        recent = {verdict for _, verdict in self._verdicts}
+        if recent & set(MOVING_VERDICTS):
             return f"the load has moved within the last {MEMORY_S:.0f} s; wait, or confirm that the housing is off the rope"
-        if not seen & set(STILL):
+        if not recent & set(STILL_VERDICTS):
             return "whether the load swings is not known; wait, or confirm that the housing is off the rope"
         return None
 
     def zeroing_refusal(self) -> str | None:
-        """Why the rope is not a plumb line now; None: it is."""
-        if self.static_s < STATIC_S:
-            return f"static for {self.static_s:.0f} s; {STATIC_S:.0f} s are needed, the load hanging still"
+        """Return why the rope is not a plumb line, or None."""
+        if self.static_s < MIN_STATIC_S:
+            return f"static for {self.static_s:.0f} s; {MIN_STATIC_S:.0f} s are needed, with the load hanging still"
         return None

@@ -1,7 +1,8 @@
-"""Requests in, answers and a session out: what is asked is checked, written down, done, and remembered.
+"""The recalibration of a gateway: requests in, answers and a session out.
 
-The order on the disk makes a kill harmless at any point: the audit entry, the record, the id in force, the journal. What was
-in force stays so until one rename; what a restart finds half done is either finished (the new record is in force) or goes on.
+A request is validated, decided, audited, executed and remembered. The order of writing makes a kill harmless at any point: audit
+entry, record, id in force, journal. The record in force stays until one rename. An unfinished command is completed by the restart
+if the new record is in force; otherwise the session continues.
 """
 
 from collections.abc import Callable
@@ -10,241 +11,247 @@ from pathlib import Path
 from typing import Literal
 
 from devices.block import DeviceInfo, SampleBlock
+from gateway.calibration.acceptance import judge
+from gateway.calibration.frame import AxesMap
 from gateway.calibration.methods.zeroing import MIN_REST_S
+from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.procedures.pose_procedure import PoseProcedure, PoseProgress
+from gateway.calibration.procedures.procedure_factory import make_procedure
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
 from gateway.errors import PlumblineError
-from gateway.recalibration import requests
 from gateway.recalibration.audit import Audit
-from gateway.recalibration.commands import Action, CommandHandler
-from gateway.recalibration.fetch_handler import read_store
+from gateway.recalibration.commands import CommandHandler, CommandResult
+from gateway.recalibration.fetch_handler import answer_fetch
 from gateway.recalibration.interlock import LoadInterlock
-from gateway.recalibration.journal import MOST_ANSWERS, Answer, Journal
-from gateway.recalibration.methods import Methods
-from gateway.recalibration.requests import Request
+from gateway.recalibration.journal import MAX_ANSWERS, Journal, RequestAnswer
+from gateway.recalibration.requests import Recalibrate, Request, RequestError, Zero, parse_request
 from gateway.recalibration.sample_buffer import RecentSamples
-from gateway.recalibration.session import Session
-from gateway.recalibration.timestamp import Timestamp
+from gateway.recalibration.session import Session, Timestamp
 
-MARGIN_S = 1.0
-"""Readings are kept for this much longer than zeroing needs."""
+BUFFER_MARGIN_S = 1.0
+"""Duration of the readings that are kept beyond what zeroing needs, s."""
+NOT_SAVED = "the session cannot be saved on the disk"
 
 
 @dataclass(frozen=True, slots=True)
 class Response:
-    """The answer to a request, and whether the request has changed what the pipeline computes with."""
+    """The answer to a request."""
 
-    answer: Answer
+    answer: RequestAnswer
     pipeline_changed: bool = False
+    """Whether the request has changed the correction or the suspension, so that the pipeline must be opened again."""
 
 
 class Recalibration:
-    """The sessions of a gateway. Whoever owns it feeds it blocks and requests, and tells it the time."""
+    """The sessions of one gateway. Its owner feeds it blocks, requests and the time."""
 
-    def __init__(self, data_dir: Path, methods: Methods, *, software: str, tell: Callable[[str], None]) -> None:
-        """`tell` writes a line to the log. Nothing can be asked before `open`."""
+    def __init__(self, data_dir: Path, axes: AxesMap, *, software: str, log_line: Callable[[str], None]) -> None:
+        """`log_line` writes a line to the log. No request can be answered before `open`."""
         folder = data_dir / "calibration"
         self._data_dir = data_dir
-        self._methods = methods
+        self._axes = axes
         self._software = software
-        self._tell = tell
+        self._log_line = log_line
         self._journal = Journal(folder / "session.json")
-        self._audit = Audit(folder / "audit.jsonl", tell)
-        self._readings = RecentSamples(MIN_REST_S + MARGIN_S)
+        self._audit = Audit(folder / "audit.jsonl", log_line)
+        self._recent_samples = RecentSamples(MIN_REST_S + BUFFER_MARGIN_S)
         self._procedure: PoseProcedure | None = None
         self._progress: PoseProgress | None = None
-        self._planner: CommandHandler | None = None
+        self._handler: CommandHandler | None = None
         self.session = self._journal.session
         """The last session, active or ended."""
-        self.watch = LoadInterlock()
+        self.interlock = LoadInterlock()
 
-    def open(self, device: DeviceInfo, moment: Timestamp) -> None:
-        """A device has been opened, at start or again: an unfinished session goes on with it, or ends."""
+    def open(self, device: DeviceInfo, now: Timestamp) -> None:
+        """Start with an opened device: an unfinished session continues with it, or ends."""
         store = CalibrationStore(self._data_dir, device.device_id)
-        self._planner = CommandHandler(device, store, self._methods, self.watch, self._readings, self._software)
-        self._readings.forget()
-        self.watch.forget()
+        self._handler = CommandHandler(
+            device=device,
+            store=store,
+            axes=self._axes,
+            interlock=self.interlock,
+            recent_samples=self._recent_samples,
+            software=self._software,
+        )
+        self._recent_samples.clear()
+        self.interlock.clear()
         self._procedure = self._progress = None
-        if self._journal.complaint is not None:
-            self._write_audit(moment, "journal", text=self._journal.complaint)
-            self.session = _unknown(device.device_id, self._journal.complaint, moment)
-            self._journal.complaint = None
+        if self._journal.read_error is not None:
+            self._try_audit(now, "journal", text=self._journal.read_error)
+            self.session = _abandoned_session(device.device_id, self._journal.read_error, now)
+            self._journal.read_error = None
         session = self.session
-        if session is None or not session.active:
+        if session is None or not session.is_active:
             return
         if session.device_id != device.device_id:
-            self._end("rejected", f"the sensor was exchanged: {device.device_id} took its place", moment)
+            self._end(session, "rejected", f"the sensor was exchanged for {device.device_id}", now)
         elif session.record_id is not None and _id_in_force(store) == session.record_id:
-            self._end("committed", f"record {session.record_id} is in force", moment)
-        elif (why := session.lost_by_restart(moment.time_ns)) is not None:
-            self._end("rejected", why, moment)
+            self._end(session, "committed", f"record {session.record_id} is in force", now)
+        elif (reason := session.restart_refusal(now.time_ns)) is not None:
+            self._end(session, "rejected", reason, now)
         else:
-            self._write_audit(moment, "resumed", session=session.id, phase=session.phase, poses=len(session.poses))
-            self._keep(session.resumed(), moment)
-            self._resume(self.session)
+            self._try_audit(now, "resumed", session=session.id, phase=session.phase, poses=len(session.poses))
+            self._save_or_end(session.resume(), now)
+            self._start_procedure(self.session)
 
     @property
     def progress(self) -> PoseProgress | None:
-        """Of the procedure under way."""
+        """Progress of the active procedure."""
         return self._progress
 
     @property
-    def suspended(self) -> str | None:
-        """Why the alerts are suspended; None: they are not."""
-        return None if self.session is None else self.session.suspends
+    def suspension(self) -> str | None:
+        """Why alerts are suspended, or None."""
+        return None if self.session is None else self.session.suspension
 
-    def feed(self, block: SampleBlock, moment: Timestamp) -> bool:
-        """Take a block of raw samples; return whether that has ended the session."""
-        readings = self._readings.take(block)
+    def feed(self, block: SampleBlock, now: Timestamp) -> bool:
+        """Process a block of raw samples; return whether it has ended the session."""
+        readings = self._recent_samples.add(block)
         if self._procedure is None or self.session is None:
             return False
         self._procedure.feed(readings)
         self._progress = progress = self._procedure.progress()
         if progress.poses != self.session.poses:
-            self._keep(self.session.with_poses(progress.poses, moment.time_ns), moment)
+            self._save_or_end(self.session.with_poses(progress.poses, now.time_ns), now)
         if progress.complete and self._procedure is not None:
-            self._review(self._procedure, moment)
-        return not self.session.active
+            self._review(self.session, self._procedure, now)
+        return not self.session.is_active
 
-    def tick(self, moment: Timestamp) -> bool:
+    def tick(self, now: Timestamp) -> bool:
         """End a session that has lasted too long; return whether it has ended."""
-        if self.session is None or (why := self.session.timed_out(moment.time_ns)) is None:
+        if self.session is None or (reason := self.session.timeout_reason(now.time_ns)) is None:
             return False
-        self._end("rejected", why, moment)
+        self._end(self.session, "rejected", reason, now)
         return True
 
-    def answer(self, verb: str, payload: bytes, moment: Timestamp) -> Response:
-        """Do what is asked, or say why not. The same request has the same answer, and is done once."""
+    def answer(self, verb: str, payload: bytes, now: Timestamp) -> Response:
+        """Execute a request or refuse it. The same request has the same answer, and is executed once."""
         if verb == "fetch":
-            return Response(read_store(payload, self._opened.store, self._audit, self.session))
+            return Response(answer_fetch(payload, self._opened.store, self._audit, self.session))
         try:
-            request = requests.parse_request(verb, payload)
-        except requests.RequestError as error:
-            self._write_audit(moment, "request", verb=verb, accepted=False, why=str(error))
-            return Response(Answer(id="", request="", accepted=False, text=str(error)))
+            request = parse_request(verb, payload)
+        except RequestError as error:
+            self._try_audit(now, "request", verb=verb, accepted=False, why=str(error))
+            return Response(RequestAnswer(id="", request="", accepted=False, text=str(error)))
         fingerprint = f"{verb} {request.model_dump_json()}"
-        known = self._journal.answer(request.id) or self._done_before(request, fingerprint)
+        known = self._journal.answer(request.id) or self._find_executed(request, fingerprint)
         if known is None:
-            return self._decide(verb, request, fingerprint, moment)
+            return self._execute(verb, request, fingerprint, now)
         if known.request == fingerprint:
             return Response(known)
         text = f"id {request.id} is that of another request; choose a new one"
-        return Response(Answer(id=request.id, request=fingerprint, accepted=False, text=text))
+        return Response(RequestAnswer(id=request.id, request=fingerprint, accepted=False, text=text))
 
-    def _decide(self, verb: str, request: Request, fingerprint: str, moment: Timestamp) -> Response:
-        asked = {"verb": verb, **request.model_dump(mode="json")}
+    def _execute(self, verb: str, request: Request, fingerprint: str, now: Timestamp) -> Response:
+        audited = {"verb": verb, **request.model_dump(mode="json")}
         try:
-            act = self._opened.plan(request, self.session, moment)
+            command = self._opened.prepare(request, self.session, now)
         except (PlumblineError, ValueError, ArithmeticError) as refusal:
-            self._write_audit(moment, "request", **asked, accepted=False, why=str(refusal))
-            answer = Answer(id=request.id, request=fingerprint, accepted=False, text=str(refusal))
-            self._save(self.session, answer)
+            self._try_audit(now, "request", **audited, accepted=False, why=str(refusal))
+            answer = RequestAnswer(id=request.id, request=fingerprint, accepted=False, text=str(refusal))
+            self._try_save(self.session, answer)
             return Response(answer)
         try:
-            self._audit.write(moment.utc, "request", **asked, accepted=True)
-            outcome = act()
+            self._audit.write(now.utc, "request", **audited, accepted=True)
+            result = command()
         except (OSError, CalibrationError) as error:
-            self._write_audit(moment, "failed", id=request.id, text=str(error))
-            return Response(
-                Answer(id=request.id, request=fingerprint, accepted=False, text=f"could not be done: {error}")
-            )
-        content = {} if outcome.record_id is None else {"record": outcome.record_id}
-        answer = Answer(id=request.id, request=fingerprint, accepted=True, text=outcome.text, content=content)
-        return self._take(outcome, answer, moment)
+            self._try_audit(now, "failed", id=request.id, text=str(error))
+            text = f"could not be executed: {error}"
+            return Response(RequestAnswer(id=request.id, request=fingerprint, accepted=False, text=text))
+        content = {} if result.record_id is None else {"record": result.record_id}
+        answer = RequestAnswer(id=request.id, request=fingerprint, accepted=True, text=result.text, content=content)
+        return self._save_result(result, answer, now)
 
-    def _take(self, outcome: Action, answer: Answer, moment: Timestamp) -> Response:
-        """Keep what came of a request and its answer in one step."""
-        begins = outcome.session is not None and outcome.session.active
-        if not self._save(outcome.session, answer) and begins:
-            return Response(
-                answer.model_copy(update={"accepted": False, "text": "the session cannot be kept on the disk"})
-            )
-        self.session = outcome.session
+    def _save_result(self, result: CommandResult, answer: RequestAnswer, now: Timestamp) -> Response:
+        """Save the result of a command and its answer in one step."""
+        starts_session = result.session is not None and result.session.is_active
+        if not self._try_save(result.session, answer) and starts_session:
+            return Response(answer.model_copy(update={"accepted": False, "text": NOT_SAVED}))
+        self.session = result.session
         self._procedure = self._progress = None
-        self._resume(outcome.session)
-        self.watch.forget()
-        self._write_audit(moment, "done", id=answer.id, text=answer.text)
+        self._start_procedure(result.session)
+        self.interlock.clear()
+        self._try_audit(now, "done", id=answer.id, text=answer.text)
         return Response(answer, pipeline_changed=True)
 
-    def _resume(self, session: Session | None) -> None:
+    def _start_procedure(self, session: Session | None) -> None:
         if session is None or session.phase != "collecting":
             return
-        planner = self._opened
-        self._procedure = self._methods.procedure(session.method, planner.device, planner.parent())
+        handler = self._opened
+        nominal = NominalSensitivity(handler.device.units_per_g)
+        self._procedure = make_procedure(session.method, nominal, parent=handler.parent())
         self._procedure.resume(session.poses)
         self._progress = self._procedure.progress()
 
-    def _review(self, procedure: PoseProcedure, moment: Timestamp) -> None:
-        """All poses are there: the fit, the record and the judge's word on it."""
-        session = self.session
-        assert session is not None
+    def _review(self, session: Session, procedure: PoseProcedure, now: Timestamp) -> None:
+        """Fit the complete poses, make the record, and judge it."""
         try:
             fit = procedure.finish()
-            record = self._opened.record(fit, by=session.by, request=session.id, moment=moment)
-            judgement = self._methods.judge(fit, self._opened.parent())
-        except (ValueError, ArithmeticError) as error:  # of numbers that nobody thought of, too: no restart mends them
-            self._end("rejected", str(error), moment)
+            record = self._opened.record_of(fit, by=session.by, request=session.id, now=now)
+            acceptance = judge(fit, self._opened.parent())
+        except (ValueError, ArithmeticError) as error:  # of unforeseen numbers as well: a restart would not help
+            self._end(session, "rejected", str(error), now)
             return
         self._procedure = self._progress = None
-        self._keep(session.reviewed(record.model_dump(mode="json"), judgement, moment.time_ns), moment)
-        self._write_audit(moment, "review", session=session.id, record=record.id, **judgement.model_dump(mode="json"))
+        self._save_or_end(session.start_review(record.model_dump(mode="json"), acceptance, now.time_ns), now)
+        self._try_audit(now, "review", session=session.id, record=record.id, **acceptance.model_dump(mode="json"))
 
-    def _keep(self, session: Session, moment: Timestamp) -> None:
-        """A session that a restart could not go on with does not go on now."""
-        if self._save(session):
+    def _save_or_end(self, session: Session, now: Timestamp) -> None:
+        """Save a session, or end the old one: a restart could not continue it."""
+        if self._try_save(session):
             self.session = session
-        else:
-            self._end("rejected", "the session cannot be kept on the disk", moment)
+        elif self.session is not None:
+            self._end(self.session, "rejected", NOT_SAVED, now)
 
-    def _end(self, phase: Literal["committed", "rejected"], text: str, moment: Timestamp) -> None:
-        assert self.session is not None
-        self.session = self.session.ended(phase, text, moment.time_ns, left=phase == "rejected")
+    def _end(self, session: Session, phase: Literal["committed", "rejected"], text: str, now: Timestamp) -> None:
+        self.session = session.end(phase, text, now.time_ns, left=phase == "rejected")
         self._procedure = self._progress = None
-        self._save(self.session)
-        self.watch.forget()
-        self._write_audit(moment, phase, session=self.session.id, text=text)
+        self._try_save(self.session)
+        self.interlock.clear()
+        self._try_audit(now, phase, session=session.id, text=text)
 
-    def _done_before(self, request: Request, fingerprint: str) -> Answer | None:
-        """The answer to a request that was done, and a kill came before the answer was kept."""
-        begins = isinstance(request, requests.Recalibrate | requests.Zero)
-        if begins and self.session is not None and self.session.id == request.id:
-            return Answer(id=request.id, request=fingerprint, accepted=True, text=f"session {self.session.phase}")
+    def _find_executed(self, request: Request, fingerprint: str) -> RequestAnswer | None:
+        """Return the answer to a request that was executed before a kill, whose answer was not saved."""
+        starts_session = isinstance(request, Recalibrate | Zero)
+        if starts_session and self.session is not None and self.session.id == request.id:
+            text = f"session {self.session.phase}"
+            return RequestAnswer(id=request.id, request=fingerprint, accepted=True, text=text)
         try:
-            history = self._opened.store.state().history[-MOST_ANSWERS:]
+            history = self._opened.store.state().history[-MAX_ANSWERS:]
         except CalibrationError:
             return None
         for change in history:
             if change.request == request.id:
                 content = {} if change.after is None else {"record": change.after}
-                text = f"done at {change.time_utc}: in force since is {change.after or 'no record of the store'}"
-                return Answer(id=request.id, request=fingerprint, accepted=True, text=text, content=content)
+                text = f"executed at {change.time_utc}; it has put in force {change.after or 'no record of the store'}"
+                return RequestAnswer(id=request.id, request=fingerprint, accepted=True, text=text, content=content)
         return None
 
-    def _save(self, session: Session | None, answer: Answer | None = None) -> bool:
+    def _try_save(self, session: Session | None, answer: RequestAnswer | None = None) -> bool:
         try:
             self._journal.save(session, answer)
         except OSError as error:
-            self._tell(f"the session's journal cannot be written: {error}")
+            self._log_line(f"the session's journal cannot be written: {error}")
             return False
         return True
 
-    def _write_audit(self, moment: Timestamp, event: str, **content: object) -> None:
-        """An audit entry of what is so anyway: where it cannot be kept, the log has it."""
+    def _try_audit(self, now: Timestamp, event: str, **content: object) -> None:
+        """Audit what has happened in any case; if the audit cannot be written, the log contains it."""
         try:
-            self._audit.write(moment.utc, event, **content)
+            self._audit.write(now.utc, event, **content)
         except OSError as error:
-            self._tell(f"the audit cannot be written: {error}")
+            self._log_line(f"the audit cannot be written: {error}")
 
     @property
     def _opened(self) -> CommandHandler:
-        if self._planner is None:
+        if self._handler is None:
             raise ValueError("no device has been opened yet")
-        return self._planner
+        return self._handler
 
 
-def _unknown(device_id: str, complaint: str, moment: Timestamp) -> Session:
-    """Whether a session was under way is not known: as if one had been left."""
+def _abandoned_session(device_id: str, text: str, now: Timestamp) -> Session:
+    """Return an abandoned session, for a journal that cannot show whether one was active."""
     return Session(
         id="unknown",
         phase="rejected",
@@ -252,9 +259,9 @@ def _unknown(device_id: str, complaint: str, moment: Timestamp) -> Session:
         by="",
         device_id=device_id,
         parent=None,
-        begun_ns=moment.time_ns,
-        touched_ns=moment.time_ns,
-        text=complaint,
+        begun_ns=now.time_ns,
+        touched_ns=now.time_ns,
+        text=text,
         left=True,
     )
 

@@ -1,54 +1,54 @@
-"""What may be asked of a gateway, checked before anything looks at it."""
+"""Requests to a gateway, and their validation before anything uses them."""
 
 from typing import Annotated, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from gateway.calibration.pose_method import PoseMethod
 from gateway.calibration.store import ID_PATTERN
 from gateway.errors import InputError, describe_problems
 
-LARGEST_PAYLOAD = 8192
+MAX_PAYLOAD_BYTES = 8192
+ONE_LINE_PATTERN = r"^[^\x00-\x1f\x7f\u2028\u2029]*$"
+"""Pattern of a text that cannot forge a second line in a log."""
 Model = TypeVar("Model", bound=BaseModel)
 RequestId = Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]{7,63}$")]
-Line = r"^[^\x00-\x1f\x7f\u2028\u2029]*$"
-"""One line: nothing that would forge a second one in a log."""
 RecordId = Annotated[str, Field(pattern=ID_PATTERN)]
-MethodName = Literal["six-position", "norm-fit"]
 
 
 class RequestError(InputError):
-    """A payload is no request; the text says where and why."""
+    """A payload is no valid request; the text states the place and the reason."""
 
 
 class Request(BaseModel):
-    """What every request that changes something carries."""
+    """The fields of every request that changes something."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     id: RequestId
-    """Chosen by whoever asks: the same id is the same request, however often it comes."""
-    by: str = Field(min_length=1, max_length=80, pattern=Line)
-    """Who asks, as said: nobody is authenticated."""
-    reason: str = Field("", max_length=500, pattern=Line)
+    """Id chosen by the client: the same id is the same request, however often it arrives."""
+    by: str = Field(min_length=1, max_length=80, pattern=ONE_LINE_PATTERN)
+    """Person who makes the request, as stated: nobody is authenticated."""
+    reason: str = Field("", max_length=500, pattern=ONE_LINE_PATTERN)
 
 
 class Recalibrate(Request):
-    """Begin a session."""
+    """Start a session."""
 
-    method: MethodName = "six-position"
+    method: PoseMethod = PoseMethod.SIX_POSITION
     housing_off_rope: bool = False
-    """Confirmed: the housing has been taken off the rope."""
+    """Confirmation that the housing has been taken off the rope."""
 
 
 class Zero(Request):
-    """Make the mount's two angles zero where the load hangs still."""
+    """Remove the mount's two angles while the load hangs still."""
 
 
 class Commit(Request):
     """Put the reviewed record in force."""
 
     record: RecordId | None = None
-    """The record that was reviewed; another one is not put in force."""
+    """Id of the reviewed record; another record is not put in force."""
 
 
 class Rollback(Request):
@@ -62,19 +62,19 @@ class Cancel(Request):
 
 
 class Fetch(BaseModel):
-    """Read what is stored; nothing is changed."""
+    """Read what is stored, without changing it."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     what: Literal["records", "record", "audit"] = "records"
     record: RecordId | None = None
     lines: int = Field(100, ge=1, le=1000)
-    """Of the audit, the newest."""
+    """Number of entries of the audit, the newest."""
 
     @model_validator(mode="after")
-    def _named(self) -> Self:
+    def _require_record(self) -> Self:
         if self.what == "record" and self.record is None:
-            raise ValueError("record: say which one")
+            raise ValueError("record: name the record")
         return self
 
 
@@ -85,22 +85,22 @@ VERBS: dict[str, type[Request]] = {
     "rollback": Rollback,
     "cancel": Cancel,
 }
-"""What changes something."""
+"""Verbs of the requests that change something, with their contents."""
 
 
 def parse_request(verb: str, payload: bytes) -> Request:
-    """The request of a payload. Raises `RequestError`."""
-    return _parsed(VERBS[verb], payload)
+    """Return the request in a payload. Raises `RequestError`."""
+    return _parse(VERBS[verb], payload)
 
 
 def parse_fetch(payload: bytes) -> Fetch:
-    """What is to be read; an empty payload asks for the list of records. Raises `RequestError`."""
-    return _parsed(Fetch, payload or b"{}")
+    """Return the fetch request in a payload; an empty payload requests the list of records. Raises `RequestError`."""
+    return _parse(Fetch, payload or b"{}")
 
 
-def _parsed(model: type[Model], payload: bytes) -> Model:
-    if len(payload) > LARGEST_PAYLOAD:
-        raise RequestError(f"a request of {len(payload)} bytes; {LARGEST_PAYLOAD} is the most")
+def _parse(model: type[Model], payload: bytes) -> Model:
+    if len(payload) > MAX_PAYLOAD_BYTES:
+        raise RequestError(f"the request has {len(payload)} bytes; at most {MAX_PAYLOAD_BYTES} are allowed")
     try:
         return model.model_validate_json(payload)
     except ValidationError as error:

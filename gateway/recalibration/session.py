@@ -1,5 +1,7 @@
-"""The session: `idle -> collecting -> review -> committed | rejected`. Values and transitions; the time is an argument."""
+"""The recalibration session: `idle -> collecting -> review -> committed | rejected`. Values and transitions."""
 
+from dataclasses import dataclass
+from datetime import UTC, datetime
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict
@@ -8,106 +10,129 @@ from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.poses.pose import Pose
 
 Phase = Literal["idle", "collecting", "review", "committed", "rejected"]
-ACTIVE: tuple[Phase, ...] = ("collecting", "review")
-CONFIRM = "plumbline remote cancel says that the housing hangs on the rope again"
-IDLE_S = 300.0
-"""A collecting session in which no pose is taken for this long has been left."""
-REVIEW_S = 1800.0
-WHOLE_S = 3600.0
-MOST_RESTARTS = 10
-"""Without a pose in between: what makes the gateway end, and it may be the session, must not do so for ever."""
-CLOCK_SLACK_S = 60.0
-"""A clock that is set back by more while the gateway was away no longer tells how long that was."""
+ACTIVE_PHASES: tuple[Phase, ...] = ("collecting", "review")
+CONFIRM = "confirm with plumbline remote cancel that the housing hangs on the rope again"
+MAX_IDLE_S = 300.0
+"""Longest time without a pose, s; then the session counts as abandoned."""
+MAX_REVIEW_S = 1800.0
+"""Longest review, s."""
+MAX_SESSION_S = 3600.0
+"""Longest session, s."""
+MAX_RESTARTS = 10
+"""Largest number of restarts without a pose in between: a session that may itself end the gateway does not continue for ever."""
+MAX_CLOCK_STEP_S = 60.0
+"""Largest step back of the clock, s, at which the duration of a stop is still known."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timestamp:
+    """One instant, by the gateway's time and by the wall clock."""
+
+    time_ns: int
+    """Gateway time, which never steps within a run."""
+    utc_ns: int
+    """Time of the wall clock."""
+
+    @property
+    def utc(self) -> str:
+        """UTC to the millisecond, for people and records."""
+        at = datetime.fromtimestamp(self.utc_ns / 1e9, UTC)
+        return at.isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
 
 class Session(BaseModel):
-    """One session as it stands, and as the journal has it."""
+    """One session, as the journal stores it."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     id: str
-    """Of the request that began it."""
+    """Id of the request that started the session."""
     phase: Phase
     method: str
     by: str
     device_id: str
     parent: str | None
-    """Record in force when it began."""
+    """Id of the record in force at the start."""
     begun_ns: int
-    """Gateway time."""
+    """Gateway time of the start."""
     touched_ns: int
-    """Of the last transition or pose."""
+    """Gateway time of the last transition or pose."""
     poses: tuple[Pose, ...] = ()
     restarts: int = 0
-    """Of the gateway, since the last pose or transition."""
+    """Number of restarts of the gateway since the last pose or transition."""
     candidate: dict[str, Any] | None = None
-    """The new record, from review on."""
+    """The new record, from the review on."""
     judgement: Acceptance | None = None
     text: str = ""
-    """How it ended."""
+    """How the session ended."""
     left: bool = False
-    """It ended by itself, and nobody has said since that the housing hangs on the rope again."""
+    """Whether it ended by itself, and no person has confirmed since that the housing hangs on the rope again."""
 
     @property
-    def active(self) -> bool:
-        """It has not ended."""
-        return self.phase in ACTIVE
+    def is_active(self) -> bool:
+        """Whether the session has not ended."""
+        return self.phase in ACTIVE_PHASES
+
+    @property
+    def is_committable(self) -> bool:
+        """Whether the record in review meets the limits; it may still require a reason."""
+        return self.phase == "review" and self.judgement is not None and not self.judgement.refused
 
     @property
     def record_id(self) -> str | None:
-        """Of the new record."""
+        """Id of the new record."""
         return None if self.candidate is None else str(self.candidate["id"])
 
-    def with_poses(self, poses: tuple[Pose, ...], now_ns: int) -> "Session":
-        """Poses have been taken."""
-        return self.model_copy(update={"poses": poses, "touched_ns": now_ns, "restarts": 0})
-
-    def reviewed(self, candidate: dict[str, Any], judgement: Acceptance, now_ns: int) -> "Session":
-        """All poses are there and the fit is made."""
-        return self.model_copy(
-            update={
-                "phase": "review",
-                "candidate": candidate,
-                "judgement": judgement,
-                "touched_ns": now_ns,
-                "restarts": 0,
-            }
-        )
-
-    def ended(self, phase: Literal["committed", "rejected"], text: str, now_ns: int, *, left: bool) -> "Session":
-        """It is over; `left`: by itself, with the housing wherever it is."""
-        return self.model_copy(update={"phase": phase, "text": text, "touched_ns": now_ns, "left": left})
-
     @property
-    def suspends(self) -> str | None:
-        """Why nothing may be said of the load; None: it may."""
-        if self.active:
+    def suspension(self) -> str | None:
+        """Why alerts are suspended, or None."""
+        if self.is_active:
             return f"SUSPENDED: the sensor is being recalibrated ({self.method}, by {self.by})"
         if self.left:
             return f"SUSPENDED: the recalibration has ended ({self.text}); {CONFIRM}"
         return None
 
-    def timed_out(self, now_ns: int) -> str | None:
-        """Why it has lasted too long; None: it has not."""
-        if not self.active:
+    def with_poses(self, poses: tuple[Pose, ...], now_ns: int) -> "Session":
+        """Return the session with these poses."""
+        return self.model_copy(update={"poses": poses, "touched_ns": now_ns, "restarts": 0})
+
+    def start_review(self, candidate: dict[str, Any], acceptance: Acceptance, now_ns: int) -> "Session":
+        """Return the session in review of its new record."""
+        return self.model_copy(
+            update={
+                "phase": "review",
+                "candidate": candidate,
+                "judgement": acceptance,
+                "touched_ns": now_ns,
+                "restarts": 0,
+            }
+        )
+
+    def end(self, phase: Literal["committed", "rejected"], text: str, now_ns: int, *, left: bool) -> "Session":
+        """Return the ended session; `left` if it ended by itself, so that the place of the housing is not known."""
+        return self.model_copy(update={"phase": phase, "text": text, "touched_ns": now_ns, "left": left})
+
+    def resume(self) -> "Session":
+        """Return the session after a restart of the gateway."""
+        return self.model_copy(update={"restarts": self.restarts + 1})
+
+    def timeout_reason(self, now_ns: int) -> str | None:
+        """Return why the session has lasted too long, or None."""
+        if not self.is_active:
             return None
-        if now_ns - self.begun_ns > WHOLE_S * 1e9:
-            return f"lasted longer than {WHOLE_S / 60:.0f} minutes"
+        if now_ns - self.begun_ns > MAX_SESSION_S * 1e9:
+            return f"lasted longer than {MAX_SESSION_S / 60:.0f} minutes"
         waited_s = (now_ns - self.touched_ns) / 1e9
-        if self.phase == "collecting" and waited_s > IDLE_S:
-            return f"no pose was taken for {IDLE_S / 60:.0f} minutes"
-        if self.phase == "review" and waited_s > REVIEW_S:
-            return f"not committed within {REVIEW_S / 60:.0f} minutes"
+        if self.phase == "collecting" and waited_s > MAX_IDLE_S:
+            return f"no pose was taken for {MAX_IDLE_S / 60:.0f} minutes"
+        if self.phase == "review" and waited_s > MAX_REVIEW_S:
+            return f"not committed within {MAX_REVIEW_S / 60:.0f} minutes"
         return None
 
-    def lost_by_restart(self, now_ns: int) -> str | None:
-        """Why it cannot go on after a restart; None: it can."""
-        if now_ns < self.touched_ns - CLOCK_SLACK_S * 1e9:
-            return "the clock went back while the gateway was away: how long that was is not known"
-        if self.restarts >= MOST_RESTARTS:
+    def restart_refusal(self, now_ns: int) -> str | None:
+        """Return why the session cannot continue after a restart, or None."""
+        if now_ns < self.touched_ns - MAX_CLOCK_STEP_S * 1e9:
+            return "the clock was set back while the gateway was stopped, so the duration of the stop is not known"
+        if self.restarts >= MAX_RESTARTS:
             return f"the gateway was started {self.restarts} times without a pose in between"
-        return self.timed_out(now_ns)
-
-    def resumed(self) -> "Session":
-        """It goes on after a restart."""
-        return self.model_copy(update={"restarts": self.restarts + 1})
+        return self.timeout_reason(now_ns)

@@ -15,8 +15,7 @@ from devices.block import DeviceInfo, SampleBlock
 from devices.simulated.accelerometer import Accelerometer, typical_errors
 from gateway.calibration.store import CalibrationStore
 from gateway.recalibration.recalibration import Recalibration
-from gateway.recalibration.standard import StandardMethods
-from gateway.recalibration.timestamp import Timestamp
+from gateway.recalibration.session import Timestamp
 from tests.benchmarks.faulty_disk import FaultyDisk
 
 RATE_HZ = 125.0
@@ -38,7 +37,7 @@ class Site:
         self.now_ns = START_NS + round(begin_s * 1e9)
         self._random = np.random.default_rng(int(begin_s))
         self._acknowledge = acknowledge
-        self.recalibration = Recalibration(data_dir, StandardMethods(AXES), software="test", tell=lambda _: None)
+        self.recalibration = Recalibration(data_dir, AXES, software="test", log_line=lambda _: None)
         self.recalibration.open(INFO, self.moment)
 
     @property
@@ -58,7 +57,7 @@ class Site:
             raw = PART.counts(np.tile(up, (BLOCK, 1)), np.full(BLOCK, 25.0), self._random)
             self.now_ns = int(time_ns[-1])
             self.recalibration.feed(SampleBlock(time_ns=time_ns, raw=raw), self.moment)
-            self.recalibration.watch.verdict(verdict, self.now_ns)
+            self.recalibration.interlock.add_verdict(verdict, self.now_ns)
             self.recalibration.tick(self.moment)
 
     def collects(self, session_id):

@@ -13,9 +13,8 @@ from devices.block import DeviceInfo, SampleBlock
 from devices.clock import HostClock
 from gateway.daemon.recalibration_service import WAITING, PendingRequest, RecalibrationService, ServiceUpdate
 from gateway.daemon.wall_clock import WallClockMonitor
-from gateway.recalibration.journal import Answer
+from gateway.recalibration.journal import RequestAnswer
 from gateway.recalibration.recalibration import Recalibration
-from gateway.recalibration.standard import StandardMethods
 
 INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)
 
@@ -36,15 +35,15 @@ def clock() -> TurnedClock:
 
 @pytest.fixture
 def service(tmp_path: Path, clock: TurnedClock) -> RecalibrationService:
-    methods = StandardMethods(((0, 1), (1, 1), (2, 1)))
-    recalibration = Recalibration(tmp_path, methods, software="test", tell=lambda _: None)
+    axes = ((0, 1), (1, 1), (2, 1))
+    recalibration = Recalibration(tmp_path, axes, software="test", log_line=lambda _: None)
     made = RecalibrationService(recalibration, WallClockMonitor(clock))
     made.open(INFO)
     return made
 
 
-def ask(service: RecalibrationService, verb: str, request_id: str, **content: Any) -> list[Answer]:
-    answers: list[Answer] = []
+def ask(service: RecalibrationService, verb: str, request_id: str, **content: Any) -> list[RequestAnswer]:
+    answers: list[RequestAnswer] = []
     payload = json.dumps({"id": request_id, "by": "ann", **content}).encode()
     assert service.submit(PendingRequest(verb, payload, answers.append))
     return answers

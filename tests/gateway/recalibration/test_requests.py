@@ -1,18 +1,19 @@
-"""What is no request is refused with the place and the reason, whatever it is."""
+"""Validation of requests: every invalid payload is refused with the place and the reason."""
 
 import json
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.recalibration.requests import LARGEST_PAYLOAD, VERBS, RequestError, parse_fetch, parse_request
+from gateway.recalibration.requests import MAX_PAYLOAD_BYTES, VERBS, RequestError, parse_fetch, parse_request
 
 GOOD = {"id": "request-1", "by": "ann"}
 
 
 @pytest.mark.parametrize("verb", VERBS)
-def test_id_and_name_are_enough(verb):
+def test_id_and_person_are_sufficient(verb: str) -> None:
     request = parse_request(verb, json.dumps(GOOD).encode())
     assert (request.id, request.by, request.reason) == ("request-1", "ann", "")
 
@@ -33,25 +34,25 @@ def test_id_and_name_are_enough(verb):
         ("recalibrate", {"housing_off_rope": "perhaps"}, "housing_off_rope"),
     ],
 )
-def test_what_is_wrong_is_named(verb, change, place):
+def test_an_invalid_field_is_named(verb: str, change: dict[str, Any], place: str) -> None:
     with pytest.raises(RequestError, match=f"^{place}: ") as caught:
         parse_request(verb, json.dumps(GOOD | change).encode())
     assert "\n" not in str(caught.value)
 
 
-def test_a_payload_has_a_largest_size():
-    with pytest.raises(RequestError, match="is the most"):
-        parse_request("commit", json.dumps(GOOD).encode() + b" " * LARGEST_PAYLOAD)
+def test_a_payload_beyond_the_largest_size_is_refused() -> None:
+    with pytest.raises(RequestError, match="are allowed"):
+        parse_request("commit", json.dumps(GOOD).encode() + b" " * MAX_PAYLOAD_BYTES)
 
 
 @given(st.binary(max_size=200))
-def test_no_payload_does_more_than_be_refused(payload):
+def test_random_payloads_are_refused(payload: bytes) -> None:
     for verb in VERBS:
         with pytest.raises(RequestError):
             parse_request(verb, payload)
 
 
-def test_fetch_asks_for_the_list_unless_told():
+def test_fetch_requests_the_list_by_default() -> None:
     assert parse_fetch(b"").what == "records"
-    with pytest.raises(RequestError, match="say which one"):
+    with pytest.raises(RequestError, match="name the record"):
         parse_fetch(b'{"what": "record"}')

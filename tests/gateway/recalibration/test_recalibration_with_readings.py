@@ -1,20 +1,24 @@
-"""Sessions with the real ways of calibrating, on a simulated part that is turned as it is asked to be."""
+"""Sessions with the real methods, on a simulated sensor that is turned as requested."""
 
 import json
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from numpy.typing import ArrayLike
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.simulated.accelerometer import Accelerometer, typical_errors
+from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.poses.pose import RawReadings
 from gateway.calibration.procedures.procedure_factory import make_procedure
 from gateway.calibration.record import CalibrationRecord
+from gateway.numerics.array import Array
 from gateway.recalibration.recalibration import Recalibration
-from gateway.recalibration.standard import StandardMethods
-from gateway.recalibration.timestamp import Timestamp
-from gateway.recalibration.view import session_message
+from gateway.recalibration.session import Session, Timestamp
+from gateway.recalibration.session_message import make_session_message
 
 RATE_HZ, BLOCK = 125.0, 25
 START_NS = 1_767_225_600_000_000_000
@@ -24,102 +28,111 @@ INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=RATE_HZ
 
 
 class Bench:
-    """A part in a rigger's hands; everything that it read is kept."""
+    """A sensor in the hands of a rigger; its readings are kept."""
 
-    def __init__(self, data_dir):
+    def __init__(self, data_dir: Path) -> None:
         self.now_ns = START_NS
-        self.recalibration = Recalibration(data_dir, StandardMethods(AXES), software="test", tell=lambda _: None)
-        self.recalibration.open(INFO, self.moment)
-        self.blocks = []
+        self.recalibration = Recalibration(data_dir, AXES, software="test", log_line=lambda _: None)
+        self.recalibration.open(INFO, self.now)
+        self.blocks: list[SampleBlock] = []
         self._random = np.random.default_rng(2)
 
     @property
-    def moment(self):
+    def now(self) -> Timestamp:
         return Timestamp(self.now_ns, self.now_ns)
 
     @property
-    def session(self):
+    def session(self) -> Session:
+        assert self.recalibration.session is not None
         return self.recalibration.session
 
-    def ask(self, verb, request_id, **content):
+    @property
+    def candidate(self) -> dict[str, Any]:
+        assert self.session.candidate is not None
+        return self.session.candidate
+
+    def ask(self, verb: str, request_id: str, **content: Any) -> None:
         payload = json.dumps({"id": request_id, "by": "ann", **content}).encode()
-        answer = self.recalibration.answer(verb, payload, self.moment).answer
+        answer = self.recalibration.answer(verb, payload, self.now).answer
         assert answer.accepted, answer.text
 
-    def rest(self, up, seconds):
+    def rest(self, up: ArrayLike, seconds: float) -> None:
         for _ in range(round(seconds * RATE_HZ / BLOCK)):
             time_ns = self.now_ns + np.rint(np.arange(1, BLOCK + 1) * 1e9 / RATE_HZ).astype(np.int64)
             raw = PART.counts(np.tile(up, (BLOCK, 1)), np.full(BLOCK, 25.0), self._random)
             self.now_ns = int(time_ns[-1])
             self.blocks.append(SampleBlock(time_ns=time_ns, raw=raw))
-            self.recalibration.feed(self.blocks[-1], self.moment)
+            self.recalibration.feed(self.blocks[-1], self.now)
 
-    def turn_as_asked(self):
+    def turn_as_requested(self) -> None:
         for _ in range(40):
             if self.session.phase != "collecting":
                 return
-            self.rest(session_message(self.session, self.recalibration.progress).next_direction, 2.6)
+            direction = make_session_message(self.session, self.recalibration.progress).next_direction
+            assert direction is not None
+            self.rest(direction, 2.6)
 
 
 @pytest.fixture
-def bench(tmp_path):
+def bench(tmp_path: Path) -> Bench:
     return Bench(tmp_path)
 
 
 @pytest.mark.parametrize("method", ["six-position", "norm-fit"])
-def test_turned_as_asked_the_planted_errors_are_found(bench, method):
+def test_the_injected_errors_are_found(bench: Bench, method: str) -> None:
     bench.ask("recalibrate", "request-1", method=method, housing_off_rope=True)
-    bench.turn_as_asked()
+    bench.turn_as_requested()
     assert bench.session.phase == "review", bench.session.text
+    assert bench.session.judgement is not None
     assert bench.session.judgement.refused == ()
     bench.ask("commit", "request-2", reason="bench")
-    record = CalibrationRecord.model_validate(bench.session.candidate)
+    record = CalibrationRecord.model_validate(bench.candidate)
     matrix, offset = np.array(record.correction_matrix), np.array(record.offset)
     for up in np.vstack([np.eye(3), -np.eye(3)]):
         reading = PART.units_per_g * (PART.errors.gain @ up + PART.errors.zero_g_offset_g)
         assert np.linalg.norm(matrix @ (reading - offset)) == pytest.approx(1.0, abs=1e-3)
-        if method == "six-position":  # a norm fit has a frame of its own
+        if method == "six-position":  # the frame of a norm fit is symmetric
             np.testing.assert_allclose(matrix @ (reading - offset), up, atol=1e-3)
 
 
-def offline(method, blocks, parent=None):
-    """The fit of the same readings in one piece."""
+def fit_offline(method: str, blocks: list[SampleBlock], parent: CalibrationRecord | None = None) -> CalibrationFit:
+    """Return the fit of the same readings, fed at once."""
     procedure = make_procedure(method, NominalSensitivity(INFO.units_per_g), parent=parent)
     time_s = (np.concatenate([block.time_ns for block in blocks]) - blocks[0].time_ns[0]) * 1e-9
     procedure.feed(RawReadings(time_s, np.concatenate([block.raw for block in blocks]).astype(np.float64)))
     return procedure.finish()
 
 
-def assert_same(live, fit):
+def assert_same(live: dict[str, Any], fit: CalibrationFit) -> None:
     assert live["correction_matrix"] == fit.correction_matrix.tolist()
     assert live["offset"] == list(fit.offset)
     assert live["covariance"] == fit.covariance.tolist()
 
 
 @pytest.mark.parametrize("method", ["six-position", "norm-fit"])
-def test_the_offline_procedure_gives_the_same_record_for_the_same_readings(bench, method):
+def test_the_offline_procedure_makes_the_same_record_from_the_same_readings(bench: Bench, method: str) -> None:
     bench.ask("recalibrate", "request-1", method=method, housing_off_rope=True)
-    bench.turn_as_asked()
-    assert_same(bench.session.candidate, offline(method, bench.blocks))
+    bench.turn_as_requested()
+    assert_same(bench.candidate, fit_offline(method, bench.blocks))
 
 
-def test_a_norm_fit_keeps_the_frame_of_the_record_in_force_as_the_offline_one_does(bench):
+def test_a_norm_fit_keeps_the_frame_of_the_record_in_force_live_and_offline(bench: Bench) -> None:
     bench.ask("recalibrate", "request-1", method="six-position", housing_off_rope=True)
-    bench.turn_as_asked()
+    bench.turn_as_requested()
     bench.ask("commit", "request-2", reason="bench")
-    parent = CalibrationRecord.model_validate(bench.session.candidate)
+    parent = CalibrationRecord.model_validate(bench.candidate)
     begun = len(bench.blocks)
     bench.ask("recalibrate", "request-3", method="norm-fit", housing_off_rope=True)
-    bench.turn_as_asked()
-    live = bench.session.candidate
+    bench.turn_as_requested()
+    live = bench.candidate
     assert live["parent"] == parent.id
-    assert_same(live, offline("norm-fit", bench.blocks[begun:], parent))
+    assert_same(live, fit_offline("norm-fit", bench.blocks[begun:], parent))
     hanging = PART.units_per_g * (PART.errors.gain @ [0, 0, 1] + PART.errors.zero_g_offset_g)
     assert tilt_deg(live["correction_matrix"], live["offset"], hanging) < 0.01
-    bare = offline("norm-fit", bench.blocks[begun:])
-    assert tilt_deg(bare.correction_matrix, bare.offset, hanging) > 0.1  # the part's own misalignment
+    bare = fit_offline("norm-fit", bench.blocks[begun:])
+    assert tilt_deg(bare.correction_matrix, bare.offset, hanging) > 0.1  # the misalignment of the sensor
 
 
-def tilt_deg(matrix, offset, reading):
+def tilt_deg(matrix: ArrayLike, offset: ArrayLike, reading: Array) -> float:
     up = np.asarray(matrix) @ (reading - np.asarray(offset))
-    return np.degrees(np.arctan2(np.hypot(up[0], up[1]), up[2]))
+    return float(np.degrees(np.arctan2(np.hypot(up[0], up[1]), up[2])))
