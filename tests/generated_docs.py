@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from gateway.cli.main import parser
+from tests.generated_effects import effects_page
 
 DOCS = Path(__file__).parents[1] / "docs"
 
@@ -80,7 +81,7 @@ def _examples(epilog: str) -> list[str]:
     return [line for line in text.replace(" | plumbline", "\nplumbline").split("\n") if line.strip()]
 
 
-PAGES: dict[str, Callable[[], str]] = {"commands.md": commands_page}
+PAGES: dict[str, Callable[[], str]] = {"commands.md": commands_page, "effects.md": effects_page}
 """Generated pages by their name under docs/."""
 
 
