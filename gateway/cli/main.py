@@ -9,7 +9,7 @@ from devices.errors import DeviceError
 from gateway import __version__
 from gateway.errors import PlumblineError
 
-COMMANDS = ("run", "measure", "calibrate", "record", "remote", "simulate", "reconcile", "config", "doctor")
+COMMANDS = ("run", "measure", "calibrate", "record", "remote", "simulate", "reconcile", "effects", "config", "doctor")
 BAD_INPUT = 2
 
 

@@ -3,6 +3,8 @@
 import argparse
 from pathlib import Path
 
+from gateway.cli.effect_files import load_user_effects
+
 
 def add_plan_arguments(command: argparse.ArgumentParser) -> None:
     """Add what only a plan takes; `--json` is the command's own."""
@@ -44,6 +46,7 @@ def run_plan(arguments: argparse.Namespace) -> int:
     from gateway.twin.experiment_design.text import as_json, as_text
     from gateway.twin.model import model_of
 
+    load_user_effects(arguments)
     model = model_of(read_rig(arguments.plan), str(arguments.plan))
     groups = GROUPS if arguments.effects is None else (suspects(arguments.effects),)
     with Progress() as progress:

@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 
 from gateway.cli.argument_types import whole_number
+from gateway.cli.effect_files import add_effects_from, load_user_effects
 from gateway.cli.plan import add_plan_arguments, run_plan, wants_plan
 from gateway.cli.reconcile_files import check_outputs, texts
 
@@ -39,6 +40,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         "--write-model", type=Path, metavar="FILE.toml", help="write the rig with the model that was found"
     )
     command.add_argument("--seed", type=whole_number, default=0, metavar="N", help="of the block bootstrap (0)")
+    add_effects_from(command)
     add_plan_arguments(command)
     command.set_defaults(run=run)
 
@@ -64,6 +66,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     begin_s = time.monotonic()
     _check_files(arguments)
+    load_user_effects(arguments)
     rig = None if arguments.rig is None else read_rig(arguments.rig)
     source = read_source(arguments.log, rig)
     model = model_from_recording(source) if rig is None else model_of(rig, str(arguments.rig))
@@ -100,5 +103,10 @@ def _check_files(arguments: argparse.Namespace) -> None:
             "--prediction": arguments.prediction,
             "--write-model": arguments.write_model,
         },
-        {"LOG": arguments.log, "--rig": arguments.rig, "--held-out": arguments.held_out},
+        {
+            "LOG": arguments.log,
+            "--rig": arguments.rig,
+            "--held-out": arguments.held_out,
+            **{f"--effects-from {path}": path for path in arguments.effects_from},
+        },
     )

@@ -5,6 +5,7 @@ import math
 from pathlib import Path
 
 from gateway.cli.argument_types import above_zero, whole_number
+from gateway.cli.effect_files import add_effects_from, load_user_effects
 
 EXAMPLE = """examples:
   plumbline simulate rig.toml --out log.csv --effect viscous_damping
@@ -31,6 +32,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         metavar="NAME[:PARAMETER=VALUE]...",
         help="an effect, with its typical parameters where none are given; several times for several",
     )
+    add_effects_from(command)
     command.add_argument(
         "--duration", type=above_zero, default=120.0, metavar="S", help="length of the recording (120)"
     )
@@ -60,6 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     out: Path = arguments.out
     if out.suffix not in FORMATS:
         raise InputError(f"--out {out}: should end in .csv or .mcap")
+    load_user_effects(arguments)
     believed = model_of(read_rig(arguments.rig), str(arguments.rig))
     model = Model(believed.rig, parse_effect_assignments(believed.effects, arguments.effect))
     simulated = simulate(model, arguments.duration, arguments.seed, _start(arguments.initial))

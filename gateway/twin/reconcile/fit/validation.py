@@ -1,13 +1,12 @@
 """A model judged on a recording that it was not fitted to: only what belongs to the recording is fitted again."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import fit_sine_phasors
-from gateway.twin.effects.parameter import Value
+from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.sensor import Vibration
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
@@ -43,7 +42,7 @@ def evaluate_on_validation(
 
     Events count their time from the start of the recording: in a later piece of it they are earlier, or past.
     """
-    values = {name: _shift_event_start(of_effect, held_out.offset_s) for name, of_effect in values.items()}
+    values = {name: EFFECTS[name].shift_start(of_effect, held_out.offset_s) for name, of_effect in values.items()}
     simulator = Simulator(rig, sorted(values))
     free = np.array([slot.refitted for slot in simulator.parameters])
     free[HEADING] = is_world_directed(values)
@@ -76,10 +75,6 @@ def evaluate_on_validation(
         best = fit_model(simulator, held_out, best.values[None, :n], at, free, [0], MORE_ROUNDS)
     refitted = tuple(s.label for s, is_free in zip(simulator.parameters, free, strict=True) if is_free)
     return ValidationFit(best, best.chi2 / held_out.n_values, refitted)
-
-
-def _shift_event_start(values: Mapping[str, Value], by_s: float) -> Mapping[str, Value]:
-    return {name: float(np.asarray(v)) - by_s if name == "start_s" else v for name, v in values.items()}
 
 
 def _estimate_phase(rig: TwinRig, values: EffectValues, held_out: Observations) -> float:
