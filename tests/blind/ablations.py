@@ -15,78 +15,77 @@ from unittest.mock import patch
 from gateway.cli.main import main as plumbline
 from gateway.twin.reconcile import reconcile
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.decision import verdict
-from gateway.twin.reconcile.decision.verdict import Decision, RankedCandidate, decide
+from gateway.twin.reconcile.decision.evidence import Evidence, gather_evidence
+from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates
 from gateway.twin.reconcile.fit.validation import ValidationFit
-from gateway.twin.reconcile.search import baseline, search
-from gateway.twin.reconcile.search.candidate_fits import CandidateFit
-from gateway.twin.reconcile.search.search import Search
+from gateway.twin.reconcile.search import baseline, persistent, stepwise_selection
+
+Ranking = tuple[list[RankedCandidate], RankedCandidate]
 
 
 @contextmanager
 def isolability() -> Iterator[None]:
-    """Look-alikes are neither fitted nor held as rivals: the best stands alone."""
-    validate = reconcile.validate_candidates
+    """Neither fit ambiguity partners nor keep them as rivals: the best set stands alone."""
 
-    def alone(*arguments: Any) -> tuple[list[RankedCandidate], RankedCandidate]:
-        contenders, base = validate(*arguments)
-        return contenders[:1], base
+    def best_alone(*arguments: Any) -> Ranking:
+        ranked, base = rank_candidates(*arguments)
+        return ranked[:1], base
 
     with (
-        patch.object(reconcile, "validate_candidates", alone),
-        patch.object(search, "ambiguity_partners", lambda _names: frozenset()),
-        patch.object(verdict, "UNOBSERVABLE_YAW_EFFECTS", frozenset()),
+        patch.object(reconcile, "rank_candidates", best_alone),
+        patch.object(reconcile, "_indistinguishable", lambda *_: ()),
+        patch.object(persistent, "partners_of", lambda *_: frozenset()),
+        patch.object(stepwise_selection, "partners_of", lambda *_: frozenset()),
     ):
         yield
 
 
 @contextmanager
 def held_out() -> Iterator[None]:
-    """The log alone decides; the prediction of the held-out recording is still made, to be scored."""
-    add_line = baseline.add_machine_line
+    """Let the log alone decide; the prediction of the held-out recording is still made, to be scored."""
+
+    def by_bic(*arguments: Any) -> Ranking:
+        ranked, base = rank_candidates(*arguments)
+        least = min(each.bic for each in ranked)
+        by_log = [replace(each, evidence_deficit=each.bic - least) for each in ranked]
+        return sorted(by_log, key=lambda each: each.bic), base
 
     def on_log(
-        contenders: Sequence[RankedCandidate],
+        best: RankedCandidate,
         base: RankedCandidate,
+        rivals: list[RankedCandidate],
         log: Observations,
-        _held_out: Observations,
+        _selection: Observations,
         *others: Any,
-    ) -> Decision:
-        least = min(each.bic for each in contenders)
-        ranked = sorted(contenders, key=lambda each: each.bic)
-        answer = decide([_fitted(each, least) for each in ranked], _fitted(base, least), log, log, *others)
-        model = next(each for each in (*ranked, base) if each.candidate is answer.model.candidate)
-        return replace(answer, model=model)
+        **facts: Any,
+    ) -> Evidence:
+        found = gather_evidence(_on_log(best), _on_log(base), rivals, log, log, *others, **facts)
+        return replace(found, best=best, baseline=base)
 
-    def line_on_log(search: Search, base: CandidateFit, always: reconcile.Values, _held_out: Observations) -> Any:
-        return add_line(search, base, always, search.setting.log)
-
-    def slow_on_log(_search: Search, best: CandidateFit, _held_out: Observations) -> bool:
-        return "clock_drift" in best.values and best.has_unexplained_residual
+    def clock_is_suspect_on_log(run: reconcile.SearchRun) -> bool:
+        return "clock_drift" in run.best.values and run.best.has_unexplained_residual
 
     with (
-        patch.object(reconcile, "decide", on_log),
-        patch.object(reconcile, "extend_by_validation_residual", lambda _search, best, *_others: best),
-        patch.object(reconcile, "_clock_rate_is_suspect", slow_on_log),
-        patch.object(baseline, "add_machine_line", line_on_log),
+        patch.object(reconcile, "rank_candidates", by_bic),
+        patch.object(reconcile, "gather_evidence", on_log),
+        patch.object(reconcile, "_is_supported_by_selection", lambda _run, best, base, _random: best is not base),
+        patch.object(reconcile, "extend_by_validation", lambda table, _context, best, *_: (table, best)),
+        patch.object(reconcile, "_clock_rate_is_suspect", clock_is_suspect_on_log),
+        patch.object(baseline, "MIN_REPEATED_GAIN", -float("inf")),
     ):
         yield
 
 
-def _fitted(contender: RankedCandidate, least_bic: float) -> RankedCandidate:
-    """As if the recording that it was fitted to were the one to judge it."""
-    attempt = contender.candidate
-    return replace(
-        contender,
-        validation=ValidationFit(attempt.fit, attempt.reduced_chi2, ()),
-        evidence_deficit=max(0.0, contender.bic - least_bic),
-    )
+def _on_log(ranked: RankedCandidate) -> RankedCandidate:
+    """As if the log were the recording that validates."""
+    candidate = ranked.candidate
+    return replace(ranked, validation=ValidationFit(candidate.fit, candidate.reduced_chi2, ()))
 
 
 @contextmanager
 def drop() -> Iterator[None]:
-    """What was added stays."""
-    with patch.object(Search, "_backward_elimination", lambda _search, best: best):
+    """Keep what the search has added."""
+    with patch.object(stepwise_selection, "eliminate_backwards", lambda table, _context, best: (table, best)):
         yield
 
 

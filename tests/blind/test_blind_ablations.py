@@ -11,9 +11,10 @@ from gateway.twin.model import Model, model_of
 from gateway.twin.reconcile import reconcile
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import make_observations
-from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.search import search
-from gateway.twin.reconcile.search.search import Search
+from gateway.twin.reconcile.search import persistent, stepwise_selection
+from gateway.twin.reconcile.search.budget import Budget
+from gateway.twin.reconcile.search.candidates import CandidateTable
+from gateway.twin.reconcile.search.context import make_context
 from tests.blind import ablations
 from tests.blind.cases import generate
 from tests.blind.plan import Plan
@@ -52,11 +53,11 @@ def test_without_isolability_one_of_a_group_is_named(asked):
 
     with ablations.isolability():
         said, names = verdict(model, recorded["log"], recorded["held_out"])
-        assert search.ambiguity_partners(frozenset({"slewing"})) == frozenset()
+        assert stepwise_selection.partners_of(None, None, frozenset({"slewing"})) == frozenset()
 
     assert said == "named"
     assert len(names) == 1
-    assert search.ambiguity_partners(frozenset({"slewing"})) == {"housing_spin"}
+    assert stepwise_selection.partners_of is persistent.partners_of
 
 
 def test_without_held_out_what_one_recording_holds_is_named(asked):
@@ -73,13 +74,14 @@ def test_without_held_out_what_one_recording_holds_is_named(asked):
 
 def test_without_drop_what_was_added_stays(asked):
     model, recorded = asked(seed=3)
-    tried = Search(FitContext(model.rig, model.effects, recorded["log"].observations, lambda: None), {})
-    tried.fit_candidate({})
-    needless = tried.fit_candidate({"axis_offset": {}})
-    assert tried._backward_elimination(needless).names == frozenset()
+    log = recorded["log"].observations
+    context = make_context(model, log, Budget(), lambda: None)
+    table = context.fit(context.fit(CandidateTable(log), {}), {"axis_offset": {}}).start_round()
+    needless = table.fits[frozenset({"axis_offset"})]
+    assert stepwise_selection.eliminate_backwards(table, context, needless)[1].names == frozenset()
 
     with ablations.drop():
-        assert tried._backward_elimination(needless).names == {"axis_offset"}
+        assert stepwise_selection.eliminate_backwards(table, context, needless)[1].names == {"axis_offset"}
 
 
 def test_prediction_of_a_command_without_a_gate_is_of_the_held_out_recording(tmp_path):

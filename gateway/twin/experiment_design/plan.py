@@ -4,13 +4,14 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.effect import Effect
 from gateway.twin.experiment_design.candidates import CANDIDATES, FREE_SWING
 from gateway.twin.experiment_design.experiment import Experiment
 from gateway.twin.experiment_design.hypotheses import GROUPS, Group, Hypothesis
 from gateway.twin.experiment_design.separation import Separation, separation
 from gateway.twin.experiment_design.signatures import sensitivities
 from gateway.twin.model import EffectValues, TwinRig
-from gateway.twin.reconcile.decision.ambiguity_groups import discriminating_experiment, group_of
 
 ENOUGH_SIGMA = 20.0
 """More than this is worth no effort."""
@@ -147,4 +148,5 @@ def _count_distinguishable(separations: Sequence[Separation]) -> int:
 def _alternatives(names: frozenset[str]) -> str:
     if names <= OFF_THE_ROPE:
         return CALIBRATE
-    return OTHER_MEANS if group_of(names) is None else discriminating_experiment(names)
+    texts = dict.fromkeys(EFFECTS[name].discriminating_experiment for name in sorted(names))
+    return OTHER_MEANS if Effect.discriminating_experiment in texts else "; ".join(texts)

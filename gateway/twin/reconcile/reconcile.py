@@ -1,43 +1,66 @@
-"""The whole workflow: load, fit the nuisances, locate, rank, search, judge on held-out data, answer."""
+"""The workflow: check, split, search, accept, validate, decide, report."""
 
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.clock import ClockDrift, SampleLoss
-from gateway.twin.effects.parameter import Value
 from gateway.twin.effects.sensor_output import Quantization
+from gateway.twin.identifiability import FittedRecording, indistinguishable_from
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
-from gateway.twin.reconcile.data.observations import Observations, Recordings
-from gateway.twin.reconcile.decision.ambiguity_groups import is_superset_of_best
-from gateway.twin.reconcile.decision.verdict import MIN_EVIDENCE_MARGIN, RankedCandidate, decide
-from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.fit.validation import evaluate_on_validation
+from gateway.twin.reconcile.data.recordings import Recordings, split_recordings
+from gateway.twin.reconcile.decision.evidence import gather_evidence
+from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates, rivals_of
+from gateway.twin.reconcile.decision.verdict import decide
+from gateway.twin.reconcile.fit.fit_context import is_world_directed
 from gateway.twin.reconcile.output.result import Reconciliation
-from gateway.twin.reconcile.output.result_builder import SearchOutcome, build_result
+from gateway.twin.reconcile.output.result_builder import SearchOutcome, build_result, unusable_result
 from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
 from gateway.twin.reconcile.residual.residual_tests import has_excess
 from gateway.twin.reconcile.residual.surrogate_test import normal_score, null_threshold
-from gateway.twin.reconcile.search.baseline import (
-    MIN_REPEATED_GAIN,
-    detect_in_samples,
-    initialise_baseline,
-    prepare_recordings,
+from gateway.twin.reconcile.search.baseline import MIN_REPEATED_GAIN, Values, detect_in_samples, fit_baseline
+from gateway.twin.reconcile.search.budget import Budget
+from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.context import SearchContext, make_context
+from gateway.twin.reconcile.search.events import has_event
+from gateway.twin.reconcile.search.persistent import baseline_of
+from gateway.twin.reconcile.search.score_test import scorable_effects
+from gateway.twin.reconcile.search.steps import (
+    PERSISTENT_STEP,
+    SINGLE_EFFECT_STEPS,
+    choose_single_effect,
+    run_steps,
 )
-from gateway.twin.reconcile.search.candidate_fits import CandidateFit
-from gateway.twin.reconcile.search.search import Search
-from gateway.twin.reconcile.search.validation_search import extend_by_validation_residual
+from gateway.twin.reconcile.search.stepwise_selection import grow
+from gateway.twin.reconcile.search.validation_cache import Validator
+from gateway.twin.reconcile.search.validation_search import extend_by_validation, improves
 from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
 
-Array = NDArray[np.float64]
-Values = Mapping[str, Mapping[str, Value]]
-MAX_VALIDATED = 4
-VALIDATED_MARGIN = 5.0
-"""Sets within this many times `RIVAL` of the best on the log are judged on held-out data."""
+Progress = Callable[[str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class SearchRun:
+    """A search on one version of the recordings: as stamped, or at true times where samples were lost."""
+
+    recordings: Recordings
+    context: SearchContext
+    table: CandidateTable
+    validator: Validator
+    nominal: CandidateFit
+    """The nominal model: only the initial motion is fitted."""
+    best: CandidateFit
+    lost_fraction: float | None = None
+    """Share of the samples that is missing without a trace in the time stamps."""
+
+    @property
+    def base(self) -> CandidateFit:
+        """The fit of what was found before the search."""
+        return baseline_of(self.table, self.context)
 
 
 def reconcile(
@@ -46,178 +69,185 @@ def reconcile(
     held_out: CheckedRecording | None,
     *,
     seed: int = 0,
-    tick: Callable[[str], None] = lambda _stage: None,
+    tick: Progress = lambda _stage: None,
 ) -> Reconciliation:
-    """Find what is missing; `tick` is told of each stage and each step of a fit."""
+    """Find what the model lacks; `tick` is called with the stage at each step of a fit."""
     fault = log.fault or (None if held_out is None or held_out.fault is None else f"held-out: {held_out.fault}")
     if fault is not None or log.observations is None:
         return unusable_result(model, log, fault or "no samples")
-    recordings = prepare_recordings(log.observations, None if held_out is None else held_out.observations)
-    recordings, always = detect_in_samples(recordings)
-    rng = np.random.default_rng(seed)
+    recordings = split_recordings(log.observations, None if held_out is None else held_out.observations)
+    recordings, detected = detect_in_samples(recordings)
+    random = np.random.default_rng(seed)
     tick("baseline")
-    believed = _search(model, recordings.log, {}, tick)
-    start = believed.fit_candidate({})
-    if start is None:
-        return unusable_result(model, log, "the model as believed cannot be fitted")
-    search, base, recordings, lost = _singles(believed, start, recordings, always)
-    best = search.run(base, search.best())
-    wandering = (
-        lost is None and not search.has_event(base) and _clock_rate_is_suspect(search, best, recordings.held_out)
-    )
-    again = _at_true_times(search, best, recordings, always) if wandering else None
-    if again is not None:
-        search, base, recordings, lost = again
-        best = search.run(base, search.best())
-    if not (_exceeds_null(search, base, best, rng) and _exceeds_quantisation(search, base, best)):
-        best = base
-    tick("held-out")
-    best = extend_by_validation_residual(search, best, recordings.held_out, rng)
-    contenders, base_contender = validate_candidates(search, best, recordings, frozenset(base.values))
-    seen = frozenset({SampleLoss.name} if lost is not None else ())
-    answer = decide(
-        contenders,
-        base_contender,
-        recordings.log,
-        recordings.held_out,
-        frozenset(base.values),
-        seen,
-        search.candidates,
-        rng,
-        frozenset() if search.signatures is None else indistinguishable_pairs(search.signatures.of),
-    )
-    before = evaluate_on_validation(model.rig, model.effects, recordings.held_out_as_stamped)
-    findings = SearchOutcome(model, recordings, search, start, before, contenders, answer, lost)
-    return build_result(findings, log.counts, rng)
+    run = _search(model, recordings, detected, Budget(), tick)
+    if run is None:
+        return unusable_result(model, log, "the nominal model cannot be fitted")
+    tick("validation")
+    run = _accept(run, random)
+    table, best = extend_by_validation(run.table, run.context, run.best, run.validator, random)
+    run = replace(run, table=table.start_round(), best=best)
+    outcome = _decide(model, run, random)
+    return build_result(outcome, log.counts, random)
 
 
-def _search(model: Model, log: Observations, always: Values, tick: Callable[[str], None]) -> Search:
-    return Search(FitContext(model.rig, model.effects, log, lambda: tick("search")), always)
+def _search(model: Model, recordings: Recordings, detected: Values, budget: Budget, tick: Progress) -> SearchRun | None:
+    """Search for missing effects; once more at true times where samples turn out to be lost."""
+    run = _begin(model, recordings, detected, budget, tick)
+    if run is None:
+        return None
+    suspect = _clock_hypothesis(run)
+    if suspect is not None and not run.table.is_explained and not has_event(run.table, run.context):
+        retimed = _search_at_true_times(model, run, suspect, detected, tick)
+        if retimed is not None:
+            return retimed
+    run = _finish(run)
+    if _clock_rate_is_suspect(run) and not has_event(run.table, run.context):
+        return _search_at_true_times(model, run, run.best, detected, tick) or run
+    return run
 
 
-def _singles(
-    believed: Search, start: CandidateFit, recordings: Recordings, always: Values
-) -> tuple[Search, CandidateFit, Recordings, float | None]:
-    """Single effects beside what the readings themselves show; again at true times where samples were lost."""
-    search, base = initialise_baseline(believed, start, always, recordings.held_out)
-    slow_clock = _clock_rate_hypothesis(search, search.fit_persistent_effects(base))
-    found = None
-    if not search.has_event(base) and slow_clock is not None and search.best().has_unexplained_residual:
-        found = _at_true_times(search, slow_clock, recordings, always)
-    if found is not None:
-        return found
-    search.fit_single_effects(base)
-    return search, base, recordings, None
+def _begin(model: Model, recordings: Recordings, detected: Values, budget: Budget, tick: Progress) -> SearchRun | None:
+    """Fit the nominal model, the baseline and the persistent effects; None where the nominal model cannot be fitted."""
+    context = make_context(model, recordings.log, budget, lambda: tick("search"))
+    validator = Validator(model.rig, model.effects, recordings.selection)
+    table = context.fit(CandidateTable(recordings.log), {})
+    nominal = table.get({})
+    if nominal is None:
+        return None
+    table, context = fit_baseline(table.start_round(), context, detected, validator)
+    table = run_steps((PERSISTENT_STEP,), table, context)
+    return SearchRun(recordings, context, table, validator, nominal, table.best)
 
 
-def _clock_rate_hypothesis(search: Search, best: CandidateFit) -> CandidateFit | None:
-    """Beside what is always there; where that hides the clock, beside the best that acts all the time.
+def _finish(run: SearchRun) -> SearchRun:
+    """Fit single effects and pairs, then add effects to the best."""
+    table = run_steps(SINGLE_EFFECT_STEPS, run.table, run.context)
+    table, best = choose_single_effect(table, run.context)
+    table, best = grow(table, run.context, best)
+    return replace(run, table=table.start_round(), best=best)
 
-    The latter is for a look only: the search does not begin with a pair.
-    """
-    alone = search.candidates.get(frozenset({*search.baseline_effects, ClockDrift.name}))
-    if alone is not None or not best.has_unexplained_residual:
+
+def _clock_hypothesis(run: SearchRun) -> CandidateFit | None:
+    """A fit with a clock error beside the baseline; where that hides it, beside the best persistent effect as well."""
+    alone = run.table.get({*run.context.baseline_effects, ClockDrift.name})
+    if alone is not None or run.table.is_explained:
         return alone
-    return Search(search.setting, search.baseline_effects).fit_candidate({**best.values, ClockDrift.name: {}})
+    values = {**run.table.best.values, ClockDrift.name: {}}
+    return run.context.fit(run.table, values).get(values)
 
 
-def _clock_rate_is_suspect(search: Search, best: CandidateFit, held_out: Observations) -> bool:
-    """With a clock that does not explain both recordings."""
-    if ClockDrift.name not in best.values:
+def _clock_rate_is_suspect(run: SearchRun) -> bool:
+    """Whether the best set has a clock error that does not explain both recordings."""
+    if run.lost_fraction is not None or ClockDrift.name not in run.best.values:
         return False
-    rig, values = search.setting.rig, {**search.setting.model_effects, **best.values}
-    return best.has_unexplained_residual or has_excess(held_out, evaluate_on_validation(rig, values, held_out).fit)
+    selection = run.validator.selection
+    return run.best.has_unexplained_residual or has_excess(selection, run.validator.evaluate(run.best.values).fit)
 
 
-def _at_true_times(
-    search: Search, slow_clock: CandidateFit, recordings: Recordings, always: Values
-) -> tuple[Search, CandidateFit, Recordings, float | None] | None:
-    """Single effects once more where samples turn out to be lost; None where none are."""
-    lost = find_sample_loss(search.setting, slow_clock)
+def _search_at_true_times(
+    model: Model, run: SearchRun, suspect: CandidateFit, detected: Values, tick: Progress
+) -> SearchRun | None:
+    """Search once more with the time stamps corrected for lost samples; None where no samples were lost."""
+    setting, recordings = run.context.setting, run.recordings
+    lost = find_sample_loss(setting, suspect)
     if lost is None:
         return None
-    held_out = retime_validation(search.setting, lost, recordings.held_out)
+    held_out = retime_validation(setting, lost, recordings.held_out)
     recordings = replace(recordings, log=lost.walk.retimed(recordings.log), held_out=held_out)
-    again = Search(replace(search.setting, log=recordings.log), {})
-    start = again.fit_candidate({})
-    if start is None:
+    known = {name: run.context.baseline_effects[name] for name in detected}
+    again = _begin(model, recordings, known, run.context.budget, tick)
+    if again is None:
         return None
-    search, base = initialise_baseline(again, start, {name: search.baseline_effects[name] for name in always}, held_out)
-    search.fit_persistent_effects(base)
-    search.fit_single_effects(base)
-    return search, base, recordings, lost.walk.fraction
+    again = replace(again, nominal=run.nominal, lost_fraction=lost.walk.fraction)
+    return _finish(again)
 
 
-def _exceeds_null(search: Search, base: CandidateFit, best: CandidateFit, rng: np.random.Generator) -> bool:
-    """More than noise of the residual's own colour reaches with any effect."""
-    if best is base or search.signatures is None:
+def _accept(run: SearchRun, random: np.random.Generator) -> SearchRun:
+    """Keep the best set if its gain exceeds what noise and coarse steps alone would give; else the baseline."""
+    is_accepted = _exceeds_null(run, random) and _exceeds_quantisation(run)
+    return run if is_accepted else replace(run, best=run.base)
+
+
+def _exceeds_null(run: SearchRun, random: np.random.Generator) -> bool:
+    """Whether the gain is larger than any effect's on noise with the spectrum of the residual."""
+    base, best = run.base, run.best
+    if best.names == base.names:
         return False
-    residual = search.setting.log.residual_sigma(best.fit.force_g)
-    reached = normal_score(base.fit.chi2 - best.fit.chi2, max(1, best.parameters - base.parameters))
-    return reached > null_threshold(search.signatures.of, residual, rng)
+    residual = run.context.setting.log.residual_sigma(best.fit.force_g)
+    reached = normal_score(base.fit.chi2 - best.fit.chi2, max(1, best.n_parameters - base.n_parameters))
+    return reached > null_threshold(run.context.signatures(base).of, residual, random)
 
 
-def _exceeds_quantisation(search: Search, base: CandidateFit, best: CandidateFit) -> bool:
-    """With readings in coarse steps, the gain holds against the mean of the steps: else it only imitates them."""
-    if Quantization.name not in base.values or best is base:
+def _exceeds_quantisation(run: SearchRun) -> bool:
+    """Whether the gain of samples in coarse steps repeats against the mean of the steps: else it only imitates them."""
+    base, best = run.base, run.best
+    if Quantization.name not in base.values or best.names == base.names:
         return True
-    log, rig = search.setting.log, search.setting.rig
+    log, noise_g = run.context.setting.log, np.array(run.context.setting.rig.noise_g)
     step_g = float(np.asarray(base.values[Quantization.name]["lsb_g"]))
 
-    def stepped(attempt: CandidateFit) -> float:
-        return log.reduced_chi2(quantised_mean(attempt.fit.force_g, step_g, np.array(rig.noise_g)))
+    def against_steps(fit: CandidateFit) -> float:
+        return log.reduced_chi2(quantised_mean(fit.fit.force_g, step_g, noise_g))
 
-    return stepped(base) - stepped(best) > MIN_REPEATED_GAIN * (base.reduced_chi2 - best.reduced_chi2)
-
-
-def validate_candidates(
-    search: Search, best: CandidateFit, recordings: Recordings, always: frozenset[str]
-) -> tuple[list[RankedCandidate], RankedCandidate]:
-    """The sets near the best on the log, judged on the held-out recording, best first; and the base."""
-    setting, unit = search.setting, search.noise_inflation()
-    least = search.bic(best, unit)
-    ranked = sorted(search.candidates.values(), key=lambda a: search.bic(a, unit))
-    near = [
-        a
-        for a in ranked
-        if not is_superset_of_best(a.names, best.names)
-        and always <= a.names
-        and search.bic(a, unit) < least + VALIDATED_MARGIN * MIN_EVIDENCE_MARGIN
-    ]
-
-    def contender(attempt: CandidateFit) -> RankedCandidate:
-        found = evaluate_on_validation(setting.rig, {**setting.model_effects, **attempt.values}, recordings.held_out)
-        return RankedCandidate(attempt, found, search.bic(attempt, unit), 0.0)
-
-    found = [contender(a) for a in [best, *near[: MAX_VALIDATED - 1]]]
-    start = contender(search.candidates[always])
-    evidence = [c.bic + c.validation.fit.chi2 / unit for c in found]
-    order = np.argsort(evidence)
-    return [replace(found[i], evidence_deficit=evidence[i] - evidence[order[0]]) for i in order], start
+    gain = against_steps(base) - against_steps(best)
+    return gain > MIN_REPEATED_GAIN * (base.reduced_chi2 - best.reduced_chi2)
 
 
-def unusable_result(model: Model, log: CheckedRecording, fault: str) -> Reconciliation:
-    """The answer where nothing can be said."""
-    return Reconciliation(
-        verdict="data_unusable",
-        reason=fault,
-        rig=model.rig,
-        effects=(),
-        candidates=(),
-        split_by=None,
-        disagreement=(),
-        gap=None,
-        residual=None,
-        steps=(),
-        scores=(),
-        ranking=(),
-        confusable=(),
-        equations_before=(),
-        equations_after=(),
-        log=None,
-        held_out=None,
-        held_out_is_last_third=False,
-        refitted_on_held_out=(),
-        counts=log.counts,
-        model=model.effects,
+def _decide(model: Model, run: SearchRun, random: np.random.Generator) -> SearchOutcome:
+    """Rank the sets near the best by all evidence and decide between them."""
+    context, table, validator = run.context, run.table, run.validator
+    pairs = indistinguishable_pairs(context.signatures(run.base).of)
+    ranked, base = rank_candidates(table, run.best, run.base.names, validator, pairs)
+    best = ranked[0]
+    evidence = gather_evidence(
+        best,
+        base,
+        rivals_of(ranked, pairs),
+        run.recordings.log,
+        validator.selection,
+        table.fits,
+        frozenset() if run.lost_fraction is None else frozenset({SampleLoss.name}),
+        improves_selection=_is_supported_by_selection(run, best, base, random),
+        large_amplitude=context.setting.large_amplitude,
     )
+    decision = decide(evidence, run.recordings.log, lambda name: _indistinguishable(run, best, name))
+    return SearchOutcome(
+        model=model,
+        recordings=run.recordings,
+        context=context,
+        table=table,
+        validator=validator,
+        nominal=run.nominal,
+        base=run.base,
+        ranked=ranked,
+        decision=decision,
+        lost_fraction=run.lost_fraction,
+    )
+
+
+def _is_supported_by_selection(
+    run: SearchRun, best: RankedCandidate, base: RankedCandidate, random: np.random.Generator
+) -> bool:
+    """Whether the best set leaves less on the selection part than the baseline, or adds only events that are not in it."""
+    if best.names == base.names:
+        return False
+    selection, added = run.validator.selection, best.names - base.names
+    intervals_s = [EFFECTS[name].interval_s(best.candidate.values[name]) for name in added]
+    if all(interval is not None and interval[1] < selection.offset_s for interval in intervals_s):
+        return True
+    return improves(base.validation, best.validation, run.validator, random)
+
+
+def _indistinguishable(run: SearchRun, best: RankedCandidate, name: str) -> tuple[str, ...]:
+    """Effects with the same signature as one of the best set, on the log and on the selection part together."""
+    setting, n = run.context.setting, run.context.setting.simulator(best.names).n_initial_states
+    recordings = (
+        FittedRecording(setting.log, best.candidate.fit.values[:n], heading_is_fitted=False),
+        FittedRecording(
+            run.validator.selection,
+            best.validation.fit.values[:n],
+            heading_is_fitted=is_world_directed({*best.names, *setting.model_effects}),
+        ),
+    )
+    model = {**setting.model_effects, **best.candidate.values}
+    return indistinguishable_from(setting.rig, model, name, scorable_effects(setting), recordings)

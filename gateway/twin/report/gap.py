@@ -143,14 +143,14 @@ def _bar(axes: Axes, place: float, value: float | None, color: str, label: str) 
 
 
 def _gain(gap: Gap) -> str:
-    if gap.before_held_out is None or gap.after_held_out is None:
+    if gap.before_test is None or gap.after_test is None:
         return "The model was not evaluated on data to which it was not fitted."
-    if gap.before_held_out == gap.after_held_out:
+    if gap.before_test == gap.after_test:
         return "The gap is the same before and after."
-    if gap.held_out_interval is None:
-        return "The uncertainty of the gain on held-out data was not computed."
-    low, high = gap.held_out_interval
+    if gap.test_interval is None:
+        return "The uncertainty of the gain on the test part was not computed."
+    low, high = gap.test_interval
     return (
-        f"On held-out data the final model reduces the chi-square by {format_number(gap.before_held_out - gap.after_held_out)} "
+        f"On the test part the final model reduces the chi-square by {format_number(gap.before_test - gap.after_test)} "
         f"(95 % interval {format_number(low)} to {format_number(high)}, block bootstrap)."
     )

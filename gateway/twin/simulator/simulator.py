@@ -79,6 +79,15 @@ class Simulator:
         """Length of the initial state: 5, with an elastic rope 7, with a double pendulum 9."""
         return len(self.initial)
 
+    @property
+    def n_states(self) -> int:
+        """Length of the state of the motion."""
+        return self._compiled.structure.n_states
+
+    def step_s(self, values: Array) -> float:
+        """Longest step of the integration at these values. Raises `IntegrationError` where none can follow them."""
+        return self._compiled.step_s(values[self.n_initial_states :])
+
     def neutral(self) -> Array:
         """Return the parameter vector of a load that hangs at rest without any effect, shape (values,)."""
         return np.array([spec.neutral for spec in self.parameters])

@@ -74,18 +74,6 @@ class Observations:
         return self.chi2(simulated_g) / self.n_values
 
 
-@dataclass(frozen=True, slots=True)
-class Recordings:
-    """A recording to fit and one to validate on."""
-
-    log: Observations
-    held_out: Observations
-    """At true times, where samples were lost."""
-    held_out_as_stamped: Observations
-    last_third: bool
-    """Whether the held-out recording is the last third of the same one."""
-
-
 def slice_samples(observations: Observations, first: int, last: int) -> Observations:
     """Return the samples from `first` to before `last`, with times from the first of them."""
     chosen = slice(first, last)

@@ -1,273 +1,227 @@
-"""From the models that were fitted and judged to one answer."""
+"""The verdict: a table of rules over the evidence, then corrections for what no recording separates."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from enum import Enum
 
 import numpy as np
 
-from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodelled_profiles
+from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.decision.ambiguity_groups import UNOBSERVABLE_YAW_EFFECTS, group_of
-from gateway.twin.reconcile.fit.validation import ValidationFit, block_bootstrap_gain
+from gateway.twin.reconcile.decision.evidence import Evidence, nameable_with_residual
+from gateway.twin.reconcile.decision.ranking import RankedCandidate
 from gateway.twin.reconcile.output.result import Verdict
-from gateway.twin.reconcile.residual.residual_tests import has_excess, has_lines, residual_lines
-from gateway.twin.reconcile.search.candidate_fits import MIN_VARIANCE_SHARE, CandidateFit
+from gateway.twin.reconcile.residual.residual_tests import has_lines, residual_lines
+from gateway.twin.reconcile.search.candidates import CandidateFit
 
-MIN_EVIDENCE_MARGIN = 12.0
-"""Evidence, in chi-square over the noise's colour, below which one model is no better than another: odds of 400 to 1."""
-MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE = 20.0
-"""The same for two effects whose signatures coincide: between their fits a wrong one has been ahead by 6."""
-MIN_GAP_CLOSED = 0.99
-"""Share of the held-out gap that a model must close for its effects to keep their names beside an unexplained remainder."""
-MIN_GAP_CLOSED_BOTH, MIN_GAP_CLOSED_VALIDATION = 0.999, 0.95
-"""Of a wide swing also this share of both recordings' gaps together and that of the held-out one alone: a swing that dies away
-leaves little of the gap to a held-out end of it."""
-MIN_NECESSARY_SHARE = 0.1
-"""Share of the gap that an effect must hold open by its absence to be named beside a remainder."""
-MIN_NECESSARY_RATIO = 30.0
-"""Of a wide swing also by how many times as much its absence leaves: the first loss alone closes nearly all of its gap."""
 MAX_AMBIGUOUS = 4
+"""Candidates of a one_of verdict; more would be no answer."""
 SAME_LINE_CYCLES = 3.0
-"""Turns in the recording by which two lines may differ and yet be one that swells and fades."""
-AXIS_COUPLING_EFFECTS = frozenset({"cross_axis", "mount_misalignment"})
-"""An unsymmetrical pick-up is a symmetrical one and a turn: beside the first, nothing tells the turn from it."""
-
-TIME_SCALING_EFFECTS = frozenset({"clock_drift", "rope_length"})
-"""Beside something unexplained these have no name: whatever makes time wander runs slow on the whole."""
+"""Cycles in the recording by which two lines may differ and yet be one whose amplitude changes."""
 
 
-@dataclass(frozen=True, slots=True)
-class RankedCandidate:
-    """A model with all its evidence."""
+class Reason(Enum):
+    """Why a verdict was given; the value is the sentence that users read."""
 
-    candidate: CandidateFit
-    validation: ValidationFit
-    bic: float
-    evidence_deficit: float
-
-    @property
-    def names(self) -> frozenset[str]:
-        """Its effects."""
-        return self.candidate.names
+    NOTHING_MISSING = "The nominal model explains both recordings down to the noise."
+    FOUND_BEFORE_SEARCH = "The samples themselves show it; nothing else is missing."
+    NOT_EXPLAINED = "The nominal model does not explain the data, and no effect of the vocabulary does."
+    GAP_CLOSED_WITH_RESIDUAL = "These effects close at least 99 % of the gap on held-out data; a residual remains."
+    NO_SET_EXPLAINS = "No effect of the vocabulary, alone or with others, explains the held-out data."
+    IMITATION = "Additional effects lower the residual only slightly, and a significant residual remains."
+    RIVALS_IN_ONE_PLACE = "These effects explain the data equally well."
+    SOME_CERTAIN = "These effects are certain; which effect acts in addition is not decided."
+    SEVERAL_SETS = "Several sets of effects explain the data equally well."
+    UNIQUE = "These effects explain both recordings down to the noise; nothing else does."
+    NONSTATIONARY_LINE = "The residual has lines near that of {names}: its amplitude or frequency changes."
+    AXES_MIXED = (
+        "Cross-axis sensitivity is certain; the housing is misaligned as well, or the sensitivity is not symmetric."
+    )
+    INDISTINGUISHABLE = "These effects have the same signature: no recording of this kind separates them."
+    INDISTINGUISHABLE_WITH_RESIDUAL = (
+        "These effects have the same signature: no recording of this kind separates them. A residual remains."
+    )
 
 
 @dataclass(frozen=True, slots=True)
 class Decision:
-    """What is said, and of which model."""
+    """The verdict, and the model that it is about."""
 
     verdict: Verdict
-    reason: str
+    reason: Reason
+    text: str
+    """The reason as a sentence."""
     model: RankedCandidate
-    """Whose parameters and prediction are given."""
+    """The set of effects whose parameters and prediction are given."""
     named: tuple[str, ...]
-    candidates: tuple[str, ...]
+    candidates: tuple[str, ...] = ()
 
 
-def decide(
-    contenders: Sequence[RankedCandidate],
-    base: RankedCandidate,
-    log: Observations,
-    held_out: Observations,
-    always: frozenset[str],
-    seen: frozenset[str],
-    fitted: Mapping[frozenset[str], CandidateFit],
-    rng: np.random.Generator,
-    alike: frozenset[frozenset[str]],
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """A condition on the evidence and what follows from it."""
+
+    applies: Callable[[Evidence], bool]
+    conclude: Callable[[Evidence], Decision]
+
+
+def _make(
+    verdict: Verdict,
+    reason: Reason,
+    model: RankedCandidate,
+    named: frozenset[str],
+    candidates: frozenset[str] = frozenset(),
 ) -> Decision:
-    """Contenders best first; the base has nothing but what is always there; `seen` was found outside the models.
+    return Decision(verdict, reason, reason.value, model, tuple(sorted(named)), tuple(sorted(candidates)))
 
-    `alike` are pairs of effects whose signatures coincide.
+
+def _baseline_wins(evidence: Evidence) -> bool:
+    return evidence.best.names == evidence.baseline_names or not evidence.improves_selection
+
+
+def _baseline_unexplained(evidence: Evidence) -> bool:
+    if evidence.best.names == evidence.baseline_names:
+        return evidence.best_leaves_excess
+    return not evidence.improves_selection and evidence.baseline_leaves_excess
+
+
+def _conclude_unexplained(evidence: Evidence) -> Decision:
+    verdict: Verdict = "named_with_remainder" if evidence.baseline_names else "unmodelled"
+    return _make(verdict, Reason.NOT_EXPLAINED, evidence.baseline, evidence.baseline_names)
+
+
+def _necessary_names(evidence: Evidence) -> frozenset[str]:
+    return nameable_with_residual(evidence.necessary)
+
+
+def _nameable_with_residual(evidence: Evidence) -> bool:
+    certain = _necessary_names(evidence) - evidence.baseline_names
+    return bool(certain) and evidence.closes_gap and len(evidence.rivals) == 1
+
+
+def _imitates(evidence: Evidence) -> bool:
+    """Whether the best set has effects that are not necessary while something remains."""
+    if evidence.n_added < 2 or evidence.necessary == evidence.best.names:
+        return False
+    return evidence.n_added > 2 or evidence.best_leaves_lines
+
+
+def _conclude_imitation(evidence: Evidence) -> Decision:
+    verdict: Verdict = "named_with_remainder" if evidence.necessary else "unmodelled"
+    return _make(verdict, Reason.IMITATION, evidence.best, evidence.necessary)
+
+
+def _everywhere(evidence: Evidence) -> frozenset[str]:
+    """Effects that all rival sets have."""
+    return frozenset.intersection(*(each.names for each in evidence.rivals))
+
+
+def _contested(evidence: Evidence) -> frozenset[str]:
+    """Effects that some rival sets have and others do not."""
+    return frozenset().union(*(each.names for each in evidence.rivals)) - _everywhere(evidence)
+
+
+def _rivals_differ_in_one_place(evidence: Evidence) -> bool:
+    everywhere = _everywhere(evidence)
+    one_each = all(len(each.names - everywhere) == 1 for each in evidence.rivals)
+    return len(evidence.rivals) > 1 and one_each and len(_contested(evidence)) <= MAX_AMBIGUOUS
+
+
+def _one_of(reason: Reason, evidence: Evidence) -> Decision:
+    candidates = frozenset(sorted(_contested(evidence))[:MAX_AMBIGUOUS])
+    return _make("one_of", reason, evidence.best, _everywhere(evidence) | evidence.baseline_names, candidates)
+
+
+RULES = (
+    Rule(lambda e: _baseline_wins(e) and _baseline_unexplained(e), _conclude_unexplained),
+    Rule(
+        lambda e: _baseline_wins(e) and bool(e.baseline_names or e.detected),
+        lambda e: _make("named", Reason.FOUND_BEFORE_SEARCH, e.baseline, e.baseline_names),
+    ),
+    Rule(_baseline_wins, lambda e: _make("none_missing", Reason.NOTHING_MISSING, e.baseline, frozenset())),
+    Rule(
+        lambda e: e.best_leaves_excess and _nameable_with_residual(e),
+        lambda e: _make("named_with_remainder", Reason.GAP_CLOSED_WITH_RESIDUAL, e.best, _necessary_names(e)),
+    ),
+    Rule(
+        lambda e: e.best_leaves_excess,
+        lambda e: _make("unmodelled", Reason.NO_SET_EXPLAINS, e.best, e.baseline_names),
+    ),
+    Rule(_imitates, _conclude_imitation),
+    Rule(_rivals_differ_in_one_place, lambda e: _one_of(Reason.RIVALS_IN_ONE_PLACE, e)),
+    Rule(
+        lambda e: len(e.rivals) > 1 and bool(_everywhere(e) - e.baseline_names),
+        lambda e: _make("named_with_remainder", Reason.SOME_CERTAIN, e.best, _everywhere(e) | e.baseline_names),
+    ),
+    Rule(lambda e: len(e.rivals) > 1, lambda e: _one_of(Reason.SEVERAL_SETS, e)),
+    Rule(lambda _: True, lambda e: _make("named", Reason.UNIQUE, e.best, e.best.names)),
+)
+"""The first rule that applies gives the verdict."""
+
+
+def decide(evidence: Evidence, log: Observations, indistinguishable: Callable[[str], tuple[str, ...]]) -> Decision:
+    """Decide by the first rule that applies, then correct for what no recording separates.
+
+    `indistinguishable` returns the effects with the same signature as one of the decided model.
     """
-    rivals = competitive_models(contenders, alike)
-    answer = _decide_between_models(contenders[0], rivals, base, log, held_out, always, fitted, rng, bool(seen))
-    answer = remove_unidentifiable(_drop_nonstationary_lines(answer, log))
-    if answer.verdict not in ("named", "one_of"):
-        return answer  # beside something unexplained, a time that wanders may be that, too
-    return replace(answer, named=tuple(sorted({*answer.named, *seen})))
+    decision = next(rule.conclude(evidence) for rule in RULES if rule.applies(evidence))
+    decision = _drop_nonstationary_lines(decision, log)
+    decision = _name_one_mixture_of_axes(decision)
+    decision = _group_indistinguishable(decision, evidence.baseline_names, indistinguishable)
+    if decision.verdict not in ("named", "one_of"):
+        return decision  # where a residual remains, it may be what was detected in the time stamps
+    return replace(decision, named=tuple(sorted({*decision.named, *evidence.detected})))
 
 
-def _drop_nonstationary_lines(answer: Decision, log: Observations) -> Decision:
-    """An effect that leaves lines close to its own frequency is not what is there: that swells or dies away otherwise."""
-    attempt = answer.model.candidate
-    if not has_lines(log, attempt.fit):
-        return answer
-    left_hz = np.array([line.hz for line in residual_lines(log, attempt.fit)])
-    near_hz = SAME_LINE_CYCLES / log.duration_s
-    unsteady = {
-        name
-        for name, values in attempt.values.items()
-        if "frequency_hz" in values and (np.abs(left_hz - np.asarray(values["frequency_hz"])) < near_hz).any()
-    }
-    named = tuple(name for name in answer.named if name not in unsteady)
-    if named == answer.named:
-        return answer
-    text = (
-        f"what is left has lines beside that of {', '.join(sorted(unsteady))}: this one swells, or dies away otherwise"
+def _drop_nonstationary_lines(decision: Decision, log: Observations) -> Decision:
+    """Remove effects of a steady frequency that leave lines close to it: what acts there changes its amplitude."""
+    candidate = decision.model.candidate
+    if not has_lines(log, candidate.fit):
+        return decision
+    left_hz = np.array([line.hz for line in residual_lines(log, candidate.fit)])
+    unsteady = {name for name in candidate.names if _has_line_near(name, candidate, left_hz, log.duration_s)}
+    named = tuple(name for name in decision.named if name not in unsteady)
+    if named == decision.named:
+        return decision
+    text = Reason.NONSTATIONARY_LINE.value.format(names=", ".join(sorted(unsteady)))
+    verdict: Verdict = "named_with_remainder" if named else "unmodelled"
+    return replace(decision, verdict=verdict, reason=Reason.NONSTATIONARY_LINE, text=text, named=named)
+
+
+def _has_line_near(name: str, candidate: CandidateFit, lines_hz: np.ndarray, duration_s: float) -> bool:
+    if not EFFECTS[name].steady_frequency:
+        return False
+    frequency_hz = np.asarray(candidate.values[name]["frequency_hz"])
+    return bool((np.abs(lines_hz - frequency_hz) < SAME_LINE_CYCLES / duration_s).any())
+
+
+def _name_one_mixture_of_axes(decision: Decision) -> Decision:
+    """Of several effects that mix the axes keep the one with the most parameters: together they are one general matrix."""
+    mixing = sorted(
+        (name for name in decision.named if EFFECTS[name].mixes_axes),
+        key=lambda name: -sum(parameter.size for parameter in EFFECTS[name].parameters),
     )
-    return replace(answer, verdict="named_with_remainder" if named else "unmodelled", reason=text, named=named)
+    if len(mixing) < 2:
+        return decision
+    named = tuple(name for name in decision.named if name not in mixing[1:])
+    reason = Reason.AXES_MIXED
+    return replace(decision, verdict="named_with_remainder", reason=reason, text=reason.value, named=named)
 
 
-def competitive_models(
-    contenders: Sequence[RankedCandidate], alike: frozenset[frozenset[str]]
-) -> list[RankedCandidate]:
-    """The best one and all that come near it."""
-    best = contenders[0]
-    return [
-        c
-        for c in contenders
-        if c.evidence_deficit
-        < (MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE if c.names ^ best.names in alike else MIN_EVIDENCE_MARGIN)
-    ]
-
-
-def _decide_between_models(
-    best: RankedCandidate,
-    rivals: Sequence[RankedCandidate],
-    base: RankedCandidate,
-    log: Observations,
-    held_out: Observations,
-    always: frozenset[str],
-    fitted: Mapping[frozenset[str], CandidateFit],
-    rng: np.random.Generator,
-    seen: bool,
+def _group_indistinguishable(
+    decision: Decision, baseline: frozenset[str], indistinguishable: Callable[[str], tuple[str, ...]]
 ) -> Decision:
-    wide = log.has_large_amplitude
-    log, held_out = (exclude_unmodelled_profiles(each, best.candidate.values) for each in (log, held_out))
-    is_open = has_excess(log, best.candidate.fit) or has_excess(held_out, best.validation.fit)
-    if best.names == always:
-        return _decide_for_baseline(best, always, is_open, seen)
-    if not _improves_validation(best, base, held_out, rng):
-        return _decide_for_baseline(base, always, has_excess(log, base.candidate.fit), seen)
-    if is_open:
-        return decide_with_residual(best, base, rivals, always, fitted, wide=wide)
-    if len(best.names - always) > 1:
-        leading = _necessary_effects(best, base, fitted)
-        bends = (
-            len(best.names - always) > 2
-            or has_lines(log, best.candidate.fit)
-            or has_lines(held_out, best.validation.fit)
-        )
-        if leading != best.names and bends:
-            text = "what else was tried only bends the model to what is left, and something is left"
-            verdict: Verdict = "named_with_remainder" if leading else "unmodelled"
-            return Decision(verdict, text, best, tuple(sorted(leading)), ())
-    return _decide_named(best, rivals, always)
-
-
-def _necessary_effects(
-    best: RankedCandidate, base: RankedCandidate, fitted: Mapping[frozenset[str], CandidateFit], *, wide: bool = False
-) -> frozenset[str]:
-    """Effects without which much more is left: those that have a share of their own in closing the gap."""
-    closed = base.candidate.fit.chi2 - best.candidate.fit.chi2
-    found = set(base.names)
-    for name in best.names - base.names:
-        without = fitted.get(best.names - {name})
-        if without is None:
-            found.add(name)
+    """Replace a named effect by its ambiguity group, whatever the fits of the group's members say."""
+    for name in decision.named:
+        partners = () if name in baseline else indistinguishable(name)
+        if not partners:
             continue
-        holds_open = without.fit.chi2 - best.candidate.fit.chi2 > MIN_NECESSARY_SHARE * closed
-        if holds_open or (wide and without.reduced_chi2 > MIN_NECESSARY_RATIO * best.candidate.reduced_chi2):
-            found.add(name)
-    return frozenset(found)
-
-
-def _decide_for_baseline(base: RankedCandidate, always: frozenset[str], is_open: bool, seen: bool) -> Decision:
-    named = tuple(sorted(always))
-    if is_open:
-        text = "the model as believed does not explain the data, and no effect of the catalogue does"
-        return Decision("named_with_remainder" if named else "unmodelled", text, base, named, ())
-    if named or seen:
-        return Decision("named", "seen in the readings themselves; nothing else is missing", base, named, ())
-    return Decision("none_missing", "the model as believed explains both recordings down to the noise", base, (), ())
-
-
-def decide_with_residual(
-    best: RankedCandidate,
-    base: RankedCandidate,
-    rivals: Sequence[RankedCandidate],
-    always: frozenset[str],
-    fitted: Mapping[frozenset[str], CandidateFit],
-    *,
-    wide: bool,
-) -> Decision:
-    """Where something is left: the effects that hold the gap open by their absence, if with them nearly all of it is closed."""
-    closed = (base.validation.reduced_chi2 - best.validation.reduced_chi2) / max(base.validation.reduced_chi2 - 1, 1e-9)
-    shared = _necessary_effects(best, base, fitted, wide=wide) - TIME_SCALING_EFFECTS
-    if shared - always and _closes_gap(best, base, closed, wide=wide) and len(rivals) == 1:
-        text = f"these close {100 * closed:.1f} % of the held-out gap; what is left is described, not explained"
-        return Decision("named_with_remainder", text, best, tuple(sorted(shared)), ())
-    text = "no effect of the catalogue, alone or in pairs, explains the data on the held-out recording"
-    return Decision("unmodelled", text, best, tuple(sorted(always)), ())
-
-
-def _closes_gap(best: RankedCandidate, base: RankedCandidate, closed_on_held_out: float, *, wide: bool) -> bool:
-    """Nearly all of the gap is closed."""
-    if closed_on_held_out > MIN_GAP_CLOSED or not wide:
-        return closed_on_held_out > MIN_GAP_CLOSED
-    before, after = (
-        base.candidate.reduced_chi2 + base.validation.reduced_chi2,
-        best.candidate.reduced_chi2 + best.validation.reduced_chi2,
-    )
-    of_both = (before - after) / max(before - 2, 1e-9)
-    return of_both > MIN_GAP_CLOSED_BOTH and closed_on_held_out > MIN_GAP_CLOSED_VALIDATION
-
-
-def _decide_named(best: RankedCandidate, rivals: Sequence[RankedCandidate], always: frozenset[str]) -> Decision:
-    if len(rivals) > 1:
-        return _one_of(best, rivals, always)
-    return Decision(
-        "named", "explains both recordings down to the noise; nothing else does", best, _sorted(best.names), ()
-    )
-
-
-def remove_unidentifiable(answer: Decision) -> Decision:
-    """Without what no recording tells, whatever a fit says: whether crane or housing turns, and a turn beside a pick-up."""
-    named = frozenset(answer.named)
-    if named >= AXIS_COUPLING_EFFECTS:
-        text = "certain; beside it the housing is askew, or the pick-up is not the same both ways"
-        kept = _sorted(named - {"mount_misalignment"})
-        answer = replace(answer, verdict="named_with_remainder", reason=text, named=kept)
-    if not named & UNOBSERVABLE_YAW_EFFECTS:
-        return answer
-    text = "the crane slews or the housing spins, and no recording tells these apart"
-    kept = _sorted(frozenset(answer.named) - UNOBSERVABLE_YAW_EFFECTS)
-    left: Verdict = "named_with_remainder" if kept else "unmodelled"
-    if answer.verdict != "named":
-        text += "; beside that something is left"
-    verdict: Verdict = "one_of" if answer.verdict == "named" else left
-    return replace(answer, verdict=verdict, reason=text, named=kept, candidates=_sorted(UNOBSERVABLE_YAW_EFFECTS))
-
-
-def _one_of(best: RankedCandidate, rivals: Sequence[RankedCandidate], always: frozenset[str]) -> Decision:
-    """Of several that no evidence decides between."""
-    everywhere = frozenset.intersection(*(c.names for c in rivals))
-    different = frozenset().union(*(c.names for c in rivals)) - everywhere
-    certain = _sorted(everywhere | always)
-    if all(len(c.names - everywhere) == 1 for c in rivals) and len(different) <= MAX_AMBIGUOUS:
-        group = group_of(different)
-        text = "these explain the data equally well" + (
-            "" if group else ", and no group of the catalogue holds them all"
-        )
-        return Decision("one_of", text, best, certain, _sorted(different))
-    if everywhere - always:
-        return Decision("named_with_remainder", "certain; what acts beside it is not decided", best, certain, ())
-    text = "several sets explain the data equally well"
-    return Decision("one_of", text, best, certain, _sorted(different)[:MAX_AMBIGUOUS])
-
-
-def _sorted(names: frozenset[str]) -> tuple[str, ...]:
-    return tuple(sorted(names))
-
-
-def is_needed(before: ValidationFit, after: ValidationFit, held_out: Observations, rng: np.random.Generator) -> bool:
-    """Less is left on the held-out recording, by more than chance and enough to matter."""
-    low, _ = block_bootstrap_gain(
-        held_out.residual_sigma(before.fit.force_g), held_out.residual_sigma(after.fit.force_g), held_out.time_s, rng
-    )
-    return low > 0 and before.reduced_chi2 - after.reduced_chi2 > MIN_VARIANCE_SHARE
-
-
-def _improves_validation(
-    best: RankedCandidate, base: RankedCandidate, held_out: Observations, rng: np.random.Generator
-) -> bool:
-    return is_needed(base.validation, best.validation, held_out, rng)
+        group = tuple(sorted((name, *partners)))[:MAX_AMBIGUOUS]
+        named = tuple(each for each in decision.named if each != name)
+        if decision.verdict == "named":
+            reason = Reason.INDISTINGUISHABLE
+            return replace(decision, verdict="one_of", reason=reason, text=reason.value, named=named, candidates=group)
+        reason = Reason.INDISTINGUISHABLE_WITH_RESIDUAL
+        verdict: Verdict = "named_with_remainder" if named else "unmodelled"
+        return replace(decision, verdict=verdict, reason=reason, text=reason.value, named=named, candidates=group)
+    return decision

@@ -149,14 +149,18 @@ class Step:
 
 @dataclass(frozen=True, slots=True)
 class Gap:
-    """Reduced chi-square of the residual before and after."""
+    """Reduced chi-square of the residual, by the nominal model (before) and by the final one (after)."""
 
     before_log: float
     before_held_out: float | None
+    """Of the whole held-out recording, selection and test part."""
+    before_test: float | None
+    """Of the test part, on which no choice rested: the gap to quote."""
     after_log: float
     after_held_out: float | None
-    held_out_interval: tuple[float, float] | None
-    """95 % block-bootstrap interval of what the model takes off the held-out chi-square."""
+    after_test: float | None
+    test_interval: tuple[float, float] | None
+    """95 % block-bootstrap interval of the decrease of the reduced chi-square on the test part."""
 
     @staticmethod
     def closed_percent(before: float | None, after: float | None) -> float | None:
@@ -164,6 +168,17 @@ class Gap:
         if before is None or after is None or before <= 1.0:
             return None
         return 100 * (before - after) / (before - 1)
+
+
+@dataclass(frozen=True, slots=True)
+class DataPart:
+    """A part of the data and what it served."""
+
+    role: Literal["fit", "selection", "test"]
+    recording: Literal["log", "held_out"]
+    blocks_s: tuple[tuple[float, float], ...]
+    """From and to, since the first sample of the recording as given."""
+    n_samples: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -204,6 +219,10 @@ class Reconciliation:
     verdict: Verdict
     reason: str
     """One sentence: why this verdict; for data_unusable what is wrong and what would do."""
+    reason_code: str
+    """The same as a constant word."""
+    parts: tuple[DataPart, ...]
+    """Which part of the data the models were fitted to, selected by and tested on."""
     rig: TwinRig
     effects: tuple[NamedEffect, ...]
     candidates: tuple[str, ...]

@@ -1,11 +1,13 @@
-"""The answer in full: curves, gap, intervals, ranking, equations."""
+"""The result of a reconciliation in full: curves, gap, intervals, ranking, equations."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.numerics.runs import true_runs
 from gateway.numerics.stats import NORMAL_975
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.clock import SampleLoss
@@ -13,13 +15,16 @@ from gateway.twin.effects.parameter import Parameter, Value
 from gateway.twin.effects.sensor_output import Quantization
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
-from gateway.twin.reconcile.data.observations import Recordings
-from gateway.twin.reconcile.decision.ambiguity_groups import discriminating_experiment
-from gateway.twin.reconcile.decision.verdict import MIN_EVIDENCE_MARGIN, Decision, RankedCandidate
-from gateway.twin.reconcile.fit.validation import ValidationFit, block_bootstrap_gain, evaluate_on_validation
+from gateway.twin.reconcile.data.data_checks import CheckedRecording
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.data.recordings import BLOCK_S, Recordings, selection_part, test_part
+from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN, RankedCandidate
+from gateway.twin.reconcile.decision.verdict import Decision
+from gateway.twin.reconcile.fit.validation import block_bootstrap_gain, evaluate_on_validation
 from gateway.twin.reconcile.output.result import (
     Candidate,
     Curves,
+    DataPart,
     Estimate,
     Gap,
     NamedEffect,
@@ -30,12 +35,12 @@ from gateway.twin.reconcile.output.result import (
 from gateway.twin.reconcile.residual.isolability import confusable
 from gateway.twin.reconcile.residual.localisation import localise_residual
 from gateway.twin.reconcile.residual.whiteness import analyse_residual
-from gateway.twin.reconcile.search.candidate_fits import MIN_SCORE_STATISTIC, CandidateFit
-from gateway.twin.reconcile.search.search import Search
+from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC, CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.validation_cache import Validator
 
 Array = NDArray[np.float64]
 MAX_RANKED = 12
-STEP_ITERATIONS = 6
 BASE_EQUATIONS = (
     "n″ = (I − n nᵀ)(g − a_p + F/m)/L − 2 (L′/L) n′ − |n′|² n",
     "f = a_p + r n″ + 2 r′ n′ + r″ n − g, in the housing's axes",
@@ -44,56 +49,120 @@ BASE_EQUATIONS = (
 
 @dataclass(frozen=True, slots=True)
 class SearchOutcome:
-    """All that the answer is made from."""
+    """All that the result is made from."""
 
     model: Model
     recordings: Recordings
-    search: Search
-    believed: CandidateFit
-    """The model as believed, only the nuisances fitted."""
-    believed_held_out: ValidationFit
-    contenders: list[RankedCandidate]
-    answer: Decision
-    lost: float | None
-    """Part of the samples that is missing without a trace."""
+    context: SearchContext
+    table: CandidateTable
+    validator: Validator
+    nominal: CandidateFit
+    """The nominal model: only the initial motion is fitted."""
+    base: CandidateFit
+    """The fit of what was found before the search."""
+    ranked: list[RankedCandidate]
+    decision: Decision
+    lost_fraction: float | None
+    """Share of the samples that is missing without a trace in the time stamps."""
 
 
-def build_result(found: SearchOutcome, counts: Mapping[str, int], rng: np.random.Generator) -> Reconciliation:
-    """Everything in one record."""
-    answer, rig = found.answer, found.model.rig
-    log_curves, held_curves = _curves(found, held_out=False), _curves(found, held_out=True)
+def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.random.Generator) -> Reconciliation:
+    """Put everything into one record."""
+    decision, recordings, final = found.decision, found.recordings, found.decision.model
+    log_curves, held_curves = _log_curves(found), _held_out_curves(found)
     sigma = _sigma(log_curves)
-    final = found.answer.model
     return Reconciliation(
-        verdict=answer.verdict,
-        reason=answer.reason,
-        rig=rig,
+        verdict=decision.verdict,
+        reason=decision.text,
+        reason_code=decision.reason.name.lower(),
+        parts=_parts(recordings),
+        rig=found.model.rig,
         effects=tuple(
-            _sample_loss(found) if name == SampleLoss.name else _named(name, final, found) for name in answer.named
+            _sample_loss(found) if name == SampleLoss.name else _named(name, final, found) for name in decision.named
         ),
-        candidates=answer.candidates,
-        split_by=discriminating_experiment(frozenset(answer.candidates)) if answer.candidates else None,
-        disagreement=localise_residual(found.recordings.log.time_s, sigma[0]),
-        gap=_gap(log_curves, held_curves, rng),
-        residual=analyse_residual(found.recordings.log.time_s, *sigma, log_curves.noise_g),
+        candidates=decision.candidates,
+        split_by=_discriminating_experiments(decision.candidates),
+        disagreement=localise_residual(recordings.log.time_s, sigma[0]),
+        gap=_gap(log_curves, held_curves, test_part(recordings.held_out_as_stamped).used, random),
+        residual=analyse_residual(recordings.log.time_s, *sigma, log_curves.noise_g),
         steps=_steps(found),
         scores=_scores(found),
         ranking=_ranking(found),
-        confusable=() if found.search.signatures is None else confusable(found.search.signatures.of),
+        confusable=confusable(found.context.signatures(found.base).of),
         equations_before=(*BASE_EQUATIONS, *_equations(found.model.effects)),
         equations_after=(*BASE_EQUATIONS, *_equations(_final_model(found))),
         log=log_curves,
         held_out=held_curves,
-        held_out_is_last_third=found.recordings.last_third,
+        held_out_is_last_third=recordings.last_third,
         refitted_on_held_out=final.validation.refitted_parameters,
         counts=counts,
         model=_final_model(found),
     )
 
 
+def unusable_result(model: Model, log: CheckedRecording, fault: str) -> Reconciliation:
+    """Make the result where nothing can be said."""
+    return Reconciliation(
+        verdict="data_unusable",
+        reason=fault,
+        reason_code="data_unusable",
+        parts=(),
+        rig=model.rig,
+        effects=(),
+        candidates=(),
+        split_by=None,
+        disagreement=(),
+        gap=None,
+        residual=None,
+        steps=(),
+        scores=(),
+        ranking=(),
+        confusable=(),
+        equations_before=(),
+        equations_after=(),
+        log=None,
+        held_out=None,
+        held_out_is_last_third=False,
+        refitted_on_held_out=(),
+        counts=log.counts,
+        model=model.effects,
+    )
+
+
+def _parts(recordings: Recordings) -> tuple[DataPart, ...]:
+    """What each part of the data served; times count from the first sample of the recording as given."""
+    log, held_out = recordings.log, recordings.held_out_as_stamped
+    recording: Literal["log", "held_out"] = "log" if recordings.last_third else "held_out"
+    fit = DataPart("fit", "log", ((0.0, log.duration_s),), int(log.used.sum()))
+    selection, test = selection_part(held_out), test_part(held_out)
+    return (
+        fit,
+        DataPart("selection", recording, _blocks_s(selection), int(selection.used.sum())),
+        DataPart("test", recording, _blocks_s(test), int(test.used.sum())),
+    )
+
+
+def _blocks_s(part: Observations) -> tuple[tuple[float, float], ...]:
+    runs = true_runs(part.used)
+    merged: list[tuple[float, float]] = []
+    for first, stop in runs:
+        from_s, to_s = (float(part.time_s[i] + part.offset_s) for i in (first, stop - 1))
+        if merged and from_s - merged[-1][1] < BLOCK_S / 2:  # a spike left out does not end a block
+            merged[-1] = (merged[-1][0], to_s)
+        else:
+            merged.append((from_s, to_s))
+    return tuple(merged)
+
+
+def _discriminating_experiments(candidates: Sequence[str]) -> str | None:
+    """The measurements or manoeuvres that would separate the candidates."""
+    return "; ".join(dict.fromkeys(EFFECTS[name].discriminating_experiment for name in candidates)) or None
+
+
 def _final_model(found: SearchOutcome) -> Mapping[str, Mapping[str, Value]]:
-    lost: dict[str, Mapping[str, Value]] = {} if found.lost is None else {SampleLoss.name: {"fraction": found.lost}}
-    return {**found.model.effects, **found.answer.model.candidate.values, **lost}
+    lost = found.lost_fraction
+    sample_loss: dict[str, Mapping[str, Value]] = {} if lost is None else {SampleLoss.name: {"fraction": lost}}
+    return {**found.model.effects, **found.decision.model.candidate.values, **sample_loss}
 
 
 def _quantised(found: SearchOutcome, values: Mapping[str, Mapping[str, Value]], force_g: Array) -> Array:
@@ -104,20 +173,29 @@ def _quantised(found: SearchOutcome, values: Mapping[str, Mapping[str, Value]], 
     return quantised_mean(force_g, step_g, np.array(found.model.rig.noise_g))
 
 
-def _curves(found: SearchOutcome, *, held_out: bool) -> Curves:
-    """On the log at its true times; on held-out data as stamped, since which samples are lost there cannot be foretold."""
-    observations = found.recordings.held_out_as_stamped if held_out else found.recordings.log
-    final = found.answer.model
-    after = final.validation.fit.force_g if held_out else final.candidate.fit.force_g
-    if held_out and found.lost is not None:
-        values = {**found.model.effects, **final.candidate.values, SampleLoss.name: {"fraction": found.lost}}
-        after = evaluate_on_validation(found.model.rig, values, observations).fit.force_g
-    before = found.believed_held_out.fit.force_g if held_out else found.believed.fit.force_g
+def _log_curves(found: SearchOutcome) -> Curves:
+    """The log at its true times, simulated by the nominal and the final model."""
+    final = found.decision.model.candidate
+    return _curves(found, found.recordings.log, found.nominal.fit.force_g, final.fit.force_g)
+
+
+def _held_out_curves(found: SearchOutcome) -> Curves:
+    """The held-out recording as stamped: which samples are lost there cannot be predicted."""
+    final, as_stamped = found.decision.model, found.recordings.held_out_as_stamped
+    selection = selection_part(as_stamped)
+    before = evaluate_on_validation(found.model.rig, found.model.effects, selection)
+    after = final.validation
+    if found.lost_fraction is not None:
+        after = evaluate_on_validation(found.model.rig, _final_model(found), selection)
+    return _curves(found, as_stamped, before.fit.force_g, after.fit.force_g)
+
+
+def _curves(found: SearchOutcome, observations: Observations, before_g: Array, after_g: Array) -> Curves:
     return Curves(
         observations.time_s,
         observations.force_g,
-        before,
-        _quantised(found, final.candidate.values, after),
+        before_g,
+        _quantised(found, found.decision.model.candidate.values, after_g),
         observations.used,
         np.array(found.model.rig.noise_g),
         observations.offset_s,
@@ -129,24 +207,29 @@ def _sigma(curves: Curves) -> tuple[Array, Array]:
     return curves.residual_before_g * weight, curves.residual_after_g * weight
 
 
-def _gap(log: Curves, held_out: Curves, rng: np.random.Generator) -> Gap:
-    def reduced(curves: Curves) -> tuple[float, float]:
-        before, after = _sigma(curves)
-        count = 3 * int(curves.used.sum())
-        return float((before**2).sum() / count), float((after**2).sum() / count)
+def _gap(log: Curves, held_out: Curves, in_test: NDArray[np.bool_], random: np.random.Generator) -> Gap:
+    """Reduced chi-square on the log, on the whole held-out recording and on its test part, before and after."""
+    log_before, log_after = _reduced_chi2(log, log.used)
+    held_before, held_after = _reduced_chi2(held_out, held_out.used)
+    test_before, test_after = _reduced_chi2(held_out, in_test)
+    before, after = (each[in_test] for each in _sigma(held_out))
+    time_s: Array = np.arange(len(before)) * np.float64(np.median(np.diff(held_out.time_s)))
+    interval = block_bootstrap_gain(before, after, time_s, random)
+    return Gap(log_before, held_before, test_before, log_after, held_after, test_after, interval)
 
-    interval = block_bootstrap_gain(*_sigma(held_out), held_out.time_s, rng)
-    (before_log, after_log), (before_held, after_held) = reduced(log), reduced(held_out)
-    return Gap(before_log, before_held, after_log, after_held, interval)
+
+def _reduced_chi2(curves: Curves, used: NDArray[np.bool_]) -> tuple[float, float]:
+    before, after = (float(np.mean(each[used] ** 2)) for each in _sigma(curves))
+    return before, after
 
 
 def _named(name: str, final: RankedCandidate, found: SearchOutcome) -> NamedEffect:
     effect = EFFECTS[name]
     values = final.candidate.values[name]
-    simulator = found.search.setting.simulator(tuple(final.candidate.values))
+    simulator = found.context.setting.simulator(tuple(final.candidate.values))
     fit = final.candidate.fit
     sigma = np.zeros(len(simulator.parameters))
-    sigma[fit.free] = np.sqrt(np.maximum(np.diag(fit.covariance()), 0.0) * found.search.noise_inflation())
+    sigma[fit.free] = np.sqrt(np.maximum(np.diag(fit.covariance()), 0.0) * found.table.noise_inflation)
     of = {
         p.name: [
             s
@@ -161,7 +244,7 @@ def _named(name: str, final: RankedCandidate, found: SearchOutcome) -> NamedEffe
 
 def _sample_loss(found: SearchOutcome) -> NamedEffect:
     effect = EFFECTS[SampleLoss.name]
-    fraction = found.lost or 0.0
+    fraction = found.lost_fraction or 0.0
     count = len(found.recordings.log.time_s)
     sigma = float(np.sqrt(fraction * (1 - fraction) / count))  # binomial
     estimate = _estimate(effect.parameters[0], fraction, [sigma])
@@ -180,42 +263,36 @@ def _estimate(parameter: Parameter, value: Value, sigma: Sequence[float]) -> Est
 
 
 def _steps(found: SearchOutcome) -> tuple[Step, ...]:
-    """Each with its gap on held-out data; sets that were judged for the verdict are not judged again."""
-    known = {c.names: c.validation.reduced_chi2 for c in found.contenders}
+    """The moves of the search, each with its gap on the selection part."""
     steps = []
-    for s in found.search.history:
-        if s.names not in known:
-            values = {**found.model.effects, **found.search.candidates[s.names].values}
-            known[s.names] = evaluate_on_validation(
-                found.model.rig, values, found.recordings.held_out, STEP_ITERATIONS
-            ).reduced_chi2
-        added, dropped, names = (tuple(sorted(each)) for each in (s.added, s.dropped, s.names))
-        steps.append(Step(added, dropped, names, s.reduced, known[s.names], s.bic))
+    for move in found.table.moves:
+        validation = found.validator.evaluate(found.table.fits[move.names].values)
+        added, dropped, names = (tuple(sorted(each)) for each in (move.added, move.dropped, move.names))
+        steps.append(Step(added, dropped, names, move.reduced_chi2, validation.reduced_chi2, move.bic))
     return tuple(steps)
 
 
 def _scores(found: SearchOutcome) -> tuple[ScoreTestResult, ...]:
-    unit, excess = found.search.noise_inflation(), max(found.believed.fit.chi2 - found.recordings.log.n_values, 1.0)
-    drops = sorted(found.search.scores.items(), key=lambda each: -each[1])
+    inflation = found.table.noise_inflation
+    excess = max(found.base.fit.chi2 - found.recordings.log.n_values, 1.0)
+    signatures = found.context.signatures(found.base)
+    gains = sorted(((signatures.predicted_chi2_drop(name), name) for name in signatures.of), reverse=True)
     return tuple(
-        ScoreTestResult(name, min(1.0, drop / excess), drop / unit, MIN_SCORE_STATISTIC) for name, drop in drops
+        ScoreTestResult(name, min(1.0, gain / excess), gain / inflation, MIN_SCORE_STATISTIC) for gain, name in gains
     )
 
 
 def _ranking(found: SearchOutcome) -> tuple[Candidate, ...]:
-    search, unit = found.search, found.search.noise_inflation()
-    judged = {c.names: c for c in found.contenders}
-    best = min(c.bic for c in found.contenders)
-    ranked = sorted(search.candidates.values(), key=lambda a: search.bic(a, unit))[:MAX_RANKED]
+    validated = {each.names: each for each in found.ranked}
+    least = min(each.bic for each in found.ranked)
     result = []
-    for attempt in ranked:
-        contender = judged.get(attempt.names)
-        bic = search.bic(attempt, unit)
-        behind = max(0.0, bic - best) if contender is None else contender.evidence_deficit
-        held = None if contender is None else contender.validation.reduced_chi2
-        rival = contender is not None and 0 <= behind < MIN_EVIDENCE_MARGIN
-        result.append(Candidate(tuple(sorted(attempt.names)), attempt.reduced_chi2, held, bic, behind, rival))
-    return tuple(sorted(result, key=lambda c: c.behind))
+    for fit in found.table.ranked()[:MAX_RANKED]:
+        known, bic = validated.get(fit.names), found.table.bic(fit)
+        behind = max(0.0, bic - least) if known is None else known.evidence_deficit
+        chi2 = None if known is None else known.validation.reduced_chi2
+        rival = known is not None and 0 <= behind < MIN_EVIDENCE_MARGIN
+        result.append(Candidate(tuple(sorted(fit.names)), fit.reduced_chi2, chi2, bic, behind, rival))
+    return tuple(sorted(result, key=lambda candidate: candidate.behind))
 
 
 def _equations(effects: Mapping[str, object]) -> tuple[str, ...]:

@@ -4,12 +4,26 @@ from typing import Any
 
 from gateway.twin.reconcile.output.result import Estimate, Gap, NamedEffect, Reconciliation
 
+SCHEMA_VERSION = 2
+"""Raised when a field changes its meaning; fields are added without."""
+
 
 def to_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
     """Names as published; what could not be computed is null."""
     return {
+        "schema_version": SCHEMA_VERSION,
         "verdict": result.verdict,
         "reason": result.reason,
+        "reason_code": result.reason_code,
+        "parts": [
+            {
+                "role": part.role,
+                "recording": part.recording,
+                "blocks_s": [list(block) for block in part.blocks_s],
+                "samples": part.n_samples,
+            }
+            for part in result.parts
+        ],
         "effects": [_effect(effect) for effect in result.effects],
         "candidates": list(result.candidates),
         "split_by": result.split_by,
@@ -62,10 +76,10 @@ def _estimate(estimate: Estimate) -> dict[str, Any]:
 
 def _gap(gap: Gap | None) -> dict[str, Any]:
     if gap is None:
-        nothing = {"log": None, "held_out": None}
+        nothing = {"log": None, "held_out": None, "test": None}
         return {"before": nothing, "after": nothing, "closed_percent": nothing}
-    before = {"log": gap.before_log, "held_out": gap.before_held_out}
-    after = {"log": gap.after_log, "held_out": gap.after_held_out}
+    before = {"log": gap.before_log, "held_out": gap.before_held_out, "test": gap.before_test}
+    after = {"log": gap.after_log, "held_out": gap.after_held_out, "test": gap.after_test}
     return {
         "before": before,
         "after": after,

@@ -8,9 +8,9 @@ VERDICT_SENTENCES = {
     "data_unusable": "the data cannot be used",
     "none_missing": "nothing is missing",
     "named": "missing:",
-    "one_of": "missing is one of:",
-    "named_with_remainder": "something without a name here, and:",
-    "unmodelled": "something is missing that the catalogue does not hold",
+    "one_of": "missing: one of",
+    "named_with_remainder": "partly explained; missing:",
+    "unmodelled": "something is missing that the vocabulary does not have",
 }
 
 
@@ -23,9 +23,9 @@ def to_text(result: Reconciliation) -> str:
         f"because      {result.reason}",
     ]
     if result.verdict == "one_of" and named:
-        lines.append(f"beside it    {', '.join(named)}, certainly")
+        lines.append(f"also missing {', '.join(named)}")
     if result.verdict != "one_of" and result.candidates:
-        lines.append(f"beside it    one of {', '.join(result.candidates)}")
+        lines.append(f"also missing one of {', '.join(result.candidates)}")
     for effect in result.effects:
         lines.append(f"  {effect.name}: {effect.explains}")
         lines += [f"    {name} = {_estimate(estimate)}" for name, estimate in effect.parameters.items()]
@@ -35,7 +35,7 @@ def to_text(result: Reconciliation) -> str:
         lines.append(f"gap          {_gap(result.gap)}")
     if result.verdict in ("unmodelled", "named_with_remainder") and result.residual is not None:
         lines += [
-            f"remains      {p.amplitude_g * 1e3:.3g} mg at {p.hz:.4g} Hz on {p.axis}" for p in result.residual.peaks
+            f"residual     {p.amplitude_g * 1e3:.3g} mg at {p.hz:.4g} Hz on {p.axis}" for p in result.residual.peaks
         ]
     return "\n".join(lines)
 
@@ -52,9 +52,9 @@ def _estimate(estimate: Estimate) -> str:
 
 def _gap(gap: Gap) -> str:
     text = f"log {gap.before_log:.3g} -> {gap.after_log:.3g}"
-    if gap.before_held_out is not None and gap.after_held_out is not None:
-        text += f", held-out {gap.before_held_out:.3g} -> {gap.after_held_out:.3g}"
-        closed = Gap.closed_percent(gap.before_held_out, gap.after_held_out)
+    if gap.before_test is not None and gap.after_test is not None:
+        text += f", test part {gap.before_test:.3g} -> {gap.after_test:.3g}"
+        closed = Gap.closed_percent(gap.before_test, gap.after_test)
         if closed is not None:
             text += f" ({min(closed, 100.0):.1f} % closed)"
     return text + " (reduced chi-square; 1 is noise)"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
-from gateway.twin.reconcile.search.candidate_fits import MIN_SCORE_STATISTIC, MIN_VARIANCE_SHARE, Values
+from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC, MIN_VARIANCE_SHARE, Values
 from gateway.twin.reconcile.search.score_test import scorable_effects
 from gateway.twin.reconcile.timing.time_warp_smoother import TimeWarpSmoother, make_knots, marginalise_time_warp
 from gateway.twin.reconcile.timing.timing_jitter import (

@@ -16,7 +16,7 @@ from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
 from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT
-from gateway.twin.reconcile.search.candidate_fits import CandidateFit, Values
+from gateway.twin.reconcile.search.candidates import CandidateFit, Values
 from gateway.twin.reconcile.timing.conditional_score_test import free_parameter_indices, score_additional_effects
 from gateway.twin.reconcile.timing.timing_jitter import (
     INITIAL_MOTION,

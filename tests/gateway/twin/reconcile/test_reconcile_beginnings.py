@@ -8,8 +8,8 @@ from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodel
 from gateway.twin.reconcile.changepoints.pre_event_candidates import effects_extending_consistent_prefix
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.reconcile import reconcile
+from gateway.twin.reconcile.search.candidates import make_candidate
 from gateway.twin.reconcile.search.score_test import scorable_effects
-from gateway.twin.reconcile.search.search import Search
 
 HOIST = {"hoisting": {"speed_m_s": -0.15, "start_s": 32.0, "duration_s": 6.0}}
 BLOW = {"impact": {"delta_v_m_s": (0.3, -0.2), "start_s": 32.3}}
@@ -102,9 +102,9 @@ def test_samples_of_an_event_with_a_course_of_its_own_are_left_out(record, effec
 @pytest.mark.parametrize(("duration_s", "is_one"), [(0.2, False), (3.0, True)])
 def test_a_push_that_is_over_at_once_is_no_gust(setting_of, duration_s, is_one):
     gust = {"accel_m_s2": (0.4 / duration_s, 0.0), "start_s": 32.0, "duration_s": duration_s}
-    search = Search(setting_of({"wind_gust": gust}), {})
+    setting, values = setting_of({"wind_gust": gust}), {"wind_gust": gust}
 
-    assert (search.fit_candidate({"wind_gust": gust}) is not None) == is_one
+    assert (make_candidate(setting, values, setting.fit(values)) is not None) == is_one
 
 
 @pytest.mark.slow

@@ -10,7 +10,6 @@ from gateway.twin.reconcile.changepoints.changepoint_scan import scan_for_change
 from gateway.twin.reconcile.data.observations import slice_samples
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
-from gateway.twin.reconcile.search.search import Search
 from gateway.twin.reconcile.timing.timing_jitter import estimate_time_warp, viterbi_loss_count
 
 
@@ -35,12 +34,12 @@ def test_the_start_and_its_uncertainty_are_those_of_the_recording(rig, record):
 
 def test_the_window_of_a_blow_is_where_it_struck(rig, record):
     observations = record({"impact": {"delta_v_m_s": (0.3, -0.2), "start_s": 27.3}})
-    search = Search(setting(rig, observations), {})
-    base = search.fit_candidate({})
-    simulator = search.setting.simulator(())
-    jacobian = simulator.linearise(base.fit.values, observations.time_s).jacobian / observations.noise_g[:, None]
+    context = setting(rig, observations)
+    base = context.fit({})
+    simulator = context.simulator(())
+    jacobian = simulator.linearise(base.values, observations.time_s).jacobian / observations.noise_g[:, None]
     first = scan_for_changepoints(
-        observations.time_s, observations.residual_sigma(base.fit.force_g), jacobian[..., :4], observations.used
+        observations.time_s, observations.residual_sigma(base.force_g), jacobian[..., :4], observations.used
     )[0]
 
     assert first.from_s == pytest.approx(27.3, abs=1.0)

@@ -7,7 +7,7 @@ import pytest
 
 from gateway.twin.reconcile.data.artefact_detectors import noise_with_quantisation_g
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.search.search import Search
+from gateway.twin.reconcile.search.candidates import make_candidate
 from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
 from gateway.twin.reconcile.timing.time_warp_smoother import (
     KNOT_SPACING_SAMPLES,
@@ -33,7 +33,8 @@ def lossy(observations, fraction=FRACTION):
 
 def slow_clock(rig, observations, always=None):
     setting = FitContext(rig, {}, observations, lambda: None)
-    return setting, Search(setting, {}).fit_candidate({**(always or {}), "clock_drift": {}})
+    values = {**(always or {}), "clock_drift": {}}
+    return setting, make_candidate(setting, values, setting.fit(values))
 
 
 def test_putting_the_walk_in_changes_no_solution():

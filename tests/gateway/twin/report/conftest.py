@@ -14,6 +14,7 @@ from gateway.twin.reconcile.output.result import (
     Candidate,
     Confusable,
     Curves,
+    DataPart,
     Disagreement,
     Estimate,
     Gap,
@@ -71,12 +72,18 @@ def spectrum() -> Spectrum:
 BASE = Reconciliation(
     verdict="named",
     reason="no rival comes near",
+    reason_code="unique",
+    parts=(
+        DataPart("fit", "log", ((0.0, 60.0),), 3000),
+        DataPart("selection", "held_out", ((0.0, 8.0), (12.0, 20.0)), 800),
+        DataPart("test", "held_out", ((8.0, 12.0), (20.0, 24.0)), 400),
+    ),
     rig=RIG,
     effects=(named("viscous_damping"), named("impact", (BLOW_S, BLOW_S))),
     candidates=(),
     split_by=None,
     disagreement=(Disagreement("x", 37.0, 60.0, (0.1, 0.2), 11.7), Disagreement("y", 37.0, 60.0, (0.1, 0.2), 11.2)),
-    gap=Gap(232.0, 213.0, 0.99, 1.01, (108.0, 259.0)),
+    gap=Gap(232.0, 213.0, 213.0, 0.99, 1.01, 1.01, (108.0, 259.0)),
     residual=Residual(True, 0.42, (), spectrum()),
     steps=(
         Step((), (), (), 232.0, 213.0, 1.4e6),
@@ -127,7 +134,7 @@ VERDICTS: dict[str, dict[str, Any]] = {
         "equations_after": (),
         "refitted_on_held_out": (),
     },
-    "none_missing": {**UNCHANGED, "disagreement": (), "gap": Gap(1.0, 1.02, 1.0, 1.02, (0.0, 0.0))},
+    "none_missing": {**UNCHANGED, "disagreement": (), "gap": Gap(1.0, 1.02, 1.02, 1.0, 1.02, 1.02, (0.0, 0.0))},
     "named": {},
     "one_of": {
         "held_out": None,
@@ -138,12 +145,12 @@ VERDICTS: dict[str, dict[str, Any]] = {
     "named_with_remainder": {
         "held_out": None,
         "effects": (named("viscous_damping"),),
-        "gap": Gap(232.0, 213.0, 15.3, 29.8, (83.0, 229.0)),
+        "gap": Gap(232.0, 213.0, 213.0, 15.3, 29.8, 29.8, (83.0, 229.0)),
         "residual": Residual(False, 0.0, (Peak(0.131, "x", 2.1e-3),), spectrum()),
     },
     "unmodelled": {
         **UNCHANGED,
-        "gap": Gap(2.0, 1.96, 2.0, 1.96, (0.0, 0.0)),
+        "gap": Gap(2.0, 1.96, 1.96, 2.0, 1.96, 1.96, (0.0, 0.0)),
         "residual": Residual(False, 0.0, (Peak(0.431, "x", 2.1e-3), Peak(0.86, "z", 4e-4)), spectrum()),
     },
 }

@@ -57,7 +57,7 @@ def test_angle_is_not_determined_where_the_housing_is_near_the_load() -> None:
 
 
 def test_gap_is_stated_as_angle_and_displacement(make: Callable[..., Reconciliation]) -> None:
-    fit, _ = part_rows(make("named"))
+    fit, *_ = part_rows(make("named"))
     assert "° → < 0.0" in fit.angle
     assert " cm → < " in fit.displacement
     degrees, centimetres = float(fit.angle.split("°")[0]), float(fit.displacement.split(" cm")[0])

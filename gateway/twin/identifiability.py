@@ -1,0 +1,94 @@
+"""Identifiability: which effects leave the same signature at a fitted model, and so cannot be told apart.
+
+A signature is how the samples respond to an effect's parameters, by linearisation, with what every recording fits anyway
+projected out: initial motion, heading, and the other effects of the model. Two effects with the same signature form an
+ambiguity group, whatever their fits say (isolability, Basseville and Nikiforov 1993).
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.twin.effects import EFFECTS
+from gateway.twin.model import EffectValues, TwinRig
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.residual.isolability import orthonormal
+from gateway.twin.simulator.parameter_vector import ParameterSpec
+from gateway.twin.simulator.simulator import Simulator
+from gateway.twin.simulator.state import HEADING
+
+Array = NDArray[np.float64]
+
+
+MAX_INDISTINGUISHABLE_ANGLE_RAD = 3e-3
+"""Angle between an effect's contribution and the nearest one of another effect, up to which no evidence separates them: the
+equations of the effects are not true to 0.3 % of a contribution (a jib's radius, a clamp that yields)."""
+
+
+@dataclass(frozen=True, slots=True)
+class FittedRecording:
+    """A recording and the initial motion that a model has on it."""
+
+    observations: Observations
+    initial: Array
+    """Initial state, heading included, shape (initial states,)."""
+    heading_is_fitted: bool
+    """False on the log, where the heading is a gauge: turning the world changes nothing."""
+
+
+def indistinguishable_from(
+    rig: TwinRig, model: EffectValues, name: str, others: Iterable[str], recordings: Sequence[FittedRecording]
+) -> tuple[str, ...]:
+    """Effects out of `others` that make the same contribution to all recordings as one effect of a fitted model."""
+    angles_rad = contribution_angles_rad(rig, model, name, others, recordings)
+    return tuple(sorted(other for other, angle in angles_rad.items() if angle < MAX_INDISTINGUISHABLE_ANGLE_RAD))
+
+
+def contribution_angles_rad(
+    rig: TwinRig, model: EffectValues, name: str, others: Iterable[str], recordings: Sequence[FittedRecording]
+) -> dict[str, float]:
+    """Angle between an effect's contribution at its fitted parameters and what each other effect could contribute."""
+    tried = [other for other in others if other not in model and EFFECTS[other].is_scored]
+    simulator = Simulator(rig, sorted({*model, *tried}))
+    columns = np.concatenate([_project_recording(simulator, model, each) for each in recordings])
+    specs = simulator.parameters
+    kept = [i for i, spec in enumerate(specs) if spec.effect in model and spec.effect != name and not spec.refitted]
+    basis = orthonormal(columns[:, kept])
+    columns = columns - basis @ (basis.T @ columns)
+    contribution = columns[:, _places(specs, name)] @ _distance_from_neutral(simulator, model, name)
+    size = float(np.linalg.norm(contribution))
+    if size == 0.0:
+        return {}
+    angles_rad = {}
+    for other in tried:
+        reach = orthonormal(columns[:, _places(specs, other)])
+        beyond = contribution - reach @ (reach.T @ contribution)
+        angles_rad[other] = float(np.arcsin(min(1.0, float(np.linalg.norm(beyond)) / size)))
+    return angles_rad
+
+
+def _project_recording(simulator: Simulator, model: EffectValues, recording: FittedRecording) -> Array:
+    """Sensitivities in sigma of one recording, its own nuisances projected out, shape (3 n, values)."""
+    o = recording.observations
+    at = simulator.values(recording.initial, model)
+    weight = (o.used[:, None] / o.noise_g)[:, :, None]
+    found = simulator.linearise(at, o.time_s, o.temperature_c).jacobian * weight
+    flat = found.reshape(-1, len(simulator.parameters))
+    nuisances = [i for i, spec in enumerate(simulator.parameters) if spec.refitted]
+    if not recording.heading_is_fitted:
+        nuisances.remove(HEADING)
+    basis = orthonormal(flat[:, nuisances])
+    projected: Array = flat - basis @ (basis.T @ flat)
+    return projected
+
+
+def _places(specs: Sequence[ParameterSpec], name: str) -> list[int]:
+    return [i for i, spec in enumerate(specs) if spec.effect == name and not spec.refitted]
+
+
+def _distance_from_neutral(simulator: Simulator, model: EffectValues, name: str) -> Array:
+    values = simulator.values([], model)
+    distance: Array = (values - simulator.neutral())[_places(simulator.parameters, name)]
+    return distance

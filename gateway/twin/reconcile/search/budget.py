@@ -1,0 +1,34 @@
+"""The budget of a search: how many fits, and how much integration, it may spend."""
+
+from dataclasses import dataclass
+
+MAX_FITS = 60
+"""Fits after which what is still missing is no single effect and no pair: searches that end with a name make 10 to 45."""
+MAX_WORK = 1.6e9
+"""State derivatives evaluated in fits; the slowest search that ends with a name spends half of that."""
+
+
+@dataclass(slots=True)
+class Budget:
+    """Counts what a search has spent; the same recording and rig always spend the same."""
+
+    max_fits: int = MAX_FITS
+    max_work: float = MAX_WORK
+    fits: int = 0
+    work: float = 0.0
+    work_per_evaluation: float = 0.0
+    """Of the fit that is running."""
+
+    @property
+    def is_exhausted(self) -> bool:
+        """Whether the search has to end with what it has."""
+        return self.fits >= self.max_fits or self.work >= self.max_work
+
+    def begin_fit(self, work_per_evaluation: float) -> None:
+        """Count a fit; each of its evaluations costs this much work."""
+        self.fits += 1
+        self.work_per_evaluation = work_per_evaluation
+
+    def count_evaluation(self) -> None:
+        """Count one linearisation of the model."""
+        self.work += self.work_per_evaluation

@@ -1,0 +1,153 @@
+"""Candidate fits: sets of effects that were fitted to the log, and the table that ranks them."""
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.parameter import Value
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.fit.fit_context import FitContext
+from gateway.twin.reconcile.fit.fit_result import Fit
+from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
+from gateway.twin.reconcile.residual.residual_tests import warrants_another_effect
+
+Values = Mapping[str, Mapping[str, Value]]
+EVENT_MARGIN_S = 1.0
+"""An event begins and ends this far inside the recording: nearer to an end it cannot be told from another initial motion."""
+MIN_VARIANCE_SHARE = 0.002
+"""Share of the noise's variance that an effect must take off the residual to be named: below it no operator would care."""
+MIN_SCORE_STATISTIC = 25.0
+"""Chi-square over the noise inflation that an effect must take off: 1 in 100,000 for four parameters, times the family."""
+SCORE_PENALTY_PER_PARAMETER = 0.1
+"""Relative increase of `MIN_SCORE_STATISTIC` with each further parameter, as the chi-square quantile grows."""
+
+
+@dataclass(frozen=True, slots=True)
+class CandidateFit:
+    """A set of effects, fitted to the log."""
+
+    values: Values
+    """Parameters of each effect of the set."""
+    fit: Fit
+    reduced_chi2: float
+    n_parameters: int
+    """Of the effects, and of the further initial states of their structure."""
+    has_unexplained_residual: bool
+    """The residual is larger than noise, or has lines in it: the search should continue."""
+
+    @property
+    def names(self) -> frozenset[str]:
+        """The set of effects."""
+        return frozenset(self.values)
+
+
+@dataclass(frozen=True, slots=True)
+class Move:
+    """A step from one set of effects to another that the search kept."""
+
+    added: frozenset[str]
+    dropped: frozenset[str]
+    names: frozenset[str]
+    reduced_chi2: float
+    bic: float
+
+
+@dataclass(frozen=True, slots=True)
+class CandidateTable:
+    """All candidate fits so far. A step of the search takes a table and returns one with more fits."""
+
+    log: Observations
+    noise_inflation: float = 1.0
+    """Variance of the residual's noise in the band of the swing over white noise; fixed within a round."""
+    fits: Mapping[frozenset[str], CandidateFit] = field(default_factory=dict)
+    moves: tuple[Move, ...] = ()
+
+    def get(self, names: Iterable[str]) -> CandidateFit | None:
+        """The fit of a set of effects; None where it was not fitted, or could not be."""
+        return self.fits.get(frozenset(names))
+
+    def with_fit(self, fit: CandidateFit) -> "CandidateTable":
+        """Add a fit; where the set was fitted before, the better one is kept."""
+        known = self.fits.get(fit.names)
+        if known is not None and known.reduced_chi2 <= fit.reduced_chi2:
+            return self
+        return replace(self, fits={**self.fits, fit.names: fit})
+
+    def start_round(self) -> "CandidateTable":
+        """Fix the noise inflation of the next round: that of the residual of the closest fit."""
+        residual = self.log.residual_sigma(self.closest.fit.force_g)
+        return replace(self, noise_inflation=noise_inflation_factor(self.log.time_s, residual))
+
+    def record_move(self, before: CandidateFit, after: CandidateFit) -> "CandidateTable":
+        """Note that the search continues from another set of effects."""
+        if before.names == after.names:
+            return self
+        added, dropped = after.names - before.names, before.names - after.names
+        return replace(
+            self, moves=(*self.moves, Move(added, dropped, after.names, after.reduced_chi2, self.bic(after)))
+        )
+
+    def bic(self, fit: CandidateFit) -> float:
+        """Bayesian information criterion: chi-square over the noise inflation + parameters x ln(values) (Schwarz 1978)."""
+        return fit.fit.chi2 / self.noise_inflation + fit.n_parameters * math.log(self.log.n_values)
+
+    def ranked(self, size: int | None = None) -> list[CandidateFit]:
+        """Fits by BIC, best first; with a `size`, those of sets of so many effects."""
+        chosen = [fit for fit in self.fits.values() if size is None or len(fit.values) == size]
+        return sorted(chosen, key=self.bic)
+
+    @property
+    def best(self) -> CandidateFit:
+        """The fit with the lowest BIC."""
+        return min(self.fits.values(), key=self.bic)
+
+    @property
+    def closest(self) -> CandidateFit:
+        """The fit with the lowest chi-square, whatever its number of parameters."""
+        return min(self.fits.values(), key=lambda fit: fit.reduced_chi2)
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether the best fit leaves noise."""
+        return not self.best.has_unexplained_residual
+
+    def is_significant(self, before: CandidateFit, after: CandidateFit) -> bool:
+        """Whether a gain of chi-square is large enough for a name, and larger than chance."""
+        gain = before.fit.chi2 - after.fit.chi2
+        more = max(1, after.n_parameters - before.n_parameters)
+        statistic = gain / self.noise_inflation / (1 + SCORE_PENALTY_PER_PARAMETER * more)
+        return gain > MIN_VARIANCE_SHARE * self.log.n_values and statistic > MIN_SCORE_STATISTIC
+
+    @property
+    def give_up_above(self) -> float:
+        """Chi-square above which a further fit is no rival to the best; twice the best, since fits still converge."""
+        return 2 * self.best.fit.chi2
+
+
+def make_candidate(setting: FitContext, values: Values, fit: Fit) -> CandidateFit | None:
+    """Make a candidate of a fit; None where it diverged, or an event lies outside the recording."""
+    if not np.isfinite(fit.chi2):
+        return None
+    simulator = setting.simulator(tuple(values))
+    model = simulator.effects(fit.values)
+    fitted = {name: model[name] for name in values}
+    if not all(_is_inside_recording(name, fitted[name], setting.log.duration_s) for name in values):
+        return None
+    n_parameters = sum(spec.effect in values for spec in simulator.parameters)
+    n_parameters += simulator.n_initial_states - setting.simulator(()).n_initial_states
+    unexplained = warrants_another_effect(setting.log, fit)
+    return CandidateFit(fitted, fit, fit.chi2 / setting.log.n_values, n_parameters, unexplained)
+
+
+def _is_inside_recording(name: str, values: Mapping[str, Value], duration_s: float) -> bool:
+    """Whether a transient effect begins and ends inside the recording, and lasts as long as such effects do."""
+    interval_s = EFFECTS[name].interval_s(values)
+    if interval_s is None:
+        return True
+    start_s, end_s = interval_s
+    if end_s - start_s < EFFECTS[name].min_duration_s:
+        return False
+    return start_s >= EVENT_MARGIN_S and end_s <= duration_s - EVENT_MARGIN_S

@@ -1,0 +1,137 @@
+"""What all steps of a search share: the recording, the budget, and results that are computed once."""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.twin.effects import EFFECTS, ModelStructure
+from gateway.twin.effects.guess_context import EventWindow
+from gateway.twin.effects.parameter import Value
+from gateway.twin.effects.rope import DoublePendulum
+from gateway.twin.model import Model
+from gateway.twin.reconcile.changepoints.changepoint import (
+    ConsistentPrefix,
+    locate_changepoint,
+    locate_next_changepoint,
+)
+from gateway.twin.reconcile.changepoints.pre_event_candidates import effects_extending_consistent_prefix
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.fit.fit_context import SEARCH_ITERATIONS, FitContext
+from gateway.twin.reconcile.search.budget import Budget
+from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, make_candidate
+from gateway.twin.reconcile.search.score_test import Signatures, compute_signatures, scorable_effects
+from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
+
+Array = NDArray[np.float64]
+Values = Mapping[str, Mapping[str, Value]]
+REFINE_ITERATIONS = 20
+"""Iterations of a fit that continues along a narrow valley of chi-square."""
+
+
+@dataclass(slots=True)
+class SearchContext:
+    """The log as it is fitted, what every candidate contains, and caches of what depends on a set of effects alone."""
+
+    setting: FitContext
+    budget: Budget
+    baseline_effects: Values = field(default_factory=dict)
+    """Effects found without a search: every candidate contains them."""
+    _changepoints: dict[tuple[frozenset[str], bool], EventWindow | None] = field(default_factory=dict)
+    _prefixes: dict[frozenset[str], list[ConsistentPrefix]] = field(default_factory=dict)
+    _signatures: dict[frozenset[str], Signatures] = field(default_factory=dict)
+    _segment_starts: dict[frozenset[str], Array] = field(default_factory=dict)
+
+    def with_baseline(self, baseline_effects: Values) -> "SearchContext":
+        """The same recording and budget with other baseline effects."""
+        return replace(self, baseline_effects=baseline_effects)
+
+    def fit(
+        self,
+        table: CandidateTable,
+        values: Values,
+        starts: Array | None = None,
+        iterations: int = SEARCH_ITERATIONS,
+        give_up_above: float = np.inf,
+    ) -> CandidateTable:
+        """Fit a set of effects from these values; the table stays as it is where the fit diverges."""
+        self.budget.begin_fit(self.setting.work_per_evaluation(values))
+        try:
+            fit = self.setting.fit(values, starts, iterations, give_up_above)
+        except INTEGRATION_FAILURES:
+            return table
+        found = make_candidate(self.setting, values, fit)
+        return table if found is None else table.with_fit(found)
+
+    def fit_first_that_explains(
+        self,
+        table: CandidateTable,
+        others: Values,
+        name: str,
+        guesses: Iterable[Mapping[str, Value]],
+        starts: Array | None = None,
+    ) -> CandidateTable:
+        """Fit an effect beside others from one guess after another, until one of them explains the log."""
+        if name in others or name in self.setting.model_effects or excludes_each_other(name, others):
+            return table
+        tried = list(guesses)
+        if name == DoublePendulum.name and tried:
+            several = [{**others, name: values} for values in tried]
+            tried = [self.setting.fit_rigging_length(several)[name]]
+        for index, values in enumerate(tried):
+            if index and (self.budget.is_exhausted or table.is_explained):
+                break
+            chosen = {**others, name: values or EFFECTS[name].default_guess}
+            table = self.fit(table, chosen, starts, give_up_above=table.give_up_above)
+        return table
+
+    def segment_starts(self, parent: CandidateFit) -> Array:
+        """Initial conditions of each segment under a fitted set of effects, to fit its neighbours from."""
+        if parent.names not in self._segment_starts:
+            self._segment_starts[parent.names] = self.setting.segment_starts(parent.values)
+        return self._segment_starts[parent.names]
+
+    def signatures(self, parent: CandidateFit) -> Signatures:
+        """Signatures of all scorable effects beside a fitted set of effects."""
+        if parent.names not in self._signatures:
+            names = scorable_effects(self.setting)
+            self._signatures[parent.names] = compute_signatures(self.setting, parent.fit, parent.values, names)
+        return self._signatures[parent.names]
+
+    def changepoints(self, parent: CandidateFit, *, length: bool) -> EventWindow | None:
+        """Interval between the motion before an event and the one after it; with `length` the rope may change in it."""
+        key = (parent.names, length)
+        if key not in self._changepoints:
+            self._changepoints[key] = locate_changepoint(self.setting, parent.values, length=length)
+        return self._changepoints[key]
+
+    def changepoints_after(self, prefix: ConsistentPrefix, *, length: bool) -> EventWindow | None:
+        """The same after a consistent prefix that is known."""
+        key = (frozenset(prefix.values), length)
+        if key not in self._changepoints:
+            self._changepoints[key] = locate_next_changepoint(self.setting, prefix, length=length)
+        return self._changepoints[key]
+
+    def prefixes(self, parent: CandidateFit) -> list[ConsistentPrefix]:
+        """Beginnings of the log that one further persistent effect makes a single trajectory, best first."""
+        if parent.names not in self._prefixes:
+            names = scorable_effects(self.setting)
+            self._prefixes[parent.names] = effects_extending_consistent_prefix(self.setting, parent.values, names)
+        return self._prefixes[parent.names]
+
+
+def excludes_each_other(name: str, others: Iterable[str]) -> bool:
+    """Whether effects give the model different structures."""
+    structures = {EFFECTS[each].structure for each in (name, *others)} - {ModelStructure.ROPE}
+    return len(structures) > 1
+
+
+def make_context(model: Model, log: Observations, budget: Budget, on_evaluation: Callable[[], None]) -> SearchContext:
+    """Make the context of a search on a log; `on_evaluation` is called at each evaluation of a model."""
+
+    def count() -> None:
+        budget.count_evaluation()
+        on_evaluation()
+
+    return SearchContext(FitContext(model.rig, model.effects, log, count), budget)

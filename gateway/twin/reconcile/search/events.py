@@ -1,0 +1,179 @@
+"""Steps that fit events: changepoints and a scan say when something may have happened, fits say what."""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.effect import Effect
+from gateway.twin.effects.guess_context import EventWindow
+from gateway.twin.effects.parameter import ParameterKind, Value
+from gateway.twin.effects.rope import RopeLength
+from gateway.twin.reconcile.changepoints.changepoint import ConsistentPrefix
+from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodelled_profiles, scan_for_changepoints
+from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT, warrants_another_effect
+from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext
+from gateway.twin.reconcile.search.persistent import MAX_PARENTS, baseline_of
+
+Array = NDArray[np.float64]
+Values = Mapping[str, Value]
+MAX_WINDOW_REMAINDER = 0.6
+"""Share of the best fit's gap that a scanned window may leave for events to be fitted in it."""
+MAX_LENGTH_WINDOW_REMAINDER = 1.3
+"""The same where the rope changes its length: samples respond far from linearly then, and the scan predicts too little."""
+MAX_EVENT_EXCESS = 0.2
+"""Excess of the reduced chi-square outside of an event that still counts as one motion before and another after it."""
+NEARLY_EXPLAINED = 2.0
+"""Reduced chi-square below which a slowly converging persistent effect is refined."""
+MAX_REFINED = 2
+"""Fits of a size that are refined."""
+STRETCHES = (2.5, 0.4)
+"""Factors on an event's duration that are tried: a short strong event is much like a long weak one."""
+EDGES = (0.1, 0.5)
+"""Edges that are tried: no small step leads from sharp edges to slow ones."""
+
+
+def has_event(table: CandidateTable, context: SearchContext) -> bool:
+    """Whether the log is one motion before an event and another after it; no clock error and no lost sample does that."""
+    base, n_values = baseline_of(table, context), context.setting.log.n_values
+    between = context.changepoints(base, length=True)
+    if between is not None and between.remaining_chi2 < (1 + MAX_EVENT_EXCESS) * n_values:
+        return True
+    for prefix in _prefixes(table, context)[:1]:
+        if not any(EFFECTS[name].scales_period or EFFECTS[name].length_like for name in prefix.values):
+            between = context.changepoints_after(prefix, length=True)
+            return between is not None and between.remaining_chi2 < (1 + EXCESS_SIGNIFICANT) * n_values
+    return False
+
+
+def fit_events_after_prefixes(table: CandidateTable, context: SearchContext) -> CandidateTable:
+    """Fit events beside the persistent effects that the log shows before them; over the whole log an event hides those."""
+    prefixes = _prefixes(table, context)
+    for prefix in prefixes[:MAX_PARENTS]:
+        table = _fit_events_after(table, context, prefix)
+        table = refine(table, context, len(prefix.values) + 1)
+        if not needs_more(table.best, context):
+            break
+    events = {name: each for name, each in table.best.values.items() if EFFECTS[name].transient}
+    for prefix in prefixes if events else []:
+        chosen = {**prefix.values, **events}
+        if table.get(chosen) is None:
+            table = context.fit(table, chosen, give_up_above=table.give_up_above)
+    return table
+
+
+def fit_events_in_windows(table: CandidateTable, context: SearchContext, parent: CandidateFit) -> CandidateTable:
+    """Fit events beside a parent where separate motions before and after a window promise a good fit."""
+    setting, log = context.setting, context.setting.log
+    is_baseline = len(parent.values) == len(context.baseline_effects)
+    for changes_length in (False, True):
+        windows = _scan(context, parent, length=changes_length)
+        between = context.changepoints(parent, length=changes_length)
+        lenient = changes_length and (between is not None or is_baseline)
+        share = MAX_LENGTH_WINDOW_REMAINDER if lenient else MAX_WINDOW_REMAINDER
+        remaining = min(window.remaining_chi2 for window in (*windows, *([] if between is None else [between])))
+        gap = table.best.fit.chi2 - log.n_values
+        if remaining - log.n_values >= max(share * gap, EXCESS_SIGNIFICANT * log.n_values):
+            continue
+        guess_context = setting.guess_context(log.force_g - parent.fit.force_g, windows, between)
+        starts = context.segment_starts(parent)
+        for name in EFFECTS.choose(transient=True, changes_length=changes_length):
+            guesses = EFFECTS[name].initial_guesses(guess_context)
+            table = context.fit_first_that_explains(table, parent.values, name, guesses, starts)
+    return table
+
+
+def refine(table: CandidateTable, context: SearchContext, size: int) -> CandidateTable:
+    """Continue the best fits of a size that converge slowly, and vary the shape of their events."""
+    table = table.start_round()
+    for candidate in table.ranked(size)[:MAX_REFINED]:
+        if table.is_explained or context.budget.is_exhausted or not _converges_slowly(candidate):
+            continue
+        table = context.fit(table, candidate.values, iterations=REFINE_ITERATIONS)
+        refined = table.fits[candidate.names]
+        for name in sorted(refined.names):
+            for changed in _varied_shapes(EFFECTS[name], refined.values[name]):
+                if needs_more(table.best, context):
+                    values = {**refined.values, name: changed}
+                    table = context.fit(table, values, iterations=REFINE_ITERATIONS, give_up_above=table.give_up_above)
+    return table
+
+
+def needs_more(fit: CandidateFit, context: SearchContext) -> bool:
+    """Whether a residual remains outside of events whose exact course is not modelled."""
+    if not fit.has_unexplained_residual:
+        return False
+    return warrants_another_effect(exclude_unmodelled_profiles(context.setting.log, fit.values), fit.fit)
+
+
+def _prefixes(table: CandidateTable, context: SearchContext) -> list[ConsistentPrefix]:
+    """Prefixes with a persistent effect that shows before an event; none where an event alone explains the log."""
+    base = baseline_of(table, context)
+    if context.setting.large_amplitude or table.is_explained or _event_alone_suffices(context, base):
+        return []
+    return context.prefixes(base)
+
+
+def _event_alone_suffices(context: SearchContext, base: CandidateFit) -> bool:
+    n_values = context.setting.log.n_values
+    both = (context.changepoints(base, length=length) for length in (False, True))
+    return any(between is not None and between.remaining_chi2 < (1 + EXCESS_SIGNIFICANT) * n_values for between in both)
+
+
+def _fit_events_after(table: CandidateTable, context: SearchContext, prefix: ConsistentPrefix) -> CandidateTable:
+    """Fit events after a consistent prefix; whether the rope changed in them limits what may have happened."""
+    setting, log = context.setting, context.setting.log
+    starts = setting.segment_starts(prefix.values)
+    enough = (1 + MAX_EVENT_EXCESS) * log.n_values
+    for changes_length in (False, True):
+        between = context.changepoints_after(prefix, length=changes_length)
+        if between is None or between.remaining_chi2 > enough:
+            continue
+        # A change of length that gains nothing is none.
+        enough = between.remaining_chi2 - MIN_VARIANCE_SHARE * log.n_values
+        guess_context = setting.guess_context(log.force_g - prefix.fit.force_g, (), between)
+        names = EFFECTS.choose(transient=True, changes_length=changes_length)
+        for name in sorted(names, key=lambda name: not EFFECTS[name].instantaneous):
+            guesses = EFFECTS[name].initial_guesses(guess_context)
+            table = context.fit_first_that_explains(table, prefix.values, name, guesses, starts)
+    return table
+
+
+def _scan(context: SearchContext, parent: CandidateFit, *, length: bool) -> tuple[EventWindow, ...]:
+    """Scan for changepoints of the tilts and rates; with `length` also of the rope's length."""
+    setting, log = context.setting, context.setting.log
+    extra = (RopeLength.name,) if length and RopeLength.name not in parent.values else ()
+    simulator = setting.simulator((*parent.values, *extra))
+    model = setting.simulator(tuple(parent.values)).effects(parent.fit.values)
+    at = simulator.values(parent.fit.values[: simulator.n_initial_states], model)
+    found = simulator.linearise(at, log.time_s, log.temperature_c)
+    weight = (log.used[:, None] / log.noise_g)[:, :, None]
+    chosen = [0, 1, 2, 3] + [i for i, spec in enumerate(simulator.parameters) if spec.effect in extra]
+    residual = log.residual_sigma(parent.fit.force_g)
+    return scan_for_changepoints(log.time_s, residual, (found.jacobian * weight)[..., chosen], log.used)
+
+
+def _converges_slowly(fit: CandidateFit) -> bool:
+    """Whether a fit has an event, or is near the end of a narrow valley."""
+    if any(EFFECTS[name].transient for name in fit.values):
+        return True
+    return any(EFFECTS[name].slow_convergence for name in fit.values) and fit.reduced_chi2 < NEARLY_EXPLAINED
+
+
+def _varied_shapes(effect: Effect, values: Values) -> Iterable[Values]:
+    """The event shorter and longer about the same middle, and with other edges."""
+    start, *lengths, edges = (
+        [p.name for p in effect.parameters if p.kind is kind]
+        for kind in (ParameterKind.START, ParameterKind.DURATION, ParameterKind.EDGE)
+    )
+    if not effect.transient:
+        return
+    if len(lengths[0]) == 1 and start:
+        start_s, duration_s = (float(np.asarray(values[key])) for key in (start[0], lengths[0][0]))
+        for factor in STRETCHES:
+            length_s = factor * duration_s
+            yield {**values, start[0]: start_s + (duration_s - length_s) / 2, lengths[0][0]: length_s}
+    for share in EDGES if edges else ():
+        yield {**values, edges[0]: share}

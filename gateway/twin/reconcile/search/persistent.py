@@ -1,0 +1,99 @@
+"""Steps that fit persistent effects: a score test ranks them, the best ones are fitted."""
+
+from gateway.twin.effects import EFFECTS
+from gateway.twin.reconcile.residual.isolability import CONFUSABLE_COSINE, smallest_angle_cosine
+from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.context import SearchContext
+
+MAX_SCORED = 4
+"""Effects that are fitted beside a parent, by their score, as long as none explains the log."""
+MIN_SHARE_OF_BEST_SCORE = 0.5
+"""Predicted gain over that of the best effect: one that reaches less is no rival to an effect that explains the log."""
+MAX_PAIR_REMAINDER = 0.5
+"""Share of the gap that the best persistent effect may leave for pairs with it to be fitted before events."""
+MAX_PARENTS = 2
+"""Single effects beside which a second one is searched for."""
+MAX_PARENT_CHI2_RATIO = 100.0
+"""Chi-square over that of the best of the same size: a parent with more lacks what the best one has."""
+
+
+def fit_persistent_effects(table: CandidateTable, context: SearchContext) -> CandidateTable:
+    """Fit persistent effects beside the baseline, in the order of their score, until the rest are no rivals."""
+    return fit_by_score(table, context, baseline_of(table, context), at_most=None)
+
+
+def fit_persistent_pairs(table: CandidateTable, context: SearchContext) -> CandidateTable:
+    """Fit pairs of persistent effects where the best one closes most of the gap: quicker than searching for events."""
+    base, best = baseline_of(table, context), table.best
+    if table.is_explained or context.setting.large_amplitude:
+        return table
+    if best.reduced_chi2 - 1 > MAX_PAIR_REMAINDER * (base.reduced_chi2 - 1):
+        return table
+    for parent in parents(table, context, len(base.values) + 1):
+        table = fit_by_score(table, context, parent, at_most=MAX_SCORED)
+    return table
+
+
+def fit_ambiguity_partners(table: CandidateTable, context: SearchContext) -> CandidateTable:
+    """Fit each effect whose signature is close to one of the best set's, however small its score."""
+    base = baseline_of(table, context)
+    for name in sorted(partners_of(context, base, table.best.names - base.names)):
+        if table.get(base.names | {name}) is None:
+            table = fit_persistent(table, context, base, name)
+    return table
+
+
+def fit_by_score(
+    table: CandidateTable, context: SearchContext, parent: CandidateFit, at_most: int | None
+) -> CandidateTable:
+    """Fit the effects beside a parent that a score test ranks highest."""
+    signatures = context.signatures(parent)
+    gains = {name: signatures.predicted_chi2_drop(name) for name in signatures.of}
+    ranked = sorted(gains, key=lambda name: -gains[name])
+    for rank, name in enumerate(ranked):
+        is_rival = gains[name] >= MIN_SHARE_OF_BEST_SCORE * gains[ranked[0]]
+        if not is_rival and (table.is_explained or rank >= MAX_SCORED):
+            break
+        if (at_most is not None and rank >= at_most) or context.budget.is_exhausted:
+            break
+        if table.get(parent.names | {name}) is None:
+            table = fit_persistent(table, context, parent, name)
+            table = table.start_round() if rank == 0 else table
+    return table
+
+
+def fit_persistent(table: CandidateTable, context: SearchContext, parent: CandidateFit, name: str) -> CandidateTable:
+    """Fit one more persistent effect from the parent's initial conditions.
+
+    An effect with initial guesses from the data is fitted from fresh ones: segments join only under the right guess.
+    """
+    if not EFFECTS[name].guesses_from_data:
+        return context.fit_first_that_explains(table, parent.values, name, [{}], context.segment_starts(parent))
+    setting = context.setting
+    guesses = EFFECTS[name].initial_guesses(setting.guess_context(setting.log.force_g - parent.fit.force_g))
+    return context.fit_first_that_explains(table, parent.values, name, guesses)
+
+
+def parents(table: CandidateTable, context: SearchContext, size: int) -> list[CandidateFit]:
+    """The best fits of a size, to which effects are added."""
+    ranked = table.ranked(size)
+    most = MAX_PARENTS if size == len(context.baseline_effects) + 1 else 1
+    return [fit for fit in ranked[:most] if fit.fit.chi2 < MAX_PARENT_CHI2_RATIO * ranked[0].fit.chi2]
+
+
+def baseline_of(table: CandidateTable, context: SearchContext) -> CandidateFit:
+    """The fit that has the baseline effects alone."""
+    return table.fits[frozenset(context.baseline_effects)]
+
+
+def partners_of(context: SearchContext, base: CandidateFit, names: frozenset[str]) -> frozenset[str]:
+    """Effects with a signature close to that of one of these, beside the baseline: their ambiguity partners."""
+    columns = context.signatures(base).of
+    return frozenset(
+        other
+        for other in columns
+        for name in names
+        if other not in names
+        and name in columns
+        and smallest_angle_cosine(columns[name], columns[other]) > CONFUSABLE_COSINE
+    )

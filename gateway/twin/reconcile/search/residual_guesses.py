@@ -1,0 +1,37 @@
+"""Steps that fit persistent effects whose frequencies or limits are first found in the residual."""
+
+from gateway.twin.effects import EFFECTS, ModelStructure
+from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.persistent import baseline_of
+
+MAX_REMAINDER_OF_MODE = 0.5
+"""Share of the gap that a second mode or a bounce may leave for machine lines to be searched for in its residual."""
+
+
+def fit_guessed_effects(table: CandidateTable, context: SearchContext, parent: CandidateFit) -> CandidateTable:
+    """Fit the effects beside a parent that are guessed from its residual, until one explains the log."""
+    for name in EFFECTS.choose(is_guessed_from_residual=True):
+        if not table.is_explained and table.get(parent.names | {name}) is None:
+            table = _fit_guessed(table, context, parent, name)
+    return table
+
+
+def fit_second_mode(table: CandidateTable, context: SearchContext) -> tuple[CandidateTable, CandidateFit]:
+    """Fit a second mode or a bounce beside the baseline; also return it where it closes most of the gap, else the baseline."""
+    base = baseline_of(table, context)
+    if context.setting.large_amplitude:
+        return table, base
+    structural = [name for name, effect in EFFECTS.items() if effect.structure is not ModelStructure.ROPE]
+    for name in structural:
+        table = _fit_guessed(table, context, base, name)
+    found = [fit for name in structural if (fit := table.get(base.names | {name})) is not None]
+    best = min([base, *found], key=lambda fit: fit.reduced_chi2)
+    closes_most = best.reduced_chi2 - 1 < MAX_REMAINDER_OF_MODE * (base.reduced_chi2 - 1)
+    return table, best if closes_most else base
+
+
+def _fit_guessed(table: CandidateTable, context: SearchContext, parent: CandidateFit, name: str) -> CandidateTable:
+    setting = context.setting
+    guesses = EFFECTS[name].initial_guesses(setting.guess_context(setting.log.force_g - parent.fit.force_g))
+    return context.fit_first_that_explains(table, parent.values, name, guesses)

@@ -1,0 +1,132 @@
+"""Steps from the best set of effects to a better one: forward step, swaps, backward elimination."""
+
+import numpy as np
+
+from gateway.twin.effects import EFFECTS, ModelStructure
+from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext
+from gateway.twin.reconcile.search.events import NEARLY_EXPLAINED, fit_events_in_windows, needs_more, refine
+from gateway.twin.reconcile.search.persistent import (
+    MAX_PARENT_CHI2_RATIO,
+    MAX_SCORED,
+    baseline_of,
+    fit_by_score,
+    fit_persistent,
+    parents,
+    partners_of,
+)
+from gateway.twin.reconcile.search.residual_guesses import fit_guessed_effects
+
+MAX_EFFECTS = 3
+"""Effects of one answer: recordings of ordinary length do not separate more."""
+MAX_SINGLE_REMAINDER = 0.8
+"""Share of the gap that the best single effect may leave for a second one to be searched for."""
+MAX_PAIR_REMAINDER = 0.1
+"""Share of the gap that a pair may leave for a third effect to be searched for; beyond it a third one only imitates."""
+MAX_THIRD_REMAINDER = 0.5
+"""Share of the residual of a pair that a third effect may leave; one that leaves more only imitates what is missing."""
+
+
+def grow(table: CandidateTable, context: SearchContext, best: CandidateFit) -> tuple[CandidateTable, CandidateFit]:
+    """Add effects to the best single one until the rest is noise or nothing significant helps, then eliminate backwards."""
+    base = baseline_of(table, context)
+    if best.reduced_chi2 - 1 > MAX_SINGLE_REMAINDER * (base.reduced_chi2 - 1):
+        return _eliminate_and_record(table, context, best)
+    while len(best.values) < len(base.values) + MAX_EFFECTS:
+        if not needs_more(best, context) or context.budget.is_exhausted:
+            break
+        table, ahead = _forward_step(table, context, len(best.values))
+        if ahead.names == best.names:
+            best = ahead
+            break
+        is_third = len(best.values) > len(base.values) + 1
+        if is_third and ahead.reduced_chi2 - 1 > MAX_THIRD_REMAINDER * (best.reduced_chi2 - 1):
+            break
+        if ahead.reduced_chi2 - 1 > MAX_PAIR_REMAINDER * (base.reduced_chi2 - 1):
+            table, best = table.record_move(best, ahead), ahead
+            break
+        table, swapped = try_swaps(table, context, ahead)
+        table, best = table.record_move(best, swapped), swapped
+    table, best = _refine_narrow_valley(table, context, best)
+    return _eliminate_and_record(table, context, best)
+
+
+def try_swaps(table: CandidateTable, context: SearchContext, best: CandidateFit) -> tuple[CandidateTable, CandidateFit]:
+    """Replace each effect of a set by the best others, the rest kept; return the best set of all."""
+    base = baseline_of(table, context)
+    for name in sorted(best.names - base.names):
+        if context.budget.is_exhausted:
+            break
+        rest = {n: values for n, values in best.values.items() if n != name}
+        if table.get(rest) is None:
+            table = context.fit(table, rest)
+        without = table.get(rest)
+        if without is None or _is_indispensable(name, without, best):
+            continue
+        scored = context.signatures(without)
+        likely = sorted(scored.of, key=lambda n: -scored.predicted_chi2_drop(n))[:MAX_SCORED]
+        partners = partners_of(context, base, frozenset({name})) & set(scored.of)
+        for other in sorted({*likely, *partners}):
+            if table.get({*rest, other}) is None:
+                table = fit_persistent(table, context, without, other)
+    table = table.start_round()
+    found = table.best
+    keeps = table.is_significant(best, found) or len(found.values) <= len(best.values)
+    return table, found if keeps else best
+
+
+def eliminate_backwards(
+    table: CandidateTable, context: SearchContext, best: CandidateFit
+) -> tuple[CandidateTable, CandidateFit]:
+    """Remove effects whose absence costs no significant chi-square, one at a time."""
+    removed = True
+    while removed:
+        removed = False
+        for name in sorted(each for each in best.names if not EFFECTS[each].detected_in_samples):
+            rest = {n: values for n, values in best.values.items() if n != name}
+            give_up_above = np.inf if best.has_unexplained_residual else table.give_up_above
+            table = context.fit(table, rest, iterations=REFINE_ITERATIONS, give_up_above=give_up_above)
+            without = table.get(rest)
+            if without is not None and not table.is_significant(without, best):
+                best, removed = without, True
+                break
+    return table, best
+
+
+def _forward_step(table: CandidateTable, context: SearchContext, size: int) -> tuple[CandidateTable, CandidateFit]:
+    """Fit one more effect beside each of the best sets of a size; return the best set of all if it is significant."""
+    before = table.best
+    for parent in parents(table, context, size):
+        if context.budget.is_exhausted:
+            break
+        table = fit_by_score(table, context, parent, at_most=MAX_SCORED).start_round()
+        if not context.setting.large_amplitude:
+            table = fit_guessed_effects(table, context, parent).start_round()
+            if not (table.is_explained and table.best is not parent):
+                table = fit_events_in_windows(table, context, parent)
+    table = refine(table, context, size + 1).start_round()
+    after = table.best
+    return table, after if table.is_significant(before, after) else before
+
+
+def _refine_narrow_valley(
+    table: CandidateTable, context: SearchContext, best: CandidateFit
+) -> tuple[CandidateTable, CandidateFit]:
+    """Converge a set in a narrow valley further than the log requires: other recordings require more of it."""
+    if best.reduced_chi2 > NEARLY_EXPLAINED or not any(EFFECTS[name].slow_convergence for name in best.names):
+        return table, best
+    table = context.fit(table, best.values, iterations=REFINE_ITERATIONS)
+    return table, table.fits[best.names]
+
+
+def _eliminate_and_record(
+    table: CandidateTable, context: SearchContext, best: CandidateFit
+) -> tuple[CandidateTable, CandidateFit]:
+    table, remaining = eliminate_backwards(table.start_round(), context, best)
+    return table.record_move(best, remaining), remaining
+
+
+def _is_indispensable(name: str, without: CandidateFit, best: CandidateFit) -> bool:
+    """Whether a mode of the motion is there beyond doubt."""
+    is_mode = EFFECTS[name].structure is not ModelStructure.ROPE
+    return is_mode and without.fit.chi2 > MAX_PARENT_CHI2_RATIO * best.fit.chi2

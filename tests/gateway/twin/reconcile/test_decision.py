@@ -1,0 +1,159 @@
+"""Which sets of effects stay rivals of the best one, and which verdict the evidence gives."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.decision.evidence import Evidence
+from gateway.twin.reconcile.decision.ranking import RankedCandidate, contains, rivals_of
+from gateway.twin.reconcile.decision.verdict import Decision, decide
+from gateway.twin.reconcile.fit.fit_result import Fit
+from gateway.twin.reconcile.fit.validation import ValidationFit
+from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
+from gateway.twin.reconcile.search.candidates import CandidateFit
+
+YAW = frozenset({frozenset({"slewing", "housing_spin"})})
+
+
+def ranked(evidence_deficit: float, *names: str, reduced_chi2: float = 1.0) -> RankedCandidate:
+    force_g = np.zeros((300, 3))
+    fit = Fit((), np.zeros(5), np.ones(5, dtype=bool), force_g, 900 * reduced_chi2, np.eye(5), np.zeros((300, 3, 5)))
+    values: dict[str, dict[str, float | tuple[float, ...]]] = {name: {} for name in names}
+    candidate = CandidateFit(values, fit, reduced_chi2, len(names), reduced_chi2 > 1.1)
+    return RankedCandidate(candidate, ValidationFit(fit, reduced_chi2, ()), 0.0, evidence_deficit)
+
+
+def evidence(best: RankedCandidate, *rivals: RankedCandidate, **facts: Any) -> Evidence:
+    known: dict[str, Any] = {
+        "best": best,
+        "baseline": ranked(500.0, reduced_chi2=900.0),
+        "rivals": [best, *rivals],
+        "detected": frozenset(),
+        "improves_selection": True,
+        "best_leaves_excess": False,
+        "baseline_leaves_excess": True,
+        "best_leaves_lines": False,
+        "necessary": best.names,
+        "closes_gap": True,
+    }
+    return Evidence(**(known | facts))
+
+
+@pytest.fixture
+def log() -> Observations:
+    """White noise of the stated size about the candidates' prediction, 300 samples at 20 Hz."""
+    noise = 1e-3 * np.random.default_rng(3).normal(size=(300, 3))
+    return Observations(np.arange(300) / 20, noise, None, np.full(3, 1e-3), np.ones(300, dtype=bool))
+
+
+def partners_by_yaw(name: str) -> tuple[str, ...]:
+    return tuple(sorted(frozenset().union(*(pair for pair in YAW if name in pair)) - {name}))
+
+
+def decided(log: Observations, found: Evidence) -> Decision:
+    return decide(found, log, partners_by_yaw)
+
+
+def rivals_beside(*others: RankedCandidate) -> list[list[str]]:
+    best = ranked(0.0, "housing_spin", "viscous_damping")
+    return [sorted(each.names) for each in rivals_of([best, *others], YAW)[1:]]
+
+
+def test_a_set_is_a_rival_while_the_odds_against_it_are_small() -> None:
+    assert rivals_beside(ranked(11.9, "slewing")) == [["slewing"]]
+    assert rivals_beside(ranked(12.1, "steady_wind")) == []
+
+
+def test_effects_with_the_same_signature_need_a_larger_margin() -> None:
+    assert rivals_beside(ranked(19.0, "slewing", "viscous_damping")) == [["slewing", "viscous_damping"]]
+    assert rivals_beside(ranked(19.0, "slewing", "coulomb_friction")) == []
+    assert rivals_beside(ranked(21.0, "slewing", "viscous_damping")) == []
+
+
+def test_signatures_are_indistinguishable_only_where_they_are_parallel() -> None:
+    first = np.eye(9)[:, :1]
+    near = first + 0.02 * np.eye(9)[:, 1:2]
+    found = indistinguishable_pairs({"a": first, "b": -3 * first, "c": near, "d": np.eye(9)[:, 4:6]})
+    assert found == {frozenset({"a", "b"})}
+
+
+@pytest.mark.parametrize(
+    ("names", "contained"),
+    [
+        ("slewing", True),
+        ("housing_spin", False),
+        ("slewing impact", True),
+        ("housing_spin impact", True),
+        ("impact", False),
+        ("housing_spin viscous_damping", True),
+    ],
+)
+def test_a_set_that_contains_the_best_or_its_partner_cannot_compete(names: str, contained: bool) -> None:
+    assert contains(frozenset(names.split()), frozenset({"slewing"}), YAW) == contained
+    assert not contains(frozenset({"impact", "rope_length"}), frozenset({"impact", "clock_drift"}), YAW)
+
+
+def test_nothing_is_missing_where_the_best_set_is_the_baseline(log: Observations) -> None:
+    base = ranked(0.0)
+    found = decided(log, evidence(base, baseline=base, improves_selection=False))
+    assert (found.verdict, found.named, found.reason.name) == ("none_missing", (), "NOTHING_MISSING")
+
+
+def test_a_set_that_does_not_improve_the_selection_part_is_not_named(log: Observations) -> None:
+    found = decided(log, evidence(ranked(0.0, "steady_wind"), improves_selection=False, baseline_leaves_excess=False))
+    assert found.verdict == "none_missing"
+    found = decided(log, evidence(ranked(0.0, "steady_wind"), improves_selection=False))
+    assert found.verdict == "unmodelled"
+
+
+def test_the_only_set_that_explains_the_data_is_named(log: Observations) -> None:
+    found = decided(log, evidence(ranked(0.0, "impact", "viscous_damping")))
+    assert (found.verdict, found.named) == ("named", ("impact", "viscous_damping"))
+
+
+def test_effects_detected_before_the_search_are_named_with_the_rest(log: Observations) -> None:
+    found = decided(log, evidence(ranked(0.0, "viscous_damping"), detected=frozenset({"sample_loss"})))
+    assert found.named == ("sample_loss", "viscous_damping")
+
+
+def test_rivals_that_differ_in_one_effect_give_one_of(log: Observations) -> None:
+    best, other = ranked(0.0, "impact", "rope_length"), ranked(3.0, "clock_drift", "impact")
+    found = decided(log, evidence(best, other))
+    assert (found.verdict, found.named, found.candidates) == ("one_of", ("impact",), ("clock_drift", "rope_length"))
+
+
+def test_two_necessary_effects_are_named_and_an_imitating_third_is_not(log: Observations) -> None:
+    best = ranked(0.0, "impact", "viscous_damping", "cross_axis")
+    found = decided(log, evidence(best, necessary=frozenset({"impact", "viscous_damping"})))
+    assert (found.verdict, found.named) == ("named_with_remainder", ("impact", "viscous_damping"))
+
+
+def test_crane_and_housing_rotation_are_never_told_apart(log: Observations) -> None:
+    alone = decided(log, evidence(ranked(0.0, "slewing")))
+    assert (alone.verdict, alone.named, alone.candidates) == ("one_of", (), ("housing_spin", "slewing"))
+    pair = decided(log, evidence(ranked(0.0, "impact", "slewing")))
+    assert (pair.verdict, pair.named, pair.candidates) == ("one_of", ("impact",), ("housing_spin", "slewing"))
+
+
+def test_an_ambiguity_group_beside_a_residual_leaves_the_other_names(log: Observations) -> None:
+    residual = {"best_leaves_excess": True}
+    more = decided(log, evidence(ranked(0.0, "housing_spin", "impact"), **residual))
+    assert (more.verdict, more.named) == ("named_with_remainder", ("impact",))
+    bare = decided(log, evidence(ranked(0.0, "housing_spin"), **residual))
+    assert (bare.verdict, bare.named, bare.candidates) == ("unmodelled", (), ("housing_spin", "slewing"))
+
+
+def test_misalignment_beside_cross_axis_sensitivity_is_not_named(log: Observations) -> None:
+    found = decided(log, evidence(ranked(0.0, "cross_axis", "mount_misalignment", "wind_gust")))
+    assert (found.verdict, found.named) == ("named_with_remainder", ("cross_axis", "wind_gust"))
+    assert decided(log, evidence(ranked(0.0, "mount_misalignment"))).named == ("mount_misalignment",)
+
+
+@pytest.mark.parametrize(("name", "named"), [("viscous_damping", True), ("clock_drift", False), ("rope_length", False)])
+def test_effects_that_scale_the_period_are_not_named_while_a_residual_remains(
+    log: Observations, name: str, named: bool
+) -> None:
+    found = decided(log, evidence(ranked(0.0, name), best_leaves_excess=True))
+    assert (found.verdict, found.named) == (("named_with_remainder", (name,)) if named else ("unmodelled", ()))
