@@ -112,7 +112,7 @@ def is_single_trajectory(setting: FitContext, values: Values) -> Fit | None:
     """A fit of these effects to the log; None where the log is not one motion with them, or none that can be followed."""
     bound = CONSISTENT_CHI2 * setting.log.n_values
     try:
-        fit = setting.fit(values, rounds=CHANGEPOINT_ITERATIONS, beyond=bound)
+        fit = setting.fit(values, iterations=CHANGEPOINT_ITERATIONS, give_up_above=bound)
     except INTEGRATION_FAILURES:
         return None
     return fit if fit.chi2 < bound else None

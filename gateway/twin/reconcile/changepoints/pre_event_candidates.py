@@ -54,7 +54,7 @@ def effects_extending_consistent_prefix(
 
 def _rank_by_score_test(setting: FitContext, base: Values, names: Sequence[str]) -> list[Values]:
     """By the score test; those that a fit shows to make one motion of the beginning, where the base makes none."""
-    fit = setting.fit(base, rounds=CHANGEPOINT_ITERATIONS)
+    fit = setting.fit(base, iterations=CHANGEPOINT_ITERATIONS)
     if fit.chi2 < CONSISTENT_CHI2 * setting.log.n_values:
         return []
     scored = compute_signatures(setting, fit, base, names)

@@ -1,4 +1,4 @@
-"""What stays the same while models are tried."""
+"""The context of a fit: rig, model, recording. It chooses segments, free parameters and initial guesses."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -14,19 +14,25 @@ from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations, slice_samples
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.initial_conditions import segment_initial_conditions
+from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS
 from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, uniform_segments
 from gateway.twin.reconcile.fit.rigging_length import profile_rigging_length
-from gateway.twin.reconcile.fit.windowed_fit import fit_trajectory, window_bounds
+from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
+from gateway.twin.reconcile.fit.windowed_fit import window_bounds
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
-SEARCH_ITERATIONS = 8
-RIGGING_FIT_S = 40.0
+SEARCH_ITERATIONS = FIT_ITERATIONS
+RIGGING_PROFILE_S = 40.0
+"""Length of the first part of the log on which rigging lengths are compared: it contains several beats of the two modes."""
 
 
 def segment_bounds(rig: TwinRig, values: EffectValues, observations: Observations) -> list[int]:
-    """First samples of the pieces that a model is fitted over; a low-pass remembers the piece before, so it gets one piece."""
+    """Return the first samples of the segments over which a model is fitted.
+
+    An effect whose state the initial state does not contain, such as a low-pass filter, has a single segment.
+    """
     if observations.has_large_amplitude:
         return window_bounds(rig, observations)
     if any(EFFECTS[name].needs_single_segment for name in values):
@@ -35,13 +41,13 @@ def segment_bounds(rig: TwinRig, values: EffectValues, observations: Observation
 
 
 def is_world_directed(names: Iterable[str]) -> bool:
-    """Whether one of these effects has a direction in the world, so that the housing's heading is identifiable."""
+    """Return whether one of these effects has a direction in the world, so that the heading is identifiable."""
     return any(EFFECTS[name].world_directed for name in names)
 
 
 @dataclass(frozen=True, slots=True)
 class FitContext:
-    """The rig, what its model has already, the recording, and who is told of progress."""
+    """The rig, the effects that its model already has, the recording, and who is informed of progress."""
 
     rig: TwinRig
     model_effects: EffectValues
@@ -54,7 +60,7 @@ class FitContext:
         return self.log.has_large_amplitude
 
     def simulator(self, names: frozenset[str] | tuple[str, ...]) -> Simulator:
-        """Of the believed effects and these."""
+        """Return the simulator of the model's effects and these."""
         return Simulator(self.rig, sorted({*self.model_effects, *names}))
 
     def work_per_evaluation(self, values: EffectValues) -> float:
@@ -66,54 +72,76 @@ class FitContext:
     def guess_context(
         self, residual_g: Array, windows: tuple[EventWindow, ...] = (), changepoints: EventWindow | None = None
     ) -> GuessContext:
-        """What effects make their initial guesses from: the recording and a residual (n, 3) of the model so far."""
+        """Return what effects make their initial guesses from: the recording and a residual (n, 3) of the model so far."""
         log = self.log
         known = (self.rig.length_m, self.rig.gravity_m_s2, log.time_s, log.force_g, log.noise_g)
         return GuessContext(*known, residual_g, windows, changepoints)
 
     def fit(
-        self, values: EffectValues, starts: Array | None = None, rounds: int = SEARCH_ITERATIONS, beyond: float = np.inf
+        self,
+        values: EffectValues,
+        initial_states: Array | None = None,
+        iterations: int = FIT_ITERATIONS,
+        give_up_above: float = np.inf,
     ) -> Fit:
-        """Fit initial motion and all effects in `values`, from there; believed effects keep their values."""
+        """Fit initial conditions and all effects in `values`, from these values; the model's effects keep theirs."""
         simulator = self.simulator(tuple(values))
-        at = self.effect_values(simulator, values)
-        free, firsts = self.free_parameters(simulator, values), segment_bounds(self.rig, values, self.log)
-        if starts is None or starts.shape != (len(firsts), simulator.n_initial_states):
-            starts = segment_initial_conditions(simulator, self.log, at, firsts)
-        return fit_trajectory(simulator, self.log, starts, at, free, firsts, rounds, self.tick, beyond)
+        effect_values = self.effect_values(simulator, values)
+        first_samples = segment_bounds(self.rig, values, self.log)
+        if initial_states is None or initial_states.shape != (len(first_samples), simulator.n_initial_states):
+            initial_states = segment_initial_conditions(simulator, self.log, effect_values, first_samples)
+        free = self.free_parameters(simulator, values)
+        return fit_trajectory(
+            simulator,
+            self.log,
+            initial_states,
+            effect_values,
+            free,
+            first_samples,
+            iterations,
+            self.tick,
+            give_up_above,
+        )
 
     def segment_starts(self, values: EffectValues) -> Array:
-        """Starts piece by piece under a model, to fit its neighbours from."""
+        """Return the initial states of the segments under a model, as initial guesses for similar models."""
         simulator = self.simulator(tuple(values))
-        at = self.effect_values(simulator, values)
-        return segment_initial_conditions(simulator, self.log, at, segment_bounds(self.rig, values, self.log))
+        first_samples = segment_bounds(self.rig, values, self.log)
+        return segment_initial_conditions(simulator, self.log, self.effect_values(simulator, values), first_samples)
 
-    def fit_rigging_length(self, tried: Sequence[EffectValues]) -> EffectValues:
+    def fit_rigging_length(self, guesses: Sequence[EffectValues]) -> EffectValues:
         """Return the best of several guesses of a double pendulum, and of one between them, after a fit of the first part.
 
         The guesses differ in the rigging length, which the fit holds.
         """
-        names = tuple(tried[0])
+        names = tuple(guesses[0])
         simulator = self.simulator(names)
-        beginning = slice_samples(self.log, 0, int(np.searchsorted(self.log.time_s, RIGGING_FIT_S)))
-        guesses = [self.effect_values(simulator, values) for values in tried]
-        free, first_samples = self.free_parameters(simulator, tried[0]), segment_bounds(self.rig, tried[0], beginning)
-        best = profile_rigging_length(simulator, beginning, guesses, free, first_samples, self.tick)
+        first_part = slice_samples(self.log, 0, int(np.searchsorted(self.log.time_s, RIGGING_PROFILE_S)))
+        best = profile_rigging_length(
+            simulator,
+            first_part,
+            [self.effect_values(simulator, values) for values in guesses],
+            self.free_parameters(simulator, guesses[0]),
+            segment_bounds(self.rig, guesses[0], first_part),
+            self.tick,
+        )
         if best is None:
-            return tried[0]
-        found = simulator.effects(np.concatenate([np.zeros(simulator.n_initial_states), best]))
-        return {name: found[name] for name in names}
+            return guesses[0]
+        effects = simulator.effects(np.concatenate([np.zeros(simulator.n_initial_states), best]))
+        return {name: effects[name] for name in names}
 
     def effect_values(self, simulator: Simulator, values: EffectValues) -> Array:
-        """Return the simulator's effect values (k,) for these effects beside the model's own."""
+        """Return the simulator's effect values (k,) for these effects and the model's own."""
         return simulator.values([], {**self.model_effects, **values})[simulator.n_initial_states :]
 
     def free_parameters(self, simulator: Simulator, values: EffectValues) -> NDArray[np.bool_]:
-        """The initial motion but for the heading, the phases, and the parameters of effects that are not believed."""
-        free = np.array([slot.refitted or slot.effect in values for slot in simulator.parameters])
+        """Return which values are fitted: initial conditions without the heading, phases, and the effects in `values`.
+
+        The edges of a pulse that is a step stay so: when they are determines the fit, not their shape.
+        """
+        free = np.array([each.refitted or each.effect in values for each in simulator.parameters])
         free[HEADING] = False
-        for i, slot in enumerate(simulator.parameters):
-            is_edge = slot.kind is ParameterKind.EDGE
-            # Sharp edges stay sharp: their place decides, not their form.
-            free[i] &= not (is_edge and values.get(slot.effect, {}).get(slot.parameter) == SHARPEST)
+        for i, parameter in enumerate(simulator.parameters):
+            value = values.get(parameter.effect, {}).get(parameter.parameter)
+            free[i] &= not (parameter.kind is ParameterKind.EDGE and value == SHARPEST)
         return free

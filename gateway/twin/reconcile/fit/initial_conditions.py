@@ -7,14 +7,12 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import ModelStructure
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.levenberg_marquardt import NormalEquations
+from gateway.twin.reconcile.fit.levenberg_marquardt import REFINEMENT_ITERATIONS, NormalEquations
 from gateway.twin.reconcile.fit.windowed_fit import initial_state_from_samples
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING, horizontal_pairs
 
 Array = NDArray[np.float64]
-LOCAL_ITERATIONS = 3
-"""Steps of each segment's fit; the samples are nearly linear in the initial state."""
 LOCAL_DAMPING = 1e-4
 """Levenberg-Marquardt factor on the scaled diagonal, for segments that do not determine the whole initial state."""
 MAX_LOCAL_STEP = 0.7
@@ -35,7 +33,7 @@ def segment_initial_conditions(
     free = np.arange(n_states) != HEADING
     weight = (observations.used[:, None] / observations.noise_g)[:, :, None]
     turns_rad = np.zeros(len(first_samples))
-    for _ in range(LOCAL_ITERATIONS):
+    for _ in range(REFINEMENT_ITERATIONS):
         batch = simulator.linearise_segments(
             initial_states, effect_values, observations.time_s, first_samples, observations.temperature_c
         )

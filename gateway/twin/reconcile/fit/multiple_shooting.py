@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.condensing import CondensedSystem, condense
 from gateway.twin.reconcile.fit.fit_result import Fit
-from gateway.twin.reconcile.fit.levenberg_marquardt import NormalEquations
+from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS, NormalEquations
 from gateway.twin.reconcile.fit.reparameterised_simulator import ReparameterisedSimulator, reparameterise
 from gateway.twin.simulator.compiled_model import IntegrationError
 from gateway.twin.simulator.simulator import Simulator
@@ -53,14 +53,14 @@ def fit_model(
     effect_values: Array,
     free: NDArray[np.bool_],
     first_samples: Sequence[int],
-    iterations: int = 8,
+    iterations: int = FIT_ITERATIONS,
     tick: Callable[[], None] = lambda: None,
-    beyond: float = np.inf,
+    give_up_above: float = np.inf,
 ) -> Fit:
     """Fit the free ones of all values (values,), from initial states (segments, states) and effect values (k,).
 
     The segments begin at `first_samples`. `tick` is called before each simulation. The fit is abandoned when at its pace it
-    would not come below the chi-square `beyond`. Raises `IntegrationError` where the initial guess cannot be simulated.
+    would not come below the chi-square `give_up_above`. Raises `IntegrationError` where the initial guess cannot be simulated.
     """
     problem = _ShootingProblem(reparameterise(simulator, free), observations, free, tick)
     event_times = np.array([parameter.is_event_time for parameter in simulator.parameters])
@@ -76,7 +76,7 @@ def fit_model(
             level = INITIAL_DAMPING_LEVEL
             continue
         current, level = step.after, max(0, step.damping_level - 1)
-        if (step.is_hopeless(remaining, beyond) and remaining <= iterations - SETTLING_ITERATIONS) or (
+        if (step.is_hopeless(remaining, give_up_above) and remaining <= iterations - SETTLING_ITERATIONS) or (
             step.has_converged and all_free
         ):
             break
@@ -133,9 +133,9 @@ class _Step:
         settled = self.decrease < JOIN_RELATIVE_DECREASE * self.after.chi2
         return len(self.after.initial_states) > 1 and self.after.is_continuous and settled
 
-    def is_hopeless(self, remaining: int, beyond: float) -> bool:
-        """Whether so many more steps of this size would leave chi-square above `beyond`."""
-        return self.before.is_continuous and self.after.chi2 - remaining * max(self.decrease, 0.0) > beyond
+    def is_hopeless(self, remaining: int, give_up_above: float) -> bool:
+        """Whether so many more steps of this size would leave chi-square above `give_up_above`."""
+        return self.before.is_continuous and self.after.chi2 - remaining * max(self.decrease, 0.0) > give_up_above
 
 
 @dataclass(frozen=True, slots=True)

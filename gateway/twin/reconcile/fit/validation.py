@@ -1,5 +1,6 @@
-"""A model judged on a recording that it was not fitted to: only what belongs to the recording is fitted again."""
+"""Validation: a model on a recording to which it was not fitted. Only the nuisance parameters are fitted again."""
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,7 @@ from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import fit_sine_phasors
 from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.parameter import Value
 from gateway.twin.effects.sensor import Vibration
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
@@ -14,90 +16,102 @@ from gateway.twin.reconcile.fit.fit_context import is_world_directed, segment_bo
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
-from gateway.twin.reconcile.fit.windowed_fit import fit_trajectory
+from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
-BLOCK_S = 6.0
-"""Blocks as long as a swing: within them residuals go together."""
-DRAWS = 500
-HEADINGS = 6
-NOISE, MORE_ROUNDS = 1.02, 15
+VALIDATION_ITERATIONS = 10
+"""Iterations of a fit from each heading."""
+FINAL_ITERATIONS = 15
+"""Further iterations where noise is exceeded: the chi-square of a heading converges slowly."""
+HEADING_GUESSES = 6
+"""Number of headings, equally spaced, from which a fit is started: each is within 30 degrees of the true one."""
+EXPLAINED_REDUCED_CHI2 = 1.02
+"""Reduced chi-square below which a fit explains the recording; two standard deviations of it for 20 000 values."""
+BOOTSTRAP_BLOCK_S = 6.0
+"""Length of a block: about a period, within which residuals are correlated."""
+BOOTSTRAP_DRAWS = 500
+"""Draws of the bootstrap; they give the ends of a 95 % interval to 3 % of its width."""
 
 
 @dataclass(frozen=True, slots=True)
 class ValidationFit:
-    """A model on the held-out recording."""
+    """A model on the validation recording."""
 
     fit: Fit
     reduced_chi2: float
     refitted_parameters: tuple[str, ...]
+    """Labels of the nuisance parameters."""
 
 
 def evaluate_on_validation(
-    rig: TwinRig, values: EffectValues, held_out: Observations, rounds: int = 10
+    rig: TwinRig, values: EffectValues, held_out: Observations, iterations: int = VALIDATION_ITERATIONS
 ) -> ValidationFit:
-    """Fit initial motion, phases and, where directions of the world matter, the heading.
+    """Fit initial conditions and phases, and the heading where an effect has a direction in the world.
 
-    Events count their time from the start of the recording: in a later piece of it they are earlier, or past.
+    Times of events are shifted where the recording is a slice of another.
     """
-    values = {name: EFFECTS[name].shift_start(of_effect, held_out.offset_s) for name, of_effect in values.items()}
-    simulator = Simulator(rig, sorted(values))
-    free = np.array([slot.refitted for slot in simulator.parameters])
-    free[HEADING] = is_world_directed(values)
+    values = {name: EFFECTS[name].shift_start(parameters, held_out.offset_s) for name, parameters in values.items()}
     if Vibration.name in values:
-        values = {
-            **values,
-            Vibration.name: {**values[Vibration.name], "phase_rad": _estimate_phase(rig, values, held_out)},
-        }
-    at = simulator.values([], values)[simulator.n_initial_states :]
-    firsts = segment_bounds(rig, values, held_out)
-    starts = segment_initial_conditions(simulator, held_out, at, firsts)
+        phase_rad = _estimate_phase_rad(values[Vibration.name], held_out)
+        values = {**values, Vibration.name: {**values[Vibration.name], "phase_rad": phase_rad}}
+    simulator = Simulator(rig, sorted(values))
+    n_states = simulator.n_initial_states
+    free = np.array([parameter.refitted for parameter in simulator.parameters])
+    free[HEADING] = is_world_directed(values)
+    effect_values = simulator.values([], values)[n_states:]
+    first_samples = segment_bounds(rig, values, held_out)
     best: Fit | None = None
-    for heading_rad in np.arange(HEADINGS) * 2 * np.pi / HEADINGS if free[HEADING] else [0.0]:
-        fit = fit_trajectory(
-            simulator,
-            held_out,
-            rotate_about_vertical(starts, np.full(len(starts), heading_rad), simulator.structure),
-            at,
-            free,
-            firsts,
-            rounds,
-        )
+    for initial_states in _initial_guesses(simulator, held_out, effect_values, first_samples, free):
+        fit = fit_trajectory(simulator, held_out, initial_states, effect_values, free, first_samples, iterations)
         if best is None or fit.chi2 < best.chi2:
             best = fit
-        if best.chi2 < NOISE * held_out.n_values:
+        if best.chi2 < EXPLAINED_REDUCED_CHI2 * held_out.n_values:
             break
     assert best is not None
-    if best.chi2 > NOISE * held_out.n_values:  # a heading is slow to settle
-        n = simulator.n_initial_states
-        best = fit_model(simulator, held_out, best.values[None, :n], at, free, [0], MORE_ROUNDS)
-    refitted = tuple(s.label for s, is_free in zip(simulator.parameters, free, strict=True) if is_free)
+    if best.chi2 > EXPLAINED_REDUCED_CHI2 * held_out.n_values:
+        initial_state = best.values[None, :n_states]
+        best = fit_model(simulator, held_out, initial_state, effect_values, free, [0], FINAL_ITERATIONS)
+    refitted = tuple(each.label for each, is_free in zip(simulator.parameters, free, strict=True) if is_free)
     return ValidationFit(best, best.chi2 / held_out.n_values, refitted)
 
 
-def _estimate_phase(rig: TwinRig, values: EffectValues, held_out: Observations) -> float:
-    """Phase of the line from the readings themselves: the swing is far below it."""
-    vibration = values[Vibration.name]
-    bend = np.diff(held_out.force_g, n=2, axis=0)  # the second difference weakens what is slow, and turns a sine over
-    phasors = fit_sine_phasors(held_out.time_s[1:-1], -bend, float(np.asarray(vibration["frequency_hz"])))
-    lags = np.concatenate([[0.0], np.atleast_1d(vibration.get("lag_rad", (0.0, 0.0)))])
-    angle = np.angle((phasors * np.exp(1j * lags) * np.asarray(vibration["amplitude_g"])).sum()) + np.pi / 2
-    return float((angle + np.pi) % (2 * np.pi) - np.pi)
+def _initial_guesses(
+    simulator: Simulator,
+    held_out: Observations,
+    effect_values: Array,
+    first_samples: list[int],
+    free: NDArray[np.bool_],
+) -> Iterator[Array]:
+    """Yield initial states of the segments (segments, states), one for each heading where that is free."""
+    initial_states = segment_initial_conditions(simulator, held_out, effect_values, first_samples)
+    for turn in range(HEADING_GUESSES if free[HEADING] else 1):
+        angle_rad = np.full(len(initial_states), 2 * np.pi * turn / HEADING_GUESSES)
+        yield rotate_about_vertical(initial_states, angle_rad, simulator.structure)
+
+
+def _estimate_phase_rad(vibration: Mapping[str, Value], held_out: Observations) -> float:
+    """Return the phase of a vibration from the second difference of the samples, in which the slow swing hardly shows."""
+    second_difference_g = np.diff(held_out.force_g, n=2, axis=0)
+    frequency_hz = float(np.asarray(vibration["frequency_hz"]))
+    phasors = fit_sine_phasors(held_out.time_s[1:-1], -second_difference_g, frequency_hz)
+    lags_rad = np.concatenate([[0.0], np.atleast_1d(vibration.get("lag_rad", (0.0, 0.0)))])
+    angle_rad = np.angle((phasors * np.exp(1j * lags_rad) * np.asarray(vibration["amplitude_g"])).sum()) + np.pi / 2
+    return float((angle_rad + np.pi) % (2 * np.pi) - np.pi)
 
 
 def block_bootstrap_gain(
     before_sigma: Array, after_sigma: Array, time_s: Array, rng: np.random.Generator
 ) -> tuple[float, float]:
-    """95 % interval of how much lower the reduced chi-square is after, from whole blocks drawn again; residuals (n, 3).
+    """Return the 95 % interval of the decrease of the reduced chi-square between two residuals (n, 3), in sigma.
 
-    Moving blocks, Künsch 1989: correlation within a block stays what it is.
+    Moving blocks keep the correlation within a block (Künsch 1989).
     """
     gain = ((before_sigma**2) - (after_sigma**2)).mean(axis=1)
-    length = max(1, int(np.searchsorted(time_s, BLOCK_S)))
-    sums = np.convolve(gain, np.ones(length), mode="valid") / length
+    length = max(1, int(np.searchsorted(time_s, BOOTSTRAP_BLOCK_S)))
+    block_means = np.convolve(gain, np.ones(length), mode="valid") / length
     count = max(1, len(gain) // length)
-    means = sums[rng.integers(0, len(sums), (DRAWS, count))].mean(axis=1)
+    means = block_means[rng.integers(0, len(block_means), (BOOTSTRAP_DRAWS, count))].mean(axis=1)
     low, high = np.quantile(means, [0.025, 0.975])
     return float(low), float(high)

@@ -13,6 +13,7 @@ from gateway.twin.effects.sensor_output import LowpassLag
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, is_world_directed
 from gateway.twin.reconcile.fit.fit_result import Fit
+from gateway.twin.reconcile.fit.levenberg_marquardt import REFINEMENT_ITERATIONS
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
 from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT
@@ -42,7 +43,6 @@ LAG = LowpassLag.name
 """A linear look says little of it: to first order it is a shift of time."""
 MAX_ADDITIONAL_EFFECTS = 3
 """Effects that are looked for beside the walk."""
-CONSTANT_RATE_ITERATIONS = 3
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,7 +152,7 @@ def _fit_constant_rate(setting: FitContext, values: Values, start: Array) -> Con
         at[N_ROPE_STATES:],
         free,
         [0],
-        CONSTANT_RATE_ITERATIONS,
+        REFINEMENT_ITERATIONS,
         setting.tick,
     )
     return _constant_rate_fit(setting, values, fit)

@@ -18,7 +18,7 @@ def setting(rig, observations):
 
 
 def test_a_wrong_rope_is_found_though_the_swing_runs_out_of_step(rig, record):
-    fit = setting(rig, record({"rope_length": {"relative_error": 0.25}})).fit({"rope_length": {}}, rounds=15)
+    fit = setting(rig, record({"rope_length": {"relative_error": 0.25}})).fit({"rope_length": {}}, iterations=15)
 
     assert fit.values[5] == pytest.approx(0.25, abs=1e-3)
     assert fit.chi2 / (3 * 1200) == pytest.approx(1, abs=0.1)
