@@ -24,7 +24,7 @@ class NotDeterminedError(CalibrationError):
     """The readings do not determine the calibration; the text states what is missing and how to obtain it."""
 
 
-class BudgetRow(BaseModel):
+class BudgetEntry(BaseModel):
     """One contribution to the uncertainty of a corrected reading (GUM 5)."""
 
     model_config = ConfigDict(extra="allow", frozen=True, allow_inf_nan=False)
@@ -68,7 +68,7 @@ class CalibrationRecord(BaseModel):
     """Two angles of each axis (Łuczak et al. 2022, eq. 13 to 18), in the order of `misalignment.PAIR_ORDER`."""
     residual_rms_g: Number | None = None
     condition_number: Number | None = None
-    budget: list[BudgetRow] = []
+    budget: list[BudgetEntry] = []
     warnings: list[str] = []
     sha256: str
 

@@ -64,7 +64,7 @@ class Session(BaseModel):
     """The new record, from the review on."""
     judgement: Acceptance | None = None
     text: str = ""
-    """How the session ended."""
+    """Outcome of an ended session."""
     left: bool = False
     """Whether it ended by itself, and no person has confirmed since that the housing hangs on the rope again."""
 

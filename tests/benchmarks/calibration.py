@@ -1,4 +1,4 @@
-"""Calibration: whether planted errors come back within the stated intervals, what placement costs, what a fit costs."""
+"""Calibration: coverage of the stated intervals, tilt errors by placement, and the time of a fit."""
 
 from time import perf_counter
 
@@ -12,82 +12,81 @@ from gateway.calibration.poses.faces import find_face
 from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.poses.pose import Pose
 from gateway.calibration.procedures.procedure_factory import make_procedure
+from gateway.numerics.array import Array
+from gateway.numerics.stats import NORMAL_975
 from tests.benchmarks.calibration_sessions import (
     ADXL345,
     ADXL355,
     Part,
-    Planted,
-    all_round,
-    blocks,
-    counts_of,
-    force_of,
-    laid_faces,
+    SensorErrors,
+    draw_errors,
     misplaced_faces,
-    planted,
+    place_faces,
+    requested_poses,
+    specific_force,
+    split_blocks,
+    to_counts,
     unit,
 )
-
-Array = NDArray[np.float64]
 
 SESSIONS = 1000
 PLACEMENT_DEG = 0.1
 MEAN_U_G = ADXL355.noise_g[0] / 300**0.5
-NORMAL_95 = 1.96
 NAMES = ("xx", "xy", "xz", "yx", "yy", "yz", "zx", "zy", "zz", "offset x", "offset y", "offset z")
 
 
-def session_fit(method: str, part: Part, errors: Planted, random: np.random.Generator) -> CalibrationFit:
-    """One session from counts to fit. The norm fit states nothing of the frame, which it cannot see."""
-    poses = laid_faces(random, PLACEMENT_DEG) if method == "six-position" else all_round(random)
+def session_fit(method: str, part: Part, errors: SensorErrors, random: np.random.Generator) -> CalibrationFit:
+    """Return the fit of one session from its counts. The norm fit is compared in its own frame."""
+    poses = place_faces(random, PLACEMENT_DEG) if method == "six-position" else requested_poses(random)
     procedure = make_procedure(
         method, NominalSensitivity(part.units_per_g), placement_u_deg=PLACEMENT_DEG, frame_u_deg=0.0
     )
-    for readings in blocks(counts_of(random, part, errors, force_of(random, poses))):
+    for readings in split_blocks(to_counts(random, part, errors, specific_force(random, poses))):
         procedure.feed(readings)
     return procedure.finish()
 
 
-def inside(fit: CalibrationFit, matrix: Array, offset: Array) -> NDArray[np.bool_]:
-    """Which of the twelve parameters lie within their 95 % interval."""
+def is_covered(fit: CalibrationFit, matrix: Array, offset: Array) -> NDArray[np.bool_]:
+    """Return which of the twelve parameters are within their 95 % interval, shape (12,)."""
     error = np.concatenate([(fit.correction_matrix - matrix).ravel(), np.array(fit.offset) - offset])
-    return np.asarray(np.abs(error) <= NORMAL_95 * np.sqrt(np.diag(fit.covariance)))
+    return np.asarray(np.abs(error) <= NORMAL_975 * np.sqrt(np.diag(fit.covariance)))
 
 
 def coverage(method: str, part: Part, sessions: int, seed: int = 1) -> Array:
-    """Share of sessions in which each parameter came back within its interval, shape (12,)."""
+    """Return the share of sessions in which each parameter is within its interval, shape (12,)."""
     hits = np.zeros(12)
     for number in range(sessions):
         random = np.random.default_rng([seed, number])
-        errors = planted(random)
+        errors = draw_errors(random)
         fit = session_fit(method, part, errors, random)
         matrix = errors.matrix(part) if method == "six-position" else errors.symmetric_matrix(part)
-        hits += inside(fit, matrix, errors.offset_g * part.units_per_g)
+        hits += is_covered(fit, matrix, errors.offset_g * part.units_per_g)
     return hits / sessions
 
 
 def relative_tilt_errors_deg(method: str, placement_deg: float, sessions: int, seed: int = 2) -> Array:
-    """Largest error of the angle between hanging rest and a tilt of up to 20 degrees, of each session, shape (sessions,).
+    """Return the largest error of the angle between hanging rest and a tilt of up to 20 degrees by session, shape (sessions,).
 
-    The part has the planted errors, and 300 readings of an ADXL355 in each mean; the six faces are off by exactly this angle.
+    The sensor has the injected errors and 300 readings of an ADXL355 in each mean; the six faces are off by exactly this angle.
     """
     found = np.empty(sessions)
     for number in range(sessions):
         random = np.random.default_rng([seed, number])
-        errors = planted(random)
-        poses = misplaced_faces(random, placement_deg) if method == "six-position" else all_round(random)
+        errors = draw_errors(random)
+        poses = misplaced_faces(random, placement_deg) if method == "six-position" else requested_poses(random)
         taken = tuple(_pose(up, errors, method, random) for up in poses)
         fit = fit_six_positions(taken, placement_deg) if method == "six-position" else fit_norm(taken, 1.0)
         found[number] = _relative_error_deg(fit, errors)
     return found
 
 
-def _pose(up: Array, errors: Planted, method: str, random: np.random.Generator) -> Pose:
+def _pose(up: Array, errors: SensorErrors, method: str, random: np.random.Generator) -> Pose:
     x, y, z = (errors.gain @ up + errors.offset_g + MEAN_U_G * random.standard_normal(3)).tolist()
     face = find_face(up) if method == "six-position" else None
-    return Pose((x, y, z), (MEAN_U_G,) * 3, 300, face, noise=ADXL355.noise_g)
+    return Pose((x, y, z), (MEAN_U_G, MEAN_U_G, MEAN_U_G), 300, face, noise=ADXL355.noise_g)
 
 
-def _relative_error_deg(fit: CalibrationFit, errors: Planted) -> float:
+def _relative_error_deg(fit: CalibrationFit, errors: SensorErrors) -> float:
     tilt, azimuth = (
         grid.ravel() for grid in np.meshgrid(np.radians([5.0, 10.0, 15.0, 20.0]), np.radians(range(0, 360, 15)))
     )
@@ -99,10 +98,10 @@ def _relative_error_deg(fit: CalibrationFit, errors: Planted) -> float:
 
 
 def fit_times_ms(method: str, repeats: int = 300) -> Array:
-    """Durations of a fit of ready poses, ms."""
+    """Return the durations of a fit of given poses, ms."""
     random = np.random.default_rng(3)
-    errors = planted(random)
-    poses = laid_faces(random, 0.1) if method == "six-position" else all_round(random)
+    errors = draw_errors(random)
+    poses = place_faces(random, 0.1) if method == "six-position" else requested_poses(random)
     taken = tuple(_pose(up, errors, method, random) for up in poses)
     times = np.empty(repeats)
     for number in range(repeats):
@@ -113,8 +112,8 @@ def fit_times_ms(method: str, repeats: int = 300) -> Array:
 
 
 def main() -> None:
-    """Print all of it."""
-    print(f"planted errors within their 95 % intervals, {SESSIONS} sessions each")
+    """Print coverage, tilt errors and durations."""
+    print(f"injected errors within their 95 % intervals, {SESSIONS} sessions each")
     for method in ("six-position", "norm-fit"):
         for part in (ADXL345, ADXL355):
             share = coverage(method, part, SESSIONS)

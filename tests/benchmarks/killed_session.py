@@ -27,26 +27,31 @@ FACES = np.vstack([sign * np.eye(3)[axis] for axis in range(3) for sign in (1, -
 PART = Accelerometer(typical_errors(np.random.default_rng(5), 25.0), RATE_HZ)
 INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=RATE_HZ, units_per_g=PART.units_per_g)
 DONE = ("commit-0001", "zero-000001", "rollback-01")
-"""Requests that change what is in force, in their order."""
+"""Requests that change the record in force, in order."""
 
 
 class Site:
-    """Somebody far away and a rigger, who do the same however often the gateway is killed in between."""
+    """A remote engineer and a rigger, who do the same however often the gateway is killed in between."""
 
     def __init__(self, data_dir, begin_s, acknowledge):
         self.now_ns = START_NS + round(begin_s * 1e9)
         self._random = np.random.default_rng(int(begin_s))
         self._acknowledge = acknowledge
+        self._data_dir = data_dir
         self.recalibration = Recalibration(data_dir, AXES, software="test", log_line=lambda _: None)
-        self.recalibration.open(INFO, self.moment)
+        self.recalibration.open(INFO, self.now)
 
     @property
-    def moment(self):
+    def store(self):
+        return CalibrationStore(self._data_dir, INFO.device_id)
+
+    @property
+    def now(self):
         return Timestamp(self.now_ns, self.now_ns)
 
     def ask(self, verb, request_id, **content):
         payload = json.dumps({"id": request_id, "by": "ann", "reason": "trial", **content}).encode()
-        answer = self.recalibration.answer(verb, payload, self.moment).answer
+        answer = self.recalibration.answer(verb, payload, self.now).answer
         if answer.accepted:
             self._acknowledge(request_id)
         return answer
@@ -56,9 +61,9 @@ class Site:
             time_ns = self.now_ns + np.rint(np.arange(1, BLOCK + 1) * 1e9 / RATE_HZ).astype(np.int64)
             raw = PART.counts(np.tile(up, (BLOCK, 1)), np.full(BLOCK, 25.0), self._random)
             self.now_ns = int(time_ns[-1])
-            self.recalibration.feed(SampleBlock(time_ns=time_ns, raw=raw), self.moment)
+            self.recalibration.feed(SampleBlock(time_ns=time_ns, raw=raw), self.now)
             self.recalibration.interlock.add_verdict(verdict, self.now_ns)
-            self.recalibration.tick(self.moment)
+            self.recalibration.tick(self.now)
 
     def collects(self, session_id):
         session = self.recalibration.session
@@ -71,7 +76,7 @@ class Site:
             if self.collects("begin-00001"):
                 self.rest(up, 3.0)
         self.ask("commit", DONE[0])
-        if DONE[1] not in [change.request for change in store_of(self).state().history]:
+        if DONE[1] not in [change.request for change in self.store.state().history]:
             self.rest(FACES[4], 40.0, "static")
         self.ask("zero", DONE[1])
         self.ask("recalibrate", "begin-00002", method="norm-fit", housing_off_rope=True)
@@ -81,13 +86,9 @@ class Site:
         self.ask("rollback", DONE[2])
 
 
-def store_of(site):
-    return site.recalibration._opened.store
-
-
 @dataclass
 class Outcome:
-    """What a kill left, and what came of it."""
+    """State after a kill, and after its completion."""
 
     point: int
     power: bool
@@ -96,7 +97,7 @@ class Outcome:
 
 
 def first_record(data_dir):
-    """A record is in force before anything begins: made by a session of its own."""
+    """Put a first record in force by a session of its own."""
     site = Site(data_dir, 0.0, lambda _: None)
     site.ask("recalibrate", "begin-00000", housing_off_rope=True)
     for up in FACES:
@@ -106,7 +107,7 @@ def first_record(data_dir):
 
 
 def count_points(data_dir):
-    """How many points an undisturbed run has."""
+    """Return the number of points of an undisturbed run."""
     with FaultyDisk(data_dir) as disk:
         Site(data_dir, AWAY_S, lambda _: None).go()
     check_end(data_dir)
@@ -114,7 +115,7 @@ def count_points(data_dir):
 
 
 def killed_at(data_dir, point, power):
-    """Run in a process of its own that ends at a point; requests that were answered by then."""
+    """Run in a process that ends at a point; return the requests that were answered by then."""
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
@@ -133,7 +134,7 @@ def killed_at(data_dir, point, power):
 
 
 def check_point(base, folder, point, power):
-    """Kill at a point; a whole record is in force, nothing that was answered is lost, and the same requests finish it."""
+    """Kill at a point: a complete record is in force, no answered request is lost, and the same requests complete the rest."""
     data_dir = folder / f"{point}-{'power' if power else 'kill'}"
     shutil.copytree(base, data_dir)
     answered = killed_at(data_dir, point, power)
@@ -155,7 +156,7 @@ def check_point(base, folder, point, power):
 
 
 def check_end(data_dir):
-    """Everything was done once: the record of the session is in force, the zero was rolled back."""
+    """Check that every request was executed once: the record of the session is in force, the zeroing was rolled back."""
     store = CalibrationStore(data_dir, INFO.device_id)
     history = store.state().history
     assert [change.request for change in history[1:]] == list(DONE), history
@@ -164,7 +165,7 @@ def check_end(data_dir):
 
 
 def main(every=1):
-    """Every point, or each of so many, killed and with the power cut."""
+    """Test every point, or one of `every`, with a kill and with a power failure."""
     begun_s = time.monotonic()
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch)

@@ -20,12 +20,12 @@ MAX_ANGLE_DEG = 10.0
 
 @dataclass(frozen=True, slots=True)
 class AlignmentView:
-    """What the person who turns the screws sees."""
+    """Angles and advice, for display to the person who turns the screws."""
 
     pitch_deg: float | None
     """Mean over the averaging time at rest; the newest angle while the housing moves."""
     roll_deg: float | None
-    """As `pitch_deg`."""
+    """Mean or newest angle, as `pitch_deg`."""
     u_calibration_deg: float | None
     """Standard uncertainty of the vertical from the calibration, degrees; the screws do not reduce it."""
     advice: ScrewAdvice

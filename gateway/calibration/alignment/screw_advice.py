@@ -36,7 +36,7 @@ class ScrewMechanics:
 
 @dataclass(frozen=True, slots=True)
 class ScrewAdvice:
-    """What to do next."""
+    """The next action."""
 
     state: Literal["not_still", "turn", "aligned", "too_noisy"]
     screw: Screw | None

@@ -46,7 +46,7 @@ class RestStatus:
     limit_mg: float | None
     trend: RestTrend | None
     shows: str
-    """What rest in this pose can show, and what it cannot."""
+    """Which errors rest in this pose shows, and which it does not."""
     reasons: tuple[str, ...]
 
     def as_json(self) -> dict[str, Any]:

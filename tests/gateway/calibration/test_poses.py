@@ -19,12 +19,12 @@ from gateway.numerics.array import Array
 from tests.benchmarks.calibration_sessions import (
     ADXL345,
     RATE_HZ,
-    all_round,
-    blocks,
-    counts_of,
-    force_of,
-    laid_faces,
-    planted,
+    draw_errors,
+    place_faces,
+    requested_poses,
+    specific_force,
+    split_blocks,
+    to_counts,
 )
 
 NOMINAL = NominalSensitivity(1.0)
@@ -63,13 +63,13 @@ def feed(method: str, readings: RawReadings) -> PoseProcedure:
 @pytest.mark.parametrize("method", ["six-position", "norm-fit"])
 def test_the_fit_does_not_depend_on_the_blocks(method: str, size: int) -> None:
     random = np.random.default_rng(3)
-    errors = planted(random)
-    poses = laid_faces(random, 0.1) if method == "six-position" else all_round(random)
-    counts = counts_of(random, ADXL345, errors, force_of(random, poses))
+    errors = draw_errors(random)
+    poses = place_faces(random, 0.1) if method == "six-position" else requested_poses(random)
+    counts = to_counts(random, ADXL345, errors, specific_force(random, poses))
 
     def fit(block: int) -> dict[str, Any]:
         procedure = make_procedure(method, NominalSensitivity(ADXL345.units_per_g))
-        for part in blocks(counts, block, temperature_c=21.5):
+        for part in split_blocks(counts, block, temperature_c=21.5):
             procedure.feed(part)
         found = asdict(procedure.finish())
         return {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in found.items()}

@@ -37,7 +37,7 @@ def tilt(number: int, pitch_deg: float, roll_deg: float, **changes: Any) -> Simp
 
 
 class ScriptedGateway(GatewayClient):
-    """Says one batch of tilts each time that it is listened to."""
+    """Sends one batch of tilts for each subscription."""
 
     def __init__(self, *batches: Any) -> None:
         self._batches = list(batches)
@@ -68,7 +68,7 @@ TURN = [tilt(number, 0.3, -1.5) for number in range(5, 20)]
 ALIGNED = [tilt(number, 0.01, 0.02) for number in range(60, 80)]
 
 
-def test_it_ends_when_both_are_aligned_and_says_how_well_that_is_known() -> None:
+def test_it_ends_when_both_angles_are_aligned_and_states_their_uncertainty() -> None:
     out = io.StringIO()
     assert show_advice(ScriptedGateway([*MOVING, *TURN, *ALIGNED]), ScrewMechanics(), out) == 0
     lines = out.getvalue().splitlines()
@@ -79,14 +79,14 @@ def test_it_ends_when_both_are_aligned_and_says_how_well_that_is_known() -> None
     assert "u = 0.050 deg" in lines[-1]
 
 
-def test_a_lost_gateway_is_waited_for() -> None:
+def test_it_waits_for_a_lost_gateway() -> None:
     gateway, out = ScriptedGateway(TURN, ALIGNED), io.StringIO()
     assert show_advice(gateway, ScrewMechanics(), out) == 0
     assert out.getvalue().count(SILENCE_TEXT) == 1
     assert gateway.reconnects == 2
 
 
-def test_a_terminal_gets_one_line_that_fits(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_terminal_shows_one_line_of_its_width(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "60")
     out = Terminal()
     assert show_advice(ScriptedGateway([*TURN, *ALIGNED]), ScrewMechanics(), out) == 0

@@ -15,13 +15,13 @@ from gateway.cli.main import main
 from tests.benchmarks.calibration_sessions import (
     ADXL355,
     RATE_HZ,
-    Planted,
-    all_round,
-    blocks,
-    counts_of,
-    force_of,
-    laid_faces,
-    planted,
+    SensorErrors,
+    draw_errors,
+    place_faces,
+    requested_poses,
+    specific_force,
+    split_blocks,
+    to_counts,
 )
 from tests.values import present
 
@@ -38,14 +38,14 @@ IMUCAL_OFFSET = [-6.232558139534831, -48.31395348837202, -28.72790697674418]
 
 
 def calibrate(tmp_path: Path, *arguments: Any) -> tuple[int, CalibrationRecord | None]:
-    """(exit code, record or None)."""
+    """Return the exit code, and the record or None."""
     out = tmp_path / "record.json"
     code = main(["calibrate", *map(str, arguments), "--json", str(out)])
     return code, CalibrationRecord.model_validate(json.loads(out.read_text())) if out.exists() else None
 
 
 def calibrated(tmp_path: Path, *arguments: Any) -> tuple[int, CalibrationRecord]:
-    """(exit code, record)."""
+    """Return the exit code and the record."""
     code, record = calibrate(tmp_path, *arguments)
     return code, present(record)
 
@@ -56,15 +56,15 @@ def write(path: Path, columns: str, rows: NDArray[np.float64], rate_hz: float = 
     return path
 
 
-def session(method: str, seed: int = 3) -> tuple[Planted, NDArray[np.float64]]:
+def session(method: str, seed: int = 3) -> tuple[SensorErrors, NDArray[np.float64]]:
     random = np.random.default_rng(seed)
-    errors = planted(random)
-    poses = laid_faces(random, 0.02) if method == "six-position" else all_round(random)
-    return errors, counts_of(random, ADXL355, errors, force_of(random, poses))
+    errors = draw_errors(random)
+    poses = place_faces(random, 0.02) if method == "six-position" else requested_poses(random)
+    return errors, to_counts(random, ADXL355, errors, specific_force(random, poses))
 
 
 @pytest.mark.parametrize("method", ["six-position", "norm-fit"])
-def test_it_makes_the_record_that_the_live_session_makes(
+def test_offline_calibration_makes_the_record_of_a_live_session(
     tmp_path: Path, method: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     errors, counts = session(method)
@@ -74,7 +74,7 @@ def test_it_makes_the_record_that_the_live_session_makes(
     )
     assert code == 0
     live = make_procedure(method, NominalSensitivity(256000.0))
-    for readings in blocks(counts, size=32):
+    for readings in split_blocks(counts, size=32):
         live.feed(readings)
     fit = live.finish()
     assert record.correction_matrix == fit.correction_matrix.tolist()
@@ -82,12 +82,12 @@ def test_it_makes_the_record_that_the_live_session_makes(
     assert record.covariance == fit.covariance.tolist()
     assert (record.device_id, record.by, record.unit, record.parent) == ("adxl355-1d", "Ada", "counts", None)
     np.testing.assert_allclose(np.array(record.offset) / 256000, errors.offset_g, atol=5e-4)
-    told = capsys.readouterr().out
-    assert f"record {record.id}" in told
-    assert "standard uncertainty of a reading" in told
+    output = capsys.readouterr().out
+    assert f"record {record.id}" in output
+    assert "standard uncertainty of a reading" in output
 
 
-def test_an_unknown_sensitivity_is_found_from_the_readings(tmp_path: Path) -> None:
+def test_an_unknown_sensitivity_is_estimated_from_the_readings(tmp_path: Path) -> None:
     _, counts = session("six-position")
     path = write(tmp_path / "session.csv", "ax,ay,az", counts)
     code, found = calibrated(tmp_path, "six-position", path)
@@ -98,8 +98,8 @@ def test_an_unknown_sensitivity_is_found_from_the_readings(tmp_path: Path) -> No
     np.testing.assert_allclose(found.correction_matrix, given.correction_matrix, rtol=1e-3, atol=1e-9)
 
 
-def test_volts_one_file_a_pose_in_any_order(tmp_path: Path) -> None:
-    """Table 1 of the source as six recordings: its offsets, scales and misalignment angles."""
+def test_one_file_per_pose_in_volts_in_any_order_reproduces_table_1(tmp_path: Path) -> None:
+    """Table 1 of Łuczak et al. 2022 as six recordings: its offsets, scale factors and misalignment angles."""
     random = np.random.default_rng(2)
     files = []
     for row in TABLES["tables_1_to_5"][0]["positions"][::-1]:
@@ -123,16 +123,14 @@ def test_a_real_session_agrees_with_imucal(tmp_path: Path) -> None:
     assert record.residual_rms_g == pytest.approx(4.2e-3, abs=0.1e-3)
 
 
-def test_a_real_session_held_by_hand_is_found_and_not_accepted(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_real_session_held_by_hand_is_not_accepted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, record = calibrated(tmp_path, "six-position", MANY_POSES, "--rate", 100)
     assert code == 1
     assert [pose["face"] for pose in record.poses] == ["+z", "-z", "-x", "+x", "-y", "+y", None, None, None, None]
     assert record.residual_rms_g == pytest.approx(0.0145, abs=0.001)
-    told = capsys.readouterr().out
-    assert "not acceptable: residual 0.0145 g is above the limit of 0.01" in told
-    assert "the faces lay worse than the 0.1 deg stated: 1.25 deg is reckoned with" in told
+    output = capsys.readouterr().out
+    assert "not acceptable: residual 0.0145 g is above the limit of 0.01" in output
+    assert "the faces lay worse than the 0.1 deg stated: 1.25 deg is reckoned with" in output
 
 
 @pytest.mark.parametrize(
@@ -142,7 +140,7 @@ def test_a_real_session_held_by_hand_is_found_and_not_accepted(
         (["norm-fit", SIX_FACES, "--rate", "204.8"], "6 poses in {}: 6 poses for 9 unknowns; take 3 more"),
     ],
 )
-def test_what_the_poses_do_not_determine_is_refused(
+def test_poses_that_leave_a_parameter_undetermined_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], arguments: list[Path | str], text: str
 ) -> None:
     code, record = calibrate(tmp_path, *arguments)
@@ -163,7 +161,7 @@ def test_a_missing_face_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture
 @pytest.mark.parametrize(
     ("columns", "factor", "unit"), [("ax,ay,az", 1, "V"), ("ax_g,ay_g,az_g", 1, "g"), ("ax,ay,az", 4096, "counts")]
 )
-def test_an_analogue_zero_is_found_whatever_the_columns_are_called(
+def test_an_analogue_zero_is_found_for_any_names_of_the_columns(
     tmp_path: Path, columns: str, factor: int, unit: str
 ) -> None:
     random = np.random.default_rng(2)
@@ -176,7 +174,7 @@ def test_an_analogue_zero_is_found_whatever_the_columns_are_called(
 
 
 @pytest.mark.parametrize(("poses", "text"), [(5, "face"), (1, "volts per g")])
-def test_volts_that_miss_a_face_are_refused(
+def test_readings_in_volts_without_a_face_are_refused(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], poses: int, text: str
 ) -> None:
     random = np.random.default_rng(2)
@@ -213,7 +211,7 @@ BAD: dict[str, tuple[str, str | None, list[str], str]] = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_input_is_one_line_and_leaves_nothing(
+def test_bad_input_is_reported_in_one_line_and_writes_no_record(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], case: str
 ) -> None:
     name, text, options, expected = BAD[case]
@@ -228,7 +226,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(
     assert err.count("\n") == 1
 
 
-def test_units_may_not_be_mixed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_files_in_different_units_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = np.tile([0.0, 0.0, 1.0], (50, 1))
     files = [write(tmp_path / "a.csv", "ax_g,ay_g,az_g", rows), write(tmp_path / "b.csv", "ax_v,ay_v,az_v", rows)]
     code, _ = calibrate(tmp_path, "six-position", *files)
