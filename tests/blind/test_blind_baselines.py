@@ -1,15 +1,17 @@
 """The baselines' own parts, on short recordings: the base fit, and one answer from end to end."""
 
 import json
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from gateway.twin.model import TwinRig
 from gateway.twin.simulator.simulator import Simulator
 from tests.blind.asking import case_arguments
-from tests.blind.baselines.files import answer, read_measured
+from tests.blind.baselines.files import Found, Measured, answer, read_measured
 from tests.blind.baselines.fitting import base_fit, conclude, free_on_log, levenberg_marquardt
-from tests.blind.cases import generate
+from tests.blind.cases import Case, generate
 from tests.blind.plan import Plan
 from tests.blind.write import write_case
 
@@ -18,20 +20,20 @@ pytestmark = pytest.mark.slow
 SHORT_S = {"log": 24.0, "held_out": 16.0}
 
 
-def written(folder, *hidden):
+def written(folder: Path, *hidden: Any) -> Case:
     case = generate(Plan(0, 21, "single" if hidden else "null", hidden), SHORT_S)
     write_case(case, folder)
     return case
 
 
-def test_base_fit_leaves_a_null_as_noise(tmp_path):
+def test_base_fit_leaves_a_null_as_noise(tmp_path: Path) -> None:
     rig = written(tmp_path).rig
     log = read_measured(tmp_path / "log.csv", rig.noise_g)
     fit = base_fit(TwinRig(rig.length_m, rig.position_m, rig.gravity_m_s2), log)
     assert fit.cost / log.force_g.size == pytest.approx(1.0, abs=0.06)
 
 
-def test_fit_finds_the_parameter_that_was_hidden(tmp_path):
+def test_fit_finds_the_parameter_that_was_hidden(tmp_path: Path) -> None:
     case = written(tmp_path, "axis_offset")
     rig = TwinRig(case.rig.length_m, case.rig.position_m, case.rig.gravity_m_s2)
     log = read_measured(tmp_path / "log.csv", case.rig.noise_g)
@@ -42,12 +44,12 @@ def test_fit_finds_the_parameter_that_was_hidden(tmp_path):
     assert found == pytest.approx(case.truth["effects"]["axis_offset"]["offset_g"], abs=3e-4)
 
 
-def nothing(rig, log, held_out):
+def nothing(rig: TwinRig, log: Measured, held_out: Measured) -> Found:
     base = base_fit(rig, log)
     return conclude(rig, log, held_out, base, base, ())
 
 
-def test_answer_has_the_form_of_a_reconciliation(tmp_path):
+def test_answer_has_the_form_of_a_reconciliation(tmp_path: Path) -> None:
     written(tmp_path, "axis_offset")
     report, prediction = tmp_path / "report.json", tmp_path / "prediction.csv"
     assert answer(nothing, ["reconcile", *case_arguments(tmp_path, report, prediction)]) == 0

@@ -8,11 +8,15 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from tests.blind import campaign, confusion, kept, score
+from tests.blind.asking import ask
 from tests.blind.cases import generate
 from tests.blind.plan import Plan
 from tests.blind.score import Answer, judge
@@ -33,7 +37,7 @@ time.sleep(1)  # its memory is looked at while it runs
 """
 
 
-def judged(truth, verdict, named=(), group=()):
+def judged(truth: str, verdict: str, named: Sequence[str] = (), group: Sequence[str] = ()) -> str:
     return judge(frozenset(truth.split()), Answer(verdict, frozenset(named), frozenset(group), None))
 
 
@@ -63,23 +67,23 @@ def judged(truth, verdict, named=(), group=()):
         ("thermal_drift thermal_saturation", "named", ["thermal_drift"], [], "wrong_name"),
     ],
 )
-def test_judgement(truth, verdict, named, group, worth):
+def test_judgement(truth: str, verdict: str, named: list[str], group: list[str], worth: str) -> None:
     assert judged(truth, verdict, named, group) == worth
 
 
-def test_gap_closed_is_measured_above_the_noise():
+def test_gap_closed_is_measured_above_the_noise() -> None:
     assert score.closed_percent(11.0, 1.5) == pytest.approx(95.0)
     assert score.closed_percent(1.01, 1.0) is None
 
 
 @pytest.fixture
-def case(tmp_path):
+def case(tmp_path: Path) -> Path:
     folder = tmp_path / "case_000"
     write_case(generate(Plan(0, 6, "single", ("axis_offset",)), {"log": 8.0, "held_out": 6.0}), folder)
     return folder
 
 
-def shifted(case, path, by_g, rows=None):
+def shifted(case: Path, path: Path, by_g: float, rows: int | None = None) -> Path:
     with (case / "held_out.csv").open(newline="") as file:
         lines = list(csv.reader(file))[:rows]
     path.write_text(
@@ -88,16 +92,16 @@ def shifted(case, path, by_g, rows=None):
     return path
 
 
-def test_prediction_is_compared_with_the_held_out_recording(case, tmp_path):
+def test_prediction_is_compared_with_the_held_out_recording(case: Path, tmp_path: Path) -> None:
     off_g = 3 * 0.0003
-    noise = score.tomllib.loads((case / "rig.toml").read_text())["sensor"]["noise_g"]
+    noise = tomllib.loads((case / "rig.toml").read_text())["sensor"]["noise_g"]
     chi2 = score.held_out_chi2(case, shifted(case, tmp_path / "p.csv", off_g))
     assert chi2 == pytest.approx((off_g / noise) ** 2 / 3)
     with pytest.raises(ValueError, match="the prediction has 9 rows, the recording 300"):
         score.held_out_chi2(case, shifted(case, tmp_path / "short.csv", 0.0, rows=10))
 
 
-def test_noise_free_readings_at_the_rail_do_not_count(tmp_path):
+def test_noise_free_readings_at_the_rail_do_not_count(tmp_path: Path) -> None:
     (tmp_path / "rig.toml").write_text("[sensor]\nnoise_g = 0.001\n")
     header = "time_s,ax_g,ay_g,az_g\n"
     (tmp_path / "held_out.csv").write_text(header + "0,0.001,0.001,1.0\n1,0.001,0.001,0.9\n")
@@ -110,14 +114,16 @@ def test_noise_free_readings_at_the_rail_do_not_count(tmp_path):
 
 
 @pytest.fixture
-def guesser(tmp_path):
+def guesser(tmp_path: Path) -> str:
     script = tmp_path / "guesser.py"
     script.write_text(GUESSER)
     return shlex.join([sys.executable, str(script)])
 
 
 @pytest.mark.slow
-def test_campaign_asks_scores_goes_on_and_refuses_another(guesser, case, tmp_path, capsys):
+def test_campaign_asks_scores_goes_on_and_refuses_another(
+    guesser: str, case: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     out, page = tmp_path / "results.json", tmp_path / "results.md"
     arguments = ["--folder", str(case.parent), "--jobs", "1", "--out", str(out), "--report", str(page)]
     assert campaign.main([*arguments, "--command", guesser]) == 0
@@ -138,7 +144,7 @@ def test_campaign_asks_scores_goes_on_and_refuses_another(guesser, case, tmp_pat
 
 
 @pytest.mark.slow
-def test_what_ran_out_of_time_is_an_answer(guesser, case, tmp_path):
+def test_what_ran_out_of_time_is_an_answer(guesser: str, case: Path, tmp_path: Path) -> None:
     out = tmp_path / "results.json"
     arguments = ["--folder", str(case.parent), "--jobs", "1", "--out", str(out), "--command", guesser]
     assert campaign.main([*arguments, "--timeout", "0.1"]) == 0
@@ -156,7 +162,9 @@ def test_what_ran_out_of_time_is_an_answer(guesser, case, tmp_path):
         (["--without", "drop", "--command", "other"], "leave --command out"),
     ],
 )
-def test_what_does_not_go_together_is_refused(words, fault, tmp_path, capsys):
+def test_what_does_not_go_together_is_refused(
+    words: list[str], fault: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     write_truth(tmp_path / "cases" / "case_000", {"seed": 1, "effects": {}})
     arguments = [word.format(tmp_path) for word in words]
     assert campaign.main([*arguments, "--out", str(tmp_path / "out.json")]) == 2
@@ -164,13 +172,15 @@ def test_what_does_not_go_together_is_refused(words, fault, tmp_path, capsys):
     assert not (tmp_path / "out.json").exists()
 
 
-def write_truth(folder, truth):
+def write_truth(folder: Path, truth: dict[str, dict[Any, Any] | int]) -> None:
     folder.mkdir(parents=True)
     (folder / "truth.json").write_text(json.dumps(truth))
 
 
-def test_kept_case_is_used_again_and_a_half_written_one_made_anew(tmp_path, monkeypatch):
-    made = []
+def test_kept_case_is_used_again_and_a_half_written_one_made_anew(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[Plan] = []
     monkeypatch.setattr(kept, "generate", made.append)
     monkeypatch.setattr(kept, "write_case", lambda _case, folder: write_truth(folder, {"seed": 6, "effects": {}}))
     plan = Plan(3, 6, "null")
@@ -182,14 +192,14 @@ def test_kept_case_is_used_again_and_a_half_written_one_made_anew(tmp_path, monk
 
 
 @pytest.mark.slow
-def test_facts_are_those_of_the_truth_whoever_made_the_case(case):
+def test_facts_are_those_of_the_truth_whoever_made_the_case(case: Path) -> None:
     facts = kept.facts_of(case)
     assert (facts["seed"], facts["kind"], facts["coloured"], facts["jittered"]) == (6, "single", False, False)
     assert facts["excess"]["axis_offset"] > 0.03
 
 
 @pytest.mark.slow
-def test_a_loss_tells_how_near_the_truth_came(case, tmp_path):
+def test_a_loss_tells_how_near_the_truth_came(case: Path, tmp_path: Path) -> None:
     script = tmp_path / "wrong.py"
     said = {"verdict": "named", "reason": "nothing else does", "effects": [{"name": "impact"}], "candidates": []}
     said["ranking"] = [
@@ -199,28 +209,28 @@ def test_a_loss_tells_how_near_the_truth_came(case, tmp_path):
     script.write_text(
         f"import json, sys; json.dump(json.loads('{json.dumps(said)}'), open(sys.argv[sys.argv.index('--json') + 1], 'w'))"
     )
-    row = campaign.ask(case, [sys.executable, str(script)], 30.0)
+    row = ask(case, [sys.executable, str(script)], 30.0)
     assert row["score"] == "wrong_name"
     assert row["why"].endswith("; nothing else does; the truth is 13.2 behind the best (1.00, -)")
 
 
 @pytest.mark.slow
-def test_command_that_fails_is_a_crash_with_its_last_words(case, tmp_path):
+def test_command_that_fails_is_a_crash_with_its_last_words(case: Path, tmp_path: Path) -> None:
     script = tmp_path / "failing.py"
     script.write_text("import sys; sys.exit('no such thing')")
-    row = campaign.ask(case, [sys.executable, str(script)], 30.0)
+    row = ask(case, [sys.executable, str(script)], 30.0)
     assert (row["score"], row["why"]) == ("crash", "exit code 1: no such thing")
 
 
 @pytest.mark.slow
-def test_command_that_takes_too_long_is_ended(case, tmp_path):
+def test_command_that_takes_too_long_is_ended(case: Path, tmp_path: Path) -> None:
     script = tmp_path / "endless.py"
     script.write_text("while True: pass")
-    assert campaign.ask(case, [sys.executable, str(script)], 0.3)["score"] == "timeout"
+    assert ask(case, [sys.executable, str(script)], 0.3)["score"] == "timeout"
 
 
 @pytest.mark.slow
-def test_stopped_campaign_leaves_nothing_running(case, tmp_path):
+def test_stopped_campaign_leaves_nothing_running(case: Path, tmp_path: Path) -> None:
     running, script = tmp_path / "running", tmp_path / "endless.py"
     script.write_text(
         f"import os, pathlib\npathlib.Path({str(running)!r}).write_text(str(os.getpid()))\nwhile True: pass"
@@ -245,7 +255,7 @@ def test_stopped_campaign_leaves_nothing_running(case, tmp_path):
         os.kill(int(running.read_text()), 0)
 
 
-def test_page_shows_every_answer():
+def test_page_shows_every_answer() -> None:
     row = {"case": "case_000", "seed": 1, "kind": "single", "truth": ["impact"], "named": ["wind_gust"], "group": []}
     row |= {
         "verdict": "named",

@@ -3,6 +3,7 @@
 import csv
 import json
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from tests.blind.mechanics import Motion
 from tests.blind.outside import OUTSIDE
 from tests.blind.plan import ALIKE, CATALOGUE, Plan, plan_cases
 from tests.blind.score import INSEPARABLE
-from tests.blind.sensor import Lag, Sampling, Sensor, Temperature, record
+from tests.blind.sensor import Lag, Recording, Sampling, Sensor, Temperature, record
 from tests.blind.write import write_case
 
 SHORT_S = {"log": 12.0, "held_out": 3.0}
@@ -27,7 +28,7 @@ G = 9.80665
 STILL = Temperature(start_c=22.0, rise_c=0.0, constant_s=60.0)
 
 
-def test_plan_has_every_effect_of_the_vocabulary_and_the_promised_nulls():
+def test_plan_has_every_effect_of_the_vocabulary_and_the_promised_nulls() -> None:
     plans = plan_cases(300, seed=1)
     assert " ".join(CATALOGUE) in UNITS
     assert [plan.index for plan in plans] == list(range(300))
@@ -41,19 +42,19 @@ def test_plan_has_every_effect_of_the_vocabulary_and_the_promised_nulls():
     assert not OUTSIDE.keys() & CATALOGUE.keys()
 
 
-def test_pairs_are_separable():
+def test_pairs_are_separable() -> None:
     pairs = [set(plan.hidden) for plan in plan_cases(300, seed=1) if plan.kind == "pair"]
     assert len(pairs) == 40
     assert not [pair for pair in pairs for group in (*ALIKE, *INSEPARABLE) if pair <= group]
 
 
-def test_same_seed_same_plan_other_seed_another():
+def test_same_seed_same_plan_other_seed_another() -> None:
     assert plan_cases(40, seed=7) == plan_cases(40, seed=7)
     assert plan_cases(40, seed=7) != plan_cases(40, seed=8)
 
 
 @pytest.mark.slow
-def test_same_plan_same_files(tmp_path):
+def test_same_plan_same_files(tmp_path: Path) -> None:
     plan = Plan(index=0, seed=11, kind="single", hidden=("vibration",), coloured=True, jittered=True)
     for name in ("first", "second"):
         write_case(generate(plan, SHORT_S), tmp_path / name)
@@ -64,7 +65,7 @@ def test_same_plan_same_files(tmp_path):
     ]
 
 
-def test_files_have_the_form_of_a_recording(tmp_path):
+def test_files_have_the_form_of_a_recording(tmp_path: Path) -> None:
     write_case(generate(Plan(index=0, seed=5, kind="null"), SHORT_S), tmp_path)
     rig = tomllib.loads((tmp_path / "rig.toml").read_text())
     assert rig["sensor"]["sample_rate_hz"] == 50
@@ -77,14 +78,14 @@ def test_files_have_the_form_of_a_recording(tmp_path):
     assert json.loads((tmp_path / "truth.json").read_text())["effects"] == {}
 
 
-def test_null_is_nothing_but_noise():
+def test_null_is_nothing_but_noise() -> None:
     case = generate(Plan(index=0, seed=3, kind="null"), SHORT_S)
     assert case.truth["excess"] == pytest.approx(0, abs=0.15)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in (*CATALOGUE, *OUTSIDE) if name not in EVENTS])
-def test_effect_shows(name):
+def test_effect_shows(name: str) -> None:
     kind = "single" if name in CATALOGUE else "outside"
     case = generate(Plan(index=0, seed=2, kind=kind, hidden=(name,)), SHORT_S)
     assert case.truth["excess_alone"][name] >= 0.03
@@ -93,7 +94,7 @@ def test_effect_shows(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EVENTS)
-def test_event_begins_when_the_truth_says(name):
+def test_event_begins_when_the_truth_says(name: str) -> None:
     kind = "single" if name in CATALOGUE else "outside"
     case = generate(Plan(index=0, seed=2, kind=kind, hidden=(name,)), {"log": 55.0})
     null = generate(Plan(index=0, seed=2, kind="null"), {"log": 55.0})
@@ -103,49 +104,51 @@ def test_event_begins_when_the_truth_says(name):
     assert start_s - 0.6 < first_s < start_s + 0.6
 
 
-def still_motion(seconds=40.0, across_g=0.0):
+def still_motion(seconds: float = 40.0, across_g: float = 0.0) -> Motion:
     time_s = np.arange(0, seconds + 1, 0.005)
     force = np.tile([across_g * G, 0.0, G], (len(time_s), 1))
     return Motion(time_s, force, np.zeros(len(time_s)))
 
 
-def recorded(sensor=None, sampling=None, motion=None, count=2000):
+def recorded(
+    sensor: Sensor | None = None, sampling: Sampling | None = None, motion: Motion | None = None, count: int = 2000
+) -> Recording:
     sampling = sampling or Sampling(rate_hz=50.0, noise_g=0.001)
     return record(motion or still_motion(), sensor or Sensor(), sampling, STILL, count, np.random.default_rng(4))
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.9])
-def test_noise_has_the_stated_rms_and_memory(memory):
+def test_noise_has_the_stated_rms_and_memory(memory: float) -> None:
     sampling = Sampling(rate_hz=50.0, noise_g=0.001, noise_memory=memory)
     noise = recorded(sampling=sampling, motion=still_motion(400), count=20_000).force_g - [0, 0, 1]
     assert noise.std() == pytest.approx(0.001, rel=0.03)
     assert np.corrcoef(noise[1:, 0], noise[:-1, 0])[0, 1] == pytest.approx(memory, abs=0.03)
 
 
-def test_digits_come_after_the_noise_and_the_rail():
+def test_digits_come_after_the_noise_and_the_rail() -> None:
     sensor = Sensor(lsb_g=0.004, full_scale_g=1.0)
     reading = recorded(sensor).force_g
     np.testing.assert_allclose(reading / 0.004, np.round(reading / 0.004), atol=1e-9)
     assert reading.max() == 1.0
 
 
-def test_lost_samples_leave_even_times():
+def test_lost_samples_leave_even_times() -> None:
     recording = recorded(Sensor(loss_fraction=0.05))
     assert 1850 < len(recording.time_s) < 1950
     np.testing.assert_allclose(np.diff(recording.time_s), 0.02)
 
 
-def test_clock_that_runs_fast_states_more_seconds():
+def test_clock_that_runs_fast_states_more_seconds() -> None:
     assert recorded(Sensor(clock_relative=0.01)).time_s[-1] == pytest.approx(1999 / 50 * 1.01)
 
 
-def test_jitter_moves_the_instants():
+def test_jitter_moves_the_instants() -> None:
     sampling = Sampling(rate_hz=50.0, noise_g=0.001, jitter_s=0.002)
     times_s = recorded(sampling=sampling).time_s
     assert np.std(times_s - np.arange(2000) / 50) == pytest.approx(0.002, rel=0.1)
 
 
-def test_lag_is_a_pole_at_its_cutoff():
+def test_lag_is_a_pole_at_its_cutoff() -> None:
     frequency_hz, cutoff_hz = 0.4, 0.8
     time_s = np.arange(0, 41, 0.005)
     force = np.zeros((len(time_s), 3))
@@ -158,7 +161,7 @@ def test_lag_is_a_pole_at_its_cutoff():
     np.testing.assert_allclose(lagging.force_g[500:, 0], expected[500:], atol=2e-5)
 
 
-def test_offset_scale_and_cross_axis_act_in_this_order():
+def test_offset_scale_and_cross_axis_act_in_this_order() -> None:
     sensor = Sensor(axes=np.array([[1.1, 0.02, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 0.9]]), offset_g=(0.0, 0.01, 0.0))
     reading = recorded(sensor, Sampling(50.0, 0.0), still_motion(across_g=0.2)).force_g[0]
     assert reading == pytest.approx([0.22, 0.01, 0.9])

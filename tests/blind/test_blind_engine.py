@@ -2,11 +2,12 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from tests.blind.engine import simulate
 from tests.blind.mechanics import Hook, Mechanics, Release, Spring, Start
 from tests.blind.mechanics_effects import coulomb_friction, quadratic_drag, viscous_damping
-from tests.blind.scene import Rig, Scene, pulse
+from tests.blind.scene import Effect, Rig, Scene, pulse
 from tests.blind.sensor import Sensor
 
 G = 9.80665
@@ -17,17 +18,17 @@ RIM = 0.0001
 """g: a third of the smallest noise that a case has."""
 
 
-def planar(amplitude_rad, heading_rad=0.0):
+def planar(amplitude_rad: float, heading_rad: float = 0.0) -> Start:
     return Start((amplitude_rad, 0.0), (0.0, 0.0), heading_rad)
 
 
-def zero_crossings(time_s, values):
+def zero_crossings(time_s: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
     at = np.flatnonzero(np.sign(values[:-1]) != np.sign(values[1:]))
     return time_s[at] - values[at] * (time_s[at + 1] - time_s[at]) / (values[at + 1] - values[at])
 
 
 @pytest.mark.parametrize("amplitude_rad", [0.02, 0.1, 0.3])
-def test_period_grows_with_the_amplitude_as_the_elliptic_integral_says(amplitude_rad):
+def test_period_grows_with_the_amplitude_as_the_elliptic_integral_says(amplitude_rad: float) -> None:
     motion = simulate(FREE, planar(amplitude_rad), 60.0)
     crossings = zero_crossings(motion.time_s, motion.force_m_s2[:, 0])
     period_s = 2 * (crossings[-1] - crossings[0]) / (len(crossings) - 1)
@@ -38,7 +39,7 @@ def test_period_grows_with_the_amplitude_as_the_elliptic_integral_says(amplitude
 
 
 @pytest.mark.parametrize("rho", [0.2, 0.5, 0.9])
-def test_ideal_swing_reads_what_the_formulas_say(rho):
+def test_ideal_swing_reads_what_the_formulas_say(rho: float) -> None:
     phi = 0.17
     motion = simulate(Mechanics(10.0, rho * 10, G), planar(phi, heading_rad=0.7), 14.0)
     across, axial = np.hypot(*motion.force_m_s2[:, :2].T) / G, motion.force_m_s2[:, 2] / G
@@ -48,7 +49,7 @@ def test_ideal_swing_reads_what_the_formulas_say(rho):
     assert motion.angle_rad.max() == pytest.approx(phi, abs=1e-9)
 
 
-def test_housing_does_not_turn_about_the_rope():
+def test_housing_does_not_turn_about_the_rope() -> None:
     """Going round a cone of angle phi, parallel transport turns the frame by 2 pi (1 - cos phi) against the meridian.
 
     A universal joint's frame would come back as it left: the reading would turn by whole turns only.
@@ -64,7 +65,7 @@ def test_housing_does_not_turn_about_the_rope():
     assert turned == pytest.approx(3 * 2 * np.pi * np.cos(phi), abs=1e-5)
 
 
-def test_spinning_housing_turns_the_reading_and_nothing_else():
+def test_spinning_housing_turns_the_reading_and_nothing_else() -> None:
     spinning = simulate(Mechanics(10.0, 4.0, G, spin_rad_s=0.05), planar(0.1), 30.0)
     still = simulate(FREE, planar(0.1), 30.0)
     across, expected = (m.force_m_s2[:, 0] + 1j * m.force_m_s2[:, 1] for m in (spinning, still))
@@ -72,7 +73,7 @@ def test_spinning_housing_turns_the_reading_and_nothing_else():
     np.testing.assert_allclose(spinning.force_m_s2[:, 2], still.force_m_s2[:, 2], atol=1e-5 * G)
 
 
-def envelope(effect, duration_s):
+def envelope(effect: Effect, duration_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     scene = effect.apply(Scene(FREE, planar(0.1), Sensor()), np.random.default_rng(0))
     motion = simulate(scene.mechanics, scene.start, duration_s)
     middle = motion.angle_rad[1:-1]
@@ -81,7 +82,7 @@ def envelope(effect, duration_s):
 
 
 @pytest.mark.slow
-def test_decay_of_each_friction():
+def test_decay_of_each_friction() -> None:
     rng = np.random.default_rng(1)
     viscous, drag, dry = (draw(rng, RIG, 1.0) for draw in (viscous_damping, quadratic_drag, coulomb_friction))
     time_s, amplitude = envelope(viscous, 100.0)
@@ -94,7 +95,7 @@ def test_decay_of_each_friction():
     np.testing.assert_allclose(amplitude, 0.1 - lost * time_s, rtol=2e-3)
 
 
-def test_two_modes_of_a_hook_and_its_load():
+def test_two_modes_of_a_hook_and_its_load() -> None:
     hook = Hook(rigging_length_m=3.0, mass_ratio=0.1)
     upper_m, mass = 7.0, 1 / 0.1
     whole = (1 + mass) * (1 / upper_m + 1 / 3.0)
@@ -107,7 +108,7 @@ def test_two_modes_of_a_hook_and_its_load():
     assert np.abs(rest).max() < 1e-4 * np.abs(motion.force_m_s2[:, 0]).max()
 
 
-def test_stretching_rope_rings_at_its_frequency_and_dies_away():
+def test_stretching_rope_rings_at_its_frequency_and_dies_away() -> None:
     spring = Spring(frequency_hz=2.0, damping_ratio=0.01)
     motion = simulate(Mechanics(10.0, 4.0, G, spring=spring), Start((0, 0), (0, 0), 0.0, stretch_m=0.005), 10.0)
     rate = 4 * np.pi
@@ -119,7 +120,7 @@ def test_stretching_rope_rings_at_its_frequency_and_dies_away():
     assert np.abs(axial - waves @ fit).max() < RIM * G
 
 
-def test_stretching_rope_hangs_lower_by_its_sag():
+def test_stretching_rope_hangs_lower_by_its_sag() -> None:
     spring = Spring(frequency_hz=1.0, damping_ratio=0.3)
     motion = simulate(Mechanics(10.0, 4.0, G, spring=spring), planar(0.01), 40.0)
     crossings = zero_crossings(motion.time_s, motion.force_m_s2[:, 0])
@@ -127,7 +128,7 @@ def test_stretching_rope_hangs_lower_by_its_sag():
     assert np.diff(crossings).mean() == pytest.approx(np.pi * np.sqrt(length_m / G), rel=1e-4)
 
 
-def test_what_is_left_of_a_load_swings_on_with_another_length():
+def test_what_is_left_of_a_load_swings_on_with_another_length() -> None:
     release = Release(at_s=15.0, shift_m=0.5)
     motion = simulate(Mechanics(10.0, 4.0, G, release=release), planar(0.02), 60.0)
     for part, length_m in ((motion.time_s < 14.9, 10.0), (motion.time_s > 15.1, 10.5)):
@@ -137,7 +138,7 @@ def test_what_is_left_of_a_load_swings_on_with_another_length():
     assert steps.max() < 0.02 * RATE * 0.005 * 1.01  # the rope's own rate does not jump
 
 
-def test_hoisting_keeps_the_angular_momentum_of_the_load_and_the_period_follows():
+def test_hoisting_keeps_the_angular_momentum_of_the_load_and_the_period_follows() -> None:
     """Seen from the pivot at a small angle: A grows as L^(-3/4) when the rope shortens slowly."""
     length_speed = pulse(10.0, 40.0, 2.0)
     motion = simulate(Mechanics(10.0, 9.0, G, length_speed=(lambda t: -0.1 * length_speed(t),)), planar(0.02), 80.0)
@@ -148,7 +149,7 @@ def test_hoisting_keeps_the_angular_momentum_of_the_load_and_the_period_follows(
     assert motion.angle_rad[late].max() == pytest.approx(0.02 * (10 / 6) ** 0.75, rel=0.02)
 
 
-def test_pivot_that_moves_off_leaves_a_swing_about_the_new_vertical():
+def test_pivot_that_moves_off_leaves_a_swing_about_the_new_vertical() -> None:
     """A load at rest below a pivot that accelerates by a swings between 0 and 2 a/g."""
     drive = pulse(0.0, 60.0)
     push = (lambda t: np.outer(0.05 * drive(t), [1.0, 0.0, 0.0]),)
@@ -159,7 +160,7 @@ def test_pivot_that_moves_off_leaves_a_swing_about_the_new_vertical():
     assert motion.force_m_s2[lowest, 0] == pytest.approx(0.0, abs=RIM * G)
 
 
-def test_steady_wind_leans_the_rope_and_reads_sideways():
+def test_steady_wind_leans_the_rope_and_reads_sideways() -> None:
     lean = 0.2 / G
     wind = (lambda t: np.outer(np.ones_like(t), [0.2, 0.0, 0.0]),)
     motion = simulate(Mechanics(10.0, 4.0, G, load_acceleration=wind), Start((np.arctan(lean), 0), (0, 0), 0.0), 20.0)

@@ -1,11 +1,14 @@
 """Contents of the certificate, read back from its HTML."""
 
 import re
+from collections.abc import Callable
 from html.parser import HTMLParser
+from typing import Any
 
 import numpy as np
 import pytest
 
+from gateway.calibration.record import CalibrationRecord
 from gateway.certificate.page import render_certificate
 
 VOID = {"meta"}
@@ -23,7 +26,7 @@ class Page(HTMLParser):
         self.feed(text)
         assert self.open == []
 
-    def handle_starttag(self, tag: str, attrs) -> None:
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
         self.tags.append((tag, dict(attrs)))
         if tag not in VOID:
             self.open.append(tag)
@@ -57,7 +60,7 @@ def number(text: str) -> float:
     return float(text.replace("−", "-"))
 
 
-def test_certificate_identifies_device_record_and_author(make_record) -> None:
+def test_certificate_identifies_device_record_and_author(make_record: Callable[..., CalibrationRecord]) -> None:
     record = make_record(reason="quarterly", parent="p-7")
     page = Page(render_certificate(record, None))
     for said in (
@@ -74,7 +77,9 @@ def test_certificate_identifies_device_record_and_author(make_record) -> None:
     assert "The parent record is not available" in page.text
 
 
-def test_offset_and_matrix_have_the_digits_that_their_uncertainty_supports(make_record) -> None:
+def test_offset_and_matrix_have_the_digits_that_their_uncertainty_supports(
+    make_record: Callable[..., CalibrationRecord],
+) -> None:
     record = make_record()
     page = Page(render_certificate(record, None))
     x = page.row("x")
@@ -92,14 +97,14 @@ def test_offset_and_matrix_have_the_digits_that_their_uncertainty_supports(make_
     assert x[6] == "1.318; −1.579"
 
 
-def test_combined_uncertainty_is_the_root_sum_of_squares(make_record) -> None:
+def test_combined_uncertainty_is_the_root_sum_of_squares(make_record: Callable[..., CalibrationRecord]) -> None:
     page = Page(render_certificate(make_record(), None))
     assert page.row("noise of the pose means")[1:] == ["A", "0.3", "0.017"]
     assert page.row("combined, u")[2:] == ["0.5", "0.0286"]
     assert page.row("expanded, U (k = 2)")[2:] == ["1", "0.0572"]
 
 
-def test_budget_rows_that_do_not_fit_are_included_in_the_sums(make_record) -> None:
+def test_budget_rows_that_do_not_fit_are_included_in_the_sums(make_record: Callable[..., CalibrationRecord]) -> None:
     rows = [{"source": f"source {row}", "type": "B", "u_g": 0.001 * row, "u_deg": 0.0} for row in range(12)]
     page = Page(render_certificate(make_record(budget=rows), None))
     assert page.row("source 11")
@@ -107,7 +112,7 @@ def test_budget_rows_that_do_not_fit_are_included_in_the_sums(make_record) -> No
     assert float(page.row("combined, u")[2]) == pytest.approx(np.sqrt(sum(row**2 for row in range(12))), rel=0.01)
 
 
-def test_residual_plot_shows_every_pose_at_its_residual(make_record) -> None:
+def test_residual_plot_shows_every_pose_at_its_residual(make_record: Callable[..., CalibrationRecord]) -> None:
     record = make_record()
     far = dict(record.poses[3], mean=(np.array(record.poses[3]["mean"]) * 1.01).tolist())
     unused = dict(record.poses[5], used=False)
@@ -133,7 +138,7 @@ def test_residual_plot_shows_every_pose_at_its_residual(make_record) -> None:
     assert "12 of 13" in page.text
 
 
-def test_record_without_poses_has_placeholders(make_record) -> None:
+def test_record_without_poses_has_placeholders(make_record: Callable[..., CalibrationRecord]) -> None:
     page = Page(render_certificate(make_record(method="zero", poses=[], budget=[]), None))
     assert "contains no poses" in page.text
     assert "contains no uncertainty budget" in page.text
@@ -141,7 +146,9 @@ def test_record_without_poses_has_placeholders(make_record) -> None:
     assert page.poses() == []
 
 
-def test_change_since_the_parent_is_given_in_mg_and_degrees(drifted) -> None:
+def test_change_since_the_parent_is_given_in_mg_and_degrees(
+    drifted: tuple[CalibrationRecord, CalibrationRecord],
+) -> None:
     record, parent = drifted
     page = Page(render_certificate(record, parent))
     x, z = page.row("x", table=1), page.row("z", table=1)
@@ -157,13 +164,17 @@ def test_change_since_the_parent_is_given_in_mg_and_degrees(drifted) -> None:
     assert "cannot be checked" in page.text
 
 
-def test_forecast_uses_all_earlier_records(make_record, drifted) -> None:
+def test_forecast_uses_all_earlier_records(
+    make_record: Callable[..., CalibrationRecord], drifted: tuple[CalibrationRecord, CalibrationRecord]
+) -> None:
     record, parent = drifted
     earlier = [make_record(id=f"p{month}", created_utc=f"2025-{month:02d}-01T00:00:00Z") for month in (3, 6, 9)]
     assert "from 5 records" in Page(render_certificate(record, parent, [*earlier, parent])).text
 
 
-def test_two_records_of_one_day_give_no_forecast(make_record, drifted) -> None:
+def test_two_records_of_one_day_give_no_forecast(
+    make_record: Callable[..., CalibrationRecord], drifted: tuple[CalibrationRecord, CalibrationRecord]
+) -> None:
     record, _ = drifted
     same_day = make_record(id=record.parent, created_utc=record.created_utc[:10] + "T01:00:00Z")
     text = Page(render_certificate(record, same_day)).text
@@ -171,12 +182,14 @@ def test_two_records_of_one_day_give_no_forecast(make_record, drifted) -> None:
     assert "Recalibrate within" not in text
 
 
-def test_negligible_contribution_is_printed_as_a_bound(make_record) -> None:
+def test_negligible_contribution_is_printed_as_a_bound(make_record: Callable[..., CalibrationRecord]) -> None:
     row = {"source": "quantisation", "type": "B", "u_g": 4.6e-35, "u_deg": 0}
     assert "< 1e-06" in Page(render_certificate(make_record(budget=[row]), None)).text
 
 
-def test_zeroed_record_gives_its_change_without_uncertainty(make_record, drifted) -> None:
+def test_zeroed_record_gives_its_change_without_uncertainty(
+    make_record: Callable[..., CalibrationRecord], drifted: tuple[CalibrationRecord, CalibrationRecord]
+) -> None:
     _, parent = drifted
     turned = np.array([[1, 0, 0.02], [0, 1, 0], [-0.02, 0, 1]]) @ np.array(parent.correction_matrix)
     page = Page(
@@ -199,21 +212,26 @@ def test_zeroed_record_gives_its_change_without_uncertainty(make_record, drifted
         ({"correction_matrix": np.zeros((3, 3)).tolist()}, "rotation about the axis"),
     ],
 )
-def test_incompatible_parent_is_reported_and_the_rest_is_shown(make_record, drifted, changes, said: str) -> None:
+def test_incompatible_parent_is_reported_and_the_rest_is_shown(
+    make_record: Callable[..., CalibrationRecord],
+    drifted: tuple[CalibrationRecord, CalibrationRecord],
+    changes: dict[str, Any],
+    said: str,
+) -> None:
     parent = make_record(**{"id": "parent-1", "created_utc": "2026-01-01T09:12:41Z"} | changes)
     page = Page(render_certificate(drifted[0], parent))
     assert said in page.text
     assert "Limits of this certificate" in page.text
 
 
-def test_singular_matrix_is_a_warning(make_record) -> None:
+def test_singular_matrix_is_a_warning(make_record: Callable[..., CalibrationRecord]) -> None:
     page = Page(render_certificate(make_record(correction_matrix=[[1, 0, 0], [0, 0, 0], [0, 0, 1]]), make_record()))
     assert "must not be used" in page.text
     assert "1 warning" not in page.text  # the parent is not the one that is named either
     assert "2 warnings" in page.text
 
 
-def test_warnings_are_alerts_and_hidden_ones_are_counted(make_record) -> None:
+def test_warnings_are_alerts_and_hidden_ones_are_counted(make_record: Callable[..., CalibrationRecord]) -> None:
     page = Page(render_certificate(make_record(warnings=["one face is missing"]), None))
     ((_, attributes),) = [(tag, found) for tag, found in page.tags if found.get("role") == "alert"]
     assert attributes["class"] == "warnings"
@@ -223,7 +241,7 @@ def test_warnings_are_alerts_and_hidden_ones_are_counted(make_record) -> None:
     assert "and 5 more warnings" in page.text
 
 
-def test_limits_depend_on_the_record(make_record) -> None:
+def test_limits_depend_on_the_record(make_record: Callable[..., CalibrationRecord]) -> None:
     page = Page(render_certificate(make_record(temperature_c=None, method="six-position"), None))
     assert "it is not known" in page.text
     assert "absorbs a tilt of the whole table" in page.text
@@ -234,7 +252,7 @@ def test_limits_depend_on_the_record(make_record) -> None:
 HOSTILE = "</style><script>alert(1)</script><img src=x onerror=alert(2)>\"'&amp;\u202e\x00"
 
 
-def test_hostile_text_never_becomes_markup(make_record) -> None:
+def test_hostile_text_never_becomes_markup(make_record: Callable[..., CalibrationRecord]) -> None:
     record = make_record(
         id=HOSTILE,
         by=HOSTILE,
@@ -257,7 +275,7 @@ def test_hostile_text_never_becomes_markup(make_record) -> None:
     text.encode()
 
 
-def test_certificate_loads_nothing(make_record) -> None:
+def test_certificate_loads_nothing(make_record: Callable[..., CalibrationRecord]) -> None:
     page = Page(render_certificate(make_record(), None))
     assert not any({"src", "href", "xlink:href"} & set(attributes) for _, attributes in page.tags)
     ((_, policy),) = [(tag, found) for tag, found in page.tags if found.get("http-equiv")]
@@ -265,7 +283,7 @@ def test_certificate_loads_nothing(make_record) -> None:
 
 
 @pytest.mark.parametrize("value", [5e-324, 1e-150, 1e150, 1e300])
-def test_overflowing_numbers_are_dashes(make_record, value: float) -> None:
+def test_overflowing_numbers_are_dashes(make_record: Callable[..., CalibrationRecord], value: float) -> None:
     record = make_record(
         offset=[value] * 3,
         covariance=(value * np.eye(12)).tolist(),
@@ -288,5 +306,5 @@ def test_overflowing_numbers_are_dashes(make_record, value: float) -> None:
         assert Page(page).row("combined, u")
 
 
-def test_same_record_gives_the_same_page(drifted) -> None:
+def test_same_record_gives_the_same_page(drifted: tuple[CalibrationRecord, CalibrationRecord]) -> None:
     assert render_certificate(*drifted) == render_certificate(*drifted)

@@ -1,11 +1,13 @@
 """One sheet of A4, in a real browser, with nothing cut off and nothing loaded."""
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser
 
+from gateway.calibration.record import CalibrationRecord
 from gateway.certificate.page import render_certificate
 
 pytestmark = pytest.mark.slow
@@ -31,7 +33,11 @@ def printed(browser: Browser, path: Path, text: str) -> tuple[bytes, list[str], 
 
 
 @pytest.fixture
-def every(make_record, drifted, worst_record) -> dict[str, str]:
+def every(
+    make_record: Callable[..., CalibrationRecord],
+    drifted: tuple[CalibrationRecord, CalibrationRecord],
+    worst_record: CalibrationRecord,
+) -> dict[str, str]:
     record, parent = drifted
     earlier = [make_record(id=f"p{month}", created_utc=f"2025-{month:02d}-01T00:00:00Z") for month in (3, 6, 9)]
     unfit = make_record(id="W" * 400, created_utc="2026-01-02T00:00:00Z")

@@ -2,7 +2,9 @@
 
 import math
 from collections import defaultdict
+from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,13 +13,16 @@ from devices.block import SampleBlock
 from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from devices.simulated.device import SimulatedCrane
+from gateway import messages
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.messages import NO_SESSION
 from gateway.packing import unpack
 from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline
+from tests.values import present
 
 LENGTH_M, POSITION_M, RATE_HZ = 8.0, 5.0, 100.0
 CLOCK = ClockState("synchronised", 3_600_000_000_000)
@@ -28,17 +33,17 @@ class Clock:
 
     now = 1_767_225_600_000_000_000
 
-    def now_ns(self):
+    def now_ns(self) -> int:
         return self.now
 
-    def sleep_s(self, seconds):
+    def sleep_s(self, seconds: float) -> None:
         self.now += max(0, round(seconds * 1e9))
 
 
 class Run:
     """A crane, its device and a pipeline."""
 
-    def __init__(self, crane, table=None, block_samples=10):
+    def __init__(self, crane: Crane, table: dict[str, Any] | None = None, block_samples: int = 10) -> None:
         self.device = SimulatedCrane(
             odr_hz=RATE_HZ,
             block_samples=block_samples,
@@ -59,37 +64,37 @@ class Run:
         )
         correction = correction_for(self.info, self.configuration.device.axes, None)
         self.pipeline = Pipeline(self.configuration, self.info, correction, HeaderMaker())
-        self.blocks = []
-        self.out = defaultdict(list)
+        self.blocks: list[SampleBlock] = []
+        self.out: defaultdict[str, list[Any]] = defaultdict(list)
 
-    def go(self, seconds):
+    def go(self, seconds: float) -> "Run":
         wanted = sum(map(len, self.blocks)) + seconds * RATE_HZ
         while sum(map(len, self.blocks)) < wanted:
             if (block := self.device.read()) is not None:
                 self.feed(block)
         return self
 
-    def feed(self, block):
+    def feed(self, block: SampleBlock) -> None:
         self.blocks.append(block)
         self.take(self.pipeline.process(block, CLOCK).messages)
 
-    def take(self, emissions):
+    def take(self, emissions: Iterable[OutgoingMessage]) -> None:
         for emission in emissions:
             self.out[emission.topic].append(emission.message)
 
     @property
-    def newest_ns(self):
+    def newest_ns(self) -> int:
         return int(self.blocks[-1].time_ns[-1])
 
 
-def crane(angle_deg=0.0, **options):
+def crane(angle_deg: float = 0.0, **options: Any) -> Crane:
     motion = start_motion(math.radians(angle_deg), 0.0, 0.0, 0.0)
     return Crane(length_m=LENGTH_M, position_m=POSITION_M, gravity_m_s2=9.80665, motion=motion, **options)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("angle_deg", [1.5, 5.0, 12.0])
-def test_a_free_swing_is_measured_and_trusted(angle_deg):
+def test_a_free_swing_is_measured_and_trusted(angle_deg: float) -> None:
     run = Run(crane(angle_deg)).go(25)
     swing = run.out["swing"][-1]
     assert swing.swinging
@@ -101,7 +106,7 @@ def test_a_free_swing_is_measured_and_trusted(angle_deg):
     assert run.out["condition"][-1].trusted
 
 
-def test_a_load_at_rest_is_static_with_an_upper_bound():
+def test_a_load_at_rest_is_static_with_an_upper_bound() -> None:
     run = Run(crane()).go(20)
     condition, alert, tilt, swing = (run.out[t][-1] for t in ("condition", "alert", "tilt", "swing"))
     assert condition.verdict == "static"
@@ -112,7 +117,7 @@ def test_a_load_at_rest_is_static_with_an_upper_bound():
     assert 0 < swing.coverage95_deg[1] < 0.5
 
 
-def test_steady_wind_leans_and_trips_the_lean_alert():
+def test_steady_wind_leans_and_trips_the_lean_alert() -> None:
     lean_deg = 4.0
     run = Run(crane(lean_deg, wind_m_s2=(9.80665 * math.tan(math.radians(lean_deg)), 0.0))).go(20)
     assert run.out["tilt"][-1].axial_deg == pytest.approx(lean_deg, abs=0.1)
@@ -124,7 +129,7 @@ def test_steady_wind_leans_and_trips_the_lean_alert():
 
 
 @pytest.mark.slow
-def test_alerts_are_raised_by_the_upper_end_and_clear_after_the_hold():
+def test_alerts_are_raised_by_the_upper_end_and_clear_after_the_hold() -> None:
     limits = {"alerts": {"warn_deg": 4.0, "trip_deg": 6.0, "clear_deg": 3.0, "hold_s": 2.0}}
     run = Run(crane(7.0, damping_ratio=0.05), limits).go(60)
     events = [(alert.level, alert.event) for alert in run.out["alert"] if alert.event in ("raised", "cleared")]
@@ -132,13 +137,13 @@ def test_alerts_are_raised_by_the_upper_end_and_clear_after_the_hold():
     assert events[-1] == ("normal", "cleared")
 
 
-def test_nothing_is_normal_before_anything_is_known():
+def test_nothing_is_normal_before_anything_is_known() -> None:
     run = Run(crane(2.0)).go(2)
     assert {alert.level for alert in run.out["alert"]} == {"unknown"}
     assert {condition.verdict for condition in run.out["condition"]} == {"unknown"}
 
 
-def test_stale_is_said_and_never_clears_an_alert():
+def test_stale_is_said_and_never_clears_an_alert() -> None:
     run = Run(crane(9.0)).go(20)
     assert run.out["alert"][-1].level == "trip"
     run.take(run.pipeline.idle(run.newest_ns + 500_000_000, CLOCK).messages)
@@ -152,7 +157,7 @@ def test_stale_is_said_and_never_clears_an_alert():
     assert "not known now" in run.out["alert"][-1].text
 
 
-def test_fresh_samples_end_staleness():
+def test_fresh_samples_end_staleness() -> None:
     run = Run(crane()).go(20)
     run.take(run.pipeline.idle(run.newest_ns + 2_000_000_000, CLOCK).messages)
     assert run.out["condition"][-1].verdict == "unknown"
@@ -160,7 +165,7 @@ def test_fresh_samples_end_staleness():
     assert "fresh" not in run.out["condition"][-1].gates
 
 
-def test_an_uncalibrated_sensor_has_no_lean():
+def test_an_uncalibrated_sensor_has_no_lean() -> None:
     run = Run(crane())
     nominal = correction_for(run.info, run.configuration.device.axes, None)
     bare = replace(run.info, factory_calibration=None)
@@ -174,28 +179,28 @@ def test_an_uncalibrated_sensor_has_no_lean():
     assert run.out["tilt"][-1].u_deg > 2
 
 
-def test_clipped_samples_disturb():
+def test_clipped_samples_disturb() -> None:
     run = Run(crane()).go(10)
-    block = run.device.read()
+    block = present(run.device.read())
     raw = block.raw.copy()
-    raw[3] = run.info.full_scale_g * run.info.units_per_g
+    raw[3] = present(run.info.full_scale_g) * run.info.units_per_g
     run.feed(SampleBlock(time_ns=block.time_ns, raw=raw))
     run.go(1)
     assert run.out["condition"][-1].verdict == "disturbed"
     assert "clipped" in run.out["condition"][-1].reasons[0]
 
 
-def test_headers_count_and_carry_utc():
+def test_headers_count_and_carry_utc() -> None:
     run = Run(crane(3.0)).go(10)
-    for messages in run.out.values():
-        assert [message.sequence for message in messages] == list(range(len(messages)))
-        assert {message.calibration_id for message in messages} == {run.info.factory_calibration["id"]}
+    for sent in run.out.values():
+        assert [message.sequence for message in sent] == list(range(len(sent)))
+        assert {message.calibration_id for message in sent} == {present(run.info.factory_calibration)["id"]}
     newest = run.out["samples"][-1]
     assert newest.time_ns == run.newest_ns + CLOCK.wall_offset_ns
     np.testing.assert_array_equal(unpack(newest).raw, run.blocks[-1].raw)
 
 
-def test_the_same_blocks_give_the_same_bits():
+def test_the_same_blocks_give_the_same_bits() -> None:
     first = Run(crane(5.0)).go(20)
     again = Run(crane(5.0))
     for block in first.blocks:
@@ -206,7 +211,7 @@ def test_the_same_blocks_give_the_same_bits():
 WHY = "SUSPENDED: the sensor is being recalibrated (six-position, by ann)"
 
 
-def test_nothing_is_said_of_the_load_while_the_sensor_is_recalibrated():
+def test_nothing_is_said_of_the_load_while_the_sensor_is_recalibrated() -> None:
     run = Run(crane(9.0)).go(20)
     assert run.out["alert"][-1].level == "trip"
     before = {topic: len(messages) for topic, messages in run.out.items()}
@@ -227,7 +232,7 @@ def test_nothing_is_said_of_the_load_while_the_sensor_is_recalibrated():
     assert len(later["swing"]) >= 5
 
 
-def test_a_device_that_is_lost_while_it_is_recalibrated_says_both():
+def test_a_device_that_is_lost_while_it_is_recalibrated_says_both() -> None:
     run = Run(crane()).go(5)
     run.pipeline.set_session(NO_SESSION, WHY)
     run.go(1)
@@ -238,11 +243,12 @@ def test_a_device_that_is_lost_while_it_is_recalibrated_says_both():
     assert run.out["alert"][-1].level == "unknown"
 
 
-def test_the_calibration_message_tells_how_a_session_stands():
+def test_the_calibration_message_tells_how_a_session_stands() -> None:
     run = Run(crane()).go(1)
     assert run.out["calibration"][-1].session == NO_SESSION
     session = replace(NO_SESSION, id="session-1", phase="collecting")
     run.pipeline.set_session(session, WHY)
     message = run.pipeline.calibration_message(MessageTime(run.newest_ns, CLOCK)).message
+    assert isinstance(message, messages.Calibration)
     assert message.session == session
-    assert message.calibration_id == run.info.factory_calibration["id"]
+    assert message.calibration_id == present(run.info.factory_calibration)["id"]

@@ -1,6 +1,7 @@
 """The drift watch in the pipeline: fed at rest alone, and its alarm told as a warning of its own."""
 
 from collections import defaultdict
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,11 +11,12 @@ from gateway.calibration.correction import correction_for
 from gateway.calibration.drift.rest_monitor import HOLD_HOURS, NS_PER_HOUR, RestDriftMonitor
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.configuration.loading import validate
-from gateway.messages import NO_SESSION
+from gateway.messages import NO_SESSION, ActiveAlert, Alert
 from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.drift_monitor import DRIFTED, DriftMonitor
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
+from tests.values import present
 
 RATE_HZ, BLOCK = 50.0, 10
 MADE_NS = 1_767_225_600_000_000_000
@@ -24,7 +26,7 @@ INFO = DeviceInfo(kind="test", device_id="part-7", unit="g", odr_hz=RATE_HZ, uni
 AXES = ((0, 1), (1, 1), (2, 1))
 
 
-def make_record():
+def make_record() -> CalibrationRecord:
     covariance = np.diag([1e-8] * 12)
     content = {
         "format": 1,
@@ -51,18 +53,18 @@ CORRECTION = correction_for(INFO, AXES, make_record())
 class Hanging:
     """A pipeline over a housing that hangs still, some seconds of each hour."""
 
-    def __init__(self, wall_offset_ns=0):
+    def __init__(self, wall_offset_ns: int = 0) -> None:
         self.rest = DriftMonitor(RestDriftMonitor(CORRECTION))
         self.clock = ClockState("synchronised", wall_offset_ns)
         self.open()
-        self.out = defaultdict(list)
+        self.out: defaultdict[str, list[Any]] = defaultdict(list)
         self._random = np.random.default_rng(5)
 
-    def open(self):
+    def open(self) -> None:
         configuration = validate({"housing": {"position_m": 5.0}, "rope": {"length_m": 8.0}}, "test")
         self.pipeline = Pipeline(configuration, INFO, CORRECTION, HeaderMaker(), drift=self.rest)
 
-    def hour(self, hour, error_g=0.0, seconds=24.0, sway_g=0.0):
+    def hour(self, hour: int, error_g: float = 0.0, seconds: float = 24.0, sway_g: float = 0.0) -> "Hanging":
         for number in range(round(seconds * RATE_HZ / BLOCK)):
             at_s = (number * BLOCK + np.arange(BLOCK)) / RATE_HZ
             force_g = np.tile([0.0, 0.0, 1.0 + error_g], (BLOCK, 1))
@@ -75,33 +77,34 @@ class Hanging:
         return self
 
     @property
-    def alert(self):
-        return self.out["alert"][-1]
+    def alert(self) -> Alert:
+        alert: Alert = self.out["alert"][-1]
+        return alert
 
 
-def calibration_of(alert):
+def calibration_of(alert: Alert) -> ActiveAlert | None:
     return next((one for one in alert.active if one.rule == "calibration"), None)
 
 
-def test_a_sensor_that_drifted_out_of_its_interval_is_warned_of_though_it_is_never_static():
+def test_a_sensor_that_drifted_out_of_its_interval_is_warned_of_though_it_is_never_static() -> None:
     crane = Hanging()
     for hour in range(HOLD_HOURS):
         crane.hour(hour, error_g=2 * DM_G)
         assert calibration_of(crane.alert) is None
     crane.hour(HOLD_HOURS, error_g=2 * DM_G)
     assert "static" not in {condition.verdict for condition in crane.out["condition"]}
-    warned = calibration_of(crane.alert)
+    warned = present(calibration_of(crane.alert))
     assert warned.level == "warn"
     assert "deviates from 1 g" in warned.text
     assert "calibrate" in warned.text
     raised = [alert for alert in crane.out["alert"] if alert.rule == "calibration"]
     assert [alert.event for alert in raised] == ["raised"]
-    assert crane.rest.status_json["state"] == "alarm"
-    assert crane.rest.status_json["norm_error_mg"] == pytest.approx(2000 * DM_G, rel=0.05)
+    assert present(crane.rest.status_json)["state"] == "alarm"
+    assert present(crane.rest.status_json)["norm_error_mg"] == pytest.approx(2000 * DM_G, rel=0.05)
 
 
 @pytest.mark.slow
-def test_the_warning_goes_with_the_drift_and_a_swing_says_nothing_of_it():
+def test_the_warning_goes_with_the_drift_and_a_swing_says_nothing_of_it() -> None:
     crane = Hanging()
     for hour in range(HOLD_HOURS + 1):
         crane.hour(hour, error_g=2 * DM_G)
@@ -116,17 +119,17 @@ def test_the_warning_goes_with_the_drift_and_a_swing_says_nothing_of_it():
     assert raised == ["raised", "cleared"]
 
 
-def test_what_is_still_within_its_interval_is_watched_and_not_warned_of():
+def test_what_is_still_within_its_interval_is_watched_and_not_warned_of() -> None:
     crane = Hanging()
-    assert crane.rest.status_json["state"] == "no_rest"
+    assert present(crane.rest.status_json)["state"] == "no_rest"
     for hour in range(HOLD_HOURS + 1):
         crane.hour(hour, error_g=DM_G / 2)
-    assert crane.rest.status_json["state"] == "watching"
+    assert present(crane.rest.status_json)["state"] == "watching"
     assert crane.rest.alarm is None
     assert {alert.rule for alert in crane.out["alert"]} <= {None, "swing", "lean"}
 
 
-def test_nothing_is_fed_while_the_housing_is_off_the_rope():
+def test_nothing_is_fed_while_the_housing_is_off_the_rope() -> None:
     crane = Hanging()
     crane.pipeline.set_session(NO_SESSION, "SUSPENDED: on the bench")
     crane.hour(0).hour(1)
@@ -136,33 +139,33 @@ def test_nothing_is_fed_while_the_housing_is_off_the_rope():
     assert crane.rest.has_unsaved_readings
 
 
-def test_the_warning_is_unknown_while_alerts_are_suspended_and_comes_back_with_the_next_pipeline():
+def test_the_warning_is_unknown_while_alerts_are_suspended_and_comes_back_with_the_next_pipeline() -> None:
     crane = Hanging()
     for hour in range(HOLD_HOURS + 1):
         crane.hour(hour, error_g=2 * DM_G)
     crane.pipeline.set_session(NO_SESSION, "SUSPENDED: on the bench")
     crane.hour(HOLD_HOURS + 2, seconds=2)
     assert crane.alert.level == "unknown"
-    assert "SUSPENDED" in calibration_of(crane.alert).text
+    assert "SUSPENDED" in present(calibration_of(crane.alert)).text
     crane.open()
     crane.hour(HOLD_HOURS + 3, error_g=2 * DM_G, seconds=2)
-    assert calibration_of(crane.alert).level == "warn"
+    assert present(calibration_of(crane.alert)).level == "warn"
 
 
-def test_readings_are_dated_by_the_wall_clock():
+def test_readings_are_dated_by_the_wall_clock() -> None:
     ahead = Hanging(2 * NS_PER_HOUR).hour(0)
-    assert ahead.rest.dump_state()["open"]["hour"] == MADE_NS // NS_PER_HOUR + 2
+    assert present(ahead.rest.dump_state())["open"]["hour"] == MADE_NS // NS_PER_HOUR + 2
     behind = Hanging(-NS_PER_HOUR).hour(0)
-    assert behind.rest.dump_state()["open"] is None
-    assert behind.rest.dump_state()["misdated"] > 0
+    assert present(behind.rest.dump_state())["open"] is None
+    assert present(behind.rest.dump_state())["misdated"] > 0
 
 
-def test_an_alarm_whose_hours_were_forgotten_still_says_what_to_do():
+def test_an_alarm_whose_hours_were_forgotten_still_says_what_to_do() -> None:
     state = RestDriftMonitor(CORRECTION).state() | {"alarm_since_hour": MADE_NS // NS_PER_HOUR}
     assert DriftMonitor(RestDriftMonitor(CORRECTION, state)).alarm == DRIFTED
 
 
-def test_without_a_record_nothing_is_watched():
+def test_without_a_record_nothing_is_watched() -> None:
     rest = DriftMonitor(None)
     rest.update({}, MADE_NS, np.array([0.0, 0.0, 1.0]), None)
     assert (rest.status_json, rest.alarm, rest.calibration_id, rest.dump_state()) == (None, None, None, None)

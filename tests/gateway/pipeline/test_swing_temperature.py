@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
@@ -9,12 +10,14 @@ from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from gateway.calibration.correction import Correction
 from gateway.configuration.loading import validate
+from gateway.messages import Swing, Tilt
 from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.executor import ImmediateExecutor
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
 from gateway.pipeline.swing_stage import SwingStage
 from gateway.stages.lowpass import LowPass
+from tests.values import present
 
 RATE_HZ, NOISE_G, WARMER_K = 50.0, 2e-4, 40.0
 OFFSET_G_PER_K, SCALE_PER_K = 0.15e-3, 1e-4
@@ -35,14 +38,14 @@ CORRECTION = Correction(
 
 
 @pytest.fixture(scope="module")
-def crane():
+def crane() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """True specific force in g of a swing of 6 degrees without a lean, and its times."""
     time_s = np.arange(round(35 * RATE_HZ)) / RATE_HZ
     crane = Crane(length_m=9.0, position_m=2.7, motion=start_motion(np.radians(6.0), 0.0, 0.0, 0.0))
     return time_s, crane.specific_force_m_s2(time_s) / STANDARD_GRAVITY_M_S2
 
 
-def last_word(crane, temperature_c):
+def last_word(crane: tuple[NDArray[np.float64], NDArray[np.float64]], temperature_c: float) -> tuple[Swing, float]:
     """Last message and upper end of the lean, of a part that is `WARMER_K` too warm, with its datasheet's errors planted."""
     time_s, force_g = crane
     planted_g = force_g * (1 + WARMER_K * SCALE_PER_K) + np.array([1.0, 0.5, -0.5]) * WARMER_K * OFFSET_G_PER_K
@@ -53,26 +56,28 @@ def last_word(crane, temperature_c):
         part = slice(begin, begin + 10)
         reading.update(time_s[part], planted_g[part], planted_g[part], temperature_c)
     header = HeaderMaker().make("swing", MessageTime(0, ClockState("synchronised", 0)), "r1")
-    return reading.message(header), reading.upper_confidence_limits()[1]
+    return reading.message(header), present(reading.upper_confidence_limits()[1])
 
 
-def test_beyond_the_calibrated_range_swing_and_lean_hold_and_the_temperature_is_named(crane):
+def test_beyond_the_calibrated_range_swing_and_lean_hold_and_the_temperature_is_named(
+    crane: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> None:
     message, lean_end_rad = last_word(crane, 24.0 + WARMER_K)
 
-    low_deg, high_deg = message.coverage95_deg
+    low_deg, high_deg = present(message.coverage95_deg)
     assert low_deg < 6.0 < high_deg
-    assert np.degrees(lean_end_rad) > 2 * message.lean_deg  # no lean is as likely: the truth is none
+    assert np.degrees(lean_end_rad) > 2 * present(message.lean_deg)  # no lean is as likely: the truth is none
     assert "widened: at 64 °C, calibrated at 20 to 24 °C" in message.reasons
 
 
-def test_within_it_nothing_is_widened_or_said(crane):
+def test_within_it_nothing_is_widened_or_said(crane: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
     message, lean_end_rad = last_word(crane, 23.0)
 
-    assert np.degrees(lean_end_rad) < 1.5 * message.lean_deg
+    assert np.degrees(lean_end_rad) < 1.5 * present(message.lean_deg)
     assert not any("°C" in reason for reason in message.reasons)
 
 
-def tilt_u_deg(temperatures_c):
+def tilt_u_deg(temperatures_c: list[float | None]) -> float:
     """Uncertainty of the last tilt of a housing at rest, its part telling these temperatures, one a block."""
     table = {"rope": {"length_m": 9.3}, "housing": {"position_m": 2.7}, "device": {"odr_hz": RATE_HZ}}
     pipeline = Pipeline(validate(table, "test"), INFO, CORRECTION, HeaderMaker())
@@ -81,11 +86,11 @@ def tilt_u_deg(temperatures_c):
         time_ns = np.rint((number * 10 + np.arange(10)) / RATE_HZ * 1e9).astype(np.int64)
         block = SampleBlock(time_ns, np.tile([0.0, 0.0, 1.0], (10, 1)), temperature_c)
         emissions = pipeline.process(block, ClockState("synchronised", 0)).messages
-        tilts += [emission.message for emission in emissions if emission.topic == "tilt"]
-    return tilts[-1].u_deg
+        tilts += [emission.message for emission in emissions if isinstance(emission.message, Tilt)]
+    return present(tilts[-1].u_deg)
 
 
-def test_the_tilt_is_widened_too_by_the_newest_temperature_that_the_part_told():
+def test_the_tilt_is_widened_too_by_the_newest_temperature_that_the_part_told() -> None:
     cool = tilt_u_deg([23.0] * 10)
     assert tilt_u_deg([23.0] * 5 + [24.0 + WARMER_K] + [None] * 4) > 5 * cool
-    assert tilt_u_deg([24.0 + WARMER_K] * 5 + [23.0] * 5) == cool
+    assert tilt_u_deg([*[24.0 + WARMER_K] * 5, *[23.0] * 5]) == cool

@@ -8,7 +8,7 @@ from gateway.stages.alerts import Limits, RuleState, event_between, initial_stat
 
 LIMITS = Limits(trip_rad=6.0, clear_rad=3.0, hold_s=2.0, warn_rad=4.0)
 
-CASES = {
+CASES: dict[str, tuple[list[tuple[float, float | None]], list[str]]] = {
     "below every limit stays normal": ([(0, 2), (1, 3.9)], ["normal", "normal"]),
     "the limit itself raises": ([(0, 4.0), (1, 6.0)], ["warn", "trip"]),
     "raised at once, from normal to trip": ([(0, 1), (1, 7)], ["normal", "trip"]),
@@ -26,7 +26,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_levels(case):
+def test_levels(case: str) -> None:
     readings, expected = CASES[case]
     state, levels = RuleState(), []
     for time_s, value_rad in readings:
@@ -35,24 +35,24 @@ def test_levels(case):
     assert levels == expected
 
 
-def test_without_a_warn_limit_there_is_only_trip():
+def test_without_a_warn_limit_there_is_only_trip() -> None:
     limits = Limits(trip_rad=math.radians(3), clear_rad=math.radians(2.4), hold_s=0.0)
     assert judge(RuleState(), math.radians(2.9), limits, 0.0).level == "normal"
     assert judge(RuleState(), math.radians(3.0), limits, 0.0).level == "trip"
 
 
-def test_since_is_when_the_level_began():
+def test_since_is_when_the_level_began() -> None:
     state = judge(judge(RuleState(), 4.5, LIMITS, 10.0), 4.6, LIMITS, 11.0)
     assert state.since_s == 10.0
 
 
-def test_nothing_known_is_worse_than_normal_and_less_than_warn():
+def test_nothing_known_is_worse_than_normal_and_less_than_warn() -> None:
     assert overall_level(["normal", "unknown"]) == "unknown"
     assert overall_level(["unknown", "warn", "normal"]) == "warn"
     assert overall_level([]) == "unknown"
 
 
-def test_events():
+def test_events() -> None:
     assert event_between(RuleState("normal"), RuleState("trip")) == "raised"
     assert event_between(RuleState("warn"), RuleState("trip")) == "raised"
     assert event_between(RuleState("warn"), RuleState("normal")) == "cleared"
@@ -62,7 +62,7 @@ def test_events():
     assert event_between(RuleState("warn"), RuleState("unknown")) == "changed"
 
 
-def test_a_rule_that_was_judged_elsewhere_warns_while_it_stands():
+def test_a_rule_that_was_judged_elsewhere_warns_while_it_stands() -> None:
     raised = initial_state(RuleState("normal", 1.0), stands=True, time_s=5.0)
     assert (raised.level, raised.since_s) == ("warn", 5.0)
     assert initial_state(raised, stands=True, time_s=9.0) is raised

@@ -1,24 +1,30 @@
 """The gates on synthetic stretches whose condition is known."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from gateway.stages.conditions.monitor import ConditionMonitor, SwingContext
+from gateway.stages.conditions.monitor import ConditionMonitor, ConditionResult, SwingContext
 
 RATE_HZ, NOISE_G, DM_G = 100.0, 0.0004, 0.002
+Array = NDArray[np.float64]
+
 STILL = SwingContext(swinging=False, phi_max_rad=0.001, consistent=True)
 NOT_YET = SwingContext(swinging=None, phi_max_rad=None, consistent=False)
 REST = (0.0, 0.0, 1.0)
 
 
-def stretch(seconds=4.0, mean=REST, noise_g=NOISE_G, seed=0):
+def stretch(
+    seconds: float = 4.0, mean: tuple[float, ...] = REST, noise_g: float = NOISE_G, seed: int = 0
+) -> tuple[Array, Array]:
     time_s = np.arange(round(seconds * RATE_HZ)) / RATE_HZ
     return time_s, np.random.default_rng(seed).normal(mean, noise_g, (len(time_s), 3))
 
 
-def pendulum(phi_max_rad, rho, seconds=4.0, period_s=6.0):
+def pendulum(phi_max_rad: float, rho: float, seconds: float = 4.0, period_s: float = 6.0) -> tuple[Array, Array]:
     """Planar swing of an ideal pendulum (small-angle phase, exact forces)."""
     time_s, force_g = stretch(seconds)
     phi = phi_max_rad * np.cos(2 * math.pi * time_s / period_s)
@@ -27,25 +33,32 @@ def pendulum(phi_max_rad, rho, seconds=4.0, period_s=6.0):
     return time_s, force_g
 
 
-def judged(time_s, force_g, swing=STILL, clipped=0, missing=0, block=10):
+def judged(
+    time_s: Array,
+    force_g: Array,
+    swing: SwingContext = STILL,
+    clipped: int = 0,
+    missing: int = 0,
+    block: int = 10,
+) -> ConditionResult:
     watch = ConditionMonitor(NOISE_G, DM_G)
     for begin in range(0, len(time_s), block):
         watch.update(time_s[begin : begin + block], force_g[begin : begin + block], clipped, missing)
     return watch.judge(swing)
 
 
-def test_rest_is_static():
+def test_rest_is_static() -> None:
     found = judged(*stretch())
     assert (found.verdict, found.trusted) == ("static", True)
     assert found.norm_g == pytest.approx(1, abs=1e-3)
 
 
-def test_a_lean_is_static_too():
+def test_a_lean_is_static_too() -> None:
     lean = math.radians(20)
     assert judged(*stretch(mean=(math.sin(lean), 0, math.cos(lean)))).verdict == "static"
 
 
-def test_a_swing_on_a_rope_whose_length_changes_is_disturbed_by_hoisting():
+def test_a_swing_on_a_rope_whose_length_changes_is_disturbed_by_hoisting() -> None:
     """A pendulum with a moving rope explains it: the angle is known, but it is no free swing."""
     seen = SwingContext(swinging=True, phi_max_rad=math.radians(8), consistent=True, rho=0.5, hoisting=True)
     found = judged(*pendulum(math.radians(8), 0.5), seen)
@@ -53,11 +66,11 @@ def test_a_swing_on_a_rope_whose_length_changes_is_disturbed_by_hoisting():
     assert not found.gates["rope_keeps_length"]
 
 
-def test_a_rope_that_was_said_to_move_is_static_once_it_is_still():
+def test_a_rope_that_was_said_to_move_is_static_once_it_is_still() -> None:
     assert judged(*stretch(), SwingContext(False, 0.001, consistent=True, hoisting=True)).verdict == "static"
 
 
-def test_vibration_about_a_steady_mean_is_quasi_static():
+def test_vibration_about_a_steady_mean_is_quasi_static() -> None:
     time_s, force_g = stretch()
     force_g[:, 1] += 0.02 * np.sin(2 * math.pi * 30 * time_s)
     assert judged(time_s, force_g).verdict == "quasi_static"
@@ -65,19 +78,19 @@ def test_vibration_about_a_steady_mean_is_quasi_static():
 
 @pytest.mark.parametrize("rho", [0.02, 0.5, 1.0])
 @pytest.mark.parametrize("phi_max_deg", [2.0, 8.0, 15.0])
-def test_a_pendulum_is_swinging_at_every_mounting(rho, phi_max_deg):
+def test_a_pendulum_is_swinging_at_every_mounting(rho: float, phi_max_deg: float) -> None:
     phi_max_rad = math.radians(phi_max_deg)
     seen = SwingContext(swinging=True, phi_max_rad=phi_max_rad, consistent=True, rho=rho)
     assert judged(*pendulum(phi_max_rad, rho), seen).verdict == "swinging"
 
 
-def test_before_a_full_swing_nothing_is_said():
+def test_before_a_full_swing_nothing_is_said() -> None:
     found = judged(*pendulum(0.1, 0.5), NOT_YET)
     assert (found.verdict, found.trusted) == ("unknown", False)
     assert judged(*stretch(seconds=0.5), NOT_YET).verdict == "unknown"
 
 
-DISTURBANCES = {
+DISTURBANCES: dict[str, Callable[[Array, Array], Array]] = {
     "hoisting": lambda t, f: f + np.outer(t > 3, [0, 0, 0.03]),
     "trolley": lambda t, f: f + np.outer(t > 3, [0.05, 0, 0]),
     "free fall": lambda _, f: f * 0.01,
@@ -87,13 +100,13 @@ DISTURBANCES = {
 
 
 @pytest.mark.parametrize("name", DISTURBANCES)
-def test_what_is_no_rest_is_never_static(name):
+def test_what_is_no_rest_is_never_static(name: str) -> None:
     time_s, force_g = stretch()
     found = judged(time_s, DISTURBANCES[name](time_s, force_g))
     assert (found.verdict, found.trusted) == ("disturbed", False)
 
 
-def test_an_impact_is_named():
+def test_an_impact_is_named() -> None:
     time_s, force_g = stretch()
     force_g[300] += [0.5, 0, 0]
     found = judged(time_s, force_g)
@@ -103,12 +116,12 @@ def test_an_impact_is_named():
 
 
 @pytest.mark.parametrize("name", ["hoisting", "trolley"])
-def test_what_drives_the_load_is_named(name):
+def test_what_drives_the_load_is_named(name: str) -> None:
     time_s, force_g = stretch()
     assert judged(time_s, DISTURBANCES[name](time_s, force_g)).cause == name
 
 
-def test_vibration_is_named_and_too_much_of_it_disturbs():
+def test_vibration_is_named_and_too_much_of_it_disturbs() -> None:
     time_s, force_g = stretch()
     wave = np.outer(np.sin(2 * math.pi * 30 * time_s), [0, 1.0, 0])
     mild, strong = judged(time_s, force_g + 0.05 * wave), judged(time_s, force_g + 0.4 * wave)
@@ -116,7 +129,7 @@ def test_vibration_is_named_and_too_much_of_it_disturbs():
     assert (strong.verdict, strong.cause) == ("disturbed", "vibration")
 
 
-def test_an_impact_stands_out_of_vibration_and_vibration_is_none():
+def test_an_impact_stands_out_of_vibration_and_vibration_is_none() -> None:
     time_s, force_g = stretch()
     force_g[:, 1] += 0.12 * np.sin(2 * math.pi * 30 * time_s)
     assert judged(time_s, force_g).cause == "vibration"
@@ -124,7 +137,7 @@ def test_an_impact_stands_out_of_vibration_and_vibration_is_none():
     assert judged(time_s, force_g).cause == "impact"
 
 
-def test_a_swing_at_its_turning_point_is_not_static_while_nobody_knows():
+def test_a_swing_at_its_turning_point_is_not_static_while_nobody_knows() -> None:
     """A rope of 40 m: for two seconds nothing seems to move."""
     time_s, force_g = pendulum(math.radians(0.4), 0.9, seconds=2.1, period_s=12.7)
     assert judged(time_s, force_g, NOT_YET).verdict == "unknown"
@@ -132,7 +145,7 @@ def test_a_swing_at_its_turning_point_is_not_static_while_nobody_knows():
     assert judged(*stretch(seconds=5.0), NOT_YET).verdict == "static"
 
 
-def test_a_movement_of_seconds_ago_is_not_static_yet():
+def test_a_movement_of_seconds_ago_is_not_static_yet() -> None:
     time_s, force_g = stretch(seconds=5.0)
     force_g[:, 0] += np.where(time_s < 2, 0.02, 0.0)
     found = judged(time_s, force_g)
@@ -142,26 +155,26 @@ def test_a_movement_of_seconds_ago_is_not_static_yet():
 SWING = SwingContext(swinging=True, phi_max_rad=math.radians(8), consistent=True, rho=0.5, period_s=6.0)
 
 
-def test_a_free_swing_keeps_its_energy_and_hangs_freely():
+def test_a_free_swing_keeps_its_energy_and_hangs_freely() -> None:
     found = judged(*pendulum(math.radians(8), 0.5), SWING)
     assert (found.verdict, found.cause, found.gates["energy"], found.gates["axial"]) == ("swinging", None, True, True)
 
 
-def test_a_trolley_shows_in_the_energy_of_a_swing():
+def test_a_trolley_shows_in_the_energy_of_a_swing() -> None:
     time_s, force_g = pendulum(math.radians(8), 0.5)
     force_g[:, 0] += 0.06 * np.sin(math.pi * time_s / 2) ** 2
     found = judged(time_s, force_g, SWING)
     assert (found.verdict, found.cause, found.gates["energy"]) == ("disturbed", "trolley", False)
 
 
-def test_a_hoist_shows_along_the_rope_of_a_swing():
+def test_a_hoist_shows_along_the_rope_of_a_swing() -> None:
     time_s, force_g = pendulum(math.radians(8), 0.5)
     force_g[:, 2] += 0.02 * np.sin(math.pi * time_s / 2)
     found = judged(time_s, force_g, SWING)
     assert (found.verdict, found.cause, found.gates["axial"]) == ("disturbed", "hoisting", False)
 
 
-def test_a_window_lasts_two_seconds_at_every_rate():
+def test_a_window_lasts_two_seconds_at_every_rate() -> None:
     for rate_hz in (50.0, 100.0, 1000.0):
         watch, n = ConditionMonitor(NOISE_G, DM_G), round(rate_hz / 10)
         for block in range(60):
@@ -172,20 +185,20 @@ def test_a_window_lasts_two_seconds_at_every_rate():
                 assert found.gates["not_clipped"] == (not 35 <= block < 55)
 
 
-def test_clipping_and_missing_samples_are_named():
+def test_clipping_and_missing_samples_are_named() -> None:
     assert "clipped" in judged(*stretch(), clipped=1).reasons[0]
     found = judged(*stretch(), missing=2)
     assert (found.verdict, "missing" in found.reasons[0]) == ("unknown", True)
 
 
-def test_a_dead_axis_is_named():
+def test_a_dead_axis_is_named() -> None:
     time_s, force_g = stretch()
     force_g[:, 1] = 0.0
     found = judged(time_s, force_g)
     assert (found.verdict, found.reasons) == ("unknown", ("an axis reads exactly zero",))
 
 
-def test_a_gap_forgets_what_was_before():
+def test_a_gap_forgets_what_was_before() -> None:
     time_s, force_g = stretch()
     watch = ConditionMonitor(NOISE_G, DM_G)
     watch.update(time_s, force_g, 0, 0)
@@ -193,7 +206,7 @@ def test_a_gap_forgets_what_was_before():
     assert watch.judge(STILL).verdict == "unknown"
 
 
-def test_the_undetectable_case_is_what_it_is():
+def test_the_undetectable_case_is_what_it_is() -> None:
     """001 Fig. 2: a constant acceleration of -2 g upright leaves |m| = 1 and turns the reading by 180 degrees.
 
     No accelerometer alone can tell; the gates call it static, and the docs say so.

@@ -4,8 +4,9 @@ import math
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from gateway.stages.conditions.monitor import ConditionMonitor, SwingContext
+from gateway.stages.conditions.monitor import ConditionMonitor, ConditionResult, SwingContext
 
 RATE_HZ, NOISE_G, DM_G, PERIOD_S = 100.0, 0.0004, 0.002, 6.0
 PHI_MAX_RAD, RHO = math.radians(8), 0.3
@@ -14,7 +15,7 @@ STILL = SwingContext(swinging=False, phi_max_rad=0.001, consistent=True)
 SWINGING = SwingContext(swinging=True, phi_max_rad=PHI_MAX_RAD, consistent=True, rho=RHO, period_s=PERIOD_S)
 
 
-def judged(force_g, rate_dps, seen):
+def judged(force_g: NDArray[np.float64], rate_dps: NDArray[np.float64] | None, seen: SwingContext) -> ConditionResult:
     watch = ConditionMonitor(NOISE_G, DM_G)
     rate_rad_s = None if rate_dps is None else np.radians(rate_dps)
     for begin in range(0, len(TIME_S), 10):
@@ -23,11 +24,11 @@ def judged(force_g, rate_dps, seen):
     return watch.judge(seen)
 
 
-def rest():
+def rest() -> NDArray[np.float64]:
     return np.random.default_rng(0).normal((0.0, 0.0, 1.0), NOISE_G, (len(TIME_S), 3))
 
 
-def swing():
+def swing() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Specific force and angular rate in degrees per second of a planar swing along x, which turns about y."""
     phase = 2 * math.pi * TIME_S / PERIOD_S
     phi, force_g = PHI_MAX_RAD * np.cos(phase), rest()
@@ -38,24 +39,24 @@ def swing():
     return force_g, rate_dps
 
 
-def turning(about, rate_dps):
+def turning(about: int, rate_dps: float) -> NDArray[np.float64]:
     rates = np.random.default_rng(1).normal(0.0, 0.1, (len(TIME_S), 3))
     rates[:, about] += rate_dps
     return rates
 
 
-def test_without_a_gyroscope_there_are_no_gates_of_it():
+def test_without_a_gyroscope_there_are_no_gates_of_it() -> None:
     assert not {"not_turning", "no_spin", "rate_pendulum"} & judged(rest(), None, STILL).gates.keys()
 
 
-def test_rest_with_a_quiet_gyroscope_is_static():
+def test_rest_with_a_quiet_gyroscope_is_static() -> None:
     found = judged(rest(), turning(2, 0.8), STILL)
     assert found.verdict == "static"
     assert found.gates["not_turning"]
 
 
 @pytest.mark.parametrize("about", [0, 1, 2])
-def test_forces_of_rest_on_a_housing_that_turns_are_not_static(about):
+def test_forces_of_rest_on_a_housing_that_turns_are_not_static(about: int) -> None:
     """About the rope no accelerometer on it can see this."""
     assert judged(rest(), None, STILL).verdict == "static"
     found = judged(rest(), turning(about, 10.0), STILL)
@@ -63,7 +64,7 @@ def test_forces_of_rest_on_a_housing_that_turns_are_not_static(about):
     assert any("turns" in reason for reason in found.reasons)
 
 
-def test_a_swing_turns_as_its_rope_does():
+def test_a_swing_turns_as_its_rope_does() -> None:
     found = judged(*swing(), SWINGING)
     assert found.verdict == "swinging"
     assert found.gates["rate_pendulum"]
@@ -71,14 +72,14 @@ def test_a_swing_turns_as_its_rope_does():
 
 
 @pytest.mark.parametrize(("extra_dps", "gate"), [((0.0, 15.0, 0.0), "rate_pendulum"), ((0.0, 0.0, 8.0), "no_spin")])
-def test_a_swing_whose_housing_turns_otherwise_is_disturbed(extra_dps, gate):
+def test_a_swing_whose_housing_turns_otherwise_is_disturbed(extra_dps: tuple[float, float, float], gate: str) -> None:
     force_g, rate_dps = swing()
     found = judged(force_g, rate_dps + extra_dps, SWINGING)
     assert found.verdict == "disturbed"
     assert not found.gates[gate]
 
 
-def test_rates_that_are_no_numbers_are_left_out():
+def test_rates_that_are_no_numbers_are_left_out() -> None:
     rate_dps = turning(2, 0.0)
     rate_dps[::3] = np.nan
     assert judged(rest(), rate_dps, STILL).verdict == "static"

@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from scipy.signal import butter, freqz_sos, sosfilt, sosfilt_zi
 
 from gateway.stages.lowpass import LowPass
@@ -11,14 +12,14 @@ from gateway.stages.lowpass import LowPass
 CASES = [(1.0, 2, 125.0), (1.0, 4, 1000.0), (0.5, 1, 50.0), (5.0, 8, 1000.0), (1.0, 3, 4000.0), (0.2, 2, 100.0)]
 
 
-def reference(values, cutoff_hz, order, rate_hz):
+def reference(values: NDArray[np.float64], cutoff_hz: float, order: int, rate_hz: float) -> NDArray[np.float64]:
     sos = butter(order, cutoff_hz, fs=rate_hz, output="sos")
     state = sosfilt_zi(sos)[:, :, None] * values[0]
-    return sosfilt(sos, values, axis=0, zi=state)[0]
+    return np.asarray(sosfilt(sos, values, axis=0, zi=state)[0])
 
 
 @pytest.mark.parametrize(("cutoff_hz", "order", "rate_hz"), CASES)
-def test_is_butterworth_however_the_blocks_fall(cutoff_hz, order, rate_hz):
+def test_is_butterworth_however_the_blocks_fall(cutoff_hz: float, order: int, rate_hz: float) -> None:
     values = np.random.default_rng(0).normal([0.0, 0.0, 1.0], 1.0, size=(1000, 3))
     lowpass = LowPass(cutoff_hz, order, rate_hz)
     cuts = [0, 32, 33, 40, 700, 1000]
@@ -27,7 +28,7 @@ def test_is_butterworth_however_the_blocks_fall(cutoff_hz, order, rate_hz):
 
 
 @pytest.mark.parametrize(("cutoff_hz", "order", "rate_hz"), CASES)
-def test_states_its_gain(cutoff_hz, order, rate_hz):
+def test_states_its_gain(cutoff_hz: float, order: int, rate_hz: float) -> None:
     frequencies_hz = np.array([0.05, 0.3, 0.7]) * cutoff_hz
     _, response = freqz_sos(butter(order, cutoff_hz, fs=rate_hz, output="sos"), worN=frequencies_hz, fs=rate_hz)
     lowpass = LowPass(cutoff_hz, order, rate_hz)
@@ -35,7 +36,7 @@ def test_states_its_gain(cutoff_hz, order, rate_hz):
 
 
 @pytest.mark.parametrize(("cutoff_hz", "order", "rate_hz"), CASES)
-def test_states_its_delay(cutoff_hz, order, rate_hz):
+def test_states_its_delay(cutoff_hz: float, order: int, rate_hz: float) -> None:
     """Group delay is minus the slope of the phase; here by a difference of scipy's phase."""
     frequency_hz, step_hz = 0.3 * cutoff_hz, 1e-4 * cutoff_hz
     places = np.array([frequency_hz - step_hz, frequency_hz + step_hz])
@@ -45,12 +46,12 @@ def test_states_its_delay(cutoff_hz, order, rate_hz):
     assert LowPass(cutoff_hz, order, rate_hz).delay_s(frequency_hz) == pytest.approx(delay_s, rel=1e-4)
 
 
-def test_delay_of_a_second_order_filter_is_the_textbook_one():
+def test_delay_of_a_second_order_filter_is_the_textbook_one() -> None:
     assert LowPass(1.0, 2, 1000.0).delay_s() == pytest.approx(0.225, rel=2e-3)
     assert LowPass(1.0, 4, 1000.0).delay_s() == pytest.approx(0.416, rel=2e-3)
 
 
-def test_begins_without_a_transient_and_can_begin_again():
+def test_begins_without_a_transient_and_can_begin_again() -> None:
     lowpass = LowPass(1.0, 4, 125.0)
     steady = np.tile([0.1, -0.2, 1.0], (50, 1))
     np.testing.assert_allclose(lowpass.apply(steady), steady, atol=1e-12)
@@ -59,6 +60,6 @@ def test_begins_without_a_transient_and_can_begin_again():
 
 
 @pytest.mark.parametrize(("cutoff_hz", "order"), [(0.0, 2), (50.0, 2), (60.0, 2), (1.0, 0), (-1.0, 2)])
-def test_refuses_what_cannot_be(cutoff_hz, order):
+def test_refuses_what_cannot_be(cutoff_hz: float, order: int) -> None:
     with pytest.raises(ValueError, match="no low-pass"):
         LowPass(cutoff_hz, order, 100.0)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from gateway.stages.tilt import (
     axial_tilt,
@@ -18,23 +19,23 @@ from gateway.stages.tilt import (
 turns = st.floats(-179.9, 179.9)
 
 
-def pitched(angle_deg):
+def pitched(angle_deg: float) -> NDArray[np.float64]:
     return np.array([math.sin(math.radians(angle_deg)), 0.0, math.cos(math.radians(angle_deg))])
 
 
-def rolled(angle_deg):
+def rolled(angle_deg: float) -> NDArray[np.float64]:
     return np.array([0.0, math.sin(math.radians(angle_deg)), math.cos(math.radians(angle_deg))])
 
 
 @pytest.mark.parametrize("critical_value", [1.0, 4.0, 8.0])
 @given(angle_deg=turns)
-def test_full_range_in_pitch_and_roll(critical_value, angle_deg):
+def test_full_range_in_pitch_and_roll(critical_value: float, angle_deg: float) -> None:
     for m, which in ((pitched(angle_deg), "pitch_rad"), (rolled(angle_deg), "roll_rad")):
         found_deg = math.degrees(getattr(fused_tilt(m, critical_value), which))
         assert found_deg == pytest.approx(angle_deg, abs=1e-5)
 
 
-def test_unfolds_after_the_arccosine_too():
+def test_unfolds_after_the_arccosine_too() -> None:
     """The printed step list (001, steps 16 and 23) returns 80 degrees here."""
     assert math.degrees(fused_tilt(pitched(100.0)).pitch_rad) == pytest.approx(100.0)
     assert math.degrees(fused_tilt(rolled(-100.0)).roll_rad) == pytest.approx(-100.0)
@@ -43,7 +44,9 @@ def test_unfolds_after_the_arccosine_too():
 @given(
     st.floats(-1, 1), st.floats(-math.pi, math.pi), st.floats(-math.pi / 3, math.pi / 3), st.floats(-math.pi, math.pi)
 )
-def test_is_within_the_claim_for_a_noisy_reading_anywhere(z, azimuth_rad, noise_polar, noise_azimuth):
+def test_is_within_the_claim_for_a_noisy_reading_anywhere(
+    z: float, azimuth_rad: float, noise_polar: float, noise_azimuth: float
+) -> None:
     """001 claims 0.2 degrees over 360; an error of 1 mg in any direction is 0.06 degrees."""
     across = math.sqrt(1 - z * z)
     m = np.array([across * math.cos(azimuth_rad), across * math.sin(azimuth_rad), z])
@@ -64,7 +67,7 @@ def test_is_within_the_claim_for_a_noisy_reading_anywhere(z, azimuth_rad, noise_
             assert abs(math.degrees(difference_rad)) < 0.2
 
 
-def test_arrays_are_taken_row_by_row():
+def test_arrays_are_taken_row_by_row() -> None:
     angles_deg = np.array([-170.0, -90.0, -10.0, 0.0, 33.0, 90.0, 179.0])
     m = np.array([pitched(angle) for angle in angles_deg])
     np.testing.assert_allclose(np.degrees(fused_tilt(m).pitch_rad), angles_deg, atol=1e-9)
@@ -72,7 +75,7 @@ def test_arrays_are_taken_row_by_row():
 
 
 @given(st.floats(0, math.pi), st.floats(-math.pi, math.pi))
-def test_plain_and_axial_forms_agree_with_geometry(tilt_rad, azimuth_rad):
+def test_plain_and_axial_forms_agree_with_geometry(tilt_rad: float, azimuth_rad: float) -> None:
     force = np.array(
         [math.sin(tilt_rad) * math.cos(azimuth_rad), math.sin(tilt_rad) * math.sin(azimuth_rad), math.cos(tilt_rad)]
     )
@@ -82,13 +85,13 @@ def test_plain_and_axial_forms_agree_with_geometry(tilt_rad, azimuth_rad):
     assert math.sin(plain.roll_rad) == pytest.approx(force[1], abs=1e-9)
 
 
-def test_direction_is_where_the_load_is():
+def test_direction_is_where_the_load_is() -> None:
     """A load pulled toward +x leans the housing so that gravity's reaction gains a negative x component."""
     assert math.degrees(lean_direction(np.array([-0.1, 0.0, 0.99]))) == pytest.approx(0.0)
     assert math.degrees(lean_direction(np.array([0.0, -0.1, 0.99]))) == pytest.approx(90.0)
 
 
-def test_uncertainty_is_that_of_repeated_readings():
+def test_uncertainty_is_that_of_repeated_readings() -> None:
     random = np.random.default_rng(2)
     u_force_g = np.array([0.002, 0.003, 0.004])
     for tilt_deg in (5.0, 30.0, 60.0):
@@ -97,5 +100,5 @@ def test_uncertainty_is_that_of_repeated_readings():
         assert axial_tilt_uncertainty(m, u_force_g) == pytest.approx(float(np.std(axial_tilt(readings))), rel=0.03)
 
 
-def test_uncertainty_near_zero_tilt_counts_both_axes():
+def test_uncertainty_near_zero_tilt_counts_both_axes() -> None:
     assert axial_tilt_uncertainty(np.array([0.0, 0.0, 1.0]), np.array([0.003, 0.004, 0.1])) == pytest.approx(0.005)
