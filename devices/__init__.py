@@ -1,1 +1,1 @@
-"""What is on the wire: one file per chip or radio, the bus, the clock, simulated and replayed devices."""
+"""Sources of samples: sensors, recordings, the simulated crane, the buses they use, and the sample clock."""

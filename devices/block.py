@@ -1,4 +1,4 @@
-"""What a device hands on: blocks of samples, and what is known of the part that made them."""
+"""The data that a device delivers: blocks of samples, and a description of the sensor."""
 
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -14,15 +14,15 @@ class SampleBlock:
     """Consecutive samples of one burst, oldest first, in the sensor's own axes and unit."""
 
     time_ns: NDArray[np.int64]
-    """Sample times, shape (n,), strictly increasing: gateway time, see `devices.clock`."""
+    """Sample times in gateway time, shape (n,), strictly increasing; see `devices.clock`."""
     raw: NDArray[np.int32] | NDArray[np.float64]
-    """Readings as the part gives them, shape (n, 3), in `DeviceInfo.unit`; int32 for counts, float64 for g."""
+    """Readings, shape (n, 3), in `DeviceInfo.unit`; int32 for counts, float64 for g."""
     temperature_c: float | None = None
-    """The part's own temperature with this block, where it has one."""
+    """Temperature of the sensor during this block; None if it does not report one."""
     lost: int = 0
-    """Samples known to be missing just before this block (overrun, sequence gap, radio loss)."""
+    """Samples known to be missing immediately before this block (overrun, sequence gap, radio loss)."""
     invalid: int = 0
-    """Entries that came and could not be used (bad checksum, NaN, repeated or backward time)."""
+    """Samples that arrived and could not be used (bad checksum, NaN, repeated or backward time)."""
 
     def __len__(self) -> int:
         return len(self.time_ns)
@@ -30,33 +30,33 @@ class SampleBlock:
 
 @dataclass(frozen=True, slots=True)
 class DeviceInfo:
-    """Identity and nominal figures of an opened device."""
+    """Identity and nominal properties of an opened device."""
 
     kind: str
     device_id: str
-    """Identity that a calibration record is found by; stable over restarts, another for another part."""
+    """Identity by which a calibration record is found: the same after a restart, different for another part."""
     unit: RawUnit
     odr_hz: float
     """Nominal output data rate."""
     units_per_g: float
-    """Nominal sensitivity: counts per g, or 1 where `raw` is already in g."""
+    """Nominal sensitivity: counts per g, or 1 where `raw` is in g."""
     full_scale_g: float | None = None
-    """A reading at or beyond this is clipped; None where it is not known."""
+    """A reading at or beyond this is clipped; None: not known."""
     noise_g: float | None = None
-    """Typical noise, 1 sigma per sample and axis at this rate; None: estimate it from the data."""
+    """Typical noise, 1 sigma per sample and axis at this rate; None: to be estimated from the data."""
     zero_g_offset_g: float | None = None
-    """Datasheet limit of the zero-g offset: the uncertainty of an uncalibrated axis."""
+    """Limit of the zero-g offset by the data sheet: the uncertainty of an uncalibrated axis."""
     bandwidth_hz: float | None = None
-    """-3 dB of the low-pass inside the part; None: there is none below half the rate, or it is not known."""
+    """-3 dB frequency of the part's own low-pass filter; None: not known, or above half the rate."""
     zero_g_offset_g_per_k: float | None = None
-    """Datasheet limit of the zero-g offset's change with temperature, either way; None: not known."""
+    """Limit of the change of the zero-g offset with temperature by the data sheet; None: not known."""
     scale_factor_per_k: float | None = None
-    """Datasheet figure of the scale factor's relative change with temperature, either way; None: not known."""
+    """Relative change of the scale factor with temperature by the data sheet; None: not known."""
     factory_calibration: dict[str, Any] | None = None
     """A calibration record that comes with the part (see `gateway.calibration.record`)."""
     calibrated_source: bool = False
-    """The readings are specific force in the housing frame already (a recording in g)."""
+    """The readings are calibrated specific force in the housing frame (a recording in g)."""
     can_wait: bool = False
-    """The source waits for its reader (a recording): blocks are never dropped because somebody is slow."""
+    """The source waits for its reader (a recording), so blocks are never dropped."""
     details: dict[str, str] = field(default_factory=dict)
-    """Other facts worth showing: revision, bus, port, firmware."""
+    """Further properties for display: revision, bus, port, firmware."""

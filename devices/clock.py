@@ -1,7 +1,7 @@
-"""Time: one clock that never steps.
+"""Gateway time: a clock that never steps.
 
-*Gateway time* is UTC in nanoseconds as the host believed it at start, carried on by the monotonic clock: it never jumps,
-whatever the wall clock does. Everything is stamped and sorted by it; the `/clock` topic carries its offset from the wall.
+Gateway time is the host's UTC in nanoseconds at start, continued by the monotonic clock. It does not step when the wall clock
+does. Samples and messages are stamped and sorted by it; the `/clock` topic carries the offset of the wall clock.
 """
 
 import time
@@ -9,32 +9,32 @@ from typing import Protocol
 
 
 class Clock(Protocol):
-    """What a device needs of time; a test hands in its own."""
+    """The clock that a device uses; tests provide their own."""
 
     def now_ns(self) -> int:
-        """Gateway time."""
+        """Return the gateway time."""
         ...
 
     def sleep_s(self, seconds: float) -> None:
-        """Wait; returns at once for zero or less."""
+        """Wait; return at once for zero or less."""
         ...
 
 
 class HostClock:
-    """Gateway time of this machine."""
+    """The gateway time of this machine."""
 
     def __init__(self) -> None:
         self.anchor_ns = time.time_ns() - time.monotonic_ns()
 
     def now_ns(self) -> int:
-        """Gateway time: the monotonic clock, anchored once to UTC."""
+        """Return the gateway time: the monotonic clock, anchored once to UTC."""
         return time.monotonic_ns() + self.anchor_ns
 
     def wall_offset_ns(self) -> int:
-        """UTC by the wall clock now, minus gateway time: what NTP has corrected since start."""
+        """Return the UTC of the wall clock minus gateway time: the corrections by NTP since start."""
         return time.time_ns() - self.now_ns()
 
     def sleep_s(self, seconds: float) -> None:
-        """Wait; returns at once for zero or less."""
+        """Wait; return at once for zero or less."""
         if seconds > 0:
             time.sleep(seconds)

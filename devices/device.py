@@ -1,4 +1,4 @@
-"""The protocol that every source of samples keeps: a chip, a radio, a recording, a simulation."""
+"""The protocol of every source of samples: a sensor, a radio receiver, a recording, a simulation."""
 
 from collections.abc import Mapping
 from typing import Protocol
@@ -7,7 +7,7 @@ from devices.block import DeviceInfo, SampleBlock
 
 
 class EndOfRecording(Exception):  # noqa: N818  (not an error: a replayed recording has been read to its end)
-    """The device has no more samples and never will."""
+    """The recording has been read to its end."""
 
 
 class Device(Protocol):
@@ -18,9 +18,9 @@ class Device(Protocol):
         ...
 
     def read(self) -> SampleBlock | None:
-        """Wait for the next burst, at most half a second; None when nothing came.
+        """Wait up to half a second for the next block; None if nothing came.
 
-        Raises `DeviceError` when the part has to be opened again, `EndOfRecording` when there is no more.
+        Raises `DeviceError` when the part has to be opened again, `EndOfRecording` at the end of a recording.
         """
         ...
 
@@ -30,5 +30,5 @@ class Device(Protocol):
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """Counts of what went wrong and was survived since construction, by name (`overrun`, `checksum`, ...)."""
+        """Number of faults since construction that did not stop the device, by name (`overrun`, `checksum`, ...)."""
         ...

@@ -1,20 +1,20 @@
-"""What can go wrong between the wire and a sample block."""
+"""The errors of devices."""
 
 
 class DeviceError(Exception):
-    """A device cannot do what was asked. The text names the place and the mend in one line."""
+    """A device cannot do what was asked. The text names the place and the remedy in one line."""
 
 
 class DeviceNotFoundError(DeviceError):
-    """No bus, port, file or address of that name."""
+    """There is no bus, port, file or address of that name."""
 
 
 class DeviceAccessError(DeviceError):
-    """The bus or port exists, and this user may not open it."""
+    """The bus or port exists, but this user may not open it."""
 
 
 class IdentityError(DeviceError):
-    """Something answers, and it is not the part that the configuration names."""
+    """The part that answers is not the one that the configuration names."""
 
 
 class ConfigurationReadBackError(DeviceError):
@@ -22,8 +22,8 @@ class ConfigurationReadBackError(DeviceError):
 
 
 class TransferError(DeviceError):
-    """A transfer failed: no acknowledge, a time-out, a closed port. Worth another try."""
+    """A transfer failed: no acknowledge, a timeout, a closed port. It may be tried again."""
 
 
 class RecordingError(DeviceError):
-    """A recording cannot be read: missing, empty, truncated beyond use, or of another form."""
+    """A recording cannot be read: it is missing, empty, truncated or of another format."""

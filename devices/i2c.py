@@ -1,7 +1,7 @@
 """One part on an I2C bus, through Linux i2c-dev.
 
-Everything goes through `i2c_rdwr`: a register read is one ioctl, write and read joined by a repeated start, of any length
-(SMBus block reads stop at 32 bytes).
+All transfers use `i2c_rdwr`: a register read of any length is one ioctl with a write and a read joined by a repeated start.
+SMBus block reads are limited to 32 bytes.
 """
 
 import errno
@@ -24,9 +24,9 @@ from devices.errors import (
 ATTEMPTS = 3
 RETRY_PAUSE_S = 0.001
 RETRY_LIMIT_NS = 250_000_000
-"""No further attempt after this: a time-out of the kernel alone may take a second."""
+"""No further attempt after this time; a timeout of the kernel alone may take a second."""
 ADDRESSES = range(0x08, 0x78)
-"""7-bit addresses that a part may have."""
+"""The valid 7-bit addresses."""
 
 NO_ACKNOWLEDGE = (errno.EREMOTEIO, errno.ENXIO)
 FAULTS = {
@@ -36,15 +36,15 @@ FAULTS = {
     errno.EIO: ("i2c_bus_error", "bus error; shorten the cable or lower the bus speed"),
     errno.EAGAIN: ("i2c_bus_error", "the bus is taken; check for a second master and the pull-ups"),
 }
-"""By errno: name in `I2cPart.faults`, what it means and the mend."""
+"""By errno: the name in `I2cPart.faults`, and the meaning with the remedy."""
 OTHER_FAULT = ("i2c_bus_error", "the transfer failed; reload the bus driver or restart the computer")
 
 
 class Bus(Protocol):
-    """What is asked of a bus: that of `smbus2.SMBus`."""
+    """The part of `smbus2.SMBus` that is used."""
 
     def i2c_rdwr(self, *i2c_msgs: i2c_msg) -> None:
-        """One combined transaction; `OSError` when it fails."""
+        """Do one combined transaction. Raises `OSError`."""
         ...
 
     def close(self) -> None:
@@ -60,20 +60,20 @@ class I2cPart:
 
     def __init__(self, bus: int, address: int, clock: Clock, open_bus: BusOpener = SMBus) -> None:
         if address not in ADDRESSES:
-            raise ValueError(f"address {address:#04x} is no 7-bit I2C address; name one of 0x08 to 0x77")
+            raise ValueError(f"address {address:#04x} is not a 7-bit I2C address; give one of 0x08 to 0x77")
         self._number = bus
         self._address = address
         self._clock = clock
         self._open_bus = open_bus
         self._bus: Bus | None = None
         self.faults: Counter[str] = Counter()
-        """Failed transfers by name, those among them that a further attempt made good."""
+        """Failed transfers by name, including those that succeeded at a further attempt."""
 
     def __str__(self) -> str:
         return f"I2C bus {self._number} address {self._address:#04x}"
 
     def open(self) -> None:
-        """Open the bus; says nothing about the part. Raises `DeviceNotFoundError`, `DeviceAccessError`."""
+        """Open the bus, without any access to the part. Raises `DeviceNotFoundError`, `DeviceAccessError`."""
         self.close()
         path = f"/dev/i2c-{self._number}"
         try:
@@ -97,10 +97,10 @@ class I2cPart:
             self._bus = None
 
     def read(self, register: int, length: int, *, consuming: bool = False) -> bytes:
-        """Read `length` bytes from `register` on. Raises `TransferError`.
+        """Read `length` bytes from a register on. Raises `TransferError`.
 
-        `consuming`: reading takes the bytes out of the part (a FIFO), so a read is repeated only when the part did not
-        acknowledge: that is before its first byte.
+        `consuming`: reading removes the bytes from the part (a FIFO). Such a read is repeated only when the part did not
+        acknowledge, that is before its first byte.
         """
         answer = i2c_msg.read(self._address, length)
         self._transfer(i2c_msg.write(self._address, (register,)), answer, repeatable=not consuming)
@@ -128,11 +128,11 @@ class I2cPart:
             try:
                 self._bus.i2c_rdwr(*messages)
             except OSError as error:
-                name, mend = FAULTS.get(error.errno or 0, OTHER_FAULT)
+                name, meaning = FAULTS.get(error.errno or 0, OTHER_FAULT)
                 self.faults[name] += 1
                 late = self._clock.now_ns() - start_ns > RETRY_LIMIT_NS
                 if attempt == ATTEMPTS or late or not (repeatable or error.errno in NO_ACKNOWLEDGE):
-                    raise TransferError(f"{self}: {mend} (errno {error.errno}, attempt {attempt})") from error
+                    raise TransferError(f"{self}: {meaning} (errno {error.errno}, attempt {attempt})") from error
                 self._clock.sleep_s(RETRY_PAUSE_S)
             else:
                 return

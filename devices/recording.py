@@ -1,6 +1,6 @@
-"""A recording in memory, and how the rows of the field become one.
+"""A recording in memory, and its construction from the rows of a file.
 
-What cannot be used is left out and counted by kind, and the hole that it leaves is known.
+Rows that cannot be used are left out and counted by kind, and the gap that they leave is known.
 """
 
 from bisect import bisect_left
@@ -17,65 +17,65 @@ Integers = NDArray[np.int64]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
-    """Usable samples of one recording, oldest first, with what was lost among them."""
+    """The usable samples of one recording, oldest first, and the number of samples lost between them."""
 
     time_s: Floats
-    """Shape (n,), n >= 2, strictly increasing by at least 1 ns; from any origin, see `origin_ns`."""
+    """Shape (n,), n >= 2, strictly increasing by at least 1 ns, from any origin; see `origin_ns`."""
     raw: Floats
-    """Shape (n, 3), finite, in `unit`; whole numbers where that is counts."""
+    """Shape (n, 3), finite, in `unit`; whole numbers in counts."""
     unit: RawUnit
     lost_before: Integers
-    """Samples missing just before each sample, shape (n,)."""
+    """Samples missing immediately before each sample, shape (n,)."""
     unusable_before: Integers
-    """Rows that came just before each sample and were left out, shape (n,); those after the last one are counted with it."""
+    """Rows left out immediately before each sample, shape (n,); those after the last sample are counted with it."""
     temperature_c: Floats | None = None
     """Shape (n,), NaN where a row has none."""
     gyro_dps: Floats | None = None
     """Angular rate in degrees per second, shape (n, 3), NaN where a row has none."""
     repeated: int = 0
-    """Rows left out because their time had been there already."""
+    """Rows left out because their time occurred before."""
     backward: int = 0
     """Rows left out because their time is out of order."""
     invalid: int = 0
-    """Rows left out because they hold no numbers, NaN, or too few or too many columns."""
+    """Rows left out because they have no numbers, NaN, or too few or too many columns."""
     blank: int = 0
-    """Blank lines; they stand for no sample."""
+    """Blank lines, which represent no sample."""
     truncated: int = 0
-    """1 where the last line was cut off and is left out."""
+    """1 if the last line was incomplete and is left out."""
     origin_ns: int | None = None
-    """UTC of `time_s` = 0 where it is known (an absolute recording)."""
+    """UTC of `time_s` = 0 if it is known (an absolute recording)."""
 
     def __post_init__(self) -> None:
         n = len(self.time_s)
         if n < 2 or {len(self.raw), len(self.lost_before), len(self.unusable_before)} != {n}:
-            raise ValueError("a recording has at least two samples, each with a time and its readings")
+            raise ValueError("a recording needs at least two samples, each with a time and its readings")
         if np.any(np.diff(self.offset_ns()) <= 0):
-            raise ValueError("the times of a recording increase; see recording_from_rows for those that do not")
+            raise ValueError("the times of a recording must increase; recording_from_rows leaves out those that do not")
 
     def __len__(self) -> int:
         return len(self.time_s)
 
     @property
     def lost(self) -> int:
-        """Samples missing."""
+        """Number of missing samples."""
         return int(self.lost_before.sum())
 
     @property
     def rate_hz(self) -> float:
-        """Measured rate, gaps apart."""
+        """Measured rate, without the gaps."""
         return 1.0 / typical_interval(self.time_s)
 
     def offset_ns(self) -> Integers:
-        """Time of each sample after the first, shape (n,)."""
+        """Return the time of each sample after the first, shape (n,)."""
         return elapsed_ns(self.time_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SampleRows:
-    """Rows that hold numbers, as they came; NaN and times out of order among them."""
+    """The rows with numbers in their order in the file, including NaN and times out of order."""
 
     place: Integers
-    """Place of each row among all `count` rows that came, shape (m,); the missing places held no numbers."""
+    """Index of each row among all `count` rows, shape (m,); the other rows have no numbers."""
     count: int
     time_s: Floats
     raw: Floats
@@ -84,26 +84,26 @@ class SampleRows:
 
 
 def elapsed_ns(time_s: Floats) -> Integers:
-    """Nanoseconds since the first entry."""
+    """Return the nanoseconds since the first entry."""
     elapsed: Integers = np.rint((time_s - time_s[0]) * 1e9).astype(np.int64)
     return elapsed
 
 
 def typical_interval(time: Floats) -> float:
-    """Mean of the intervals within half of their median: gaps do not enter, and coarse time stamps are averaged out."""
+    """Return the mean of the intervals within half of their median, which excludes gaps and averages coarse time stamps."""
     interval = np.diff(time)
     median = np.sort(interval)[(len(interval) - 1) // 2]
     return float(interval[np.abs(interval - median) <= 0.5 * median].mean())
 
 
 def longest_increasing_mask(time_ns: Integers) -> NDArray[np.bool_]:
-    """Mask of the longest strictly increasing sequence: the fewest entries are left out, whatever one wild time says.
+    """Return the mask of the longest strictly increasing subsequence, which leaves out the fewest entries.
 
-    Patience sorting; of equal times the first one stays.
+    Patience sorting; of equal times the first one is kept.
     """
     if np.all(np.diff(time_ns) > 0):
         return np.ones(len(time_ns), dtype=np.bool_)
-    ends: list[int] = []  # smallest last time of a sequence of each length
+    ends: list[int] = []  # smallest last time of a subsequence of each length
     places: list[int] = []
     predecessor = np.full(len(time_ns), -1)
     for place, time in enumerate(time_ns.tolist()):
@@ -123,10 +123,10 @@ def longest_increasing_mask(time_ns: Integers) -> NDArray[np.bool_]:
 
 
 def recording_from_rows(rows: SampleRows, unit: RawUnit, blank: int = 0, truncated: int = 0) -> Recording:
-    """Leave out what cannot be used, count it by kind, and tell the gaps.
+    """Return the usable rows as a recording; count the others by kind, and determine the gaps.
 
-    Raises `ValueError` when fewer than two samples are left, or when the times are no order of the rows: less than half of
-    them can be kept, or more than a quarter stand out of order.
+    Raises `ValueError` when fewer than two samples are usable, when less than half of the times can be kept in order, or when
+    more than a quarter are out of order.
     """
     usable = np.isfinite(rows.time_s) & np.isfinite(rows.raw).all(axis=1)
     numbers = np.flatnonzero(usable)
@@ -159,10 +159,10 @@ def recording_from_rows(rows: SampleRows, unit: RawUnit, blank: int = 0, truncat
 
 
 def _lost_before(rows: SampleRows, kept: Integers, out_of_order: Integers, repeated: Integers) -> Integers:
-    """Samples that a gap is wide and that did not come, shape of `kept`.
+    """Return the number of samples missing in the gap before each sample, shape of `kept`.
 
-    A row without numbers stands for one sample of the gap that it came in, a row out of order for one of the gap that its time
-    falls in, or else came in; a repeated row stands for none.
+    A row without numbers stands for one sample of its gap. A row out of order stands for one sample of the gap at its time, or
+    else of the gap in which it stands. A repeated row stands for none.
     """
     time_s, place = rows.time_s[kept], rows.place[kept]
     missing = missing_before(time_s)
@@ -177,12 +177,12 @@ def _lost_before(rows: SampleRows, kept: Integers, out_of_order: Integers, repea
 
 
 def missing_before(time_s: Floats) -> Integers:
-    """How many typical intervals more than one lie before each sample, shape (n,)."""
+    """Return the number of typical intervals beyond one before each sample, shape (n,)."""
     intervals = np.rint(np.diff(time_s) / typical_interval(time_s)).astype(np.int64)
     return np.concatenate([[0], np.maximum(intervals - 1, 0)])
 
 
 def _index_after_filter(time_ns: Integers, mask: NDArray[np.bool_]) -> Integers:
-    """For each entry the last one of the mask up to it; an entry before all of them stands for its first."""
+    """Return for each entry the last entry of the mask up to it; for an entry before all of them the first one of the mask."""
     latest: Integers = time_ns[mask][np.maximum(np.cumsum(mask) - 1, 0)]
     return latest

@@ -1,10 +1,9 @@
-"""A recording played back as a device: block by block, at the pace at which it was made, or faster."""
+"""A recording that is played back as a device, in real time or faster."""
 
 import hashlib
 import math
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from devices.clock import Clock
 from devices.device import EndOfRecording
 from devices.errors import RecordingError
 from devices.recording import Recording, typical_interval
-from devices.table import NATIVE, TableLayout, read_table
+from devices.table import TableLayout
 
 LONGEST_WAIT_S = 0.5
 
@@ -21,16 +20,16 @@ LONGEST_WAIT_S = 0.5
 class Replay:
     """Plays a recording from its start at each `open`.
 
-    Sample times keep the recorded spacing at any speed, for a pendulum has its own. They begin at gateway time of `open`, or
-    are the recorded ones where the recording is absolute; played faster than real time they run ahead of the clock.
+    Sample times keep the recorded spacing at any speed. They begin at the gateway time of `open`, or are the recorded times if
+    the recording is absolute. Played faster than real time, they run ahead of the clock.
     """
 
     def __init__(
         self, recording: Recording, info: DeviceInfo, *, clock: Clock, speed: float = 1.0, block_samples: int = 32
     ) -> None:
-        """`speed`: recorded seconds per second, 1 is real time, 0 or inf as fast as it goes. Raises `ValueError`."""
+        """`speed`: recorded seconds per second; 1 is real time, 0 or inf as fast as possible. Raises `ValueError`."""
         if not speed >= 0:
-            raise ValueError(f"speed {speed} of a replay is impossible: give 1 for real time, 0 for as fast as it goes")
+            raise ValueError(f"speed {speed} of a replay is impossible: give 1 for real time, 0 for as fast as possible")
         if block_samples < 1:
             raise ValueError(f"blocks of {block_samples} samples are impossible: give at least 1")
         self.recording = recording
@@ -45,25 +44,8 @@ class Replay:
         self._first_ns = 0
         self._next = len(recording)
 
-    @classmethod
-    def from_table(
-        cls,
-        path: Path | str,
-        layout: TableLayout = NATIVE,
-        *,
-        clock: Clock,
-        speed: float = 1.0,
-        block_samples: int = 32,
-    ) -> Self:
-        """A replay of a text recording; raises `RecordingError` (see `devices.table.read_table`)."""
-        path = Path(path)
-        recording = read_table(path, layout)
-        return cls(
-            recording, table_info(path, layout, recording), clock=clock, speed=speed, block_samples=block_samples
-        )
-
     def open(self) -> DeviceInfo:
-        """Wind back to the start."""
+        """Return to the start of the recording."""
         self._start_ns = self._clock.now_ns()
         self._first_ns = self._start_ns
         if self.recording.origin_ns is not None:
@@ -72,7 +54,7 @@ class Replay:
         return self.info
 
     def read(self) -> SampleBlock | None:
-        """The next block once its last sample is due; None when that is more than half a second away."""
+        """Return the next block when its last sample is due; None if that is more than half a second away."""
         first, end = self._next, self._block_end()
         due_ns = self._start_ns + round(int(self._offset_ns[end - 1]) * self._seconds_per_recorded)
         wait_s = (due_ns - self._clock.now_ns()) / 1e9
@@ -90,12 +72,12 @@ class Replay:
         )
 
     def close(self) -> None:
-        """Nothing is held."""
+        """Nothing to release."""
         self._next = len(self.recording)
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """What was left out of the recording, by kind: all of it, from the start; gaps are told by the blocks."""
+        """The rows that were left out of the whole recording, by kind; the blocks state the gaps."""
         recording = self.recording
         return {
             "repeated": recording.repeated,
@@ -106,7 +88,7 @@ class Replay:
         }
 
     def _block_end(self) -> int:
-        """Where the block that begins at `_next` ends: a gap always stands between blocks."""
+        """Return the end of the block that begins at `_next`; a gap is always between two blocks."""
         if self._next == len(self.recording):
             raise EndOfRecording(f"{self.info.device_id}: played to its end")
         following = np.searchsorted(self._breaks, self._next, side="right")
@@ -122,7 +104,7 @@ class Replay:
 
 
 def table_info(path: Path, layout: TableLayout, recording: Recording) -> DeviceInfo:
-    """What is known of the part that made a text recording; raises `RecordingError`."""
+    """Return the description of the device that made a text recording. Raises `RecordingError`."""
     if layout.unit == "counts" and layout.units_per_g is None:
         raise RecordingError(f"{path}: is in counts and its sensitivity is not given; say how many counts are 1 g")
     with path.open("rb") as file:
@@ -140,6 +122,6 @@ def table_info(path: Path, layout: TableLayout, recording: Recording) -> DeviceI
 
 
 def _breaks(recording: Recording) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
-    """Samples that a block must begin with: those after a gap, explained or not."""
+    """Return the indices at which a block must begin: after each gap."""
     late = np.diff(recording.time_s, prepend=recording.time_s[0]) > 1.5 * typical_interval(recording.time_s)
     return np.flatnonzero(late | (recording.lost_before > 0))

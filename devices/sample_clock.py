@@ -1,13 +1,13 @@
-"""Sample times of a part whose clock cannot be read, from sample counts and the gateway times at which they were seen.
+"""Sample times of a part whose clock cannot be read, by regression of the sample count on gateway time.
 
-The part makes samples evenly, at a rate of its own that is off by per cents and drifts slowly. The host learns at gateway
-time r that sample k is there: late, by a delay that varies, never early. The line t(k) = a + p k therefore lies below every
-(k, r) and touches those that were seen at once. Of all lines below, the one with the least sum of heights above it is taken:
-it holds the edge of the lower convex hull over the mean k (Moon, Skelly and Towsley, INFOCOM 1999, "Estimation and removal
-of clock skew from network delay measurements"). For a bounded delay its error falls as 1/n, that of least squares as 1/sqrt(n).
+The part samples at a constant rate that differs from the nominal one by per cents and drifts slowly. The host observes at
+gateway time r that sample k is there: with a varying delay, never early. The line t(k) = a + p k therefore lies below every
+observation (k, r) and touches those without delay. Of all lines below the observations, the one with the least sum of distances
+is used. It contains the edge of the lower convex hull over the mean k (Moon et al. 1999). For a bounded delay its error
+decreases as 1/n, that of least squares as 1/sqrt(n).
 
-What no regression can find is the part of the delay that every reading has: it stays as a constant. Times are late by it,
-so a device keeps it small by looking at the right moment (`SampleClock.due_ns`).
+The part of the delay that is common to all observations cannot be found by a regression and remains as a constant error. A
+device keeps it small by polling at the right moment (`SampleClock.due_ns`).
 """
 
 from dataclasses import dataclass
@@ -17,29 +17,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 WINDOW_NS = 60_000_000_000
-"""Older sightings are forgotten: the rate drifts with temperature."""
+"""Older observations are discarded, because the rate drifts with temperature."""
 BUCKETS = 32
-"""The window is kept as so many spans of time, each with its least delayed sighting."""
+"""The window consists of this many spans of time, each with its least delayed observation."""
 NOMINAL_RATE_U = 0.05 / 3**0.5
-"""Relative standard uncertainty of a data sheet's rate: within 5 %, uniform."""
-KEPT_RATE_U = 1e-3
-"""The same, at least, of a measured rate that is taken over by a restart."""
+"""Relative standard uncertainty of a nominal rate: within 5 %, uniform distribution."""
+RESTART_RATE_U = 1e-3
+"""Least relative standard uncertainty of a measured rate that is kept over a restart."""
 ANY_RATE_U = 0.5
-"""The same where nothing fits: the part may have been set to another rate."""
+"""Relative standard uncertainty of the rate when no line fits: the part may have been set to another rate."""
 SPREAD = 6.0
-"""Standard uncertainty of the slope x window x sightings / mean height; from simulated uniform delays, rounded up."""
+"""Standard uncertainty of the slope x window x observations / mean distance; by simulation of uniform delays, rounded up."""
 MISFIT_DELAY_NS = 20_000_000
-"""A sighting further from the line than this and two periods tells of a wrong count or a host that stood still."""
+"""A larger distance from the line, beyond two periods, means a wrong count or a host that was suspended."""
 MISFITS, MISFIT_NS = 8, 1_000_000_000
-"""So many misfits in a row, over at least this time, and the line itself is wrong."""
+"""After this many misfits in a row, over at least this time, the line itself is wrong."""
 
-Sighting = tuple[int, int]
-"""A sample's count and the gateway time in ns at which it was seen to be there."""
+Observation = tuple[int, int]
+"""The count of a sample, and the gateway time in ns at which it was observed."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Line:
-    """t(k) through (count, time_ns) with slope period_ns, whose relative standard uncertainty is period_u."""
+    """The line t(k) through (count, time_ns) with slope period_ns, whose relative standard uncertainty is period_u."""
 
     count: int
     time_ns: int
@@ -49,12 +49,12 @@ class _Line:
     def time_of(self, count: int) -> int:
         return self.time_ns + round(self.period_ns * (count - self.count))
 
-    def residual_of(self, sighting: Sighting) -> int:
-        return sighting[1] - self.time_of(sighting[0])
+    def residual_of(self, observation: Observation) -> int:
+        return observation[1] - self.time_of(observation[0])
 
 
 def slope_below(points: list[tuple[float, float]]) -> float:
-    """Slope of the line below all points (x ascending, at least two) that has the least sum of heights above it."""
+    """Return the slope of the line below all points with the least sum of distances; x ascends, at least two points."""
     hull: list[tuple[float, float]] = []
     for x, y in points:
         while len(hull) > 1 and _is_above(hull[-1], hull[-2], (x, y)):
@@ -66,53 +66,53 @@ def slope_below(points: list[tuple[float, float]]) -> float:
 
 
 def _is_above(middle: tuple[float, float], left: tuple[float, float], right: tuple[float, float]) -> bool:
-    """The middle point lies on or above the line through its neighbours."""
+    """Return whether the middle point lies on or above the line through its neighbours."""
     rise = (middle[1] - left[1]) * (right[0] - left[0])
     return rise >= (right[1] - left[1]) * (middle[0] - left[0])
 
 
 class _Window:
-    """The sightings of the last minute, in a bounded number of buckets, and the line below them."""
+    """The observations of the last minute, in a bounded number of buckets, and the line below them."""
 
-    def __init__(self, believed_ns: float, believed_u: float, usual_delay_ns: float) -> None:
-        self._believed_ns, self._believed_u = believed_ns, believed_u
+    def __init__(self, prior_ns: float, prior_u: float, usual_delay_ns: float) -> None:
+        self._prior_ns, self._prior_u = prior_ns, prior_u
         self._usual_delay_ns = usual_delay_ns
-        self._sightings: list[Sighting] = []
+        self._observations: list[Observation] = []
         self._bucket_ns = 0
         self._bucket_start_ns = 0
         self.line: _Line | None = None
 
-    def add(self, sighting: Sighting) -> _Line:
-        """Take in one more and return the line."""
-        line, read_ns = self.line, sighting[1]
+    def add(self, observation: Observation) -> _Line:
+        """Add an observation and return the line."""
+        line, read_ns = self.line, observation[1]
         if line is None or read_ns - self._bucket_start_ns >= self._bucket_ns:
-            self._sightings.append(sighting)
+            self._observations.append(observation)
             self._bucket_start_ns = read_ns
             if line is not None:
-                self._bound(line, read_ns)
+                self._limit_size(line, read_ns)
         else:
-            height_ns = line.residual_of(sighting)
-            if height_ns < line.residual_of(self._sightings[-1]):
-                self._sightings[-1] = sighting
+            height_ns = line.residual_of(observation)
+            if height_ns < line.residual_of(self._observations[-1]):
+                self._observations[-1] = observation
             if height_ns >= 0:
                 return line
         self.line = self._fit()
         return self.line
 
-    def _bound(self, line: _Line, read_ns: int) -> None:
-        """Widen the buckets until they span the window, from then on drop the oldest."""
-        kept = self._sightings
+    def _limit_size(self, line: _Line, read_ns: int) -> None:
+        """Widen the buckets until they cover the window; after that drop the oldest ones."""
+        kept = self._observations
         if len(kept) > BUCKETS and self._bucket_ns < WINDOW_NS // BUCKETS:
             self._bucket_ns = min(2 * (read_ns - kept[0][1]) // BUCKETS, WINDOW_NS // BUCKETS)
-            self._sightings = [min(kept[i : i + 2], key=line.residual_of) for i in range(0, len(kept), 2)]
-        while len(self._sightings) > BUCKETS or self._sightings[0][1] < read_ns - WINDOW_NS:
-            del self._sightings[0]
+            self._observations = [min(kept[i : i + 2], key=line.residual_of) for i in range(0, len(kept), 2)]
+        while len(self._observations) > BUCKETS or self._observations[0][1] < read_ns - WINDOW_NS:
+            del self._observations[0]
 
     def _fit(self) -> _Line:
-        """The line below all sightings, its slope weighed with the believed one."""
-        count, time_ns = self._sightings[-1]
-        points = [(float(k - count), float(r - time_ns)) for k, r in self._sightings]
-        period_ns, period_u = self._believed_ns, self._believed_u
+        """Fit the line below all observations; its slope is weighted with the prior period."""
+        count, time_ns = self._observations[-1]
+        points = [(float(k - count), float(r - time_ns)) for k, r in self._observations]
+        period_ns, period_u = self._prior_ns, self._prior_u
         if len(points) > 1:
             slope_ns, slope_u = self._slope(points)
             weight = period_u**2 / (period_u**2 + slope_u**2)
@@ -122,36 +122,37 @@ class _Window:
         return _Line(count, time_ns + round(lowest_ns), period_ns, period_u)
 
     def _slope(self, points: list[tuple[float, float]]) -> tuple[float, float]:
-        """Slope in ns and its relative standard uncertainty. One usual delay is counted in: two points have no spread."""
+        """Return the slope in ns and its relative standard uncertainty. One usual delay is added, for two points have no
+        scatter."""
         slope_ns = max(slope_below(points), 0.0)
         heights_ns = [y - slope_ns * x for x, y in points]
         n = len(points)
         mean_height_ns = (sum(heights_ns) - n * min(heights_ns) + self._usual_delay_ns) / (n - 1)
-        return slope_ns, SPREAD * mean_height_ns / (n * (points[-1][0] - points[0][0]) * self._believed_ns)
+        return slope_ns, SPREAD * mean_height_ns / (n * (points[-1][0] - points[0][0]) * self._prior_ns)
 
 
 class SampleClock:
-    """Counts the samples of one part and tells when each was taken."""
+    """Counts the samples of one part and determines the time of each."""
 
     def __init__(self, nominal_rate_hz: float, usual_delay_s: float = 0.02) -> None:
-        """`usual_delay_s`: how late a sample is commonly seen; one period for a FIFO whose level is read."""
+        """`usual_delay_s`: usual delay of an observation; one period for a FIFO whose level is read."""
         self._usual_delay_ns = usual_delay_s * 1e9
-        self._believed_ns, self._believed_u = 1e9 / nominal_rate_hz, NOMINAL_RATE_U
+        self._prior_ns, self._prior_u = 1e9 / nominal_rate_hz, NOMINAL_RATE_U
         self._count = 0
         self._last_ns: int | None = None
         self._last_count: int | None
         self.relearned = 0
-        """How often the line was given up because sightings kept missing it: samples came or went uncounted."""
-        self._forget()
+        """How often the line was discarded because observations misfitted: samples were lost or added uncounted."""
+        self._reset()
 
     def stamp(self, n: int, read_ns: int, lost: int = 0, behind: int = 0) -> NDArray[np.int64]:
-        """Gateway times in ns of the next n samples, shape (n,), strictly increasing also from call to call.
+        """Return the gateway times in ns of the next n samples, shape (n,), strictly increasing also from call to call.
 
-        `read_ns` is when these n, and `behind` more that the part still holds, were seen to be there. `lost` samples were
-        made just before and never came. n = 0 records what was seen and hands out nothing.
+        `read_ns` is the time at which these samples, and `behind` more that are still in the part, were observed. `lost`
+        samples were taken just before and never arrived. n = 0 adds the observation and returns no times.
         """
         self._count += lost + n
-        if self._count + behind == 0:  # not even the first sample has been made
+        if self._count + behind == 0:  # no sample has been taken yet
             return np.empty(0, dtype=np.int64)
         newest = self._count - 1
         line = self._add_observation((newest + behind, read_ns))
@@ -162,20 +163,20 @@ class SampleClock:
         return times_ns
 
     def restart(self) -> None:
-        """The count is not known any more (reopened, overrun): learn the phase anew. The rate stays as a belief."""
+        """Discard the count after a reopening or an overrun. The rate remains as a prior."""
         line = self._window.line
         if line is not None:
-            self._believed_ns, self._believed_u = line.period_ns, max(line.period_u, KEPT_RATE_U)
-        self._forget()
+            self._prior_ns, self._prior_u = line.period_ns, max(line.period_u, RESTART_RATE_U)
+        self._reset()
 
     def due_ns(self, n: int) -> int | None:
-        """Gateway time at which the n-th sample after those handed out will be there; None before the first was seen."""
+        """Return the gateway time at which the n-th further sample will be there; None before the first observation."""
         line = self._window.line
         return None if line is None else line.time_of(self._count + n - 1)
 
     @property
     def measured_rate_hz(self) -> float | None:
-        """The part's own rate in samples per second of gateway time; None while the data sheet knows it as well."""
+        """Rate of the part in samples per second of gateway time; None while the nominal rate is as well known."""
         period_ns, period_u = self._period()
         return 1e9 / period_ns if period_u < NOMINAL_RATE_U / 2 else None
 
@@ -187,41 +188,41 @@ class SampleClock:
 
     def _period(self) -> tuple[float, float]:
         line = self._window.line
-        return (self._believed_ns, self._believed_u) if line is None else (line.period_ns, line.period_u)
+        return (self._prior_ns, self._prior_u) if line is None else (line.period_ns, line.period_u)
 
-    def _forget(self) -> None:
-        self._window = _Window(self._believed_ns, self._believed_u, self._usual_delay_ns)
-        self._newest_seen = -1
-        self._seen_ns = 0
+    def _reset(self) -> None:
+        self._window = _Window(self._prior_ns, self._prior_u, self._usual_delay_ns)
+        self._newest_count = -1
+        self._observed_ns = 0
         self._misfits = 0
         self._misfit_start_ns = 0
         self._last_count = None
 
-    def _add_observation(self, sighting: Sighting) -> _Line:
-        """Take in a sighting that is new and plausible; after too many that are not, begin anew."""
-        count, read_ns = sighting
+    def _add_observation(self, observation: Observation) -> _Line:
+        """Add a new and plausible observation; start again after too many implausible ones."""
+        count, read_ns = observation
         line = self._window.line
         if line is not None:
-            if count <= self._newest_seen:  # a later look at the same sample says nothing new
+            if count <= self._newest_count:  # a later observation of the same sample adds nothing
                 return line
-            if not self._fits(line, sighting):
+            if not self._fits(line, observation):
                 self._misfit_start_ns = self._misfit_start_ns if self._misfits else read_ns
                 self._misfits += 1
                 if self._misfits < MISFITS or read_ns - self._misfit_start_ns < MISFIT_NS:
                     return line
                 self.relearned += 1
-                self._believed_u = ANY_RATE_U
-                self._forget()
+                self._prior_u = ANY_RATE_U
+                self._reset()
         self._misfits = 0
-        self._newest_seen, self._seen_ns = count, read_ns
-        return self._window.add(sighting)
+        self._newest_count, self._observed_ns = count, read_ns
+        return self._window.add(observation)
 
-    def _fits(self, line: _Line, sighting: Sighting) -> bool:
-        drift_ns = 4 * line.period_u * (sighting[1] - self._seen_ns)
-        return abs(line.residual_of(sighting)) <= MISFIT_DELAY_NS + 2 * line.period_ns + drift_ns
+    def _fits(self, line: _Line, observation: Observation) -> bool:
+        drift_ns = 4 * line.period_u * (observation[1] - self._observed_ns)
+        return abs(line.residual_of(observation)) <= MISFIT_DELAY_NS + 2 * line.period_ns + drift_ns
 
     def _interpolate_times(self, line: _Line, n: int, newest: int) -> NDArray[np.int64]:
-        """Even times up to the newest sample's: what the line has moved since the last call is taken up over the block."""
+        """Return even times up to the newest sample. The change of the line since the last call is spread over the block."""
         end_ns = line.time_of(newest)
         start_ns, periods = end_ns - round(n * line.period_ns), n
         if self._last_ns is not None:

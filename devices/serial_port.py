@@ -1,4 +1,4 @@
-"""A serial port that comes and goes: opened by what it is, not by the number that the kernel gave it."""
+"""A serial port that may be unplugged: it is opened by a persistent name, not by the number that the kernel assigned."""
 
 import errno
 from contextlib import suppress
@@ -10,7 +10,7 @@ from devices.errors import DeviceAccessError, DeviceError, DeviceNotFoundError, 
 
 BY_ID = Path("/dev/serial/by-id")
 READ_LIMIT = 4096
-"""Bytes that the kernel holds for a port."""
+"""Size of the kernel's buffer of a port."""
 GONE = (errno.ENOENT, errno.ENODEV, errno.ENXIO)
 DENIED = (errno.EACCES, errno.EPERM)
 BUSY = (errno.EAGAIN, errno.EBUSY)
@@ -20,7 +20,7 @@ class SerialPort:
     """Reads bytes; every failure is a `DeviceError` that names the port."""
 
     def __init__(self, path: str, baud: int, by_id: Path = BY_ID) -> None:
-        """`by_id`: the folder of lasting names; a port that has one is opened again by it when its number has changed."""
+        """`by_id`: the folder of persistent names, by which a port is opened again when its number has changed."""
         self._path = Path(path)
         self._baud = baud
         self._by_id = by_id
@@ -31,11 +31,11 @@ class SerialPort:
 
     @property
     def identity(self) -> str:
-        """Lasting name of the port: of the adapter's maker, model and serial number where the system knows them."""
+        """Persistent name of the port, with maker, model and serial number of the adapter where the system knows them."""
         return self._path.name
 
     def open(self, timeout_s: float) -> None:
-        """Open for this process alone, discarding what came before; reads will wait at most `timeout_s`."""
+        """Open the port exclusively and discard earlier bytes; a read waits at most `timeout_s`."""
         self.close()
         try:
             self._serial = serial.Serial(str(self._path), self._baud, timeout=timeout_s, exclusive=True)
@@ -43,10 +43,10 @@ class SerialPort:
             raise DeviceError(f"{self}: the port cannot do {self._baud} baud ({error}); set another rate") from error
         except serial.SerialException as error:
             raise self._open_error(error) from error
-        self._path = self._lasting_name()
+        self._path = self._persistent_name()
 
     def read(self, count: int) -> bytes:
-        """Wait for `count` bytes and take what else is there, at most 4096; fewer when the time is over.
+        """Wait for `count` bytes and return all that are there, at most 4096; fewer after the timeout.
 
         Raises `TransferError` when the port has gone.
         """
@@ -55,7 +55,7 @@ class SerialPort:
         try:
             waiting = self._serial.in_waiting
             data: bytes = self._serial.read(min(max(count, waiting), READ_LIMIT))
-        except OSError as error:  # among them pyserial's own
+        except OSError as error:  # includes the exceptions of pyserial
             raise TransferError(f"{self}: the port has gone ({error}); plug its adapter in again") from error
         if not data and not self._path.exists():
             raise TransferError(f"{self}: the port has gone; plug its adapter in again")
@@ -68,7 +68,7 @@ class SerialPort:
                 self._serial.close()
             self._serial = None
 
-    def _lasting_name(self) -> Path:
+    def _persistent_name(self) -> Path:
         return next((link for link in self._links() if link.resolve() == self._path.resolve()), self._path)
 
     def _links(self) -> list[Path]:
@@ -87,5 +87,5 @@ class SerialPort:
         if error.errno in BUSY:
             return DeviceAccessError(f"{self}: another program holds the port; stop it")
         if error.errno is None or error.errno == errno.EISDIR:
-            return DeviceNotFoundError(f"{self}: is not a serial port; name one, best under {self._by_id}")
+            return DeviceNotFoundError(f"{self}: is not a serial port; give one, preferably under {self._by_id}")
         return TransferError(f"{self}: the port does not open ({error}); plug its adapter out and in again")

@@ -1,7 +1,7 @@
-"""Recordings in text form: the project's own CSV, and foreign tables described by a `TableLayout`.
+"""Recordings as text: the project's own CSV, and foreign tables described by a `TableLayout`.
 
-Faults of the field are counted by kind, never guessed at: a row that cannot be used is left out, and the hole stays visible
-in the sample times. Only a file that cannot be understood as a whole is refused.
+Faults are counted by kind and never guessed at: a row that cannot be used is left out, and the gap remains visible in the
+sample times. A file is refused only if it cannot be understood as a whole.
 """
 
 import re
@@ -22,35 +22,35 @@ Column = str | int
 
 BLOCK_CHARS = 1 << 20
 HEADER_LINES = 64
-"""The header, or the first row of numbers, is looked for in so many lines."""
+"""The header, or the first row of numbers, must be within this many lines."""
 BINARY = re.compile(rb"[\x00-\x08\x0e-\x1a]")
 TIME_LIMIT_S = 4e9
-"""Beyond it (the year 2096 in Unix seconds) a number is not a time in seconds; spans still fit int64 nanoseconds."""
+"""A larger number (beyond the year 2096 in Unix seconds) is not a time in seconds; differences still fit int64 nanoseconds."""
 READING_LIMIT = 2.0**31
-"""The widest that any part gives; beyond it a number is a broken row."""
+"""Range of the widest sensor; a larger number is a damaged row."""
 
 
 @dataclass(frozen=True, slots=True)
 class TableLayout:
-    """Where in a text table the samples stand, and in which unit."""
+    """The columns of a text table and their unit."""
 
     axes: tuple[Column, Column, Column]
     unit: Literal["g", "m/s2", "counts"] | None = None
-    """Unit of the axis columns; a recording without one is refused."""
+    """Unit of the axis columns; without it a recording is refused."""
     time: Column | None = None
-    """Time or sample counter; None: rows are consecutive samples at `rate_hz`."""
+    """Time or sample counter; None: the rows are consecutive samples at `rate_hz`."""
     rate_hz: float | None = None
-    """What one second is in the time column where that is not in seconds (a sample counter, milliseconds); the sample
-    rate where there is no time column."""
+    """Value of one second in the time column if that is not in seconds (a sample counter, milliseconds); the sample rate if
+    there is no time column."""
     temperature_c: Column | None = None
-    """Read where the file has it."""
+    """Used if the file has it."""
     gyro_dps: tuple[Column, Column, Column] | None = None
-    """Read where the file has all three."""
+    """Used if the file has all three."""
     delimiter: Literal[",", "\t", " "] = ","
     units_per_g: float | None = None
     """Nominal sensitivity of counts."""
     housing_frame: bool = False
-    """The readings are specific force in the housing frame: calibrated and turned already."""
+    """The readings are calibrated specific force in the housing frame."""
 
 
 NATIVE = TableLayout(
@@ -66,37 +66,37 @@ NATIVE = TableLayout(
 
 @dataclass(frozen=True, slots=True)
 class _Columns:
-    """A layout resolved against one file."""
+    """A layout applied to one file."""
 
     used: tuple[int, ...]
     """0-based numbers of the columns, in the order time, axes, temperature, gyro."""
     width: int
-    """Columns of every row."""
+    """Number of columns in every row."""
     required: int
-    """The first so many of `used` must hold a number in every row."""
+    """This many of the first columns in `used` must have a number in every row."""
     temperature: int | None
-    """Place in `used`."""
+    """Index in `used`."""
     gyro: int | None
-    """Place of the first of three in `used`."""
+    """Index of the first of three in `used`."""
     first_row: int
-    """Lines before it are header."""
+    """Number of lines of the header."""
 
 
 @dataclass(slots=True)
-class _Read:
-    """What was read so far."""
+class _ReadRows:
+    """The rows read so far."""
 
     places: list[NDArray[np.int64]] = field(default_factory=list)
-    """Of each row of numbers among all rows that are not blank."""
+    """Index of each row of numbers among all rows that are not blank."""
     values: list[NDArray[np.float64]] = field(default_factory=list)
-    """One row per place, columns as in `_Columns.used`."""
+    """One row per entry of `places`, columns as in `_Columns.used`."""
     count: int = 0
     blank: int = 0
     truncated: int = 0
 
 
 def read_table(path: Path | str, layout: TableLayout = NATIVE) -> Recording:
-    """Read a recording; raises `RecordingError` naming the file, the place and the mend."""
+    """Read a recording. Raises `RecordingError`, which names the file, the place and the remedy."""
     path = Path(path)
     _check_layout(path, layout)
     try:
@@ -105,7 +105,7 @@ def read_table(path: Path | str, layout: TableLayout = NATIVE) -> Recording:
             columns, read = _read_rows(path, file, layout)
     except OSError as error:
         raise RecordingError(_access_text(path, error)) from error
-    rows = _rows(layout, columns, read)
+    rows = _to_sample_rows(layout, columns, read)
     try:
         return recording_from_rows(rows, "counts" if layout.unit == "counts" else "g", read.blank, read.truncated)
     except ValueError as error:
@@ -119,14 +119,14 @@ def _check_layout(path: Path, layout: TableLayout) -> None:
         raise RecordingError(f"{path}: neither a time column nor a sample rate is given; name one of them")
     if layout.rate_hz is not None and not 0 < layout.rate_hz < np.inf:
         raise RecordingError(f"{path}: a rate of {layout.rate_hz} Hz is impossible; give one above 0")
-    needed = _needed(layout)
+    needed = _required_columns(layout)
     if len({type(column) for column in needed}) > 1:
         raise RecordingError(f"{path}: columns are given by name and by number; use one or the other")
     if any(isinstance(column, int) and column < 1 for column in needed):
         raise RecordingError(f"{path}: a column number below 1 is given; the first column is number 1")
 
 
-def _needed(layout: TableLayout) -> tuple[Column, ...]:
+def _required_columns(layout: TableLayout) -> tuple[Column, ...]:
     return layout.axes if layout.time is None else (layout.time, *layout.axes)
 
 
@@ -152,12 +152,12 @@ def _check_text(path: Path) -> None:
 
 
 def _blocks_of_lines(file: TextIO) -> Iterator[tuple[list[str], bool]]:
-    """Whole lines, some at a time, and whether the last of them ended with a newline."""
+    """Yield groups of complete lines, and whether the last of them ended with a newline."""
     carry = ""
     while text := file.read(BLOCK_CHARS):
         lines = (carry + text).split("\n")
         carry = lines.pop()
-        if len(carry) > BLOCK_CHARS:  # not a line of any table: do not collect it
+        if len(carry) > BLOCK_CHARS:  # not a line of any table
             lines.append(carry)
             carry = ""
         if lines:
@@ -166,8 +166,8 @@ def _blocks_of_lines(file: TextIO) -> Iterator[tuple[list[str], bool]]:
         yield [carry], False
 
 
-def _read_rows(path: Path, file: TextIO, layout: TableLayout) -> tuple[_Columns, _Read]:
-    read = _Read()
+def _read_rows(path: Path, file: TextIO, layout: TableLayout) -> tuple[_Columns, _ReadRows]:
+    read = _ReadRows()
     columns: _Columns | None = None
     previous = ""
     for block, ended in _blocks_of_lines(file):
@@ -185,26 +185,26 @@ def _read_rows(path: Path, file: TextIO, layout: TableLayout) -> tuple[_Columns,
 
 
 def _is_whole(lines: list[str], previous: str, delimiter: str) -> bool:
-    """Whether a last line without a newline is a complete row: no shorter in its last number's decimals than the row before."""
+    """Return whether a last line without a newline is complete: its last number has as many decimals as in the row before."""
     decimals = [len(line.strip().rsplit(delimiter, 1)[-1].partition(".")[2]) for line in (*lines, previous)]
     return bool(lines) and decimals[0] >= decimals[1] > 0
 
 
-def _split(line: str, delimiter: str) -> list[str]:
+def _split_line(line: str, delimiter: str) -> list[str]:
     return line.split() if delimiter == " " else [entry.strip() for entry in line.split(delimiter)]
 
 
 def _find_columns(path: Path, lines: list[str], layout: TableLayout) -> _Columns:
     by_name = isinstance(layout.axes[0], str)
     for number, line in enumerate(lines):
-        entries = _split(line, layout.delimiter)
+        entries = _split_line(line, layout.delimiter)
         found = _columns_by_name(path, entries, layout) if by_name else _columns_by_number(entries, layout)
         if found is not None:
-            return _resolved(found, len(entries), layout, first_row=number + 1 if by_name else number)
+            return _resolve_columns(found, len(entries), layout, first_row=number + 1 if by_name else number)
     first = next((line for line in lines if line.strip()), "")
-    entries = _split(first, layout.delimiter)
+    entries = _split_line(first, layout.delimiter)
     shown = ", ".join(entries[:12])[:160].encode("ascii", "replace").decode()
-    needed = ", ".join(str(column) for column in _needed(layout))
+    needed = ", ".join(str(column) for column in _required_columns(layout))
     if by_name:
         raise RecordingError(f"{path}: no header with the columns {needed}; its first line has: {shown}")
     raise RecordingError(
@@ -213,22 +213,22 @@ def _find_columns(path: Path, lines: list[str], layout: TableLayout) -> _Columns
 
 
 def _columns_by_name(path: Path, entries: list[str], layout: TableLayout) -> dict[Column, int] | None:
-    if not set(_needed(layout)) <= set(entries):
+    if not set(_required_columns(layout)) <= set(entries):
         return None
-    twice = [entry for entry in _needed(layout) if isinstance(entry, str) and entries.count(entry) > 1]
+    twice = [entry for entry in _required_columns(layout) if isinstance(entry, str) and entries.count(entry) > 1]
     if twice:
-        raise RecordingError(f"{path}: column {twice[0]} stands twice in its header; rename one")
+        raise RecordingError(f"{path}: column {twice[0]} occurs twice in its header; rename one")
     return {entry: place for place, entry in enumerate(entries)}
 
 
 def _columns_by_number(entries: list[str], layout: TableLayout) -> dict[Column, int] | None:
     found: dict[Column, int] = {place + 1: place for place in range(len(entries))}
-    needed = [entries[found[column]] for column in _needed(layout) if column in found]
-    return found if len(needed) == len(_needed(layout)) and _numbers(needed, len(needed)) else None
+    needed = [entries[found[column]] for column in _required_columns(layout) if column in found]
+    return found if len(needed) == len(_required_columns(layout)) and _parse_numbers(needed, len(needed)) else None
 
 
-def _resolved(found: dict[Column, int], count: int, layout: TableLayout, first_row: int) -> _Columns:
-    used = [found[column] for column in _needed(layout)]
+def _resolve_columns(found: dict[Column, int], count: int, layout: TableLayout, first_row: int) -> _Columns:
+    used = [found[column] for column in _required_columns(layout)]
     required = len(used)
     temperature = gyro = None
     if layout.temperature_c in found:
@@ -240,19 +240,19 @@ def _resolved(found: dict[Column, int], count: int, layout: TableLayout, first_r
     return _Columns(tuple(used), count, required, temperature, gyro, first_row)
 
 
-def _add_lines(read: _Read, lines: list[str], columns: _Columns, delimiter: str) -> None:
+def _add_lines(read: _ReadRows, lines: list[str], columns: _Columns, delimiter: str) -> None:
     rows = [line for line in lines if line.strip(" \t,")]
     width = [len(line.split()) if delimiter == " " else line.count(delimiter) + 1 for line in rows]
     full = np.flatnonzero(np.array(width) == columns.width)
-    places, values = _parse([rows[place] for place in full], columns, delimiter)
+    places, values = _parse_lines([rows[place] for place in full], columns, delimiter)
     read.places.append(read.count + full[places])
     read.values.append(values)
     read.count += len(rows)
     read.blank += len(lines) - len(rows)
 
 
-def _parse(lines: list[str], columns: _Columns, delimiter: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Places of the lines that hold numbers, and the numbers; all at once where nothing is wrong."""
+def _parse_lines(lines: list[str], columns: _Columns, delimiter: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return the indices of the lines that have numbers, and the numbers; in one call if all lines are correct."""
     if lines:
         try:
             split_at = None if delimiter == " " else delimiter
@@ -260,15 +260,15 @@ def _parse(lines: list[str], columns: _Columns, delimiter: str) -> tuple[NDArray
             return np.arange(len(lines)), values
         except ValueError:
             pass
-    split = (_split(line, delimiter) for line in lines)
-    parsed = [_numbers([entries[column] for column in columns.used], columns.required) for entries in split]
+    split = (_split_line(line, delimiter) for line in lines)
+    parsed = [_parse_numbers([entries[column] for column in columns.used], columns.required) for entries in split]
     found = [place for place, row in enumerate(parsed) if row is not None]
     values = np.array([parsed[place] for place in found], dtype=np.float64)
     return np.array(found, dtype=np.int64), values.reshape(-1, len(columns.used))
 
 
-def _numbers(entries: list[str], required: int) -> list[float] | None:
-    """Numbers of one row; an empty entry after the first `required` is NaN. None: it is not a row of numbers."""
+def _parse_numbers(entries: list[str], required: int) -> list[float] | None:
+    """Return the numbers of one row; an empty entry after the first `required` is NaN. None: it is not a row of numbers."""
     filled = entries[:required] + [entry or "nan" for entry in entries[required:]]
     try:
         return [float(entry) for entry in filled]
@@ -276,8 +276,8 @@ def _numbers(entries: list[str], required: int) -> list[float] | None:
         return None
 
 
-def _rows(layout: TableLayout, columns: _Columns, read: _Read) -> SampleRows:
-    """In seconds and in g or counts; what cannot be a time or a reading becomes NaN."""
+def _to_sample_rows(layout: TableLayout, columns: _Columns, read: _ReadRows) -> SampleRows:
+    """Convert to seconds and to g or counts; impossible times and readings become NaN."""
     place = np.concatenate(read.places)
     values = np.concatenate(read.values)
     rate_hz = layout.rate_hz or 1.0

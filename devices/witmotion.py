@@ -1,4 +1,4 @@
-"""WitMotion sensors and radio receivers: their standard stream over a serial port."""
+"""WitMotion sensors and radio receivers: their standard stream on a serial port."""
 
 from collections import deque
 from collections.abc import Iterator, Mapping
@@ -17,17 +17,17 @@ from devices.witmotion_frames import FrameDecoder, Readings
 FULL_SCALE_G = 16.0
 UNITS_PER_G = 32768 / FULL_SCALE_G
 FRAMELESS_LIMIT_BYTES = 2048
-"""So many bytes without an acceleration frame are not a disturbance any more."""
+"""This many bytes without an acceleration frame are more than a disturbance."""
 LONGEST_WAIT_S = 0.5
 RATE_WINDOW_S = 10.0
 RATE_TOLERANCE = 0.15
-"""A sensor's own clock is off by less, the next rate that it can be set to by more."""
+"""Larger than the deviation of a sensor's clock, smaller than the distance to the next rate that can be set."""
 
 
 class WitMotion:
-    """A sensor or radio receiver at a serial port; it is found again when it was unplugged.
+    """A sensor or radio receiver on a serial port, which is found again after it was unplugged.
 
-    The stream carries no sequence number and no time: sample times come from counting frames, see `devices.sample_clock`.
+    The stream has neither sequence numbers nor times: sample times come from the count of frames, see `devices.sample_clock`.
     """
 
     def __init__(
@@ -41,14 +41,14 @@ class WitMotion:
         serial: str | None = None,
         by_id: Path = BY_ID,
     ) -> None:
-        """`odr_hz`: the rate that the sensor is set to; `block_samples`: of a usual block.
+        """`odr_hz`: the rate set in the sensor; `block_samples`: usual length of a block.
 
-        `serial`: a label of the sensor, for the stream has no number: without it a calibration is tied to the port's lasting
-        name. `by_id`: the folder of those names. Raises `ValueError`.
+        `serial`: a label of the sensor, for the stream has no number; without it a calibration belongs to the persistent name
+        of the port. `by_id`: the folder of those names. Raises `ValueError`.
         """
         if not odr_hz > 0 or block_samples < 1:
             raise ValueError(
-                f"{block_samples} samples a block at {odr_hz:g} Hz are none; give at least 1 and a rate above 0"
+                f"{block_samples} samples per block at {odr_hz:g} Hz are impossible; give at least 1 and a rate above 0"
             )
         self._port = SerialPort(port, baud, by_id)
         self._baud = baud
@@ -66,7 +66,7 @@ class WitMotion:
         self._disconnects = 0
 
     def open(self) -> DeviceInfo:
-        """Open the port; a radio may still be asleep, so no frame is waited for."""
+        """Open the port, without waiting for a frame: a radio may still be asleep."""
         self._port.open(LONGEST_WAIT_S)
         self._decoder.reset()
         self._blocks.clear()
@@ -82,10 +82,10 @@ class WitMotion:
         )
 
     def read(self) -> SampleBlock | None:
-        """The next block.
+        """Return the next block.
 
-        Raises `TransferError` when the port has gone, `DeviceError` when there are no frames in what comes, or frames at
-        another rate than `odr_hz`.
+        Raises `TransferError` when the port has gone, `DeviceError` when the bytes contain no frames, or frames at another rate
+        than `odr_hz`.
         """
         if not self._blocks:
             self._receive()
@@ -97,7 +97,7 @@ class WitMotion:
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """Broken frames, false starts, bytes of no frame, lines of sample times given up, and times the port went away."""
+        """Broken frames, false starts, discarded bytes, restarts of the sample clock, and disconnections."""
         return {
             **self._decoder.faults,
             "clock_relearned": self._sample_clock.relearned,
@@ -115,7 +115,7 @@ class WitMotion:
         self._silent = self._silent or not data
         if len(readings):
             self._check_rate(readings, read_ns)
-            self._blocks.extend(self._stamped(readings, read_ns))
+            self._blocks.extend(self._make_blocks(readings, read_ns))
             self._silent = False
         elif self._decoder.bytes_since_sample >= FRAMELESS_LIMIT_BYTES:
             none = (
@@ -124,7 +124,7 @@ class WitMotion:
             raise DeviceError(f"{none}; check the baud rate, and that the sensor sends acceleration")
 
     def _check_rate(self, readings: Readings, read_ns: int) -> None:
-        """A wrong `odr_hz` would give sample times that look right."""
+        """Raise `DeviceError` for a wrong `odr_hz`, which would give plausible but wrong sample times."""
         if self._silent:
             self._counted_from_ns, self._counted = read_ns, 0
             return
@@ -135,15 +135,15 @@ class WitMotion:
         rate_hz = self._counted / elapsed_s
         self._counted_from_ns, self._counted = read_ns, 0
         if abs(rate_hz / self._odr_hz - 1) > RATE_TOLERANCE:
-            came = f"{rate_hz:.1f} samples/s come where odr_hz says {self._odr_hz:g}"
+            came = f"{rate_hz:.1f} samples/s arrive, but odr_hz is {self._odr_hz:g}"
             raise DeviceError(f"{self._port}: {came}; set odr_hz to the sensor's rate, or bring the radio nearer")
 
-    def _stamped(self, readings: Readings, read_ns: int) -> Iterator[SampleBlock]:
-        """Blocks with sample times, a new one after each hole."""
+    def _make_blocks(self, readings: Readings, read_ns: int) -> Iterator[SampleBlock]:
+        """Return blocks with sample times; after lost samples a new block begins."""
         if self._silent:
             self._sample_clock.restart()
         missing = readings.missing_before
-        place = np.cumsum(missing + 1) - 1 - missing[0]  # a hole keeps its place in the count
+        place = np.cumsum(missing + 1) - 1 - missing[0]  # lost frames are counted
         time_ns = self._sample_clock.stamp(int(place[-1]) + 1, read_ns, lost=int(missing[0]))[place]
         starts = [0, *(np.flatnonzero(missing[1:]) + 1).tolist(), len(readings)]
         for first, end in pairwise(starts):
@@ -160,7 +160,7 @@ class WitMotion:
         self._last_ns = int(time_ns[-1])
 
     def _lost_in_silence(self, first_ns: int) -> int:
-        """Nothing counts the samples of a silence but its length."""
+        """Return the number of samples in a pause, by its length."""
         if self._last_ns is None:
             return 0
         return max(round((first_ns - self._last_ns) / 1e9 * self._odr_hz) - 1, 0)

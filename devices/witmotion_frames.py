@@ -1,7 +1,8 @@
-"""Frames of WitMotion's standard stream, found in whatever bytes come.
+"""Decoding of WitMotion's standard stream.
 
-A frame is `55 id d0..d7 sum`, 11 bytes, the sum being the low byte of the first ten. Id 51 carries acceleration: ax ay az T as
-s16 little-endian, counts of 16 g / 32768 and hundredths of a degree Celsius. The other ids (50..5F) are known and left out.
+A frame is `55 id d0..d7 sum`, 11 bytes; the sum is the low byte of the sum of the first ten. Id 51 is acceleration: ax ay az T
+as s16 little-endian, in counts of 16 g / 32768 and hundredths of a degree Celsius. The other ids (50..5F) are recognised and
+skipped.
 """
 
 from collections.abc import Iterator
@@ -15,36 +16,36 @@ FRAME_BYTES = 11
 HEADER = 0x55
 ACCELERATION = 0x51
 PIECE_BYTES = 4096
-"""Decoded at a time: bounds the work after a fault."""
+"""Size of the pieces that are decoded at a time, which bounds the work after a fault."""
 
 
 @dataclass(frozen=True, slots=True)
 class Readings:
-    """Acceleration frames of one piece of the stream, oldest first."""
+    """The acceleration frames of one piece of the stream, oldest first."""
 
     counts: NDArray[np.int32]
     """Shape (n, 3), 2048 per g."""
     temperature_c: NDArray[np.float64]
     """Shape (n,)."""
     lost_before: NDArray[np.int64]
-    """Frames that did not come just before each one, shape (n,): the hole in the bytes over the usual distance."""
+    """Number of frames lost immediately before each frame, shape (n,): missing bytes divided by the usual distance."""
     invalid_before: NDArray[np.int64]
-    """Frames that came broken just before each one, shape (n,)."""
+    """Number of damaged frames immediately before each frame, shape (n,)."""
 
     def __len__(self) -> int:
         return len(self.counts)
 
     @property
     def missing_before(self) -> NDArray[np.int64]:
-        """Both together."""
+        """Number of lost and damaged frames before each frame."""
         return self.lost_before + self.invalid_before
 
 
 class FrameDecoder:
-    """Finds the frames in a stream of bytes; holds less than two frames of it.
+    """Finds the frames in a stream of bytes; stores less than two frames.
 
-    Lock comes from two valid frames in a row. From then on frames are taken at their stride; one bad frame is skipped,
-    at the second one in a row the search begins anew, one byte further on.
+    The decoder synchronises on two valid frames in a row, and then reads frames at their fixed distance. One bad frame is
+    skipped; after the second bad frame in a row the search starts again one byte later.
     """
 
     def __init__(self) -> None:
@@ -52,27 +53,27 @@ class FrameDecoder:
         self.reset()
 
     def reset(self) -> None:
-        """Forget the stream (the port was opened again), keep the counts."""
+        """Discard the stream after the port was opened again; the counts remain."""
         self._buffer = b""
         self._locked = False
         self._consumed = 0
-        self._last_at: int | None = None  # where in the stream the newest acceleration frame began
+        self._last_at: int | None = None  # position of the newest acceleration frame in the stream
         self._last_distance = 0
-        self._sample_bytes = 0  # usual distance between them; 0 until it was seen twice in a row
+        self._sample_bytes = 0  # usual distance between them; 0 until it has occurred twice in a row
         self._broken_frames = 0
         self._intact = True  # nothing was discarded since the newest acceleration frame
 
     @property
     def bytes_since_sample(self) -> int:
-        """Bytes taken since the newest acceleration frame began, or since the start of the stream."""
+        """Number of bytes since the beginning of the newest acceleration frame, or since the start of the stream."""
         return self._consumed - (self._last_at or 0)
 
     def bytes_until(self, samples: int) -> int:
-        """How many bytes are still to come until the newest of so many samples is complete."""
+        """Return the number of bytes that are missing until the newest of so many samples is complete."""
         return max(samples * (self._sample_bytes or FRAME_BYTES) - len(self._buffer), 1)
 
     def feed(self, data: bytes) -> Readings:
-        """Decode what has come; never raises, whatever it is."""
+        """Decode bytes; never raises, whatever they are."""
         pieces = [data[at : at + PIECE_BYTES] for at in range(0, len(data), PIECE_BYTES)]
         found = [readings for piece in pieces for readings in self._decode(piece)]
         return Readings(
@@ -95,7 +96,7 @@ class FrameDecoder:
                 yield self._readings(frames[:good])
                 self._consume(good * FRAME_BYTES)
             elif slots < 2:
-                return  # the frame after the bad one tells whether the stride still holds
+                return  # the next frame shows whether the distance is still right
             else:
                 self._skip_bad_frame(stride_holds=bool(valid[1]))
 
@@ -146,13 +147,13 @@ class FrameDecoder:
         return Readings(words[:, :3].astype(np.int32), words[:, 3] / 100.0, lost, invalid)
 
     def _missing_before(self, at: int) -> int:
-        """Acceleration frames that are missing before the one that begins here."""
+        """Return the number of missing acceleration frames before the one at this position."""
         if self._last_at is None or self._intact or not self._sample_bytes:
             return 0
         return max(round((at - self._last_at) / self._sample_bytes) - 1, 0)
 
     def _learn_distance(self, at: list[int]) -> None:
-        """Remember where the newest acceleration frames began; other frames may stand between them."""
+        """Record the positions of the newest acceleration frames; other frames may be between them."""
         if self._last_at is not None and self._intact:
             at = [self._last_at, *at]
         for earlier, later in pairwise(at):
@@ -165,12 +166,12 @@ class FrameDecoder:
 
 
 def _valid(frames: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """Header, an id of the standard set (50..5F) and the sum of each frame, shape (n, 11) to (n,)."""
+    """Return whether each frame has the header, an id of the standard set (50..5F) and a correct sum; shape (n, 11) to (n,)."""
     total = frames[:, :10].sum(axis=1, dtype=np.uint8)
     valid: NDArray[np.bool_] = (frames[:, 0] == HEADER) & (frames[:, 1] >> 4 == 5) & (total == frames[:, 10])
     return valid
 
 
 def _is_valid(data: bytes, at: int) -> bool:
-    """The same for one frame that begins at `at`."""
+    """Return the same for one frame at this position."""
     return data[at] == HEADER and data[at + 1] >> 4 == 5 and sum(data[at : at + 10]) & 0xFF == data[at + 10]

@@ -1,1 +1,1 @@
-"""A crane that is not there: equations of motion, what moves it, and the sensor on its rope."""
+"""The simulated crane: what moves it, and the sensor on its rope."""

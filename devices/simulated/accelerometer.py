@@ -1,4 +1,4 @@
-"""The simulated accelerometer: what a MEMS part makes of the specific force that acts on it. Figures of an ADXL355."""
+"""The simulated accelerometer: the errors of a MEMS sensor, with the figures of an ADXL355."""
 
 from dataclasses import dataclass
 
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 LARGEST_COUNT = 2**19 - 1
-"""Of 20 bits, two's complement."""
+"""Largest value of 20 bits in two's complement."""
 UNITS_PER_G_AT_2_G = 256000.0
 NOISE_DENSITY_G_PER_RT_HZ = 25e-6
 ZERO_G_OFFSET_LIMIT_G = 0.075
@@ -18,7 +18,7 @@ SCALE_FACTOR_LIMIT_PER_K = 1e-4
 
 @dataclass(frozen=True, slots=True)
 class Ambient:
-    """Temperature at the part: it rises and falls slowly."""
+    """Temperature at the sensor, which varies slowly as a sine."""
 
     mean_c: float = 25.0
     amplitude_c: float = 0.0
@@ -26,14 +26,14 @@ class Ambient:
     phase_rad: float = 0.0
 
     def temperature_c(self, time_s: Array) -> Array:
-        """At instants (n,)."""
+        """Return the temperature at times (n,)."""
         turn = np.mod(time_s, self.period_s) / self.period_s
         return self.mean_c + self.amplitude_c * np.sin(2 * np.pi * turn + self.phase_rad)
 
 
 @dataclass(frozen=True, slots=True)
 class InjectedErrors:
-    """The part's errors, in its own axes; the truth that a calibration is held against."""
+    """The sensor's errors in its own axes: the true values for a calibration."""
 
     zero_g_offset_g: Array
     """At `reference_temperature_c`, shape (3,)."""
@@ -45,16 +45,16 @@ class InjectedErrors:
     """Temperature coefficient, shape (3,)."""
     reference_temperature_c: float
     sensor_from_housing: Array
-    """R_sensor_from_housing: how the part is mounted, shape (3, 3)."""
+    """R_sensor_from_housing: how the sensor is mounted, shape (3, 3)."""
 
     @property
     def gain(self) -> Array:
-        """Reading by specific force, both in g and in the sensor's axes, shape (3, 3)."""
+        """Reading per specific force, both in g and in the sensor's axes, shape (3, 3)."""
         return np.eye(3) + np.diag(self.scale_factor_error) + self.cross_axis_sensitivity
 
 
 def typical_ambient(random: np.random.Generator) -> Ambient:
-    """Half an hour's ups and downs of a machine in a hall."""
+    """Draw the temperature of half an hour at a machine in a hall."""
     return Ambient(
         mean_c=random.uniform(15.0, 30.0),
         amplitude_c=random.uniform(1.0, 2.0),
@@ -63,12 +63,12 @@ def typical_ambient(random: np.random.Generator) -> Ambient:
 
 
 def no_errors() -> InjectedErrors:
-    """A perfect part in a perfect mount."""
+    """Return the errors of a perfect sensor in a perfect mount."""
     return InjectedErrors(np.zeros(3), np.zeros(3), np.zeros((3, 3)), np.zeros(3), 25.0, np.eye(3))
 
 
 def typical_errors(random: np.random.Generator, reference_temperature_c: float) -> InjectedErrors:
-    """A part as it comes, mounted true: within the datasheet's limits."""
+    """Draw the errors of a new sensor within the limits of its data sheet, in a perfect mount."""
     cross_axis = random.normal(0.0, 0.005, (3, 3))
     np.fill_diagonal(cross_axis, 0.0)
     return InjectedErrors(
@@ -83,7 +83,7 @@ def typical_errors(random: np.random.Generator, reference_temperature_c: float) 
 
 @dataclass(frozen=True, slots=True)
 class Accelerometer:
-    """From specific force to counts."""
+    """Converts specific force into counts."""
 
     errors: InjectedErrors
     odr_hz: float
@@ -96,16 +96,16 @@ class Accelerometer:
 
     @property
     def full_scale_g(self) -> float:
-        """The largest reading; at or beyond it the part has clipped."""
+        """The largest reading; at or beyond it the sensor has clipped."""
         return LARGEST_COUNT / self.units_per_g
 
     @property
     def noise_g(self) -> float:
-        """1 sigma per sample and axis: white up to half the output data rate."""
+        """Noise, 1 sigma per sample and axis: white up to half the output data rate."""
         return float(NOISE_DENSITY_G_PER_RT_HZ * np.sqrt(self.odr_hz / 2))
 
     def counts(self, force_g: Array, temperature_c: Array, random: np.random.Generator) -> NDArray[np.int32]:
-        """Readings, shape (n, 3), of specific force in the housing's axes, shape (n, 3), at temperatures (n,)."""
+        """Return readings, shape (n, 3), for specific force in the housing's axes, shape (n, 3), at temperatures (n,)."""
         errors = self.errors
         reading_g = np.einsum("ij,nj->ni", errors.gain @ errors.sensor_from_housing, force_g)
         warmer_c = (temperature_c - errors.reference_temperature_c)[:, None]

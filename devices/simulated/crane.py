@@ -1,7 +1,7 @@
-"""The simulated crane: a spherical pendulum under a schedule, and what is true of it at any instant.
+"""The simulated crane: a spherical pendulum driven by a schedule of events, with its true state at any time.
 
-Integrated on a fixed grid that starts at time 0, whatever is asked for, and interpolated to the instants that are: the same
-instant has the same answer however the calls are split. The rope's damping is viscous, F/m = -2 zeta w0 L n'.
+The motion is integrated on a fixed grid from time 0 and interpolated, so that the result at a time does not depend on the other
+times of a call. The damping of the rope is viscous, F/m = -2 zeta w0 L n'.
 """
 
 from collections.abc import Iterable
@@ -19,45 +19,45 @@ from devices.simulated.schedule import Drive, Event, Gust, Hoist, Schedule, Trol
 Array = NDArray[np.float64]
 
 STEP_S = 1 / 32
-"""Integration step, a power of two so that the grid is exact; the error is some 1e-9 rad at a rope of 2 m."""
+"""Integration step, a power of two so that the grid is exact; the error is about 1e-9 rad with a rope of 2 m."""
 STEPS_AT_ONCE = 16
 HISTORY_STEPS = 2048
 HISTORY_S = HISTORY_STEPS * STEP_S / 2
-"""What can be asked for again: instants at least this young against the newest one asked for."""
+"""Times that may be requested again: at most this much older than the newest requested time."""
 
 
 @dataclass(frozen=True, slots=True)
 class GroundTruth:
-    """What is true of the crane at n instants."""
+    """The true state of the crane at n times."""
 
     rope_angle_rad: Array
-    """Between rope and vertical, shape (n,)."""
+    """Angle between rope and vertical, shape (n,)."""
     direction: Array
-    """Unit vector pivot -> load in the world, shape (n, 3)."""
+    """Unit vector from the pivot to the load in the world frame, shape (n, 3)."""
     up_in_housing: Array
-    """The vertical as the housing sees it, shape (n, 3): (0, 0, 1) when the load hangs straight."""
+    """The vertical in the housing frame, shape (n, 3): (0, 0, 1) when the load hangs straight."""
     length_m: Array
     """Pivot to the load's centre, shape (n,)."""
     position_m: Array
     """Pivot to the accelerometer, shape (n,)."""
     trolley: NDArray[np.bool_]
-    """The trolley or the bridge speeds up or slows down, shape (n,)."""
+    """The trolley or the bridge accelerates or brakes, shape (n,)."""
     gust: NDArray[np.bool_]
     hoisting: NDArray[np.bool_]
 
     @property
     def rho(self) -> Array:
-        """Position of the housing over the rope's length, shape (n,)."""
+        """Position of the housing divided by the rope's length, shape (n,)."""
         return self.position_m / self.length_m
 
     @property
     def free(self) -> NDArray[np.bool_]:
-        """Nothing drives the load: it hangs or swings, shape (n,)."""
+        """The load is not driven: it hangs or swings freely, shape (n,)."""
         return ~(self.trolley | self.gust | self.hoisting)
 
 
 class Crane:
-    """Advances in time as it is asked; keeps the last `HISTORY_S`."""
+    """Advances in time up to the newest requested time; keeps the last `HISTORY_S`."""
 
     def __init__(
         self,
@@ -70,7 +70,8 @@ class Crane:
         damping_ratio: float = 0.0,
         wind_m_s2: tuple[float, float] = (0.0, 0.0),
     ) -> None:
-        """Rope and housing at time 0, events in the order of their starts, the motion to start from (default: hanging)."""
+        """`length_m` and `position_m` at time 0; `events` in the order of their starts; `motion` at time 0 (default: hanging
+        still)."""
         if not 0 <= position_m <= length_m:
             raise ValueError(f"position_m {position_m:g} must lie on the rope of length_m {length_m:g}")
         self.gravity_m_s2 = gravity_m_s2
@@ -83,19 +84,19 @@ class Crane:
         self._advance(pendulum.start_motion(0.0, 0.0, 0.0, 0.0) if motion is None else motion)
 
     def specific_force_m_s2(self, time_s: Array) -> Array:
-        """Specific force at the housing in its own axes, shape (n, 3), at instants (n,) that increase, n >= 1.
+        """Return the specific force at the housing in its own axes, shape (n, 3), at increasing times (n,), n >= 1.
 
-        Raises `ValueError` for an instant that is older than the history.
+        Raises `ValueError` for a time before the history.
         """
-        return np.concatenate([self._specific_force_m_s2(part) for part in self._parts(time_s)])
+        return np.concatenate([self._specific_force_m_s2(part) for part in self._split_times(time_s)])
 
     def truth(self, time_s: Array) -> GroundTruth:
-        """What is true at instants (n,) that increase; raises `ValueError` as `specific_force_m_s2`."""
-        parts = [self._truth(part) for part in self._parts(time_s)]
+        """Return the true state at increasing times (n,). Raises `ValueError` for a time before the history."""
+        parts = [self._truth(part) for part in self._split_times(time_s)]
         return GroundTruth(*(np.concatenate([getattr(part, name) for part in parts]) for name in GroundTruth.__slots__))
 
-    def _parts(self, time_s: Array) -> list[Array]:
-        """Stretches that fit into the history."""
+    def _split_times(self, time_s: Array) -> list[Array]:
+        """Return parts of the times that fit into the history."""
         if time_s[-1] - time_s[0] <= HISTORY_S:
             return [time_s]
         cuts = np.arange(time_s[0] + HISTORY_S, time_s[-1], HISTORY_S)
@@ -131,12 +132,12 @@ class Crane:
         )
 
     def _motion(self, time_s: Array) -> Array:
-        """Cubic Hermite interpolation between grid points, shape (n, 3, 3)."""
+        """Return the motion by cubic Hermite interpolation between grid points, shape (n, 3, 3)."""
         while self._newest * STEP_S <= time_s[-1]:
             self._advance(self._motions[self._newest % HISTORY_STEPS])
         oldest_s = max(0, self._newest - HISTORY_STEPS + 1) * STEP_S
         if time_s[0] < oldest_s:
-            raise ValueError(f"instant {time_s[0]:g} s is forgotten: the crane keeps {oldest_s:g} s and later")
+            raise ValueError(f"the crane keeps {oldest_s:g} s and later; {time_s[0]:g} s is before that")
         step = np.floor(time_s / STEP_S).astype(np.int64)
         s = (time_s / STEP_S - step)[:, None, None]
         before, after = step % HISTORY_STEPS, (step + 1) % HISTORY_STEPS
@@ -148,7 +149,7 @@ class Crane:
         return motion
 
     def _advance(self, motion: Array) -> None:
-        """Integrate the next `STEPS_AT_ONCE` steps; what acts at all their stages is found in one go."""
+        """Integrate the next `STEPS_AT_ONCE` steps; the drives at all their stages are computed in one call."""
         first = self._newest
         drive = self._schedule.at((first + np.arange(2 * STEPS_AT_ONCE + 1) / 2) * STEP_S)
         acting = [tuple(row) for row in self._acting(drive).tolist()]
@@ -161,7 +162,7 @@ class Crane:
         motions = [motion]
         for step in range(STEPS_AT_ONCE):
             motions.append(pendulum.runge_kutta_step(rate, step * STEP_S, motions[-1], STEP_S))
-        motions[-1] = _onto_sphere(motions[-1])
+        motions[-1] = _project_onto_sphere(motions[-1])
         kept = np.arange(first, first + STEPS_AT_ONCE + 1) % HISTORY_STEPS
         self._motions[kept] = motions
         self._rates[kept] = [rate(step * STEP_S, each) for step, each in enumerate(motions)]
@@ -169,14 +170,14 @@ class Crane:
         self._schedule.prune_past((self._newest - HISTORY_STEPS) * STEP_S)
 
     def _rate(self, motion: list[Vector], acting: Vector, length: float, length_rate: float) -> list[Vector]:
-        """Rows of a motion's derivative, with plain numbers: for a single motion that is quicker than arrays."""
+        """Return the derivative of one motion; plain numbers are faster than arrays here."""
         n, n_rate, x_axis = motion
         drive = equations.add(acting, equations.scale(-self._damping_hz * length, n_rate))
         n_acceleration = equations.acceleration_of_direction(n, n_rate, drive, length, length_rate)
         return [n_rate, n_acceleration, equations.transport_rate(n, n_rate, x_axis)]
 
     def _acting(self, drive: Drive) -> Array:
-        """g - a_p + F/m of what is outside, shape (n, 3)."""
+        """Return g - a_p + F/m of the external forces, shape (n, 3)."""
         gravity_m_s2: Array = np.array([0.0, 0.0, -self.gravity_m_s2])
         return drive.force_m_s2 - drive.pivot_acceleration_m_s2 + gravity_m_s2
 
@@ -184,8 +185,8 @@ class Crane:
         return acting_m_s2 - self._damping_hz * length_m * n_rate
 
 
-def _onto_sphere(motion: Array) -> Array:
-    """The motion with what rounding took it off the unit sphere put back, so that years add up to nothing."""
+def _project_onto_sphere(motion: Array) -> Array:
+    """Project the motion back onto the unit sphere, so that rounding errors do not accumulate."""
     n = motion[0] / np.linalg.norm(motion[0])
     n_rate = motion[1] - np.dot(n, motion[1]) * n
     x_axis = motion[2] - np.dot(n, motion[2]) * n

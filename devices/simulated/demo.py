@@ -1,7 +1,7 @@
-"""The demonstration: an operator in a hurry, caught swings, skilled moves, hoisting, wind, and a pause; then again.
+"""The demonstration: hasty and skilled trolley moves, hoisting, a gust and a pause, repeated without end.
 
-A ramp of half a swing period followed by its opposite makes two pushes half a period apart, which add up; a whole period
-apart they cancel. So the operator's hurry and skill are a matter of timing, at any rope length.
+A ramp of half a swing period followed by its opposite gives two impulses. Half a period apart they add up; a whole period apart
+they cancel. Hasty and skilled moves thus differ in their timing alone, for any rope length.
 """
 
 from collections.abc import Iterator
@@ -17,14 +17,14 @@ from devices.simulated.schedule import Event, Gust, Hoist, TrolleyMove
 DAMPING_RATIO = 0.006
 FIRST_SWING_RAD = np.radians(1.5)
 PUSH_RAD = np.radians(3.7)
-"""Swing that one ramp of a hasty move makes."""
+"""Swing amplitude from one ramp of a hasty move."""
 RAMP_EFFECT = 0.838
-"""Swing by a smooth ramp of half a period over that by a jump of the same speed: its spectrum at the swing frequency."""
+"""Amplitude by a smooth ramp of half a period, relative to a step of the same speed: its spectrum at the swing frequency."""
 FASTEST_M_S = 4.0
 
 
 def demo_crane(seed: int, length_m: float, position_m: float, gravity_m_s2: float = STANDARD_GRAVITY_M_S2) -> Crane:
-    """A crane that swings visibly from the start, passes 6 degrees within half a minute, and calms down."""
+    """Make a crane that swings visibly from the start, exceeds 6 degrees within half a minute, and calms down."""
     random = np.random.default_rng([seed, 0])
     azimuth_rad = random.uniform(-np.pi, np.pi)
     tilt_x_rad, tilt_y_rad = FIRST_SWING_RAD * np.cos(azimuth_rad), FIRST_SWING_RAD * np.sin(azimuth_rad)
@@ -39,11 +39,11 @@ def demo_crane(seed: int, length_m: float, position_m: float, gravity_m_s2: floa
 
 
 def demo_events(random: np.random.Generator, length_m: float, gravity_m_s2: float) -> Iterator[Event]:
-    """Endless, in the order of starts; each round begins and ends with the rope at `length_m`."""
+    """Yield events without end, in the order of their starts; each round begins and ends with a rope of `length_m`."""
     period_s = small_swing_period_s(length_m, gravity_m_s2)
     push_m_s = PUSH_RAD * gravity_m_s2 * period_s / (2 * np.pi * RAMP_EFFECT)
     heading_rad = random.uniform(-np.pi, np.pi)
-    hasty, start_s = True, 1.3 * period_s  # the swing that it begins with is measured before the operator moves
+    hasty, start_s = True, 1.3 * period_s  # the first swing is measured before the first move
     while True:
         azimuth_rad = heading_rad + random.choice([0.0, np.pi / 2], p=[0.7, 0.3])  # trolley, or bridge
         speed_m_s = min(push_m_s * random.uniform(0.95, 1.1), FASTEST_M_S)
@@ -57,7 +57,7 @@ def demo_events(random: np.random.Generator, length_m: float, gravity_m_s2: floa
 def _hasty_moves(
     random: np.random.Generator, start_s: float, period_s: float, speed_m_s: float, azimuth_rad: float
 ) -> Iterator[Event]:
-    """Out, with the load left swinging; back five periods later, which catches most of the swing."""
+    """Yield a move that leaves the load swinging, and five periods later one back that removes most of the swing."""
     yield TrolleyMove(start_s, period_s, period_s / 2, speed_m_s, azimuth_rad)
     caught = random.uniform(0.75, 0.9)
     yield TrolleyMove(start_s + 5 * period_s, period_s, period_s / 2, -caught * speed_m_s, azimuth_rad)
@@ -66,14 +66,14 @@ def _hasty_moves(
 def _skilled_moves(
     random: np.random.Generator, start_s: float, period_s: float, speed_m_s: float, azimuth_rad: float
 ) -> Iterator[Event]:
-    """Out and back, each with its two pushes a whole period apart."""
+    """Yield a move out and back, each with its two impulses a whole period apart."""
     share = random.uniform(0.4, 1.0)
     for begin_s, signed_m_s in ((start_s, share * speed_m_s), (start_s + 2.2 * period_s, -share * speed_m_s)):
         yield TrolleyMove(begin_s, 1.5 * period_s, period_s / 2, signed_m_s, azimuth_rad)
 
 
 def _hoists_and_gust(random: np.random.Generator, start_s: float, period_s: float, length_m: float) -> Iterator[Event]:
-    """A pause, up or down, a gust, and the rope back to where it was."""
+    """Yield a pause, hoisting up or down, a gust, and hoisting back."""
     by_m = random.choice([-1, 1]) * random.uniform(0.06, 0.12) * length_m
     yield Hoist(start_s + 10, 12, by_m)
     force_m_s2 = random.uniform(0.2, 0.4)

@@ -1,4 +1,4 @@
-"""A crane that is not there, as a device: it keeps the protocol of `devices.device` and the pace of a real part."""
+"""The simulated crane as a device, in real time."""
 
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
@@ -26,11 +26,11 @@ from devices.simulated.factory import factory_calibration
 
 LONGEST_WAIT_S: Final = 0.5
 LONGEST_LAG_S: Final = 1.0
-"""Further behind than this (the host was suspended, or starved) the device skips to now, as a FIFO that ran over."""
+"""After a longer delay (the host was suspended or overloaded) the device skips to the present, like a FIFO that overflows."""
 LONGEST_CATCH_UP_S: Final = 30.0
-"""What the crane moves on by, unseen, when samples are skipped; in a longer absence it stands still."""
+"""Longest time by which the crane advances when samples are skipped; it stands still during the rest of the absence."""
 AHEAD_S: Final = 0.25
-"""Readings are made for this long at once, however small the blocks: numpy's cost is per call."""
+"""Readings are computed for this long at once, for any length of the blocks, because numpy's cost is per call."""
 
 
 class SimulatedCrane:
@@ -50,7 +50,7 @@ class SimulatedCrane:
         crane: Crane | None = None,
         errors: InjectedErrors | None = None,
     ) -> None:
-        """The same seed gives the same readings; a `crane` handed in replaces the demonstration, `errors` the part's own."""
+        """The same seed gives the same readings. `crane` replaces the demonstration, `errors` those of the drawn sensor."""
         if odr_hz <= 0 or range_g <= 0 or block_samples < 1:
             raise ValueError(
                 f"odr_hz {odr_hz:g}, range_g {range_g:g} and block_samples {block_samples} must all be positive"
@@ -74,7 +74,7 @@ class SimulatedCrane:
         self._crane_start_ns = 0
 
     def open(self) -> DeviceInfo:
-        """Begin a new grid of sample times now; never fails."""
+        """Start a new grid of sample times now; never fails."""
         now_ns = self._clock.now_ns()
         if self._newest_ns is None:
             self._crane_start_ns = now_ns
@@ -98,7 +98,7 @@ class SimulatedCrane:
         )
 
     def read(self) -> SampleBlock | None:
-        """The next block at the time of its last sample; None when that is more than half a second away."""
+        """Return the next block at the time of its last sample; None if that is more than half a second away."""
         if self._opened_ns is None:
             raise DeviceError("simulated crane: read before open, or after close; call open first")
         if not self._ready:
@@ -116,17 +116,17 @@ class SimulatedCrane:
         return self._ready.popleft()
 
     def close(self) -> None:
-        """Stop; the crane goes on when it is opened again."""
+        """Stop; the crane continues when it is opened again."""
         self._opened_ns = None
         self._ready.clear()
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """`overrun`: how many times samples were skipped because nobody read for too long."""
+        """`overrun`: how many times samples were skipped because nobody read them in time."""
         return self._faults
 
     def truth(self, time_ns: NDArray[np.int64]) -> GroundTruth:
-        """What is true of the crane at sample times (n,) of the last half minute."""
+        """Return the true state of the crane at sample times (n,) within the last half minute."""
         return self.crane.truth((time_ns - self._crane_start_ns) / 1e9)
 
     def _simulate(self, opened_ns: int) -> Iterator[SampleBlock]:
@@ -143,7 +143,7 @@ class SimulatedCrane:
             self._lost = 0
 
     def _drop_samples(self, opened_ns: int, now_ns: int) -> None:
-        """Go on with the newest whole block, and say how many samples were lost before it."""
+        """Continue with the newest complete block, and count the samples lost before it."""
         newest = int((now_ns - opened_ns) / self._period_ns) - self._block_samples + 1
         self._lost = newest - self._next
         self._next = newest
@@ -153,5 +153,5 @@ class SimulatedCrane:
         self._ready.extend(self._simulate(opened_ns))
 
     def _shift_own_time(self, absent_ns: int) -> None:
-        """Hold the crane's own time back by all but the last of a long absence: nobody waits for what nobody saw."""
+        """Shift the crane's own time by all but the last part of a long absence, which need not be simulated."""
         self._crane_start_ns += max(0, absent_ns - round(LONGEST_CATCH_UP_S * 1e9))

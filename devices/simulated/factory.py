@@ -1,4 +1,4 @@
-"""The calibration record that the simulated part comes with: right within the uncertainty that it states, no better."""
+"""The factory calibration record of the simulated sensor, with errors as large as the uncertainty that it states."""
 
 import hashlib
 import json
@@ -12,15 +12,15 @@ from devices.simulated.accelerometer import Accelerometer
 Array = NDArray[np.float64]
 
 U_OFFSET_G = 0.3e-3
-"""Standard uncertainty of each axis' zero-g offset: what a good bench leaves."""
+"""Standard uncertainty of each axis' zero-g offset after a good calibration."""
 U_SCALE = 2e-4
 U_CROSS_AXIS = 1e-4
 COVERAGE = 3.0
-"""The prediction interval is this many standard deviations, so that a part at rest is seldom refused."""
+"""Coverage factor of the prediction interval, so large that a sensor at rest is seldom refused."""
 
 
 def factory_calibration(device_id: str, part: Accelerometer, random: np.random.Generator) -> dict[str, Any]:
-    """A calibration record (format 1) whose errors against `part.errors` are drawn from its own covariance."""
+    """Return a calibration record (format 1) whose errors are drawn from its own covariance."""
     u_matrix = np.where(np.eye(3) > 0, U_SCALE, U_CROSS_AXIS) / part.units_per_g
     u_offset = np.full(3, U_OFFSET_G * part.units_per_g)
     matrix = np.linalg.inv(part.errors.gain) / part.units_per_g + u_matrix * random.standard_normal((3, 3))

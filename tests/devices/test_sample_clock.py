@@ -217,7 +217,7 @@ def test_memory_stays_bounded_and_precision_too_after_weeks() -> None:
     clock.stamp(1, START_NS, lost=12 * 7 * 86400 * 1000)
     part = Part(1000, 200)
     times_ns = part.seen_late(clock, 32, 0.001)
-    assert len(clock._window._sightings) <= BUCKETS + 1
+    assert len(clock._window._observations) <= BUCKETS + 1
     assert error_ms(times_ns, part.made_ns, after_s=10)[1] < 0.02
 
 

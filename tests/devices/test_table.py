@@ -300,7 +300,7 @@ def test_real_phone_falling() -> None:
             "no header with the columns time_s, ax_g, ay_g, az_g; its first line has: t, x, y, z",
         ),
         (b"0,0,0,1\n0.1,0,0,1\n", NATIVE, "no header with the columns"),
-        (b"time_s,ax_g,ay_g,az_g,ax_g\n0,0,0,1,0\n", NATIVE, "column ax_g stands twice in its header"),
+        (b"time_s,ax_g,ay_g,az_g,ax_g\n0,0,0,1,0\n", NATIVE, "column ax_g occurs twice in its header"),
         (b"time_s,ax_g,ay_g,az_g\n", NATIVE, "no two usable samples in 0 rows; check its columns"),
         (b"time_s,ax_g,ay_g,az_g", NATIVE, "no two usable samples in 0 rows"),
         (b"time_s,ax_g,ay_g,az_g\n0,0,0,1\n1,nan,0,1\n", NATIVE, "no two usable samples in 2 rows"),

@@ -268,7 +268,7 @@ def test_rate_other_than_the_configured_one_is_refused(
             send(device, peer, clock, stream(range(number, number + 5)), passed_s=5 / rate_hz)
     except DeviceError as error:
         text = str(error)
-    assert (f"{rate_hz:.1f} samples/s come where odr_hz says 100; set odr_hz" in text) == refused
+    assert (f"{rate_hz:.1f} samples/s arrive, but odr_hz is 100; set odr_hz" in text) == refused
     assert bool(text) == refused
 
 
@@ -285,7 +285,7 @@ def test_missing_port_names_those_that_are_there(clock: SetClock, tmp_path: Path
 @pytest.mark.parametrize("path", ["/dev/null", "/dev"])
 def test_what_is_no_serial_port(clock: SetClock, path: str) -> None:
     with pytest.raises(
-        DeviceNotFoundError, match=f"{path}: is not a serial port; name one, best under /dev/serial/by-id"
+        DeviceNotFoundError, match=f"{path}: is not a serial port; give one, preferably under /dev/serial/by-id"
     ):
         WitMotion(path, clock=clock).open()
 
