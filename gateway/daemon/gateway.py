@@ -78,7 +78,7 @@ class Gateway:
                 segment_s=configuration.recorder.segment_s,
                 fsync_s=configuration.recorder.fsync_s,
                 quota_mb=configuration.recorder.quota_mb,
-                marks=AlertEventIndex(configuration.recorder.pre_event_s, configuration.recorder.post_event_s),
+                events=AlertEventIndex(configuration.recorder.pre_event_s, configuration.recorder.post_event_s),
             )
             self.recording_path = recorder.start(clock.now_ns())
             undo.callback(recorder.close)

@@ -86,6 +86,7 @@ class HealthReporter:
             "recording_failures": self.recording.failures,
             "samples_not_recorded": self.recording.samples_lost,
             "messages_not_writable": self.recording.unwritable,
+            "segments_not_deleted": self.recording.undeletable,
         }
         counts = {**self.device.faults, **own}
         return {name: count for name, count in counts.items() if count}

@@ -48,6 +48,11 @@ class RecordingWorker(Worker[RecordingItem]):
         """The file that is being written; None while nothing is recorded."""
         return self._recorder.path
 
+    @property
+    def undeletable(self) -> int:
+        """How often a segment beyond the quota could not be deleted."""
+        return self._recorder.undeletable
+
     def handle(self, item: RecordingItem) -> None:
         """Write a message, or note another device or another calibration for the following messages."""
         if self.error is not None and self._now_ns() >= self._retry_at_ns:

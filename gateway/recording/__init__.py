@@ -1,1 +1,1 @@
-"""The flight recorder: samples and messages to MCAP files that survive, and back."""
+"""The flight recorder: writes messages into MCAP files that survive kills and power failures, and reads them back."""

@@ -1,4 +1,4 @@
-"""The record in force and its certificate, as files that every segment of a recording carries."""
+"""The calibration record in force and its certificate, as attachments of every segment of a recording."""
 
 import json
 import re
@@ -9,7 +9,7 @@ from gateway.calibration.record import CalibrationRecord
 from gateway.certificate.page import render_certificate
 from gateway.recording import header as names
 
-NOT_IN_A_NAME = re.compile(r"[^A-Za-z0-9._-]")
+FORBIDDEN_IN_NAME = re.compile(r"[^A-Za-z0-9._-]")
 LONGEST_ID = 80
 
 
@@ -24,10 +24,10 @@ class AttachedFile:
 
 @dataclass(frozen=True, slots=True)
 class CalibrationFiles:
-    """What a recording carries of the calibration in force."""
+    """The attachments for the calibration in force."""
 
     device_id: str
-    """Segments of another device do not carry it."""
+    """Segments of another device do not contain them."""
     record_id: str
     files: tuple[AttachedFile, ...]
 
@@ -35,8 +35,8 @@ class CalibrationFiles:
 def calibration_files(
     record: CalibrationRecord, parent: CalibrationRecord | None, earlier: Sequence[CalibrationRecord] = ()
 ) -> CalibrationFiles:
-    """The record as JSON, as its hash wants it, and its certificate; some 10 to 40 kB, made in a few milliseconds."""
-    name = NOT_IN_A_NAME.sub("_", record.id)[:LONGEST_ID]  # the file is taken out by name
+    """Return the record as JSON and its certificate: some 10 to 40 kB, made in a few milliseconds."""
+    name = FORBIDDEN_IN_NAME.sub("_", record.id)[:LONGEST_ID]  # an attachment is extracted by its name
     content = json.dumps(record.model_dump(mode="json"), indent=1, allow_nan=False) + "\n"
     return CalibrationFiles(
         device_id=record.device_id,

@@ -1,15 +1,15 @@
-"""Which segments hold an event, or the time around one: the quota takes those last."""
+"""The index of the segments that contain an alert or the time around one, which the quota deletes last."""
 
 from collections import deque
 from pathlib import Path
 
-from gateway.recording.retention import marker_of
+from gateway.recording.retention import marker_path
 
 MOST_REMEMBERED = 128
 
 
 class AlertEventIndex:
-    """Marks segments by an empty file beside them, which survives a restart."""
+    """Marks segments by an empty file next to them, which survives a restart."""
 
     def __init__(self, pre_event_s: float, post_event_s: float) -> None:
         self._pre_ns = round(pre_event_s * 1e9)
@@ -18,20 +18,20 @@ class AlertEventIndex:
         self._open: Path | None = None
         self._ended: deque[tuple[Path, int]] = deque(maxlen=MOST_REMEMBERED)
 
-    def segment_begins(self, path: Path, now_ns: int) -> None:
-        """A segment begins now, and ends the one before. Raises `OSError`."""
+    def begin_segment(self, path: Path, now_ns: int) -> None:
+        """Note that a segment begins, which ends the one before. Raises `OSError`."""
         if self._open is not None:
             self._ended.append((self._open, now_ns))
         self._open = path
         if now_ns < self._until_ns:
-            marker_of(path).touch()
+            marker_path(path).touch()
 
-    def event(self, now_ns: int) -> None:
-        """An event happens now: what is open, what ended shortly before and what begins shortly after is marked.
+    def add_event(self, now_ns: int) -> None:
+        """Note an alert: mark the open segment, those that ended shortly before, and those that begin shortly after.
 
         Raises `OSError`.
         """
         self._until_ns = now_ns + self._post_ns
         recent = [path for path, ended_ns in self._ended if ended_ns >= now_ns - self._pre_ns and path.exists()]
         for path in [*recent, *([self._open] if self._open is not None else [])]:
-            marker_of(path).touch()
+            marker_path(path).touch()

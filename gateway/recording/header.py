@@ -1,4 +1,4 @@
-"""What makes a recording complete in itself, beside its messages."""
+"""The metadata and attachments that make a recording complete in itself."""
 
 import json
 import platform
@@ -28,7 +28,7 @@ TEXT_FIELDS = frozenset({"kind", "device_id", "unit"})
 
 @dataclass(frozen=True, slots=True)
 class RecordingHeader:
-    """Who records, with which software and configuration."""
+    """The gateway, its software and its configuration."""
 
     software: str
     site: str
@@ -39,11 +39,11 @@ class RecordingHeader:
 
     @property
     def library(self) -> str:
-        """The writer's name in the file's header."""
+        """Name of the writer in the header of the file."""
         return f"plumbline {self.software}; mcap-python {mcap.__version__}"
 
     def origin(self) -> dict[str, str]:
-        """Content of the metadata record `plumbline`."""
+        """Return the content of the metadata record `plumbline`."""
         return {
             "schema_version": str(SCHEMA_VERSION),
             "software": self.software,
@@ -63,13 +63,13 @@ def _device_adapter() -> TypeAdapter[DeviceInfo]:
 
 
 def device_metadata(info: DeviceInfo) -> dict[str, str]:
-    """Content of the metadata record `device`: names as they are, everything else as JSON."""
+    """Return the content of the metadata record `device`: texts unchanged, all other fields as JSON."""
     fields = _device_adapter().dump_python(info, mode="json")
     return {name: value if name in TEXT_FIELDS else json.dumps(value) for name, value in fields.items()}
 
 
 def device_from_metadata(metadata: dict[str, str]) -> DeviceInfo:
-    """The device of a recording. Raises `ValueError` where the record does not describe one."""
+    """Return the device of a recording. Raises `ValueError` where the metadata do not describe one."""
     try:
         fields = {name: text if name in TEXT_FIELDS else json.loads(text) for name, text in metadata.items()}
         return _device_adapter().validate_python(fields)

@@ -1,4 +1,4 @@
-"""What is in a recording, in one pass: for `plumbline record info`."""
+"""The contents of a recording, for `plumbline record info`, read in one pass."""
 
 from collections import Counter
 from dataclasses import asdict, dataclass, field
@@ -15,12 +15,12 @@ from gateway.recording.mcap_salvage import SalvageReport
 from gateway.recording.reader import RecordedMessage, RecordingFile, open_recording
 
 GAP_PERIODS = 1.5
-"""Neighbouring samples further apart than this many periods have a gap between them."""
+"""A longer distance between neighbouring samples, in periods, is a gap."""
 
 
 @dataclass(frozen=True, slots=True)
 class TopicInfo:
-    """Messages of one topic."""
+    """The messages of one topic."""
 
     topic: str
     schema: str
@@ -30,26 +30,26 @@ class TopicInfo:
 
 @dataclass(frozen=True, slots=True)
 class SampleInfo:
-    """The sample stream."""
+    """The samples of all blocks."""
 
     count: int
     rate_hz: float | None
     lost: int
-    """Samples that the device or the link is known to have lost."""
+    """Number of samples that the device or the link is known to have lost."""
     invalid: int
     gaps: int
     longest_gap_s: float | None
     missing_blocks: int
-    """Blocks that the recording lacks, by their sequence numbers."""
+    """Number of blocks missing by their sequence numbers."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClockInfo:
-    """How far the times can be believed, by the last message of the clock."""
+    """The quality of the times, by the last message of the clock."""
 
     quality: str
     wall_offset_s: float
-    """UTC by the wall clock minus gateway time."""
+    """UTC of the wall clock minus gateway time."""
     steps: int
 
 
@@ -75,7 +75,7 @@ class LargestSwing:
 
 @dataclass(frozen=True, slots=True)
 class RecordingInfo:
-    """Everything that `record info` tells; None where nothing is known."""
+    """The contents of a recording; None: not known."""
 
     path: str
     size_bytes: int
@@ -89,17 +89,17 @@ class RecordingInfo:
     topics: list[TopicInfo]
     samples: SampleInfo
     bytes_per_sample: float | None
-    """Size of the whole file over the number of samples."""
+    """Size of the whole file divided by the number of samples."""
     origin: dict[str, str]
     device: dict[str, str]
     calibration_id: str | None
     calibration_status: str | None
     configuration: bool
-    """The configuration is in the file."""
+    """Whether the file contains the configuration."""
     attachments: list[str]
-    """Names of all files inside, calibration records and certificates among them."""
+    """Names of all attachments, including calibration records and certificates."""
     recovered: dict[str, str] | None
-    """What `record recover` noted when it made this file."""
+    """The metadata that `record recover` wrote when it made this file."""
     alerts: list[AlertEvent]
     largest_swing: LargestSwing | None
 
@@ -109,24 +109,24 @@ class RecordingInfo:
 
 
 def summarise(path: Path | str) -> RecordingInfo:
-    """Read a recording, whole or torn. Raises `RecordingError` where it is no recording or has no message."""
+    """Read a recording, complete or not. Raises `RecordingError` where it is not a recording or has no message."""
     file = open_recording(path)
-    tally = _SummaryBuilder()
+    builder = _SummaryBuilder()
     for recorded in file.messages():
-        tally.count(recorded)
+        builder.count(recorded)
         content = file.decode(recorded)
         try:
-            tally.take(content)
+            builder.add(content)
         except ValueError:
             file.losses.unreadable_messages += 1
-    if tally.from_ns is None or tally.to_ns is None:
-        raise RecordingError(f"{file.path}: holds no message; the gateway was stopped before it wrote the first one")
-    return _build_info(file, tally, tally.from_ns, tally.to_ns)
+    if builder.from_ns is None or builder.to_ns is None:
+        raise RecordingError(f"{file.path}: has no message; the gateway was stopped before it wrote one")
+    return _build_info(file, builder, builder.from_ns, builder.to_ns)
 
 
 @dataclass(slots=True)
 class _SummaryBuilder:
-    """What has been seen so far."""
+    """The contents found so far."""
 
     from_ns: int | None = None
     to_ns: int | None = None
@@ -148,10 +148,10 @@ class _SummaryBuilder:
         self.from_ns = time_ns if self.from_ns is None else min(self.from_ns, time_ns)
         self.to_ns = time_ns if self.to_ns is None else max(self.to_ns, time_ns)
 
-    def take(self, content: object) -> None:
+    def add(self, content: object) -> None:
         match content:
             case messages.Samples():
-                self._take_samples(content)
+                self._add_samples(content)
             case messages.Calibration():
                 self.calibration = content
             case messages.ClockOffset():
@@ -166,14 +166,14 @@ class _SummaryBuilder:
             case _:
                 pass
 
-    def _take_samples(self, content: messages.Samples) -> None:
+    def _add_samples(self, content: messages.Samples) -> None:
         time_ns = unpack(content).time_ns
         self.blocks.append((int(time_ns[0]), int(time_ns[-1]), len(time_ns)))
         self.sequences.append(content.sequence)
         self.lost += content.lost
         self.invalid += content.invalid
 
-    def samples(self) -> SampleInfo:
+    def sample_info(self) -> SampleInfo:
         first_ns, last_ns, length = np.array(self.blocks, dtype=np.int64).reshape(-1, 3).T
         between_ns = first_ns[1:] - last_ns[:-1]
         inside = length > 1
@@ -191,12 +191,12 @@ class _SummaryBuilder:
         )
 
 
-def _build_info(file: RecordingFile, tally: _SummaryBuilder, from_ns: int, to_ns: int) -> RecordingInfo:
-    samples = tally.samples()
+def _build_info(file: RecordingFile, builder: _SummaryBuilder, from_ns: int, to_ns: int) -> RecordingInfo:
+    samples = builder.sample_info()
     size_bytes = file.path.stat().st_size
     duration_s = (to_ns - from_ns) / 1e9
-    calibration = tally.calibration
-    offset_ns = tally.clock.wall_offset_ns if tally.clock else 0
+    calibration = builder.calibration
+    offset_ns = builder.clock.wall_offset_ns if builder.clock else 0
     return RecordingInfo(
         path=str(file.path),
         size_bytes=size_bytes,
@@ -205,8 +205,8 @@ def _build_info(file: RecordingFile, tally: _SummaryBuilder, from_ns: int, to_ns
         from_utc_ns=from_ns + offset_ns,
         to_utc_ns=to_ns + offset_ns,
         duration_s=duration_s,
-        clock=ClockInfo(tally.clock.clock, offset_ns / 1e9, tally.clock_steps) if tally.clock else None,
-        topics=_topics(file, tally, duration_s),
+        clock=ClockInfo(builder.clock.clock, offset_ns / 1e9, builder.clock_steps) if builder.clock else None,
+        topics=_topics(file, builder, duration_s),
         samples=samples,
         bytes_per_sample=size_bytes / samples.count if samples.count else None,
         origin=file.metadata.get(names.ORIGIN, {}),
@@ -216,12 +216,12 @@ def _build_info(file: RecordingFile, tally: _SummaryBuilder, from_ns: int, to_ns
         configuration=names.CONFIGURATION in file.attachments,
         attachments=sorted(file.attachments),
         recovered=file.metadata.get(names.RECOVERED),
-        alerts=tally.alerts,
-        largest_swing=tally.largest_swing,
+        alerts=builder.alerts,
+        largest_swing=builder.largest_swing,
     )
 
 
-def _topics(file: RecordingFile, tally: _SummaryBuilder, duration_s: float) -> list[TopicInfo]:
+def _topics(file: RecordingFile, builder: _SummaryBuilder, duration_s: float) -> list[TopicInfo]:
     schema_of = {
         channel.topic: file.schemas[channel.schema_id].name
         for channel in file.channels.values()
@@ -229,5 +229,5 @@ def _topics(file: RecordingFile, tally: _SummaryBuilder, duration_s: float) -> l
     }
     return [
         TopicInfo(topic, schema_of.get(topic, ""), count, count / duration_s if duration_s else None)
-        for topic, count in sorted(tally.per_topic.items())
+        for topic, count in sorted(builder.per_topic.items())
     ]

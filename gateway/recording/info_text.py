@@ -1,4 +1,4 @@
-"""A recording's contents as aligned text."""
+"""The contents of a recording as aligned text."""
 
 from collections.abc import Iterator
 from datetime import UTC, datetime
@@ -10,13 +10,13 @@ LABEL_WIDTH = 15
 
 
 def info_text(info: RecordingInfo) -> str:
-    """Lines of `plumbline record info`."""
+    """Return the output of `plumbline record info`."""
     lines = [f"{label:<{LABEL_WIDTH}}{text}" for label, text in _facts(info)]
     return "\n".join([*lines, "", *_topic_lines(info), *_alert_lines(info)])
 
 
 def utc_text(time_ns: int) -> str:
-    """A time as people read it, to the millisecond."""
+    """Return a time as text, to the millisecond."""
     return datetime.fromtimestamp(time_ns / 1e9, tz=UTC).strftime("%Y-%m-%d %H:%M:%S.%f")[:-3] + " UTC"
 
 
@@ -36,11 +36,11 @@ def _facts(info: RecordingInfo) -> Iterator[tuple[str, str]]:
 
 def _state(info: RecordingInfo) -> str:
     losses = info.losses
-    parts = ["closed properly" if info.closed else "not closed: torn, or still being written"]
+    parts = ["closed properly" if info.closed else "not closed: incomplete, or still being written"]
     if losses.altered:
         parts.append("CHECKSUM WRONG: the content was altered")
     if losses.torn_bytes:
-        parts.append(f"{losses.torn_bytes} bytes cut off at the end")
+        parts.append(f"{losses.torn_bytes} bytes of an incomplete end")
     if losses.damaged_records:
         parts.append(f"{losses.damaged_records} damaged records left out")
     if losses.unreadable_messages:

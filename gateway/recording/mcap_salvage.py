@@ -1,7 +1,7 @@
-"""Records of an MCAP file as far as they are whole: what a power cut, a full disk or a bad sector left.
+"""The readable records of an MCAP file that a power failure, a full disk or a bad sector has left incomplete.
 
-The readers of the `mcap` package give nothing, or an exception of some kind, for a torn file. This one frames the records by
-their lengths, stops at the tear, skips what is damaged, and counts both.
+For such a file the readers of the `mcap` package return nothing or raise various exceptions. This one separates the records by
+their lengths, stops at the incomplete end, skips damaged records, and counts both.
 """
 
 import os
@@ -24,9 +24,9 @@ from mcap.writer import MCAP0_MAGIC
 from devices.errors import RecordingError
 
 RECORD_HEAD = struct.Struct("<BQ")
-"""Opcode and length, before each record's content."""
+"""Opcode and length before the content of each record."""
 DAMAGED = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError, OverflowError)
-"""What the package raises for content that is not what its length promised: RuntimeError is lz4's."""
+"""Exceptions of the package for content that does not match its length; RuntimeError comes from lz4."""
 PARSERS: dict[int, Callable[[bytes], McapRecord]] = {
     Opcode.HEADER: lambda content: Header.read(_stream(content)),
     Opcode.SCHEMA: lambda content: Schema.read(_stream(content)),
@@ -37,7 +37,7 @@ PARSERS: dict[int, Callable[[bytes], McapRecord]] = {
     Opcode.METADATA: lambda content: Metadata.read(_stream(content)),
     Opcode.FOOTER: lambda content: Footer.read(_stream(content)),
 }
-"""Records worth reading; indexes, offsets and statistics are passed over."""
+"""Records that are read; indexes, offsets and statistics are skipped."""
 
 
 def _stream(content: bytes) -> ReadDataStream:
@@ -46,22 +46,22 @@ def _stream(content: bytes) -> ReadDataStream:
 
 @dataclass(slots=True)
 class SalvageReport:
-    """What of a file could not be read; complete once its records have been read to the end."""
+    """The parts of a file that could not be read; valid once its records have been read to the end."""
 
     closed: bool = False
-    """The file was ended properly: its footer stands where it belongs."""
+    """The file was closed properly: its footer is complete."""
     altered: bool = False
-    """The content is not what its checksum promises: bad memory or disk, or somebody changed it. Known for closed files only."""
+    """The content does not match its checksum: bad memory, a bad disk, or a change by somebody. Known for closed files only."""
     torn_bytes: int = 0
-    """Bytes behind the last whole record."""
+    """Number of bytes after the last complete record."""
     damaged_records: int = 0
-    """Records (chunks, mostly) that are there and make no sense."""
+    """Number of complete records, mostly chunks, that cannot be decoded."""
     unreadable_messages: int = 0
-    """Messages whose channel was in a damaged chunk, or which are not the JSON that they should be."""
+    """Number of messages whose channel was in a damaged chunk, or whose content does not match their schema."""
 
 
 def open_mcap(path: Path) -> BinaryIO:
-    """The file, behind its magic bytes. Raises `RecordingError` where it is no MCAP file."""
+    """Open a file and skip its magic bytes. Raises `RecordingError` where it is not an MCAP file."""
     try:
         file = path.open("rb")
     except OSError as error:
@@ -72,11 +72,11 @@ def open_mcap(path: Path) -> BinaryIO:
     file.close()
     if not magic:
         raise RecordingError(f"{path}: is empty; choose another recording")
-    raise RecordingError(f"{path}: is not an MCAP file; give one that the gateway wrote, or a .csv")
+    raise RecordingError(f"{path}: is not an MCAP file; give one that the gateway wrote")
 
 
-def records(file: BinaryIO, losses: SalvageReport) -> Iterator[McapRecord]:
-    """Every whole record from here on, those in chunks one by one. Raises `OSError` of the disk."""
+def read_records(file: BinaryIO, losses: SalvageReport) -> Iterator[McapRecord]:
+    """Yield every complete record from here on, those in chunks one by one. Raises `OSError` of the disk."""
     size = os.fstat(file.fileno()).st_size
     checksum = zlib.crc32(MCAP0_MAGIC)
     while (frame := _next_frame(file, size)) is not None:
@@ -85,7 +85,7 @@ def records(file: BinaryIO, losses: SalvageReport) -> Iterator[McapRecord]:
             losses.altered = _promised_checksum(content) not in (0, checksum)
         checksum = zlib.crc32(content, zlib.crc32(head, checksum))
         if opcode in PARSERS:
-            yield from _parsed(opcode, content, losses)
+            yield from _parse(opcode, content, losses)
         if opcode == Opcode.FOOTER:
             break
     losses.closed = frame is not None and file.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC
@@ -93,23 +93,23 @@ def records(file: BinaryIO, losses: SalvageReport) -> Iterator[McapRecord]:
 
 
 def _next_frame(file: BinaryIO, size: int) -> tuple[bytes, int, bytes] | None:
-    """Head, opcode and content of the record that begins here; None, and the file stays here, where it is not whole."""
+    """Return head, opcode and content of the next record; None, at an unchanged position, if it is incomplete."""
     place = file.tell()
     head = file.read(RECORD_HEAD.size)
     if len(head) == RECORD_HEAD.size:
         opcode, length = RECORD_HEAD.unpack(head)
-        if opcode != 0 and length <= size - file.tell():  # 0 is no opcode: the zeros that some file systems leave
+        if opcode != 0 and length <= size - file.tell():  # 0 is not an opcode: some file systems leave zeros
             return head, opcode, file.read(length)
     file.seek(place)
     return None
 
 
 def _promised_checksum(content: bytes) -> int:
-    """Checksum of all before, as the record at the end of the data gives it; 0: the writer made none."""
+    """Return the checksum of all records before, from the record at the end of the data; 0: the writer made none."""
     return int.from_bytes(content[:4], "little")
 
 
-def _parsed(opcode: int, content: bytes, losses: SalvageReport) -> list[McapRecord]:
+def _parse(opcode: int, content: bytes, losses: SalvageReport) -> list[McapRecord]:
     try:
         record = PARSERS[opcode](content)
         return breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]

@@ -1,4 +1,4 @@
-"""Recordings read back, torn ones as far as they go."""
+"""Reading of recordings, incomplete ones as far as possible."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from mcap.well_known import MessageEncoding
 from pydantic import ValidationError
 
 from devices.errors import RecordingError
-from gateway.recording.mcap_salvage import SalvageReport, open_mcap, records
+from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
 from gateway.topics import TOPICS, adapter
 
 TOPIC_OF_PATH = {topic.path: topic.name for topic in TOPICS.values()}
@@ -18,7 +18,7 @@ TOPIC_OF_PATH = {topic.path: topic.name for topic in TOPICS.values()}
 
 @dataclass(frozen=True, slots=True)
 class RecordedMessage:
-    """One message as it stands in the file."""
+    """One message of a recording."""
 
     channel: Channel
     log_time_ns: int
@@ -33,7 +33,7 @@ class RecordedMessage:
 
 
 def open_recording(path: Path | str) -> "RecordingFile":
-    """A recording, torn or not. Raises `RecordingError` where there is no MCAP file of that name."""
+    """Open a recording, complete or not. Raises `RecordingError` where there is no MCAP file of that name."""
     path = Path(path)
     open_mcap(path).close()
     return RecordingFile(path)
@@ -41,7 +41,7 @@ def open_recording(path: Path | str) -> "RecordingFile":
 
 @dataclass(slots=True)
 class RecordingFile:
-    """A recording; what stands beside the messages fills up while they are read."""
+    """A recording. Its schemas, channels, metadata and attachments are known when the messages have been read."""
 
     path: Path
     header: Header | None = None
@@ -52,22 +52,22 @@ class RecordingFile:
     losses: SalvageReport = field(default_factory=SalvageReport)
 
     def messages(self) -> Iterator[RecordedMessage]:
-        """Every message that can be recovered, in the order of writing. Raises `RecordingError`."""
+        """Yield every readable message in the order of writing. Raises `RecordingError`."""
         self.losses = SalvageReport()
         with open_mcap(self.path) as file:
             try:
-                for record in records(file, self.losses):
+                for record in read_records(file, self.losses):
                     if isinstance(record, Message):
                         yield from self._message(record)
                     else:
-                        self._keep(record)
+                        self._store(record)
             except OSError as error:
                 raise RecordingError(
                     f"{self.path}: byte {file.tell()}: {error.strerror}; copy it off this disk with `ddrescue` and try again"
                 ) from error
 
     def decode(self, message: RecordedMessage) -> Any:
-        """Content of a message of the gateway's own topics; None for another, and for what does not decode: that is counted."""
+        """Decode a message of the gateway's own topics; None for others, and for unreadable ones, which are counted."""
         name = TOPIC_OF_PATH.get(message.topic)
         if name is None or message.channel.message_encoding != MessageEncoding.JSON:
             return None
@@ -84,7 +84,7 @@ class RecordingFile:
             return
         yield RecordedMessage(channel, record.log_time, record.publish_time, record.sequence, record.data)
 
-    def _keep(self, record: object) -> None:
+    def _store(self, record: object) -> None:
         match record:
             case Schema():
                 self.schemas[record.id] = record

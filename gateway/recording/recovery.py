@@ -1,4 +1,4 @@
-"""A whole file from a torn one."""
+"""Recovery of a complete file from an incomplete one."""
 
 import json
 import os
@@ -16,17 +16,17 @@ from gateway.recording.reader import RecordingFile, open_recording
 
 
 @dataclass(frozen=True, slots=True)
-class Recovered:
-    """What was saved and what was not."""
+class RecoveryResult:
+    """The number of messages that were recovered, and the losses."""
 
     messages: int
     losses: SalvageReport
 
 
-def recover(path: Path | str, out: Path | str) -> Recovered:
+def recover(path: Path | str, out: Path | str) -> RecoveryResult:
     """Write everything readable of a recording into the new file `out`, indexed and closed properly.
 
-    The source is left as it is, and `out` appears whole or not at all. Raises `RecordingError` where the source holds no
+    The source does not change, and `out` appears completely or not at all. Raises `RecordingError` where the source has no
     message, `out` exists already, or it cannot be written.
     """
     out = Path(out)
@@ -38,12 +38,12 @@ def recover(path: Path | str, out: Path | str) -> Recovered:
             messages = _copy(source, Writer(file, enable_data_crcs=True))
     except OSError as error:
         raise RecordingError(f"{out}: cannot be written: {error.strerror or error}; choose another place") from error
-    return Recovered(messages, source.losses)
+    return RecoveryResult(messages, source.losses)
 
 
 def _copy(source: RecordingFile, writer: Writer) -> int:
-    """Messages first: what stands beside them is known only when they have been read."""
-    channels = _Channels(source, writer)
+    """Copy the messages first: the metadata and attachments are known only when the messages have been read."""
+    channels = _ChannelMap(source, writer)
     count = 0
     for message in source.messages():
         if not count:
@@ -58,7 +58,7 @@ def _copy(source: RecordingFile, writer: Writer) -> int:
         )
         count += 1
     if not count:
-        raise RecordingError(f"{source.path}: holds no message that can be read; there is nothing to recover")
+        raise RecordingError(f"{source.path}: contains no readable message; there is nothing to recover")
     for channel in source.channels.values():
         channels.new_id(channel)
     for attachment in source.attachments.values():
@@ -70,8 +70,8 @@ def _copy(source: RecordingFile, writer: Writer) -> int:
     return count
 
 
-class _Channels:
-    """Numbers of schemas and channels in the new file, given when they are first needed."""
+class _ChannelMap:
+    """The numbers of schemas and channels in the new file, assigned when they are first needed."""
 
     def __init__(self, source: RecordingFile, writer: Writer) -> None:
         self._source = source
@@ -92,7 +92,7 @@ class _Channels:
     def _new_schema_id(self, schema_id: int) -> int:
         if schema_id not in self._schema_ids:
             schema = self._source.schemas.get(schema_id)
-            if schema is None:  # it was in a damaged chunk: the messages are worth more than their description
+            if schema is None:  # it was in a damaged chunk; the messages are kept without it
                 return 0
             self._schema_ids[schema_id] = self._writer.register_schema(schema.name, schema.encoding, schema.data)
         return self._schema_ids[schema_id]

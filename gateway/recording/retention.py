@@ -1,4 +1,4 @@
-"""Names of segments, and which of them have to go when the quota is reached."""
+"""The names of segments, and the deletion of segments beyond the quota."""
 
 import re
 from contextlib import suppress
@@ -12,10 +12,11 @@ MARKER = ".event"
 
 @dataclass(frozen=True, slots=True, order=True)
 class ClosedSegment:
-    """A recording of this gateway that nobody writes to; sorts as they are to be deleted: oldest first, events last."""
+    """A segment that is not open. Segments sort in the order of deletion: without events before those with events, oldest
+    first."""
 
-    kept: bool
-    """An alert was raised in it, or nearby."""
+    has_event: bool
+    """An alert was raised in it or shortly before or after."""
     utc: str
     copy: int
     path: Path
@@ -30,8 +31,8 @@ class SegmentNames:
     crane: str
     sensor: str
 
-    def unused(self, data_dir: Path, start_ns: int) -> Path:
-        """Path of a segment that starts now; no file has this name yet."""
+    def unused_path(self, data_dir: Path, start_ns: int) -> Path:
+        """Return the path of a segment that starts now; no file has this name yet."""
         utc = datetime.fromtimestamp(start_ns // 1_000_000_000, tz=UTC).strftime("%Y%m%dT%H%M%SZ")
         path = data_dir / f"{self._prefix}-{utc}.mcap"
         copy = 0
@@ -40,8 +41,8 @@ class SegmentNames:
             path = data_dir / f"{self._prefix}-{utc}-{copy}.mcap"
         return path
 
-    def found(self, data_dir: Path) -> list[ClosedSegment]:
-        """This gateway's segments, oldest first, torn ones among them. Raises `OSError`."""
+    def list_segments(self, data_dir: Path) -> list[ClosedSegment]:
+        """Return this gateway's segments in the order of deletion, incomplete ones included. Raises `OSError`."""
         pattern = re.compile(self._pattern)
         found = []
         for path in data_dir.iterdir():
@@ -50,12 +51,12 @@ class SegmentNames:
                 with suppress(FileNotFoundError):
                     size_bytes = path.stat().st_size
                     found.append(
-                        ClosedSegment(marker_of(path).exists(), match[1], int(match[2] or 0), path, size_bytes)
+                        ClosedSegment(marker_path(path).exists(), match[1], int(match[2] or 0), path, size_bytes)
                     )
         return sorted(found)
 
     def remove_unfinished(self, data_dir: Path) -> None:
-        """Delete what a gateway left that was killed while it began a segment: nothing was recorded in it. Raises `OSError`."""
+        """Delete segments that a killed gateway had begun and in which nothing was recorded. Raises `OSError`."""
         pattern = re.compile(rf"\.{self._pattern}\.part")
         for path in data_dir.iterdir():
             if pattern.fullmatch(path.name):
@@ -70,13 +71,13 @@ class SegmentNames:
         return f"{self.site}-{self.crane}-{self.sensor}"
 
 
-def marker_of(path: Path) -> Path:
-    """The empty file whose presence says that a segment holds an event."""
+def marker_path(path: Path) -> Path:
+    """Return the path of the empty file that marks a segment with an event."""
     return path.with_name(path.name + MARKER)
 
 
 class Retention:
-    """Deletes closed segments beyond the quota, the oldest first and those with events last; touches no other file."""
+    """Deletes closed segments beyond the quota, oldest first and those with events last; touches no other file."""
 
     def __init__(self, names: SegmentNames, data_dir: Path, quota_mb: float) -> None:
         self._names = names
@@ -86,14 +87,14 @@ class Retention:
         self.undeletable = 0
 
     def rescan(self) -> None:
-        """See which segments there are, while none of them is open. Raises `OSError`."""
+        """Find the segments, while none of them is open. Raises `OSError`."""
         self._names.remove_unfinished(self._data_dir)
-        self._closed = self._names.found(self._data_dir)
+        self._closed = self._names.list_segments(self._data_dir)
 
     def enforce(self, open_bytes: int) -> list[Path]:
-        """Delete until everything together is within the quota; the paths deleted.
+        """Delete segments until all together are within the quota; return the deleted paths.
 
-        A file that cannot be deleted is counted and left to the next `look`: recording goes on.
+        A file that cannot be deleted is counted, and tried again after the next `rescan`; recording continues.
         """
         deleted = []
         total_bytes = open_bytes + sum(segment.size_bytes for segment in self._closed)
@@ -101,7 +102,7 @@ class Retention:
             oldest = self._closed.pop(0)
             try:
                 oldest.path.unlink(missing_ok=True)
-                marker_of(oldest.path).unlink(missing_ok=True)
+                marker_path(oldest.path).unlink(missing_ok=True)
             except OSError:
                 self.undeletable += 1
                 continue

@@ -1,4 +1,4 @@
-"""The raw samples of a recording with everything that is needed to compute its results again."""
+"""The raw samples of a recording, with everything that is needed to compute its results again."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,7 +19,7 @@ from gateway.recording.reader import RecordingFile, open_recording
 
 @dataclass(frozen=True, slots=True)
 class CalibrationInForce:
-    """A calibration as it was recorded."""
+    """A calibration in force, and the gateway time of its first message."""
 
     log_time_ns: int
     message: messages.Calibration
@@ -27,17 +27,17 @@ class CalibrationInForce:
 
 @dataclass(frozen=True, slots=True)
 class RecordedRun:
-    """What was measured, by which device, under which configuration and calibration."""
+    """The samples of one recording with their device, configuration and calibrations."""
 
     path: Path
     origin: dict[str, str]
-    """Software, site, crane, sensor and boot of the gateway; empty where another program wrote the file."""
+    """Software, site, crane, sensor and boot id of the gateway; empty where another program wrote the file."""
     device: DeviceInfo
     blocks: tuple[SampleBlock, ...]
-    """As the device handed them on: times in gateway time, readings in `device.unit`."""
+    """The blocks as the device delivered them: times in gateway time, readings in `device.unit`."""
     configuration_toml: str | None
     calibrations: tuple[CalibrationInForce, ...]
-    """The one in force at the start and each other one that followed."""
+    """The calibration in force at the start, and each later one."""
     losses: SalvageReport
 
     @property
@@ -46,15 +46,15 @@ class RecordedRun:
         return np.concatenate([block.time_ns for block in self.blocks])
 
     def recording(self) -> Recording:
-        """All samples in one, as `measure` takes them; times count from the first sample.
+        """Return all samples as one recording, for `measure`; times count from the first sample.
 
-        Samples whose time repeats or goes back are left out and counted. Raises `RecordingError` for fewer than two.
+        Samples with a repeated or backward time are left out and counted. Raises `RecordingError` for fewer than two samples.
         """
         time_ns = self.time_ns
         raw = np.concatenate([block.raw for block in self.blocks]).astype(np.float64)
         kept = longest_increasing_mask(time_ns)
         if kept.sum() < 2:
-            raise RecordingError(f"{self.path}: holds a single sample; choose a longer recording")
+            raise RecordingError(f"{self.path}: has a single sample; choose a longer recording")
         repeated = np.isin(time_ns[~kept], time_ns[kept])
         time_s = (time_ns[kept] - time_ns[0]) / 1e9
         known_lost = self._before([block.lost for block in self.blocks])[kept]
@@ -72,7 +72,7 @@ class RecordedRun:
         )
 
     def _before(self, counts: list[int]) -> NDArray[np.int64]:
-        """A count of each block at its first sample, zero at the others, shape (n,)."""
+        """Return a count of each block at its first sample, zero at the others, shape (n,)."""
         lengths = np.array([len(block) for block in self.blocks])
         spread = np.zeros(lengths.sum(), dtype=np.int64)
         spread[np.cumsum(lengths) - lengths] = counts
@@ -84,7 +84,7 @@ class RecordedRun:
 
 
 def read_samples(path: Path | str) -> RecordedRun:
-    """Read a recording of the gateway; raises `RecordingError` where it holds no samples or not what they mean."""
+    """Read a recording of the gateway. Raises `RecordingError` where it has no samples or no description of the device."""
     file = open_recording(path)
     blocks: list[SampleBlock] = []
     calibrations: list[CalibrationInForce] = []
@@ -97,7 +97,7 @@ def read_samples(path: Path | str) -> RecordedRun:
         elif isinstance(content, messages.Calibration):
             _add_calibration(calibrations, recorded.log_time_ns, content)
     if not blocks:
-        raise RecordingError(_without_samples(file))
+        raise RecordingError(_explain_missing_samples(file))
     device = _device(file)
     if units != {device.unit}:
         raise RecordingError(
@@ -124,11 +124,11 @@ def _add_block(file: RecordingFile, blocks: list[SampleBlock], samples: messages
 
 def _add_calibration(calibrations: list[CalibrationInForce], log_time_ns: int, content: messages.Calibration) -> None:
     known = calibrations[-1].message if calibrations else None
-    if known is None or _calibration_intervals(known) != _calibration_intervals(content):
+    if known is None or _calibration_content(known) != _calibration_content(content):
         calibrations.append(CalibrationInForce(log_time_ns, content))
 
 
-def _calibration_intervals(content: messages.Calibration) -> tuple[object, ...]:
+def _calibration_content(content: messages.Calibration) -> tuple[object, ...]:
     return content.calibration_id, content.status, content.record, content.in_force
 
 
@@ -136,7 +136,7 @@ def _device(file: RecordingFile) -> DeviceInfo:
     metadata = file.metadata.get(names.DEVICE)
     if metadata is None:
         raise RecordingError(
-            f"{file.path}: has samples and no metadata 'device' that says what they mean; record it with the gateway"
+            f"{file.path}: has samples but no metadata 'device', which describes them; record it with the gateway"
         )
     try:
         return device_from_metadata(metadata)
@@ -144,9 +144,9 @@ def _device(file: RecordingFile) -> DeviceInfo:
         raise RecordingError(f"{file.path}: {error}; it was written by another version") from error
 
 
-def _without_samples(file: RecordingFile) -> str:
+def _explain_missing_samples(file: RecordingFile) -> str:
     topics = sorted({channel.topic for channel in file.channels.values()})
     if "/samples" in topics:
-        return f"{file.path}: holds no samples; the gateway was stopped or lost its device before the first one"
+        return f"{file.path}: has no samples; the gateway was stopped or lost its device before the first one"
     found = ", ".join(topics[:12]) or "none"
     return f"{file.path}: has no topic /samples, which a recording of the gateway has; its topics: {found}"

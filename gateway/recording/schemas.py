@@ -1,8 +1,9 @@
-"""JSON Schemas in the form that MCAP viewers read.
+"""JSON Schemas in the form that MCAP viewers can read.
 
-Lichtblick and older Foxglove drop a whole topic whose schema holds a `$ref` or a property without one plain `type`, which is
-how "a number or null" is written. Here references are put in place, and properties that may be null move from `properties` into
-`allOf`, which these viewers pass over: every topic loads, every value can be plotted by its path, and the schema stays true.
+Lichtblick and older Foxglove ignore a topic whose schema has a `$ref` or a property without a single `type`, which is how "a
+number or null" is written. Here references are replaced by their content, and properties that may be null move from
+`properties` into `allOf`, which these viewers ignore: every topic loads, every value can be plotted by its path, and the schema
+remains correct.
 """
 
 import json
@@ -17,49 +18,49 @@ VIEWER_TYPES = frozenset({"boolean", "string", "number", "integer", "object", "a
 
 @cache
 def schema_bytes(topic: str) -> bytes:
-    """The schema that a recording carries for a topic."""
+    """Return the schema of a topic for a recording."""
     schema = json_schema(topic)
     definitions = schema.pop("$defs", {})
-    return json.dumps(_viewable(_resolved(schema, definitions)), separators=(",", ":")).encode()
+    return json.dumps(_make_viewable(_resolve_references(schema, definitions)), separators=(",", ":")).encode()
 
 
 def logged_topics() -> list[str]:
-    """Names of the topics that a recording holds."""
+    """Return the names of the topics that a recording contains."""
     return [topic.name for topic in TOPICS.values() if topic.logged]
 
 
-def _resolved(node: Any, definitions: dict[str, Schema]) -> Any:
-    """The same schema with each `$ref` replaced by what it refers to."""
+def _resolve_references(node: Any, definitions: dict[str, Schema]) -> Any:
+    """Return the schema with each `$ref` replaced by its content."""
     if isinstance(node, list):
-        return [_resolved(entry, definitions) for entry in node]
+        return [_resolve_references(entry, definitions) for entry in node]
     if not isinstance(node, dict):
         return node
     if "$ref" in node:
         name = node["$ref"].removeprefix("#/$defs/")
         others = {key: value for key, value in node.items() if key != "$ref"}
-        return _resolved({**definitions[name], **others}, definitions)
-    return {key: _resolved(value, definitions) for key, value in node.items()}
+        return _resolve_references({**definitions[name], **others}, definitions)
+    return {key: _resolve_references(value, definitions) for key, value in node.items()}
 
 
-def _viewable(schema: Schema) -> Schema:
-    """An object's schema with what a viewer cannot read moved into `allOf`."""
-    properties = {name: _viewable_property(entry) for name, entry in schema.get("properties", {}).items()}
-    plain = {name: entry for name, entry in properties.items() if _has_one_type(entry)}
+def _make_viewable(schema: Schema) -> Schema:
+    """Return the schema of an object with everything that a viewer cannot read moved into `allOf`."""
+    properties = {name: _make_property_viewable(entry) for name, entry in schema.get("properties", {}).items()}
+    plain = {name: entry for name, entry in properties.items() if _has_single_type(entry)}
     others = {name: entry for name, entry in properties.items() if name not in plain}
     return {**schema, "properties": plain, **({"allOf": [{"properties": others}]} if others else {})}
 
 
-def _viewable_property(schema: Schema) -> Schema:
+def _make_property_viewable(schema: Schema) -> Schema:
     match schema.get("type"):
         case "object":
-            return _viewable(schema)
+            return _make_viewable(schema)
         case "array" if schema["items"].get("type") == "object":
-            return {**schema, "items": _viewable(schema["items"])}
+            return {**schema, "items": _make_viewable(schema["items"])}
         case _:
             return schema
 
 
-def _has_one_type(schema: Schema) -> bool:
+def _has_single_type(schema: Schema) -> bool:
     if schema.get("type") == "array":
         return schema["items"].get("type") in VIEWER_TYPES - {"array"}
     return schema.get("type") in VIEWER_TYPES

@@ -1,4 +1,4 @@
-"""One MCAP file being written: everything that reached `sync` survives."""
+"""One MCAP file that is being written; everything up to the last `sync` survives."""
 
 import os
 from collections.abc import Iterable
@@ -23,31 +23,32 @@ SEQUENCE_MASK = 0xFFFF_FFFF
 
 
 class SyncedFile:
-    """A new file whose syncs are whole or not at all: what a full disk let through of one is cut off again.
+    """A new file in which each sync is complete or absent: the part of it that fits on a full disk is removed again.
 
-    A chunk is followed by its index: held back until the sync, both are in the file or neither, and what was lost is known.
+    A chunk is followed by its index. Both are held back until the sync, so that the file has both or neither, and the number of
+    lost messages is known.
     """
 
     def __init__(self, path: Path) -> None:
-        """Create the file. Raises `OSError`, `FileExistsError` among them."""
+        """Create the file. Raises `OSError`, including `FileExistsError`."""
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         self._size = 0
         self._held = bytearray()
 
     def write(self, data: bytes) -> int:
-        """Append; in the file from the next sync on."""
+        """Append data, which are written at the next sync."""
         self._held += data
         return len(data)
 
     def tell(self) -> int:
-        """Bytes written so far, those not in the file yet included."""
+        """Return the number of bytes, including those that are not written yet."""
         return self._size + len(self._held)
 
     def flush(self) -> None:
-        """The sync decides."""
+        """Do nothing: data are written by `sync`."""
 
     def sync(self) -> None:
-        """Wait until everything written is on the disk. Raises `OSError`."""
+        """Write everything to the disk. Raises `OSError`."""
         held, self._held = self._held, bytearray()
         rest = memoryview(held)
         try:
@@ -61,7 +62,7 @@ class SyncedFile:
         os.fsync(self._descriptor)
 
     def close(self) -> None:
-        """Let go of the file, once. Raises `OSError`."""
+        """Close the file; to be called once. Raises `OSError`."""
         descriptor, self._descriptor = self._descriptor, -1
         os.close(descriptor)
 
@@ -75,12 +76,12 @@ class Segment:
         header: RecordingHeader,
         device: DeviceInfo | None,
         start_ns: int,
-        standing: Iterable[EncodedMessage],
+        repeated: Iterable[EncodedMessage],
         files: Iterable[AttachedFile] = (),
     ) -> None:
-        """Create the file with what makes it complete, `standing` messages and `files` included, on the disk; or none at all.
+        """Create the file with everything that makes it complete, including `repeated` messages and `files`, or no file at all.
 
-        It has its name only then: whoever is killed before leaves no recording that cannot be opened.
+        The file gets its name last, so that a kill leaves no recording that cannot be opened.
         """
         self.path = path
         self.start_ns = start_ns
@@ -90,7 +91,7 @@ class Segment:
             self._writer = Writer(cast(IO[bytes], self._file), compression=CompressionType.ZSTD, enable_data_crcs=True)
             self._channels = self._begin(header, device)
             self._attach(files, start_ns)
-            for message in standing:
+            for message in repeated:
                 self.write(message, start_ns)
             self.sync()
             partial.rename(path)
@@ -104,11 +105,11 @@ class Segment:
 
     @property
     def size_bytes(self) -> int:
-        """Bytes in the file; the open chunk is not among them."""
+        """Bytes in the file, without the open chunk."""
         return self._file.tell()
 
     def write(self, message: EncodedMessage, log_time_ns: int) -> None:
-        """Add to the open chunk."""
+        """Add a message to the open chunk."""
         self._writer.add_message(
             channel_id=self._channels[message.topic],
             log_time=log_time_ns,
@@ -118,17 +119,17 @@ class Segment:
         )
 
     def add_device(self, device: DeviceInfo) -> None:
-        """Say which device the samples come from."""
+        """Add the description of the device."""
         self._writer.add_metadata(names.DEVICE, device_metadata(device))
 
     def attach(self, files: Iterable[AttachedFile], now_ns: int) -> None:
-        """Add files behind everything written so far, on the disk when this returns."""
-        self._writer.flush()  # an attachment goes past the open chunk, which comes first
+        """Add attachments after everything written so far, and write all to the disk."""
+        self._writer.flush()  # an attachment must not overtake the open chunk
         self._attach(files, now_ns)
         self._file.sync()
 
     def sync(self) -> None:
-        """Close the chunk and wait until it is on the disk."""
+        """Close the chunk and write it to the disk."""
         self._writer.flush()
         self._file.sync()
 
@@ -139,7 +140,7 @@ class Segment:
         self._file.close()
 
     def abandon(self) -> None:
-        """Let go of a file that can no longer be written; what is on the disk stays readable. Never raises."""
+        """Close a file that can no longer be written; what is on the disk stays readable. Never raises."""
         with suppress(OSError):
             self._file.close()
 

@@ -1,7 +1,7 @@
-"""The recorder: messages into segments that are complete in themselves, synced on time, within a quota.
+"""The recorder: writes messages into segments that are complete in themselves, synced in time, within a quota.
 
-Not threaded, and it reads no clock: whoever owns it calls `tick` with the gateway time after each `write` and some times a
-second. What a SIGKILL or a power cut costs is `fsync_s` and the time between two ticks.
+It has no thread and reads no clock: its owner calls `tick` with the gateway time after each `write` and a few times a second. A
+SIGKILL or a power failure costs at most `fsync_s` and the time between two ticks.
 """
 
 import errno
@@ -17,11 +17,11 @@ from gateway.recording.header import RecordingHeader
 from gateway.recording.retention import BYTES_PER_MB, Retention, SegmentNames
 from gateway.recording.segment import Segment
 
-STANDING_TOPICS = ("calibration", "clock")
-"""Repeated at the start of each segment, so that it can be read without its predecessor."""
+REPEATED_TOPICS = ("calibration", "clock")
+"""Repeated at the start of each segment, so that a segment can be read without the one before."""
 SEGMENTS_IN_QUOTA = 4
-"""A segment ends before it takes more than this part of the quota: the open one is never deleted."""
-MENDS = {
+"""A segment ends before it exceeds this part of the quota, because the open segment is never deleted."""
+REMEDIES = {
     errno.ENOSPC: "free space on the disk, or lower recorder.quota_mb so that old recordings make room",
     errno.EDQUOT: "the user's disk quota is used up; raise it, or lower recorder.quota_mb",
     errno.EACCES: "let this user write to gateway.data_dir, or choose another folder",
@@ -35,9 +35,9 @@ LARGEST_TIME_NS = 2**63 - 1
 
 
 class RecorderError(PlumblineError):
-    """The recording stopped; what was synced stays readable. One line with the place and the mend.
+    """Recording has stopped; everything that was synced stays readable. The text has one line with the place and the remedy.
 
-    `lost_messages` and `lost_samples` were handed over since the last sync and may not be on the disk.
+    `lost_messages` and `lost_samples` were passed since the last sync and may not be on the disk.
     """
 
     def __init__(self, text: str, lost_messages: int = 0, lost_samples: int = 0) -> None:
@@ -57,13 +57,13 @@ class Recorder:
         segment_s: float,
         fsync_s: float,
         quota_mb: float,
-        marks: AlertEventIndex | None = None,
+        events: AlertEventIndex | None = None,
     ) -> None:
-        """`marks` remembers which segments hold alerts; without it all are alike to the quota."""
+        """`events` records which segments contain alerts; without it the quota treats all segments alike."""
         self._data_dir = data_dir
         self._header = header
         self._names = SegmentNames(header.site, header.crane, header.sensor)
-        self._marks = marks
+        self._events = events
         self._retention = Retention(self._names, data_dir, quota_mb)
         self._segment_ns = round(segment_s * 1e9)
         self._fsync_ns = round(fsync_s * 1e9)
@@ -71,14 +71,14 @@ class Recorder:
         self._device: DeviceInfo | None = None
         self._segment: Segment | None = None
         self._synced_ns = 0
-        self._standing: dict[str, EncodedMessage] = {}
+        self._repeated: dict[str, EncodedMessage] = {}
         self._calibration: CalibrationFiles | None = None
         self._unsynced_messages = 0
         self._unsynced_samples = 0
 
     @property
     def path(self) -> Path | None:
-        """The open segment; None while nothing is recorded."""
+        """Path of the open segment; None while nothing is recorded."""
         return self._segment.path if self._segment else None
 
     @property
@@ -87,22 +87,22 @@ class Recorder:
         return self._retention.undeletable
 
     def start(self, now_ns: int) -> Path:
-        """Begin a segment, ending the open one; its path. Raises `RecorderError`."""
+        """Begin a segment, after ending the open one, and return its path. Raises `RecorderError`."""
         self.close()
         try:
             self._data_dir.mkdir(parents=True, exist_ok=True)
             self._retention.rescan()
             self._segment = self._new_segment(now_ns)
-            if self._marks is not None:
-                self._marks.segment_begins(self._segment.path, now_ns)
+            if self._events is not None:
+                self._events.begin_segment(self._segment.path, now_ns)
         except OSError as error:
-            raise self._stopped(error) from error
+            raise self._stop(error) from error
         self._retention.enforce(self._segment.size_bytes)
         self._synced_ns = now_ns
         return self._segment.path
 
     def set_device(self, device: DeviceInfo, now_ns: int) -> None:
-        """Say which device the coming samples are from; another one begins a new segment. Raises `RecorderError`."""
+        """Set the device of the following samples; another device begins a new segment. Raises `RecorderError`."""
         if device == self._device:
             return
         another = self._device is not None
@@ -115,19 +115,19 @@ class Recorder:
         try:
             self._segment.add_device(device)
         except OSError as error:
-            raise self._stopped(error) from error
+            raise self._stop(error) from error
 
     def set_calibration(self, files: CalibrationFiles | None, now_ns: int) -> None:
-        """Say which record is in force: the open segment and every later one of its device carry it. Raises `RecorderError`."""
+        """Set the record in force; the open segment and every later one of its device contain it. Raises `RecorderError`."""
         if files == self._calibration:
             return
         self._calibration = files
-        if self._segment is None or not (attached := self._files()):
+        if self._segment is None or not (attached := self._attached_files()):
             return
         try:
             self._segment.attach(attached, now_ns)
         except OSError as error:
-            raise self._stopped(error) from error
+            raise self._stop(error) from error
         self._synced_ns = now_ns
         self._unsynced_messages = self._unsynced_samples = 0
 
@@ -136,8 +136,8 @@ class Recorder:
         topic, message, log_time_ns = encoded.topic, encoded.message, encoded.log_time_ns
         if not 0 <= log_time_ns <= LARGEST_TIME_NS or not 0 <= encoded.publish_time_ns <= LARGEST_TIME_NS:
             raise ValueError(f"/{topic}: times {log_time_ns} and {encoded.publish_time_ns} ns are not after 1970")
-        if topic in STANDING_TOPICS:
-            self._standing[topic] = encoded
+        if topic in REPEATED_TOPICS:
+            self._repeated[topic] = encoded
         samples = len(message.x) if isinstance(message, Samples) else 0
         if self._segment is None:
             raise RecorderError("nothing is recorded until the recording is started again", 1, samples)
@@ -145,19 +145,20 @@ class Recorder:
         self._unsynced_samples += samples
         try:
             self._segment.write(encoded, log_time_ns)
-            if self._marks is not None and isinstance(message, Alert) and message.event == "raised":
-                self._marks.event(log_time_ns)
+            if self._events is not None and isinstance(message, Alert) and message.event == "raised":
+                self._events.add_event(log_time_ns)
         except OSError as error:
-            raise self._stopped(error) from error
+            raise self._stop(error) from error
 
     def tick(self, now_ns: int) -> None:
-        """Sync when `fsync_s` has passed, begin a new segment when this one is long or large. Raises `RecorderError`."""
+        """Sync when `fsync_s` has passed; begin a new segment when the open one is too long or too large. Raises
+        `RecorderError`."""
         if self._segment is None or now_ns - self._synced_ns < self._fsync_ns:
             return
         try:
             self._segment.sync()
         except OSError as error:
-            raise self._stopped(error) from error
+            raise self._stop(error) from error
         self._synced_ns = now_ns
         self._unsynced_messages = self._unsynced_samples = 0
         self._retention.enforce(self._segment.size_bytes)
@@ -166,33 +167,33 @@ class Recorder:
             self.start(now_ns)
 
     def close(self) -> None:
-        """End the open segment with everything on the disk; may be called twice. Raises `RecorderError`."""
+        """End the open segment, with everything on the disk; may be called twice. Raises `RecorderError`."""
         if self._segment is None:
             return
         try:
             self._segment.close()
         except OSError as error:
-            raise self._stopped(error) from error
+            raise self._stop(error) from error
         self._segment = None
         self._unsynced_messages = self._unsynced_samples = 0
 
     def _new_segment(self, now_ns: int) -> Segment:
-        standing = [self._standing[topic] for topic in STANDING_TOPICS if topic in self._standing]
-        path = self._names.unused(self._data_dir, now_ns)
-        return Segment(path, self._header, self._device, now_ns, standing, self._files())
+        repeated = [self._repeated[topic] for topic in REPEATED_TOPICS if topic in self._repeated]
+        path = self._names.unused_path(self._data_dir, now_ns)
+        return Segment(path, self._header, self._device, now_ns, repeated, self._attached_files())
 
-    def _files(self) -> tuple[AttachedFile, ...]:
-        """Of the calibration in force, unless it is that of another device: a swapped sensor never inherits one."""
+    def _attached_files(self) -> tuple[AttachedFile, ...]:
+        """Return the attachments for the calibration in force, none if it belongs to another device."""
         calibration, device = self._calibration, self._device
         if calibration is None or (device is not None and device.device_id != calibration.device_id):
             return ()
         return calibration.files
 
-    def _stopped(self, error: OSError) -> RecorderError:
-        """Give the open segment up and say what that costs."""
+    def _stop(self, error: OSError) -> RecorderError:
+        """Abandon the open segment and return the error with the losses."""
         place = self._segment.path if self._segment else self._data_dir
-        mend = MENDS.get(error.errno or 0, "check the disk of gateway.data_dir")
-        text = f"recording to {place} stopped: {error.strerror or error}; {mend}"
+        remedy = REMEDIES.get(error.errno or 0, "check the disk of gateway.data_dir")
+        text = f"recording to {place} stopped: {error.strerror or error}; {remedy}"
         stopped = RecorderError(text, self._unsynced_messages, self._unsynced_samples)
         if self._segment is not None:
             self._segment.abandon()

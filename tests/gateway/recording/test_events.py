@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from gateway.recording.events import AlertEventIndex
-from gateway.recording.retention import Retention, SegmentNames, marker_of
+from gateway.recording.retention import Retention, SegmentNames, marker_path
 
 NAMES = SegmentNames("yard", "crane-2", "hook")
 SECOND_NS = 1_000_000_000
@@ -19,21 +19,21 @@ def segments(tmp_path: Path) -> list[Path]:
     paths = []
     for minute in range(6):
         begins_ns = START_NS + minute * 60 * SECOND_NS
-        path = NAMES.unused(tmp_path, begins_ns)
+        path = NAMES.unused_path(tmp_path, begins_ns)
         path.write_bytes(bytes(1000))
-        marks.segment_begins(path, begins_ns)
+        marks.begin_segment(path, begins_ns)
         if minute == 2:
-            marks.event(begins_ns + 30 * SECOND_NS)
+            marks.add_event(begins_ns + 30 * SECOND_NS)
         paths.append(path)
     return paths
 
 
 def test_what_is_open_or_near_an_event_is_marked(segments: list[Path]) -> None:
-    assert [marker_of(path).exists() for path in segments] == [False, True, True, True, False, False]
+    assert [marker_path(path).exists() for path in segments] == [False, True, True, True, False, False]
 
 
 def test_ordinary_segments_go_first_then_the_oldest_event(tmp_path: Path, segments: list[Path]) -> None:
     retention = Retention(NAMES, tmp_path, quota_mb=0.0025)  # room for two and a half
     retention.rescan()
     assert retention.enforce(0) == [segments[i] for i in (0, 4, 5, 1)]
-    assert sorted(tmp_path.iterdir()) == sorted([*segments[2:4], *(marker_of(path) for path in segments[2:4])])
+    assert sorted(tmp_path.iterdir()) == sorted([*segments[2:4], *(marker_path(path) for path in segments[2:4])])

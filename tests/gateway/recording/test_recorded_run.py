@@ -140,7 +140,7 @@ def test_a_recording_without_samples_is_refused(
     path = recorder.start(start_ns)
     recorder.write(encode_message("health", every_message["health"], start_ns))
     recorder.close()
-    with pytest.raises(RecordingError, match="holds no samples; the gateway was stopped or lost its device"):
+    with pytest.raises(RecordingError, match="has no samples; the gateway was stopped or lost its device"):
         read_samples(path)
 
 

@@ -108,7 +108,7 @@ def test_a_torn_recording_is_told_as_one(recorded: Path) -> None:
     info = summarise(recorded)
     assert not info.closed
     assert 0 < info.samples.count < 9952
-    assert "not closed: torn, or still being written" in info_text(info)
+    assert "not closed: incomplete, or still being written" in info_text(info)
 
 
 def test_blocks_of_one_sample_have_a_rate_and_gaps_too(
@@ -143,5 +143,5 @@ def test_a_recording_without_a_message_is_refused(make_recorder: MakeRecorder, s
     recorder = make_recorder()
     path = recorder.start(start_ns)
     recorder.close()
-    with pytest.raises(RecordingError, match="holds no message"):
+    with pytest.raises(RecordingError, match="has no message"):
         summarise(path)

@@ -116,7 +116,7 @@ def test_nothing_is_left_behind_where_nothing_can_be_recovered(
     recorder.close()
     folder = tmp_path / "out"
     folder.mkdir()
-    with pytest.raises(RecordingError, match="no message that can be read"):
+    with pytest.raises(RecordingError, match="no readable message"):
         recover(path, folder / "out.mcap")
     assert list(folder.iterdir()) == []
 

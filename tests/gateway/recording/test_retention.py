@@ -61,20 +61,20 @@ def test_a_file_that_somebody_else_deleted_is_no_error(tmp_path: Path) -> None:
 )
 def test_a_file_of_another_name_is_never_ours(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(bytes(1000))
-    assert NAMES.found(tmp_path) == []
+    assert NAMES.list_segments(tmp_path) == []
 
 
 def test_dots_in_names_are_dots(tmp_path: Path) -> None:
     (tmp_path / "yardXa-c-s-20260101T000000Z.mcap").write_bytes(b"")
-    assert SegmentNames("yard.a", "c", "s").found(tmp_path) == []
+    assert SegmentNames("yard.a", "c", "s").list_segments(tmp_path) == []
 
 
 def test_a_name_that_is_taken_is_counted_up(tmp_path: Path) -> None:
     start_ns = 1_767_225_600_000_000_000
     taken = []
     for _ in range(3):
-        taken.append(NAMES.unused(tmp_path, start_ns))
+        taken.append(NAMES.unused_path(tmp_path, start_ns))
         taken[-1].touch()
     stem = "yard-crane-2-hook-20260101T000000Z"
     assert [path.name for path in taken] == [f"{stem}.mcap", f"{stem}-1.mcap", f"{stem}-2.mcap"]
-    assert [segment.path for segment in NAMES.found(tmp_path)] == taken
+    assert [segment.path for segment in NAMES.list_segments(tmp_path)] == taken
