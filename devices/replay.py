@@ -29,7 +29,9 @@ class Replay:
     ) -> None:
         """`speed`: recorded seconds per second; 1 is real time, 0 or inf as fast as possible. Raises `ValueError`."""
         if not speed >= 0:
-            raise ValueError(f"speed {speed} of a replay is impossible: give 1 for real time, 0 for as fast as possible")
+            raise ValueError(
+                f"speed {speed} of a replay is impossible: give 1 for real time, 0 for as fast as possible"
+            )
         if block_samples < 1:
             raise ValueError(f"blocks of {block_samples} samples are impossible: give at least 1")
         self.recording = recording

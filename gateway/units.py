@@ -1,15 +1,15 @@
-"""The one place where radians become degrees and nothing becomes nothing."""
+"""Conversion of radians to degrees, and of numbers that are not finite to None."""
 
 import math
 
 
 def degrees(angle_rad: float | None) -> float | None:
-    """Degrees of an angle; None and NaN are None, never a stand-in."""
+    """Return an angle in degrees; None for None and NaN."""
     if angle_rad is None or not math.isfinite(angle_rad):
         return None
     return math.degrees(angle_rad)
 
 
 def finite(value: float | None) -> float | None:
-    """The value, or None where it is not a number."""
+    """Return the value; None where it is not finite."""
     return None if value is None or not math.isfinite(value) else float(value)

@@ -49,7 +49,7 @@ COMMON_WORDS = words(
     context counter daemon data dependency doctor document drawing environment error executor export factory figures file
     finder first follow format formatting function handler history hub inbox info input instance interrupt launch limiter link
     loading log main make manager markup MCAP mean method metric nominal notify optional outgoing output packing
-    page palette plot port pre procedure process processor progress provider publisher queue rate reader reference
+    page palette plot plugin port pre procedure process processor progress provider publisher queue rate reader reference
     registry remaining render report resource result RPC run sampler schema serial serialisation server service shape
     size source state status step store stretch style table text timestamp type unit vector view word worker writer zoom
     ADXL355 I2C WitMotion

@@ -1,1 +1,1 @@
-"""Zenoh: the session, the keys, what is published and what is answered."""
+"""Zenoh sessions, and the client of a gateway."""

@@ -1,1 +1,1 @@
-"""What the gateway is told: TOML file, environment, defaults."""
+"""The configuration: TOML file, environment and defaults."""

@@ -1,4 +1,4 @@
-"""From a TOML file and the environment to a configuration, or to one line that names the key and what would be right."""
+"""Reading of a configuration from a TOML file and the environment, or one line that names the key and the correct value."""
 
 import difflib
 import os
@@ -7,8 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, ValidationError, create_model
 
+from gateway.configuration.device_plugins import PluginError, load_plugin, plugin_names
 from gateway.configuration.model import DEVICE_KINDS, AnyDevice, Configuration
 from gateway.errors import InputError
 
@@ -16,11 +17,11 @@ ENVIRONMENT_PREFIX = "PLUMBLINE_"
 
 
 class ConfigurationError(InputError):
-    """The configuration cannot be used; the text names file, key and mend in one line."""
+    """The configuration cannot be used; the text names the file, the key and the remedy in one line."""
 
 
 def load(path: Path | None, environment: Mapping[str, str] = os.environ) -> Configuration:
-    """The configuration of a file (None: the embedded default, a simulated crane) with the environment's overrides.
+    """Return the configuration of a file, or the embedded default (a simulated crane), with the environment's overrides.
 
     Raises `ConfigurationError`.
     """
@@ -31,15 +32,30 @@ def load(path: Path | None, environment: Mapping[str, str] = os.environ) -> Conf
 
 
 def validate(table: dict[str, Any], where: str) -> Configuration:
-    """A configuration from a parsed table; `where` names its place in the error. Raises `ConfigurationError`."""
+    """Return the configuration of a parsed table; `where` names its source in the error. Raises `ConfigurationError`."""
     device = table.get("device")
     if isinstance(device, dict):
         device.setdefault("kind", "simulated")
+        device_kind = device["kind"]
+    else:
+        device_kind = None
     try:
-        return Configuration.model_validate(table)
+        model = configuration_class(device_kind)
+    except PluginError as error:
+        raise ConfigurationError(f"{where}: {error}") from error
+    try:
+        return model.model_validate(table)
     except ValidationError as error:
-        problems = [_describe(dict(problem), table) for problem in error.errors(include_url=False)]
+        problems = [_describe(dict(problem), table, model) for problem in error.errors(include_url=False)]
         raise ConfigurationError(f"{where}: " + "; ".join(problems)) from error
+
+
+def configuration_class(device_kind: object) -> type[Configuration]:
+    """Return the configuration for a kind of device. A plug-in's kind brings its own keys. Raises `PluginError`."""
+    if not isinstance(device_kind, str) or device_kind in DEVICE_KINDS or device_kind not in plugin_names():
+        return Configuration
+    section = load_plugin(device_kind).section
+    return create_model("Configuration", __base__=Configuration, device=(section, ...))
 
 
 def _read(path: Path) -> dict[str, Any]:
@@ -56,7 +72,7 @@ def _read(path: Path) -> dict[str, Any]:
 
 
 def _override(table: dict[str, Any], environment: Mapping[str, str]) -> list[str]:
-    """Put PLUMBLINE_<SECTION>__<KEY> into the table; the names used."""
+    """Put PLUMBLINE_<SECTION>__<KEY> of the environment into the table; return the names that were used."""
     used = []
     for name in sorted(environment):
         parts = name.removeprefix(ENVIRONMENT_PREFIX).lower().split("__")
@@ -73,23 +89,24 @@ def _override(table: dict[str, Any], environment: Mapping[str, str]) -> list[str
 
 
 def _environment_value(text: str) -> Any:
-    """A TOML value where the text is one, else the text itself."""
+    """Return the TOML value of a text, or the text itself where it is none."""
     try:
         return tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         return text
 
 
-def _describe(problem: dict[str, Any], table: dict[str, Any]) -> str:
-    """One problem as place, what is wrong, what would be right."""
+def _describe(problem: dict[str, Any], table: dict[str, Any], model: type[Configuration]) -> str:
+    """Describe one problem: the place, what is wrong, and what would be right."""
     place = [str(part) for part in problem["loc"]]
     if place[:1] == ["device"] and len(place) > 1 and place[1] in DEVICE_KINDS:
         del place[1]
     name = ".".join(place)
     if problem["type"] == "extra_forbidden":
-        return f"{name}: unknown key{_suggestion(place, table)}"
+        return f"{name}: unknown key{_suggestion(place, table, model)}"
     if problem["type"] == "union_tag_invalid":
-        return f"device.kind: {table['device']['kind']!r} is not supported; this version has {', '.join(DEVICE_KINDS)}"
+        kinds = ", ".join([*DEVICE_KINDS, *plugin_names()])
+        return f"device.kind: {table['device']['kind']!r} is not supported; this version has {kinds}"
     if problem["type"] == "missing":
         return f"{name}: is missing and has no default"
     text = str(problem["msg"]).removeprefix("Value error, ")
@@ -98,13 +115,13 @@ def _describe(problem: dict[str, Any], table: dict[str, Any]) -> str:
     return f"{name}: {text}{shown}" if name else text
 
 
-def _suggestion(place: list[str], table: dict[str, Any]) -> str:
-    """The known key that was probably meant."""
+def _suggestion(place: list[str], table: dict[str, Any], model: type[Configuration]) -> str:
+    """Suggest the known key that was probably meant."""
     if len(place) == 1:
         known = list(Configuration.model_fields)
     else:
         kind = table["device"]["kind"] if place[0] == "device" else None
-        section = _section_class(place[0], kind)
+        section = _section_class(model, place[0], kind)
         known = list(_nested(section, place[1:-1]).model_fields)
     close = difflib.get_close_matches(place[-1], known, n=1, cutoff=0.5)
     return f"; did you mean {close[0]}?" if close else f"; known are {', '.join(known)}"
@@ -118,11 +135,11 @@ def _nested(section: type[BaseModel], path: list[str]) -> type[BaseModel]:
     return section
 
 
-def _section_class(section: str, device_kind: str | None) -> type[BaseModel]:
-    if section == "device":
+def _section_class(model: type[Configuration], section: str, device_kind: str | None) -> type[BaseModel]:
+    if section == "device" and device_kind in DEVICE_KINDS:
         classes: tuple[type[BaseModel], ...] = get_args(get_args(AnyDevice)[0])
-        return classes[DEVICE_KINDS.index(str(device_kind))]
-    annotation = Configuration.model_fields[section].annotation
+        return classes[DEVICE_KINDS.index(device_kind)]
+    annotation = model.model_fields[section].annotation
     if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
         raise TypeError(f"{section} is not a section")
     return annotation

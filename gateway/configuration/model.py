@@ -1,4 +1,4 @@
-"""Everything that can be set: sections, keys, units, defaults and what is impossible."""
+"""The sections of the configuration: keys, units, defaults and limits."""
 
 from pathlib import Path
 from typing import Annotated, Literal, Self, get_args
@@ -11,17 +11,17 @@ KEY_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
 
 
 SIMULATED_RHO = 0.75
-"""Where on its rope a simulated housing hangs that nobody placed, as a share of the rope's length."""
+"""Position of a simulated housing without a configured position, as a share of the rope's length."""
 
 
 class Section(BaseModel):
-    """A table of the file: unknown keys are refused, values do not change."""
+    """A table of the file. Unknown keys are refused, and values do not change."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class GatewaySection(Section):
-    """Who this gateway is: the key of its messages and the place of its data."""
+    """The identity of the gateway: the key of its messages and the folder of its data."""
 
     site: str = Field("demo-site", pattern=KEY_PATTERN, description="first part of the bus key")
     crane: str = Field("crane-1", pattern=KEY_PATTERN, description="second part of the bus key")
@@ -35,19 +35,20 @@ class GatewaySection(Section):
 
 
 class DeviceSection(Section):
-    """What every device has."""
+    """The keys that every kind of device has."""
 
+    kind: str
     axes_map: str = Field("x,y,z", description="sensor axes that are the housing's x, y and z, e.g. '-y,x,z'")
     block_samples: int | None = Field(
-        None, ge=1, le=1024, description="samples per block; without it 0.1 s worth, at most 32"
+        None, ge=1, le=1024, description="samples per block; default: those of 0.1 s, at most 32"
     )
     serial: str | None = Field(
-        None, pattern=KEY_PATTERN, description="label on the housing, for parts without a number of their own"
+        None, pattern=KEY_PATTERN, description="label on the housing, for sensors without a serial number"
     )
 
     @field_validator("axes_map")
     @classmethod
-    def _right_handed(cls, text: str) -> str:
+    def _check_handedness(cls, text: str) -> str:
         axes = [axis.strip() for axis in text.split(",")]
         if sorted(axis.lstrip("+-") for axis in axes) != ["x", "y", "z"]:
             raise ValueError(f"axes_map {text!r} must name x, y and z once each, such as '-y,x,z'")
@@ -57,7 +58,7 @@ class DeviceSection(Section):
 
     @property
     def axes(self) -> tuple[tuple[int, int], ...]:
-        """(source axis index, sign) of each housing axis."""
+        """(sensor axis index, sign) of each housing axis."""
         return tuple(("xyz".index(axis[-1]), -1 if axis.startswith("-") else 1) for axis in self.axes_map.split(","))
 
 
@@ -69,20 +70,20 @@ def _determinant(axes: list[str]) -> int:
 
 
 class SimulatedDevice(DeviceSection):
-    """A crane that is not there, so that the gateway runs anywhere at once."""
+    """A simulated crane, so that the gateway runs on any computer."""
 
     kind: Literal["simulated"] = "simulated"
     odr_hz: float = Field(125.0, gt=0, le=4000, description="output data rate")
     range_g: float = Field(2.0, gt=0, description="full scale")
-    seed: int = Field(1, ge=0, description="of the operator's moves, the wind and the noise")
+    seed: int = Field(1, ge=0, description="seed of the crane's moves, the wind and the noise")
 
 
 class ReplayDevice(DeviceSection):
-    """A recording, through the same pipeline."""
+    """A recording that is processed again by the same pipeline."""
 
     kind: Literal["replay"]
     path: Path = Field(description=".csv or .mcap")
-    speed: float = Field(1.0, ge=0, description="times real time; 0: as fast as it goes")
+    speed: float = Field(1.0, ge=0, description="multiple of real time; 0: as fast as possible")
     time_column: str | None = Field(None, description="foreign text: name or 1-based number of the column of seconds")
     axis_columns: list[str] | None = Field(
         None, min_length=3, max_length=3, description="foreign text: names or numbers of the x, y, z columns"
@@ -103,7 +104,7 @@ class Adxl355Device(DeviceSection):
 
     @field_validator("odr_hz")
     @classmethod
-    def _halved(cls, odr_hz: float) -> float:
+    def _check_rate(cls, odr_hz: float) -> float:
         rates = [4000.0 / (1 << k) for k in range(11)]
         nearest = min(rates, key=lambda rate: abs(rate - odr_hz))
         if abs(nearest - odr_hz) > 1e-3 * nearest:
@@ -122,42 +123,42 @@ class WitMotionDevice(DeviceSection):
 
 AnyDevice = Annotated[
     SimulatedDevice | ReplayDevice | Adxl355Device | WitMotionDevice,
-    Field(discriminator="kind", description="where samples come from"),
+    Field(discriminator="kind", description="the source of the samples"),
 ]
 DEVICE_KINDS = tuple(get_args(device.model_fields["kind"].annotation)[0] for device in get_args(get_args(AnyDevice)[0]))
 
 
 class RopeSection(Section):
-    """The rope, as believed; the measured period wins."""
+    """The rope as configured; the measured period takes precedence."""
 
     length_m: float = Field(12.0, gt=0, le=500, description="pivot to the load's centre")
 
 
 class HousingSection(Section):
-    """Where the housing is clamped to the rope; one of the two."""
+    """Position of the housing on the rope, by one of the two keys."""
 
     position_m: float | None = Field(None, ge=0, description="from the pivot, along the rope")
-    above_load_m: float | None = Field(None, ge=0, description="above the load's centre; stays while hoisting")
+    above_load_m: float | None = Field(None, ge=0, description="distance to the load's centre; constant while hoisting")
 
     @model_validator(mode="after")
-    def _one_place(self) -> Self:
+    def _check_single_position(self) -> Self:
         if self.position_m is not None and self.above_load_m is not None:
-            raise ValueError("position_m and above_load_m both say where the housing is; keep one")
+            raise ValueError("position_m and above_load_m both state the position of the housing; keep one")
         return self
 
 
 class SiteSection(Section):
-    """Gravity: given, or from latitude and altitude."""
+    """Gravity, given directly or by latitude and altitude."""
 
     gravity_m_s2: float | None = Field(
-        None, gt=9.7, lt=9.9, description="local gravity; without it, from latitude_deg or the standard 9.80665"
+        None, gt=9.7, lt=9.9, description="local gravity; default: by latitude_deg, or the standard 9.80665"
     )
-    latitude_deg: float | None = Field(None, ge=-90, le=90)
-    altitude_m: float = Field(0.0, ge=-500, le=9000)
+    latitude_deg: float | None = Field(None, ge=-90, le=90, description="latitude of the site, for its gravity")
+    altitude_m: float = Field(0.0, ge=-500, le=9000, description="height above sea level, for the gravity")
 
     @property
     def local_gravity_m_s2(self) -> float:
-        """Local gravity: WGS 84 (Somigliana) with the free-air correction, where it is not given."""
+        """Local gravity: as given, or by WGS 84 (Somigliana) with the free-air correction."""
         if self.gravity_m_s2 is not None:
             return self.gravity_m_s2
         if self.latitude_deg is None:
@@ -166,24 +167,24 @@ class SiteSection(Section):
 
 
 class FilterSection(Section):
-    """The Butterworth low-pass before static tilt and the published formulas."""
+    """The Butterworth low-pass filter for the static tilt and the published formulas."""
 
-    cutoff_hz: float = Field(1.0, gt=0, le=100, description="-3 dB")
-    order: int = Field(2, ge=1, le=8)
+    cutoff_hz: float = Field(1.0, gt=0, le=100, description="-3 dB frequency")
+    order: int = Field(2, ge=1, le=8, description="order of the filter")
 
 
 class AlertsSection(Section):
-    """Limits; the upper end of the swing's 95 % interval is held against them."""
+    """Limits of the alerts, compared with the upper end of the 95 % interval."""
 
-    warn_deg: float = Field(4.0, gt=0, lt=90)
-    trip_deg: float = Field(6.0, gt=0, lt=90)
-    clear_deg: float = Field(3.0, gt=0, lt=90, description="an alert clears below this, after hold_s")
-    hold_s: float = Field(3.0, ge=0, le=600)
-    lean_trip_deg: float = Field(3.0, gt=0, lt=90, description="side pull: the steady part of the rope's angle")
+    warn_deg: float = Field(4.0, gt=0, lt=90, description="warning level of the swing")
+    trip_deg: float = Field(6.0, gt=0, lt=90, description="trip level of the swing")
+    clear_deg: float = Field(3.0, gt=0, lt=90, description="an alert clears below this level, after hold_s")
+    hold_s: float = Field(3.0, ge=0, le=600, description="time below clear_deg after which an alert clears")
+    lean_trip_deg: float = Field(3.0, gt=0, lt=90, description="trip level of the lean, which a side pull causes")
     stale_s: float = Field(1.0, ge=0.2, le=60, description="without a sample for this long the reading is stale")
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _check_order(self) -> Self:
         if not self.clear_deg <= self.warn_deg <= self.trip_deg:
             raise ValueError(
                 f"clear_deg {self.clear_deg:g} <= warn_deg {self.warn_deg:g} <= trip_deg {self.trip_deg:g} must hold"
@@ -194,15 +195,15 @@ class AlertsSection(Section):
 class RecorderSection(Section):
     """The flight recorder."""
 
-    segment_s: float = Field(600.0, ge=1, le=86400, description="a new file is begun after this")
-    quota_mb: float = Field(16000.0, gt=0, description="the oldest closed files are deleted beyond this")
-    fsync_s: float = Field(1.0, gt=0, le=60, description="what a power cut may cost")
-    pre_event_s: float = Field(60.0, ge=0, description="files this long before an alert are deleted last")
-    post_event_s: float = Field(120.0, ge=0, description="and this long after it")
+    segment_s: float = Field(600.0, ge=1, le=86400, description="length of a file")
+    quota_mb: float = Field(16000.0, gt=0, description="total size beyond which the oldest closed files are deleted")
+    fsync_s: float = Field(1.0, gt=0, le=60, description="interval of syncs: the most that a power failure costs")
+    pre_event_s: float = Field(60.0, ge=0, description="files up to this long before an alert are deleted last")
+    post_event_s: float = Field(120.0, ge=0, description="files up to this long after an alert are deleted last")
 
 
 class TlsSection(Section):
-    """Certificates of the bus."""
+    """TLS certificates of the bus."""
 
     ca: Path | None = None
     certificate: Path | None = None
@@ -210,19 +211,19 @@ class TlsSection(Section):
 
     @property
     def files(self) -> dict[str, Path]:
-        """The files that are given, under the bus library's names."""
+        """The configured files by the names that the bus library uses."""
         names = {"root_ca_certificate": self.ca, "listen_certificate": self.certificate, "listen_private_key": self.key}
         names |= {"connect_certificate": self.certificate, "connect_private_key": self.key}
         return {name: path for name, path in names.items() if path is not None}
 
 
 class BusSection(Section):
-    """Zenoh."""
+    """The connection to the Zenoh bus."""
 
     mode: Literal["peer", "client", "router"] = "peer"
     connect: list[str] = Field(default=[], description="endpoints to connect to, such as tcp/10.0.0.5:7447")
     listen: list[str] = Field(
-        default=["tcp/127.0.0.1:7447"], description="endpoints to listen on; loopback unless told otherwise"
+        default=["tcp/127.0.0.1:7447"], description="endpoints to listen on; default: only on this machine"
     )
     tls: TlsSection = TlsSection()
 
@@ -241,7 +242,7 @@ class PageSection(Section):
 
 
 class Configuration(Section):
-    """Everything that can be set."""
+    """The whole configuration."""
 
     gateway: GatewaySection = GatewaySection()
     device: AnyDevice = SimulatedDevice()
@@ -255,7 +256,7 @@ class Configuration(Section):
     page: PageSection = PageSection()
 
     @model_validator(mode="after")
-    def _possible(self) -> Self:
+    def _check_consistency(self) -> Self:
         position_m = self.housing.position_m
         if position_m is not None and position_m > self.rope.length_m:
             raise ValueError(f"housing.position_m {position_m:g} is beyond rope.length_m {self.rope.length_m:g}")
@@ -271,7 +272,7 @@ class Configuration(Section):
 
     @property
     def housing_position_m(self) -> float | None:
-        """Pivot to accelerometer along the rope; None when nobody said where the housing is."""
+        """Pivot to accelerometer along the rope; None where the position is not configured."""
         if self.housing.position_m is not None:
             return self.housing.position_m
         above_m = self.housing_above_load_m
@@ -279,7 +280,7 @@ class Configuration(Section):
 
     @property
     def housing_above_load_m(self) -> float | None:
-        """Accelerometer to load along the rope, which stays while hoisting; None where the place is given from the pivot."""
+        """Accelerometer to load along the rope, constant while hoisting; None where the position is given from the pivot."""
         if self.housing.above_load_m is not None or self.housing.position_m is not None:
             return self.housing.above_load_m
         return (1 - SIMULATED_RHO) * self.rope.length_m if isinstance(self.device, SimulatedDevice) else None

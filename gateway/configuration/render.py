@@ -1,4 +1,4 @@
-"""A configuration as commented TOML."""
+"""The configuration as TOML with comments."""
 
 import tomli_w
 
@@ -6,7 +6,7 @@ from gateway.configuration.model import Configuration, Section
 
 
 def to_toml(configuration: Configuration) -> str:
-    """The whole configuration with its defaults; each key under the comment that says what it is."""
+    """Return the whole configuration with its defaults; a comment explains each key."""
     parts = []
     for name in Configuration.model_fields:
         parts.append(_table([name], getattr(configuration, name)))
@@ -14,7 +14,7 @@ def to_toml(configuration: Configuration) -> str:
 
 
 def _table(path: list[str], section: Section) -> str:
-    """One table, its keys first, its sub-tables after."""
+    """Return one table: its keys, then its sub-tables."""
     lines, tables = [f"[{'.'.join(path)}]"], []
     values = section.model_dump(mode="json")
     for key, field in type(section).model_fields.items():

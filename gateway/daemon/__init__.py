@@ -1,1 +1,1 @@
-"""The daemon: the only place with threads, sockets and clocks. Sampling, processing, recording and publishing each have one."""
+"""The daemon, the only package with threads, sockets and clocks."""

@@ -1,56 +1,59 @@
-"""From configuration to device: the one place that knows every kind, and loads only the one that is wanted."""
+"""The devices by their configuration. A module of `devices` is imported only when its kind is configured."""
 
 import math
 
 from devices.clock import Clock
 from devices.device import Device
 from devices.errors import DeviceError
+from gateway.configuration.device_plugins import PluginError, load_plugin
 from gateway.configuration.model import (
     Adxl355Device,
     Configuration,
+    DeviceSection,
     ReplayDevice,
     SimulatedDevice,
     WitMotionDevice,
 )
 
 BLOCK_S = 0.1
-"""Dwell of a block where its length is not configured."""
+"""Length of a block where it is not configured."""
 LONGEST_BLOCK = 32
 
 
-def block_samples(configuration: Configuration) -> int:
-    """Samples per block: as configured, else a tenth of a second and at most 32."""
-    device = configuration.device
+def block_samples(device: DeviceSection) -> int:
+    """Return the samples per block: as configured, or those of a tenth of a second, at most 32."""
     if device.block_samples is not None:
         return device.block_samples
-    if isinstance(device, ReplayDevice):
-        return LONGEST_BLOCK
-    return max(1, min(LONGEST_BLOCK, math.ceil(device.odr_hz * BLOCK_S)))
+    rate_hz = getattr(device, "odr_hz", None)
+    return LONGEST_BLOCK if rate_hz is None else max(1, min(LONGEST_BLOCK, math.ceil(rate_hz * BLOCK_S)))
 
 
 def make_device(configuration: Configuration, clock: Clock) -> Device:
-    """The configured device, not yet opened. Raises `DeviceError` where it cannot be made, such as from a torn recording."""
-    n = block_samples(configuration)
+    """Return the configured device, not yet opened. Raises `DeviceError` where it cannot be made."""
+    device: DeviceSection = configuration.device
+    n = block_samples(device)
     try:
-        match configuration.device:
-            case SimulatedDevice() as device:
-                return _simulated(configuration, device, n, clock)
-            case Adxl355Device() as device:
-                return _adxl355(device, n, clock)
-            case WitMotionDevice() as device:
-                return _witmotion(device, n, clock)
-            case ReplayDevice() as device:
-                return _replay(device, n, clock)
-    except ValueError as error:
+        match device:
+            case SimulatedDevice():
+                return _make_simulated(configuration, device, n, clock)
+            case Adxl355Device():
+                return _make_adxl355(device, n, clock)
+            case WitMotionDevice():
+                return _make_witmotion(device, n, clock)
+            case ReplayDevice():
+                return _make_replay(device, n, clock)
+            case _:
+                return load_plugin(device.kind).make(device, n, clock)
+    except (ValueError, PluginError) as error:
         raise DeviceError(f"device: {error}") from error
 
 
-def _simulated(configuration: Configuration, device: SimulatedDevice, block: int, clock: Clock) -> Device:
+def _make_simulated(configuration: Configuration, device: SimulatedDevice, block: int, clock: Clock) -> Device:
     from devices.simulated.device import SimulatedCrane
 
     position_m = configuration.housing_position_m
     if position_m is None:
-        raise ValueError("where on the rope the simulated housing hangs is not given")
+        raise ValueError("the position of the simulated housing on the rope is not given")
     return SimulatedCrane(
         odr_hz=device.odr_hz,
         range_g=device.range_g,
@@ -63,7 +66,7 @@ def _simulated(configuration: Configuration, device: SimulatedDevice, block: int
     )
 
 
-def _adxl355(device: Adxl355Device, block: int, clock: Clock) -> Device:
+def _make_adxl355(device: Adxl355Device, block: int, clock: Clock) -> Device:
     from devices.adxl355 import Adxl355
 
     return Adxl355(
@@ -77,7 +80,7 @@ def _adxl355(device: Adxl355Device, block: int, clock: Clock) -> Device:
     )
 
 
-def _witmotion(device: WitMotionDevice, block: int, clock: Clock) -> Device:
+def _make_witmotion(device: WitMotionDevice, block: int, clock: Clock) -> Device:
     from devices.witmotion import WitMotion
 
     return WitMotion(
@@ -85,7 +88,7 @@ def _witmotion(device: WitMotionDevice, block: int, clock: Clock) -> Device:
     )
 
 
-def _replay(device: ReplayDevice, block: int, clock: Clock) -> Device:
+def _make_replay(device: ReplayDevice, block: int, clock: Clock) -> Device:
     from gateway.daemon.replay_source import open_replay
 
     return open_replay(device, block, clock)

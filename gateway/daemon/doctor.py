@@ -1,4 +1,4 @@
-"""What is wrong on this machine, and how to mend it: one finding a line."""
+"""The checks of `plumbline doctor`: everything that `run` needs, one finding for each."""
 
 import importlib.util
 import socket
@@ -27,7 +27,7 @@ LOW_DISK_MB = 500.0
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing that was looked at."""
+    """The result of one check."""
 
     grade: Grade
     place: str
@@ -35,7 +35,7 @@ class Finding:
 
 
 def examine(configuration: Configuration) -> Iterator[Finding]:
-    """Look at everything that `run` needs; yields as it goes."""
+    """Check everything that `run` needs; yields each finding at once."""
     version = ".".join(map(str, sys.version_info[:3]))
     yield Finding("good" if sys.version_info >= (3, 11) else "bad", "python", version)
     for look in (_data_folder, _device, _bus, _page, _clock, _housing):

@@ -8,14 +8,14 @@ from gateway.errors import PlumblineError
 
 
 class InstanceError(PlumblineError):
-    """The data folder cannot be used; the text says why in one line."""
+    """The data folder cannot be used; the text states the reason in one line."""
 
 
 class InstanceLock:
-    """Holds a data folder for this process; released by the kernel even after a kill."""
+    """The lock of a data folder for this process; the kernel releases it even after a kill."""
 
     def __init__(self, data_dir: Path) -> None:
-        """Create the folder where needed and take it. Raises `InstanceError`."""
+        """Create the folder if necessary and lock it. Raises `InstanceError`."""
         path = data_dir / ".lock"
         try:
             data_dir.mkdir(parents=True, exist_ok=True)
@@ -39,5 +39,5 @@ class InstanceLock:
         self._file.flush()
 
     def release(self) -> None:
-        """Let the folder go."""
+        """Release the lock."""
         self._file.close()

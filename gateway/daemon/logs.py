@@ -1,4 +1,4 @@
-"""The log: to standard error for people and journald, and into the recording as `foxglove.Log`."""
+"""The log: on standard error for people and journald, and in the recording as `foxglove.Log`."""
 
 import logging
 import sys
@@ -7,19 +7,19 @@ from collections.abc import Callable
 from gateway.messages import FoxgloveTime, Log
 
 RECORDED_ONLY = {"recorded_only": True}
-"""`extra` of a line that a person has been told already in other words."""
+"""`extra` of a line that a person has already read in another form."""
 LEVELS = {logging.DEBUG: 1, logging.INFO: 2, logging.WARNING: 3, logging.ERROR: 4, logging.CRITICAL: 5}
 
 
 class RecordingHandler(logging.Handler):
-    """Hands each record of the log to the recording."""
+    """Passes each line of the log to the recording."""
 
     def __init__(self, write: Callable[[Log], None]) -> None:
         super().__init__(logging.INFO)
         self._write = write
 
     def emit(self, record: logging.LogRecord) -> None:
-        """One line of the log."""
+        """Pass one line on."""
         time_ns = round(record.created * 1e9)
         self._write(
             Log(
@@ -34,9 +34,9 @@ class RecordingHandler(logging.Handler):
 
 
 def start_logging(level: int = logging.INFO) -> None:
-    """Lines to standard error from a level on: level, place, text; the service manager adds the time.
+    """Write lines of a level and above to standard error, with level, name and text; the service manager adds the time.
 
-    The recording has those from INFO on, however quiet it is here.
+    The recording contains all lines from INFO on, whatever `level` is.
     """
     handler = logging.StreamHandler(sys.stderr)
     handler.setLevel(level)

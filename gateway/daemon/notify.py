@@ -1,4 +1,4 @@
-"""The service manager's notification socket (sd_notify), without a library: one datagram a message."""
+"""The notification socket of the service manager (sd_notify), without a library: one datagram per message."""
 
 import os
 import socket
@@ -14,7 +14,7 @@ class ServiceNotifier:
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK) if address else None
 
     def send(self, state: str) -> None:
-        """Send `READY=1`, `WATCHDOG=1`, `STATUS=...`; a manager that does not listen is no reason to stop."""
+        """Send `READY=1`, `WATCHDOG=1` or `STATUS=...`. A manager that does not listen does not stop the gateway."""
         if self._socket is None:
             return
         try:
@@ -23,7 +23,7 @@ class ServiceNotifier:
             return
 
     def close(self) -> None:
-        """Release the socket."""
+        """Close the socket."""
         if self._socket is not None:
             self._socket.close()
             self._socket = None

@@ -1,4 +1,4 @@
-"""A configured replay: which recording, read how, under which calibration."""
+"""The device of a configured replay: the recording, its layout and its calibration."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -13,12 +13,14 @@ from gateway.recording.run import read_samples
 
 
 def open_replay(device: ReplayDevice, block_samples: int, clock: Clock) -> Replay:
-    """The recording as a device. Raises `RecordingError` where it cannot be read."""
+    """Return the recording as a device. Raises `RecordingError` where it cannot be read."""
     if device.path.suffix == ".mcap":
         run = read_samples(device.path)
         info = replace(run.device, kind="replay", can_wait=True)
         if run.calibrations and run.calibrations[0].message.record:
-            info = replace(info, factory_calibration=run.calibrations[0].message.record)  # as it was recorded
+            info = replace(
+                info, factory_calibration=run.calibrations[0].message.record
+            )  # the calibration of the recording
         return Replay(run.recording(), info, clock=clock, speed=device.speed, block_samples=block_samples)
     layout = table_layout(device)
     recording = read_table(device.path, layout)
@@ -27,7 +29,7 @@ def open_replay(device: ReplayDevice, block_samples: int, clock: Clock) -> Repla
 
 
 def table_layout(device: ReplayDevice) -> TableLayout:
-    """How a text recording is laid out. Raises `RecordingError` where it is foreign and only half described."""
+    """Return the layout of a text recording. Raises `RecordingError` where that of a foreign one is described incompletely."""
     if device.axis_columns is None:
         return NATIVE
     if device.unit is None:
@@ -46,16 +48,16 @@ def table_layout(device: ReplayDevice) -> TableLayout:
 
 
 def _column(name: str) -> str | int:
-    """A column by its 1-based number where the name is one."""
+    """Return a column: a 1-based number where the text is one."""
     return int(name) if name.isdigit() else name
 
 
 def _delimiter(path: Path) -> Literal[",", "\t", " "]:
-    """What stands between the columns: whatever the first lines have of comma, tab, blank."""
+    """Return the delimiter between columns: the first one of comma, tab and blank in the first lines."""
     try:
         with path.open("rb") as file:
             start = file.read(4096)
     except OSError:
-        return ","  # the reader says what is wrong with the file
+        return ","  # the reader reports what is wrong with the file
     found: tuple[Literal[",", "\t", " "], ...] = (",", "\t", " ")
     return next((delimiter for delimiter in found if delimiter.encode() in start), ",")

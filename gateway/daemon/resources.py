@@ -1,4 +1,4 @@
-"""What the process costs and what the disk has left."""
+"""CPU and memory of the process, and free space on the disk."""
 
 import os
 import shutil
@@ -11,13 +11,13 @@ BYTES_PER_MB = 1_000_000
 
 
 def resident_mb() -> float:
-    """Resident memory of this process, in MB."""
+    """Return the resident memory of this process, in MB."""
     pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
     return pages * PAGE_BYTES / BYTES_PER_MB
 
 
 def disk_free_mb(folder: Path) -> float | None:
-    """Free space where a folder lies, in MB; None where it cannot be asked."""
+    """Return the free space at a folder, in MB; None where it cannot be determined."""
     try:
         return shutil.disk_usage(folder).free / BYTES_PER_MB
     except OSError:
@@ -26,13 +26,13 @@ def disk_free_mb(folder: Path) -> float | None:
 
 @dataclass(slots=True)
 class CpuMeter:
-    """CPU of this process between two looks."""
+    """Measures the CPU time of this process between two calls."""
 
     _cpu_s: float = field(default_factory=time.process_time)
     _at_s: float = field(default_factory=time.monotonic)
 
     def percent(self) -> float | None:
-        """Percent of one core since the last look."""
+        """Return the CPU time since the last call, in percent of one core."""
         cpu_s, at_s = time.process_time(), time.monotonic()
         used_s, passed_s = cpu_s - self._cpu_s, at_s - self._at_s
         self._cpu_s, self._at_s = cpu_s, at_s
