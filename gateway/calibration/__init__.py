@@ -1,1 +1,1 @@
-"""Calibration: the record, where it is found, and how it is applied."""
+"""Calibration: the record, its store and its application; poses, methods, procedures, alignment, drift, offline calibration."""

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from devices.block import DeviceInfo
 from gateway.calibration.correction import Correction, correction_for
+from gateway.calibration.frame import AxesMap
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.store import CalibrationStore, find_record_in_force
 from gateway.recording.calibration_files import CalibrationFiles, calibration_files
@@ -13,14 +14,12 @@ from gateway.recording.calibration_files import CalibrationFiles, calibration_fi
 log = logging.getLogger("plumbline.calibration")
 MOST_EARLIER = 32
 """The forecast in a certificate uses this many earlier records, the newest ones."""
-Axes = tuple[tuple[int, int], ...]
-"""(sensor axis, sign) of each housing axis."""
 
 
 class CalibrationProvider:
     """Reads the records of the device that is open."""
 
-    def __init__(self, data_dir: Path, axes: Axes) -> None:
+    def __init__(self, data_dir: Path, axes: AxesMap) -> None:
         self._data_dir = data_dir
         self._axes = axes
         self._files: CalibrationFiles | None = None

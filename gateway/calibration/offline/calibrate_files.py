@@ -8,7 +8,7 @@ import numpy as np
 from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import FRAME_U_DEG
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
-from gateway.calibration.offline.nominal_sensitivity import estimate_sensitivity
+from gateway.calibration.offline.estimate_sensitivity import estimate_sensitivity
 from gateway.calibration.offline.readings_file import FileReadings, TableOptions, read_file
 from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.poses.pose import RawReadings
