@@ -1,4 +1,4 @@
-"""Quantiles and tail probabilities of the normal, Student and chi-square distributions."""
+"""Quantiles of the normal, Student and chi-square distributions."""
 
 import math
 from statistics import NormalDist
@@ -38,10 +38,3 @@ def chi_square_quantile(probability: float, freedom: float) -> float:
     """Return the value that chi-square stays below with this probability (Wilson and Hilferty 1931)."""
     variance = 2 / (9 * freedom)
     return freedom * (1 - variance + normal_quantile(probability) * math.sqrt(variance)) ** 3
-
-
-def chi_square_tail(value: float, freedom: float) -> float:
-    """Return the probability that chi-square exceeds a value (Wilson and Hilferty 1931)."""
-    variance = 2 / (9 * freedom)
-    deviate = ((max(value, 0.0) / freedom) ** (1 / 3) - (1 - variance)) / math.sqrt(variance)
-    return 0.5 * math.erfc(deviate / math.sqrt(2))

@@ -1,1 +1,1 @@
-"""Residual analysis: spectrum, whiteness, noise inflation, significance."""
+"""Analysis of residuals: whiteness, spectral lines, noise inflation, isolability, surrogate test."""

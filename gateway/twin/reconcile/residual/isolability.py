@@ -1,4 +1,4 @@
-"""Which effects the data could tell apart: angles between what their signatures span, the nuisances projected out."""
+"""Isolability: the angles between the signatures of effects, nuisance parameters projected out."""
 
 from collections.abc import Mapping
 
@@ -9,36 +9,33 @@ from gateway.twin.reconcile.output.result import Confusable
 
 Array = NDArray[np.float64]
 CONFUSABLE_COSINE = 0.95
-"""Cosine from which two effects are reported as hard to tell apart."""
-
+"""Cosine of the angle from which two effects are hard to distinguish: less than a third of each signature is its own."""
 INDISTINGUISHABLE_COSINE = 0.9999
-"""Cosine from which nothing in their traces tells them apart."""
+"""Cosine from which two effects cannot be distinguished: their signatures differ by 1.4 %, less than the linearisation errs."""
+RANK_TOLERANCE = 1e-7
+"""Singular value, relative to the largest, below which columns are linearly dependent up to rounding."""
 
 
 def smallest_angle_cosine(first: Array, second: Array) -> float:
-    """Cosine of the smallest principal angle of two column spaces (Björck, Golub 1973)."""
-    a, b = orthonormal(first), orthonormal(second)
-    if not a.shape[1] or not b.shape[1]:
-        return 0.0
-    return float(min(1.0, np.linalg.svd(a.T @ b, compute_uv=False)[0]))
+    """Return the cosine of the smallest principal angle between two column spaces (Björck and Golub 1973); 0 if one is empty."""
+    return _basis_cosine(orthonormal(first), orthonormal(second))
 
 
 def confusable(signatures: Mapping[str, Array]) -> tuple[Confusable, ...]:
-    """Pairs of effects whose columns (m, parameters) lie closer than `CLOSE`, closest first."""
+    """Return the pairs of effects, by columns (m, parameters), that are hard to distinguish, closest first."""
     names = sorted(signatures)
     bases = {name: orthonormal(signatures[name]) for name in names}
-    found = []
+    pairs = []
     for i, first in enumerate(names):
         for second in names[i + 1 :]:
-            if bases[first].shape[1] and bases[second].shape[1]:
-                cosine = float(np.linalg.svd(bases[first].T @ bases[second], compute_uv=False)[0])
-                if cosine > CONFUSABLE_COSINE:
-                    found.append(Confusable(first, second, min(1.0, cosine)))
-    return tuple(sorted(found, key=lambda pair: -pair.cosine))
+            cosine = _basis_cosine(bases[first], bases[second])
+            if cosine > CONFUSABLE_COSINE:
+                pairs.append(Confusable(first, second, cosine))
+    return tuple(sorted(pairs, key=lambda pair: -pair.cosine))
 
 
 def indistinguishable_pairs(signatures: Mapping[str, Array]) -> frozenset[frozenset[str]]:
-    """Pairs of effects whose signatures are one."""
+    """Return the pairs of effects whose signatures coincide."""
     return frozenset(
         frozenset((pair.first, pair.second))
         for pair in confusable(signatures)
@@ -47,11 +44,17 @@ def indistinguishable_pairs(signatures: Mapping[str, Array]) -> frozenset[frozen
 
 
 def orthonormal(columns: Array) -> Array:
-    """A basis of what the columns span, by singular values over 1e-7 of the largest."""
+    """Return an orthonormal basis of the space that columns (m, k) span, shape (m, rank)."""
     norms = np.linalg.norm(columns, axis=0)
     scaled: Array = columns[:, norms > 0] / norms[norms > 0]
     if not scaled.shape[1]:
         return scaled
     left, singular, _ = np.linalg.svd(scaled, full_matrices=False)
-    basis: Array = left[:, singular > 1e-7 * singular[0]]
+    basis: Array = left[:, singular > RANK_TOLERANCE * singular[0]]
     return basis
+
+
+def _basis_cosine(first: Array, second: Array) -> float:
+    if not first.shape[1] or not second.shape[1]:
+        return 0.0
+    return float(min(1.0, np.linalg.svd(first.T @ second, compute_uv=False)[0]))

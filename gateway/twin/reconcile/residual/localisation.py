@@ -1,4 +1,4 @@
-"""Where a model and the data part: when, on which axis, in which band, by how many sigma."""
+"""Where a residual exceeds the noise: when, on which axis, in which band, by how many sigma."""
 
 from itertools import pairwise
 
@@ -11,35 +11,38 @@ from gateway.twin.reconcile.output.result import Disagreement
 
 Array = NDArray[np.float64]
 BLOCK_S = 5.0
+"""Length of a block, about a period of the swing."""
+MIN_BLOCK_SAMPLES = 11
+"""Fewest samples of a block; a shorter one at the end is left out."""
 MIN_BLOCK_RMS_SIGMA = 1.25
-"""Rms of a block, in sigma, from which it counts as parted."""
+"""Rms of a block above which it exceeds the noise; noise of 100 samples does so once in 3600 blocks."""
 BAND_POWER_SHARE = 0.8
+"""Share of the power in the band that is reported."""
 
 
 def localise_residual(time_s: Array, residual: Array) -> tuple[Disagreement, ...]:
-    """Stretches of (n, 3) in sigma in which blocks are louder than noise, axis by axis."""
+    """Return the intervals, by axis, in which the blocks of a residual (n, 3) in sigma exceed the noise, largest first."""
     found: list[Disagreement] = []
     edges = np.searchsorted(time_s, np.arange(0, time_s[-1] + BLOCK_S, BLOCK_S))
-    blocks = [(a, b) for a, b in pairwise(edges) if b - a > 10]
+    blocks = [(first, last) for first, last in pairwise(edges) if last - first >= MIN_BLOCK_SAMPLES]
     for axis, name in enumerate("xyz"):
-        loud = [float(np.sqrt((residual[a:b, axis] ** 2).mean())) > MIN_BLOCK_RMS_SIGMA for a, b in blocks]
-        for start, stop in true_runs(loud):
-            part = slice(blocks[start][0], blocks[stop - 1][1])
-            inside = residual[part, axis]
+        rms_sigma = [float(np.sqrt((residual[first:last, axis] ** 2).mean())) for first, last in blocks]
+        for start, stop in true_runs([rms > MIN_BLOCK_RMS_SIGMA for rms in rms_sigma]):
+            interval = slice(blocks[start][0], blocks[stop - 1][1])
             found.append(
                 Disagreement(
                     axis=name,
-                    from_s=float(time_s[part.start]),
-                    to_s=float(time_s[part.stop - 1]),
-                    band_hz=dominant_band_hz(time_s[part], residual[part][:, [axis]]),
-                    rms_sigma=float(np.sqrt((inside**2).mean())),
+                    from_s=float(time_s[interval.start]),
+                    to_s=float(time_s[interval.stop - 1]),
+                    band_hz=dominant_band_hz(time_s[interval], residual[interval][:, [axis]]),
+                    rms_sigma=float(np.sqrt((residual[interval, axis] ** 2).mean())),
                 )
             )
     return tuple(sorted(found, key=lambda each: -each.rms_sigma))
 
 
 def dominant_band_hz(time_s: Array, residual: Array) -> tuple[float, float]:
-    """Frequencies that hold the middle of the power, Hz."""
+    """Return the band of a residual (n, 1) that contains the middle `BAND_POWER_SHARE` of the power."""
     frequency_hz, power = periodogram(time_s, residual)
     share = np.cumsum(power[:, 0]) / max(float(power[:, 0].sum()), 1e-300)
     low, high = np.searchsorted(share, [(1 - BAND_POWER_SHARE) / 2, (1 + BAND_POWER_SHARE) / 2])

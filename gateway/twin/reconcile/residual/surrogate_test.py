@@ -1,7 +1,7 @@
-"""What noise alone would reach: the largest score of all effects, on noise of the residual's own colour.
+"""Surrogate test: the largest score of all effects on random signals that have the spectrum of the residual.
 
-Surrogates keep the residual's spectrum and draw its phases anew (Theiler and others 1992), so that slow noise, which fits like a
-slow effect, is counted as what it is. The largest score of a surrogate over all effects controls the whole family at once.
+Surrogates have the residual's spectrum and random phases (Theiler et al. 1992), so that slow noise, which resembles a slow
+effect, is accounted for. The largest score of a surrogate over all effects controls the error rate of the whole family.
 """
 
 import math
@@ -14,32 +14,34 @@ from gateway.twin.reconcile.residual.isolability import orthonormal
 
 Array = NDArray[np.float64]
 SURROGATES = 100
+"""Number of surrogates: noise alone exceeds the largest of them once in 100 tests."""
 NULL_MARGIN = 1.5
-"""On the largest of the surrogates: what a hundred draws do not show."""
+"""Factor on the largest score of the surrogates: no false alarm in 40 tests on strongly correlated noise."""
 
 
-def normal_score(drop: float, parameters: int) -> float:
-    """A drop of chi-square as a normal deviate (Fisher 1922)."""
-    return math.sqrt(2 * max(drop, 0.0)) - math.sqrt(2 * parameters - 1)
+def normal_score(chi2_drop: float, n_parameters: int) -> float:
+    """Return a decrease of chi-square as an approximately standard normal variable (Fisher 1922)."""
+    return math.sqrt(2 * max(chi2_drop, 0.0)) - math.sqrt(2 * n_parameters - 1)
 
 
 def null_threshold(signatures: Mapping[str, Array], residual: Array, rng: np.random.Generator) -> float:
-    """The largest score that any effect has on noise like the residual (n, 3) in sigma; columns are of shape (3 n, k)."""
+    """Return the score that no effect reaches on noise like the residual (n, 3) in sigma; signatures are (3 n, parameters)."""
     bases = [orthonormal(columns) for columns in signatures.values()]
     bases = [basis for basis in bases if basis.shape[1]]
-    highest = 0.0
+    largest = 0.0
     for _ in range(SURROGATES):
-        drawn = phase_randomised_surrogate(residual, rng).ravel()
+        surrogate = phase_randomised_surrogate(residual, rng).ravel()
         for basis in bases:
-            taken = basis.T @ drawn
-            highest = max(highest, normal_score(float(taken @ taken), basis.shape[1]))
-    return NULL_MARGIN * highest
+            projected = basis.T @ surrogate
+            largest = max(largest, normal_score(float(projected @ projected), basis.shape[1]))
+    return NULL_MARGIN * largest
 
 
 def phase_randomised_surrogate(residual: Array, rng: np.random.Generator) -> Array:
-    """Noise with the spectrum of each axis of (n, 3), random phases."""
-    size = np.abs(np.fft.rfft(residual, axis=0))
-    turned = size * np.exp(2j * np.pi * rng.random(size.shape))
-    turned[[0, -1]] = size[[0, -1]] * np.sign(rng.normal(size=(2, size.shape[1])))  # these have no phase
-    found: Array = np.fft.irfft(turned, len(residual), axis=0)
-    return found
+    """Return noise with the spectrum of each axis of a residual (n, 3) and random phases."""
+    magnitude = np.abs(np.fft.rfft(residual, axis=0))
+    transform = magnitude * np.exp(2j * np.pi * rng.random(magnitude.shape))
+    signs = np.sign(rng.normal(size=(2, magnitude.shape[1])))
+    transform[[0, -1]] = magnitude[[0, -1]] * signs  # the first and the last are real
+    surrogate: Array = np.fft.irfft(transform, len(residual), axis=0)
+    return surrogate

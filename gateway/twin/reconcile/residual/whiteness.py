@@ -1,79 +1,88 @@
-"""Is what remains noise? Autocorrelation and lines."""
+"""Whiteness of a residual: autocorrelation and spectral lines."""
 
 import math
 from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import chdtrc
 
 from gateway.numerics.autocorrelation import autocorrelations
 from gateway.numerics.spectrum import ZERO_PADDING, periodogram
-from gateway.numerics.stats import chi_square_tail
 from gateway.twin.reconcile.output.result import Peak, Residual, Spectrum
 
 Array = NDArray[np.float64]
-LAGS = 40
+MAX_LAGS = 40
+"""Number of lags of the Ljung-Box statistic, at most a fifth of the samples."""
 MIN_WHITENESS_P = 0.001
+"""Probability below which a residual is not white: white noise is called coloured once in 1000 recordings."""
 PEAK_FALSE_ALARM_RATE = 1e-4
-"""Chance, over all bins of all axes, of a peak that noise alone makes."""
-FLOOR_BINS = 60
-"""Bins on each side that tell the floor under a peak."""
+"""Probability that noise alone has a peak, over all frequencies and axes."""
+FLOOR_REACH_BINS = 60
+"""Independent frequencies on either side of which the median is the noise floor."""
+MIN_FLOOR_REACH_BINS = 12
+"""The same at the lowest frequencies, where the floor of slow noise is steep."""
 MAX_PEAKS = 6
+"""Number of peaks that are reported."""
 PLOTTED_BINS = 600
+"""Number of frequencies of the spectrum in the report."""
 
 
 def ljung_box_p(residual: Array) -> float:
-    """Smallest over the axes of (n, 3), times three: chance of such an autocorrelation in white noise (Ljung, Box 1978)."""
-    found = []
+    """Return the probability that white noise has such an autocorrelation on one of the axes (n, 3) (Ljung and Box 1978).
+
+    It is the smallest over the axes times their number (Bonferroni).
+    """
+    probabilities = []
     for axis in residual.T:
-        n, lags = len(axis), min(LAGS, len(axis) // 5)
+        n, lags = len(axis), min(MAX_LAGS, len(axis) // 5)
         rho = np.array(list(islice(autocorrelations(axis), lags)))
         if not len(rho):
             continue
-        q = n * (n + 2) * float((rho**2 / (n - np.arange(1, lags + 1))).sum())
-        found.append(chi_square_tail(q, lags))
-    return min(1.0, len(found) * min(found, default=1.0))
+        statistic = n * (n + 2) * float((rho**2 / (n - np.arange(1, lags + 1))).sum())
+        probabilities.append(float(chdtrc(lags, statistic)))
+    return min(1.0, len(probabilities) * min(probabilities, default=1.0))
 
 
 def find_peaks(time_s: Array, residual: Array, noise_g: Array) -> tuple[Peak, ...]:
-    """Lines of (n, 3) in sigma that stand out of the floor around them, strongest first."""
+    """Return the spectral lines of a residual (n, 3) in sigma that exceed the noise floor around them, strongest first."""
     frequency_hz, power = periodogram(time_s, residual)
-    bins = slice(ZERO_PADDING, None)  # below one turn in the recording there is no line
+    bins = slice(ZERO_PADDING, None)  # a line has at least one period in the recording
     found: list[tuple[float, Peak]] = []
     for axis, name in enumerate("xyz"):
-        over = power[bins, axis] / noise_floor(power[bins, axis])
-        level = math.log(3 * len(over) / ZERO_PADDING / PEAK_FALSE_ALARM_RATE)
-        for i in np.flatnonzero(over > level):
-            around = over[max(0, i - ZERO_PADDING) : i + ZERO_PADDING + 1]
-            if over[i] == around.max():
+        ratio = power[bins, axis] / noise_floor(power[bins, axis])
+        threshold = math.log(3 * len(ratio) / ZERO_PADDING / PEAK_FALSE_ALARM_RATE)
+        for i in np.flatnonzero(ratio > threshold):
+            if ratio[i] == ratio[max(0, i - ZERO_PADDING) : i + ZERO_PADDING + 1].max():
                 amplitude_g = 2 * math.sqrt(power[bins, axis][i] / len(time_s)) * noise_g[axis]
-                found.append((float(over[i]), Peak(float(frequency_hz[bins][i]), name, float(amplitude_g))))
+                found.append((float(ratio[i]), Peak(float(frequency_hz[bins][i]), name, float(amplitude_g))))
     found.sort(key=lambda each: -each[0])
     return tuple(peak for _, peak in found[:MAX_PEAKS])
 
 
 def noise_floor(power: Array) -> Array:
-    """Running median of a power spectrum, as the mean of noise; narrower toward low frequencies, shape (m,)."""
-    found = np.empty_like(power)
-    reach = FLOOR_BINS * ZERO_PADDING
+    """Return the mean of the noise around each frequency of a power spectrum (m,), from a running median."""
+    floor = np.empty_like(power)
+    reach = FLOOR_REACH_BINS * ZERO_PADDING
     for first in range(0, len(power), reach // 4):
-        middle = first + reach // 8
-        wide = min(reach, max(12 * ZERO_PADDING, middle))
-        part = power[max(0, middle - wide) : middle + wide]
-        found[first : first + reach // 4] = np.median(part) / math.log(2) + 1e-12
-    return found
+        centre = first + reach // 8
+        inside = min(reach, max(MIN_FLOOR_REACH_BINS * ZERO_PADDING, centre))
+        around = power[max(0, centre - inside) : centre + inside]
+        floor[first : first + reach // 4] = (
+            np.median(around) / math.log(2) + 1e-12
+        )  # power is exponentially distributed
+    return floor
 
 
 def analyse_residual(time_s: Array, before: Array, after: Array, noise_g: Array) -> Residual:
-    """What a model leaves, (n, 3) in sigma, beside what the one before left."""
+    """Return the whiteness of a model's residual (n, 3) in sigma, and its spectrum with that of the model before."""
     p = ljung_box_p(after)
-    return Residual(
-        p > MIN_WHITENESS_P, p, find_peaks(time_s, after, noise_g), decimated_spectrum(time_s, before, after)
-    )
+    spectrum = decimated_spectrum(time_s, before, after)
+    return Residual(p > MIN_WHITENESS_P, p, find_peaks(time_s, after, noise_g), spectrum)
 
 
 def decimated_spectrum(time_s: Array, before: Array, after: Array) -> Spectrum:
-    """Averaged over bins for a drawing."""
+    """Return the spectra of two residuals (n, 3), averaged over neighbouring frequencies for a plot."""
     frequency_hz, power_before = periodogram(time_s, before)
     _, power_after = periodogram(time_s, after)
     edges = np.unique(np.geomspace(ZERO_PADDING, len(frequency_hz), PLOTTED_BINS).astype(int))

@@ -1,29 +1,33 @@
-"""Angles, bootstrap, colour, lines, the null test: against known answers."""
+"""Statistics of residuals and signatures against known answers."""
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
+from scipy.stats import chi2
 
 from gateway.numerics.spectrum import find_machine_line
-from gateway.numerics.stats import chi_square_tail
 from gateway.twin.reconcile.fit.validation import block_bootstrap_gain
 from gateway.twin.reconcile.residual.isolability import confusable, smallest_angle_cosine
+from gateway.twin.reconcile.residual.localisation import localise_residual
 from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
 from gateway.twin.reconcile.residual.surrogate_test import normal_score, null_threshold, phase_randomised_surrogate
 from gateway.twin.reconcile.residual.whiteness import find_peaks, ljung_box_p
 
+Array = NDArray[np.float64]
 RATE_HZ = 20.0
 TIME_S = np.arange(1200) / RATE_HZ
 
 
-def coloured(rng, memory, shape=(1200, 3)):
-    noise = rng.normal(size=shape)
+def coloured_noise(rng: np.random.Generator, memory: float) -> Array:
+    """Return noise (1200, 3) of a process of first order with unit variance."""
+    noise = rng.normal(size=(1200, 3))
     for i in range(1, len(noise)):
         noise[i] = memory * noise[i - 1] + np.sqrt(1 - memory**2) * noise[i]
     return noise
 
 
 @pytest.mark.parametrize("angle_deg", [5.0, 30.0, 80.0])
-def test_the_planted_angle_between_two_spaces_is_found(angle_deg):
+def test_smallest_principal_angle_between_two_spaces(angle_deg: float) -> None:
     rng = np.random.default_rng(3)
     basis, _ = np.linalg.qr(rng.normal(size=(50, 4)))
     angle = np.radians(angle_deg)
@@ -33,19 +37,20 @@ def test_the_planted_angle_between_two_spaces_is_found(angle_deg):
     assert smallest_angle_cosine(first, second) == pytest.approx(np.cos(angle), abs=1e-9)
 
 
-def test_only_close_effects_are_reported_as_confusable():
+def test_only_effects_with_similar_signatures_are_confusable() -> None:
     rng = np.random.default_rng(4)
     column = rng.normal(size=(60, 1))
-    near, far = column + 0.05 * rng.normal(size=(60, 1)), rng.normal(size=(60, 1))
+    similar, different = column + 0.05 * rng.normal(size=(60, 1)), rng.normal(size=(60, 1))
+    pairs = confusable({"a": column, "b": similar, "c": different})
 
-    assert [(pair.first, pair.second) for pair in confusable({"a": column, "b": near, "c": far})] == [("a", "b")]
+    assert [(pair.first, pair.second) for pair in pairs] == [("a", "b")]
 
 
-def test_the_bootstrap_interval_covers_the_true_gain_under_correlated_noise():
+def test_bootstrap_interval_covers_the_true_gain_under_correlated_noise() -> None:
     covered, trials = 0, 60
     for trial in range(trials):
         rng = np.random.default_rng(trial)
-        after = coloured(rng, 0.7)
+        after = coloured_noise(rng, 0.7)
         before = after + 0.5 * np.sin(2 * np.pi * 0.2 * TIME_S)[:, None]
         low, high = block_bootstrap_gain(before, after, TIME_S, rng)
         covered += low < 0.125 < high
@@ -53,54 +58,58 @@ def test_the_bootstrap_interval_covers_the_true_gain_under_correlated_noise():
     assert covered >= 0.85 * trials  # nominally 95 %; blocks of a finite recording give a little less
 
 
-def test_colour_is_the_spectral_density_of_slow_noise_over_that_of_white_noise():
+def test_noise_inflation_is_the_spectral_density_of_slow_noise_over_that_of_white_noise() -> None:
     rng = np.random.default_rng(5)
     memory = 0.8
 
     assert noise_inflation_factor(TIME_S, rng.normal(size=(1200, 3))) == pytest.approx(1.0, abs=0.2)
-    assert noise_inflation_factor(TIME_S, coloured(rng, memory)) > 0.4 * (1 + memory) / (1 - memory)
+    assert noise_inflation_factor(TIME_S, coloured_noise(rng, memory)) > 0.4 * (1 + memory) / (1 - memory)
 
 
 @pytest.mark.slow
-def test_noise_of_any_colour_stays_below_what_the_null_test_allows():
+def test_coloured_noise_stays_below_the_threshold_of_the_surrogate_test() -> None:
     rng = np.random.default_rng(6)
     signatures = {str(k): np.cumsum(rng.normal(size=(3600, 2)), axis=0) for k in range(8)}
     alarms = 0
     for trial in range(40):
-        residual = coloured(np.random.default_rng([7, trial]), 0.9)
-        reached = -np.inf
+        residual = coloured_noise(np.random.default_rng([7, trial]), 0.9)
+        largest = -np.inf
         for columns in signatures.values():
             basis, _ = np.linalg.qr(columns)
-            reached = max(reached, normal_score(float(((basis.T @ residual.ravel()) ** 2).sum()), 2))
-        alarms += reached > null_threshold(signatures, residual, rng)
+            largest = max(largest, normal_score(float(((basis.T @ residual.ravel()) ** 2).sum()), 2))
+        alarms += largest > null_threshold(signatures, residual, rng)
 
     assert alarms == 0
 
 
-def test_a_surrogate_has_the_spectrum_of_the_noise_and_other_values():
+def test_surrogate_has_the_spectrum_of_the_noise_and_other_values() -> None:
     rng = np.random.default_rng(8)
-    residual = coloured(rng, 0.9)
-    drawn = phase_randomised_surrogate(residual, rng)
+    residual = coloured_noise(rng, 0.9)
+    surrogate = phase_randomised_surrogate(residual, rng)
 
-    np.testing.assert_allclose(np.abs(np.fft.rfft(drawn, axis=0)), np.abs(np.fft.rfft(residual, axis=0)), atol=1e-6)
-    assert abs(np.corrcoef(drawn[:, 0], residual[:, 0])[0, 1]) < 0.5
+    np.testing.assert_allclose(np.abs(np.fft.rfft(surrogate, axis=0)), np.abs(np.fft.rfft(residual, axis=0)), atol=1e-6)
+    assert abs(np.corrcoef(surrogate[:, 0], residual[:, 0])[0, 1]) < 0.5
 
 
-def test_ljung_box_tells_white_from_coloured():
+def test_ljung_box_distinguishes_white_from_coloured_noise() -> None:
     rng = np.random.default_rng(9)
 
     assert ljung_box_p(rng.normal(size=(1200, 3))) > 0.001
-    assert ljung_box_p(coloured(rng, 0.3)) < 1e-6
+    assert ljung_box_p(coloured_noise(rng, 0.3)) < 1e-6
 
 
-def test_the_tail_of_chi_square_agrees_with_the_table():
-    assert chi_square_tail(18.307, 10) == pytest.approx(0.05, abs=0.001)
+def test_ljung_box_probability_is_the_tail_of_chi_square() -> None:
+    axis = np.tile([1.0, 2.0, -3.0, 0.5, -0.5], 4)  # 20 samples, 4 lags, mean 0
+    rho = np.array([(axis[k:] * axis[:-k]).sum() for k in range(1, 5)]) / (axis**2).sum()
+    statistic = 20 * 22 * (rho**2 / (20 - np.arange(1, 5))).sum()
+
+    assert ljung_box_p(axis[:, None]) == pytest.approx(chi2.sf(statistic, 4))
 
 
-def test_a_line_is_found_at_its_frequency_and_none_in_slow_noise():
+def test_machine_line_is_found_at_its_frequency_and_none_in_slow_noise() -> None:
     rng = np.random.default_rng(10)
     noise_g = np.full(3, 1e-3)
-    residual_g = 1e-3 * coloured(rng, 0.9)
+    residual_g = 1e-3 * coloured_noise(rng, 0.9)
     shaken_g = residual_g + 1e-3 * np.sin(2 * np.pi * 6.37 * TIME_S)[:, None]
     found = find_machine_line(TIME_S, shaken_g, noise_g)
 
@@ -108,3 +117,14 @@ def test_a_line_is_found_at_its_frequency_and_none_in_slow_noise():
     assert found is not None
     assert found.frequency_hz == pytest.approx(6.37, abs=0.002)
     assert [p for p in find_peaks(TIME_S, shaken_g / noise_g, noise_g) if abs(p.hz - 6.37) < 0.05]
+
+
+def test_residual_is_localised_in_time_axis_and_band() -> None:
+    residual = np.random.default_rng(11).normal(size=(1200, 3))
+    residual[400:600, 1] += 3 * np.sin(2 * np.pi * 0.9 * TIME_S[400:600])
+    (found,) = localise_residual(TIME_S, residual)
+
+    assert found.axis == "y"
+    assert (found.from_s, found.to_s) == pytest.approx((20.0, 30.0), abs=0.1)
+    assert found.band_hz[0] < 0.9 < found.band_hz[1]
+    assert found.rms_sigma == pytest.approx(np.sqrt(1 + 4.5), rel=0.1)
