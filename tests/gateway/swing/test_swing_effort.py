@@ -8,8 +8,10 @@ import pytest
 from gateway.swing import MountedHousing, SwingTracker
 from gateway.swing.data.bins import bin_samples
 from gateway.swing.fit.initial_guess import find_harmonics, start_motions
-from gateway.swing.fit.likelihood import improved, linearised
+from gateway.swing.fit.likelihood import Fit, improved, linearised
 from gateway.swing.fit.priors import nominal_prior
+from tests.gateway.swing.conftest import Recording, Simulate
+from tests.values import present
 
 PERIOD_S = 2 * np.pi * np.sqrt(9.0 / 9.80665)
 NOISE_G = np.full(3, 4e-4)
@@ -17,23 +19,23 @@ BLOCK = 16
 
 
 @pytest.fixture(scope="module")
-def driven(simulated):
+def driven(simulated: Simulate) -> Recording:
     """Swung all the time by a trolley that goes to and fro at another rhythm than the load's."""
 
-    def trolley(time_s):
+    def trolley(time_s: float) -> tuple[float, float, float]:
         return (1.5 * np.sin(0.55 * time_s), 0.8 * np.sin(1.9 * time_s + 1), 0.0)
 
     return simulated(rho=0.4, amplitude_deg=4.0, duration_s=40, push=trolley)
 
 
-def begun(recording, rig):
+def begun(recording: Recording, rig: MountedHousing) -> Fit:
     bins = bin_samples(recording.time_s, recording.force_g, PERIOD_S / 32)
     starts = start_motions(find_harmonics(bins, NOISE_G, rig), rig, 0.0, float(bins.time_s[-1]) + 0.5)
-    return linearised(bins, bins.count[:, None] / NOISE_G**2, starts[0], nominal_prior(rig))
+    return present(linearised(bins, bins.count[:, None] / NOISE_G**2, starts[0], nominal_prior(rig)))
 
 
 @pytest.mark.slow
-def test_a_fit_that_leads_nowhere_is_given_up(driven):
+def test_a_fit_that_leads_nowhere_is_given_up(driven: Recording) -> None:
     fit = begun(driven, MountedHousing(length_m=9.0, position_m=driven.position_m))
 
     given_up = improved(fit, 25, lambda _: True)
@@ -43,17 +45,21 @@ def test_a_fit_that_leads_nowhere_is_given_up(driven):
 
 
 @pytest.mark.slow
-def test_a_fit_that_settles_is_never_asked_about(simulated):
+def test_a_fit_that_settles_is_never_asked_about(simulated: Simulate) -> None:
     recording = simulated(rho=0.4, duration_s=40)
-    asked = []
+    asked: list[Fit] = []
 
-    fit = improved(begun(recording, MountedHousing(length_m=9.5, position_m=recording.position_m)), 25, asked.append)
+    def note(fit: Fit) -> bool:
+        asked.append(fit)
+        return False
+
+    fit = improved(begun(recording, MountedHousing(length_m=9.5, position_m=recording.position_m)), 25, note)
 
     assert fit.converged
     assert not asked
 
 
-def test_tries_in_vain_are_spaced_and_none_waits_longer_than_the_first_value_may(driven):
+def test_tries_in_vain_are_spaced_and_none_waits_longer_than_the_first_value_may(driven: Recording) -> None:
     tracker = SwingTracker(MountedHousing(length_m=9.0, position_m=driven.position_m), noise_g=4e-4)
     heard = []
     for begin in range(0, len(driven.time_s), BLOCK):

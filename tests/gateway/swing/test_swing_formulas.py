@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from gateway.swing import Extremes, LowpassGain, as_published, corrected, extremes
+from tests.values import present
 
 PHI = np.radians(10.0)
 NAMES = ("arccos_min_az", "arcsin_max_axy", "arctan_max_axy_min_az", "arccos_max_az")
 
 
-def planar(rho, phi=PHI, azimuth=0.7):
+def planar(rho: float, phi: float = PHI, azimuth: float = 0.7) -> Extremes:
     """What an ideal planar swing reads at most (physics derived from Newton's law for a fixed pivot)."""
     across = (1 - rho) * np.sin(phi)
     return Extremes(
@@ -25,20 +26,20 @@ def planar(rho, phi=PHI, azimuth=0.7):
     ("rho", "readings_deg"),
     [(0.5, (10.00, 4.98, 5.04, 7.07)), (1.0, (10.00, 0.00, 0.00, 10.00)), (0.0, (10, 10, 10, 0))],
 )
-def test_published_forms_read_what_the_derivation_says(rho, readings_deg):
+def test_published_forms_read_what_the_derivation_says(rho: float, readings_deg: tuple[float, ...]) -> None:
     angles = as_published(planar(rho))
 
     assert [np.degrees(getattr(angles, name)) for name in NAMES] == pytest.approx(readings_deg, abs=0.01)
 
 
 @pytest.mark.parametrize("rho", [0.02, 0.2, 0.5, 0.8, 0.98])
-def test_corrected_forms_invert_exactly(rho):
+def test_corrected_forms_invert_exactly(rho: float) -> None:
     angles = corrected(planar(rho), rho)
 
     assert [getattr(angles, name) for name in NAMES] == pytest.approx([PHI] * 4, rel=1e-9)
 
 
-def test_corrected_forms_undo_a_known_low_pass():
+def test_corrected_forms_undo_a_known_low_pass() -> None:
     ideal, gain_f0, gain_2f0 = planar(0.4), 0.9, 0.8
     centre, half = (ideal.max_z_g + ideal.min_z_g) / 2, (ideal.max_z_g - ideal.min_z_g) / 2
     passed = Extremes(
@@ -54,7 +55,7 @@ def test_corrected_forms_undo_a_known_low_pass():
     assert [getattr(angles, name) for name in NAMES] == pytest.approx([PHI] * 4, rel=1e-9)
 
 
-def test_an_argument_out_of_the_domain_gives_no_angle():
+def test_an_argument_out_of_the_domain_gives_no_angle() -> None:
     still_with_noise = Extremes(max_x_g=0.01, max_y_g=1.2, max_across_g=1.2, min_z_g=1.002, max_z_g=0.999)
 
     angles = as_published(still_with_noise)
@@ -65,7 +66,7 @@ def test_an_argument_out_of_the_domain_gives_no_angle():
     assert angles.arccos_max_az is None  # arccos(1.0005)
 
 
-def test_where_the_mounting_leaves_nothing_to_invert_there_is_no_angle():
+def test_where_the_mounting_leaves_nothing_to_invert_there_is_no_angle() -> None:
     assert corrected(planar(1.0), 1.0).arcsin_max_axy is None
     assert corrected(planar(1.0), 1.0).arctan_max_axy_min_az is None
     assert corrected(planar(0.0), 0.0).arccos_max_az is None
@@ -75,11 +76,11 @@ def test_where_the_mounting_leaves_nothing_to_invert_there_is_no_angle():
     )
 
 
-def test_extremes_take_the_transverse_maximum_of_one_sample():
+def test_extremes_take_the_transverse_maximum_of_one_sample() -> None:
     force_g = np.array([[0.3, 0.0, 0.9], [0.0, 0.4, 1.1], [-0.5, 0.1, 1.0]])
 
     found = extremes(force_g)
 
     assert found == Extremes(max_x_g=0.3, max_y_g=0.4, max_across_g=np.hypot(0.5, 0.1), min_z_g=0.9, max_z_g=1.1)
     assert extremes(np.empty((0, 3))) is None
-    assert found.joined(extremes(np.array([[0.6, 0.0, 0.8]]))).max_x_g == 0.6
+    assert found.joined(present(extremes(np.array([[0.6, 0.0, 0.8]])))).max_x_g == 0.6

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from devices.pendulum import pendulum
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
@@ -13,24 +14,24 @@ PULL_M_S2 = np.array([0.3, -0.2, 0.0])
 STEP_S, STEPS = 0.02, 1500
 
 
-def world_rate(_time_s, motion):
+def world_rate(_time_s: float, motion: NDArray[np.float64]) -> NDArray[np.float64]:
     drive = np.array([0.0, 0.0, -GRAVITY_M_S2]) + PULL_M_S2 - DAMPING_1_S * LENGTH_M * motion[1]
     return pendulum.motion_rate(motion, drive, LENGTH_M, 0.0)
 
 
 @pytest.fixture(scope="module")
-def world():
+def world() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Motions and specific force of a wide elliptical swing with a side pull, in the world frame."""
     motions = [pendulum.start_motion(0.37, -0.1, 0.05, 0.2)]
     for _ in range(STEPS):
         motions.append(pendulum.runge_kutta_step(world_rate, 0.0, motions[-1], STEP_S))
-    motions = np.array(motions)
-    accelerations = np.array([world_rate(0.0, motion)[1] for motion in motions])
-    force = pendulum.specific_force_m_s2(motions, accelerations, np.zeros(3), GRAVITY_M_S2, POSITION_M)
-    return motions, force / GRAVITY_M_S2
+    track = np.array(motions)
+    accelerations = np.array([world_rate(0.0, motion)[1] for motion in track])
+    force = pendulum.specific_force_m_s2(track, accelerations, np.zeros(3), GRAVITY_M_S2, POSITION_M)
+    return track, force / GRAVITY_M_S2
 
 
-def in_housing(motion):
+def in_housing(motion: NDArray[np.float64]) -> NDArray[np.complex128]:
     """u, w, l of a motion, shape (3, 1)."""
     axes = pendulum.housing_axes(motion)
     vectors = [axes @ [0.0, 0.0, -1.0], axes @ motion[1], axes @ PULL_M_S2 / GRAVITY_M_S2]
@@ -41,7 +42,7 @@ FIELD = ForceField(GRAVITY_M_S2 / LENGTH_M, DAMPING_1_S)
 
 
 @pytest.mark.slow
-def test_housing_frame_agrees_with_the_world_frame(world):
+def test_housing_frame_agrees_with_the_world_frame(world: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
     motions, force_g = world
 
     path = integrate(in_housing(motions[0]), FIELD, STEP_S, STEPS)
@@ -51,7 +52,9 @@ def test_housing_frame_agrees_with_the_world_frame(world):
     assert path.state[-1] == pytest.approx(in_housing(motions[-1]), abs=1e-7)
 
 
-def test_coarse_steps_and_interpolation_stay_far_below_any_noise(world):
+def test_coarse_steps_and_interpolation_stay_far_below_any_noise(
+    world: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> None:
     motions, force_g = world
     step_s = 2 * np.pi * np.sqrt(LENGTH_M / GRAVITY_M_S2) / 36
     steps = int(STEPS * STEP_S / step_s) + 1
@@ -65,7 +68,7 @@ def test_coarse_steps_and_interpolation_stay_far_below_any_noise(world):
     assert np.abs(modelled_g - force_g[:-1]).max() < 3e-5
 
 
-def test_quadratic_drag_takes_the_energy_that_it_should():
+def test_quadratic_drag_takes_the_energy_that_it_should() -> None:
     """Per swing of amplitude A a drag q |w| w takes 8/3 q A of the energy: A falls by 4/3 q A^2."""
     stiffness, drag, amplitude = 1.0, 0.05, 0.1
     state = np.array([[amplitude + 0j], [0j], [0j]])
@@ -75,7 +78,7 @@ def test_quadratic_drag_takes_the_energy_that_it_should():
     assert abs(path.state[-1, 0, 0]) == pytest.approx(amplitude * (1 - 8 / 3 * drag * amplitude), rel=2e-4)
 
 
-def test_spinning_housing_sees_the_same_motion_turned():
+def test_spinning_housing_sees_the_same_motion_turned() -> None:
     state = np.array([[0.2 + 0.05j], [0.03j], [0.01 + 0.02j]])
     still = integrate(state, ForceField(1.0, 0.01), 0.1, 100)
     spinning = integrate(state, ForceField(1.0, 0.01, 0.0, 0.07), 0.1, 100)
@@ -84,7 +87,7 @@ def test_spinning_housing_sees_the_same_motion_turned():
     assert spinning.state[-1] == pytest.approx(turn * still.state[-1], abs=1e-6)
 
 
-def test_beyond_ninety_degrees_there_is_no_number():
+def test_beyond_ninety_degrees_there_is_no_number() -> None:
     path = integrate(np.array([[0.9 + 0j], [-2.0 + 0j], [0j]]), ForceField(1.0, 0.0), 0.1, 30)
 
     assert np.isnan(path.state[-1]).any()

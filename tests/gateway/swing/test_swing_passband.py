@@ -2,14 +2,18 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gateway.swing import MountedHousing, SwingTracker, estimate_swing
+from gateway.swing.estimate import SwingEstimate
+from tests.gateway.swing.conftest import Recording, Simulate
+from tests.values import present
 
 BANDWIDTH_HZ = 1.0
 RATE_HZ = 50.0
 
 
-def one_pole(force_g, bandwidth_hz=BANDWIDTH_HZ):
+def one_pole(force_g: NDArray[np.float64], bandwidth_hz: float = BANDWIDTH_HZ) -> NDArray[np.float64]:
     share = 1 - np.exp(-2 * np.pi * bandwidth_hz / RATE_HZ)
     out, state = np.empty_like(force_g), force_g[0]
     for i, now in enumerate(force_g):
@@ -18,7 +22,9 @@ def one_pole(force_g, bandwidth_hz=BANDWIDTH_HZ):
     return out
 
 
-def estimated(recording, force_g, bandwidth_hz, position_m=None):
+def estimated(
+    recording: Recording, force_g: NDArray[np.float64], bandwidth_hz: float | None, position_m: float | None = None
+) -> SwingEstimate:
     rig = MountedHousing(
         length_m=recording.length_m,
         position_m=recording.position_m if position_m is None else position_m,
@@ -28,27 +34,27 @@ def estimated(recording, force_g, bandwidth_hz, position_m=None):
 
 
 @pytest.fixture(scope="module", params=[0.05, 0.6])
-def filtered(request, simulated):
+def filtered(request: pytest.FixtureRequest, simulated: Simulate) -> tuple[Recording, NDArray[np.float64]]:
     recording = simulated(rho=request.param, length_m=6.0, noise_g=0.0, duration_s=40)
     noise_g = 1e-4 * np.random.default_rng(2).normal(size=recording.force_g.shape)
     return recording, one_pole(recording.force_g) + noise_g
 
 
 @pytest.mark.slow
-def test_attenuation_is_corrected_and_stands_in_the_budget(filtered):
+def test_attenuation_is_corrected_and_stands_in_the_budget(filtered: tuple[Recording, NDArray[np.float64]]) -> None:
     recording, force_g = filtered
 
     taken_as_it_is = estimated(recording, force_g, None)
     corrected = estimated(recording, force_g, BANDWIDTH_HZ)
 
-    wrong, right = (abs(e.phi_max_rad / recording.phi_max_rad - 1) for e in (taken_as_it_is, corrected))
+    wrong, right = (abs(present(e.phi_max_rad) / recording.phi_max_rad - 1) for e in (taken_as_it_is, corrected))
     assert wrong > 0.01
     assert right < 0.4 * wrong
-    low, high = corrected.coverage95_rad
+    low, high = present(corrected.coverage95_rad)
     assert low < recording.phi_max_rad < high
 
 
-def test_delay_is_corrected(filtered):
+def test_delay_is_corrected(filtered: tuple[Recording, NDArray[np.float64]]) -> None:
     recording, force_g = filtered
 
     late, right = (estimated(recording, force_g, hz) for hz in (None, BANDWIDTH_HZ))
@@ -58,7 +64,7 @@ def test_delay_is_corrected(filtered):
 
 
 @pytest.mark.slow
-def test_live_is_corrected_too(filtered):
+def test_live_is_corrected_too(filtered: tuple[Recording, NDArray[np.float64]]) -> None:
     recording, force_g = filtered
     rig = MountedHousing(length_m=6.0, position_m=recording.position_m, bandwidth_hz=BANDWIDTH_HZ)
     tracker, heard = SwingTracker(rig, noise_g=1e-4), []
@@ -68,11 +74,11 @@ def test_live_is_corrected_too(filtered):
 
     for e in heard[-8:]:
         reached = recording.angle_rad[(recording.time_s >= e.from_s) & (recording.time_s <= e.to_s)].max()
-        assert e.coverage95_rad[0] < reached < e.coverage95_rad[1]
+        assert present(e.coverage95_rad)[0] < reached < present(e.coverage95_rad)[1]
 
 
 @pytest.mark.slow
-def test_a_wide_band_changes_nothing_that_matters(simulated):
+def test_a_wide_band_changes_nothing_that_matters(simulated: Simulate) -> None:
     recording = simulated(duration_s=30)
 
     plain, wide = (estimated(recording, recording.force_g, hz) for hz in (None, 31.25))
@@ -81,6 +87,6 @@ def test_a_wide_band_changes_nothing_that_matters(simulated):
     assert wide.u_rad == pytest.approx(plain.u_rad, rel=0.02)
 
 
-def test_a_bandwidth_that_cannot_be_is_refused():
+def test_a_bandwidth_that_cannot_be_is_refused() -> None:
     with pytest.raises(ValueError, match="bandwidth"):
         MountedHousing(length_m=9.0, position_m=3.0, bandwidth_hz=0.0)

@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gateway.swing.fit.multiple_shooting import linearise_segments, moved
 from gateway.swing.model.motion import PLAIN, STATES, Grid, Motion
@@ -18,7 +19,7 @@ STEP = 1e-5
 START = np.array([[0.11 + 0.02j], [0.03 - 0.05j], [0.01 + 0.005j]])
 
 
-def motion_of(parameters, raster=None):
+def motion_of(parameters: NDArray[np.float64] | list[float], raster: SplineGrid | None = None) -> Motion:
     """Ten seconds of a swing, its nodes integrated from the first: no gaps."""
     grid = Grid.over(0.0, 10.0, PERIOD_S)
     first = Motion(grid, START, np.asarray(parameters), GRAVITY_M_S2, raster)
@@ -27,7 +28,7 @@ def motion_of(parameters, raster=None):
     return replace(first, nodes=path[:-1:per_segment].T)
 
 
-def motions():
+def motions() -> dict[str, Motion]:
     raster = SplineGrid.over(2.0, 7.0, 0.7)
     speeds = 0.4 * np.random.default_rng(2).normal(size=raster.count)
     return {
@@ -37,7 +38,7 @@ def motions():
 
 
 @pytest.mark.parametrize("what", ["a rope that keeps its length", "a rope that moves"])
-def test_chained_derivatives_are_those_of_the_whole_motion(what):
+def test_chained_derivatives_are_those_of_the_whole_motion(what: str) -> None:
     motion = motions()[what]
     response = linearise_segments(motion)
     instants = motion.grid.locate(AT_S)
@@ -55,7 +56,7 @@ def test_chained_derivatives_are_those_of_the_whole_motion(what):
         assert slope[..., STATES + number] == pytest.approx(expected, abs=2e-4 + 1e-3 * np.abs(expected).max())
 
 
-def test_a_step_of_the_unknowns_closes_the_gaps_between_segments():
+def test_a_step_of_the_unknowns_closes_the_gaps_between_segments() -> None:
     motion = motions()["a rope that moves"]
     nodes = motion.nodes.copy()
     nodes[0, 5] += 0.001
@@ -66,7 +67,7 @@ def test_a_step_of_the_unknowns_closes_the_gaps_between_segments():
     assert closed.nodes == pytest.approx(motion.nodes, abs=1e-5)
 
 
-def test_splines_far_from_a_segment_cost_it_nothing():
+def test_splines_far_from_a_segment_cost_it_nothing() -> None:
     """A long hoist has as many unknowns as splines, but no more lanes than a short one."""
     short, long = (SplineGrid.over(1.0, end_s, 0.7) for end_s in (3.0, 9.0))
     lanes = [
@@ -77,7 +78,7 @@ def test_splines_far_from_a_segment_cost_it_nothing():
     assert lanes[0] == lanes[1] < 1 + STATES + PLAIN + long.count
 
 
-def test_one_motion_in_plain_numbers_is_the_same_as_in_arrays():
+def test_one_motion_in_plain_numbers_is_the_same_as_in_arrays() -> None:
     stiffness, lengthening = np.linspace(1.0, 0.8, 41), np.linspace(0.0, 0.05, 41)
     for field in (
         ForceField(1.0, 0.01),
@@ -86,12 +87,13 @@ def test_one_motion_in_plain_numbers_is_the_same_as_in_arrays():
     ):
         in_arrays = integrate(START, field, 0.1, 20).state[..., 0]
 
-        in_numbers = propagate(tuple(complex(each) for each in START[:, 0]), field, 0.1, 20)
+        first, second, third = (complex(each) for each in START[:, 0])
+        in_numbers = propagate((first, second, third), field, 0.1, 20)
 
         assert np.array(in_numbers) == pytest.approx(in_arrays, abs=1e-14)
 
 
-def test_plain_numbers_end_where_the_model_does():
+def test_plain_numbers_end_where_the_model_does() -> None:
     path = propagate((0.9 + 0j, -2.0 + 0j, 0j), ForceField(1.0, 0.0), 0.1, 30)
 
     assert np.isnan(path[-1][0])

@@ -1,21 +1,26 @@
 """A dead axis that only makes noise: named, and no swing that merely runs along an axis is taken for one."""
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gateway.swing import MountedHousing, SwingTracker, estimate_swing
+from tests.gateway.swing.conftest import Recording, Simulate
+from tests.values import present
 
 pytestmark = pytest.mark.slow
 
 NOISE_G = 4e-4
-RIG = {"position_u_m": 0.05, "zero_g_offset_u_g": (5e-4,) * 3, "scale_u": (3e-4,) * 3}
+RIG: dict[str, Any] = {"position_u_m": 0.05, "zero_g_offset_u_g": (5e-4,) * 3, "scale_u": (3e-4,) * 3}
 
 
-def housing(recording):
+def housing(recording: Recording) -> MountedHousing:
     return MountedHousing(length_m=9.5, position_m=recording.position_m, **RIG)
 
 
-def deadened(recording, axis, level_g):
+def deadened(recording: Recording, axis: int, level_g: float) -> NDArray[np.float64]:
     force_g = recording.force_g.copy()
     force_g[:, axis] = level_g + NOISE_G * np.random.default_rng(9).normal(size=len(force_g))
     return force_g
@@ -25,7 +30,7 @@ def deadened(recording, axis, level_g):
     ("rho", "azimuth_deg", "axis"),
     [(0.1, 35, 1), (0.5, 35, 0), (0.5, 60, 0), (0.5, 0, 0), (0.1, 60, 2), (0.5, 15, 2)],
 )
-def test_a_noisy_dead_axis_is_named(simulated, rho, azimuth_deg, axis):
+def test_a_noisy_dead_axis_is_named(simulated: Simulate, rho: float, azimuth_deg: int, axis: int) -> None:
     recording = simulated(rho=rho, azimuth_deg=azimuth_deg, amplitude_deg=6, duration_s=45)
     force_g = deadened(recording, axis, 0.998 if axis == 2 else 0.01)
 
@@ -37,7 +42,7 @@ def test_a_noisy_dead_axis_is_named(simulated, rho, azimuth_deg, axis):
     assert "xyz"[axis] in estimate.reasons[0].split(" shows")[0]
 
 
-def test_live_too(simulated):
+def test_live_too(simulated: Simulate) -> None:
     recording = simulated(rho=0.5, azimuth_deg=40, amplitude_deg=6, duration_s=40)
     force_g, tracker = deadened(recording, 1, 0.0), SwingTracker(housing(recording), noise_g=NOISE_G)
     parts = [slice(begin, begin + 16) for begin in range(0, len(force_g), 16)]
@@ -50,23 +55,25 @@ def test_live_too(simulated):
 
 @pytest.mark.parametrize("rho", [0.1, 0.8])
 @pytest.mark.parametrize("azimuth_deg", [0, 90, 3, 45])
-def test_a_planar_swing_along_any_azimuth_is_no_dead_axis(simulated, rho, azimuth_deg):
+def test_a_planar_swing_along_any_azimuth_is_no_dead_axis(simulated: Simulate, rho: float, azimuth_deg: int) -> None:
     recording = simulated(rho=rho, azimuth_deg=azimuth_deg, amplitude_deg=6, duration_s=40)
 
     estimate = estimate_swing(recording.time_s, recording.force_g, rig=housing(recording), noise_g=NOISE_G)
 
     assert estimate.swinging
-    assert estimate.phi_max_rad == pytest.approx(recording.phi_max_rad, abs=4 * estimate.u_rad)
-    assert estimate.u_rad < 0.02 * recording.phi_max_rad
+    assert estimate.phi_max_rad == pytest.approx(recording.phi_max_rad, abs=4 * present(estimate.u_rad))
+    assert present(estimate.u_rad) < 0.02 * recording.phi_max_rad
 
 
 @pytest.mark.parametrize(("rho", "azimuth_deg"), [(0.5, 15), (0.8, 35)])
-def test_while_it_is_open_whether_an_axis_is_broken_the_interval_holds_both(simulated, rho, azimuth_deg):
+def test_while_it_is_open_whether_an_axis_is_broken_the_interval_holds_both(
+    simulated: Simulate, rho: float, azimuth_deg: int
+) -> None:
     """Near x a dead y takes little, and near the load the housing's place explains as much."""
     recording = simulated(rho=rho, azimuth_deg=azimuth_deg, amplitude_deg=6, duration_s=45)
     force_g = deadened(recording, 1, 0.0)
 
     estimate = estimate_swing(recording.time_s, force_g, rig=housing(recording), noise_g=NOISE_G)
 
-    low, high = estimate.coverage95_rad
+    low, high = present(estimate.coverage95_rad)
     assert low < recording.phi_max_rad < high
