@@ -1,15 +1,20 @@
 """Simulated recordings whose condition is known at every instant; one seed, one recording."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.pendulum.pendulum import start_motion
-from devices.simulated.crane import Crane
+from devices.simulated.crane import Crane, GroundTruth
 from devices.simulated.device import SimulatedCrane
 from devices.simulated.schedule import Gust, Hoist, Schedule, TrolleyMove
+
+Array = NDArray[np.float64]
 
 SECONDS = 45.0
 BLOCK_S = 0.1
@@ -34,11 +39,11 @@ KINDS = (
 class Clock:
     """Stands still: the device is only asked what it is."""
 
-    def now_ns(self):
+    def now_ns(self) -> int:
         """Gateway time."""
         return START_NS
 
-    def sleep_s(self, _seconds):
+    def sleep_s(self, seconds: float) -> None:
         """Nobody sleeps here."""
 
 
@@ -48,14 +53,14 @@ class Recording:
 
     kind: str
     info: DeviceInfo
-    table: dict
+    table: dict[str, Any]
     blocks: list[SampleBlock]
-    time_s: np.ndarray
-    force_g: np.ndarray
+    time_s: Array
+    force_g: Array
     """Of the crane alone: no noise, sensor errors, impacts or vibration, shape (n, 3)."""
-    driven: dict[str, np.ndarray]
+    driven: dict[str, NDArray[np.bool_]]
     """Cause by cause: whether it acts, shape (n,)."""
-    push_g: np.ndarray
+    push_g: Array
     """What drives the load, as the housing feels it at once, shape (n,)."""
     period_s: float
 
@@ -115,7 +120,9 @@ def make(seed: int) -> Recording:
     )
 
 
-def _events(kind, random, length_m, rho):
+def _events(
+    kind: str, random: np.random.Generator, length_m: float, rho: float
+) -> Sequence[TrolleyMove | Gust | Hoist]:
     begin_s, azimuth_rad = random.uniform(4, 20), random.uniform(-np.pi, np.pi)
     if kind == "trolley":
         ramp_s = random.uniform(1.5, 5.0)
@@ -130,7 +137,7 @@ def _events(kind, random, length_m, rho):
     return []
 
 
-def _start(kind, random, length_m):
+def _start(kind: str, random: np.random.Generator, length_m: float) -> Array:
     if kind not in ("swing", "swing_hoist") and not (kind in ("trolley", "gust", "impact") and random.random() < 0.3):
         return start_motion(0.0, 0.0, 0.0, 0.0)
     angle_rad = np.radians(np.exp(random.uniform(np.log(0.4), np.log(15.0))))
@@ -139,27 +146,28 @@ def _start(kind, random, length_m):
     return start_motion(angle_rad * x, angle_rad * y, -rate * y, rate * x)
 
 
-def _turned(random):
+def _turned(random: np.random.Generator) -> Array:
     lean_rad, azimuth_rad = np.radians(random.uniform(0.5, 12)), random.uniform(-np.pi, np.pi)
     c, s = np.cos(lean_rad), np.sin(lean_rad)
     about_y = np.array([[c, 0, -s], [0, 1, 0], [s, 0, c]])
     c, s = np.cos(azimuth_rad), np.sin(azimuth_rad)
-    return about_y @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    return np.asarray(about_y @ np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]))
 
 
-def _push_g(events, time_s, truth):
+def _push_g(events: Sequence[TrolleyMove | Gust | Hoist], time_s: Array, truth: GroundTruth) -> Array:
     """Trolley: what the load's inertia leaves of it at the housing; wind: what the rope hands on; hoist: along the rope."""
     drive = Schedule(events, float(truth.length_m[0])).at(time_s)
     across = (1 - truth.rho[:, None]) * drive.pivot_acceleration_m_s2 + truth.rho[:, None] * drive.force_m_s2
-    return np.hypot(np.linalg.norm(across, axis=1), drive.length_acceleration_m_s2[:, 0]) / STANDARD_GRAVITY_M_S2
+    push_m_s2 = np.hypot(np.linalg.norm(across, axis=1), drive.length_acceleration_m_s2[:, 0])
+    return np.asarray(push_m_s2 / STANDARD_GRAVITY_M_S2)
 
 
-def _direction(random):
+def _direction(random: np.random.Generator) -> Array:
     vector = random.normal(size=3)
-    return vector / np.linalg.norm(vector)
+    return np.asarray(vector / np.linalg.norm(vector))
 
 
-def _blocks(device, time_s, force_g, random):
+def _blocks(device: SimulatedCrane, time_s: Array, force_g: Array, random: np.random.Generator) -> list[SampleBlock]:
     temperature_c = np.full(len(time_s), device.part.errors.reference_temperature_c)
     raw = device.part.counts(force_g, temperature_c, random)
     time_ns = START_NS + np.rint(time_s * 1e9).astype(np.int64)

@@ -18,13 +18,21 @@ from collections import Counter
 from multiprocessing import Pool
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
+from gateway.messages import Condition
 from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
-from tests.benchmarks.condition_recordings import START_NS, WINDOW_S, make
+from tests.benchmarks.condition_recordings import START_NS, WINDOW_S, Recording, make
+
+Mask = NDArray[np.bool_]
+Truth = tuple[str, frozenset[str], str | None, bool]
+"""What a window is, the verdicts that are right, the cause that is right, and whether it counts for the first rate."""
+Judged = tuple[str, frozenset[str], str | None, bool, str, str | None]
+"""A window's truth, and the verdict and the cause that were said."""
 
 TUNING = range(96)
 HELD_OUT = range(10_000, 10_240)
@@ -43,7 +51,7 @@ def main() -> None:
             print(summary(judged))
 
 
-def verdicts(seed: int) -> list[tuple]:
+def verdicts(seed: int) -> list[Judged]:
     """Of each window: what was true, what is accepted, whether it counts, what was said."""
     recording = make(seed)
     configuration = validate(recording.table, "benchmark")
@@ -54,12 +62,12 @@ def verdicts(seed: int) -> list[tuple]:
         emission.message
         for block in recording.blocks
         for emission in pipeline.process(block, clock).messages
-        if emission.topic == "condition"
+        if isinstance(emission.message, Condition)
     ]
     return [(*truth(recording, (message.time_ns - START_NS) / 1e9), message.verdict, message.cause) for message in said]
 
 
-def truth(recording, now_s: float) -> tuple[str, frozenset[str], str | None, bool]:
+def truth(recording: Recording, now_s: float) -> Truth:
     """What a window is, the verdicts that are right, the cause that is right, and whether it counts for the first rate."""
     time_s = recording.time_s
     window = (time_s > now_s - WINDOW_S - EDGE_S) & (time_s <= now_s)
@@ -79,19 +87,19 @@ def truth(recording, now_s: float) -> tuple[str, frozenset[str], str | None, boo
         if acts.any():
             free_s = float(time_s[acts][-1])
     if recording.driven["vibration"][window].any():
-        steady = recording.driven["vibration"][window].all()
+        steady = bool(recording.driven["vibration"][window].all())
         right = {"quasi_static"} if steady else {"quasi_static", "static", "disturbed", "unknown"}
         return "vibration" if steady else "edge", frozenset(right), "vibration" if steady else None, steady
     return _free(recording, now_s, free_s)
 
 
-def _start(recording, now_s, window):
+def _start(recording: Recording, now_s: float, window: Mask) -> Truth:
     if now_s < 1.0:
         return "start", frozenset({"unknown"}), None, True
     return "start", ANY - {"static"} if _moves_g(recording, window) > SEEN_G else ANY, None, False
 
 
-def _driven(recording, window, acts, cause):
+def _driven(recording: Recording, window: Mask, acts: Mask, cause: str) -> Truth:
     rate_hz = 1 / (recording.time_s[1] - recording.time_s[0])
     hard_s = np.count_nonzero(window & acts & (recording.push_g > PUSH_G)) / rate_hz
     if hard_s >= DRIVEN_S:
@@ -99,7 +107,7 @@ def _driven(recording, window, acts, cause):
     return "weakly driven", ANY - {"static"} if _moves_g(recording, window) > SEEN_G else ANY, None, False
 
 
-def _free(recording, now_s, free_s):
+def _free(recording: Recording, now_s: float, free_s: float) -> Truth:
     time_s = recording.time_s
     moves_g = _moves_g(recording, (time_s <= now_s) & (time_s > max(free_s, now_s - 1.05 * recording.period_s)))
     kind = "rest" if moves_g < LEAST_G else "faint" if moves_g < SEEN_G else "swing"
@@ -115,11 +123,11 @@ def _free(recording, now_s, free_s):
     return kind, frozenset(right), None, True
 
 
-def _moves_g(recording, window):
+def _moves_g(recording: Recording, window: Mask) -> float:
     return float(np.ptp(recording.force_g[window], axis=0).max()) if window.any() else 0.0
 
 
-def summary(judged) -> str:
+def summary(judged: list[Judged]) -> str:
     """The confusion and the three rates."""
     table = Counter((kind, verdict, cause or "-") for kind, _, _, _, verdict, cause in judged)
     lines = [

@@ -26,15 +26,14 @@ TOML = '[device]\nkind = "witmotion"\nport = "{port}"\nodr_hz = 400\nserial = "h
 class Office(threading.Thread):
     """Recalibrates, commits, and begins again; the rigger beside the hook turns the sensor as it is asked to."""
 
-    def __init__(self, endpoint, radio):
+    def __init__(self, endpoint: str, radio: TurnedRadio) -> None:
         super().__init__()
         self._endpoint, self._radio = endpoint, radio
         self.stopping = threading.Event()
-        self.phases = Counter()
         self.phase = "starting"
         self.committed = 0
 
-    def run(self):
+    def run(self) -> None:
         while not self.stopping.is_set():
             try:
                 client = GatewayClient(self._endpoint, "plumbline/v1/*/*/*")
@@ -46,7 +45,7 @@ class Office(threading.Thread):
             finally:
                 client.close()
 
-    def _work(self, client):
+    def _work(self, client: GatewayClient) -> None:
         number = 0
         while not self.stopping.is_set():
             status = client.status()
@@ -68,10 +67,10 @@ class Office(threading.Thread):
                 client.ask("recalibrate", {**request, "housing_off_rope": True}, patience_s=5.0)
 
 
-def main(kills=KILLS):
+def main(kills: int = KILLS) -> None:
     """Kill, look at the store, start again."""
     chance = random.Random(7)
-    found = Counter()
+    found = Counter[str]()
     with tempfile.TemporaryDirectory() as scratch:
         folder, endpoint = Path(scratch), free_endpoint()
         radio = TurnedRadio(folder / "radio")
@@ -90,7 +89,7 @@ def main(kills=KILLS):
     print(f"{len(history)} records were put in force, {office.committed} commits were answered")
 
 
-def _killed(folder, endpoint, after_s, office):
+def _killed(folder: Path, endpoint: str, after_s: float, office: Office) -> str:
     """Start, wait, kill; what the session was doing. The store must hold a whole record, or none before the first one."""
     settings = {
         "PLUMBLINE_GATEWAY__DATA_DIR": str(folder / "data"),

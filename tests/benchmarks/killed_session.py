@@ -6,17 +6,23 @@ import shutil
 import sys
 import tempfile
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.simulated.accelerometer import Accelerometer, typical_errors
 from gateway.calibration.store import CalibrationStore
+from gateway.messages import Verdict
+from gateway.recalibration.journal import RequestAnswer
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.session import Timestamp
 from tests.benchmarks.faulty_disk import FaultyDisk
+from tests.values import present
 
 RATE_HZ = 125.0
 BLOCK = 25
@@ -33,7 +39,7 @@ DONE = ("commit-0001", "zero-000001", "rollback-01")
 class Site:
     """A remote engineer and a rigger, who do the same however often the gateway is killed in between."""
 
-    def __init__(self, data_dir, begin_s, acknowledge):
+    def __init__(self, data_dir: Path, begin_s: float, acknowledge: Callable[[str], object]) -> None:
         self.now_ns = START_NS + round(begin_s * 1e9)
         self._random = np.random.default_rng(int(begin_s))
         self._acknowledge = acknowledge
@@ -42,21 +48,21 @@ class Site:
         self.recalibration.open(INFO, self.now)
 
     @property
-    def store(self):
+    def store(self) -> CalibrationStore:
         return CalibrationStore(self._data_dir, INFO.device_id)
 
     @property
-    def now(self):
+    def now(self) -> Timestamp:
         return Timestamp(self.now_ns, self.now_ns)
 
-    def ask(self, verb, request_id, **content):
+    def ask(self, verb: str, request_id: str, **content: Any) -> RequestAnswer:
         payload = json.dumps({"id": request_id, "by": "ann", "reason": "trial", **content}).encode()
         answer = self.recalibration.answer(verb, payload, self.now).answer
         if answer.accepted:
             self._acknowledge(request_id)
         return answer
 
-    def rest(self, up, seconds, verdict="unknown"):
+    def rest(self, up: NDArray[np.float64], seconds: float, verdict: Verdict = "unknown") -> None:
         for _ in range(round(seconds * RATE_HZ / BLOCK)):
             time_ns = self.now_ns + np.rint(np.arange(1, BLOCK + 1) * 1e9 / RATE_HZ).astype(np.int64)
             raw = PART.counts(np.tile(up, (BLOCK, 1)), np.full(BLOCK, 25.0), self._random)
@@ -65,11 +71,11 @@ class Site:
             self.recalibration.interlock.add_verdict(verdict, self.now_ns)
             self.recalibration.tick(self.now)
 
-    def collects(self, session_id):
+    def collects(self, session_id: str) -> bool:
         session = self.recalibration.session
         return session is not None and session.id == session_id and session.phase == "collecting"
 
-    def go(self):
+    def go(self) -> None:
         """Recalibrate and commit, zero, begin another session and cancel it, roll the zero back."""
         self.ask("recalibrate", "begin-00001", housing_off_rope=True)
         for up in FACES:
@@ -96,7 +102,7 @@ class Outcome:
     in_force: str
 
 
-def first_record(data_dir):
+def first_record(data_dir: Path) -> None:
     """Put a first record in force by a session of its own."""
     site = Site(data_dir, 0.0, lambda _: None)
     site.ask("recalibrate", "begin-00000", housing_off_rope=True)
@@ -106,7 +112,7 @@ def first_record(data_dir):
     assert answer.accepted, answer.text
 
 
-def count_points(data_dir):
+def count_points(data_dir: Path) -> int:
     """Return the number of points of an undisturbed run."""
     with FaultyDisk(data_dir) as disk:
         Site(data_dir, AWAY_S, lambda _: None).go()
@@ -114,7 +120,7 @@ def count_points(data_dir):
     return disk.points
 
 
-def killed_at(data_dir, point, power):
+def killed_at(data_dir: Path, point: int, power: bool) -> list[str]:
     """Run in a process that ends at a point; return the requests that were answered by then."""
     reading, writing = os.pipe()
     child = os.fork()
@@ -133,7 +139,7 @@ def killed_at(data_dir, point, power):
     return done
 
 
-def check_point(base, folder, point, power):
+def check_point(base: Path, folder: Path, point: int, power: bool) -> Outcome:
     """Kill at a point: a complete record is in force, no answered request is lost, and the same requests complete the rest."""
     data_dir = folder / f"{point}-{'power' if power else 'kill'}"
     shutil.copytree(base, data_dir)
@@ -152,19 +158,19 @@ def check_point(base, folder, point, power):
     after.go()
     check_end(data_dir)
     shutil.rmtree(data_dir)
-    return Outcome(point, power, session and session.phase, in_force.id)
+    return Outcome(point, power, None if session is None else session.phase, in_force.id)
 
 
-def check_end(data_dir):
+def check_end(data_dir: Path) -> None:
     """Check that every request was executed once: the record of the session is in force, the zeroing was rolled back."""
     store = CalibrationStore(data_dir, INFO.device_id)
     history = store.state().history
     assert [change.request for change in history[1:]] == list(DONE), history
-    assert store.in_force().id == history[1].after
-    assert store.record(history[2].after).method == "zero"
+    assert present(store.in_force()).id == history[1].after
+    assert store.record(present(history[2].after)).method == "zero"
 
 
-def main(every=1):
+def main(every: int = 1) -> None:
     """Test every point, or one of `every`, with a kill and with a power failure."""
     begun_s = time.monotonic()
     with tempfile.TemporaryDirectory() as scratch:

@@ -37,6 +37,7 @@ from tests.benchmarks.swing_cases import (
 )
 from tests.benchmarks.swing_live import print_live
 from tests.benchmarks.swing_plot import svg
+from tests.values import present
 
 CUTOFF_HZ, ORDER = 1.0, 2
 EQUATIONS = dict(zip((field.name for field in fields(FormulaAngles)), (22, 23, 24, 25), strict=True))
@@ -121,7 +122,7 @@ def _formula_answers(recordings: Recordings) -> dict[tuple[str, int], np.ndarray
     answers = defaultdict(list)
     for rho, length_m, force_g in zip(recordings.rho, recordings.length_m, recordings.force_g, strict=True):
         lowpass = LowPass(CUTOFF_HZ, ORDER, RATE_HZ)
-        found = extremes(lowpass.apply(force_g))
+        found = present(extremes(lowpass.apply(force_g)))
         frequency_hz = np.sqrt(GRAVITY_M_S2 / length_m) / (2 * np.pi)
         passage = LowpassGain(gain_f0=lowpass.gain(frequency_hz), gain_2f0=lowpass.gain(2 * frequency_hz))
         for form, angles in zip(
@@ -148,7 +149,7 @@ def _print_estimates(recordings: Recordings, estimates: list[SwingEstimate], cpu
     print(f"  all: {covered.sum()} of {len(covered)} covered ({100 * covered.mean():.0f} %)")
     print(f"  CPU per recording: median {1e3 * median_s:.0f} ms, largest {1e3 * cpu_s.max():.0f} ms;", end=" ")
     print(f"per hour of data (mean) {cpu_s.mean() * 3600 / SECONDS:.1f} s")
-    return np.abs(error_deg)
+    return np.asarray(np.abs(error_deg))
 
 
 def degrees(angle_rad: float | None) -> float:
