@@ -1,1 +1,1 @@
-"""The operator's page: a process of its own (`python -m gateway.page`) that learns everything over Zenoh."""
+"""The operator's page: a separate process (`python -m gateway.page`) that receives everything over Zenoh."""

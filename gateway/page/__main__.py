@@ -1,4 +1,4 @@
-"""`python -m gateway.page`: see `gateway.page.parameters` for what it reads from standard input."""
+"""`python -m gateway.page`; `gateway.page.parameters` describes its standard input."""
 
 import os
 import sys
@@ -15,5 +15,5 @@ except ModuleNotFoundError as missing:
 
 code = main()
 sys.stderr.flush()
-# At once: a thread of the bus library that is still in a callback must not meet the interpreter's end, which aborts it.
+# At once: a thread of the bus library that is still in a callback would abort the interpreter at its end.
 os._exit(code)

@@ -1,4 +1,4 @@
-"""The HTTP side: read-only, everything from memory."""
+"""The HTTP server of the page: read-only, everything from memory."""
 
 import time
 from functools import partial
@@ -27,11 +27,11 @@ HEADERS = [
     ("Referrer-Policy", "no-referrer"),
     ("Cache-Control", "no-store"),
 ]
-"""On every response. Nothing is cached: an upgraded gateway must not be shown by an old script."""
+"""The headers of every response. Nothing is cached, so that an old script never shows the data of an upgraded gateway."""
 
 
-def application(state: PageState, hub: EventStream, inbox: Inbox) -> Starlette:
-    """Routes over what the page process knows. All endpoints are coroutines: they run in the one thread of the state."""
+def make_application(state: PageState, hub: EventStream, inbox: Inbox) -> Starlette:
+    """Make the routes. All endpoints are coroutines, so they run in the one thread of the state."""
 
     async def healthz(_request: Request) -> Response:
         judged = state.verdict(time.monotonic())
@@ -57,25 +57,25 @@ def application(state: PageState, hub: EventStream, inbox: Inbox) -> Starlette:
             clients=len(hub),
             dropped_clients=hub.dropped,
         )
-        text = metrics.exposition(state.evidence(time.monotonic()), counters, state.parameters.place)
+        text = metrics.format_exposition(state.evidence(time.monotonic()), counters, state.parameters.place)
         return Response(text, media_type=metrics.CONTENT_TYPE)
 
     endpoints = {"/healthz": healthz, "/api/state": api_state, "/api/events": api_events, "/metrics": prometheus}
-    return Starlette(routes=[*_static(), *(Route(path, endpoint) for path, endpoint in endpoints.items())])
+    return Starlette(routes=[*_static_routes(), *(Route(path, endpoint) for path, endpoint in endpoints.items())])
 
 
 def _json(content: object, status: int = 200) -> Response:
     return Response(to_json(content, inf_nan_mode="null"), status, media_type="application/json")
 
 
-def _static() -> list[Route]:
+def _static_routes() -> list[Route]:
     routes = []
     for file in resources.files("gateway.page").joinpath("static").iterdir():
         media_type = STATIC["." + file.name.rpartition(".")[2]]
         path = "/" if file.name == "index.html" else f"/{file.name}"
-        routes.append(Route(path, partial(_fixed, file.read_bytes(), media_type)))
+        routes.append(Route(path, partial(_serve_file, file.read_bytes(), media_type)))
     return routes
 
 
-async def _fixed(content: bytes, media_type: str, _request: Request) -> Response:
+async def _serve_file(content: bytes, media_type: str, _request: Request) -> Response:
     return Response(content, media_type=media_type)

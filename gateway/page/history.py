@@ -1,4 +1,4 @@
-"""The last minutes of the swing, kept so that a fresh browser has a trend at once."""
+"""The swing of the last minutes, so that a new browser has a trend at once."""
 
 from collections import deque
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from gateway.messages import Swing
 
 SPAN_S = 600.0
 MOST_POINTS = 2000
-"""Bounds the memory whatever the rate; at the usual one or two a second the span is reached first."""
+"""Limits the memory at any rate; at the usual one or two points per second `SPAN_S` is reached first."""
 
 
 @dataclass(frozen=True, slots=True)
-class Point:
-    """One swing estimate; all null where the data stopped."""
+class TrendPoint:
+    """One swing estimate; all None where data are missing."""
 
     index: int
     at_s: float
@@ -24,53 +24,53 @@ class Point:
 
     @property
     def is_gap(self) -> bool:
-        """Nothing to draw."""
+        """Whether there is nothing to draw."""
         return self.phi_max_deg is None and self.high_deg is None
 
 
 class History:
-    """Bounded by time and number, oldest first."""
+    """The points of the trend, bounded by time and number, oldest first."""
 
     def __init__(self) -> None:
-        self._points: deque[Point] = deque(maxlen=MOST_POINTS)
+        self._points: deque[TrendPoint] = deque(maxlen=MOST_POINTS)
         self._next = 0
 
     @property
     def next_index(self) -> int:
-        """Index that the next point will have."""
+        """Index of the next point."""
         return self._next
 
     def add(self, swing: Swing, *, sound: bool, at_s: float) -> None:
-        """Append an estimate; where nothing swings there is an upper bound only."""
+        """Append an estimate; without a swing it has an upper limit only."""
         low, high = swing.coverage95_deg or (None, None)
         phi_max_deg = swing.phi_max_deg if swing.swinging else None
-        self._append(Point(self._next, at_s, phi_max_deg, low, high, sound))
+        self._append(TrendPoint(self._next, at_s, phi_max_deg, low, high, sound))
 
     def add_gap(self, *, at_s: float) -> None:
-        """Mark that the data stopped; once is enough."""
+        """Append one gap where data are missing."""
         if self._points and not self._points[-1].is_gap:
-            self._append(Point(self._next, at_s, None, None, None, sound=False))
+            self._append(TrendPoint(self._next, at_s, None, None, None, sound=False))
 
     def rows(self, *, since: int, now_s: float) -> list[list[float | bool | None]]:
-        """Points from an index on, for the browser: index, age in s, phi_max, low, high in degrees, sound."""
+        """Return the points from an index on, for the browser: index, age in s, phi_max, low, high in degrees, sound."""
         first = self._next - len(self._points)
         return [
             [
                 p.index,
                 round(now_s - p.at_s, 2),
-                *map(_short, (p.phi_max_deg, p.low_deg, p.high_deg)),
+                *map(_round, (p.phi_max_deg, p.low_deg, p.high_deg)),
                 p.sound,
             ]
             for p in islice(self._points, max(since - first, 0), None)
         ]
 
-    def _append(self, point: Point) -> None:
+    def _append(self, point: TrendPoint) -> None:
         self._points.append(point)
         self._next += 1
         while self._points[0].at_s < point.at_s - SPAN_S:
             self._points.popleft()
 
 
-def _short(value_deg: float | None) -> float | None:
-    """A pixel is worth more than a hundredth of a degree."""
+def _round(value_deg: float | None) -> float | None:
+    """Round to a hundredth of a degree, which is less than a pixel."""
     return None if value_deg is None else round(value_deg, 2)

@@ -1,4 +1,4 @@
-"""Hand-over from Zenoh's threads to the page's one thread: the latest arrival of each topic, no more."""
+"""The transfer from Zenoh's threads to the page's one thread: the latest payload of each topic."""
 
 import threading
 from collections.abc import Callable
@@ -7,27 +7,27 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Arrival:
-    """A payload and when it came, on the page's monotonic clock."""
+    """A payload and the time of its arrival, on the page's monotonic clock."""
 
     payload: bytes
     at_s: float
 
 
 class Inbox:
-    """Bounded by the number of topics, however slow the reader is."""
+    """Holds the latest payload of each topic, however slow the reader is."""
 
     def __init__(self, wake: Callable[[], object]) -> None:
-        """`wake` is called from any thread, once for each batch that the reader has not taken yet."""
+        """`wake` is called from any thread, once for each batch that the reader has not drained yet."""
         self._wake = wake
         self._lock = threading.Lock()
         self._latest: dict[str, Arrival] = {}
         self.superseded = 0
-        """Arrivals that a newer one of the same topic replaced before they were read."""
+        """Number of payloads that were replaced by a newer one of the same topic before they were read."""
         self.refused = 0
-        """Arrivals too large to be handed over."""
+        """Number of payloads that were too large."""
 
     def put(self, topic: str, arrival: Arrival) -> None:
-        """Called from Zenoh's threads."""
+        """Add a payload. Called from Zenoh's threads."""
         with self._lock:
             first = not self._latest
             self.superseded += topic in self._latest
@@ -35,13 +35,13 @@ class Inbox:
         if first:
             self._wake()
 
-    def refuse(self) -> None:
-        """Count an arrival that is not handed over; called from Zenoh's threads."""
+    def count_refused(self) -> None:
+        """Count a payload that was too large. Called from Zenoh's threads."""
         with self._lock:
             self.refused += 1
 
-    def take(self) -> dict[str, Arrival]:
-        """All that came since the last call."""
+    def drain(self) -> dict[str, Arrival]:
+        """Return everything that has come since the last call."""
         with self._lock:
             batch, self._latest = self._latest, {}
         return batch

@@ -1,4 +1,4 @@
-"""The parent's side: start and stop the page process."""
+"""Start and stop of the page process by its parent."""
 
 import socket
 import subprocess
@@ -14,7 +14,7 @@ PATIENCE_S = 2.0
 def start(parameters: Parameters, listener: socket.socket) -> subprocess.Popen[bytes]:
     """Start the page on a bound socket, which the caller keeps for a later restart.
 
-    A process group of its own keeps the page from the terminal's Ctrl-C: the parent decides when it ends.
+    The page has its own process group and does not receive the terminal's Ctrl-C: the parent decides when it ends.
     """
     process = subprocess.Popen(
         [sys.executable, "-m", "gateway.page"],
@@ -23,14 +23,14 @@ def start(parameters: Parameters, listener: socket.socket) -> subprocess.Popen[b
         process_group=0,
     )
     assert process.stdin is not None
-    with suppress(BrokenPipeError):  # it ended at once and said why on stderr; the caller sees its exit code
+    with suppress(BrokenPipeError):  # it ended at once and stated why on stderr; the caller sees its exit code
         process.stdin.write(encode(replace(parameters, fd=listener.fileno())))
         process.stdin.flush()
     return process
 
 
 def stop(process: subprocess.Popen[bytes]) -> int:
-    """End the page, or clear up after one that has ended; returns its exit code. Killed if it does not end in time."""
+    """End the page, or clean up after one that has ended, and return its exit code. It is killed if it does not end in time."""
     process.terminate()
     if process.stdin is not None:
         with suppress(BrokenPipeError):

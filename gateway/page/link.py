@@ -58,7 +58,7 @@ class Link:
     def _receiver(self, topic: str) -> Callable[[zenoh.Sample], None]:
         def receive(sample: zenoh.Sample) -> None:
             if len(sample.payload) > LARGEST_PAYLOAD:
-                self._inbox.refuse()
+                self._inbox.count_refused()
             elif sample.kind == zenoh.SampleKind.PUT:
                 self._inbox.put(topic, Arrival(sample.payload.to_bytes(), time.monotonic()))
 

@@ -1,7 +1,7 @@
-"""What the parent tells the page process at start: one JSON line on standard input.
+"""The start parameters of the page process: one line of JSON on standard input.
 
-The parent binds the listening socket itself, so that an occupied port is an error of its own start, and keeps standard
-input open for as long as the page shall live: the page ends when it closes, however the parent died.
+The parent binds the listening socket, so that an occupied port is an error at its own start. It keeps standard input open; the
+page ends when that closes, however the parent has ended.
 """
 
 from dataclasses import dataclass
@@ -31,10 +31,10 @@ class Parameters:
     fd: Annotated[int, Field(ge=0)] = 0
     """Number of the inherited listening socket; `launch.start` fills it in."""
     stale_s: Positive = 1.0
-    """A value older than this, beyond the usual pause of its topic, is stale."""
+    """A value older than this, beyond the usual interval of its topic, is stale."""
     lean_trip_deg: Positive | None = None
     title: str = ""
-    """Shown in place of the sensor's name."""
+    """Displayed instead of the sensor's name."""
 
     @property
     def place(self) -> dict[str, str]:
@@ -46,12 +46,12 @@ _ADAPTER = TypeAdapter(Parameters)
 
 
 def encode(parameters: Parameters) -> bytes:
-    """The line that `parse` reads."""
+    """Encode the parameters as the line that `parse` reads."""
     return _ADAPTER.dump_json(parameters) + b"\n"
 
 
 def parse(line: bytes) -> Parameters:
-    """Read the start line. Raises `ValueError` that names the wrong entries in one line."""
+    """Parse the start line. Raises `ValueError`, which names the wrong entries in one line."""
     try:
         return _ADAPTER.validate_json(line)
     except ValidationError as error:

@@ -1,4 +1,4 @@
-"""The page process: Zenoh in, HTTP out, until standard input closes or a signal comes."""
+"""The page process: receives from Zenoh and serves HTTP until standard input closes or a signal comes."""
 
 import asyncio
 import logging
@@ -11,7 +11,7 @@ import time
 import uvicorn
 
 from gateway.bus.session import BusError, session_settings
-from gateway.page.application import HEADERS, application
+from gateway.page.application import HEADERS, make_application
 from gateway.page.hub import EventStream, event
 from gateway.page.inbox import Inbox
 from gateway.page.link import Link
@@ -20,9 +20,9 @@ from gateway.page.state import PageState
 
 PUSH_INTERVAL_S = 0.1
 HEARTBEAT_S = 0.25
-"""A push comes at least this often, news or not: silence tells a browser that the page is gone."""
+"""Longest interval between two pushes. Silence shows a browser that the page has ended."""
 GATHER_S = 0.01
-"""Messages of one block come together: a short wait puts them into one push."""
+"""Short wait that joins the messages of one block into one push."""
 STALLED_MS = 5000
 SEND_BUFFER_BYTES = 32768
 MOST_CONNECTIONS = 128
@@ -31,12 +31,12 @@ log = logging.getLogger("page")
 
 
 def main() -> int:
-    """Read the start line and serve. Returns 0 when asked to end, 1 when the bus failed, 2 for bad start parameters."""
+    """Read the start line and serve. Return 0 when asked to end, 1 when the bus failed, 2 for wrong start parameters."""
     logging.basicConfig(level=logging.WARNING, format="page: %(message)s")
     try:
         parameters = parse(_read_line(sys.stdin.fileno()))
         settings = session_settings("client", parameters.connect, [])
-        listener = _adopt(parameters.fd)
+        listener = _inherit_socket(parameters.fd)
     except (ValueError, BusError) as error:
         print(f"page: start parameters on standard input: {error}", file=sys.stderr)
         return 2
@@ -49,7 +49,7 @@ def main() -> int:
 
 
 class _UvicornServer(uvicorn.Server):
-    """Ends the event streams before it stops: it would wait for them for ever."""
+    """Ends the event streams before it stops, for it would wait for them without limit."""
 
     def __init__(self, config: uvicorn.Config, hub: EventStream) -> None:
         super().__init__(config)
@@ -61,21 +61,21 @@ class _UvicornServer(uvicorn.Server):
 
 
 class Page:
-    """Joins the parts: inbox to state, state to browsers."""
+    """Connects inbox, state and browsers."""
 
     def __init__(self, state: PageState, hub: EventStream) -> None:
         self.inbox = Inbox(self._wake)
         self._state = state
         self._hub = hub
-        self._server = _UvicornServer(_http(application(state, hub, self.inbox)), hub)
+        self._server = _UvicornServer(_http_settings(make_application(state, hub, self.inbox)), hub)
         self._news = asyncio.Event()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._exit_code = 0
 
     async def serve(self, link: Link, listener: socket.socket) -> int:
-        """Serve until `stop`; returns the exit code."""
+        """Serve until `stop` is called; return the exit code."""
         self._loop = asyncio.get_running_loop()
-        self._loop.add_reader(sys.stdin.fileno(), self._look_at_parent)
+        self._loop.add_reader(sys.stdin.fileno(), self._check_parent)
         link.start()
         pushing = asyncio.create_task(self._push_forever())
         pushing.add_done_callback(lambda _: self.stop())
@@ -90,24 +90,24 @@ class Page:
         return self._exit_code
 
     def stop(self) -> None:
-        """Ask to end; the server looks ten times a second."""
+        """Ask to end; the server checks ten times a second."""
         self._server.should_exit = True
 
     def fail(self, text: str) -> None:
-        """The bus cannot be used at all; called from any thread."""
+        """End because the bus cannot be used. Called from any thread."""
         log.error("Zenoh: %s", text)
         self._exit_code = 1
         self.stop()
 
     def _wake(self) -> None:
         if self._loop is not None:
-            self._loop.call_soon_threadsafe(self._drain_inbox)
+            self._loop.call_soon_threadsafe(self._receive_inbox)
 
-    def _drain_inbox(self) -> None:
-        self._state.receive(self.inbox.take())
+    def _receive_inbox(self) -> None:
+        self._state.receive(self.inbox.drain())
         self._news.set()
 
-    def _look_at_parent(self) -> None:
+    def _check_parent(self) -> None:
         if not os.read(sys.stdin.fileno(), LONGEST_LINE):
             self.stop()
 
@@ -134,7 +134,7 @@ class Page:
         self._news.clear()
 
 
-def _http(app: object) -> uvicorn.Config:
+def _http_settings(app: object) -> uvicorn.Config:
     return uvicorn.Config(
         app,  # type: ignore[arg-type]
         loop="asyncio",
@@ -154,7 +154,7 @@ def _http(app: object) -> uvicorn.Config:
 
 
 def _read_line(fd: int) -> bytes:
-    """Unbuffered: what follows the line is left to be watched for its end."""
+    """Read one line without buffering, so that standard input can be watched for its end."""
     line = b""
     while not line.endswith(b"\n"):
         read = os.read(fd, 1)
@@ -164,13 +164,13 @@ def _read_line(fd: int) -> bytes:
     return line
 
 
-def _adopt(fd: int) -> socket.socket:
-    """The inherited listening socket; accepted ones inherit its options."""
+def _inherit_socket(fd: int) -> socket.socket:
+    """Return the inherited listening socket; accepted sockets inherit its options."""
     try:
         listener = socket.socket(fileno=fd)
     except OSError as error:
         raise ValueError(f"fd: {fd} is not a socket: {error.strerror}") from None
-    # A browser that stopped reading costs at most this buffer and is cut off by the kernel.
+    # A browser that stops reading costs at most this buffer and is disconnected by the kernel.
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
     listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, STALLED_MS)
     return listener

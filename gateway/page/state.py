@@ -1,4 +1,4 @@
-"""What the page process knows: the latest message of each topic, how old it is, and what follows from it.
+"""The state of the page: the latest message of each topic, its age, and the verdict.
 
 All methods are called from one thread, with the time on the page process's monotonic clock.
 """
@@ -15,16 +15,16 @@ from gateway.page.history import History
 from gateway.page.inbox import Arrival
 from gateway.page.link import ALIVE, SHOWN
 from gateway.page.parameters import Parameters
-from gateway.page.verdict import Evidence, Verdict, is_fresh, is_known, verdict
+from gateway.page.verdict import Evidence, PageVerdict, is_fresh, is_swing_known, verdict
 from gateway.topics import adapter
 
 MEASURED = ("tilt", "swing", "condition")
-"""Topics whose message is news only if it speaks of a newer sample: one repeated for ever must not look fresh."""
+"""A message of these topics is new only if it describes a newer sample; a repeated one must not look fresh."""
 
 
 @dataclass(frozen=True, slots=True)
-class LastGood:
-    """The last swing that could be believed."""
+class LastSoundSwing:
+    """The last swing with a sound verdict."""
 
     at_s: float
     swing: Swing
@@ -38,16 +38,16 @@ class PageState:
         self.history = History()
         self.received = dict.fromkeys(SHOWN, 0)
         self.invalid = 0
-        """Payloads that are not a message of their topic."""
+        """Number of payloads that are not a valid message of their topic."""
         self._gateway = False
         self._latest: dict[str, Message] = {}
-        self._news_s: dict[str, float] = {}
-        self._last_good: LastGood | None = None
+        self._newest_s: dict[str, float] = {}
+        self._last_sound: LastSoundSwing | None = None
         self._aligning = AlignmentAssistant()
-        self._aligned: AlignmentView | None = None
+        self._alignment: AlignmentView | None = None
 
     def receive(self, batch: Mapping[str, Arrival]) -> None:
-        """Take in what the inbox handed over."""
+        """Take the payloads of the inbox."""
         previous = self._latest.get("swing")
         for topic, arrival in batch.items():
             if topic == ALIVE:
@@ -60,7 +60,7 @@ class PageState:
             sound = self.verdict(at_s).sound
             self.history.add(swing, sound=sound, at_s=at_s)
             if sound:
-                self._last_good = LastGood(at_s, swing)
+                self._last_sound = LastSoundSwing(at_s, swing)
 
     def _receive(self, topic: str, arrival: Arrival) -> None:
         try:
@@ -71,27 +71,27 @@ class PageState:
         self.received[topic] += 1
         before = self._latest.get(topic)
         if isinstance(message, Tilt) and (before is None or message.time_ns != before.time_ns):
-            self._aligned = self._aligning.add_tilt(message)
+            self._alignment = self._aligning.add_tilt(message)
         if topic not in MEASURED or before is None or message.time_ns != before.time_ns:
-            self._news_s[topic] = arrival.at_s
+            self._newest_s[topic] = arrival.at_s
         self._latest[topic] = message
 
     def tick(self, now_s: float) -> None:
-        """Notice what did not come."""
+        """Note a gap in the history while data are missing."""
         if self.verdict(now_s).word in ("NO DATA", "STALE"):
             self.history.add_gap(at_s=now_s)
 
     def evidence(self, now_s: float) -> Evidence:
-        """What the verdict and the metrics rest on."""
-        age_s = {topic: max(now_s - at_s, 0.0) for topic, at_s in self._news_s.items()}
+        """Return everything on which the verdict and the metrics depend."""
+        age_s = {topic: max(now_s - at_s, 0.0) for topic, at_s in self._newest_s.items()}
         return Evidence(self._gateway, dict(self._latest), age_s, self.parameters.stale_s)
 
-    def verdict(self, now_s: float) -> Verdict:
-        """The verdict now."""
+    def verdict(self, now_s: float) -> PageVerdict:
+        """Return the present verdict."""
         return verdict(self.evidence(now_s))
 
     def snapshot(self, now_s: float) -> dict[str, Any]:
-        """`/api/state`: everything that is known now."""
+        """Return the content of `/api/state`."""
         evidence = self.evidence(now_s)
         judged = verdict(evidence)
         swing = evidence.get(Swing)
@@ -100,28 +100,28 @@ class PageState:
             "now_s": round(now_s, 3),
             "gateway": evidence.gateway,
             "verdict": asdict(judged),
-            "swing_known": swing is not None and is_known(swing),
-            "last_good": self._last_good_now(now_s),
-            "align": asdict(self._aligned) if self._aligned is not None and is_fresh(evidence, "tilt") else None,
+            "swing_known": swing is not None and is_swing_known(swing),
+            "last_good": self._last_sound_now(now_s),
+            "align": asdict(self._alignment) if self._alignment is not None and is_fresh(evidence, "tilt") else None,
             "age_s": {topic: round(age, 3) for topic, age in evidence.age_s.items()},
             "topics": evidence.latest,
             "page": self._page(),
         }
 
     def summary(self, now_s: float) -> dict[str, Any]:
-        """What is pushed to browsers: the snapshot without the calibration record, which they do not show."""
+        """Return the content of a push: the snapshot without the calibration record, which browsers do not show."""
         state = self.snapshot(now_s)
         calibration = state["topics"].get("calibration")
         if isinstance(calibration, Calibration):
             state["topics"] = {**state["topics"], "calibration": replace(calibration, record={})}
         return state
 
-    def _last_good_now(self, now_s: float) -> dict[str, float | None] | None:
-        if self._last_good is None:
+    def _last_sound_now(self, now_s: float) -> dict[str, float | None] | None:
+        if self._last_sound is None:
             return None
         return {
-            "age_s": round(now_s - self._last_good.at_s, 3),
-            "phi_max_deg": self._last_good.swing.phi_max_deg if self._last_good.swing.swinging else None,
+            "age_s": round(now_s - self._last_sound.at_s, 3),
+            "phi_max_deg": self._last_sound.swing.phi_max_deg if self._last_sound.swing.swinging else None,
         }
 
     def _page(self) -> dict[str, Any]:

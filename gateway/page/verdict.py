@@ -1,8 +1,7 @@
-"""The one verdict that the page shows, from all that is known: a pure function, green only when everything is right.
+"""The one verdict of the page: a pure function, green only when everything is right.
 
-Each thing that is wrong is a finding: a word and a reason. The first word in the order of `FACES` that was found is the verdict,
-the others are told beside it; OK is what is left when nothing was found. An alarm is hidden by nothing but the
-loss of the data that it rests on, and then still told beside it.
+Each problem is a finding: a word and a reason. The first word found, in the order of `STYLES`, is the verdict, and the others
+are listed as well; without a finding it is OK. Only missing data take precedence over an alarm, which is then listed.
 """
 
 import math
@@ -19,14 +18,14 @@ M = TypeVar("M", bound=Message)
 
 @dataclass(frozen=True, slots=True)
 class VerdictStyle:
-    """How a verdict looks: told apart by word, by shape and by colour."""
+    """The look of a verdict: its word, shape and colour each identify it."""
 
     label: str
     colour: str
     shape: str
 
 
-FACES: dict[Word, VerdictStyle] = {
+STYLES: dict[Word, VerdictStyle] = {
     "NO DATA": VerdictStyle("NO DATA", "black", "empty"),
     "STALE": VerdictStyle("STALE", "black", "hourglass"),
     "TRIP": VerdictStyle("STOP", "red", "octagon"),
@@ -37,54 +36,54 @@ FACES: dict[Word, VerdictStyle] = {
     "UNKNOWN": VerdictStyle("UNKNOWN", "violet", "question"),
     "OK": VerdictStyle("OK", "green", "circle"),
 }
-"""In the order in which one goes before another."""
+"""In the order of precedence."""
 
 ALARMS = ("TRIP", "WARN")
 
-USUAL_PAUSE_S = {"tilt": 0.1, "swing": 1.0, "condition": 0.5, "alert": 1.0}
-"""What a verdict rests on, and the longest pause between two messages while all is well."""
-LONGEST_SWING_PAUSE_S = 15.0
-"""Half the period of the longest rope, beyond which a swing estimate is late whatever period it claims."""
+USUAL_INTERVAL_S = {"tilt": 0.1, "swing": 1.0, "condition": 0.5, "alert": 1.0}
+"""The topics on which a verdict depends, and the longest usual interval between two messages."""
+LONGEST_SWING_INTERVAL_S = 15.0
+"""Half the period of the longest rope; a swing estimate that is older is late, whatever its period."""
 TRUSTED_CALIBRATIONS = ("calibrated", "factory")
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Everything that a verdict rests on."""
+    """Everything on which a verdict depends."""
 
     gateway: bool
-    """The gateway's liveliness token stands."""
+    """The gateway's liveliness token is present."""
     latest: Mapping[str, Message]
     """Newest message by topic."""
     age_s: Mapping[str, float]
-    """By topic: time since a message came that told something newer than the one before."""
+    """Time since the last message with a newer sample, by topic."""
     stale_s: float
 
     def get(self, kind: type[M]) -> M | None:
-        """Newest message of a kind."""
+        """Return the newest message of a type."""
         message = self.latest.get(TOPIC_OF[kind].name)
         return message if isinstance(message, kind) else None
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
-    """The verdict and its face."""
+class PageVerdict:
+    """The verdict and its look."""
 
     word: Word
     label: str
     colour: str
     shape: str
     reasons: list[str]
-    """Of the verdict first, then of what is told beside it."""
+    """The reasons of the verdict first, then those of the other findings."""
     also: list[str]
-    """Labels of the other things found; beside a word of doubt, UNKNOWN would add nothing."""
+    """Labels of the other findings; UNKNOWN is listed only with an alarm."""
     sound: bool
-    """The number may be believed: fresh, calibrated, trusted and known."""
+    """Whether the value can be trusted: it is fresh, calibrated, trusted and known."""
 
 
-def verdict(evidence: Evidence) -> Verdict:
+def verdict(evidence: Evidence) -> PageVerdict:
     """Judge the evidence."""
-    order = list(FACES)
+    order = list(STYLES)
     findings = [
         *_freshness(evidence),
         *_alarm(evidence),
@@ -94,45 +93,45 @@ def verdict(evidence: Evidence) -> Verdict:
     ]
     findings.sort(key=lambda finding: order.index(finding[0]))
     words = list(dict.fromkeys(word for word, _ in findings)) or ["OK"]
-    face = FACES[words[0]]
-    return Verdict(
+    face = STYLES[words[0]]
+    return PageVerdict(
         word=words[0],
         label=face.label,
         colour=face.colour,
         shape=face.shape,
         reasons=list(dict.fromkeys(reason for _, reason in findings if reason)),
-        also=[FACES[word].label for word in words[1:] if word != "UNKNOWN" or words[0] in ALARMS],
+        also=[STYLES[word].label for word in words[1:] if word != "UNKNOWN" or words[0] in ALARMS],
         sound=set(words) <= {"OK", *ALARMS},
     )
 
 
-def is_known(swing: Swing) -> bool:
-    """Whether the swing is a number: an angle, or an upper bound where nothing swings."""
+def is_swing_known(swing: Swing) -> bool:
+    """Return whether the swing is known: an angle, or an upper limit where there is no swing."""
     if swing.swinging:
         return _finite(swing.phi_max_deg)
     return swing.swinging is False and swing.coverage95_deg is not None and _finite(swing.coverage95_deg[1])
 
 
 def is_fresh(evidence: Evidence, topic: str) -> bool:
-    """Whether a topic that a verdict rests on came within its usual pause and `stale_s`."""
-    return evidence.age_s.get(topic, math.inf) <= _pause_s(evidence, topic) + evidence.stale_s
+    """Return whether the last message of a topic came within its usual interval plus `stale_s`."""
+    return evidence.age_s.get(topic, math.inf) <= _interval_s(evidence, topic) + evidence.stale_s
 
 
-def _pause_s(evidence: Evidence, topic: str) -> float:
+def _interval_s(evidence: Evidence, topic: str) -> float:
     swing = evidence.get(Swing)
     if topic == "swing" and swing is not None and swing.period_s is not None:
-        return min(max(USUAL_PAUSE_S[topic], swing.period_s / 2), LONGEST_SWING_PAUSE_S)
-    return USUAL_PAUSE_S[topic]
+        return min(max(USUAL_INTERVAL_S[topic], swing.period_s / 2), LONGEST_SWING_INTERVAL_S)
+    return USUAL_INTERVAL_S[topic]
 
 
 def _freshness(evidence: Evidence) -> Iterator[tuple[Word, str]]:
-    missing = [topic for topic in USUAL_PAUSE_S if topic not in evidence.latest]
-    if len(missing) == len(USUAL_PAUSE_S):
+    missing = [topic for topic in USUAL_INTERVAL_S if topic not in evidence.latest]
+    if len(missing) == len(USUAL_INTERVAL_S):
         yield "NO DATA", "no measurement received yet" if evidence.gateway else "the gateway does not answer"
         return
     if not evidence.gateway:
-        yield "STALE", "the gateway is gone"
-    late = [topic for topic in USUAL_PAUSE_S if topic in evidence.latest and not is_fresh(evidence, topic)]
+        yield "STALE", "the gateway has stopped or is disconnected"
+    late = [topic for topic in USUAL_INTERVAL_S if topic in evidence.latest and not is_fresh(evidence, topic)]
     if late:
         yield "STALE", f"no new {', '.join(late)} for {max(evidence.age_s[topic] for topic in late):.0f} s"
     if missing:
@@ -151,8 +150,11 @@ def _session(evidence: Evidence) -> Iterator[tuple[Word, str]]:
     calibration = evidence.get(Calibration)
     if calibration is not None and calibration.session.suspended:
         session = calibration.session
-        under_way = session.phase in ("collecting", "review")
-        yield "SUSPENDED", "nobody watches the swing: " + ("the sensor is recalibrated" if under_way else session.text)
+        active = session.phase in ("collecting", "review")
+        yield (
+            "SUSPENDED",
+            "the swing is not monitored: " + ("the sensor is being recalibrated" if active else session.text),
+        )
 
 
 def _calibration(evidence: Evidence) -> Iterator[tuple[Word, str]]:
@@ -172,7 +174,7 @@ def _trust(evidence: Evidence) -> Iterator[tuple[Word, str]]:
     if condition is not None and not (condition.trusted and condition.verdict not in ("disturbed", "unknown")):
         word: Word = "DISTURBED" if condition.verdict == "disturbed" else "UNKNOWN"
         yield word, "; ".join(condition.reasons) or "the reading cannot be trusted"
-    if swing is not None and not is_known(swing):
+    if swing is not None and not is_swing_known(swing):
         yield "UNKNOWN", "; ".join(swing.reasons) or "the swing is not known"
 
 

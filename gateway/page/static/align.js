@@ -1,11 +1,11 @@
-// The screen for whoever turns the housing's two screws: which one, which way, how far. The server judges; this only shows it.
+// The screen for the person who turns the two screws of the housing: which screw, in which direction, how far.
 
 import {setText} from "./facts.js";
 import {isKnown, NONE} from "./number.js";
+import {addShape} from "./svg.js";
 
-const NS = "http://www.w3.org/2000/svg";
 const MIDDLE = {pitch: -64, roll: 64};
-const NO_ADVICE = {state: "not_still", screw: null, direction: null, turns: 0, text: "no advice: no readings come"};
+const NO_ADVICE = {state: "not_still", screw: null, direction: null, turns: 0, text: "no advice: no readings"};
 const WORDS = {not_still: "WAIT", too_noisy: "WAIT", turn: "TURN", aligned: "ALIGNED"};
 
 export class AlignScreen {
@@ -26,11 +26,11 @@ export class AlignScreen {
     setText("align-roll", angle(gone ? null : view?.roll_deg));
     setText("align-text", advice.state === "turn" ? "then let it hang still; if the angle grows, turn the other way" : advice.text);
     const u = view?.u_calibration_deg;
-    setText("align-known", isKnown(u) ? `the calibration knows the vertical to ±${(2 * u).toFixed(2)}° (95 %)` : "");
+    setText("align-known", isKnown(u) ? `uncertainty of the vertical by the calibration: ±${(2 * u).toFixed(2)}° (95 %)` : "");
     this.picture(advice);
   }
 
-  // Drawn anew only where it changes.
+  // Draw only when the picture changes.
   picture({state, screw, direction}) {
     const drawn = `${state} ${screw} ${direction}`;
     if (drawn === this.drawn) return;
@@ -48,22 +48,15 @@ function turns(count) {
   return count < 0.095 ? `${Math.max(1, Math.round(360 * count))}° of a turn` : `${count.toFixed(count < 1 ? 2 : 1)} turn${count === 1 ? "" : "s"}`;
 }
 
-function shape(parent, name, attributes, text) {
-  const element = document.createElementNS(NS, name);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
-  if (text !== undefined) element.textContent = text;
-  parent.append(element);
-}
-
-// Right-handed threads, seen on the head: in is clockwise.
+// Right-handed threads, heads towards the viewer: in is clockwise.
 function drawScrew(svg, name, direction, done) {
   const x = MIDDLE[name];
   const css = direction ? "screw wanted" : done ? "screw done" : "screw";
-  shape(svg, "circle", {class: css, cx: x, cy: 0, r: 30});
-  shape(svg, "path", {class: "slot", d: `M${x - 18} 0H${x + 18}M${x} -18V18`});
-  shape(svg, "text", {class: "screw-name", x, y: 78}, name);
+  addShape(svg, "circle", {class: css, cx: x, cy: 0, r: 30});
+  addShape(svg, "path", {class: "slot", d: `M${x - 18} 0H${x + 18}M${x} -18V18`});
+  addShape(svg, "text", {class: "screw-name", x, y: 78}, name);
   if (!direction) return;
-  const way = direction === "in" ? 1 : -1; // the arc leads over the top, to the right where it is screwed in
-  shape(svg, "path", {class: "screw-arrow", d: `M${x - way * 40} 23A46 46 0 1 ${way === 1 ? 1 : 0} ${x + way * 43} 16`});
-  shape(svg, "path", {class: "screw-arrow", d: `M${x + way * 60} 2L${x + way * 42} 19L${x + way * 31} -3`});
+  const way = direction === "in" ? 1 : -1; // the arc passes over the top, clockwise for in
+  addShape(svg, "path", {class: "screw-arrow", d: `M${x - way * 40} 23A46 46 0 1 ${way === 1 ? 1 : 0} ${x + way * 43} 16`});
+  addShape(svg, "path", {class: "screw-arrow", d: `M${x + way * 60} 2L${x + way * 42} 19L${x + way * 31} -3`});
 }

@@ -1,7 +1,8 @@
-// A box with its axes named, lying so that a direction of its own points up: what the sensor should look like.
+// A box with named axes, drawn with one of its directions upwards: the requested attitude of the sensor.
 
-const NS = "http://www.w3.org/2000/svg";
-const SIZE = [54, 40, 30]; // half edges along x, y, z: no two faces are alike
+import {addShape} from "./svg.js";
+
+const SIZE = [54, 40, 30]; // half edges along x, y, z; all three kinds of face differ
 const LOOK = {azimuth: -0.6, elevation: 0.42};
 const AXES = [
   ["+x", [1, 0, 0]], ["-x", [-1, 0, 0]], ["+y", [0, 1, 0]], ["-y", [0, -1, 0]], ["+z", [0, 0, 1]], ["-z", [0, 0, -1]],
@@ -11,8 +12,8 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
 const unit = (a) => a.map((value) => value / Math.hypot(...a));
 
-// Rows of the rotation that turns `up`, a direction in the box's axes, to the vertical.
-export function turnedUp(up) {
+// Return the rows of the rotation that turns `up`, a direction in the box's axes, to the vertical.
+export function rotationToVertical(up) {
   const vertical = unit(up);
   const axis = [0, 1, 2].reduce((least, k) => (Math.abs(vertical[k]) < Math.abs(vertical[least]) ? k : least), 0);
   const helper = [0, 1, 2].map((k) => (k === axis ? 1 : 0));
@@ -20,8 +21,8 @@ export function turnedUp(up) {
   return [cross(across, vertical), across, vertical];
 }
 
-// World (x, y, z up) to the picture (right, down) and the distance to the eye.
-export function seen([x, y, z]) {
+// Project world coordinates (z up) onto the picture (right, down); `away` is the distance from the viewer.
+export function project([x, y, z]) {
   const {azimuth, elevation} = LOOK;
   const right = x * Math.cos(azimuth) - y * Math.sin(azimuth);
   const away = x * Math.sin(azimuth) + y * Math.cos(azimuth);
@@ -29,25 +30,18 @@ export function seen([x, y, z]) {
   return {right, down: -upward, away: away * Math.cos(elevation) - z * Math.sin(elevation)};
 }
 
-function shape(parent, name, attributes, text) {
-  const element = document.createElementNS(NS, name);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
-  if (text !== undefined) element.textContent = text;
-  parent.append(element);
-}
-
 export function drawBox(svg, up) {
   svg.replaceChildren();
-  shape(svg, "path", {class: "box-ground", d: "M-100 84H100"});
-  const rows = turnedUp(up);
-  const place = (own) => seen(rows.map((row) => dot(row, own)));
+  addShape(svg, "path", {class: "box-ground", d: "M-100 84H100"});
+  const rows = rotationToVertical(up);
+  const place = (own) => project(rows.map((row) => dot(row, own)));
   const faces = AXES.map(([name, normal]) => face(name, normal, place)).filter(({away}) => away < 0);
   faces.sort((a, b) => b.away - a.away);
   for (const one of faces) {
-    shape(svg, "polygon", {class: `box-face shade-${one.shade}`, points: one.corners});
-    shape(svg, "text", {class: "box-name", x: one.middle.right, y: one.middle.down}, one.name);
+    addShape(svg, "polygon", {class: `box-face shade-${one.shade}`, points: one.corners});
+    addShape(svg, "text", {class: "box-name", x: one.middle.right, y: one.middle.down}, one.name);
   }
-  shape(svg, "path", {class: "box-up", d: "M86 20V-70M64 -46L86 -72L108 -46"});
+  addShape(svg, "path", {class: "box-up", d: "M86 20V-70M64 -46L86 -72L108 -46"});
 }
 
 function face(name, normal, place) {
@@ -66,5 +60,5 @@ function face(name, normal, place) {
 
 export function drawDone(svg) {
   svg.replaceChildren();
-  shape(svg, "path", {class: "box-done", d: "M-60 6L-18 52L66 -50"});
+  addShape(svg, "path", {class: "box-done", d: "M-60 6L-18 52L66 -50"});
 }

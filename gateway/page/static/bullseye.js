@@ -1,23 +1,14 @@
-// Seen from above: the swing as the ellipse that the rope's angle describes about its lean, the limits as circles. The
-// farthest point of the ellipse is at phi_max, which is counted from the vertical; a thin line is the upper end of its
-// interval, which is what an alert is held against.
-// The rope's own tilt is drawn only while it can be read as an angle; during a swing an accelerometer shows a part of it.
+// The view from above: the swing as an ellipse about the lean, and the limits as circles. The farthest point of the ellipse is
+// at phi_max, the angle from the vertical; a thin line shows the upper end of its interval, which the alerts use.
+// The static tilt is drawn only while it is valid; during a swing an accelerometer shows only a part of the angle.
 
 import {isKnown} from "./number.js";
+import {addShape} from "./svg.js";
 
-const NS = "http://www.w3.org/2000/svg";
 const RADIUS = 98;
 const TRAIL_SWINGS = 6;
 const TRAIL_TILTS = 40;
 const STEP_RAD = Math.PI / 60;
-
-function shape(parent, name, attributes, text) {
-  const element = document.createElementNS(NS, name);
-  for (const [key, value] of Object.entries(attributes)) element.setAttribute(key, value);
-  if (text !== undefined) element.textContent = text;
-  parent.append(element);
-  return element;
-}
 
 const at = (deg, azimuthDeg) => {
   const a = (azimuthDeg * Math.PI) / 180;
@@ -30,15 +21,15 @@ export class Bullseye {
     this.swings = [];
     this.tilts = [];
     this.scaleDeg = null;
-    this.ground = shape(svg, "g", {});
-    this.moving = shape(svg, "g", {});
+    this.ground = addShape(svg, "g", {});
+    this.moving = addShape(svg, "g", {});
   }
 
   clear() {
     this.swings = [];
     this.tilts = [];
     this.moving.replaceChildren();
-    shape(this.moving, "text", {class: "none", x: 0, y: -8}, "no reading");
+    addShape(this.moving, "text", {class: "none", x: 0, y: -8}, "no reading");
     this.svg.setAttribute("aria-label", "no reading");
   }
 
@@ -54,29 +45,29 @@ export class Bullseye {
     });
     this.drawUpperEnd(swing);
     this.drawLean(swing);
-    if (this.moving.childElementCount === 0) shape(this.moving, "text", {class: "none", x: 0, y: -8}, "not known");
+    if (this.moving.childElementCount === 0) addShape(this.moving, "text", {class: "none", x: 0, y: -8}, "not known");
     this.svg.classList.toggle("doubtful", !state.verdict.sound);
     this.svg.setAttribute("aria-label", describe(swing));
   }
 
-  // Fixed by the limits, so that the picture keeps its meaning; larger only where a swing would leave it.
+  // The limits set the scale, so that the picture keeps its meaning; a larger swing enlarges it.
   setScale(page, swing) {
     const reach = Math.max(swing?.phi_max_deg ?? 0, swing?.lean_deg ?? 0, Math.min(swing?.coverage95_deg?.[1] ?? 0, 45));
     const scaleDeg = Math.max(1.25 * page.trip_deg, Math.ceil((1.05 * reach) / 5) * 5 * (reach > 1.2 * page.trip_deg));
     if (scaleDeg === this.scaleDeg) return;
     this.scaleDeg = scaleDeg;
     this.ground.replaceChildren();
-    shape(this.ground, "circle", {class: "field", r: RADIUS + 5});
+    addShape(this.ground, "circle", {class: "field", r: RADIUS + 5});
     for (const [a, b] of [[-RADIUS, 0], [0, -RADIUS]]) {
-      shape(this.ground, "line", {class: "axis", x1: a, y1: b, x2: -a, y2: -b});
+      addShape(this.ground, "line", {class: "axis", x1: a, y1: b, x2: -a, y2: -b});
     }
-    shape(this.ground, "text", {class: "axis-name", x: RADIUS - 6, y: -5}, "x");
-    shape(this.ground, "text", {class: "axis-name", x: 9, y: -RADIUS + 10}, "y");
+    addShape(this.ground, "text", {class: "axis-name", x: RADIUS - 6, y: -5}, "x");
+    addShape(this.ground, "text", {class: "axis-name", x: 9, y: -RADIUS + 10}, "y");
     for (const [name, azimuthDeg] of [["warn", 225], ["trip", 315]]) {
       const r = page[`${name}_deg`] * this.perDeg();
-      shape(this.ground, "circle", {class: `limit ${name}`, r});
+      addShape(this.ground, "circle", {class: `limit ${name}`, r});
       const label = at(r, azimuthDeg);
-      shape(this.ground, "text", {class: "limit-name", x: label.x, y: label.y + 4}, `${page[`${name}_deg`]}°`);
+      addShape(this.ground, "text", {class: "limit-name", x: label.x, y: label.y + 4}, `${page[`${name}_deg`]}°`);
     }
   }
 
@@ -93,17 +84,17 @@ export class Bullseye {
 
   drawSwing(swing, css, opacity) {
     const middle = at((swing.lean_deg ?? 0) * this.perDeg(), swing.lean_azimuth_deg ?? 0);
-    if (!isKnown(swing.azimuth_deg)) { // the direction is not known: all of them are possible
-      shape(this.moving, "circle", {class: css, r: swing.phi_max_deg * this.perDeg(), opacity});
+    if (!isKnown(swing.azimuth_deg)) { // without a known direction all are possible
+      addShape(this.moving, "circle", {class: css, r: swing.phi_max_deg * this.perDeg(), opacity});
       return;
     }
     const rx = semiMajorDeg(swing) * this.perDeg();
     const ry = Math.max((swing.minor_phi_max_deg ?? 0) * this.perDeg(), 0.5);
     const turn = `translate(${middle.x} ${middle.y}) rotate(${-swing.azimuth_deg})`;
-    const group = shape(this.moving, "g", {class: css, transform: turn, opacity});
-    shape(group, "ellipse", {rx, ry});
+    const group = addShape(this.moving, "g", {class: css, transform: turn, opacity});
+    addShape(group, "ellipse", {rx, ry});
     for (const side of [-1, 1]) {
-      shape(group, "line", {x1: side * rx, y1: -6, x2: side * rx, y2: 6});
+      addShape(group, "line", {x1: side * rx, y1: -6, x2: side * rx, y2: 6});
     }
   }
 
@@ -117,20 +108,20 @@ export class Bullseye {
   drawLean(swing) {
     if (!isKnown(swing?.lean_deg) || !isKnown(swing?.lean_azimuth_deg)) return;
     const {x, y} = at(swing.lean_deg * this.perDeg(), swing.lean_azimuth_deg);
-    shape(this.moving, "path", {class: "lean", d: `M${x - 7} ${y}h14M${x} ${y - 7}v14`});
+    addShape(this.moving, "path", {class: "lean", d: `M${x - 7} ${y}h14M${x} ${y - 7}v14`});
   }
 
   drawTilts(tilt) {
     if (this.tilts.length === 0) return;
     const points = this.tilts.map((one) => at(Math.min(one.axial_deg, this.scaleDeg) * this.perDeg(), one.direction_deg));
     const path = points.map(({x, y}) => `${x.toFixed(1)},${y.toFixed(1)}`).join(" ");
-    shape(this.moving, "polyline", {class: "tilt-trail", points: path});
+    addShape(this.moving, "polyline", {class: "tilt-trail", points: path});
     const {x, y} = points.at(-1);
-    shape(this.moving, "circle", {class: "tilt", cx: x, cy: y, r: 11});
+    addShape(this.moving, "circle", {class: "tilt", cx: x, cy: y, r: 11});
   }
 }
 
-// Of the ellipse about the lean whose farthest point from the vertical is at phi_max.
+// Return the semi-major axis of the ellipse about the lean whose farthest point from the vertical is at phi_max.
 export function semiMajorDeg(swing) {
   const leanDeg = swing.lean_deg ?? 0;
   const between = (((swing.lean_azimuth_deg ?? 0) - swing.azimuth_deg) * Math.PI) / 180;

@@ -1,11 +1,11 @@
-// The rigger's screen while the sensor is recalibrated: which way up next, whether it lies still, how long yet. Read-only.
+// The rigger's screen during a recalibration: the next attitude, whether the sensor is still, and for how long. Read-only.
 
 import {drawBox, drawDone} from "./box.js";
 import {setText} from "./facts.js";
 import {isKnown} from "./number.js";
 
 const FACES = ["+x", "-x", "+y", "-y", "+z", "-z"];
-const TITLES = {collecting: "turn the sensor so", review: "all poses are taken", rejected: "the session has ended"};
+const TITLES = {collecting: "turn the sensor like this", review: "all poses are taken", rejected: "the session has ended"};
 
 export class CalibrationScreen {
   constructor(section) {
@@ -23,10 +23,10 @@ export class CalibrationScreen {
     showPoses(session);
     setText("session-text", gone ? "no contact with the gateway" : session.text);
     showNotes(session);
-    setText("session-who", session.by ? `${session.method}, asked for by ${session.by}; old record until committed` : "");
+    setText("session-who", session.by ? `${session.method}, requested by ${session.by}; the old record stays in force until the commit` : "");
   }
 
-  // Drawn anew only where it changes.
+  // Draw only when the picture changes.
   picture(session) {
     const up = session.phase === "collecting" ? session.next_direction : null;
     const accepted = session.phase === "review" && session.reasons.length === 0;

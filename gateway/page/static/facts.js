@@ -1,4 +1,4 @@
-// The small print: text by text, each marked when it is bad. Everything is set as text, never as markup.
+// The state of the measurement as a list of texts, each marked when it is bad. All texts are set as text, never as markup.
 
 import {ago, count, fixed, isKnown, NONE} from "./number.js";
 
@@ -30,9 +30,9 @@ export function showFacts(state, waitedS) {
   if (health) showHealth(health);
 }
 
-// Not watched is never shown as well: silence at rest is no proof.
+// Without readings at rest the drift is not known; it is never shown as good.
 function driftText(drift) {
-  if (!drift || !isKnown(drift.norm_error_mg)) return "not watched yet";
+  if (!drift || !isKnown(drift.norm_error_mg)) return "not known yet";
   const error = `${drift.norm_error_mg < 0 ? "−" : "+"}${Math.abs(drift.norm_error_mg).toFixed(1)}`;
   return drift.state === "alarm" ? `ALARM ${error} mg` : `${error} of ±${drift.limit_mg.toFixed(1)} mg`;
 }

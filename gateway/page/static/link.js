@@ -1,9 +1,9 @@
-// The connection to the page server, and whether what comes through it is of now.
+// The connection to the page's server, and whether its data are up to date.
 //
-// Three things make it stale: the connection is gone, no push came for `limit_s`, or pushes come late (a backlog on a slow
-// line). Lateness is the growth of the difference between this clock and the server's, beyond what two clocks drift.
+// Data are stale when the connection is lost, when no push has come for `limitS`, or when pushes are late because of a slow
+// connection. Lateness is the growth of the difference between this clock and the server's, beyond the drift of two clocks.
 
-const SILENCE_MIN_S = 1.0, SILENCE_MAX_S = 1.5; // the server pushes four times a second, whatever `stale_s` is
+const SILENCE_MIN_S = 1.0, SILENCE_MAX_S = 1.5; // the server pushes four times a second
 const DRIFT = 1e-4;
 const RENEW_S = 5;
 
@@ -40,17 +40,17 @@ export class Link {
     this.handlers.state(state);
   }
 
-  // Why what is shown may not be of now; null while all is well.
+  // Return why the data may be out of date; null if they are not.
   complaint() {
     const silentS = nowS() - (this.arrivedS ?? this.openedS);
     if (!this.connected) return "no connection to the gateway's page";
-    if (silentS > this.limitS) return `nothing from the gateway's page for ${silentS.toFixed(0)} s`;
-    if (this.lateS > this.limitS) return `the line is slow: what arrives is ${this.lateS.toFixed(0)} s old`;
+    if (silentS > this.limitS) return `no data from the gateway's page for ${silentS.toFixed(0)} s`;
+    if (this.lateS > this.limitS) return `slow connection: the data are ${this.lateS.toFixed(0)} s old`;
     return null;
   }
 
-  // EventSource gives up for good on some errors, and does not notice a host that fell silent.
-  renew() {
+  // Reconnect: EventSource stops after some errors, and does not detect a silent host.
+  reconnect() {
     const waitedS = nowS() - Math.max(this.arrivedS ?? 0, this.openedS);
     const dead = this.source.readyState === EventSource.CLOSED && waitedS > 1;
     if (!dead && waitedS < RENEW_S) return;

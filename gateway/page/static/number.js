@@ -1,4 +1,4 @@
-// Numbers for people: never more certain than they are. Bounds are rounded outwards.
+// Numbers as text. Limits are rounded outwards, so that a number is never more certain than it is.
 
 export const NONE = "—";
 const known = (value) => typeof value === "number" && Number.isFinite(value);
@@ -18,7 +18,7 @@ export function ago(seconds) {
   return `${Math.floor(seconds / 3600)} h ago`;
 }
 
-// The farther end of the interval, so that "±" promises nothing that the interval does not hold.
+// Use the farther end of the interval, so that the interval after "±" is never too narrow.
 export function plusMinus(phi, interval) {
   if (!interval || !interval.every(known)) return "± not known";
   return `± ${upwards(Math.max(interval[1] - phi, phi - interval[0]))}`;

@@ -1,4 +1,4 @@
-// Joins the parts: what the server pushes, and whether it can still be believed, to what is shown.
+// The page: shows what the server pushes, and whether it is up to date.
 
 import {AlignScreen} from "./align.js";
 import {Bullseye} from "./bullseye.js";
@@ -9,7 +9,7 @@ import {degrees, direction, fixed, isKnown, NONE, plusMinus, upwards} from "./nu
 import {Trend} from "./trend.js";
 
 const LOST = {word: "STALE", label: "STALE", colour: "black", shape: "hourglass", sound: false};
-const LOOK_MS = 100;
+const REFRESH_MS = 100;
 const TREND_S = 1;
 const GONE = new Set(["STALE", "NO DATA"]);
 
@@ -29,7 +29,7 @@ const link = new Link(
   },
 );
 
-// What the server judged, unless the server itself cannot be heard.
+// Return the server's verdict, or STALE or NO DATA without a connection to the server.
 function verdictNow() {
   const complaint = link.complaint();
   if (complaint === null && state !== null) return state.verdict;
@@ -38,8 +38,8 @@ function verdictNow() {
     return {...LOST, word: "NO DATA", label: "NO DATA", shape: "empty", reasons, also: []};
   }
   const last = state.verdict;
-  const told = GONE.has(last.word) ? last.also : [last.label, ...last.also];
-  return {...LOST, reasons: [complaint], also: told.filter((label) => label !== "OK")};
+  const labels = GONE.has(last.word) ? last.also : [last.label, ...last.also];
+  return {...LOST, reasons: [complaint], also: labels.filter((label) => label !== "OK")};
 }
 
 function show() {
@@ -66,7 +66,7 @@ function show() {
   }
 }
 
-// A recalibration goes before the aligning that was asked for, and either before the swing.
+// A recalibration takes precedence over the alignment, and both over the swing.
 function showScreens(gone) {
   const session = state.topics.calibration?.session;
   const recalibrated = Boolean(session?.suspended);
@@ -92,7 +92,7 @@ function showVerdict(verdict) {
   setText("source", {simulated: "SIMULATION", replay: "REPLAY"}[kind] ?? "");
 }
 
-// The alert's line is left out where the list below says the same, or the other reasons do.
+// Omit the text of the alert where the list of alerts or the other reasons contain it.
 function reasonsBesideList(verdict) {
   if (GONE.has(verdict.word)) return verdict.reasons;
   const others = verdict.reasons.filter((reason) => reason !== state?.topics.alert?.text);
@@ -100,12 +100,12 @@ function reasonsBesideList(verdict) {
   return listed || others.length > 0 ? others : verdict.reasons;
 }
 
-// Standing alerts with how long they stand, and what else the operator should know.
+// Return the active alerts with their duration, and further notices.
 function notices({alert, health}) {
-  const standing = (alert?.active ?? []).filter((one) => one.level === "warn" || one.level === "trip");
-  const texts = standing.map((one) => {
-    const standsS = Math.max(Math.round((alert.time_ns - one.since_ns) / 1e9), 0);
-    return `${one.text} · ${standsS} s`;
+  const active = (alert?.active ?? []).filter((one) => one.level === "warn" || one.level === "trip");
+  const texts = active.map((one) => {
+    const activeS = Math.max(Math.round((alert.time_ns - one.since_ns) / 1e9), 0);
+    return `${one.text} · ${activeS} s`;
   });
   if (health?.recording_error) texts.push(`not recording: ${health.recording_error}`);
   if (health && health.state !== "running") texts.push(`gateway ${health.state}`);
@@ -133,7 +133,7 @@ function showSwing(swing, verdict, waitedS) {
   } else {
     setText("bound", "≤ ");
     setText("phi", upwards(swing.coverage95_deg[1]));
-    setText("interval", "no swing seen");
+    setText("interval", "no swing detected");
   }
   showTiles(swing, waitedS);
 }
@@ -166,9 +166,9 @@ function showCondition(condition) {
 }
 
 setInterval(() => {
-  link.renew();
+  link.reconnect();
   show();
-}, LOOK_MS);
+}, REFRESH_MS);
 window.addEventListener("pageshow", (event) => {
   if (event.persisted) window.location.reload();
 });

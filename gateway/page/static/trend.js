@@ -1,8 +1,8 @@
-// The last ten minutes: swing with its 95 % interval as a band, limits as lines; a gap where nothing was known.
+// The trend of the last ten minutes: the swing with its 95 % interval as a band, the limits as lines, gaps where data are missing.
 
 import {nowS} from "./link.js";
+import {addShape} from "./svg.js";
 
-const NS = "http://www.w3.org/2000/svg";
 const SPAN_S = 600;
 const WIDTH = 460, HEIGHT = 104;
 
@@ -34,7 +34,7 @@ export class Trend {
     const y = (deg) => (HEIGHT * (1 - Math.min(deg, topDeg) / topDeg)).toFixed(1);
     this.svg.replaceChildren();
     for (const minute of [2, 4, 6, 8]) this.path("grid", `M${(WIDTH * minute) / 10} 0V${HEIGHT}`);
-    for (const run of runs(this.points)) this.drawRun(run, x, y);
+    for (const run of splitRuns(this.points)) this.drawRun(run, x, y);
     this.path("limit warn", `M0 ${y(warnDeg)}H${WIDTH}`);
     this.path("limit trip", `M0 ${y(tripDeg)}H${WIDTH}`);
     this.label("warn", `warn ${warnDeg}°`, y(warnDeg));
@@ -53,13 +53,10 @@ export class Trend {
   }
 
   path(css, d) {
-    const element = document.createElementNS(NS, "path");
-    element.setAttribute("class", css);
-    element.setAttribute("d", d);
-    this.svg.append(element);
+    addShape(this.svg, "path", {class: css, d});
   }
 
-  // As HTML: text in a drawing that is stretched would be stretched with it.
+  // Labels are HTML, because text in a stretched drawing would be stretched, too.
   label(name, text, y) {
     let element = this.labels.querySelector(`.${name}`);
     if (!element) {
@@ -72,8 +69,8 @@ export class Trend {
   }
 }
 
-// Stretches without a gap and of one soundness.
-function runs(points) {
+// Split the points at gaps and at changes of `sound`.
+function splitRuns(points) {
   const found = [];
   let run = [];
   for (const point of points) {

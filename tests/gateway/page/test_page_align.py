@@ -67,15 +67,15 @@ def test_no_advice_while_it_moves_or_nobody_answers_or_the_sensor_is_recalibrate
     expect(screen.locator("#align-word")).to_have_text("ROLL IN")
     gateway.speaking.clear()
     expect(screen.locator("#align-word")).to_have_text("WAIT")
-    expect(screen.locator("#align-text")).to_have_text("no advice: no readings come")
+    expect(screen.locator("#align-text")).to_have_text("no advice: no readings")
     expect(screen.locator("#align-roll")).to_have_text("—")
 
 
 def test_drift_is_told_and_what_is_not_watched_is_never_shown_as_well(gateway: FakeGateway, screen: Any) -> None:
     fact = screen.locator("#fact-drift")
-    expect(fact.locator("dd")).to_have_text("not watched yet")
+    expect(fact.locator("dd")).to_have_text("not known yet")
     gateway.scene.drift = {"state": "no_rest", "norm_error_mg": None, "limit_mg": None, "reasons": []}
-    expect(fact.locator("dd")).to_have_text("not watched yet")
+    expect(fact.locator("dd")).to_have_text("not known yet")
     gateway.scene.drift = {"state": "watching", "norm_error_mg": -1.26, "limit_mg": 5.0, "reasons": []}
     expect(fact.locator("dd")).to_have_text("−1.3 of ±5.0 mg")
     expect(fact).not_to_have_class("bad")

@@ -126,7 +126,7 @@ def test_pushes_that_come_late_are_not_taken_for_news(page: PageUnderTest, brows
     assert complaints == [
         None,
         None,
-        "the line is slow: what arrives is 2 s old",
+        "slow connection: the data are 2 s old",
         "no connection to the gateway's page",
     ]
 

@@ -100,7 +100,7 @@ def test_a_norm_fit_shows_the_direction_that_helps_most(gateway: FakeGateway, sc
 def test_the_box_lies_as_it_should(screen: Any) -> None:
     """Rows of the rotation: orthonormal, right-handed, and the wanted direction ends up vertical."""
     for up in ([1, 0, 0], [0, -1, 0], [0, 0, -1], [0.6, 0.0, 0.8], [1, -1, 1]):
-        rows = screen.evaluate("up => import('/box.js').then(box => box.turnedUp(up))", up)
+        rows = screen.evaluate("up => import('/box.js').then(box => box.rotationToVertical(up))", up)
         length = sum(value * value for value in up) ** 0.5
         assert rows[2] == pytest.approx([value / length for value in up])
         for i in range(3):

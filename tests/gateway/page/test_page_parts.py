@@ -12,7 +12,7 @@ from gateway.bus.session import BusError, session_settings
 from gateway.page.hub import LONGEST_QUEUE, MOST_CLIENTS, EventStream, event
 from gateway.page.inbox import Arrival, Inbox
 from gateway.page.link import SHOWN
-from gateway.page.metrics import Counters, exposition
+from gateway.page.metrics import Counters, format_exposition
 from gateway.page.parameters import Parameters, encode, parse
 from gateway.page.verdict import Evidence
 from gateway.topics import TOPIC_OF
@@ -31,8 +31,8 @@ def test_the_inbox_keeps_the_latest_of_each_topic_and_wakes_once() -> None:
         inbox.put("tilt", Arrival(b"%d" % k, float(k)))
     inbox.put("alert", Arrival(b"a", 0.0))
     assert (len(woken), inbox.superseded) == (1, 99)
-    assert inbox.take() == {"tilt": Arrival(b"99", 99.0), "alert": Arrival(b"a", 0.0)}
-    assert inbox.take() == {}
+    assert inbox.drain() == {"tilt": Arrival(b"99", 99.0), "alert": Arrival(b"a", 0.0)}
+    assert inbox.drain() == {}
     inbox.put("tilt", Arrival(b"", 0.0))
     assert len(woken) == 2
 
@@ -99,7 +99,7 @@ def _samples(text: str) -> dict[str, float]:
 
 
 def test_metrics_are_exposition_format(scene: Scene) -> None:
-    text = exposition(_evidence(scene), COUNTERS, LABELS)
+    text = format_exposition(_evidence(scene), COUNTERS, LABELS)
     labels = 'site="north-yard",crane="crane-3",sensor="hook"'
     samples = _samples(text)
     assert samples[f"plumbline_phi_max_degrees{{{labels}}}"] == 2.3
@@ -120,18 +120,18 @@ def test_metrics_are_exposition_format(scene: Scene) -> None:
 
 def test_metrics_leave_out_what_is_stale_or_not_known(scene: Scene) -> None:
     scene.level = "trip"
-    stale = exposition(_evidence(scene, swing=60.0, alert=60.0), COUNTERS, LABELS)
+    stale = format_exposition(_evidence(scene, swing=60.0, alert=60.0), COUNTERS, LABELS)
     assert "phi_max" not in stale
     assert 'level="unknown"} 1' in stale
     assert 'verdict="STALE"} 1' in stale
     scene.phi_max_deg = None
-    assert "plumbline_phi_max_degrees" not in exposition(_evidence(scene), COUNTERS, LABELS)
-    nothing = exposition(Evidence(False, {}, {}, 1.0), COUNTERS, LABELS)
+    assert "plumbline_phi_max_degrees" not in format_exposition(_evidence(scene), COUNTERS, LABELS)
+    nothing = format_exposition(Evidence(False, {}, {}, 1.0), COUNTERS, LABELS)
     assert _samples(nothing)['plumbline_up{site="north-yard",crane="crane-3",sensor="hook"}'] == 0
 
 
 def test_metrics_escape_label_values(scene: Scene) -> None:
-    text = exposition(_evidence(scene), COUNTERS, {"site": 'a"b\\c\nd'})
+    text = format_exposition(_evidence(scene), COUNTERS, {"site": 'a"b\\c\nd'})
     assert 'plumbline_up{site="a\\"b\\\\c\\nd"} 1' in text.splitlines()
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from gateway.messages import NO_SESSION, Message
-from gateway.page.verdict import FACES, USUAL_PAUSE_S, Evidence, verdict
+from gateway.page.verdict import STYLES, USUAL_INTERVAL_S, Evidence, verdict
 from gateway.topics import TOPIC_OF, TOPICS
 from tests.gateway.page.conftest import Scene
 
@@ -80,7 +80,7 @@ def test_verdict_by_the_table(scene: Scene, change: Change, circumstances: dict[
     assert bool(judged.reasons) == (word != "OK")
 
 
-@pytest.mark.parametrize("topic", USUAL_PAUSE_S)
+@pytest.mark.parametrize("topic", USUAL_INTERVAL_S)
 def test_nothing_is_green_before_every_topic_spoke(scene: Scene, topic: str) -> None:
     whole = evidence_of(scene)
     latest: dict[str, Message] = {name: message for name, message in whole.latest.items() if name != topic}
@@ -139,10 +139,10 @@ def test_a_long_rope_does_not_excuse_silence_for_ever(scene: Scene) -> None:
 
 
 def test_every_verdict_is_told_apart_without_colour() -> None:
-    assert len({face.shape for face in FACES.values()}) == len(FACES)
-    assert len({face.label for face in FACES.values()}) == len(FACES)
-    assert [word for word, face in FACES.items() if face.colour == "green"] == ["OK"]
+    assert len({face.shape for face in STYLES.values()}) == len(STYLES)
+    assert len({face.label for face in STYLES.values()}) == len(STYLES)
+    assert [word for word, face in STYLES.items() if face.colour == "green"] == ["OK"]
 
 
 def test_the_verdict_rests_on_published_topics() -> None:
-    assert all(TOPICS[topic].published for topic in USUAL_PAUSE_S)
+    assert all(TOPICS[topic].published for topic in USUAL_INTERVAL_S)
