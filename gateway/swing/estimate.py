@@ -1,4 +1,4 @@
-"""What the swing stage answers with. Radians, seconds and metres; what could not be computed is None and `reasons` say why."""
+"""Results of the swing estimator, in radians, seconds and metres; what could not be computed is None, and `reasons` say why."""
 
 from dataclasses import dataclass
 from math import cos, sin
@@ -19,7 +19,7 @@ class SwingPeak:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PeakPrediction:
-    """The coming maximum, from the motion up to the newest sample."""
+    """The next maximum, predicted from the motion up to the newest sample."""
 
     phi_max_rad: float
     u_rad: float
@@ -28,7 +28,7 @@ class PeakPrediction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FormulaAngles:
-    """The four formulas of 000 over one stretch of data, in radians; None: the argument is out of the formula's domain."""
+    """Angles by the four formulas of Łuczak et al. 2022 over one interval, in rad; None: outside the formula's domain."""
 
     arccos_min_az: float | None
     """Eq. 22."""
@@ -46,57 +46,57 @@ class SwingEstimate:
 
     from_s: float
     to_s: float
-    """What `phi_max_rad` speaks of; the fit may have seen more."""
+    """Interval for which `phi_max_rad` holds; the fit may have used more."""
     swinging: bool | None
-    """False: no swing seen, and the angle lies below the upper end of `coverage95_rad`. None: cannot be told."""
+    """False: no swing detected, and the angle lies below the upper end of `coverage95_rad`. None: not known."""
     phi_max_rad: float | None = None
     """Largest angle between rope and vertical."""
     u_rad: float | None = None
-    """Its standard uncertainty."""
+    """Standard uncertainty of `phi_max_rad`."""
     coverage95_rad: tuple[float, float] | None = None
-    """Holds the truth 95 times in 100; never below 0."""
+    """Coverage interval of 95 %, never below 0."""
     minor_phi_max_rad: float | None = None
     """Semi-minor axis of the swing about the lean: 0 planar, equal to the major one circular."""
     azimuth_rad: float | None = None
     """Direction of the swing's major axis in the housing frame, from x to y, in (-pi/2, pi/2]."""
     lean_rad: float | None = None
-    """Steady angle of the rope, as by a side pull; a zero-g offset looks the same."""
+    """Steady angle of the rope, as by a side pull; a zero-g offset reads the same."""
     lean_u_rad: float | None = None
     lean_azimuth_rad: float | None = None
-    """Direction that the rope leans to, in the housing frame, from x to y."""
+    """Direction of the lean in the housing frame, from x to y."""
     period_s: float | None = None
-    """Of a small swing on this rope: 2 pi sqrt(L/g)."""
+    """Period of a small swing on this rope: 2 pi sqrt(L/g)."""
     length_m: float | None = None
     length_u_m: float | None = None
     damping_ratio: float | None = None
     rope_speed_m_s: float | None = None
-    """How fast the rope becomes longer at `to_s` (shorter: negative); None: it was taken to keep its length."""
+    """Rate of the rope's length at `to_s` (lowering: positive); None: it was assumed to keep its length."""
     rope_speed_u_m_s: float | None = None
     hoists_s: tuple[tuple[float, float], ...] = ()
-    """When the rope's length surely changed, in a recording."""
+    """Intervals in which the rope's length significantly changed, in a recording."""
     swings: tuple[SwingPeak, ...] = ()
-    """The maximum of every full swing, oldest first."""
+    """Maximum of every full swing, oldest first."""
     reduced_chi_square: float | None = None
-    """Of the residual against sensor noise, 1 where the pendulum explains everything."""
+    """Of the residual against sensor noise; 1 where the pendulum explains everything."""
     noise_g: tuple[float, float, float] | None = None
-    """Sensor noise that was reckoned with, 1 sigma per sample."""
+    """Sensor noise that the fit used, 1 sigma per sample."""
     prediction: PeakPrediction | None = None
     formulas: FormulaAngles | None = None
     """As published."""
     corrected_formulas: FormulaAngles | None = None
-    """For the housing's place on the rope and the low-pass."""
+    """Corrected for the housing's place on the rope and for the low-pass."""
     reasons: tuple[str, ...] = ()
 
     @property
     def hoisting(self) -> bool:
-        """The rope's length surely changes at `to_s`."""
+        """The rope's length significantly changes at `to_s`."""
         if self.rope_speed_m_s is None or self.rope_speed_u_m_s is None:
             return False
         return abs(self.rope_speed_m_s) > max(SURE * self.rope_speed_u_m_s, SLOWEST_HOIST_M_S)
 
     @property
     def lean_g(self) -> tuple[float, float]:
-        """Transverse force of the steady lean, about which the swing goes; zero where it is not known."""
+        """Transverse force of the steady lean, about which the load swings; zero where it is not known."""
         if self.lean_rad is None or self.lean_azimuth_rad is None:
             return 0.0, 0.0
         return sin(self.lean_rad) * cos(self.lean_azimuth_rad), sin(self.lean_rad) * sin(self.lean_azimuth_rad)

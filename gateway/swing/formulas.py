@@ -1,23 +1,22 @@
-"""The four phi_max formulas of 000, as published, and in the form that allows for the housing's place on the rope.
+"""The four published formulas for phi_max (Łuczak et al. 2022), as printed, and inverted for the housing's place on the rope.
 
-    (22) arccos(min a_z)        (23) arcsin(sqrt(max(a_x)^2 + max(a_y)^2))
-    (24) arctan(sqrt(max(a_x)^2 + max(a_y)^2)/min a_z)        (25) arccos(1.5 - max(a_z)/2)       accelerations in g
+    eq. 22  arccos(min a_z)                   eq. 23  arcsin(sqrt(max(a_x)^2 + max(a_y)^2))
+    eq. 24  arctan(sqrt(max(a_x)^2 + max(a_y)^2)/min a_z)
+    eq. 25  arccos(1.5 - max(a_z)/2)          accelerations in g
 
-An argument outside the formula's domain gives None, never a clamped angle: an arccosine of 1.001 is not "0 degrees" but a
-reading that the formula cannot explain. The source gives no condition of validity; `VALID_RHO` does, for an ideal planar swing
-about a vertical rest: with rho the housing's distance from the pivot over the load's, the largest transverse reading is
-(1 - rho) sin(phi_max), the least axial one cos(phi_max), the largest axial one 1 + 2 rho (1 - cos(phi_max)).
+An argument outside the domain of a formula gives None and never a limited angle: an arccosine of 1.001 is not 0 degrees but a
+reading that the formula cannot explain. The source states no range of validity. `VALID_RHO` does, for an ideal planar swing about
+the vertical: with rho the distance of the housing from the pivot over that of the load, the largest transverse reading is
+(1 - rho) sin(phi_max), the smallest axial one cos(phi_max), the largest axial one 1 + 2 rho (1 - cos(phi_max)).
 """
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from gateway.numerics.array import Array
 from gateway.swing.estimate import FormulaAngles
-
-Real = NDArray[np.float64]
 
 VALID_RHO = {
     "arccos_min_az": (0.0, 1.0),
@@ -25,12 +24,12 @@ VALID_RHO = {
     "arctan_max_axy_min_az": (0.0, 0.05),
     "arccos_max_az": (0.9, 1.0),
 }
-"""Mountings for which a formula as published is right to 5 % of the angle on an ideal planar swing."""
+"""Definition: ranges of rho in which a formula as published is right to 5 % of the angle on an ideal planar swing."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Extremes:
-    """What the formulas take from a stretch of specific force, in g."""
+    """The extremes of specific force that the formulas use, in g."""
 
     max_x_g: float
     max_y_g: float
@@ -40,7 +39,7 @@ class Extremes:
     max_z_g: float
 
     def joined(self, other: "Extremes") -> "Extremes":
-        """Of both stretches together."""
+        """Return the extremes of both intervals together."""
         return Extremes(
             max_x_g=max(self.max_x_g, other.max_x_g),
             max_y_g=max(self.max_y_g, other.max_y_g),
@@ -52,14 +51,14 @@ class Extremes:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LowpassGain:
-    """What a low-pass lets through of a swing: the corrected forms divide by it."""
+    """Gain of a low-pass at the frequency of the swing and at twice that; the corrected formulas divide by it."""
 
     gain_f0: float = 1.0
     gain_2f0: float = 1.0
 
 
-def extremes(force_g: Real) -> Extremes | None:
-    """The extremes of specific force, shape (n, 3); None for no samples."""
+def extremes(force_g: Array) -> Extremes | None:
+    """Return the extremes of specific force, shape (n, 3); None for no samples."""
     if len(force_g) == 0:
         return None
     x, y, z = force_g.T
@@ -73,7 +72,7 @@ def extremes(force_g: Real) -> Extremes | None:
 
 
 def as_published(e: Extremes) -> FormulaAngles:
-    """000 eq. 22-25 exactly as printed."""
+    """Return the angles of eq. 22 to 25 exactly as printed."""
     across = math.sqrt(e.max_x_g**2 + e.max_y_g**2)
     return FormulaAngles(
         arccos_min_az=_arccos(e.min_z_g),
@@ -83,14 +82,15 @@ def as_published(e: Extremes) -> FormulaAngles:
     )
 
 
-def corrected(e: Extremes, rho: float, passage: LowpassGain | None = None) -> FormulaAngles:
-    """The same four inverted for a housing at `rho` in [0, 1] behind a low-pass; None also where rho leaves nothing to invert.
+def corrected(e: Extremes, rho: float, lowpass: LowpassGain | None = None) -> FormulaAngles:
+    """Return the angles of the same formulas inverted for a housing at `rho` in [0, 1] behind a low-pass.
 
-    (23) and (24) take the largest sqrt(a_x^2 + a_y^2), which is right for elliptical swings too. A lean is not allowed for.
+    An angle is None also where rho leaves nothing to invert. Eq. 23 and 24 use the largest sqrt(a_x^2 + a_y^2) of a sample, which
+    is right for elliptical swings too. A lean is not taken into account.
     """
-    passage = passage or LowpassGain()
-    across = e.max_across_g / passage.gain_f0
-    centre, half = (e.max_z_g + e.min_z_g) / 2, (e.max_z_g - e.min_z_g) / (2 * passage.gain_2f0)
+    lowpass = lowpass or LowpassGain()
+    across = e.max_across_g / lowpass.gain_f0
+    centre, half = (e.max_z_g + e.min_z_g) / 2, (e.max_z_g - e.min_z_g) / (2 * lowpass.gain_2f0)
     low, high = centre - half, centre + half
     across_load = across / (1 - rho) if rho < 1 else math.inf
     return FormulaAngles(

@@ -1,4 +1,4 @@
-"""What is believed of the rope and of the housing on it before the data are looked at."""
+"""The nominal description of the rope and of the housing on it, as the swing estimator needs it."""
 
 from dataclasses import dataclass
 
@@ -10,28 +10,28 @@ from devices.pendulum.small_swing import small_swing_length_m, small_swing_perio
 class MountedHousing:
     """A housing clamped to a rope. Standard uncertainties are 1 sigma; 0 means exactly known.
 
-    Its place is known from one end of the rope: `position_m` or `above_load_m`. Raises `ValueError` for both or neither, and
-    for a length, position or uncertainty that cannot be.
+    Its place is known from one end of the rope: `position_m` or `above_load_m`. Raises `ValueError` for both or neither, and for
+    an impossible length, position or uncertainty.
     """
 
     length_m: float
-    """Pivot to the load's centre: a belief; the measured period wins."""
+    """Pivot to the load's centre: nominal, the measured period takes precedence."""
     position_m: float | None = None
     """Pivot to the accelerometer, along the rope."""
     above_load_m: float | None = None
-    """Accelerometer to the load's centre, which a clamped housing keeps while hoisting."""
+    """Accelerometer to the load's centre; constant while hoisting, because the housing is clamped."""
     length_u_rel: float = 0.2
     position_u_m: float = 0.0
     gravity_m_s2: float = STANDARD_GRAVITY_M_S2
     zero_g_offset_u_g: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """What the calibration leaves unknown of the zero-g offset, per axis."""
+    """Standard uncertainty of the zero-g offset after calibration, per axis."""
     scale_u: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """What the calibration leaves unknown of the scale factor, per axis, relative."""
+    """Standard uncertainty of the scale factor after calibration, per axis, relative."""
     cross_axis_u: float = 0.0
-    """What z may read of x and y, relative: cross-axis sensitivity, and how the axes lie on the rope. In a swing it looks like
-    a lean."""
+    """Standard uncertainty of the response of z to x and y, relative: cross-axis sensitivity, and the axes' misalignment with the
+    rope. In a swing it resembles a lean."""
     bandwidth_hz: float | None = None
-    """-3 dB of the low-pass inside the sensor; None: there is none, or nobody knows it."""
+    """-3 dB of the low-pass inside the sensor; None: there is none, or it is not known."""
 
     def __post_init__(self) -> None:
         if not (self.length_m > 0 and self.gravity_m_s2 > 0 and 0 < self.length_u_rel < 1):
@@ -45,21 +45,21 @@ class MountedHousing:
         if self.bandwidth_hz is not None and not self.bandwidth_hz > 0:
             raise ValueError("the sensor's bandwidth must be positive")
 
+    @property
+    def small_swing_period_s(self) -> float:
+        """Period of a small swing on the nominal rope."""
+        return small_swing_period_s(self.length_m, self.gravity_m_s2)
+
+    def length_of(self, rate_1_s: float) -> float:
+        """Return the length of a rope on which a small swing has this angular frequency."""
+        return small_swing_length_m(rate_1_s, self.gravity_m_s2)
+
     def position_at(self, length_m: float) -> float:
-        """Pivot to accelerometer when the rope has this length, never above the pivot."""
+        """Return the distance from pivot to accelerometer for a length of the rope, never negative."""
         if self.above_load_m is not None:
             return max(length_m - self.above_load_m, 0.0)
         return float(self.position_m or 0.0)
 
     def rho_at(self, length_m: float) -> float:
-        """Position over length, at most 1."""
+        """Return position over length, at most 1."""
         return min(self.position_at(length_m) / length_m, 1.0)
-
-    @property
-    def small_swing_period_s(self) -> float:
-        """Period of a small swing on the believed rope."""
-        return small_swing_period_s(self.length_m, self.gravity_m_s2)
-
-    def length_of(self, rate_1_s: float) -> float:
-        """Length of a rope on which a small swing has this angular frequency."""
-        return small_swing_length_m(rate_1_s, self.gravity_m_s2)

@@ -1,8 +1,8 @@
-"""An axis that stays silent while the others swing: broken, or the housing is elsewhere than stated.
+"""Detection of an axis that shows nothing while the others swing: it is broken, or the housing is elsewhere than stated.
 
-For a free pendulum the three axes belong together at every instant and azimuth: with X the complex amplitudes of the load
-across the rope, x and y read -(1 - rho) X at f0, and z reads -(rho/2 + 1/4) X . X at 2 f0. A swing along x leaves y silent and
-keeps this; a broken y does not, unless the housing's place is changed to fit it.
+For a free pendulum the three axes are related at every instant and azimuth. With X the complex amplitudes of the load across the
+rope, x and y read -(1 - rho) X at f, and z reads -(rho/2 + 1/4) X . X at 2 f. A swing along x leaves y silent and satisfies this;
+a broken y does not, unless the housing's place is changed to fit it.
 """
 
 from dataclasses import dataclass
@@ -10,9 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from devices.pendulum.small_swing import small_swing_period_s
+from gateway.numerics.array import Array
 from gateway.swing.data.bins import Bins
-from gateway.swing.fit.initial_guess import Harmonics, find_harmonics
-from gateway.swing.model.spherical_pendulum import Real
+from gateway.swing.fit.harmonics import Harmonics, find_harmonics
 from gateway.swing.rig import MountedHousing
 
 SILENT = 5.0
@@ -37,53 +37,54 @@ class DeadAxis:
     """What follows from an axis that shows nothing of the swing."""
 
     fault: str | None = None
-    """The others show that it should."""
+    """The other axes show that it should: why the window cannot be used."""
     angle_u_rel: float = 0.0
-    """Relative uncertainty of the angle while the others leave it open whether it is broken."""
+    """Relative uncertainty of the angle where the other axes cannot decide whether it is broken."""
 
 
-def silence_in(bins: Bins, noise_g: Real, rig: MountedHousing, length_m: float) -> DeadAxis:
-    """Of a stretch of a few swings, on a rope of this length by its period."""
+def check_axes_in_window(bins: Bins, noise_g: Array, rig: MountedHousing, length_m: float) -> DeadAxis:
+    """Check a window of a few swings on a rope of this length, which follows from the period."""
     scatter_g = bins.force_g.std(axis=0)
     if scatter_g.min() > LIVELY * scatter_g.max() and scatter_g[2] > 2 * noise_g[2] / np.sqrt(bins.count.mean()):
         return DeadAxis()
-    return _silence(find_harmonics(bins, noise_g, rig), rig, length_m)
+    return _compare_axes(find_harmonics(bins, noise_g, rig), rig, length_m)
 
 
-def silence_of(bins: Bins, noise_g: Real, rig: MountedHousing, length_m: float) -> DeadAxis:
-    """Of a whole recording: what more than half of its stretches say."""
+def check_axes(bins: Bins, noise_g: Array, rig: MountedHousing, length_m: float) -> DeadAxis:
+    """Check a whole recording: a fault is one of more than half of its windows."""
     period_s = small_swing_period_s(length_m, rig.gravity_m_s2)
     edges_s = np.arange(bins.time_s[0], bins.time_s[-1] - period_s, WINDOW_PERIODS * period_s)
-    stretches = [bins.select((bins.time_s >= a) & (bins.time_s < a + WINDOW_PERIODS * period_s)) for a in edges_s]
-    found = [silence_in(stretch, noise_g, rig, length_m) for stretch in stretches if len(stretch) > 0]
+    windows = [bins.select((bins.time_s >= a) & (bins.time_s < a + WINDOW_PERIODS * period_s)) for a in edges_s]
+    found = [check_axes_in_window(window, noise_g, rig, length_m) for window in windows if len(window) > 0]
     if not found:
         return DeadAxis()
-    faults = [silence.fault for silence in found if silence.fault is not None]
+    faults = [each.fault for each in found if each.fault is not None]
     if 2 * len(faults) > len(found):
         return DeadAxis(faults[0])
-    return DeadAxis(angle_u_rel=float(np.median([silence.angle_u_rel for silence in found])))
+    return DeadAxis(angle_u_rel=float(np.median([each.angle_u_rel for each in found])))
 
 
-def _silence(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> DeadAxis:
+def _compare_axes(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> DeadAxis:
     rho = rig.rho_at(length_m)
     if harmonics.unexplained > LARGEST_UNEXPLAINED or rho > LARGEST_SEEN_RHO:
         return DeadAxis()
     size, u_g = np.abs(harmonics.amplitude_g), harmonics.u_g
-    along, across = rho / 2 + 0.25, (1 - rho) ** 2
-    by_xy = complex((harmonics.amplitude_g[:2] ** 2).sum()) / across
-    by_z = -complex(harmonics.amplitude_g[2]) / along
-    largest, apart = max(abs(by_xy), abs(by_z)), abs(by_xy - by_z)
-    asked_across_g = np.sqrt(largest * across)
-    silent = size < np.maximum(SILENT * u_g, SILENT_SHARE * np.array([asked_across_g, asked_across_g, largest * along]))
-    u = np.hypot(u_g[2] / along, 2 * size[:2].max() * u_g[:2].max() / across)
+    axial_gain, transverse_gain = rho / 2 + 0.25, (1 - rho) ** 2
+    square_of_xy = complex((harmonics.amplitude_g[:2] ** 2).sum()) / transverse_gain
+    square_of_z = -complex(harmonics.amplitude_g[2]) / axial_gain
+    largest, difference = max(abs(square_of_xy), abs(square_of_z)), abs(square_of_xy - square_of_z)
+    expected_xy_g = np.sqrt(largest * transverse_gain)
+    expected_g = np.array([expected_xy_g, expected_xy_g, largest * axial_gain])
+    silent = size < np.maximum(SILENT * u_g, SILENT_SHARE * expected_g)
+    u = np.hypot(u_g[2] / axial_gain, 2 * size[:2].max() * u_g[:2].max() / transverse_gain)
     u_rho = rig.position_u_m / length_m + LENGTH_U_REL * rho
-    u += largest * u_rho * (2 / (1 - rho) + 0.5 / along)
-    z_lacks = abs(by_z) < abs(by_xy)
-    broken = "z" * bool(silent[2]) if z_lacks else " or ".join(np.array(["x", "y"])[silent[:2]])
-    if not broken:
+    u += largest * u_rho * (2 / (1 - rho) + 0.5 / axial_gain)
+    z_is_smaller = abs(square_of_z) < abs(square_of_xy)
+    dead = "z" * bool(silent[2]) if z_is_smaller else " or ".join(np.array(["x", "y"])[silent[:2]])
+    if not dead:
         return DeadAxis()
-    if apart > APART * largest + largest**2 / 2 + APART_SIGMA * u:
+    if difference > APART * largest + largest**2 / 2 + APART_SIGMA * u:
         return DeadAxis(
-            f"{broken} shows nothing of the swing that the other axes show: a dead axis, or the housing is not where stated"
+            f"{dead} shows nothing of the swing that the other axes show: a dead axis, or the housing is not where stated"
         )
-    return DeadAxis() if z_lacks else DeadAxis(angle_u_rel=apart / (2 * largest))
+    return DeadAxis() if z_is_smaller else DeadAxis(angle_u_rel=difference / (2 * largest))

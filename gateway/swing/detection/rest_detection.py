@@ -1,15 +1,15 @@
-"""When no swing can be seen: how large one could be all the same."""
+"""Detection of a load that does not swing, with an upper bound of the angle that it could have all the same."""
 
 from dataclasses import replace
 
 import numpy as np
 
+from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from gateway.swing.data.bins import Bins
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.estimation.robust_fit import FitResult
-from gateway.swing.fit.initial_guess import Harmonics
-from gateway.swing.model.spherical_pendulum import Real
+from gateway.swing.fit.harmonics import Harmonics
 from gateway.swing.rig import MountedHousing
 
 FAINTEST_GAIN = 40.0
@@ -29,35 +29,37 @@ LARGEST_RESTLESS_RAD = np.radians(1.0)
 
 
 def at_rest_estimate(
-    bins: Bins, noise_g: Real, rig: MountedHousing, harmonics: Harmonics, from_s: float
+    bins: Bins, noise_g: Array, rig: MountedHousing, harmonics: Harmonics, from_s: float
 ) -> SwingEstimate:
-    """The answer that nothing swings, with the lean and an upper bound of the rope's angle."""
-    wander = _wander(bins, noise_g)
-    swing_rad = _largest_swing_rad(harmonics, rig, wander)
-    return _still(bins, noise_g, rig, harmonics.mean_g, from_s, swing_rad, np.sqrt(wander[:2]) * harmonics.u_g[:2])
+    """Return the estimate that nothing swings, with the lean and an upper bound of the rope's angle."""
+    excess = _excess_variance(bins, noise_g)
+    swing_rad = _largest_swing_rad(harmonics, rig, excess)
+    u_mean_g = np.sqrt(excess[:2]) * harmonics.u_g[:2]
+    return _estimate_without_swing(bins, noise_g, rig, harmonics.mean_g, from_s, swing_rad, u_mean_g)
 
 
-def irregular_motion_estimate(bins: Bins, noise_g: Real, rig: MountedHousing, from_s: float) -> SwingEstimate | None:
-    """The same for a rope that moves, though not as a load swings, where no instant shows more than a small angle; else None.
+def irregular_motion_estimate(bins: Bins, noise_g: Array, rig: MountedHousing, from_s: float) -> SwingEstimate | None:
+    """Return the same for a rope that moves by a small angle, though not as a load swings; None for a larger angle.
 
-    A load that is driven reads more than its angle, so what any one bin departs from the mean bounds the angle.
+    A driven load reads more than its angle, so the deviation of any one bin from the mean bounds the angle.
     """
     mean_g = np.average(bins.force_g, axis=0, weights=bins.count)
-    away_g = bins.force_g - mean_g
+    deviation_g = bins.force_g - mean_g
     rho = _possible_rho(rig)
-    across = np.hypot(away_g[:, 0], away_g[:, 1]).max() / np.maximum(1 - rho, 1e-4)
-    doubt_g = _doubt_of_z_g(rig)
-    high_g, low_g = bins.force_g[:, 2].max() - 1 + doubt_g, 1 - bins.force_g[:, 2].min() + doubt_g
-    along = np.sqrt(np.maximum(2 * low_g, high_g / np.maximum(rho, 1e-4)).clip(min=0.0))
-    swing_rad = float(np.minimum(across, along).max())
+    by_xy = np.hypot(deviation_g[:, 0], deviation_g[:, 1]).max() / np.maximum(1 - rho, 1e-4)
+    u_z_g = _expanded_u_z_g(rig)
+    high_g, low_g = bins.force_g[:, 2].max() - 1 + u_z_g, 1 - bins.force_g[:, 2].min() + u_z_g
+    by_z = np.sqrt(np.maximum(2 * low_g, high_g / np.maximum(rho, 1e-4)).clip(min=0.0))
+    swing_rad = float(np.minimum(by_xy, by_z).max())
     if swing_rad > LARGEST_RESTLESS_RAD:
         return None
-    still = _still(bins, noise_g, rig, mean_g, from_s, swing_rad, away_g[:, :2].std(axis=0))
-    return replace(still, reasons=("the rope moves, but not as a load swings",))
+    u_mean_g = deviation_g[:, :2].std(axis=0)
+    found = _estimate_without_swing(bins, noise_g, rig, mean_g, from_s, swing_rad, u_mean_g)
+    return replace(found, reasons=("the rope moves, but not as a load swings",))
 
 
-def _still(
-    bins: Bins, noise_g: Real, rig: MountedHousing, mean_g: Real, from_s: float, swing_rad: float, u_mean_g: Real
+def _estimate_without_swing(
+    bins: Bins, noise_g: Array, rig: MountedHousing, mean_g: Array, from_s: float, swing_rad: float, u_mean_g: Array
 ) -> SwingEstimate:
     lean_rad = float(np.arctan2(np.hypot(mean_g[0], mean_g[1]), mean_g[2]))
     lean_u_rad = float(np.hypot(max(rig.zero_g_offset_u_g[:2]), u_mean_g.max()))
@@ -76,64 +78,65 @@ def _still(
     )
 
 
-def upper_bound_amplitude(estimate: SwingEstimate, still: SwingEstimate) -> SwingEstimate:
-    """A swing that hardly shows in the noise: its interval holds everything that standing still leaves possible too."""
-    if estimate.coverage95_rad is None or still.coverage95_rad is None:
+def upper_bound_amplitude(estimate: SwingEstimate, at_rest: SwingEstimate) -> SwingEstimate:
+    """Return the estimate of a swing that hardly exceeds the noise: its interval includes all that a load at rest allows."""
+    if estimate.coverage95_rad is None or at_rest.coverage95_rad is None:
         return estimate
-    high_rad = max(estimate.coverage95_rad[1], still.coverage95_rad[1])
+    high_rad = max(estimate.coverage95_rad[1], at_rest.coverage95_rad[1])
     return replace(
         estimate,
         u_rad=max(estimate.u_rad or 0.0, high_rad / (2 * NORMAL_975)),
         coverage95_rad=(0.0, high_rad),
-        reasons=(*estimate.reasons, "hardly told from noise: it may as well be smaller, down to none"),
+        reasons=(*estimate.reasons, "hardly distinct from noise: the swing may be smaller, or none"),
     )
 
 
-def gains(finding: FitResult) -> Real:
-    """Twice the log-likelihood that the fit gains against standing still, shape (3,): by axis."""
-    fit = finding.fit
+def likelihood_gains(result: FitResult) -> Array:
+    """Return twice the gain in log-likelihood of a fit against a load at rest, shape (3,), by axis."""
+    fit = result.fit
     mean_g = np.average(fit.bins.force_g, axis=0, weights=fit.bins.count)
-    still = (fit.weight * (fit.bins.force_g - mean_g) ** 2).sum(axis=0)
+    at_rest = (fit.weight * (fit.bins.force_g - mean_g) ** 2).sum(axis=0)
     swinging = (fit.weight * fit.residual_g**2).sum(axis=0)
-    gained: Real = (still - swinging) / finding.claim.inflation
-    return gained
+    gains: Array = (at_rest - swinging) / result.uncertainty.variance_inflation
+    return gains
 
 
-def is_below_detection(finding: FitResult) -> bool:
-    """Standing still would explain the window as well as the fit does."""
-    return bool(gains(finding).sum() < FAINTEST_GAIN)
+def is_below_detection(result: FitResult) -> bool:
+    """Return whether a load at rest would explain the window as well as the fit does."""
+    return bool(likelihood_gains(result).sum() < FAINTEST_GAIN)
 
 
-def _wander(bins: Bins, noise_g: Real) -> Real:
-    """Variance of the bins over that of sensor noise, shape (3,), at least 1."""
-    normalised = (bins.force_g - np.average(bins.force_g, axis=0, weights=bins.count)) * np.sqrt(bins.count)[:, None]
-    wander: Real = np.maximum((normalised**2).mean(axis=0) / noise_g**2, 1.0)
-    return wander
+def _excess_variance(bins: Bins, noise_g: Array) -> Array:
+    """Return the variance of the bins over that by sensor noise, shape (3,), at least 1."""
+    deviation_g = bins.force_g - np.average(bins.force_g, axis=0, weights=bins.count)
+    normalised = deviation_g * np.sqrt(bins.count)[:, None]
+    excess: Array = np.maximum((normalised**2).mean(axis=0) / noise_g**2, 1.0)
+    return excess
 
 
-def _doubt_of_z_g(rig: MountedHousing) -> float:
-    """By which z may be off at 1 g, two standard uncertainties."""
+def _expanded_u_z_g(rig: MountedHousing) -> float:
+    """Return the expanded uncertainty (k = 2) of z at 1 g."""
     return 2 * (rig.zero_g_offset_u_g[2] + rig.scale_u[2])
 
 
-def _possible_rho(rig: MountedHousing) -> Real:
-    """The housing's place over the rope's length, for every length that is believed possible."""
-    doubt = 2 * rig.length_u_rel
-    lengths_m = rig.length_m * np.array([1 + doubt, max(1 - doubt, 0.1)])
+def _possible_rho(rig: MountedHousing) -> Array:
+    """Return values of rho for all lengths of the rope within their expanded uncertainty (k = 2), shape (9,)."""
+    expanded = 2 * rig.length_u_rel
+    lengths_m = rig.length_m * np.array([1 + expanded, max(1 - expanded, 0.1)])
     ends = [rig.rho_at(float(length_m)) for length_m in lengths_m]
-    slack = 2 * rig.position_u_m / lengths_m[1]
-    rho: Real = np.linspace(max(min(ends) - slack, 0.0), min(max(ends) + slack, 1.0), 9)
+    margin = 2 * rig.position_u_m / lengths_m[1]
+    rho: Array = np.linspace(max(min(ends) - margin, 0.0), min(max(ends) + margin, 1.0), 9)
     return rho
 
 
-def _largest_swing_rad(harmonics: Harmonics, rig: MountedHousing, wander: Real) -> float:
-    """The lesser of what the transverse axes and the axial one leave possible, for every rho that is believed possible."""
+def _largest_swing_rad(harmonics: Harmonics, rig: MountedHousing, excess: Array) -> float:
+    """Return the smaller bound of those by the transverse axes and by the axial one, for the worst possible rho."""
     rho = _possible_rho(rig)
-    u_g = BOUND_FACTOR * np.sqrt(wander) * harmonics.u_g
-    seen_g = np.abs(harmonics.amplitude_g) + u_g
-    across = np.hypot(seen_g[0], seen_g[1]) / np.maximum(1 - rho, 1e-4)
-    square = seen_g[2] / (rho / 2 + 0.25)
-    mean_doubt_g = abs(np.linalg.norm(harmonics.mean_g) - 1.0) + _doubt_of_z_g(rig) + u_g[2]
-    size = np.maximum(mean_doubt_g / np.maximum(np.abs(rho / 2 - 0.25), 1e-4), square)
-    along = np.sqrt((square + size) / 2)
-    return float(min(np.minimum(across, along).max(), np.pi / 2))
+    u_g = BOUND_FACTOR * np.sqrt(excess) * harmonics.u_g
+    bound_g = np.abs(harmonics.amplitude_g) + u_g
+    by_xy = np.hypot(bound_g[0], bound_g[1]) / np.maximum(1 - rho, 1e-4)
+    square = bound_g[2] / (rho / 2 + 0.25)
+    mean_bound_g = abs(np.linalg.norm(harmonics.mean_g) - 1.0) + _expanded_u_z_g(rig) + u_g[2]
+    size = np.maximum(mean_bound_g / np.maximum(np.abs(rho / 2 - 0.25), 1e-4), square)
+    by_z = np.sqrt((square + size) / 2)
+    return float(min(np.minimum(by_xy, by_z).max(), np.pi / 2))

@@ -1,8 +1,8 @@
-"""One sensor read the whole recording: what its pieces say of its errors must agree.
+"""Consistency of segments: one sensor measured the whole recording, so the segments must agree on its errors.
 
-A short piece tells the lean from a zero-g offset by little, and wrongly where the rope moves unnoticed in it; lean, offset and
-angle are then wrong together. The lean itself may change from piece to piece (a side pull does): it shows in the mean of what is
-read, and is not held to anything here. The sensor's errors do not change.
+A short segment separates the lean from a zero-g offset only weakly, and wrongly where the rope moves unnoticed in it; lean,
+offset and angle are then wrong together. The lean itself may change from segment to segment, as a side pull does, and is not
+constrained. The sensor's errors do not change.
 """
 
 from dataclasses import dataclass, replace
@@ -10,11 +10,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.numerics.array import Array
 from gateway.swing.estimation.hoist_tracking import FittedInterval
 from gateway.swing.estimation.robust_fit import FitResult, inflate_uncertainty
-from gateway.swing.fit.priors import ERRORS
-from gateway.swing.model.spherical_pendulum import Real
-from gateway.swing.uncertainty.peaks import largest_angle, largest_angle_slope
+from gateway.swing.fit.priors import N_SENSOR_ERRORS
+from gateway.swing.uncertainty.peaks import largest_angle, largest_angle_gradient
 
 CHANCE = 1.5
 """Standard deviations by which two may differ."""
@@ -22,64 +22,66 @@ CHANCE = 1.5
 
 @dataclass(frozen=True, slots=True)
 class SegmentEstimate:
-    """What a piece says of the errors of sensor and housing that are unknown, in standard deviations of the beliefs."""
+    """What a segment contributes on the unknown errors of sensor and housing, in standard deviations of their prior."""
 
-    errors: Real
-    gained: Real
-    """Information on them beyond the beliefs, shape (free, free)."""
+    errors: Array
+    information: Array
+    """Information on the errors beyond the prior, shape (free, free)."""
     angle_rad: float
-    """The piece's largest angle."""
+    """The segment's largest angle."""
     u_rad: float
-    angle_by_errors: Real
-    """By which the angle follows when the errors are known to be others."""
+    angle_by_errors: Array
+    """Change of the angle when the errors are known to be others."""
 
 
-def enforce_common_sensor_errors(pieces: list[FittedInterval]) -> tuple[list[FittedInterval], tuple[str, ...]]:
-    """The pieces, and what is to be said of them.
+def enforce_common_sensor_errors(segments: list[FittedInterval]) -> tuple[list[FittedInterval], tuple[str, ...]]:
+    """Return the segments with the disagreement on the sensor's errors in their uncertainty, and a reason where there is any.
 
-    Where a piece's angle would be another with the sensor that the others show, the part of the difference that chance does
-    not explain goes into its uncertainty.
+    Where a segment's angle would be another with the sensor errors of the other segments, the part of the difference that chance
+    does not explain is added to its uncertainty.
     """
-    if len(pieces) < 2 or not _free(pieces[0].finding).any():
-        return pieces, ()
-    witnesses = [_witness(piece.finding) for piece in pieces]
-    found, odd = [], []
-    for place, (piece, witness) in enumerate(zip(pieces, witnesses, strict=True)):
-        unexplained_rad = _unexplained_rad(witness, witnesses[:place] + witnesses[place + 1 :])
-        found.append(replace(piece, finding=inflate_uncertainty(piece.finding, unexplained_rad / witness.angle_rad)))
-        if unexplained_rad > witness.u_rad:
-            odd.append(f"{piece.from_s:.0f}-{piece.to_s:.0f} s")
-    return found, (f"widened: alone, {', '.join(odd)} would show another sensor than the rest",) if odd else ()
+    if len(segments) < 2 or not _free_errors(segments[0].result).any():
+        return segments, ()
+    estimates = [_estimate_errors(segment.result) for segment in segments]
+    found, inconsistent = [], []
+    for place, (segment, estimate) in enumerate(zip(segments, estimates, strict=True)):
+        excess_rad = _excess_difference_rad(estimate, estimates[:place] + estimates[place + 1 :])
+        found.append(replace(segment, result=inflate_uncertainty(segment.result, excess_rad / estimate.angle_rad)))
+        if excess_rad > estimate.u_rad:
+            inconsistent.append(f"{segment.from_s:.0f}-{segment.to_s:.0f} s")
+    if not inconsistent:
+        return found, ()
+    return found, (f"wider interval: {', '.join(inconsistent)} alone would show other sensor errors than the rest",)
 
 
-def _unexplained_rad(one: SegmentEstimate, others: list[SegmentEstimate]) -> float:
-    """How much farther an angle moves under the sensor of the others than chance lets it."""
-    believed = np.eye(len(one.errors))
-    theirs = np.linalg.inv(believed + sum(other.gained for other in others))
-    errors = theirs @ sum((believed + other.gained) @ other.errors for other in others)
-    own = np.linalg.inv(believed + one.gained)
-    difference = own + theirs - own @ theirs - theirs @ own  # of two that start from the same beliefs
-    shift_rad = float(one.angle_by_errors @ (errors - one.errors))
-    chance_rad2 = float(one.angle_by_errors @ difference @ one.angle_by_errors)
-    return float(np.sqrt(max(shift_rad**2 - CHANCE**2 * chance_rad2, 0.0)))
+def _excess_difference_rad(one: SegmentEstimate, others: list[SegmentEstimate]) -> float:
+    """Return the change of an angle under the sensor errors of the others, less what chance explains."""
+    prior = np.eye(len(one.errors))
+    covariance = np.linalg.inv(prior + sum(other.information for other in others))
+    errors = covariance @ sum((prior + other.information) @ other.errors for other in others)
+    own = np.linalg.inv(prior + one.information)
+    difference = own + covariance - own @ covariance - covariance @ own  # of two estimates with the same prior
+    change_rad = float(one.angle_by_errors @ (errors - one.errors))
+    variance_rad2 = float(one.angle_by_errors @ difference @ one.angle_by_errors)
+    return float(np.sqrt(max(change_rad**2 - CHANCE**2 * variance_rad2, 0.0)))
 
 
-def _witness(finding: FitResult) -> SegmentEstimate:
-    fit, free = finding.fit, _free(finding)
-    count, deviation = int(free.sum()), fit.beliefs.deviation[-ERRORS:][free]
-    covariance = finding.claim.covariance[:, -count:] / deviation
-    own = covariance[-count:] / deviation[:, None]
+def _estimate_errors(result: FitResult) -> SegmentEstimate:
+    fit, free = result.fit, _free_errors(result)
+    count, sigma = int(free.sum()), fit.prior.sigma[-N_SENSOR_ERRORS:][free]
+    covariance = result.uncertainty.covariance[:, -count:] / sigma
+    own = covariance[-count:] / sigma[:, None]
     values, vectors = np.linalg.eigh(np.linalg.inv((own + own.T) / 2) - np.eye(count))
-    angle_rad, u_rad = largest_angle(fit, finding.claim)
+    angle_rad, u_rad = largest_angle(fit, result.uncertainty)
     return SegmentEstimate(
-        errors=fit.instrument.errors[free] / deviation,
-        gained=(vectors * np.maximum(values, 0.0)) @ vectors.T,
+        errors=fit.sensor.errors[free] / sigma,
+        information=(vectors * np.maximum(values, 0.0)) @ vectors.T,
         angle_rad=max(angle_rad, 1e-6),
         u_rad=u_rad,
-        angle_by_errors=np.asarray(np.linalg.solve(own, largest_angle_slope(fit) @ covariance), dtype=np.float64),
+        angle_by_errors=np.asarray(np.linalg.solve(own, largest_angle_gradient(fit) @ covariance), dtype=np.float64),
     )
 
 
-def _free(finding: FitResult) -> NDArray[np.bool_]:
-    """Which of the errors of sensor and housing are unknown."""
-    return finding.fit.free[-ERRORS:]
+def _free_errors(result: FitResult) -> NDArray[np.bool_]:
+    """Return which errors of sensor and housing are unknown."""
+    return result.fit.free[-N_SENSOR_ERRORS:]

@@ -1,15 +1,15 @@
-"""A load followed while the rope's length changes: from a stretch that a plain pendulum explains, onward a little at a time."""
+"""Tracking a load while the rope's length changes: from an interval with constant length onward, a little at a time."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from gateway.numerics.array import Array
 from gateway.swing.data.bins import Bins
 from gateway.swing.estimation.robust_fit import FitResult, fit_robust
 from gateway.swing.fit.priors import hoisting_prior
-from gateway.swing.model.motion import PLAIN, Motion
+from gateway.swing.model.motion import N_BASE_PARAMETERS, Motion
 from gateway.swing.model.rope_spline import SplineGrid
-from gateway.swing.model.spherical_pendulum import Real
 from gateway.swing.rig import MountedHousing
 
 RASTER_STEPS_PER_PERIOD = 10
@@ -31,100 +31,112 @@ FASTEST_M_S = 2.0
 
 @dataclass(frozen=True, slots=True)
 class FittedInterval:
-    """What a fit says of a part of its window."""
+    """The fit of a window, and the part of it that the fit describes."""
 
     from_s: float
     to_s: float
-    finding: FitResult
+    result: FitResult
 
     @property
     def period_s(self) -> float:
-        """Of a small swing."""
-        return self.finding.fit.motion.period_s
+        """Period of a small swing."""
+        return self.result.fit.motion.period_s
 
     @property
     def periods(self) -> float:
-        """How long it is."""
+        """Duration in periods."""
         return (self.to_s - self.from_s) / self.period_s
 
 
-def raster_step_s(rig: MountedHousing) -> float:
-    """Step of the raster, from the believed rig, so that all rasters of a rig share their instants.
+def spline_step_s(rig: MountedHousing) -> float:
+    """Return the step of the speed's splines for a nominal rig, so that all grids of a rig share their knots.
 
-    A housing that goes with the rope feels every change of speed; one that stays feels only what the swing makes of it.
+    A housing that moves with the rope reads every change of speed; one that stays in place reads only its effect on the swing.
     """
     step_s = rig.small_swing_period_s / RASTER_STEPS_PER_PERIOD
     return step_s if rig.above_load_m is None else min(step_s, FINEST_RASTER_S)
 
 
-def hoist_find(
+def fit_hoist(
     bins: Bins,
-    noise_g: Real,
+    noise_g: Array,
     rig: MountedHousing,
     start: Motion,
-    moves_s: tuple[float, float],
+    moving_s: tuple[float, float],
     iterations: int,
     step_s: float | None = None,
 ) -> FitResult | None:
-    """The fit of a window whose rope moves between two times; None where that explains nothing. `start` covers the window."""
-    raster = SplineGrid.over(*moves_s, step_s or raster_step_s(rig))
-    finding = fit_robust(
-        bins, noise_g, start.hoisting(raster), hoisting_prior(rig, raster.count), iterations, worth=LARGEST_MISFIT
-    )
-    return finding if finding is not None and _credible(finding) else None
+    """Return the fit of a window whose rope moves between two times; None where that explains nothing.
+
+    The grid of `start` covers the window.
+    """
+    splines = SplineGrid.covering(*moving_s, step_s or spline_step_s(rig))
+    prior = hoisting_prior(rig, splines.count)
+    result = fit_robust(bins, noise_g, start.with_splines(splines), prior, iterations, max_misfit=LARGEST_MISFIT)
+    return result if result is not None and _is_plausible(result) else None
 
 
 def track_forward(
-    bins: Bins, noise_g: Real, rig: MountedHousing, motion: Motion, *, from_s: float, plain_to_s: float, to_s: float
+    bins: Bins, noise_g: Array, rig: MountedHousing, motion: Motion, *, from_s: float, constant_to_s: float, to_s: float
 ) -> list[FittedInterval]:
-    """The stretches from `plain_to_s` up to `to_s`, of a rope that moves from about then on, as far as that explains them.
+    """Return the intervals from `constant_to_s` up to `to_s`, as far as a rope that moves from about then on explains them.
 
-    `motion` explains what lies between `from_s` and `plain_to_s`.
+    `motion` explains the data between `from_s` and `constant_to_s`.
     """
     found: list[FittedInterval] = []
-    moves_from_s = plain_to_s - BACK_PERIODS * motion.period_s
-    end_s = known_s = plain_to_s
+    moving_from_s = constant_to_s - BACK_PERIODS * motion.period_s
+    end_s = known_s = constant_to_s
     while end_s < to_s:
         period_s = motion.period_s
         end_s = min(end_s + STRIDE_PERIODS * period_s, to_s)
         from_s = max(from_s, end_s - WINDOW_PERIODS * period_s)
-        window = bins.select((bins.time_s >= from_s) & (bins.time_s <= end_s))
         start = motion.extended(max(from_s, motion.grid.start_s), end_s + MARGIN_PERIODS * period_s)
-        finding = hoist_find(window, noise_g, rig, start, (max(moves_from_s, from_s), end_s), ITERATIONS)
-        if finding is None:
+        moving_s = max(moving_from_s, from_s), end_s
+        result = fit_hoist(bins.between(from_s, end_s), noise_g, rig, start, moving_s, ITERATIONS)
+        if result is None:
             break
-        motion = finding.fit.motion
-        if finding.sound and (end_s == to_s or end_s - known_s > SETTLED_PERIODS * period_s):
+        motion = result.fit.motion
+        if result.is_valid and (end_s == to_s or end_s - known_s > SETTLED_PERIODS * period_s):
             settled_s = end_s if end_s == to_s else end_s - OPEN_PERIODS * period_s
-            found.append(FittedInterval(known_s, settled_s, finding))
+            found.append(FittedInterval(known_s, settled_s, result))
             known_s = settled_s
     return found
 
 
 def track_backward(
-    bins: Bins, noise_g: Real, rig: MountedHousing, motion: Motion, *, from_s: float, plain_from_s: float, to_s: float
+    bins: Bins,
+    noise_g: Array,
+    rig: MountedHousing,
+    motion: Motion,
+    *,
+    from_s: float,
+    constant_from_s: float,
+    to_s: float,
 ) -> list[FittedInterval]:
-    """The same backward, from `plain_from_s` down to `from_s`; `motion` explains what lies between `plain_from_s` and `to_s`."""
+    """Return the same backward, from `constant_from_s` down to `from_s`.
+
+    `motion` explains the data between `constant_from_s` and `to_s`.
+    """
     found: list[FittedInterval] = []
-    moves_to_s = plain_from_s + BACK_PERIODS * motion.period_s
-    begin_s = known_s = plain_from_s
+    moving_to_s = constant_from_s + BACK_PERIODS * motion.period_s
+    begin_s = known_s = constant_from_s
     while begin_s > from_s:
         period_s = motion.period_s
         begin_s = max(begin_s - STRIDE_PERIODS * period_s, from_s)
         to_s = min(to_s, begin_s + WINDOW_PERIODS * period_s)
-        window = bins.select((bins.time_s >= begin_s) & (bins.time_s <= to_s))
         start = motion.extended_backward(begin_s, to_s + MARGIN_PERIODS * period_s)
-        finding = hoist_find(window, noise_g, rig, start, (begin_s, min(moves_to_s, to_s)), ITERATIONS)
-        if finding is None:
+        moving_s = begin_s, min(moving_to_s, to_s)
+        result = fit_hoist(bins.between(begin_s, to_s), noise_g, rig, start, moving_s, ITERATIONS)
+        if result is None:
             break
-        motion = finding.fit.motion
-        if finding.sound and (begin_s == from_s or known_s - begin_s > SETTLED_PERIODS * period_s):
+        motion = result.fit.motion
+        if result.is_valid and (begin_s == from_s or known_s - begin_s > SETTLED_PERIODS * period_s):
             settled_s = begin_s if begin_s == from_s else begin_s + OPEN_PERIODS * period_s
-            found.insert(0, FittedInterval(settled_s, known_s, finding))
+            found.insert(0, FittedInterval(settled_s, known_s, result))
             known_s = settled_s
     return found
 
 
-def _credible(finding: FitResult) -> bool:
-    speeds_m_s = finding.fit.motion.parameters[PLAIN:]
-    return finding.claim.misfit <= LARGEST_MISFIT and bool((np.abs(speeds_m_s) < FASTEST_M_S).all())
+def _is_plausible(result: FitResult) -> bool:
+    speeds_m_s = result.fit.motion.parameters[N_BASE_PARAMETERS:]
+    return result.uncertainty.misfit <= LARGEST_MISFIT and bool((np.abs(speeds_m_s) < FASTEST_M_S).all())

@@ -1,13 +1,13 @@
-"""A finding turned into an estimate."""
+"""The estimate of a swing from a fit."""
 
 import numpy as np
 
+from gateway.numerics.array import Array
 from gateway.numerics.runs import true_runs
 from gateway.swing.estimate import SLOWEST_HOIST_M_S, SURE, PeakPrediction, SwingEstimate, SwingPeak
 from gateway.swing.estimation.robust_fit import FitResult
-from gateway.swing.model.motion import PLAIN, STATES
-from gateway.swing.model.spherical_pendulum import Real
-from gateway.swing.uncertainty.peaks import angles, ellipse, half_swing_peaks, maxima_s, track
+from gateway.swing.model.motion import N_BASE_PARAMETERS, N_STATES
+from gateway.swing.uncertainty.peaks import angles_at, half_swing_peaks, maxima_s, sample_angles, swing_ellipse
 from gateway.swing.uncertainty.uncertainty_model import UncertaintyModel
 
 NOTABLE_WIDENING = 1.5
@@ -16,88 +16,89 @@ CHOICE = 1.08
 FAINT = 0.2
 """Relative uncertainty from which on the interval reaches down to 0: the angle is no longer linear in what is measured."""
 LOOK_S = 0.25
-UNSETTLED = "the fit did not settle"
+NOT_CONVERGED = "the fit did not converge"
 NO_MOTION = "no pendulum motion fits the data"
 
 
-def assess(finding: FitResult, noise_g: Real, from_s: float, to_s: float) -> SwingEstimate:
-    """The estimate of the swing between two times inside the fitted window; no angle where the pendulum does not describe it."""
-    if not finding.sound:
-        return _invalid_reason(finding, noise_g, from_s, to_s)
-    fit, claim = finding.fit, finding.claim
-    motion = track(fit, from_s, to_s)
+def make_estimate(result: FitResult, noise_g: Array, from_s: float, to_s: float) -> SwingEstimate:
+    """Return the estimate between two times in the fitted window; without an angle where no pendulum describes the data."""
+    if not result.is_valid:
+        return _without_angle(result, noise_g, from_s, to_s)
+    fit, uncertainty = result.fit, result.uncertainty
+    series = sample_angles(fit, from_s, to_s)
     period_s = fit.motion.period_s
-    peaks = half_swing_peaks(fit, claim, from_s, to_s)
+    peaks = half_swing_peaks(fit, uncertainty, from_s, to_s)
     largest = max(peaks, key=lambda peak: peak.phi_max_rad)
-    minor_rad, azimuth_rad = ellipse(track(fit, max(from_s, to_s - period_s), to_s))
-    pull = complex(motion.pull[-1])
-    speed_m_s, speed_u_m_s = _rope_speed(finding, to_s)
+    minor_rad, azimuth_rad = swing_ellipse(sample_angles(fit, max(from_s, to_s - period_s), to_s))
+    pull = complex(series.pull[-1])
+    speed_m_s, speed_u_m_s = _rope_speed(result, to_s)
     return SwingEstimate(
         from_s=from_s,
         to_s=to_s,
         swinging=True,
         phi_max_rad=largest.phi_max_rad,
         u_rad=largest.u_rad,
-        coverage95_rad=coverage(largest, claim),
+        coverage95_rad=coverage_interval(largest, uncertainty),
         minor_phi_max_rad=minor_rad,
         azimuth_rad=azimuth_rad,
         lean_rad=float(np.arctan(abs(pull))),
-        lean_u_rad=_lean_deviation(finding),
+        lean_u_rad=_lean_u_rad(result),
         lean_azimuth_rad=float(np.angle(pull)),
         period_s=period_s,
         length_m=fit.motion.length_m,
-        length_u_m=fit.motion.length_m * claim.length_deviation_rel,
+        length_u_m=fit.motion.length_m * uncertainty.length_u_rel,
         damping_ratio=fit.motion.damping_ratio,
         rope_speed_m_s=speed_m_s,
         rope_speed_u_m_s=speed_u_m_s,
         swings=full_swings(peaks, from_s, to_s, period_s),
-        reduced_chi_square=claim.reduced_chi_square,
+        reduced_chi_square=uncertainty.reduced_chi_square,
         noise_g=_three(noise_g),
-        reasons=remarks(finding),
+        reasons=reasons_of(result),
     )
 
 
-def _invalid_reason(finding: FitResult, noise_g: Real, from_s: float, to_s: float) -> SwingEstimate:
+def _without_angle(result: FitResult, noise_g: Array, from_s: float, to_s: float) -> SwingEstimate:
     return SwingEstimate(
         from_s=from_s,
         to_s=to_s,
         swinging=None,
         noise_g=_three(noise_g),
-        reduced_chi_square=finding.claim.reduced_chi_square,
-        reasons=remarks(finding),
+        reduced_chi_square=result.uncertainty.reduced_chi_square,
+        reasons=reasons_of(result),
     )
 
 
-def coverage(peak: SwingPeak, claim: UncertaintyModel) -> tuple[float, float]:
-    """The 95 % interval of a peak."""
-    half = CHOICE * claim.coverage_factor * peak.u_rad
+def coverage_interval(peak: SwingPeak, uncertainty: UncertaintyModel) -> tuple[float, float]:
+    """Return the 95 % interval of a peak."""
+    half = CHOICE * uncertainty.coverage_factor * peak.u_rad
     low = peak.phi_max_rad - half if peak.u_rad < FAINT * peak.phi_max_rad else 0.0
     return max(0.0, low), min(peak.phi_max_rad + half, np.pi)
 
 
-def remarks(finding: FitResult) -> tuple[str, ...]:
-    """Why a number is missing, or larger in its uncertainty than noise alone would make it."""
-    claim = finding.claim
-    if not finding.fit.converged:
-        return (UNSETTLED,)
-    if not claim.describes:
+def reasons_of(result: FitResult) -> tuple[str, ...]:
+    """Return why a number is missing, or why its uncertainty is larger than by noise alone."""
+    uncertainty = result.uncertainty
+    if not result.fit.converged:
+        return (NOT_CONVERGED,)
+    if not uncertainty.is_adequate:
         return (
             "a pendulum does not describe the data: "
-            f"{claim.misfit:.0%} of the signal unexplained, reduced chi-square {claim.reduced_chi_square:.3g}",
+            f"{uncertainty.misfit:.0%} of the signal unexplained, reduced chi-square {uncertainty.reduced_chi_square:.3g}",
         )
-    said = []
-    if finding.widening > NOTABLE_WIDENING or claim.misfit > 0:
-        unexplained = f"{claim.misfit:.1%} of the signal unexplained in the swing's band"
-        said.append(f"widened: {unexplained}, noise {finding.widening:.1f} times what the sensor makes")
-    if finding.explained_by:
-        said.append("rig and sensor as stated do not explain the data; this would: " + ", ".join(finding.explained_by))
-    if finding.spikes:
-        said.append(f"spikes left out: {finding.spikes}")
-    return tuple(said)
+    reasons = []
+    if result.noise_ratio > NOTABLE_WIDENING or uncertainty.misfit > 0:
+        unexplained = f"{uncertainty.misfit:.1%} of the signal unexplained in the swing's band"
+        reasons.append(f"wider interval: {unexplained}, residual {result.noise_ratio:.1f} times the sensor's noise")
+    if result.sensor_errors:
+        errors = ", ".join(result.sensor_errors)
+        reasons.append(f"rig and sensor as stated do not explain the data; these errors would: {errors}")
+    if result.outliers:
+        reasons.append(f"spikes left out: {result.outliers}")
+    return tuple(reasons)
 
 
 def full_swings(peaks: list[SwingPeak], from_s: float, to_s: float, period_s: float) -> tuple[SwingPeak, ...]:
-    """The largest angle of every full period, oldest first."""
+    """Return the largest angle of every full period, oldest first."""
     swings = []
     for number in range(int((to_s - from_s) / period_s + 0.02)):
         begin_s = from_s + number * period_s
@@ -107,58 +108,57 @@ def full_swings(peaks: list[SwingPeak], from_s: float, to_s: float, period_s: fl
     return tuple(swings)
 
 
-def predict(finding: FitResult, now_s: float) -> PeakPrediction | None:
-    """The coming maximum after `now_s`, where the fit's grid reaches it and the fit is sound."""
-    fit = finding.fit
-    if not finding.sound:
+def predict_next_maximum(result: FitResult, now_s: float) -> PeakPrediction | None:
+    """Return the next maximum after `now_s`, where the fit's grid covers it and the fit is valid."""
+    fit = result.fit
+    if not result.is_valid:
         return None
     end_s = min(now_s + 0.75 * fit.motion.period_s, fit.motion.grid.end_s)
-    coming = maxima_s(track(fit, now_s, end_s))
+    coming = maxima_s(sample_angles(fit, now_s, end_s))
     coming = coming[(coming > now_s) & (coming < end_s)]
     if len(coming) == 0:
         return None
-    angle, deviation = angles(fit, finding.claim, coming[:1])
-    return PeakPrediction(
-        phi_max_rad=float(angle[0]), u_rad=float(deviation[0]), time_to_peak_s=float(coming[0]) - now_s
-    )
+    angle, u = angles_at(fit, result.uncertainty, coming[:1])
+    return PeakPrediction(phi_max_rad=float(angle[0]), u_rad=float(u[0]), time_to_peak_s=float(coming[0]) - now_s)
 
 
-def _rope_speed(finding: FitResult, time_s: float) -> tuple[float | None, float | None]:
-    """L' and its standard uncertainty; None for a rope that was taken to keep its length."""
-    if finding.fit.motion.raster is None:
+def hoisting_intervals_s(result: FitResult, from_s: float, to_s: float) -> tuple[tuple[float, float], ...]:
+    """Return when between two times the rope's length significantly changes, to a quarter of a second."""
+    edges_s = np.arange(from_s, to_s + LOOK_S, LOOK_S)
+    speed_m_s, u_m_s = _rope_speeds(result, (edges_s[:-1] + edges_s[1:]) / 2)
+    moving = np.abs(speed_m_s) > np.maximum(SURE * u_m_s, SLOWEST_HOIST_M_S)
+    return tuple((float(edges_s[start]), float(edges_s[stop])) for start, stop in true_runs(moving))
+
+
+def _rope_speed(result: FitResult, time_s: float) -> tuple[float | None, float | None]:
+    """Return L' and its standard uncertainty; None for a rope that is assumed to keep its length."""
+    if result.fit.motion.splines is None:
         return None, None
-    speed_m_s, u_m_s = _rope_speeds(finding, np.array([time_s]))
+    speed_m_s, u_m_s = _rope_speeds(result, np.array([time_s]))
     return float(speed_m_s[0]), float(u_m_s[0])
 
 
-def _rope_speeds(finding: FitResult, time_s: Real) -> tuple[Real, Real]:
-    """L' and its standard uncertainty at times, each of shape (n,)."""
-    motion = finding.fit.motion
-    if motion.raster is None:
+def _rope_speeds(result: FitResult, time_s: Array) -> tuple[Array, Array]:
+    """Return L' and its standard uncertainty at times, each of shape (n,)."""
+    motion = result.fit.motion
+    if motion.splines is None:
         return np.zeros_like(time_s), np.zeros_like(time_s)
-    by_speed = motion.raster.rope(time_s, 0.0, np.eye(motion.raster.count)).rate_m_s
-    places = slice(STATES + PLAIN, STATES + PLAIN + motion.raster.count)
-    variance = np.einsum("ni,ij,nj->n", by_speed, finding.claim.covariance[places, places], by_speed)
-    return by_speed @ motion.parameters[PLAIN:], np.sqrt(np.maximum(variance, 0.0))
+    by_speed = motion.splines.evaluate(time_s, 0.0, np.eye(motion.splines.count)).rate_m_s
+    first = N_STATES + N_BASE_PARAMETERS
+    places = slice(first, first + motion.splines.count)
+    variance = np.einsum("ni,ij,nj->n", by_speed, result.uncertainty.covariance[places, places], by_speed)
+    return by_speed @ motion.parameters[N_BASE_PARAMETERS:], np.sqrt(np.maximum(variance, 0.0))
 
 
-def hoisting_duration_s(finding: FitResult, from_s: float, to_s: float) -> tuple[tuple[float, float], ...]:
-    """When between two times the rope's length surely changes, to a quarter of a second."""
-    edges_s = np.arange(from_s, to_s + LOOK_S, LOOK_S)
-    speed_m_s, u_m_s = _rope_speeds(finding, (edges_s[:-1] + edges_s[1:]) / 2)
-    moves = np.abs(speed_m_s) > np.maximum(SURE * u_m_s, SLOWEST_HOIST_M_S)
-    return tuple((float(edges_s[start]), float(edges_s[stop])) for start, stop in true_runs(moves))
-
-
-def _lean_deviation(finding: FitResult) -> float:
-    """Along the lean's own direction, or the larger one where there is none."""
-    covariance = finding.claim.covariance[4:STATES, 4:STATES]
-    pull = finding.fit.motion.nodes[2, 0]
+def _lean_u_rad(result: FitResult) -> float:
+    """Return the standard uncertainty of the lean along its own direction, or the larger one where it has none."""
+    covariance = result.uncertainty.covariance[4:N_STATES, 4:N_STATES]
+    pull = result.fit.motion.nodes[2, 0]
     if abs(pull) < 2 * np.sqrt(covariance.trace()):
         return float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
     direction = np.array([pull.real, pull.imag]) / abs(pull)
     return float(np.sqrt(direction @ covariance @ direction))
 
 
-def _three(noise_g: Real) -> tuple[float, float, float]:
+def _three(noise_g: Array) -> tuple[float, float, float]:
     return float(noise_g[0]), float(noise_g[1]), float(noise_g[2])

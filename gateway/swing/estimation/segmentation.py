@@ -1,20 +1,21 @@
-"""A recording in which something happened: the stretches that follow a free pendulum, each fitted by itself."""
+"""Segmentation of a recording in which something happened: the intervals that follow a free pendulum, each fitted by itself."""
 
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
+from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from gateway.swing.data.bins import Bins
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.estimation.cross_segment_consistency import enforce_common_sensor_errors
 from gateway.swing.estimation.hoist_tracking import FittedInterval, track_backward, track_forward
-from gateway.swing.estimation.make_estimate import CHOICE, assess, hoisting_duration_s
+from gateway.swing.estimation.make_estimate import CHOICE, hoisting_intervals_s, make_estimate
 from gateway.swing.estimation.robust_fit import FitResult, fit_robust, fit_robust_from, inflate_uncertainty
-from gateway.swing.fit.initial_guess import find_harmonics, start_motions
+from gateway.swing.fit.harmonics import find_harmonics
+from gateway.swing.fit.initial_guess import initial_motions
 from gateway.swing.fit.priors import Prior
-from gateway.swing.model.spherical_pendulum import Real
 from gateway.swing.rig import MountedHousing
 from gateway.swing.uncertainty.peaks import largest_angle
 
@@ -42,103 +43,99 @@ OFFSET_SHARE = 0.5
 believed to tell offset from lean by the axial force were wrong by up to 0.8 degrees, with an offset known to 1.4."""
 HARMLESS_GAP_PERIODS = 0.5
 """An unfitted stretch this short cannot hide a larger angle than its neighbours show, unless it is forced for longer."""
+FEWEST_BINS = 12
 
 
 @dataclass(slots=True)
 class Segmenter:
-    """Cuts a recording into pieces, with a bounded number of fits."""
+    """Cuts a recording into segments, with a bounded number of fits."""
 
     bins: Bins
-    noise_g: Real
-    beliefs: Prior
+    noise_g: Array
+    prior: Prior
     period_s: float
     to_s: float
     fits: int = 0
-    most_fits: float = FEWEST_FITS
+    max_fits: float = FEWEST_FITS
 
-    def cut(self, from_s: float) -> list[FittedInterval]:
-        """All pieces from `from_s` on, oldest first."""
+    def segments(self, from_s: float) -> list[FittedInterval]:
+        """Return all segments from `from_s` on, oldest first."""
         found: list[FittedInterval] = []
-        self.most_fits = max(FEWEST_FITS, FITS_PER_PERIOD * (self.to_s - from_s) / self.period_s)
-        while from_s + SHORTEST_PERIODS * self.period_s <= self.to_s and self.fits < self.most_fits:
-            piece = self._first(from_s)
-            if piece is None:
+        self.max_fits = max(FEWEST_FITS, FITS_PER_PERIOD * (self.to_s - from_s) / self.period_s)
+        while from_s + SHORTEST_PERIODS * self.period_s <= self.to_s and self.fits < self.max_fits:
+            segment = self._first(from_s)
+            if segment is None:
                 from_s += STRIDE_PERIODS * self.period_s
                 continue
-            if not piece.finding.plain and (plain := self._plain_soon(from_s)) is not None:
-                found.append(replace(piece, to_s=min(piece.to_s, plain.from_s)))
-                piece = plain
-            piece = self._longest(piece)
-            found.append(piece)
-            from_s = piece.to_s
+            if not segment.result.is_explained and (explained := self._explained_soon(from_s)) is not None:
+                found.append(replace(segment, to_s=min(segment.to_s, explained.from_s)))
+                segment = explained
+            segment = self._extend(segment)
+            found.append(segment)
+            from_s = segment.to_s
         return found
 
     def _first(self, from_s: float) -> FittedInterval | None:
         to_s = min(from_s + SHORTEST_PERIODS * self.period_s, self.to_s)
-        window = self._window(from_s, to_s)
-        if len(window) < 12:
+        window = self.bins.between(from_s, to_s)
+        if len(window) < FEWEST_BINS:
             return None
-        harmonics = find_harmonics(window, self.noise_g, self.beliefs.rig)
-        starts = start_motions(harmonics, self.beliefs.rig, from_s, to_s + FINEST_PERIODS * self.period_s)
-        self.fits += len(starts)
-        finding = fit_robust_from(window, self.noise_g, starts, self.beliefs, ITERATIONS, worth=LARGEST_MISFIT)
-        return self._stretch(from_s, to_s, finding)
+        harmonics = find_harmonics(window, self.noise_g, self.prior.rig)
+        guesses = initial_motions(harmonics, self.prior.rig, from_s, to_s + FINEST_PERIODS * self.period_s)
+        self.fits += len(guesses)
+        result = fit_robust_from(window, self.noise_g, guesses, self.prior, ITERATIONS, max_misfit=LARGEST_MISFIT)
+        return self._accepted(from_s, to_s, result)
 
-    def _plain_soon(self, from_s: float) -> FittedInterval | None:
-        """A stretch that begins a little later and follows the pendulum to the noise."""
+    def _explained_soon(self, from_s: float) -> FittedInterval | None:
+        """Return a segment that begins a little later and follows the pendulum to the noise."""
         for later in LATER_PERIODS:
             begin_s = from_s + later * self.period_s
             if begin_s + SHORTEST_PERIODS * self.period_s <= self.to_s:
-                piece = self._first(begin_s)
-                if piece is not None and piece.finding.plain:
-                    return piece
+                segment = self._first(begin_s)
+                if segment is not None and segment.result.is_explained:
+                    return segment
         return None
 
-    def _longest(self, piece: FittedInterval) -> FittedInterval:
-        """The piece drawn out until it no longer fits."""
+    def _extend(self, segment: FittedInterval) -> FittedInterval:
+        """Return the segment, extended until it no longer fits."""
         step = 0.5
-        plain = piece
-        while step >= FINEST_PERIODS and piece.to_s < self.to_s and self.fits < self.most_fits:
-            if piece.to_s - piece.from_s > LONGEST_PERIODS * self.period_s:
+        explained = segment
+        while step >= FINEST_PERIODS and segment.to_s < self.to_s and self.fits < self.max_fits:
+            if segment.to_s - segment.from_s > LONGEST_PERIODS * self.period_s:
                 break
-            to_s = min(piece.to_s + step * self.period_s, self.to_s)
-            start = piece.finding.fit.motion.extended(piece.from_s, to_s + FINEST_PERIODS * self.period_s)
-            window = self._window(piece.from_s, to_s)
+            fit, to_s = segment.result.fit, min(segment.to_s + step * self.period_s, self.to_s)
+            start = fit.motion.extended(segment.from_s, to_s + FINEST_PERIODS * self.period_s)
+            window = self.bins.between(segment.from_s, to_s)
             self.fits += 1
-            instrument = piece.finding.fit.instrument
-            finding = fit_robust(
-                window, self.noise_g, start, self.beliefs, ITERATIONS, instrument, worth=LARGEST_MISFIT
+            result = fit_robust(
+                window, self.noise_g, start, self.prior, ITERATIONS, fit.sensor, max_misfit=LARGEST_MISFIT
             )
-            longer = self._stretch(piece.from_s, to_s, finding)
+            longer = self._accepted(segment.from_s, to_s, result)
             if longer is None:
                 step /= 2
             else:
-                piece = longer
-                plain = piece if piece.finding.plain else plain
-        return plain if plain.finding.plain else piece
+                segment = longer
+                explained = segment if segment.result.is_explained else explained
+        return explained if explained.result.is_explained else segment
 
-    def _window(self, from_s: float, to_s: float) -> Bins:
-        return self.bins.select((self.bins.time_s >= from_s) & (self.bins.time_s <= to_s))
-
-    def _stretch(self, from_s: float, to_s: float, finding: FitResult | None) -> FittedInterval | None:
-        if finding is None or not finding.sound or finding.claim.misfit > LARGEST_MISFIT:
+    def _accepted(self, from_s: float, to_s: float, result: FitResult | None) -> FittedInterval | None:
+        if result is None or not result.is_valid or result.uncertainty.misfit > LARGEST_MISFIT:
             return None
-        return FittedInterval(from_s, to_s, finding)
+        return FittedInterval(from_s, to_s, result)
 
 
 def fit_gaps_with_hoisting(
-    pieces: list[FittedInterval], bins: Bins, noise_g: Real, beliefs: Prior, ends_s: tuple[float, float]
+    segments: list[FittedInterval], bins: Bins, noise_g: Array, prior: Prior, ends_s: tuple[float, float]
 ) -> list[FittedInterval]:
-    """The pieces; where the rope's length changes between those that are long and plain, what that explains in their place."""
-    rig, (from_s, to_s) = beliefs.rig, ends_s
-    harmless_s = HARMLESS_GAP_PERIODS * pieces[0].period_s
-    if all(end_s - begin_s <= harmless_s for begin_s, end_s in _gaps(pieces, from_s, to_s)) and not _lengths_differ(
-        pieces
-    ):
-        return pieces
-    cores = [core for piece in pieces if (core := _core(piece, bins, noise_g, beliefs, ends_s)) is not None]
+    """Return the segments; where the rope's length changes between explained ones, what that explains in their place."""
+    rig, (from_s, to_s) = prior.rig, ends_s
+    harmless_s = HARMLESS_GAP_PERIODS * segments[0].period_s
+    gaps = _gaps(segments, from_s, to_s)
+    if all(end_s - begin_s <= harmless_s for begin_s, end_s in gaps) and not _lengths_differ(segments):
+        return segments
+    cores = [core for segment in segments if (core := _core(segment, bins, noise_g, prior, ends_s)) is not None]
     if not cores:
-        return pieces
+        return segments
     hoists: list[FittedInterval] = []
     if cores[0].from_s - from_s > FINEST_PERIODS * cores[0].period_s:
         hoists += _before(cores[0], bins, noise_g, rig, from_s)
@@ -147,83 +144,82 @@ def fit_gaps_with_hoisting(
     if to_s - cores[-1].to_s > FINEST_PERIODS * cores[-1].period_s:
         hoists += _after(cores[-1], bins, noise_g, rig, to_s)
     if not hoists:
-        return pieces
+        return segments
     found = cores + hoists
-    found += [p for p in pieces if all(p.to_s <= other.from_s or p.from_s >= other.to_s for other in found)]
-    return sorted(found, key=lambda stretch: stretch.from_s)
+    found += [s for s in segments if all(s.to_s <= other.from_s or s.from_s >= other.to_s for other in found)]
+    return sorted(found, key=lambda segment: segment.from_s)
 
 
-def _lengths_differ(pieces: list[FittedInterval]) -> bool:
-    """The rope is not as long in one piece as in the next."""
+def _lengths_differ(segments: list[FittedInterval]) -> bool:
+    """Return whether the rope has another length in one segment than in the next."""
     return any(
-        abs(np.log(one.finding.fit.motion.length_m / other.finding.fit.motion.length_m))
-        > DIFFERENT * np.hypot(one.finding.claim.length_deviation_rel, other.finding.claim.length_deviation_rel)
-        for one, other in pairwise(pieces)
+        abs(np.log(one.result.fit.motion.length_m / other.result.fit.motion.length_m))
+        > DIFFERENT * np.hypot(one.result.uncertainty.length_u_rel, other.result.uncertainty.length_u_rel)
+        for one, other in pairwise(segments)
     )
 
 
 def _core(
-    piece: FittedInterval, bins: Bins, noise_g: Real, beliefs: Prior, ends_s: tuple[float, float]
+    segment: FittedInterval, bins: Bins, noise_g: Array, prior: Prior, ends_s: tuple[float, float]
 ) -> FittedInterval | None:
-    """A long plain piece without the ends at which the rope may have begun to move unnoticed; None of another piece."""
-    if not piece.finding.plain:
+    """Return an explained segment without the ends at which the rope may have begun to move unnoticed; None for another."""
+    if not segment.result.is_explained:
         return None
-    opens = np.array([piece.from_s > ends_s[0], piece.to_s < ends_s[1]])
-    spare_s = (piece.periods - SHORTEST_CORE_PERIODS) * piece.period_s / max(opens.sum(), 1)
-    away_s = opens * min(TRIM_PERIODS * piece.period_s, spare_s)
-    from_s, to_s = piece.from_s + float(away_s[0]), piece.to_s - float(away_s[1])
-    window = bins.select((bins.time_s >= from_s) & (bins.time_s <= to_s))
-    start = piece.finding.fit.motion.extended(from_s, to_s + FINEST_PERIODS * piece.period_s)
-    finding = fit_robust(window, noise_g, start, beliefs, ITERATIONS, piece.finding.fit.instrument)
-    return FittedInterval(from_s, to_s, finding) if finding is not None and finding.sound else None
+    is_open = np.array([segment.from_s > ends_s[0], segment.to_s < ends_s[1]])
+    spare_s = (segment.periods - SHORTEST_CORE_PERIODS) * segment.period_s / max(is_open.sum(), 1)
+    trim_s = is_open * min(TRIM_PERIODS * segment.period_s, spare_s)
+    from_s, to_s = segment.from_s + float(trim_s[0]), segment.to_s - float(trim_s[1])
+    fit = segment.result.fit
+    start = fit.motion.extended(from_s, to_s + FINEST_PERIODS * segment.period_s)
+    result = fit_robust(bins.between(from_s, to_s), noise_g, start, prior, ITERATIONS, fit.sensor)
+    return FittedInterval(from_s, to_s, result) if result is not None and result.is_valid else None
 
 
-def _after(core: FittedInterval, bins: Bins, noise_g: Real, rig: MountedHousing, to_s: float) -> list[FittedInterval]:
+def _after(core: FittedInterval, bins: Bins, noise_g: Array, rig: MountedHousing, to_s: float) -> list[FittedInterval]:
     from_s = max(core.from_s, core.to_s - TAIL_PERIODS * core.period_s)
-    motion = core.finding.fit.motion
-    return track_forward(bins, noise_g, rig, motion, from_s=from_s, plain_to_s=core.to_s, to_s=to_s)
+    motion = core.result.fit.motion
+    return track_forward(bins, noise_g, rig, motion, from_s=from_s, constant_to_s=core.to_s, to_s=to_s)
 
 
 def _before(
-    core: FittedInterval, bins: Bins, noise_g: Real, rig: MountedHousing, from_s: float
+    core: FittedInterval, bins: Bins, noise_g: Array, rig: MountedHousing, from_s: float
 ) -> list[FittedInterval]:
     to_s = min(core.to_s, core.from_s + TAIL_PERIODS * core.period_s)
-    motion = core.finding.fit.motion
-    return track_backward(bins, noise_g, rig, motion, from_s=from_s, plain_from_s=core.from_s, to_s=to_s)
+    motion = core.result.fit.motion
+    return track_backward(bins, noise_g, rig, motion, from_s=from_s, constant_from_s=core.from_s, to_s=to_s)
 
 
 def _between(
-    core: FittedInterval, following: FittedInterval, bins: Bins, noise_g: Real, rig: MountedHousing
+    core: FittedInterval, following: FittedInterval, bins: Bins, noise_g: Array, rig: MountedHousing
 ) -> list[FittedInterval]:
-    """Forward into the next one, else backward for what is left."""
+    """Return what is tracked forward into the following core, and backward for what that leaves."""
     overlap_s = min(following.from_s + OVERLAP_PERIODS * following.period_s, following.to_s)
     found = [
-        replace(stretch, to_s=min(stretch.to_s, following.from_s))
-        for stretch in _after(core, bins, noise_g, rig, overlap_s)
-        if stretch.from_s < following.from_s
+        replace(interval, to_s=min(interval.to_s, following.from_s))
+        for interval in _after(core, bins, noise_g, rig, overlap_s)
+        if interval.from_s < following.from_s
     ]
     known_s = found[-1].to_s if found else core.to_s
     return found if known_s >= following.from_s else found + _before(following, bins, noise_g, rig, known_s)
 
 
-def assess_pieces(
-    pieces: list[FittedInterval], noise_g: Real, from_s: float, to_s: float, period_s: float
+def combine_segments(
+    segments: list[FittedInterval], noise_g: Array, from_s: float, to_s: float, period_s: float
 ) -> SwingEstimate:
-    """One estimate of all pieces; without an interval where too much of the recording follows no pendulum."""
-    doubted = [replace(piece, finding=_offset_doubted(piece.finding)) for piece in pieces]
-    pieces, disagreements = enforce_common_sensor_errors(doubted)
-    parts = [assess(piece.finding, noise_g, piece.from_s, piece.to_s) for piece in pieces]
+    """Return one estimate of all segments; without an interval where too much of the recording follows no pendulum."""
+    with_offset = [replace(segment, result=_with_offset_uncertainty(segment.result)) for segment in segments]
+    segments, disagreements = enforce_common_sensor_errors(with_offset)
+    parts = [make_estimate(segment.result, noise_g, segment.from_s, segment.to_s) for segment in segments]
     largest = max(parts, key=lambda part: part.phi_max_rad or 0.0)
-    gaps = _gaps(pieces, from_s, to_s)
-    hiding = [gap for gap in gaps if gap[1] - gap[0] > HARMLESS_GAP_PERIODS * period_s]
-    hoists_s = tuple(when for p in pieces for when in hoisting_duration_s(p.finding, p.from_s, p.to_s))
-    said = [f"fitted in {len(pieces)} pieces"]
+    unknown = [gap for gap in _gaps(segments, from_s, to_s) if gap[1] - gap[0] > HARMLESS_GAP_PERIODS * period_s]
+    hoists_s = tuple(when for s in segments for when in hoisting_intervals_s(s.result, s.from_s, s.to_s))
+    reasons = [f"fitted in {len(segments)} segments"]
     if hoists_s:
-        said.append(f"hoisting within {hoists_s[0][0]:.0f}-{hoists_s[-1][1]:.0f} s")
-    if hiding:
-        when = ", ".join(f"{a:.0f}-{b:.0f} s" for a, b in hiding)
-        said.append(f"no free pendulum, and the largest angle unknown, at {when}")
-    coverage_rad = None if hiding else _combine_segments(parts)
+        reasons.append(f"hoisting within {hoists_s[0][0]:.0f}-{hoists_s[-1][1]:.0f} s")
+    if unknown:
+        when = ", ".join(f"{begin_s:.0f}-{end_s:.0f} s" for begin_s, end_s in unknown)
+        reasons.append(f"no free pendulum, and the largest angle unknown, at {when}")
+    coverage_rad = None if unknown else _joint_coverage_rad(parts)
     return replace(
         largest,
         from_s=from_s,
@@ -232,19 +228,19 @@ def assess_pieces(
         coverage95_rad=coverage_rad,
         hoists_s=hoists_s,
         swings=tuple(swing for part in parts for swing in part.swings),
-        reasons=(*said, *disagreements, *largest.reasons),
+        reasons=(*reasons, *disagreements, *largest.reasons),
     )
 
 
-def _offset_doubted(finding: FitResult) -> FitResult:
-    """With a part of the stated offset in the angle: what a short piece sees of it, other errors of the axes may have made."""
-    offset_g = float(max(finding.fit.beliefs.rig.zero_g_offset_u_g[:2]))
-    angle_rad, _ = largest_angle(finding.fit, finding.claim)
-    return inflate_uncertainty(finding, OFFSET_SHARE * offset_g / max(angle_rad, 1e-6))
+def _with_offset_uncertainty(result: FitResult) -> FitResult:
+    """Return the fit with a part of the stated offset in its angle: a short segment may mistake another error for an offset."""
+    offset_g = float(max(result.fit.prior.rig.zero_g_offset_u_g[:2]))
+    angle_rad, _ = largest_angle(result.fit, result.uncertainty)
+    return inflate_uncertainty(result, OFFSET_SHARE * offset_g / max(angle_rad, 1e-6))
 
 
-def _combine_segments(parts: list[SwingEstimate]) -> tuple[float, float] | None:
-    """The interval of the largest angle of all: any part may hold it."""
+def _joint_coverage_rad(parts: list[SwingEstimate]) -> tuple[float, float] | None:
+    """Return the interval of the largest angle of all parts, any of which may have it."""
     coverages = [part.coverage95_rad for part in parts]
     known = [coverage for coverage in coverages if coverage is not None]
     if len(known) < len(parts):
@@ -253,13 +249,13 @@ def _combine_segments(parts: list[SwingEstimate]) -> tuple[float, float] | None:
 
 
 def _joint_u_rad(largest: SwingEstimate, coverage_rad: tuple[float, float]) -> float:
-    """At least that of the largest part, and what the joint interval stands for."""
+    """Return the uncertainty that the joint interval stands for, at least that of the largest part."""
     above_rad = coverage_rad[1] - (largest.phi_max_rad or 0.0)
     return max(largest.u_rad or 0.0, above_rad / (CHOICE * NORMAL_975))
 
 
-def _gaps(pieces: list[FittedInterval], from_s: float, to_s: float) -> list[tuple[float, float]]:
-    """Stretches between the pieces and at the ends."""
-    starts = np.array([*(piece.from_s for piece in pieces), to_s])
-    ends = np.array([from_s, *(piece.to_s for piece in pieces)])
+def _gaps(segments: list[FittedInterval], from_s: float, to_s: float) -> list[tuple[float, float]]:
+    """Return the intervals between the segments and at the ends."""
+    starts = np.array([*(segment.from_s for segment in segments), to_s])
+    ends = np.array([from_s, *(segment.to_s for segment in segments)])
     return [(float(end), float(start)) for end, start in zip(ends, starts, strict=True) if start > end]

@@ -1,36 +1,34 @@
-"""A window cut into segments that are integrated side by side: how the motion answers to its first state and parameters.
+"""Multiple shooting with condensing (Bock 1981): all segments are integrated at once, their first states are eliminated.
 
-Multiple shooting. The motion is known by its state at the start of every segment; one step of Gauss-Newton moves the first
-state and the parameters, and lets the other states follow, closing the gaps between segments on the way (condensing). All
-segments and all perturbations of them are one array, so that the cost hardly grows with the window, and a long window cannot
-run away from its data as one long trajectory would.
+Each segment is linearised in its own unknowns. The chain of segments then gives every quantity as a linear function of the
+motion's unknowns, the first state and the parameters, plus a shift that closes the gaps between the segments.
 """
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gateway.swing.model.motion import STATES, STEPS_PER_SEGMENT, Instants, Motion
-from gateway.swing.model.segments import PERTURBATION, Segments
-from gateway.swing.model.spherical_pendulum import Complex, Path, Real, integrate, sample
+from gateway.numerics.array import Array
+from gateway.swing.model.motion import N_STATES, STEPS_PER_SEGMENT, GridTimes, Motion
+from gateway.swing.model.segments import PERTURBATION, PerturbedSegments
+from gateway.swing.model.spherical_pendulum import ComplexArray, Trajectory, integrate, interpolate
 
-LARGEST_TURN_RAD = 1.0
-"""Of the swing's azimuth in one step."""
+MAX_AZIMUTH_STEP_RAD = 1.0
+"""Largest turn of the swing's azimuth in one step. Basis: guards the linearisation; the tests converge with any value near it."""
+Swing = tuple[ComplexArray, ComplexArray]
+"""Displacement about the equilibrium and rate over w0 at the nodes, both dimensionless."""
 
 
 @dataclass(frozen=True, slots=True)
-class SensitivityChain:
-    """A motion integrated over all segments with all perturbations, and how each segment's own unknowns follow the motion's.
+class LinearisedMotion:
+    """A motion integrated over all segments in all variants, and the condensed derivatives of its segments."""
 
-    The motion's unknowns are the first state (STATES) and its parameters; `unknowns` counts them.
-    """
-
-    segments: Segments
-    path: Path
-    """Last dimensions: segments, lanes (unperturbed first)."""
-    follow: Real
-    """Of each segment's own unknowns: derivative by the motion's, and last how far the chain of linearised segments puts them
-    from where they are; shape (segments, STATES + own, unknowns + 1)."""
+    segments: PerturbedSegments
+    trajectory: Trajectory
+    """Last dimensions: segments, variants (unperturbed first)."""
+    condensed: Array
+    """Derivative of each segment's own unknowns by the motion's, and in the last column the shift that closes the gaps:
+    shape (segments, N_STATES + own, unknowns + 1)."""
 
     @property
     def motion(self) -> Motion:
@@ -38,99 +36,99 @@ class SensitivityChain:
         return self.segments.motion
 
     @property
-    def unknowns(self) -> int:
-        """First state and parameters."""
-        return STATES + len(self.motion.parameters)
+    def n_unknowns(self) -> int:
+        """Number of unknowns: the first state and the parameters."""
+        return N_STATES + len(self.motion.parameters)
 
-    def states(self, instants: Instants) -> Complex:
-        """States, shape (n, 3, lanes)."""
-        return sample(self.path, instants.step, instants.fraction, instants.segment)
+    def states(self, times: GridTimes) -> ComplexArray:
+        """Return states, shape (n, 3, variants)."""
+        return interpolate(self.trajectory, times.step, times.fraction, times.segment)
 
-    def chain(self, local: Real, instants: Instants) -> tuple[Real, Real]:
-        """Derivative by the unknowns, (n, ..., unknowns), and shift by the gaps, (n, ...), of quantities in all lanes."""
-        slope = (local[..., 1:] - local[..., :1]) / PERTURBATION
-        chained: Real = slope @ self.follow[instants.segment]
-        return chained[..., :-1], chained[..., -1]
+    def condense(self, variants: Array, times: GridTimes) -> tuple[Array, Array]:
+        """Return derivatives by the unknowns, (n, ..., unknowns), and shifts, (n, ...), of quantities (n, ..., variants)."""
+        jacobian = (variants[..., 1:] - variants[..., :1]) / PERTURBATION
+        condensed: Array = jacobian @ self.condensed[times.segment]
+        return condensed[..., :-1], condensed[..., -1]
 
 
-def linearise_segments(motion: Motion) -> SensitivityChain:
-    """Integrate every segment under every perturbation."""
-    segments, grid = Segments.of(motion), motion.grid
-    path = integrate(segments.states, segments.course(), grid.step_s, STEPS_PER_SEGMENT)
-    ends = _as_reals(path.state[-1], motion)
-    slope = (ends[..., 1:] - ends[..., :1]) / PERTURBATION
-    gaps = ends[:-1, :, 0] - _as_reals(motion.nodes[:, 1:, None], motion)[..., 0]
-    unknowns = STATES + len(motion.parameters)
-    follow = np.zeros((grid.segments, slope.shape[-1], unknowns + 1))
-    follow[0, :STATES, :STATES] = np.eye(STATES)
-    follow[:, STATES:, STATES:unknowns] = segments.slope
+def linearise_segments(motion: Motion) -> LinearisedMotion:
+    """Integrate every segment in every variant and condense."""
+    segments, grid = PerturbedSegments.of_motion(motion), motion.grid
+    trajectory = integrate(segments.states, segments.trajectory_input(), grid.step_s, STEPS_PER_SEGMENT)
+    ends = _dimensionless(trajectory.state[-1], motion)
+    jacobian = (ends[..., 1:] - ends[..., :1]) / PERTURBATION
+    gaps = ends[:-1, :, 0] - _dimensionless(motion.nodes[:, 1:, None], motion)[..., 0]
+    unknowns = N_STATES + len(motion.parameters)
+    condensed = np.zeros((grid.segments, jacobian.shape[-1], unknowns + 1))
+    condensed[0, :N_STATES, :N_STATES] = np.eye(N_STATES)
+    condensed[:, N_STATES:, N_STATES:unknowns] = segments.parameter_jacobian
     for k in range(grid.segments - 1):
-        np.dot(slope[k], follow[k], out=follow[k + 1, :STATES])
-        follow[k + 1, :STATES, unknowns] += gaps[k]
-    return SensitivityChain(segments, path, follow)
+        np.dot(jacobian[k], condensed[k], out=condensed[k + 1, :N_STATES])
+        condensed[k + 1, :N_STATES, unknowns] += gaps[k]
+    return LinearisedMotion(segments, trajectory, condensed)
 
 
-def moved(response: SensitivityChain, step: Real, share: float) -> Motion:
-    """The motion after a `share` of a Gauss-Newton step of the unknowns, shape (unknowns,).
+def take_step(linearised: LinearisedMotion, step: Array, fraction: float) -> Motion:
+    """Return the motion after a fraction of a Gauss-Newton step of the unknowns, shape (unknowns,).
 
-    What of the step turns the swing about the vertical is done as a turn: near the hook the azimuth is hardly seen and steps in
-    it are large, and along the tangent they would make the swing larger.
+    The part of the step that turns the swing about the vertical is done as a rotation. Near the hook the azimuth is hardly
+    observable and steps in it are large; along the tangent they would enlarge the swing.
     """
-    motion = response.motion
-    (about, rate), (by_about, by_rate), by_pull = _change(response, step, share)
-    angle = _turning((about, rate), (by_about, by_rate))
+    motion = linearised.motion
+    (displacement, rate), (displacement_step, rate_step), pull_step = _node_steps(linearised, step, fraction)
+    angle = _azimuth_step((displacement, rate), (displacement_step, rate_step))
     turn = np.exp(1j * angle)
-    pull = motion.nodes[2] + by_pull
-    u = turn * (about + by_about - 1j * angle * about) - pull
-    w = turn * (rate + by_rate - 1j * angle * rate) * motion.grid.rate_1_s
-    return replace(motion, nodes=np.stack([u, w, pull]), parameters=motion.parameters + share * step[STATES:])
+    pull = motion.nodes[2] + pull_step
+    u = turn * (displacement + displacement_step - 1j * angle * displacement) - pull
+    w = turn * (rate + rate_step - 1j * angle * rate) * motion.grid.rate_1_s
+    return replace(motion, nodes=np.stack([u, w, pull]), parameters=motion.parameters + fraction * step[N_STATES:])
 
 
-def largest_change(response: SensitivityChain, step: Real) -> float:
-    """How far a whole step moves the swing, relative to its size, turns about the vertical left out."""
-    (about, rate), (by_about, by_rate), _ = _change(response, step, 1.0)
-    angle = _turning((about, rate), (by_about, by_rate))
-    moved_by = max(float(np.abs(by_about - 1j * angle * about).max()), float(np.abs(by_rate - 1j * angle * rate).max()))
-    return moved_by / max(float(np.abs(about).max()), float(np.abs(rate).max()), 1e-3)
+def relative_step_size(linearised: LinearisedMotion, step: Array) -> float:
+    """Return the largest change of the swing by a whole step relative to the swing's size, rotations left out."""
+    (displacement, rate), (displacement_step, rate_step), _ = _node_steps(linearised, step, 1.0)
+    angle = _azimuth_step((displacement, rate), (displacement_step, rate_step))
+    change = max(
+        float(np.abs(displacement_step - 1j * angle * displacement).max()),
+        float(np.abs(rate_step - 1j * angle * rate).max()),
+    )
+    return change / max(float(np.abs(displacement).max()), float(np.abs(rate).max()), 1e-3)
 
 
-Pair = tuple[Complex, Complex]
+def _node_steps(linearised: LinearisedMotion, step: Array, fraction: float) -> tuple[Swing, Swing, ComplexArray]:
+    """Return the swing at the nodes, its change by a fraction of a step, and the change of the side pull."""
+    nodes, rate_1_s = linearised.motion.nodes, linearised.motion.grid.rate_1_s
+    change = fraction * (linearised.condensed[:, :N_STATES] @ np.append(step, 1.0))
+    u_step, rate_step, pull_step = (change[:, 0::2] + 1j * change[:, 1::2]).T
+    return (nodes[0] + nodes[2], nodes[1] / rate_1_s), (u_step + pull_step, rate_step), pull_step
 
 
-def _change(response: SensitivityChain, step: Real, share: float) -> tuple[Pair, Pair, Complex]:
-    """Swing about the equilibrium (u + l, w/w0) at the nodes, its change, and the change of the pull."""
-    nodes, rate_1_s = response.motion.nodes, response.motion.grid.rate_1_s
-    change = share * (response.follow[:, :STATES] @ np.append(step, 1.0))
-    by_u, by_rate, by_pull = (change[:, 0::2] + 1j * change[:, 1::2]).T
-    return (nodes[0] + nodes[2], nodes[1] / rate_1_s), (by_u + by_pull, by_rate), by_pull
-
-
-def _turning(swing: Pair, change: Pair) -> Real:
-    """The angle about the vertical that a change turns the swing by, shape (segments,)."""
+def _azimuth_step(swing: Swing, change: Swing) -> Array:
+    """Return the angle about the vertical by which a change turns the swing, shape (segments,)."""
     size = np.abs(swing[0]) ** 2 + np.abs(swing[1]) ** 2
     across = (np.conj(swing[0]) * change[0] + np.conj(swing[1]) * change[1]).imag
-    angle: Real = np.clip(across / np.maximum(size, 1e-12), -LARGEST_TURN_RAD, LARGEST_TURN_RAD)
+    angle: Array = np.clip(across / np.maximum(size, 1e-12), -MAX_AZIMUTH_STEP_RAD, MAX_AZIMUTH_STEP_RAD)
     return angle
 
 
-def advanced(response: SensitivityChain, start_s: float, end_s: float) -> Motion:
-    """The motion on the same raster with whole segments dropped before `start_s` and added up to `end_s`: cheap."""
-    motion, grid = response.motion, response.motion.grid
+def shift_window(linearised: LinearisedMotion, start_s: float, end_s: float) -> Motion:
+    """Return the motion on the same grid, whole segments dropped before `start_s` and added up to `end_s`; this costs little."""
+    motion, grid = linearised.motion, linearised.motion.grid
     dropped = int(np.clip((start_s - grid.start_s) // grid.segment_s, 0, grid.segments - 1))
     segments = max(1, int(np.ceil((end_s - grid.start_s) / grid.segment_s - 1e-9)) - dropped)
     nodes = motion.nodes[:, dropped : dropped + segments]
     missing = segments - nodes.shape[1]
     if missing > 0:
-        last = response.path.state[-1, :, -1, 0]
-        path = motion.propagated(last, grid.end_s, grid.step_s, STEPS_PER_SEGMENT * (missing - 1))
-        nodes = np.concatenate([nodes, path[::STEPS_PER_SEGMENT].T], axis=1)
+        last = linearised.trajectory.state[-1, :, -1, 0]
+        states = motion.propagated(last, grid.end_s, grid.step_s, STEPS_PER_SEGMENT * (missing - 1))
+        nodes = np.concatenate([nodes, states[::STEPS_PER_SEGMENT].T], axis=1)
     grid = replace(grid, start_s=grid.start_s + dropped * grid.segment_s, segments=segments)
     return replace(motion, grid=grid, nodes=nodes)
 
 
-def _as_reals(states: Complex, motion: Motion) -> Real:
-    """States of shape (3, segments, ...) as (segments, STATES, ...), free of dimension."""
-    scaled = (states / motion.unit[..., None]).swapaxes(0, 1)
-    reals = np.empty((len(scaled), STATES, *states.shape[2:]))
+def _dimensionless(states: ComplexArray, motion: Motion) -> Array:
+    """Return states of shape (3, segments, ...) as real, dimensionless (segments, N_STATES, ...)."""
+    scaled = (states / motion.state_scale[..., None]).swapaxes(0, 1)
+    reals = np.empty((len(scaled), N_STATES, *states.shape[2:]))
     reals[:, 0::2], reals[:, 1::2] = scaled.real, scaled.imag
     return reals

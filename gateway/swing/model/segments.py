@@ -1,7 +1,7 @@
-"""What each segment of a motion follows, by unknowns of its own: few, whatever the number of the motion's.
+"""Segments of a motion under perturbations of their own few unknowns; so derivatives cost the same for any number of unknowns.
 
-A segment feels the rope's length at its start, the damping, and of a hoist's splines those that reach into it. All splines
-before only made the length that it starts with.
+A segment depends on its first state, on the rope's length at its start, on the damping, and on those splines of the rope's speed
+that are not zero in it. All earlier splines only change the length with which it starts.
 """
 
 from dataclasses import dataclass
@@ -9,111 +9,122 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.swing.model.motion import DAMPING, LN_LENGTH, PLAIN, STATES, STEPS_PER_SEGMENT, Instants, Motion, field_of
-from gateway.swing.model.rope_spline import Rope
-from gateway.swing.model.spherical_pendulum import Complex, ForceField, Real, TrajectoryInput
+from gateway.numerics.array import Array
+from gateway.swing.model.motion import (
+    DAMPING,
+    LN_LENGTH,
+    N_BASE_PARAMETERS,
+    N_STATES,
+    STEPS_PER_SEGMENT,
+    GridTimes,
+    Motion,
+    force_field,
+)
+from gateway.swing.model.rope_spline import RopeLength
+from gateway.swing.model.spherical_pendulum import ComplexArray, ForceField, TrajectoryInput
 
 PERTURBATION = 1e-6
+"""Step of the forward differences. Definition: its truncation and rounding errors are both some 1e-6 or less of a derivative."""
 
 
 @dataclass(frozen=True, slots=True)
-class Segments:
-    """A motion's segments, unperturbed and under a perturbation of each of their own unknowns: the lanes, last dimension.
+class PerturbedSegments:
+    """Segments of a motion in variants, the last dimension: unperturbed, then with one unknown of the segment perturbed.
 
-    A segment's own unknowns are its first state (STATES) and its own parameters: the motion's, or with a raster ln of the rope's
-    length at the start, the damping in 1/s and the speeds of the splines near.
+    Unknowns of a segment are its first state (N_STATES) and its own parameters: the motion's, or with splines ln of the rope's
+    length at the start, the damping in 1/s and the speeds of the splines that are not zero in it.
     """
 
     motion: Motion
-    states: Complex
-    """Shape (3, segments, lanes)."""
-    parameters: Real
-    """Shape (own, lanes); with a raster (segments, own, lanes)."""
-    slope: Real
-    """Derivative of the own parameters by the motion's, shape (segments, own, parameters)."""
-    first: NDArray[np.intp] | None
-    """With a raster: the first spline near each segment."""
+    states: ComplexArray
+    """First states, shape (3, segments, variants)."""
+    parameters: Array
+    """Shape (own, variants); with splines (segments, own, variants)."""
+    parameter_jacobian: Array
+    """Derivative of the segments' own parameters by the motion's, shape (segments, own, parameters)."""
+    first_spline: NDArray[np.intp] | None
+    """With splines, the first one that is not zero in each segment."""
 
     @classmethod
-    def of(cls, motion: Motion) -> "Segments":
-        """All of a motion's."""
-        if motion.raster is None:
+    def of_motion(cls, motion: Motion) -> "PerturbedSegments":
+        """Return all segments of a motion."""
+        if motion.splines is None:
             count = len(motion.parameters)
-            slope = np.broadcast_to(np.eye(count), (motion.grid.segments, count, count))
-            return cls(motion, _states(motion, count), _perturbed(motion.parameters), slope, None)
-        first, own, slope = _near(motion)
-        return cls(motion, _states(motion, own.shape[1]), _perturbed(own), slope, first)
+            jacobian = np.broadcast_to(np.eye(count), (motion.grid.segments, count, count))
+            return cls(motion, _perturbed_states(motion, count), _perturbed(motion.parameters), jacobian, None)
+        first, own, jacobian = _local_parameters(motion)
+        return cls(motion, _perturbed_states(motion, own.shape[1]), _perturbed(own), jacobian, first)
 
-    def course(self) -> ForceField | TrajectoryInput:
-        """What all follow side by side, at every half step."""
-        if self.first is None:
-            return field_of(self.parameters, self.motion.gravity_m_s2)
+    def trajectory_input(self) -> ForceField | TrajectoryInput:
+        """Return the coefficients of the equations of all segments side by side, at every half step."""
+        if self.first_spline is None:
+            return force_field(self.parameters, self.motion.gravity_m_s2)
         grid = self.motion.grid
         halves_s = grid.starts_s + grid.step_s / 2 * np.arange(2 * STEPS_PER_SEGMENT + 1)[:, None]
-        rope = self._rope(halves_s, self.first, self.parameters)
+        rope = self._rope(halves_s, self.first_spline, self.parameters)
         damping_1_s = self.parameters[:, DAMPING]
         return TrajectoryInput(self.motion.gravity_m_s2 / rope.length_m, damping_1_s, rope.rate_m_s / rope.length_m)
 
-    def field_at(self, instants: Instants) -> tuple[ForceField, Rope]:
-        """What the motion follows, and the rope, shape (n, lanes)."""
-        if self.first is None:
-            return field_of(self.parameters, self.motion.gravity_m_s2), self._constant_length()
-        own = self.parameters[instants.segment]
-        rope = self._rope(instants.time_s, self.first[instants.segment], own)
+    def field_at(self, times: GridTimes) -> tuple[ForceField, RopeLength]:
+        """Return the coefficients of the equations, and the rope, at times: shape (n, variants)."""
+        if self.first_spline is None:
+            return force_field(self.parameters, self.motion.gravity_m_s2), self._constant_length()
+        own = self.parameters[times.segment]
+        rope = self._rope(times.time_s, self.first_spline[times.segment], own)
         stiffness = self.motion.gravity_m_s2 / rope.length_m
         return ForceField(stiffness, own[:, DAMPING], lengthening_1_s=rope.rate_m_s / rope.length_m), rope
 
-    def _constant_length(self) -> Rope:
-        none = np.zeros(1)
-        return Rope(np.exp(self.parameters[LN_LENGTH]), none, none)
+    def _constant_length(self) -> RopeLength:
+        zero = np.zeros(1)
+        return RopeLength(np.exp(self.parameters[LN_LENGTH]), zero, zero)
 
-    def _rope(self, time_s: Real, first: NDArray[np.intp], own: Real) -> Rope:
-        if self.motion.raster is None:
+    def _rope(self, time_s: Array, first: NDArray[np.intp], own: Array) -> RopeLength:
+        if self.motion.splines is None:
             raise ValueError("a rope that keeps its length has no splines")
         length_m = np.exp(own[..., LN_LENGTH, :])
-        return self.motion.raster.rope_near(time_s, first, length_m, own[..., PLAIN:, :])
+        return self.motion.splines.evaluate_local(time_s, first, length_m, own[..., N_BASE_PARAMETERS:, :])
 
 
-def _near(motion: Motion) -> tuple[NDArray[np.intp], Real, Real]:
-    """With a raster: the first spline near each segment, the own parameters, (segments, own), and their derivative."""
-    raster, grid, speeds_m_s = motion.raster, motion.grid, motion.parameters[PLAIN:]
-    if raster is None:
+def _local_parameters(motion: Motion) -> tuple[NDArray[np.intp], Array, Array]:
+    """Return each segment's first spline, its own parameters (segments, own) and their derivative by the motion's."""
+    splines, grid, speeds_m_s = motion.splines, motion.grid, motion.parameters[N_BASE_PARAMETERS:]
+    if splines is None:
         raise ValueError("a rope that keeps its length has no splines")
-    first, count = raster.near(grid.starts_s, grid.segment_s)
-    near = first[:, None] + np.arange(count)
-    past = np.arange(raster.count) < first[:, None]
-    before_m = np.exp(motion.parameters[LN_LENGTH])
-    length_m = before_m + raster.step_s * past @ speeds_m_s
-    own = np.empty((grid.segments, PLAIN + count))
+    first, count = splines.local_splines(grid.starts_s, grid.segment_s)
+    local = first[:, None] + np.arange(count)
+    past = np.arange(splines.count) < first[:, None]
+    initial_m = np.exp(motion.parameters[LN_LENGTH])
+    length_m = initial_m + splines.step_s * past @ speeds_m_s
+    own = np.empty((grid.segments, N_BASE_PARAMETERS + count))
     with np.errstate(invalid="ignore", divide="ignore"):
         own[:, LN_LENGTH] = np.log(length_m)
     own[:, DAMPING] = motion.damping_1_s
-    inside = (near >= 0) & (near < raster.count)
-    own[:, PLAIN:] = np.where(inside, speeds_m_s[np.clip(near, 0, raster.count - 1)], 0.0)
-    slope = np.zeros((grid.segments, PLAIN + count, len(motion.parameters)))
-    slope[:, LN_LENGTH, LN_LENGTH] = before_m / length_m
-    slope[:, LN_LENGTH, PLAIN:] = raster.step_s * past / length_m[:, None]
-    slope[:, DAMPING, LN_LENGTH] = -motion.damping_1_s / 2
-    slope[:, DAMPING, DAMPING] = 2 * np.sqrt(motion.gravity_m_s2 / before_m)
+    inside = (local >= 0) & (local < splines.count)
+    own[:, N_BASE_PARAMETERS:] = np.where(inside, speeds_m_s[np.clip(local, 0, splines.count - 1)], 0.0)
+    jacobian = np.zeros((grid.segments, N_BASE_PARAMETERS + count, len(motion.parameters)))
+    jacobian[:, LN_LENGTH, LN_LENGTH] = initial_m / length_m
+    jacobian[:, LN_LENGTH, N_BASE_PARAMETERS:] = splines.step_s * past / length_m[:, None]
+    jacobian[:, DAMPING, LN_LENGTH] = -motion.damping_1_s / 2
+    jacobian[:, DAMPING, DAMPING] = 2 * np.sqrt(motion.gravity_m_s2 / initial_m)
     segment, place = np.nonzero(inside)
-    slope[segment, PLAIN + place, PLAIN + near[segment, place]] = 1.0
-    return first, own, slope
+    jacobian[segment, N_BASE_PARAMETERS + place, N_BASE_PARAMETERS + local[segment, place]] = 1.0
+    return first, own, jacobian
 
 
-def _perturbed(parameters: Real) -> Real:
-    """Parameters, shape (..., own), in lanes: (..., own, 1 + STATES + own)."""
+def _perturbed(parameters: Array) -> Array:
+    """Return parameters of shape (..., own) in variants: (..., own, 1 + N_STATES + own)."""
     own = parameters.shape[-1]
-    lanes = np.repeat(parameters[..., None], 1 + STATES + own, axis=-1)
+    variants = np.repeat(parameters[..., None], 1 + N_STATES + own, axis=-1)
     places = np.arange(own)
-    lanes[..., places, 1 + STATES + places] += PERTURBATION
-    return lanes
+    variants[..., places, 1 + N_STATES + places] += PERTURBATION
+    return variants
 
 
-def _states(motion: Motion, own: int) -> Complex:
-    """The segments' first states in lanes, shape (3, segments, 1 + STATES + own)."""
-    states = np.repeat(motion.nodes[..., None], 1 + STATES + own, axis=-1)
-    unit = PERTURBATION * motion.unit[:, 0]
+def _perturbed_states(motion: Motion, own: int) -> ComplexArray:
+    """Return the first states of the segments in variants, shape (3, segments, 1 + N_STATES + own)."""
+    states = np.repeat(motion.nodes[..., None], 1 + N_STATES + own, axis=-1)
+    step = PERTURBATION * motion.state_scale[:, 0]
     for row in range(3):
-        states[row, :, 1 + 2 * row] += unit[row]
-        states[row, :, 2 + 2 * row] += 1j * unit[row]
+        states[row, :, 1 + 2 * row] += step[row]
+        states[row, :, 2 + 2 * row] += 1j * step[row]
     return states

@@ -26,20 +26,20 @@ def planar(rho: float, phi: float = PHI, azimuth: float = 0.7) -> Extremes:
     ("rho", "readings_deg"),
     [(0.5, (10.00, 4.98, 5.04, 7.07)), (1.0, (10.00, 0.00, 0.00, 10.00)), (0.0, (10, 10, 10, 0))],
 )
-def test_published_forms_read_what_the_derivation_says(rho: float, readings_deg: tuple[float, ...]) -> None:
+def test_published_formulas_read_as_derived_for_each_mounting(rho: float, readings_deg: tuple[float, ...]) -> None:
     angles = as_published(planar(rho))
 
     assert [np.degrees(getattr(angles, name)) for name in NAMES] == pytest.approx(readings_deg, abs=0.01)
 
 
 @pytest.mark.parametrize("rho", [0.02, 0.2, 0.5, 0.8, 0.98])
-def test_corrected_forms_invert_exactly(rho: float) -> None:
+def test_corrected_formulas_invert_exactly(rho: float) -> None:
     angles = corrected(planar(rho), rho)
 
     assert [getattr(angles, name) for name in NAMES] == pytest.approx([PHI] * 4, rel=1e-9)
 
 
-def test_corrected_forms_undo_a_known_low_pass() -> None:
+def test_corrected_formulas_invert_a_known_low_pass() -> None:
     ideal, gain_f0, gain_2f0 = planar(0.4), 0.9, 0.8
     centre, half = (ideal.max_z_g + ideal.min_z_g) / 2, (ideal.max_z_g - ideal.min_z_g) / 2
     passed = Extremes(

@@ -39,26 +39,27 @@ def clamped(rho: float = 0.5, length_m: float = 9.0) -> MountedHousing:
 
 
 @pytest.mark.slow
-def test_length_speed_and_acceleration_of_a_raster_belong_together() -> None:
-    raster = SplineGrid.over(2.0, 5.0, 0.5)
+def test_length_speed_and_acceleration_of_a_spline_are_consistent() -> None:
+    splines = SplineGrid.covering(2.0, 5.0, 0.5)
     time_s = np.linspace(0, 8, 80001)
-    speeds = np.random.default_rng(0).normal(size=raster.count)
+    speeds = np.random.default_rng(0).normal(size=splines.count)
 
-    rope = raster.rope(time_s, 3.0, speeds)
+    rope = splines.evaluate(time_s, 3.0, speeds)
 
     assert np.gradient(rope.length_m, time_s) == pytest.approx(rope.rate_m_s, abs=1e-6)
     assert np.gradient(rope.rate_m_s, time_s)[1:-1] == pytest.approx(rope.acceleration_m_s2[1:-1], abs=1e-3)
     assert (rope.length_m[0], rope.length_m[-1]) == pytest.approx((3.0, 3.0 + 0.5 * speeds.sum()))
 
 
-def test_another_raster_of_the_same_step_carries_the_length_on() -> None:
-    raster, later = SplineGrid.over(2.0, 5.0, 0.5), SplineGrid.over(3.2, 7.0, 0.5)
-    speeds = np.random.default_rng(1).normal(size=raster.count)
+def test_transfer_to_another_grid_keeps_the_length() -> None:
+    splines, later = SplineGrid.covering(2.0, 5.0, 0.5), SplineGrid.covering(3.2, 7.0, 0.5)
+    speeds = np.random.default_rng(1).normal(size=splines.count)
     time_s = np.linspace(3.2, 5.0, 50)
 
-    moved, way_m = raster.moved(later, speeds)
+    speeds_later, added_m = splines.transfer(later, speeds)
 
-    assert later.rope(time_s, 3.0 + way_m, moved).length_m == pytest.approx(raster.rope(time_s, 3.0, speeds).length_m)
+    expected_m = splines.evaluate(time_s, 3.0, speeds).length_m
+    assert later.evaluate(time_s, 3.0 + added_m, speeds_later).length_m == pytest.approx(expected_m)
 
 
 @pytest.mark.parametrize("goes_with_the_rope", [True, False])
@@ -88,8 +89,8 @@ def test_equations_agree_with_the_simulated_crane(goes_with_the_rope: bool) -> N
     first = [axes @ [0.0, 0.0, -1.0], axes @ motions[0][1], np.zeros(3)]
     start = np.array([[[v[0] + 1j * v[1]]] for v in first])
     course = TrajectoryInput((gravity / length_m)[:, None, None], np.zeros(1), (rate_m_s / length_m)[:, None, None])
-    path = integrate(start, course, step_s, steps)
-    states = path.state[:, :, 0]
+    trajectory = integrate(start, course, step_s, steps)
+    states = trajectory.state[:, :, 0]
     place = SensorPlacement(
         np.asarray(position_m[:, None] / gravity),
         np.asarray(moves * rate_m_s[::2, None] / gravity),
@@ -102,7 +103,7 @@ def test_equations_agree_with_the_simulated_crane(goes_with_the_rope: bool) -> N
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("by_m", "rho"), [(-3.0, 0.5), (4.0, 0.3)])
-def test_a_recording_with_a_hoist_has_an_interval_that_holds(by_m: float, rho: float) -> None:
+def test_a_recording_with_a_hoist_has_an_interval_that_covers(by_m: float, rho: float) -> None:
     force_g, truth = recorded(by_m, rho=rho)
 
     estimate = estimate_swing(TIME_S, force_g, rig=clamped(rho), noise_g=NOISE_G)
@@ -116,7 +117,7 @@ def test_a_recording_with_a_hoist_has_an_interval_that_holds(by_m: float, rho: f
 
 
 @pytest.mark.slow
-def test_a_push_of_the_trolley_is_not_called_hoisting() -> None:
+def test_a_move_of_the_trolley_is_not_reported_as_hoisting() -> None:
     force_g, _ = recorded(0.0, events=[TrolleyMove(20.0, 6.0, 1.5, 0.8, 0.4)])
 
     estimate = estimate_swing(TIME_S, force_g, rig=clamped(), noise_g=NOISE_G)
@@ -126,7 +127,7 @@ def test_a_push_of_the_trolley_is_not_called_hoisting() -> None:
 
 
 @pytest.mark.slow
-def test_live_goes_on_while_hoisting_and_says_so() -> None:
+def test_live_estimates_continue_while_hoisting_and_report_it() -> None:
     force_g, truth = recorded(-3.0)
     tracker = SwingTracker(clamped(), noise_g=NOISE_G)
     heard = []

@@ -1,4 +1,4 @@
-"""The live tracker: when it speaks, whether it is right, and that the same blocks give the same bits."""
+"""The live tracker: when it gives an estimate, whether it is right, and that it is deterministic."""
 
 from typing import Any
 
@@ -60,7 +60,7 @@ def heard(kicked: Recording) -> list[tuple[float, SwingEstimate]]:
 
 
 @pytest.mark.slow
-def test_still_is_said_about_once_a_second_with_a_bound(
+def test_rest_is_reported_about_once_a_second_with_a_bound(
     kicked: Recording, heard: list[tuple[float, SwingEstimate]]
 ) -> None:
     still = [(now_s, e) for now_s, e in heard if now_s < KICK_S[0]]
@@ -76,7 +76,7 @@ def test_the_first_angle_comes_within_a_period_of_free_swinging(heard: list[tupl
     assert first_s - KICK_S[1] < PERIOD_S
 
 
-def test_free_swing_is_right_and_fresh_at_least_twice_a_swing(
+def test_free_swing_is_covered_and_updated_at_least_twice_a_swing(
     kicked: Recording, heard: list[tuple[float, SwingEstimate]]
 ) -> None:
     free = [(now_s, e) for now_s, e in heard if now_s > KICK_S[1] + 1.1 * PERIOD_S]
@@ -91,16 +91,14 @@ def test_free_swing_is_right_and_fresh_at_least_twice_a_swing(
     )
 
 
-def test_a_driven_load_gets_no_confident_wrong_angle(
-    kicked: Recording, heard: list[tuple[float, SwingEstimate]]
-) -> None:
+def test_a_driven_load_gets_no_wrong_interval(kicked: Recording, heard: list[tuple[float, SwingEstimate]]) -> None:
     for now_s, e in heard:
         if KICK_S[0] < now_s < KICK_S[1] + PERIOD_S and e.coverage95_rad is not None and e.swinging:
             low, high = e.coverage95_rad
             assert low - 1e-3 < true_rad(kicked, e) < high + 1e-3
 
 
-def test_the_coming_maximum_is_known_ahead(kicked: Recording, heard: list[tuple[float, SwingEstimate]]) -> None:
+def test_the_next_maximum_is_predicted(kicked: Recording, heard: list[tuple[float, SwingEstimate]]) -> None:
     leads = []
     for now_s, e in heard:
         if now_s < KICK_S[1] + 1.1 * PERIOD_S or now_s > 46:
@@ -133,7 +131,7 @@ def test_without_lowpassed_force_there_are_no_formulas(heard: list[tuple[float, 
     assert heard[-1][1].formulas is None
 
 
-def test_a_gap_starts_anew(kicked: Recording) -> None:
+def test_a_gap_restarts_the_tracker(kicked: Recording) -> None:
     tracker = tracker_of(kicked)
     follow(tracker, kicked, samples=1600)
 
@@ -143,7 +141,7 @@ def test_a_gap_starts_anew(kicked: Recording) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.8, 1.2])
-def test_a_position_that_is_wrong_by_a_fifth_widens_or_is_named(simulated: Simulate, share: float) -> None:
+def test_a_position_wrong_by_a_fifth_widens_the_interval_or_is_reported(simulated: Simulate, share: float) -> None:
     recording = simulated(rho=0.4, duration_s=45)
     tracker = SwingTracker(MountedHousing(length_m=9.0, position_m=share * recording.position_m), noise_g=4e-4)
 

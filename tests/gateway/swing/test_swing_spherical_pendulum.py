@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from devices.pendulum import pendulum
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
-from gateway.swing.model.spherical_pendulum import ForceField, SensorPlacement, integrate, sample, specific_force_g
+from gateway.swing.model.spherical_pendulum import ForceField, SensorPlacement, integrate, interpolate, specific_force_g
 
 GRAVITY_M_S2 = STANDARD_GRAVITY_M_S2
 LENGTH_M, POSITION_M, DAMPING_1_S = 20.0, 13.0, 0.02
@@ -45,40 +45,40 @@ FIELD = ForceField(GRAVITY_M_S2 / LENGTH_M, DAMPING_1_S)
 def test_housing_frame_agrees_with_the_world_frame(world: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
     motions, force_g = world
 
-    path = integrate(in_housing(motions[0]), FIELD, STEP_S, STEPS)
+    trajectory = integrate(in_housing(motions[0]), FIELD, STEP_S, STEPS)
 
-    modelled_g = specific_force_g(path.state, FIELD, SensorPlacement(POSITION_M / GRAVITY_M_S2))[..., 0]
+    modelled_g = specific_force_g(trajectory.state, FIELD, SensorPlacement(POSITION_M / GRAVITY_M_S2))[..., 0]
     assert np.abs(modelled_g - force_g).max() < 2e-8
-    assert path.state[-1] == pytest.approx(in_housing(motions[-1]), abs=1e-7)
+    assert trajectory.state[-1] == pytest.approx(in_housing(motions[-1]), abs=1e-7)
 
 
-def test_coarse_steps_and_interpolation_stay_far_below_any_noise(
+def test_error_of_steps_and_interpolation_is_far_below_any_noise(
     world: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> None:
     motions, force_g = world
     step_s = 2 * np.pi * np.sqrt(LENGTH_M / GRAVITY_M_S2) / 36
     steps = int(STEPS * STEP_S / step_s) + 1
-    path = integrate(in_housing(motions[0])[:, None], FIELD, step_s, steps)
+    trajectory = integrate(in_housing(motions[0])[:, None], FIELD, step_s, steps)
     position = np.arange(STEPS) * STEP_S / step_s
     step = position.astype(np.intp)
 
-    states = sample(path, step, position - step, np.zeros_like(step))
+    states = interpolate(trajectory, step, position - step, np.zeros_like(step))
 
     modelled_g = specific_force_g(states, FIELD, SensorPlacement(POSITION_M / GRAVITY_M_S2))[..., 0]
     assert np.abs(modelled_g - force_g[:-1]).max() < 3e-5
 
 
-def test_quadratic_drag_takes_the_energy_that_it_should() -> None:
+def test_quadratic_drag_dissipates_the_expected_energy() -> None:
     """Per swing of amplitude A a drag q |w| w takes 8/3 q A of the energy: A falls by 4/3 q A^2."""
     stiffness, drag, amplitude = 1.0, 0.05, 0.1
     state = np.array([[amplitude + 0j], [0j], [0j]])
 
-    path = integrate(state, ForceField(stiffness, 0.0, drag, 0.0), 2 * np.pi / 200, 200)
+    trajectory = integrate(state, ForceField(stiffness, 0.0, drag, 0.0), 2 * np.pi / 200, 200)
 
-    assert abs(path.state[-1, 0, 0]) == pytest.approx(amplitude * (1 - 8 / 3 * drag * amplitude), rel=2e-4)
+    assert abs(trajectory.state[-1, 0, 0]) == pytest.approx(amplitude * (1 - 8 / 3 * drag * amplitude), rel=2e-4)
 
 
-def test_spinning_housing_sees_the_same_motion_turned() -> None:
+def test_a_spinning_housing_reads_the_same_motion_rotated() -> None:
     state = np.array([[0.2 + 0.05j], [0.03j], [0.01 + 0.02j]])
     still = integrate(state, ForceField(1.0, 0.01), 0.1, 100)
     spinning = integrate(state, ForceField(1.0, 0.01, 0.0, 0.07), 0.1, 100)
@@ -87,7 +87,7 @@ def test_spinning_housing_sees_the_same_motion_turned() -> None:
     assert spinning.state[-1] == pytest.approx(turn * still.state[-1], abs=1e-6)
 
 
-def test_beyond_ninety_degrees_there_is_no_number() -> None:
-    path = integrate(np.array([[0.9 + 0j], [-2.0 + 0j], [0j]]), ForceField(1.0, 0.0), 0.1, 30)
+def test_integration_beyond_ninety_degrees_gives_nan() -> None:
+    trajectory = integrate(np.array([[0.9 + 0j], [-2.0 + 0j], [0j]]), ForceField(1.0, 0.0), 0.1, 30)
 
-    assert np.isnan(path.state[-1]).any()
+    assert np.isnan(trajectory.state[-1]).any()

@@ -1,4 +1,4 @@
-"""The low-pass inside a sensor: planted as a single pole, it is taken out, and what is not known of it is in the uncertainty."""
+"""The low-pass inside a sensor: a planted single pole is corrected, and its uncertainty is part of the result."""
 
 import numpy as np
 import pytest
@@ -41,7 +41,7 @@ def filtered(request: pytest.FixtureRequest, simulated: Simulate) -> tuple[Recor
 
 
 @pytest.mark.slow
-def test_attenuation_is_corrected_and_stands_in_the_budget(filtered: tuple[Recording, NDArray[np.float64]]) -> None:
+def test_attenuation_is_corrected_and_part_of_the_uncertainty(filtered: tuple[Recording, NDArray[np.float64]]) -> None:
     recording, force_g = filtered
 
     taken_as_it_is = estimated(recording, force_g, None)
@@ -64,7 +64,7 @@ def test_delay_is_corrected(filtered: tuple[Recording, NDArray[np.float64]]) -> 
 
 
 @pytest.mark.slow
-def test_live_is_corrected_too(filtered: tuple[Recording, NDArray[np.float64]]) -> None:
+def test_attenuation_is_corrected_live(filtered: tuple[Recording, NDArray[np.float64]]) -> None:
     recording, force_g = filtered
     rig = MountedHousing(length_m=6.0, position_m=recording.position_m, bandwidth_hz=BANDWIDTH_HZ)
     tracker, heard = SwingTracker(rig, noise_g=1e-4), []
@@ -78,7 +78,7 @@ def test_live_is_corrected_too(filtered: tuple[Recording, NDArray[np.float64]]) 
 
 
 @pytest.mark.slow
-def test_a_wide_band_changes_nothing_that_matters(simulated: Simulate) -> None:
+def test_a_wide_band_changes_no_result_significantly(simulated: Simulate) -> None:
     recording = simulated(duration_s=30)
 
     plain, wide = (estimated(recording, recording.force_g, hz) for hz in (None, 31.25))
@@ -87,6 +87,6 @@ def test_a_wide_band_changes_nothing_that_matters(simulated: Simulate) -> None:
     assert wide.u_rad == pytest.approx(plain.u_rad, rel=0.02)
 
 
-def test_a_bandwidth_that_cannot_be_is_refused() -> None:
+def test_an_impossible_bandwidth_is_refused() -> None:
     with pytest.raises(ValueError, match="bandwidth"):
         MountedHousing(length_m=9.0, position_m=3.0, bandwidth_hz=0.0)

@@ -1,4 +1,4 @@
-"""Binning, noise from the samples, and data that no pendulum made."""
+"""Bins, noise measured from the samples, and checks of the input."""
 
 from collections.abc import Callable
 from typing import Any
@@ -11,23 +11,23 @@ from numpy.typing import NDArray
 
 from gateway.numerics.quantisation import smallest_steps
 from gateway.swing.data.bins import bin_samples, concatenate, merge
-from gateway.swing.data.input_checks import fault_of
-from gateway.swing.data.noise import believed_noise_g, noise_from_differences
+from gateway.swing.data.input_checks import find_fault
+from gateway.swing.data.noise import effective_noise_g, measured_noise_g
 from tests.values import present
 
 RNG = np.random.default_rng(3)
 
 
-def test_two_nodes_carry_the_boxcar_exactly() -> None:
-    """The mean of a slow signal over a bin is its mean at the bin's two nodes, uneven and missing samples included."""
+def test_quadrature_reproduces_the_mean_over_a_bin() -> None:
+    """The mean of a slow signal over a bin is its mean at two times, also with uneven and missing samples."""
     time_s = np.sort(RNG.uniform(0.0, 20.0, 900))
     signal = np.sin(2.1 * time_s)
 
     bins = bin_samples(time_s, np.stack([signal] * 3, axis=1), 0.2)
 
-    assert np.abs(np.sin(2.1 * bins.nodes_s()).mean(axis=0) - bins.force_g[:, 0]).max() < 5e-4
+    assert np.abs(np.sin(2.1 * bins.quadrature_times_s()).mean(axis=0) - bins.force_g[:, 0]).max() < 5e-4
     centre = np.sin(2.1 * bins.time_s)
-    assert np.abs(centre - bins.force_g[:, 0]).max() > 5e-3  # what ignoring the boxcar would cost
+    assert np.abs(centre - bins.force_g[:, 0]).max() > 5e-3  # the error without quadrature
 
 
 @given(st.integers(1, 400), st.integers(1, 60))
@@ -46,23 +46,23 @@ def test_binning_in_blocks_is_binning_at_once(count: int, cut: int) -> None:
     assert in_blocks.force_g == pytest.approx(at_once.force_g)
 
 
-def test_noise_is_seen_through_a_fast_swing_and_spikes() -> None:
+def test_noise_is_measured_despite_a_fast_swing_and_spikes() -> None:
     time_s = np.arange(600) / 10.0
     swing = 0.1 * np.sin(2 * np.pi * time_s / 2.5)
     force_g = swing[:, None] + [[1e-3, 2e-3, 4e-4]] * RNG.normal(size=(600, 3))
     force_g[::97] += 0.5
 
-    assert noise_from_differences(force_g) == pytest.approx([1e-3, 2e-3, 4e-4], rel=0.25)
+    assert measured_noise_g(force_g) == pytest.approx([1e-3, 2e-3, 4e-4], rel=0.25)
 
 
-def test_noise_is_never_below_quantisation_nor_below_what_is_stated() -> None:
+def test_effective_noise_is_at_least_that_of_quantisation_and_the_stated_one() -> None:
     coarse = np.round(RNG.normal(scale=1e-4, size=(500, 3)) / 0.004) * 0.004 + [[0.0, 0.004, 1.0]]
     coarse[7] += 0.004
 
     assert smallest_steps(coarse) == pytest.approx([0.004] * 3)
-    assert (believed_noise_g(coarse, None) >= 0.004 / np.sqrt(12)).all()
-    assert believed_noise_g(RNG.normal(scale=1e-3, size=(500, 3)), 5e-3) == pytest.approx([5e-3] * 3)
-    assert believed_noise_g(RNG.normal(scale=1e-3, size=(500, 3)), 1e-4) == pytest.approx([1e-3] * 3, rel=0.2)
+    assert (effective_noise_g(coarse, None) >= 0.004 / np.sqrt(12)).all()
+    assert effective_noise_g(RNG.normal(scale=1e-3, size=(500, 3)), 5e-3) == pytest.approx([5e-3] * 3)
+    assert effective_noise_g(RNG.normal(scale=1e-3, size=(500, 3)), 1e-4) == pytest.approx([1e-3] * 3, rel=0.2)
 
 
 def swinging_g() -> NDArray[np.float64]:
@@ -73,22 +73,22 @@ def swinging_g() -> NDArray[np.float64]:
 
 
 @pytest.mark.parametrize(
-    ("spoil", "named"),
+    ("spoil", "fault"),
     [
         (lambda f: f * [1, 0, 1], "y does not change"),
-        (lambda f: np.minimum(f, [0.04, 9, 9]), "clipped: x piles up at +0.0400 g"),
-        (lambda f: np.maximum(f, [-9, -0.02, -9]), "clipped: y piles up at -0.0200 g"),
+        (lambda f: np.minimum(f, [0.04, 9, 9]), "clipped: many readings of x are exactly +0.0400 g"),
+        (lambda f: np.maximum(f, [-9, -0.02, -9]), "clipped: many readings of y are exactly -0.0200 g"),
         (lambda f: f * 1.25, "wrong unit or scale"),
         (lambda f: f * 9.80665, "wrong unit or scale"),
         (lambda f: f * [1, -1, -1], "not upright"),
         (lambda f: f[:, [2, 0, 1]], "not upright"),
     ],
 )
-def test_data_that_no_pendulum_made_are_named(spoil: Callable[..., Any], named: str) -> None:
-    assert named in present(fault_of(spoil(swinging_g())))
+def test_implausible_data_are_reported_with_their_fault(spoil: Callable[..., Any], fault: str) -> None:
+    assert fault in present(find_fault(spoil(swinging_g())))
 
 
-def test_a_swing_and_a_coarse_sensor_at_rest_are_plausible() -> None:
-    assert fault_of(swinging_g()) is None
+def test_a_swing_and_a_coarse_sensor_at_rest_have_no_fault() -> None:
+    assert find_fault(swinging_g()) is None
     rest = np.array([[0.0, 0.0, 1.0]]) + 1e-3 * RNG.normal(size=(3000, 3))
-    assert fault_of(np.round(rest / 0.0039) * 0.0039) is None
+    assert find_fault(np.round(rest / 0.0039) * 0.0039) is None

@@ -1,4 +1,4 @@
-"""What a try in vain may cost: fits that lead nowhere are given up, and tries follow each other no faster than they must."""
+"""Computing time of fits that fail: they are given up early, and follow each other no faster than necessary."""
 
 from itertools import pairwise
 
@@ -7,8 +7,9 @@ import pytest
 
 from gateway.swing import MountedHousing, SwingTracker
 from gateway.swing.data.bins import bin_samples
-from gateway.swing.fit.initial_guess import find_harmonics, start_motions
-from gateway.swing.fit.likelihood import Fit, improved, linearised
+from gateway.swing.fit.gauss_newton import SwingFit, iterate, linearise
+from gateway.swing.fit.harmonics import find_harmonics
+from gateway.swing.fit.initial_guess import initial_motions
 from gateway.swing.fit.priors import nominal_prior
 from tests.gateway.swing.conftest import Recording, Simulate
 from tests.values import present
@@ -28,38 +29,38 @@ def driven(simulated: Simulate) -> Recording:
     return simulated(rho=0.4, amplitude_deg=4.0, duration_s=40, push=trolley)
 
 
-def begun(recording: Recording, rig: MountedHousing) -> Fit:
+def initial_fit(recording: Recording, rig: MountedHousing) -> SwingFit:
     bins = bin_samples(recording.time_s, recording.force_g, PERIOD_S / 32)
-    starts = start_motions(find_harmonics(bins, NOISE_G, rig), rig, 0.0, float(bins.time_s[-1]) + 0.5)
-    return present(linearised(bins, bins.count[:, None] / NOISE_G**2, starts[0], nominal_prior(rig)))
+    starts = initial_motions(find_harmonics(bins, NOISE_G, rig), rig, 0.0, float(bins.time_s[-1]) + 0.5)
+    return present(linearise(bins, bins.count[:, None] / NOISE_G**2, starts[0], nominal_prior(rig)))
 
 
 @pytest.mark.slow
-def test_a_fit_that_leads_nowhere_is_given_up(driven: Recording) -> None:
-    fit = begun(driven, MountedHousing(length_m=9.0, position_m=driven.position_m))
+def test_a_fit_that_hardly_improves_is_given_up(driven: Recording) -> None:
+    fit = initial_fit(driven, MountedHousing(length_m=9.0, position_m=driven.position_m))
 
-    given_up = improved(fit, 25, lambda _: True)
+    given_up = iterate(fit, 25, lambda _: True)
 
     assert not given_up.converged
     assert given_up.iterations <= 4
 
 
 @pytest.mark.slow
-def test_a_fit_that_settles_is_never_asked_about(simulated: Simulate) -> None:
+def test_a_fit_that_converges_is_never_given_up(simulated: Simulate) -> None:
     recording = simulated(rho=0.4, duration_s=40)
-    asked: list[Fit] = []
+    asked: list[SwingFit] = []
 
-    def note(fit: Fit) -> bool:
+    def note(fit: SwingFit) -> bool:
         asked.append(fit)
         return False
 
-    fit = improved(begun(recording, MountedHousing(length_m=9.5, position_m=recording.position_m)), 25, note)
+    fit = iterate(initial_fit(recording, MountedHousing(length_m=9.5, position_m=recording.position_m)), 25, note)
 
     assert fit.converged
     assert not asked
 
 
-def test_tries_in_vain_are_spaced_and_none_waits_longer_than_the_first_value_may(driven: Recording) -> None:
+def test_failing_fits_are_spaced_but_not_beyond_the_time_of_a_first_value(driven: Recording) -> None:
     tracker = SwingTracker(MountedHousing(length_m=9.0, position_m=driven.position_m), noise_g=4e-4)
     heard = []
     for begin in range(0, len(driven.time_s), BLOCK):

@@ -1,4 +1,4 @@
-"""A dead axis that only makes noise: named, and no swing that merely runs along an axis is taken for one."""
+"""A dead axis that reads noise is reported; a swing along an axis is not mistaken for one."""
 
 from typing import Any
 
@@ -30,7 +30,7 @@ def deadened(recording: Recording, axis: int, level_g: float) -> NDArray[np.floa
     ("rho", "azimuth_deg", "axis"),
     [(0.1, 35, 1), (0.5, 35, 0), (0.5, 60, 0), (0.5, 0, 0), (0.1, 60, 2), (0.5, 15, 2)],
 )
-def test_a_noisy_dead_axis_is_named(simulated: Simulate, rho: float, azimuth_deg: int, axis: int) -> None:
+def test_a_noisy_dead_axis_is_reported(simulated: Simulate, rho: float, azimuth_deg: int, axis: int) -> None:
     recording = simulated(rho=rho, azimuth_deg=azimuth_deg, amplitude_deg=6, duration_s=45)
     force_g = deadened(recording, axis, 0.998 if axis == 2 else 0.01)
 
@@ -42,7 +42,7 @@ def test_a_noisy_dead_axis_is_named(simulated: Simulate, rho: float, azimuth_deg
     assert "xyz"[axis] in estimate.reasons[0].split(" shows")[0]
 
 
-def test_live_too(simulated: Simulate) -> None:
+def test_a_dead_axis_is_reported_live(simulated: Simulate) -> None:
     recording = simulated(rho=0.5, azimuth_deg=40, amplitude_deg=6, duration_s=40)
     force_g, tracker = deadened(recording, 1, 0.0), SwingTracker(housing(recording), noise_g=NOISE_G)
     parts = [slice(begin, begin + 16) for begin in range(0, len(force_g), 16)]
@@ -55,7 +55,7 @@ def test_live_too(simulated: Simulate) -> None:
 
 @pytest.mark.parametrize("rho", [0.1, 0.8])
 @pytest.mark.parametrize("azimuth_deg", [0, 90, 3, 45])
-def test_a_planar_swing_along_any_azimuth_is_no_dead_axis(simulated: Simulate, rho: float, azimuth_deg: int) -> None:
+def test_a_planar_swing_along_any_azimuth_has_no_dead_axis(simulated: Simulate, rho: float, azimuth_deg: int) -> None:
     recording = simulated(rho=rho, azimuth_deg=azimuth_deg, amplitude_deg=6, duration_s=40)
 
     estimate = estimate_swing(recording.time_s, recording.force_g, rig=housing(recording), noise_g=NOISE_G)
@@ -66,7 +66,7 @@ def test_a_planar_swing_along_any_azimuth_is_no_dead_axis(simulated: Simulate, r
 
 
 @pytest.mark.parametrize(("rho", "azimuth_deg"), [(0.5, 15), (0.8, 35)])
-def test_while_it_is_open_whether_an_axis_is_broken_the_interval_holds_both(
+def test_the_interval_includes_both_cases_where_a_dead_axis_cannot_be_decided(
     simulated: Simulate, rho: float, azimuth_deg: int
 ) -> None:
     """Near x a dead y takes little, and near the load the housing's place explains as much."""

@@ -1,4 +1,4 @@
-"""The estimate of whole recordings: planted truths come back, and what cannot be known is not claimed."""
+"""The estimate of whole recordings: planted values are found, and nothing unknown is claimed."""
 
 import gzip
 import math
@@ -51,7 +51,7 @@ def sigmas(estimate: SwingEstimate, recording: Recording) -> float:
 @example(rho=0.0, amplitude_deg=30, ellipticity=0.0, azimuth_deg=0, length_m=4, length_error=1.2)
 @example(rho=1.0, amplitude_deg=8, ellipticity=0.0, azimuth_deg=60, length_m=12, length_error=0.9)
 @example(rho=0.5, amplitude_deg=15, ellipticity=1.0, azimuth_deg=0, length_m=9, length_error=1.1)
-def test_any_swing_comes_back_within_its_uncertainty(
+def test_any_swing_is_estimated_within_its_uncertainty(
     simulated: Simulate,
     rho: float,
     amplitude_deg: float,
@@ -80,7 +80,7 @@ def test_any_swing_comes_back_within_its_uncertainty(
 
 
 @pytest.mark.slow
-def test_every_part_of_the_answer_is_the_planted_one(simulated: Simulate) -> None:
+def test_every_quantity_of_the_estimate_is_the_planted_one(simulated: Simulate) -> None:
     recording = simulated(
         rho=0.3, amplitude_deg=6, ellipticity=0.3, azimuth_deg=-35, lean_deg=2, damping_ratio=0.004, duration_s=60
     )
@@ -137,7 +137,7 @@ def test_recordings_of_an_independent_engine(
 
 
 @pytest.mark.slow
-def test_missing_uneven_and_unusable_samples_do_no_harm(simulated: Simulate) -> None:
+def test_missing_uneven_and_unusable_samples_leave_the_estimate_correct(simulated: Simulate) -> None:
     recording = simulated(duration_s=40)
     kept = np.random.default_rng(5).random(len(recording.time_s)) > 0.3
     kept[700:830] = False
@@ -163,7 +163,7 @@ def test_lone_spikes_are_left_out_and_counted(simulated: Simulate) -> None:
 
 
 @pytest.mark.slow
-def test_known_doubt_of_rig_and_sensor_widens_and_covers(simulated: Simulate) -> None:
+def test_stated_uncertainty_of_rig_and_sensor_widens_the_interval_and_covers(simulated: Simulate) -> None:
     """A wrong position and offset that the rig admits to: less sure, and still right."""
     recording = simulated(rho=0.5, duration_s=60)
     force_g = recording.force_g + np.array([0.0, 0.0, 0.01])
@@ -180,7 +180,7 @@ def test_known_doubt_of_rig_and_sensor_widens_and_covers(simulated: Simulate) ->
 
 
 @pytest.mark.slow
-def test_offset_that_looks_like_lean_is_in_its_uncertainty(simulated: Simulate) -> None:
+def test_uncertainty_of_the_offset_is_part_of_that_of_the_lean(simulated: Simulate) -> None:
     recording = simulated(duration_s=30)
 
     estimate = measured(recording, zero_g_offset_u_g=(0.005, 0.005, 0.0))
@@ -189,7 +189,7 @@ def test_offset_that_looks_like_lean_is_in_its_uncertainty(simulated: Simulate) 
 
 
 @pytest.mark.slow
-def test_housing_known_from_the_load_follows_the_rope(simulated: Simulate) -> None:
+def test_a_housing_known_from_the_load_has_its_place_by_the_measured_length(simulated: Simulate) -> None:
     recording = simulated(rho=0.6, duration_s=40)
     above_m = recording.length_m - recording.position_m
 
@@ -203,14 +203,14 @@ def test_housing_known_from_the_load_follows_the_rope(simulated: Simulate) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("spoil", "named"),
+    ("spoil", "reported"),
     [
         (lambda f: f @ np.array([[1, 0, 0.02], [0, 1, 0], [0, 0.03, 1]]).T, "into"),
         (lambda f: f + np.array([0.0, 0.0, 0.02]), "rig and sensor as stated do not explain the data"),
     ],
 )
-def test_errors_that_nobody_stated_are_found_named_and_allowed_for(
-    simulated: Simulate, spoil: Callable[..., Any], named: str
+def test_unstated_errors_are_found_reported_and_part_of_the_uncertainty(
+    simulated: Simulate, spoil: Callable[..., Any], reported: str
 ) -> None:
     recording = simulated(rho=0.4, ellipticity=0.5, duration_s=60)
 
@@ -218,11 +218,11 @@ def test_errors_that_nobody_stated_are_found_named_and_allowed_for(
 
     assert abs(present(estimate.phi_max_rad) - recording.phi_max_rad) < 3 * present(estimate.u_rad)
     assert present(estimate.u_rad) < 0.03 * present(estimate.phi_max_rad)
-    assert any(named in reason for reason in estimate.reasons)
+    assert any(reported in reason for reason in estimate.reasons)
 
 
 @pytest.mark.slow
-def test_a_wrong_position_is_named(simulated: Simulate) -> None:
+def test_a_wrong_position_is_reported(simulated: Simulate) -> None:
     recording = simulated(rho=0.3, duration_s=60)
 
     estimate = estimate_swing(
@@ -234,7 +234,7 @@ def test_a_wrong_position_is_named(simulated: Simulate) -> None:
 
 
 @pytest.mark.slow
-def test_still_is_none_with_a_bound_that_holds(simulated: Simulate) -> None:
+def test_a_load_at_rest_has_an_upper_bound_that_holds(simulated: Simulate) -> None:
     still = measured(simulated(amplitude_deg=0.0, lean_deg=3, lean_azimuth_deg=-50, duration_s=40))
 
     assert still.swinging is False
@@ -247,7 +247,7 @@ def test_still_is_none_with_a_bound_that_holds(simulated: Simulate) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.9])
-def test_what_hides_in_the_noise_is_below_the_bound(simulated: Simulate, rho: float) -> None:
+def test_a_swing_hidden_by_noise_is_below_the_upper_bound(simulated: Simulate, rho: float) -> None:
     recording = simulated(rho=rho, amplitude_deg=0.004, noise_g=2e-3, duration_s=40)
 
     hidden = measured(recording)
@@ -257,7 +257,7 @@ def test_what_hides_in_the_noise_is_below_the_bound(simulated: Simulate, rho: fl
 
 
 @pytest.mark.slow
-def test_a_restless_rope_is_bounded_by_what_any_instant_shows(simulated: Simulate) -> None:
+def test_irregular_motion_is_bounded_by_its_largest_deviation(simulated: Simulate) -> None:
     recording = simulated(amplitude_deg=0.0, noise_g=1e-5, duration_s=40)
     steps = 1e-4 * np.random.default_rng(6).normal(size=recording.force_g.shape)
     fading = 0.98 ** np.arange(400)
@@ -271,7 +271,7 @@ def test_a_restless_rope_is_bounded_by_what_any_instant_shows(simulated: Simulat
 
 
 @pytest.mark.slow
-def test_a_push_in_the_middle_is_told_from_the_free_stretches(simulated: Simulate) -> None:
+def test_a_push_separates_two_segments(simulated: Simulate) -> None:
     def push(time_s: float) -> tuple[float, float, float]:
         return (0.8, 0.4, 0.0) if 40 <= time_s < 40.3 else (0.0, 0.0, 0.0)
 
@@ -295,7 +295,7 @@ def test_a_long_drive_leaves_no_interval(simulated: Simulate) -> None:
 
 
 @pytest.mark.slow
-def test_what_is_no_pendulum_gets_no_angle(simulated: Simulate) -> None:
+def test_data_of_no_pendulum_get_no_angle(simulated: Simulate) -> None:
     recording = simulated(duration_s=40)
     wander = np.cumsum(np.random.default_rng(2).normal(scale=2e-3, size=recording.force_g.shape), axis=0)
 

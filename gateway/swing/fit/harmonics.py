@@ -1,0 +1,84 @@
+"""The harmonics of a small swing in a window: x and y at the swing's frequency f, z at 2 f."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from devices.pendulum.small_swing import small_swing_rate_1_s
+from gateway.numerics.array import Array
+from gateway.swing.data.bins import Bins
+from gateway.swing.model.spherical_pendulum import ComplexArray
+from gateway.swing.rig import MountedHousing
+
+FREQUENCY_SPAN = (0.68, 1.55)
+"""Searched, relative to the believed frequency: rope lengths from 0.42 to 2.2 of the belief."""
+BELIEF_OF_FREQUENCY = 0.5
+"""A relative error of the rope's length is half as large in the frequency."""
+
+
+@dataclass(frozen=True, slots=True)
+class Harmonics:
+    """The best-fitting harmonics of a window."""
+
+    frequency_hz: float
+    mean_g: Array
+    """Shape (3,)."""
+    amplitude_g: ComplexArray
+    """Of x and y at f and of z at 2 f, shape (3,); the signal is Re(amplitude exp(i w (t - middle)))."""
+    u_g: Array
+    """Standard uncertainty of a real or imaginary part, shape (3,)."""
+    middle_s: float
+    gain: float
+    """Twice the gain in log-likelihood against a constant signal."""
+    axial_gain: float
+    """Part of the gain by the axial force, less the cost of the frequency under the prior of the rope's length."""
+    unexplained: float
+    """Rms of the residual of the harmonics over the rms of the signal's variation."""
+
+
+def find_harmonics(bins: Bins, noise_g: Array, rig: MountedHousing, *, axial: bool = False) -> Harmonics:
+    """Search a range of frequencies for the most likely harmonics; `noise_g` per sample and axis, shape (3,).
+
+    With `axial`, the axial force alone chooses the frequency: near the load a swing shows in it alone, and the transverse axes
+    only add noise.
+    """
+    nominal_hz = small_swing_rate_1_s(rig.length_m, rig.gravity_m_s2) / (2 * np.pi)
+    span_s = float(bins.time_s[-1] - bins.time_s[0])
+    tries = int(np.clip(6 * span_s * nominal_hz * (FREQUENCY_SPAN[1] - FREQUENCY_SPAN[0]), 12, 400))
+    ratio = np.geomspace(*FREQUENCY_SPAN, tries)
+    prior_cost = (np.log(ratio) / (BELIEF_OF_FREQUENCY * rig.length_u_rel)) ** 2
+    middle_s = float(bins.time_s.mean())
+    angle = 2 * np.pi * nominal_hz * ratio[:, None] * (bins.time_s - middle_s)
+    weight = bins.count / bins.count.sum()
+    transverse, transverse_gain = _fit_sinusoids(angle, bins.force_g[:, :2], weight)
+    axial_fit, axial_variance = _fit_sinusoids(2 * angle, bins.force_g[:, 2:], weight)
+    per_sample = noise_g**2 / bins.count.sum()
+    axial_gain = axial_variance[:, 0] / per_sample[2]
+    gain = (transverse_gain / per_sample[:2]).sum(axis=1) + axial_gain
+    best = int(np.argmax((axial_gain if axial else gain) - prior_cost))
+    variance = weight @ (bins.force_g - weight @ bins.force_g) ** 2
+    left = variance - np.append(transverse_gain[best], axial_variance[best]) - (noise_g**2 / bins.count.mean())
+    coefficients = np.concatenate([transverse[best], axial_fit[best]], axis=1)
+    return Harmonics(
+        frequency_hz=float(nominal_hz * ratio[best]),
+        mean_g=coefficients[0],
+        amplitude_g=coefficients[1] - 1j * coefficients[2],
+        u_g=np.sqrt(2 * per_sample),
+        middle_s=middle_s,
+        gain=float(gain[best]),
+        axial_gain=float(axial_gain[best] - prior_cost[best]),
+        unexplained=float(np.sqrt(max(left.sum(), 0.0) / max(variance.sum(), 1e-14))),
+    )
+
+
+def _fit_sinusoids(angle: Array, values_g: Array, weight: Array) -> tuple[Array, Array]:
+    """Fit constant, cosine and sine for each row of angles: coefficients (tries, 3, columns), variance (tries, columns)."""
+    basis = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)
+    mean = weight @ values_g
+    weighted = basis * weight
+    normal = weighted @ basis.transpose(0, 2, 1) + 1e-9 * np.eye(3)
+    moment = weighted @ (values_g - mean)
+    solved = np.linalg.solve(normal, moment)
+    explained = (moment * solved).sum(axis=1)
+    solved[:, 0] += mean
+    return solved, explained
