@@ -8,7 +8,7 @@ from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodel
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.decision.ranking import RankedCandidate
 from gateway.twin.reconcile.fit.fit_result import Fit
-from gateway.twin.reconcile.residual.residual_tests import has_excess, has_lines
+from gateway.twin.reconcile.residual.residual_tests import EXCESS_LINES, has_excess, has_lines
 from gateway.twin.reconcile.search.candidates import CandidateFit
 
 MIN_GAP_CLOSED = 0.99
@@ -21,6 +21,8 @@ MIN_NECESSARY_SHARE = 0.1
 """Share of the gap that the absence of an effect must leave open for the effect to be necessary."""
 MIN_NECESSARY_RATIO = 30.0
 """Of a large swing, the factor on chi-square instead: the first loss alone closes nearly all of its gap."""
+MIN_EXCESS_RATIO = 10.0
+"""Factor by which the absence of a necessary effect multiplies the excess that the set leaves; an imitation halves it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +106,9 @@ def _necessary_effects(
             continue
         leaves_gap = without.fit.chi2 - best.candidate.fit.chi2 > MIN_NECESSARY_SHARE * gap
         multiplies = without.reduced_chi2 > MIN_NECESSARY_RATIO * best.candidate.reduced_chi2
-        if leaves_gap or (large_amplitude and multiplies):
+        excess = max(best.candidate.reduced_chi2 - 1, EXCESS_LINES)
+        leaves_excess = without.reduced_chi2 - 1 > MIN_EXCESS_RATIO * excess
+        if leaves_gap or leaves_excess or (large_amplitude and multiplies):
             found.add(name)
     return frozenset(found)
 

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 MAX_FITS = 60
 """Fits after which what is still missing is no single effect and no pair: searches that end with a name make 10 to 45."""
-MAX_WORK = 1.6e9
-"""State derivatives evaluated in fits; the slowest search that ends with a name spends half of that."""
+MAX_WORK = 1.6e8
+"""State derivatives evaluated in fits, some 40 s on one core of a desk; searches that end with a name spend a third of it."""
 
 
 @dataclass(slots=True)

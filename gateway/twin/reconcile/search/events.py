@@ -29,6 +29,8 @@ NEARLY_EXPLAINED = 2.0
 """Reduced chi-square below which a slowly converging persistent effect is refined."""
 MAX_REFINED = 2
 """Fits of a size that are refined."""
+MAX_REFINED_EXCESS_RATIO = 5.0
+"""Excess of the reduced chi-square over that of the best fit: a fit with more does not become the best by converging."""
 STRETCHES = (2.5, 0.4)
 """Factors on an event's duration that are tried: a short strong event is much like a long weak one."""
 EDGES = (0.1, 0.5)
@@ -89,8 +91,11 @@ def refine(table: CandidateTable, context: SearchContext, size: int) -> Candidat
     """Continue the best fits of a size that converge slowly, and vary the shape of their events."""
     table = table.start_round()
     for candidate in table.ranked(size)[:MAX_REFINED]:
-        if table.is_explained or context.budget.is_exhausted or not _converges_slowly(candidate):
+        excess_ratio = (candidate.reduced_chi2 - 1) / max(table.closest.reduced_chi2 - 1, EXCESS_SIGNIFICANT)
+        if excess_ratio > MAX_REFINED_EXCESS_RATIO or not _converges_slowly(candidate):
             continue
+        if table.is_explained or context.budget.is_exhausted:
+            break
         table = context.fit(table, candidate.values, iterations=REFINE_ITERATIONS)
         refined = table.fits[candidate.names]
         for name in sorted(refined.names):
