@@ -52,8 +52,12 @@ def main() -> None:
 
 
 def verdicts(seed: int) -> list[Judged]:
-    """Of each window: what was true, what is accepted, whether it counts, what was said."""
-    recording = make(seed)
+    """Return for each window of the recording of a seed: what is true, what is accepted, whether it counts, the verdict."""
+    return judge(make(seed))
+
+
+def judge(recording: Recording) -> list[Judged]:
+    """Return for each window of a recording: what is true, what is accepted, whether it counts, the verdict and its cause."""
     configuration = validate(recording.table, "benchmark")
     correction = correction_for(recording.info, configuration.device.axes, None)
     pipeline = Pipeline(configuration, recording.info, correction, HeaderMaker())
