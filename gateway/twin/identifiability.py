@@ -5,6 +5,7 @@ projected out: initial motion, heading, and the other effects of the model. Two 
 ambiguity group, whatever their fits say (isolability, Basseville and Nikiforov 1993).
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -27,6 +28,10 @@ MAX_INDISTINGUISHABLE_ANGLE_RAD = 3e-3
 equations of the effects are not true to 0.3 % of a contribution (a jib's radius, a clamp that yields)."""
 
 
+DISTINCT_ANGLE_RAD = 0.1
+"""Angle from which two effects differ whatever the model leaves unexplained: losses by different laws are 0.15 apart."""
+
+
 @dataclass(frozen=True, slots=True)
 class FittedRecording:
     """A recording and the initial motion that a model has on it."""
@@ -36,20 +41,29 @@ class FittedRecording:
     """Initial state, heading included, shape (initial states,)."""
     heading_is_fitted: bool
     """False on the log, where the heading is a gauge: turning the world changes nothing."""
+    excess_chi2: float
+    """Chi-square of the residual beyond that of noise: what the model leaves unexplained."""
 
 
 def indistinguishable_from(
     rig: TwinRig, model: EffectValues, name: str, others: Iterable[str], recordings: Sequence[FittedRecording]
 ) -> tuple[str, ...]:
     """Effects out of `others` that make the same contribution to all recordings as one effect of a fitted model."""
-    angles_rad = contribution_angles_rad(rig, model, name, others, recordings)
-    return tuple(sorted(other for other, angle in angles_rad.items() if angle < MAX_INDISTINGUISHABLE_ANGLE_RAD))
+    size_sigma, angles_rad = contribution_angles(rig, model, name, others, recordings)
+    unexplained = sum(max(0.0, each.excess_chi2) for each in recordings)
+    # What the model leaves unexplained could be twice the difference between the two effects.
+    misfit_rad = 2 * math.sqrt(unexplained) / size_sigma if size_sigma else 0.0
+    limit_rad = max(MAX_INDISTINGUISHABLE_ANGLE_RAD, min(misfit_rad, DISTINCT_ANGLE_RAD))
+    return tuple(sorted(other for other, angle in angles_rad.items() if angle < limit_rad))
 
 
-def contribution_angles_rad(
+def contribution_angles(
     rig: TwinRig, model: EffectValues, name: str, others: Iterable[str], recordings: Sequence[FittedRecording]
-) -> dict[str, float]:
-    """Angle between an effect's contribution at its fitted parameters and what each other effect could contribute."""
+) -> tuple[float, dict[str, float]]:
+    """Size of an effect's contribution at its fitted parameters, and its angle to what each other effect could contribute.
+
+    The size is in sigma of the noise, the norm over all samples and axes; angles are in rad.
+    """
     tried = [other for other in others if other not in model and EFFECTS[other].is_scored]
     simulator = Simulator(rig, sorted({*model, *tried}))
     columns = np.concatenate([_project_recording(simulator, model, each) for each in recordings])
@@ -60,13 +74,13 @@ def contribution_angles_rad(
     contribution = columns[:, _places(specs, name)] @ _distance_from_neutral(simulator, model, name)
     size = float(np.linalg.norm(contribution))
     if size == 0.0:
-        return {}
+        return 0.0, {}
     angles_rad = {}
     for other in tried:
         reach = orthonormal(columns[:, _places(specs, other)])
         beyond = contribution - reach @ (reach.T @ contribution)
         angles_rad[other] = float(np.arcsin(min(1.0, float(np.linalg.norm(beyond)) / size)))
-    return angles_rad
+    return size, angles_rad
 
 
 def _project_recording(simulator: Simulator, model: EffectValues, recording: FittedRecording) -> Array:

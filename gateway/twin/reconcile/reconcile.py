@@ -242,11 +242,17 @@ def _indistinguishable(run: SearchRun, best: RankedCandidate, name: str) -> tupl
     """Effects with the same signature as one of the best set, on the log and on the selection part together."""
     setting, n = run.context.setting, run.context.setting.simulator(best.names).n_initial_states
     recordings = (
-        FittedRecording(setting.log, best.candidate.fit.values[:n], heading_is_fitted=False),
+        FittedRecording(
+            setting.log,
+            best.candidate.fit.values[:n],
+            heading_is_fitted=False,
+            excess_chi2=best.candidate.fit.chi2 - setting.log.n_values,
+        ),
         FittedRecording(
             run.validator.selection,
             best.validation.fit.values[:n],
             heading_is_fitted=is_world_directed({*best.names, *setting.model_effects}),
+            excess_chi2=best.validation.fit.chi2 - run.validator.selection.n_values,
         ),
     )
     model = {**setting.model_effects, **best.candidate.values}
