@@ -1,6 +1,7 @@
 """One case put to `plumbline reconcile` as a process, and its answer scored."""
 
 import json
+import resource
 import subprocess
 import tempfile
 import time
@@ -23,6 +24,7 @@ class _Ended:
     seconds: float
     peak_mib: float
     in_time: bool
+    cpu_s: float
 
 
 def ask(case: Path, command: Sequence[str], timeout_s: float) -> dict[str, Any]:
@@ -37,6 +39,7 @@ def ask(case: Path, command: Sequence[str], timeout_s: float) -> dict[str, Any]:
             "case": case.name,
             "truth": sorted(truth),
             "seconds": round(ended.seconds, 2),
+            "cpu_s": round(ended.cpu_s, 2),
             "peak_mib": ended.peak_mib,
         }
         row |= {
@@ -46,6 +49,7 @@ def ask(case: Path, command: Sequence[str], timeout_s: float) -> dict[str, Any]:
             "chi2_before": None,
             "chi2_after": None,
             "closed_percent": None,
+            "closed_test_percent": None,
         }
         if not ended.in_time:
             return row | {"score": score.TIMEOUT, "why": f"more than {timeout_s:g} s"}
@@ -69,8 +73,16 @@ def ask(case: Path, command: Sequence[str], timeout_s: float) -> dict[str, Any]:
         "chi2_before": _short(answer.before),
         "chi2_after": _short(after),
         "closed_percent": _short(score.closed_percent(answer.before, after) if comparable else None),
+        "closed_test_percent": _short(score.closed_percent(*_test_gap(said)) if comparable else None),
         "why": why,
     }
+
+
+def _test_gap(said: Mapping[str, Any]) -> tuple[float | None, float | None]:
+    """Reduced chi-square before and after on the test part, as reported; None where another method has no such part."""
+    gap = said.get("gap") or {}
+    before, after = (gap.get(key, {}).get("test") for key in ("before", "after"))
+    return before, after
 
 
 def case_arguments(case: Path, report: Path, prediction: Path) -> list[str]:
@@ -110,7 +122,7 @@ def _after(case: Path, prediction: Path, hidden: dict[str, Any]) -> tuple[float 
 
 def _run(command: list[str], timeout_s: float) -> _Ended:
     """Its largest resident memory is looked up while it runs: what the kernel tells afterwards counts its parent in."""
-    begun_s, peak_mib = time.monotonic(), 0.0
+    begun_s, peak_mib, cpu_before_s = time.monotonic(), 0.0, _children_cpu_s()
     with tempfile.TemporaryFile() as said:
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said)
         try:
@@ -123,7 +135,7 @@ def _run(command: list[str], timeout_s: float) -> _Ended:
             process.wait()
         said.seek(0)
         words = said.read().decode(errors="replace").strip()[-LAST_WORDS:]
-    return _Ended(process.returncode, words, seconds, peak_mib, in_time)
+    return _Ended(process.returncode, words, seconds, peak_mib, in_time, _children_cpu_s() - cpu_before_s)
 
 
 def _peak_mib(process_id: int) -> float:
@@ -134,3 +146,9 @@ def _peak_mib(process_id: int) -> float:
         return 0.0
     kib = [float(line.split()[1]) for line in status.splitlines() if line.startswith("VmHWM:")]
     return round(kib[0] / 1024, 1) if kib else 0.0
+
+
+def _children_cpu_s() -> float:
+    """CPU time of this process's finished children, user and system: unlike `seconds` it does not grow with other work."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime

@@ -43,8 +43,12 @@ def _figures(figures: Mapping[str, Any]) -> str:
         ("confident wrong name", figures["confident_wrong_percent"], "%"),
         ("held-out gap closed, median", figures["median_gap_closed_percent"], "%"),
         ("held-out gap closed, 10th percentile", figures["p10_gap_closed_percent"], "%"),
+        ("gap closed on the test part, median", figures["median_test_gap_closed_percent"], "%"),
+        ("gap closed on the test part, 10th percentile", figures["p10_test_gap_closed_percent"], "%"),
         ("median time", figures["median_seconds"], "s"),
         ("longest time", figures["slowest_seconds"], "s"),
+        ("median CPU time", figures["median_cpu_s"], "s"),
+        ("largest CPU time", figures["largest_cpu_s"], "s"),
         ("peak memory", figures["peak_mib"], "MiB"),
     ]
     told = [(name, "-" if value is None else f"{value:.1f} {unit}") for name, value, unit in lines]

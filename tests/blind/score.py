@@ -131,6 +131,7 @@ def summary(rows: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
     rows = list(rows)
     nulls = [row for row in rows if not row["truth"]]
     closed = sorted(row["closed_percent"] for row in rows if row["closed_percent"] is not None)
+    on_test = sorted(each for row in rows if (each := row.get("closed_test_percent")) is not None)
     return {
         "cases": len(rows),
         "right_percent": _percent(rows, (RIGHT, RIGHT_GROUP)),
@@ -140,8 +141,12 @@ def summary(rows: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
         "nulls": len(nulls),
         "median_gap_closed_percent": statistics.median(closed) if closed else None,
         "p10_gap_closed_percent": closed[len(closed) // 10] if closed else None,
+        "median_test_gap_closed_percent": statistics.median(on_test) if on_test else None,
+        "p10_test_gap_closed_percent": on_test[len(on_test) // 10] if on_test else None,
         "median_seconds": statistics.median(row["seconds"] for row in rows) if rows else None,
         "slowest_seconds": max((row["seconds"] for row in rows), default=None),
+        "median_cpu_s": statistics.median(row["cpu_s"] for row in rows) if rows else None,
+        "largest_cpu_s": max((row["cpu_s"] for row in rows), default=None),
         "peak_mib": max((row["peak_mib"] for row in rows), default=None),
         "crashed": sum(row["score"] == CRASH for row in rows),
         "out_of_time": sum(row["score"] == TIMEOUT for row in rows),

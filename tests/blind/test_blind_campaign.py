@@ -262,6 +262,7 @@ def test_page_shows_every_answer() -> None:
         "score": "wrong_name",
         "closed_percent": 80.0,
         "seconds": 3.0,
+        "cpu_s": 2.5,
         "peak_mib": 200.0,
         "why": "",
     }
