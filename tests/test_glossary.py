@@ -97,3 +97,13 @@ def test_every_word_of_a_module_name_is_a_term() -> None:
     terms = set().union(*(words(row[0]) for row in cells))
     unknown = {word: place for word, place in module_words().items() if word not in terms | COMMON_WORDS}
     assert unknown == {}, "enter the term in docs/glossary.md, or an everyday word in COMMON_WORDS"
+
+
+def test_every_class_name_has_one_meaning() -> None:
+    places: dict[str, list[str]] = {}
+    for package in ("gateway", "devices"):
+        for path in sorted((ROOT / package).rglob("*.py")):
+            for name in re.findall(r"^class (\w+)", path.read_text(), flags=re.M):
+                places.setdefault(name, []).append(str(path.relative_to(ROOT)))
+    public = {name: found for name, found in places.items() if len(found) > 1 and not name.startswith("_")}
+    assert public == {}

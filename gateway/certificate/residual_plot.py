@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from gateway.calibration.record import CalibrationRecord
-from gateway.certificate.residuals import Residual, residuals
+from gateway.certificate.residuals import PoseResidual, residuals
 from gateway.documents.figures import tick_step
 from gateway.documents.format import format_short
 from gateway.documents.text import printable_text
@@ -61,7 +61,7 @@ class ResidualPlot:
 
 
 @dataclass(frozen=True, slots=True)
-class ResidualView:
+class PoseResidualView:
     """The plot with the numbers of its caption."""
 
     plot: ResidualPlot
@@ -74,13 +74,13 @@ class ResidualView:
     """Poses that cannot be shown."""
 
 
-def residual_view(record: CalibrationRecord) -> ResidualView | None:
+def residual_view(record: CalibrationRecord) -> PoseResidualView | None:
     """Return the plot of a record; None where it holds no pose that can be shown."""
     found = residuals(record)[:MOST_POSES]
     if not found:
         return None
     used = [residual for residual in found if residual.used]
-    return ResidualView(
+    return PoseResidualView(
         plot=_plot(found, 1000 * float(record.prediction_interval_g)),
         rms_mg=_rms_mg(used),
         used=len(used),
@@ -90,7 +90,7 @@ def residual_view(record: CalibrationRecord) -> ResidualView | None:
     )
 
 
-def _rms_mg(used: list[Residual]) -> str:
+def _rms_mg(used: list[PoseResidual]) -> str:
     return format_short(1000 * math.sqrt(sum(r.residual_g**2 for r in used) / len(used)) if used else None)
 
 
@@ -101,7 +101,7 @@ def _fit_rms_mg(record: CalibrationRecord) -> str:
     return format_short(1000 * float(record.residual_rms_g))
 
 
-def _plot(found: tuple[Residual, ...], dm_mg: float) -> ResidualPlot:
+def _plot(found: tuple[PoseResidual, ...], dm_mg: float) -> ResidualPlot:
     reach_mg = max(1000 * (abs(residual.residual_g) + 2 * residual.u_g) for residual in found) or dm_mg
     band_shown = dm_mg <= BAND_SHOWN * reach_mg
     half_mg = 1.12 * (max(reach_mg, dm_mg) if band_shown else reach_mg)
@@ -132,7 +132,7 @@ def _ticks(half_mg: float) -> tuple[Tick, ...]:
     )
 
 
-def _pose_labels(found: tuple[Residual, ...]) -> tuple[Tick, ...]:
+def _pose_labels(found: tuple[PoseResidual, ...]) -> tuple[Tick, ...]:
     """Return the numbers of the poses and their faces, as many as fit."""
     every = math.ceil(len(found) / MOST_LABELS)
     return tuple(
@@ -145,7 +145,7 @@ def _pose_labels(found: tuple[Residual, ...]) -> tuple[Tick, ...]:
     )
 
 
-def _mark(residual: Residual, x: float, half_mg: float) -> PoseMark:
+def _mark(residual: PoseResidual, x: float, half_mg: float) -> PoseMark:
     value_mg, u_mg = 1000 * residual.residual_g, 1000 * residual.u_g
     return PoseMark(
         number=residual.number,

@@ -23,7 +23,7 @@ class _RecordedPose(BaseModel):
 
 
 @dataclass(frozen=True, slots=True)
-class Residual:
+class PoseResidual:
     """Residual of one pose."""
 
     number: int
@@ -40,7 +40,7 @@ class Residual:
         return abs(self.residual_g) / self.u_g if self.u_g > 0 else math.inf
 
 
-def residuals(record: CalibrationRecord) -> tuple[Residual, ...]:
+def residuals(record: CalibrationRecord) -> tuple[PoseResidual, ...]:
     """Return the residual of every pose that can be read; gravity is 1 g by definition."""
     matrix = np.array(record.correction_matrix, dtype=np.float64)
     offset = np.array(record.offset, dtype=np.float64)
@@ -57,5 +57,5 @@ def residuals(record: CalibrationRecord) -> tuple[Residual, ...]:
         u_g = float(np.linalg.norm(corrected_g / norm_g @ matrix * pose.type_a))
         if not math.isfinite(u_g):
             continue
-        found.append(Residual(number, pose.face, pose.used, norm_g - 1, u_g))
+        found.append(PoseResidual(number, pose.face, pose.used, norm_g - 1, u_g))
     return tuple(found)

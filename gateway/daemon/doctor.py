@@ -26,7 +26,7 @@ LOW_DISK_MB = 500.0
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class CheckResult:
     """The result of one check."""
 
     grade: Grade
@@ -34,62 +34,62 @@ class Finding:
     text: str
 
 
-def examine(configuration: Configuration) -> Iterator[Finding]:
+def examine(configuration: Configuration) -> Iterator[CheckResult]:
     """Check everything that `run` needs; yields each finding at once."""
     version = ".".join(map(str, sys.version_info[:3]))
-    yield Finding("good" if sys.version_info >= (3, 11) else "bad", "python", version)
+    yield CheckResult("good" if sys.version_info >= (3, 11) else "bad", "python", version)
     for look in (_data_folder, _device, _bus, _page, _clock, _housing):
         yield from look(configuration)
 
 
-def _data_folder(configuration: Configuration) -> Iterator[Finding]:
+def _data_folder(configuration: Configuration) -> Iterator[CheckResult]:
     folder = configuration.gateway.data_dir
     try:
         InstanceLock(folder).release()
     except PlumblineError as error:
-        yield Finding("bad", "data", str(error))
+        yield CheckResult("bad", "data", str(error))
         return
     free_mb = disk_free_mb(folder) or 0.0
     enough = free_mb > LOW_DISK_MB
     quota = configuration.recorder.quota_mb
-    yield Finding("good" if enough else "bad", "data", f"{folder}: {free_mb:.0f} MB free")
+    yield CheckResult("good" if enough else "bad", "data", f"{folder}: {free_mb:.0f} MB free")
     if free_mb < quota:
-        yield Finding(
+        yield CheckResult(
             "note", "data", f"recorder.quota_mb {quota:g} is more than is free; recording stops when the disk is full"
         )
 
 
-def _device(configuration: Configuration) -> Iterator[Finding]:
+def _device(configuration: Configuration) -> Iterator[CheckResult]:
     if configuration.device.kind == "adxl355" and not list(Path("/dev").glob("i2c-*")):
-        yield Finding("bad", "device", "this machine has no I2C bus; on a Pi: raspi-config, Interface Options, I2C")
+        yield CheckResult("bad", "device", "this machine has no I2C bus; on a Pi: raspi-config, Interface Options, I2C")
     try:
         device = make_device(configuration, HostClock())
         info = device.open()
     except DeviceError as error:
-        yield Finding("bad", "device", str(error))
+        yield CheckResult("bad", "device", str(error))
         return
     device.close()
-    yield Finding("good", "device", f"{info.kind} {info.device_id} at {info.odr_hz:g} Hz")
+    yield CheckResult("good", "device", f"{info.kind} {info.device_id} at {info.odr_hz:g} Hz")
     try:
         stored = find_record_in_force(configuration.gateway.data_dir, info.device_id)
         correction = correction_for(info, configuration.device.axes, stored)
     except PlumblineError as error:
-        yield Finding("bad", "calibration", str(error))
+        yield CheckResult("bad", "calibration", str(error))
         return
-    yield Finding("note" if correction.status == "uncalibrated" else "good", "calibration", correction.text)
+    yield CheckResult("note" if correction.status == "uncalibrated" else "good", "calibration", correction.text)
 
 
-def _bus(configuration: Configuration) -> Iterator[Finding]:
+def _bus(configuration: Configuration) -> Iterator[CheckResult]:
     bus = configuration.bus
     try:
         open_session(bus.mode, bus.connect, bus.listen, bus.tls.files).close()
     except PlumblineError as error:
-        yield Finding("bad", "bus", str(error))
+        yield CheckResult("bad", "bus", str(error))
         return
-    yield Finding("good", "bus", f"{configuration.gateway.key} at {', '.join([*bus.listen, *bus.connect])}")
+    yield CheckResult("good", "bus", f"{configuration.gateway.key} at {', '.join([*bus.listen, *bus.connect])}")
     exposed = [endpoint for endpoint in bus.listen if not _is_loopback(endpoint)]
     if exposed:
-        yield Finding("note", "bus", f"{', '.join(exposed)}: reachable from the network")
+        yield CheckResult("note", "bus", f"{', '.join(exposed)}: reachable from the network")
 
 
 def _is_loopback(endpoint: str) -> bool:
@@ -97,37 +97,37 @@ def _is_loopback(endpoint: str) -> bool:
     return address.startswith(("127.", "localhost", "[::1]")) or "unix" in endpoint
 
 
-def _page(configuration: Configuration) -> Iterator[Finding]:
+def _page(configuration: Configuration) -> Iterator[CheckResult]:
     if not configuration.page.enabled:
-        yield Finding("note", "page", "off (page.enabled = false)")
+        yield CheckResult("note", "page", "off (page.enabled = false)")
         return
     missing = [name for name in PAGE_MODULES if importlib.util.find_spec(name) is None]
     if missing:
-        yield Finding("bad", "page", f"{', '.join(missing)} not installed; install plumbline-gateway[page]")
+        yield CheckResult("bad", "page", f"{', '.join(missing)} not installed; install plumbline-gateway[page]")
         return
     try:
         socket.create_server(configuration.page.address).close()
     except OSError as error:
-        yield Finding("bad", "page", f"{configuration.page.listen}: {error.strerror}; choose another page.listen")
+        yield CheckResult("bad", "page", f"{configuration.page.listen}: {error.strerror}; choose another page.listen")
         return
-    yield Finding("good", "page", f"http://{configuration.page.listen}/")
+    yield CheckResult("good", "page", f"http://{configuration.page.listen}/")
 
 
-def _clock(_configuration: Configuration) -> Iterator[Finding]:
+def _clock(_configuration: Configuration) -> Iterator[CheckResult]:
     quality = WallClockMonitor(HostClock()).poll().quality
     if quality == "synchronised":
-        yield Finding("good", "clock", "synchronised")
+        yield CheckResult("good", "clock", "synchronised")
     else:
-        yield Finding("note", "clock", "not synchronised; sample times are right among each other, UTC may be off")
+        yield CheckResult("note", "clock", "not synchronised; sample times are right among each other, UTC may be off")
 
 
-def _housing(configuration: Configuration) -> Iterator[Finding]:
+def _housing(configuration: Configuration) -> Iterator[CheckResult]:
     position_m = configuration.housing_position_m
     if position_m is None:
         text = "[housing] position_m or above_load_m is not given; without it there is no swing estimate"
-        yield Finding("bad", "housing", text)
+        yield CheckResult("bad", "housing", text)
         return
     length_m = configuration.rope.length_m
-    yield Finding(
+    yield CheckResult(
         "good", "housing", f"{position_m:g} m of {length_m:g} m down the rope (rho {position_m / length_m:.2f})"
     )

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import get_args
 
 from gateway.messages import Alert, Condition, Health, Level, Swing
-from gateway.page.verdict import STYLES, Evidence, is_fresh, verdict
+from gateway.page.verdict import STYLES, PageEvidence, is_fresh, verdict
 
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 Rows = Iterable[tuple[Mapping[str, str], float | int | bool | None]]
@@ -25,7 +25,7 @@ class Counters:
     dropped_clients: int
 
 
-def format_exposition(evidence: Evidence, counters: Counters, labels: Mapping[str, str]) -> str:
+def format_exposition(evidence: PageEvidence, counters: Counters, labels: Mapping[str, str]) -> str:
     """Return the whole text; `labels` (site, crane, sensor) are on every sample."""
     blocks = (
         *_swing_metrics(evidence),
@@ -52,7 +52,7 @@ def _counter(name: str, text: str, value: int | None) -> Block:
     return f"plumbline_{name}_total", "counter", text, [({}, value)]
 
 
-def _swing_metrics(evidence: Evidence) -> Iterator[Block]:
+def _swing_metrics(evidence: PageEvidence) -> Iterator[Block]:
     swing = evidence.get(Swing)
     if swing is None or not evidence.gateway or not is_fresh(evidence, "swing"):
         return
@@ -68,7 +68,7 @@ def _swing_metrics(evidence: Evidence) -> Iterator[Block]:
     )
 
 
-def _verdict_metrics(evidence: Evidence) -> Iterator[Block]:
+def _verdict_metrics(evidence: PageEvidence) -> Iterator[Block]:
     alert, condition = evidence.get(Alert), evidence.get(Condition)
     word = verdict(evidence).word
     level = alert.level if alert is not None and is_fresh(evidence, "alert") else "unknown"
@@ -113,7 +113,7 @@ def _health_metrics(health: Health | None) -> Iterator[Block]:
     yield _gauge("gateway_uptime_seconds", "Time since the gateway's start.", health.uptime_s)
 
 
-def _page_metrics(evidence: Evidence, counters: Counters) -> Iterator[Block]:
+def _page_metrics(evidence: PageEvidence, counters: Counters) -> Iterator[Block]:
     yield _labelled_counter("page_messages", "topic", "Messages received by the page.", counters.received)
     yield _counter("page_invalid_messages", "Messages that the page could not read.", counters.invalid)
     yield _counter(

@@ -15,7 +15,7 @@ from gateway.page.history import History
 from gateway.page.inbox import Arrival
 from gateway.page.link import ALIVE, SHOWN
 from gateway.page.parameters import Parameters
-from gateway.page.verdict import Evidence, PageVerdict, is_fresh, is_swing_known, verdict
+from gateway.page.verdict import PageEvidence, PageVerdict, is_fresh, is_swing_known, verdict
 from gateway.topics import adapter
 
 MEASURED = ("tilt", "swing", "condition")
@@ -81,10 +81,10 @@ class PageState:
         if self.verdict(now_s).word in ("NO DATA", "STALE"):
             self.history.add_gap(at_s=now_s)
 
-    def evidence(self, now_s: float) -> Evidence:
+    def evidence(self, now_s: float) -> PageEvidence:
         """Return everything on which the verdict and the metrics depend."""
         age_s = {topic: max(now_s - at_s, 0.0) for topic, at_s in self._newest_s.items()}
-        return Evidence(self._gateway, dict(self._latest), age_s, self.parameters.stale_s)
+        return PageEvidence(self._gateway, dict(self._latest), age_s, self.parameters.stale_s)
 
     def verdict(self, now_s: float) -> PageVerdict:
         """Return the present verdict."""

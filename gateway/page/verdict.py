@@ -48,7 +48,7 @@ TRUSTED_CALIBRATIONS = ("calibrated", "factory")
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class PageEvidence:
     """Everything on which a verdict depends."""
 
     gateway: bool
@@ -81,7 +81,7 @@ class PageVerdict:
     """Whether the value can be trusted: it is fresh, calibrated, trusted and known."""
 
 
-def verdict(evidence: Evidence) -> PageVerdict:
+def verdict(evidence: PageEvidence) -> PageVerdict:
     """Judge the evidence."""
     order = list(STYLES)
     findings = [
@@ -112,19 +112,19 @@ def is_swing_known(swing: Swing) -> bool:
     return swing.swinging is False and swing.coverage95_deg is not None and _finite(swing.coverage95_deg[1])
 
 
-def is_fresh(evidence: Evidence, topic: str) -> bool:
+def is_fresh(evidence: PageEvidence, topic: str) -> bool:
     """Return whether the last message of a topic came within its usual interval plus `stale_s`."""
     return evidence.age_s.get(topic, math.inf) <= _interval_s(evidence, topic) + evidence.stale_s
 
 
-def _interval_s(evidence: Evidence, topic: str) -> float:
+def _interval_s(evidence: PageEvidence, topic: str) -> float:
     swing = evidence.get(Swing)
     if topic == "swing" and swing is not None and swing.period_s is not None:
         return min(max(USUAL_INTERVAL_S[topic], swing.period_s / 2), LONGEST_SWING_INTERVAL_S)
     return USUAL_INTERVAL_S[topic]
 
 
-def _freshness(evidence: Evidence) -> Iterator[tuple[Word, str]]:
+def _freshness(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
     missing = [topic for topic in USUAL_INTERVAL_S if topic not in evidence.latest]
     if len(missing) == len(USUAL_INTERVAL_S):
         yield "NO DATA", "no measurement received yet" if evidence.gateway else "the gateway does not answer"
@@ -138,7 +138,7 @@ def _freshness(evidence: Evidence) -> Iterator[tuple[Word, str]]:
         yield "UNKNOWN", f"no {', '.join(missing)} received yet"
 
 
-def _alarm(evidence: Evidence) -> Iterator[tuple[Word, str]]:
+def _alarm(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
     alert = evidence.get(Alert)
     if alert is None or alert.level == "normal":
         return
@@ -146,7 +146,7 @@ def _alarm(evidence: Evidence) -> Iterator[tuple[Word, str]]:
     yield words.get(alert.level, "UNKNOWN"), alert.text or f"alert level {alert.level}"
 
 
-def _session(evidence: Evidence) -> Iterator[tuple[Word, str]]:
+def _session(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
     calibration = evidence.get(Calibration)
     if calibration is not None and calibration.session.suspended:
         session = calibration.session
@@ -157,7 +157,7 @@ def _session(evidence: Evidence) -> Iterator[tuple[Word, str]]:
         )
 
 
-def _calibration(evidence: Evidence) -> Iterator[tuple[Word, str]]:
+def _calibration(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
     said: list[tuple[CalibrationStatus, str]] = []
     if (calibration := evidence.get(Calibration)) is not None:
         said.append((calibration.status, calibration.text))
@@ -169,7 +169,7 @@ def _calibration(evidence: Evidence) -> Iterator[tuple[Word, str]]:
         yield "UNCALIBRATED", text or f"calibration: {status.replace('_', ' ')}"
 
 
-def _trust(evidence: Evidence) -> Iterator[tuple[Word, str]]:
+def _trust(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
     condition, swing = evidence.get(Condition), evidence.get(Swing)
     if condition is not None and not (condition.trusted and condition.verdict not in ("disturbed", "unknown")):
         word: Word = "DISTURBED" if condition.verdict == "disturbed" else "UNKNOWN"

@@ -11,7 +11,7 @@ from gateway.swing.data.bins import Bins
 from gateway.swing.fit.multiple_shooting import LinearisedMotion, linearise_segments, relative_step_size, take_step
 from gateway.swing.fit.priors import Prior, SensorModel
 from gateway.swing.model.motion import LN_LENGTH, N_STATES, Motion
-from gateway.swing.model.rope_spline import RopeLength
+from gateway.swing.model.rope_spline import RopeLengthSpline
 from gateway.swing.model.spherical_pendulum import SensorPlacement, position_jacobian, specific_force_g
 
 CONVERGED, SETTLED = 0.01, 1.0
@@ -166,7 +166,7 @@ def _cost(residual_g: Array, weight: Array, unknowns: Array, prior: Prior) -> fl
     return float((weight.ravel() * residual) @ residual + prior.information @ deviation**2)
 
 
-def _placement(rope: RopeLength, motion: Motion, sensor: SensorModel, prior: Prior) -> SensorPlacement:
+def _placement(rope: RopeLengthSpline, motion: Motion, sensor: SensorModel, prior: Prior) -> SensorPlacement:
     """Return the place of the housing in every variant; one clamped above the load moves with the rope."""
     rig, gravity_m_s2 = prior.rig, prior.rig.gravity_m_s2
     if rig.above_load_m is None:

@@ -11,7 +11,7 @@ import numpy as np
 from gateway.numerics.array import Array
 from gateway.swing.model.motion import N_STATES, STEPS_PER_SEGMENT, GridTimes, Motion
 from gateway.swing.model.segments import PERTURBATION, PerturbedSegments
-from gateway.swing.model.spherical_pendulum import ComplexArray, Trajectory, integrate, interpolate
+from gateway.swing.model.spherical_pendulum import ComplexArray, SwingTrajectory, integrate, interpolate
 
 MAX_AZIMUTH_STEP_RAD = 1.0
 """Largest turn of the swing's azimuth in one step. Basis: guards the linearisation; the tests converge with any value near it."""
@@ -24,7 +24,7 @@ class LinearisedMotion:
     """A motion integrated over all segments in all variants, and the condensed derivatives of its segments."""
 
     segments: PerturbedSegments
-    trajectory: Trajectory
+    trajectory: SwingTrajectory
     """Last dimensions: segments, variants (unperturbed first)."""
     condensed: Array
     """Derivative of each segment's own unknowns by the motion's, and in the last column the shift that closes the gaps:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from devices.pendulum.small_swing import small_swing_period_s
 from gateway.numerics.array import Array
-from gateway.swing.model.rope_spline import RopeLength, SplineGrid
+from gateway.swing.model.rope_spline import RopeLengthSpline, SplineGrid
 from gateway.swing.model.spherical_pendulum import ComplexArray, ForceField, State, TrajectoryInput, propagate
 
 N_STATES = 6
@@ -126,12 +126,12 @@ class Motion:
         """Divisor that makes a state dimensionless, shape (3, 1)."""
         return np.array([[1.0], [self.grid.rate_1_s], [1.0]])
 
-    def rope_at(self, time_s: Array) -> RopeLength:
+    def rope_at(self, time_s: Array) -> RopeLengthSpline:
         """Return the rope at times of any shape; constant without splines."""
         length_m = np.exp(self.parameters[LN_LENGTH])
         if self.splines is None:
             zero = np.zeros(1)
-            return RopeLength(length_m, zero, zero)
+            return RopeLengthSpline(length_m, zero, zero)
         return self.splines.evaluate(time_s, length_m, self.parameters[N_BASE_PARAMETERS:])
 
     def trajectory_input(self, start_s: float, step_s: float, steps: int) -> ForceField | TrajectoryInput:

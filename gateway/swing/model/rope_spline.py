@@ -18,7 +18,7 @@ _SIGNED_BINOMIALS = ((0, 1.0), (1, -3.0), (2, 3.0), (3, -1.0))
 
 
 @dataclass(frozen=True, slots=True)
-class RopeLength:
+class RopeLengthSpline:
     """Length of the rope and its two derivatives at some times; arrays of one shape."""
 
     length_m: Array
@@ -40,12 +40,12 @@ class SplineGrid:
         first, last = np.floor(from_s / step_s) - SPLINE_SUPPORT_STEPS + 1, np.ceil(to_s / step_s)
         return cls(float(first * step_s), step_s, int(last - first))
 
-    def evaluate(self, time_s: Array, length_m: Array | float, speed_m_s: Array) -> RopeLength:
+    def evaluate(self, time_s: Array, length_m: Array | float, speed_m_s: Array) -> RopeLengthSpline:
         """Return the rope at times of any shape, (times, ...), for speeds (count, ...) and the length before the first, (...)."""
         travelled, rate, acceleration = self._basis(
             (time_s[..., None] - self.start_s) / self.step_s - np.arange(self.count)
         )
-        return RopeLength(
+        return RopeLengthSpline(
             length_m + self.step_s / 6 * travelled @ speed_m_s,
             0.5 * rate @ speed_m_s,
             acceleration @ speed_m_s / self.step_s,
@@ -59,11 +59,13 @@ class SplineGrid:
         first = np.floor((from_s - self.start_s) / self.step_s).astype(np.intp) - SPLINE_SUPPORT_STEPS + 1
         return first, int(np.ceil(duration_s / self.step_s)) + SPLINE_SUPPORT_STEPS
 
-    def evaluate_local(self, time_s: Array, first: NDArray[np.intp], length_m: Array, speed_m_s: Array) -> RopeLength:
+    def evaluate_local(
+        self, time_s: Array, first: NDArray[np.intp], length_m: Array, speed_m_s: Array
+    ) -> RopeLengthSpline:
         """Return the rope from a few splines for each time: first (...), speeds (..., few, variants), length (..., variants)."""
         place = (time_s - self.start_s) / self.step_s - first
         travelled, rate, acceleration = self._basis(place[..., None, None] - np.arange(speed_m_s.shape[-2]))
-        return RopeLength(
+        return RopeLengthSpline(
             length_m + self.step_s / 6 * (travelled @ speed_m_s)[..., 0, :],
             0.5 * (rate @ speed_m_s)[..., 0, :],
             (acceleration @ speed_m_s)[..., 0, :] / self.step_s,

@@ -20,7 +20,7 @@ from gateway.swing.model.motion import (
     Motion,
     force_field,
 )
-from gateway.swing.model.rope_spline import RopeLength
+from gateway.swing.model.rope_spline import RopeLengthSpline
 from gateway.swing.model.spherical_pendulum import ComplexArray, ForceField, TrajectoryInput
 
 PERTURBATION = 1e-6
@@ -65,7 +65,7 @@ class PerturbedSegments:
         damping_1_s = self.parameters[:, DAMPING]
         return TrajectoryInput(self.motion.gravity_m_s2 / rope.length_m, damping_1_s, rope.rate_m_s / rope.length_m)
 
-    def field_at(self, times: GridTimes) -> tuple[ForceField, RopeLength]:
+    def field_at(self, times: GridTimes) -> tuple[ForceField, RopeLengthSpline]:
         """Return the coefficients of the equations, and the rope, at times: shape (n, variants)."""
         if self.first_spline is None:
             return force_field(self.parameters, self.motion.gravity_m_s2), self._constant_length()
@@ -74,11 +74,11 @@ class PerturbedSegments:
         stiffness = self.motion.gravity_m_s2 / rope.length_m
         return ForceField(stiffness, own[:, DAMPING], lengthening_1_s=rope.rate_m_s / rope.length_m), rope
 
-    def _constant_length(self) -> RopeLength:
+    def _constant_length(self) -> RopeLengthSpline:
         zero = np.zeros(1)
-        return RopeLength(np.exp(self.parameters[LN_LENGTH]), zero, zero)
+        return RopeLengthSpline(np.exp(self.parameters[LN_LENGTH]), zero, zero)
 
-    def _rope(self, time_s: Array, first: NDArray[np.intp], own: Array) -> RopeLength:
+    def _rope(self, time_s: Array, first: NDArray[np.intp], own: Array) -> RopeLengthSpline:
         if self.motion.splines is None:
             raise ValueError("a rope that keeps its length has no splines")
         length_m = np.exp(own[..., LN_LENGTH, :])

@@ -99,7 +99,7 @@ class SensorPlacement:
 
 
 @dataclass(frozen=True, slots=True)
-class Trajectory:
+class SwingTrajectory:
     """Integrated motions on a uniform grid of steps."""
 
     state: ComplexArray
@@ -141,7 +141,7 @@ def state_rate(state: State, field: ForceField) -> State:
     return u_rate - turn * u, w_rate - turn * w, pull_rate - turn * pull
 
 
-def integrate(state: ComplexArray, field: ForceField | TrajectoryInput, step_s: float, steps: int) -> Trajectory:
+def integrate(state: ComplexArray, field: ForceField | TrajectoryInput, step_s: float, steps: int) -> SwingTrajectory:
     """Integrate states of shape (3, ...) by classical fourth-order Runge-Kutta steps; NaN beyond 90 degrees."""
     states = np.empty((steps + 1, *state.shape), dtype=np.complex128)
     rates = np.empty_like(states)
@@ -158,7 +158,7 @@ def integrate(state: ComplexArray, field: ForceField | TrajectoryInput, step_s: 
             k4[0], k4[1], k4[2] = state_rate(tuple(state + step_s * k3), end)
             np.add(state, step_s / 6 * (k1 + k4 + 2 * (k2 + k3)), out=states[i + 1])
         rates[steps, 0], rates[steps, 1], rates[steps, 2] = state_rate(tuple(states[steps]), field.at(2 * steps))
-    return Trajectory(states, rates, step_s)
+    return SwingTrajectory(states, rates, step_s)
 
 
 def propagate(state: State, field: ForceField | TrajectoryInput, step_s: float, steps: int) -> list[State]:
@@ -184,7 +184,7 @@ def _step(state: State, rate: State, time_s: float) -> State:
 
 
 def interpolate(
-    trajectory: Trajectory, step: NDArray[np.intp], fraction: Array, segment: NDArray[np.intp]
+    trajectory: SwingTrajectory, step: NDArray[np.intp], fraction: Array, segment: NDArray[np.intp]
 ) -> ComplexArray:
     """Return states between the steps by cubic Hermite interpolation, shape (n, 3, ...).
 

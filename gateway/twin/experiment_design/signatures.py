@@ -49,7 +49,7 @@ class Signature:
 
 
 @dataclass(frozen=True, slots=True)
-class Sensitivities:
+class ExperimentSensitivities:
     """Of a manoeuvre's recordings, in sigma, initial motion and the operator's inputs projected out."""
 
     slots: tuple[ParameterSpec, ...]
@@ -89,7 +89,7 @@ def fitted_along(*names: str) -> set[str]:
     return {each for each in beliefs if each not in names and not (each in RATES and not RATES.isdisjoint(names))}
 
 
-def sensitivities(rig: TwinRig, believed: EffectValues, manoeuvre: Experiment, group: Group) -> Sensitivities:
+def sensitivities(rig: TwinRig, believed: EffectValues, manoeuvre: Experiment, group: Group) -> ExperimentSensitivities:
     """By linearisation about the manoeuvre's motion: score test and isolability of a reconciliation do the same.
 
     What the operator does is fitted along, from where he meant it to be.
@@ -98,7 +98,7 @@ def sensitivities(rig: TwinRig, believed: EffectValues, manoeuvre: Experiment, g
     simulator = Simulator(rig, sorted({*believed, *asked, *INPUTS}))
     wanted = [i for i, slot in enumerate(simulator.parameters) if slot.effect in asked]
     legs = [_columns(simulator, believed, leg, group, wanted) for leg in manoeuvre.legs]
-    return Sensitivities(tuple(simulator.parameters[i] for i in wanted), np.concatenate(legs))
+    return ExperimentSensitivities(tuple(simulator.parameters[i] for i in wanted), np.concatenate(legs))
 
 
 def _columns(simulator: Simulator, believed: EffectValues, leg: Run, group: Group, wanted: list[int]) -> Array:

@@ -8,12 +8,12 @@ import numpy as np
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.clock import ClockDrift, SampleLoss
 from gateway.twin.effects.sensor_output import Quantization
-from gateway.twin.identifiability import FittedRecording, indistinguishable_from
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.recordings import Recordings, split_recordings
 from gateway.twin.reconcile.decision.evidence import gather_evidence
+from gateway.twin.reconcile.decision.identifiability import FittedRecording, indistinguishable_from
 from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates, rivals_of
 from gateway.twin.reconcile.decision.verdict import decide
 from gateway.twin.reconcile.fit.fit_context import is_world_directed

@@ -9,7 +9,7 @@ from gateway.twin.reconcile.output.result import Curves, Gap, Reconciliation
 
 
 @dataclass(frozen=True, slots=True)
-class DataPart:
+class PartGap:
     """A part of the data with the gap of both models on it."""
 
     role: str
@@ -24,16 +24,16 @@ class DataPart:
     """None where the samples of this part alone are not kept."""
 
 
-def data_parts(result: Reconciliation, gap: Gap) -> tuple[DataPart, ...]:
+def data_parts(result: Reconciliation, gap: Gap) -> tuple[PartGap, ...]:
     """Return the parts; the last one is the least influenced by the choice of the model, and its gap is published."""
     found = [
-        DataPart("fit", fitted_part_name(result), gap.before_log, gap.after_log, result.log),
-        DataPart("selection, test", held_out_name(result), gap.before_held_out, gap.after_held_out, result.held_out),
+        PartGap("fit", fitted_part_name(result), gap.before_log, gap.after_log, result.log),
+        PartGap("selection, test", held_out_name(result), gap.before_held_out, gap.after_held_out, result.held_out),
     ]
     test = next((part for part in result.parts if part.role == "test"), None)
     if test is not None:
         name, curves = f"test part of the {held_out_name(result)}", _curves_of(result.held_out, test)
-        found.append(DataPart("test", name, gap.before_test, gap.after_test, curves))
+        found.append(PartGap("test", name, gap.before_test, gap.after_test, curves))
     return tuple(found)
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from gateway.documents.format import format_number, format_percent
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.output.result import Curves, Gap, Reconciliation
-from gateway.twin.report.data_parts import DataPart, data_parts
+from gateway.twin.report.data_parts import PartGap, data_parts
 from gateway.twin.report.formatting import format_change, noise_ratio
 from gateway.twin.report.rope_angle import RopeAngleError, rope_angle_error
 
@@ -39,7 +39,7 @@ def part_rows(result: Reconciliation) -> tuple[PartRow, ...]:
     return tuple(_row(part, result.rig) for part in data_parts(result, result.gap))
 
 
-def _row(part: DataPart, rig: TwinRig) -> PartRow:
+def _row(part: PartGap, rig: TwinRig) -> PartRow:
     angle, displacement = _angle_texts(part.curves, rig)
     if part.before is None or part.after is None:
         return PartRow(part.name, part.role, NOT_EVALUATED, NOT_EVALUATED, NOT_EVALUATED, angle, displacement)

@@ -18,7 +18,7 @@ from gateway.twin.report.verdict import verdict_view
 
 
 @dataclass(frozen=True, slots=True)
-class Section:
+class ReportSection:
     """A section of the report."""
 
     name: str
@@ -49,12 +49,12 @@ def render_report(
     this order: the recordings, the rig's file, the seed, the time it took.
     """
     if result.gap is None and result.log is None:
-        found = [Section("lacking", "No model was fitted", None)]
+        found = [ReportSection("lacking", "No model was fitted", None)]
     else:
-        found = [Section(name, heading, view(result)) for name, heading, view in MODEL_SECTIONS]
+        found = [ReportSection(name, heading, view(result)) for name, heading, view in MODEL_SECTIONS]
     sections = [
         *found,
-        Section("data", "The data", data_view(result)),
-        Section("computed", "How this was computed", computed_view(result, software, computed or {})),
+        ReportSection("data", "The data", data_view(result)),
+        ReportSection("computed", "How this was computed", computed_view(result, software, computed or {})),
     ]
     return render("report.html.j2", title=title, verdict=verdict_view(result), sections=sections)

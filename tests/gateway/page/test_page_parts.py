@@ -14,7 +14,7 @@ from gateway.page.inbox import Arrival, Inbox
 from gateway.page.link import SHOWN
 from gateway.page.metrics import Counters, format_exposition
 from gateway.page.parameters import Parameters, encode, parse
-from gateway.page.verdict import Evidence
+from gateway.page.verdict import PageEvidence
 from gateway.topics import TOPIC_OF
 from tests.gateway.page.conftest import Scene
 
@@ -88,9 +88,9 @@ def test_the_page_subscribes_to_all_that_is_published_but_the_samples() -> None:
     assert SHOWN == ("tilt", "swing", "condition", "alert", "health", "calibration")
 
 
-def _evidence(scene: Scene, **ages_s: float) -> Evidence:
+def _evidence(scene: Scene, **ages_s: float) -> PageEvidence:
     latest = {TOPIC_OF[type(message)].name: message for message in scene.messages(0, 1)}
-    return Evidence(True, latest, dict.fromkeys(latest, 0.25) | ages_s, 1.0)
+    return PageEvidence(True, latest, dict.fromkeys(latest, 0.25) | ages_s, 1.0)
 
 
 def _samples(text: str) -> dict[str, float]:
@@ -126,7 +126,7 @@ def test_metrics_leave_out_what_is_stale_or_not_known(scene: Scene) -> None:
     assert 'verdict="STALE"} 1' in stale
     scene.phi_max_deg = None
     assert "plumbline_phi_max_degrees" not in format_exposition(_evidence(scene), COUNTERS, LABELS)
-    nothing = format_exposition(Evidence(False, {}, {}, 1.0), COUNTERS, LABELS)
+    nothing = format_exposition(PageEvidence(False, {}, {}, 1.0), COUNTERS, LABELS)
     assert _samples(nothing)['plumbline_up{site="north-yard",crane="crane-3",sensor="hook"}'] == 0
 
 

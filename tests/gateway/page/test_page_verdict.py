@@ -8,16 +8,16 @@ from typing import Any
 import pytest
 
 from gateway.messages import NO_SESSION, Message
-from gateway.page.verdict import STYLES, USUAL_INTERVAL_S, Evidence, verdict
+from gateway.page.verdict import STYLES, USUAL_INTERVAL_S, PageEvidence, verdict
 from gateway.topics import TOPIC_OF, TOPICS
 from tests.gateway.page.conftest import Scene
 
 Change = Callable[[Any], None]
 
 
-def evidence_of(scene: Scene, gateway: bool = True, age_s: float = 0.05, **ages_s: float) -> Evidence:
+def evidence_of(scene: Scene, gateway: bool = True, age_s: float = 0.05, **ages_s: float) -> PageEvidence:
     latest = {TOPIC_OF[type(message)].name: message for message in scene.messages(0, 1)}
-    return Evidence(gateway, latest, dict.fromkeys(latest, age_s) | ages_s, stale_s=1.0)
+    return PageEvidence(gateway, latest, dict.fromkeys(latest, age_s) | ages_s, stale_s=1.0)
 
 
 def setting(**changes: Any) -> Change:
@@ -84,14 +84,14 @@ def test_verdict_by_the_table(scene: Scene, change: Change, circumstances: dict[
 def test_nothing_is_green_before_every_topic_spoke(scene: Scene, topic: str) -> None:
     whole = evidence_of(scene)
     latest: dict[str, Message] = {name: message for name, message in whole.latest.items() if name != topic}
-    judged = verdict(Evidence(True, latest, whole.age_s, 1.0))
+    judged = verdict(PageEvidence(True, latest, whole.age_s, 1.0))
     assert judged.word == "UNKNOWN"
     assert topic in judged.reasons[0]
 
 
 @pytest.mark.parametrize("gateway", [True, False])
 def test_no_data_at_all(gateway: bool) -> None:
-    judged = verdict(Evidence(gateway, {}, {}, 1.0))
+    judged = verdict(PageEvidence(gateway, {}, {}, 1.0))
     assert (judged.word, judged.sound) == ("NO DATA", False)
 
 

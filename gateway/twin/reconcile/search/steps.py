@@ -18,7 +18,7 @@ from gateway.twin.reconcile.search.stepwise_selection import try_swaps
 
 
 @dataclass(frozen=True, slots=True)
-class Step:
+class SearchStep:
     """A named step of the search."""
 
     name: str
@@ -51,20 +51,20 @@ def _refine_single_effects(table: CandidateTable, context: SearchContext) -> Can
     return refine(table, context, len(context.baseline_effects) + 1)
 
 
-PERSISTENT_STEP = Step("fit persistent effects", fit_persistent_effects)
+PERSISTENT_STEP = SearchStep("fit persistent effects", fit_persistent_effects)
 SINGLE_EFFECT_STEPS = (
-    Step("fit pairs of persistent effects", fit_persistent_pairs),
-    Step("swap effects of an explaining pair", _swap_in_explaining_pair),
-    Step("fit events after a consistent prefix", fit_events_after_prefixes),
-    Step("fit effects guessed from the residual", _fit_residual_guesses),
-    Step("fit events in scanned windows", _fit_windowed_events),
-    Step("refine single effects", _refine_single_effects),
-    Step("fit ambiguity partners", fit_ambiguity_partners),
+    SearchStep("fit pairs of persistent effects", fit_persistent_pairs),
+    SearchStep("swap effects of an explaining pair", _swap_in_explaining_pair),
+    SearchStep("fit events after a consistent prefix", fit_events_after_prefixes),
+    SearchStep("fit effects guessed from the residual", _fit_residual_guesses),
+    SearchStep("fit events in scanned windows", _fit_windowed_events),
+    SearchStep("refine single effects", _refine_single_effects),
+    SearchStep("fit ambiguity partners", fit_ambiguity_partners),
 )
 """Steps that fit single effects, and pairs that are quicker to fit than events; growth adds further effects to the best."""
 
 
-def run_steps(steps: tuple[Step, ...], table: CandidateTable, context: SearchContext) -> CandidateTable:
+def run_steps(steps: tuple[SearchStep, ...], table: CandidateTable, context: SearchContext) -> CandidateTable:
     """Run steps in turn. The noise inflation is fixed at the beginning of each step."""
     for step in steps:
         table = step.run(table.start_round(), context)
