@@ -1,9 +1,14 @@
 """What the twin's tests share: a rig, and what can be read off a prediction."""
 
-import numpy as np
+from collections.abc import Sequence
 
-from gateway.twin.model import TwinRig
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.simulator.simulator import Simulator
+
+Array = NDArray[np.float64]
 
 G = 9.80665
 LENGTH_M, POSITION_M = 12.0, 5.0
@@ -12,22 +17,29 @@ PERIOD_S = 2 * np.pi / SWING_RATE
 RIG = TwinRig(length_m=LENGTH_M, position_m=POSITION_M)
 
 
-def at_pivot(length_m=LENGTH_M):
+def at_pivot(length_m: float = LENGTH_M) -> TwinRig:
     """There the specific force is gravity alone, and tells the housing's attitude."""
     return TwinRig(length_m=length_m, position_m=0.0)
 
 
-def predicted(rig, effects, start, time_s, temperature_c=None):
+def predicted(
+    rig: TwinRig,
+    effects: EffectValues,
+    start: Sequence[float] | Array,
+    time_s: Array,
+    temperature_c: Array | None = None,
+) -> Array:
+    """Return the specific force in g of a motion with effects."""
     simulator = Simulator(rig, tuple(effects))
     return simulator.predict(simulator.values(start, effects), time_s, temperature_c)
 
 
-def rope_angle(force_g):
+def rope_angle(force_g: Array) -> Array:
     """Of a housing at a pivot at rest."""
-    return np.arctan2(np.hypot(force_g[:, 0], force_g[:, 1]), force_g[:, 2])
+    return np.asarray(np.arctan2(np.hypot(force_g[:, 0], force_g[:, 1]), force_g[:, 2]))
 
 
-def peaks(time_s, signal):
+def peaks(time_s: Array, signal: Array) -> tuple[Array, Array]:
     """Times and heights of the maxima, by parabolas through three samples."""
     middle = np.flatnonzero((signal[1:-1] > signal[:-2]) & (signal[1:-1] >= signal[2:])) + 1
     before, at, after = signal[middle - 1], signal[middle], signal[middle + 1]

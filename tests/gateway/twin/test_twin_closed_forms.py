@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from devices.pendulum.double_pendulum import modes
 from gateway.twin.model import TwinRig
@@ -9,7 +10,7 @@ from tests.gateway.twin.swings import LENGTH_M, PERIOD_S, RIG, SWING_RATE, G, at
 
 
 @pytest.mark.parametrize("amplitude_deg", [1.0, 10.0, 30.0])
-def test_period_grows_with_amplitude(amplitude_deg):
+def test_period_grows_with_amplitude(amplitude_deg: float) -> None:
     amplitude = np.radians(amplitude_deg)
     time_s = np.arange(0, 8 * PERIOD_S, 0.01)
     force = predicted(at_pivot(), {}, [amplitude, 0, 0, 0], time_s)
@@ -20,7 +21,7 @@ def test_period_grows_with_amplitude(amplitude_deg):
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.85, 1.0])
-def test_planar_swing_reads_the_extremes_of_the_closed_form(rho):
+def test_planar_swing_reads_the_extremes_of_the_closed_form(rho: float) -> None:
     """Section 1 of the derivation: transverse (1 - rho) sin, axial from cos to 1 + 2 rho (1 - cos)."""
     phi = np.radians(11.0)
     force = predicted(TwinRig(LENGTH_M, rho * LENGTH_M), {}, [phi, 0, 0, 0], np.arange(0, PERIOD_S, 0.002))
@@ -29,19 +30,21 @@ def test_planar_swing_reads_the_extremes_of_the_closed_form(rho):
     assert force[:, 2].max() == pytest.approx(1 + 2 * rho * (1 - np.cos(phi)), abs=1e-6)
 
 
-def envelope(effects, amplitude, swings):
+def envelope(
+    effects: dict[str, dict[str, float]], amplitude: float, swings: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     time_s = np.arange(0, swings * PERIOD_S, 0.02)
     force = predicted(at_pivot(), effects, [amplitude, 0, 0, 0], time_s)
     when, height = peaks(time_s, np.arctan2(force[:, 0], force[:, 2]))
     return np.concatenate([[0.0], when]), np.concatenate([[amplitude], height])
 
 
-def test_viscous_damping_decays_as_an_exponential():
+def test_viscous_damping_decays_as_an_exponential() -> None:
     when, height = envelope({"viscous_damping": {"damping_ratio": 0.01}}, 0.05, 20)
     assert height == pytest.approx(0.05 * np.exp(-0.01 * SWING_RATE * when), rel=1e-3)
 
 
-def test_quadratic_drag_decays_as_a_hyperbola():
+def test_quadratic_drag_decays_as_a_hyperbola() -> None:
     """A' = -(4/3 pi) k L w A^2."""
     drag_per_m = 0.02
     when, height = envelope({"quadratic_drag": {"drag_per_m": drag_per_m}}, 0.08, 20)
@@ -49,7 +52,7 @@ def test_quadratic_drag_decays_as_a_hyperbola():
     assert height == pytest.approx(0.08 / (1 + 0.08 * rate * when), rel=3e-3)
 
 
-def test_coulomb_friction_takes_the_same_from_each_swing():
+def test_coulomb_friction_takes_the_same_from_each_swing() -> None:
     """A' = -2 mu/(pi w L) of an angle."""
     decel_m_s2 = 0.01
     when, height = envelope({"coulomb_friction": {"decel_m_s2": decel_m_s2}}, 0.08, 12)
@@ -57,14 +60,14 @@ def test_coulomb_friction_takes_the_same_from_each_swing():
     assert height == pytest.approx(0.08 - slope * when, abs=2e-4)
 
 
-def test_steady_wind_leans_the_rope_by_its_force_over_the_weight():
+def test_steady_wind_leans_the_rope_by_its_force_over_the_weight() -> None:
     lean = np.arctan(0.4 / G)
     force = predicted(RIG, {"steady_wind": {"accel_m_s2": (0.4, 0.0)}}, [lean, 0, 0, 0], np.arange(0, 30, 0.1))
     assert force == pytest.approx(np.tile([np.sin(lean), 0.0, np.cos(lean)], (300, 1)), abs=1e-9)
 
 
 @pytest.mark.parametrize("which", [0, 1])
-def test_double_pendulum_swings_in_its_modes(which):
+def test_double_pendulum_swings_in_its_modes(which: int) -> None:
     rigging_m, ratio = 3.0, 0.2
     mode = modes(LENGTH_M - rigging_m, rigging_m, ratio, G)[which]
     tilt = 1e-4
@@ -75,7 +78,7 @@ def test_double_pendulum_swings_in_its_modes(which):
     assert np.arctan2(force[:, 0], force[:, 2]) == pytest.approx(tilt * np.cos(mode.rate * time_s), abs=2e-3 * tilt)
 
 
-def test_an_elastic_rope_bounces_at_its_frequency_and_hangs_lower():
+def test_an_elastic_rope_bounces_at_its_frequency_and_hangs_lower() -> None:
     effects = {"rope_stretch": {"frequency_hz": 2.0, "damping_ratio": 0.01}}
     time_s = np.arange(0, 10, 0.005)
     force = predicted(RIG, effects, [0, 0, 0, 0, 0, 0.004, 0.0], time_s)
@@ -88,7 +91,7 @@ def test_an_elastic_rope_bounces_at_its_frequency_and_hangs_lower():
     assert force[:, 2] == pytest.approx(1 - acceleration / G, abs=3e-5)
 
 
-def test_rope_angle_of_a_cone_stays():
+def test_rope_angle_of_a_cone_stays() -> None:
     phi = np.radians(6.0)
     rate = np.sqrt(G / (LENGTH_M * np.cos(phi)))
     force = predicted(at_pivot(), {}, [phi, 0, 0, rate * np.sin(phi)], np.arange(0, 120, 0.05))

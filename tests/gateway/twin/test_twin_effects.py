@@ -2,14 +2,16 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from devices.pendulum import pendulum
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.simulated.crane import Crane
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.evaluation_context import EvaluationContext
+from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.pulse import Pulse
-from gateway.twin.model import TwinRig
+from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.simulator.compiled_model import IntegrationError
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.swings import (
@@ -58,11 +60,11 @@ VOCABULARY = {  # of the published interface
 }
 
 
-def plain(time_s=TIME_S, rig=RIG):
+def plain(time_s: NDArray[np.float64] = TIME_S, rig: TwinRig = RIG) -> NDArray[np.float64]:
     return predicted(rig, {}, START, time_s)
 
 
-def test_the_vocabulary_is_whole_and_each_effect_says_what_it_is():
+def test_the_vocabulary_is_whole_and_each_effect_says_what_it_is() -> None:
     assert set(EFFECTS) == VOCABULARY
     for name, effect in EFFECTS.items():
         assert effect.name == name
@@ -78,19 +80,19 @@ def test_the_vocabulary_is_whole_and_each_effect_says_what_it_is():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if e.linear_at_neutral])
-def test_neutral_means_that_nothing_happens(name):
+def test_neutral_means_that_nothing_happens(name: str) -> None:
     assert predicted(RIG, {name: {}}, START, TIME_S, np.full_like(TIME_S, 30.0)) == pytest.approx(plain(), abs=1e-7)
 
 
-def test_samples_at_any_times_are_the_same_motion():
+def test_samples_at_any_times_are_the_same_motion() -> None:
     random = np.random.default_rng(3)
     some = np.sort(random.choice(len(TIME_S), 700, replace=False))
     some[0] = 0
     assert plain(TIME_S[some]) == pytest.approx(plain()[some], abs=1e-6)
 
 
-def test_an_impact_changes_velocity_at_its_time_and_not_before():
-    effects = {"impact": {"delta_v_m_s": (0.1, -0.05), "start_s": 20.013}}
+def test_an_impact_changes_velocity_at_its_time_and_not_before() -> None:
+    effects: EffectValues = {"impact": {"delta_v_m_s": (0.1, -0.05), "start_s": 20.013}}
     struck = predicted(RIG, effects, START, TIME_S)
     assert struck[TIME_S < 20.013] == pytest.approx(plain()[TIME_S < 20.013], abs=1e-8)
     hanging = predicted(at_pivot(), effects, np.zeros(5), TIME_S)
@@ -99,10 +101,10 @@ def test_an_impact_changes_velocity_at_its_time_and_not_before():
     assert tilt == pytest.approx(0.1 / (LENGTH_M * SWING_RATE) * np.sin(SWING_RATE * after), abs=1e-5)
 
 
-def test_a_gust_leaves_the_swing_of_its_impulse():
+def test_a_gust_leaves_the_swing_of_its_impulse() -> None:
     """A (1 - cos)/2 push of width T at a resting load leaves a/w^2 |spectrum at w| of it."""
     width_s, push = 3.0, 0.2
-    effects = {"wind_gust": {"accel_m_s2": (push, 0.0), "start_s": 10.0, "duration_s": width_s}}
+    effects: EffectValues = {"wind_gust": {"accel_m_s2": (push, 0.0), "start_s": 10.0, "duration_s": width_s}}
     force = predicted(at_pivot(), effects, np.zeros(5), TIME_S)
     inside = np.linspace(0, width_s, 20001)
     shape = (1 - np.cos(2 * np.pi * inside / width_s)) / 2
@@ -110,7 +112,7 @@ def test_a_gust_leaves_the_swing_of_its_impulse():
     assert rope_angle(force[TIME_S > 14]).max() == pytest.approx(push * spectrum / (LENGTH_M * SWING_RATE), rel=1e-3)
 
 
-def test_a_trolley_that_comes_to_rest_has_moved_and_the_load_follows():
+def test_a_trolley_that_comes_to_rest_has_moved_and_the_load_follows() -> None:
     effects = {
         # half of the hundredth in which a ramp rises and falls takes off its area: the rest lasts one period
         "trolley_acceleration": {
@@ -127,7 +129,7 @@ def test_a_trolley_that_comes_to_rest_has_moved_and_the_load_follows():
     assert np.arctan2(*(force[moving].T[[0, 2]])).max() == pytest.approx(0.2 / G, rel=0.01)
 
 
-def test_hoisting_keeps_the_angular_momentum_about_the_vertical():
+def test_hoisting_keeps_the_angular_momentum_about_the_vertical() -> None:
     effects = {"hoisting": {"speed_m_s": -0.3, "start_s": 10.0, "duration_s": 8.0}}
     simulator = Simulator(RIG, tuple(effects))
     values = simulator.values([0.05, 0.0, 0.0, 0.06], effects)
@@ -143,7 +145,7 @@ def test_hoisting_keeps_the_angular_momentum_about_the_vertical():
     assert (LENGTH_M - HOISTED_M) ** 2 * (n[0] * rates[1] - n[1] * rates[0]) == pytest.approx(before, rel=3e-6)
 
 
-def test_the_housing_keeps_its_distance_to_the_load_while_hoisting():
+def test_the_housing_keeps_its_distance_to_the_load_while_hoisting() -> None:
     effects = {"hoisting": {"speed_m_s": -0.3, "start_s": 10.0, "duration_s": 8.0}}
     simulator = Simulator(RIG, tuple(effects))
     values = simulator.values(START, effects)
@@ -152,7 +154,7 @@ def test_the_housing_keeps_its_distance_to_the_load_while_hoisting():
     assert predicted(RIG, effects, START, TIME_S)[1000:] == pytest.approx(later, abs=1e-6)
 
 
-def test_slewing_is_a_free_pendulum_seen_from_a_turning_crane():
+def test_slewing_is_a_free_pendulum_seen_from_a_turning_crane() -> None:
     rate = np.radians(3.0)
     tilt, speed = 0.1, 0.03
     turning = predicted(
@@ -165,33 +167,33 @@ def test_slewing_is_a_free_pendulum_seen_from_a_turning_crane():
     assert turned[-1] - turned[0] == pytest.approx(-rate * TIME_S[-1], rel=0.01)
 
 
-def test_a_spinning_housing_turns_its_readings():
+def test_a_spinning_housing_turns_its_readings() -> None:
     spun = predicted(RIG, {"housing_spin": {"rate_deg_s": 4.0}}, START, TIME_S)
     turned = (plain()[:, 0] + 1j * plain()[:, 1]) * np.exp(-1j * np.radians(4.0) * TIME_S)
     assert spun[:, 0] + 1j * spun[:, 1] == pytest.approx(turned, abs=1e-9)
 
 
-def test_beliefs_of_the_rig_can_be_wrong():
+def test_beliefs_of_the_rig_can_be_wrong() -> None:
     longer = predicted(TwinRig(LENGTH_M * 1.03, POSITION_M), {}, START, TIME_S)
     assert predicted(RIG, {"rope_length": {"relative_error": 0.03}}, START, TIME_S) == pytest.approx(longer, abs=1e-6)
     lower = predicted(TwinRig(LENGTH_M, POSITION_M + 0.7), {}, START, TIME_S)
     assert predicted(RIG, {"housing_position": {"error_m": 0.7}}, START, TIME_S) == pytest.approx(lower, abs=1e-9)
 
 
-def test_a_load_that_is_set_down_changes_the_pendulum_at_once():
+def test_a_load_that_is_set_down_changes_the_pendulum_at_once() -> None:
     effects = {"load_change": {"length_change_m": -2.0, "start_s": 1e-3}}
     changed = predicted(RIG, effects, START, TIME_S)
     assert changed[1:] == pytest.approx(predicted(TwinRig(LENGTH_M - 2.0, POSITION_M), {}, START, TIME_S)[1:], abs=1e-4)
 
 
-def test_a_fast_clock_stretches_time():
+def test_a_fast_clock_stretches_time() -> None:
     stretched = predicted(RIG, {"clock_drift": {"relative": 0.01}}, START, TIME_S)
     assert stretched == pytest.approx(plain(TIME_S / 1.01), abs=1e-6)
     lossy = predicted(RIG, {"sample_loss": {"fraction": 0.03}}, START, TIME_S)
     assert lossy == pytest.approx(plain(TIME_S / 0.97), abs=1e-6)
 
 
-def test_the_sensor_chain_in_its_order():
+def test_the_sensor_chain_in_its_order() -> None:
     force = plain()
     x, y, z = force.T
     read = predicted(RIG, {"cross_axis": {"xy": 0.01, "xz": -0.02, "yz": 0.03}}, START, TIME_S)
@@ -206,7 +208,7 @@ def test_the_sensor_chain_in_its_order():
     assert tilted[:, 0] == pytest.approx(x, abs=1e-12)
 
 
-def test_offsets_drift_with_the_temperature():
+def test_offsets_drift_with_the_temperature() -> None:
     temperature_c = 22 + TIME_S / 3
     drifted = predicted(RIG, {"thermal_drift": {"mg_per_c": (1.0, 0.0, -2.0)}}, START, TIME_S, temperature_c)
     moved = np.outer(TIME_S / 3, [1e-3, 0.0, -2e-3])
@@ -216,8 +218,8 @@ def test_offsets_drift_with_the_temperature():
 
 
 @pytest.mark.parametrize("cutoff_hz", [0.4, 2.0])
-def test_lowpass_lags_as_one_pole_does(cutoff_hz):
-    effects = {
+def test_lowpass_lags_as_one_pole_does(cutoff_hz: float) -> None:
+    effects: EffectValues = {
         "lowpass_lag": {"cutoff_hz": cutoff_hz},
         "vibration": {"frequency_hz": 0.9, "amplitude_g": (0.1, 0.0, 0.0), "phase_rad": 0.0},
     }
@@ -228,7 +230,7 @@ def test_lowpass_lags_as_one_pole_does(cutoff_hz):
     assert force[settled] == pytest.approx(expected[settled], abs=2e-4)
 
 
-def test_what_the_lowpass_began_with_fades():
+def test_what_the_lowpass_began_with_fades() -> None:
     began_g, time_s = np.array([0.01, -0.02, 0.005]), TIME_S[TIME_S < 3]
     settled, other = (
         predicted(RIG, {"lowpass_lag": {"cutoff_hz": 0.5, "began_g": tuple(began)}}, START, time_s)
@@ -237,12 +239,12 @@ def test_what_the_lowpass_began_with_fades():
     assert other - settled == pytest.approx(np.exp(-np.pi * time_s)[:, None] * began_g, abs=1e-12)
 
 
-def test_two_structures_at_once_are_refused():
+def test_two_structures_at_once_are_refused() -> None:
     with pytest.raises(ValueError, match="cannot act together"):
         Simulator(RIG, ("double_pendulum", "rope_stretch"))
 
 
-def test_crane_and_twin_move_alike():
+def test_crane_and_twin_move_alike() -> None:
     start = (0.12, -0.03, 0.01, 0.05)
     time_s = np.arange(0, 40, 0.02)
     crane = Crane(length_m=9.0, position_m=6.0, motion=pendulum.start_motion(*start), damping_ratio=0.01)
@@ -251,7 +253,7 @@ def test_crane_and_twin_move_alike():
     assert found * crane.gravity_m_s2 == pytest.approx(crane.specific_force_m_s2(time_s), abs=2e-5)
 
 
-def test_times_and_parameters_that_cannot_be_followed_are_refused():
+def test_times_and_parameters_that_cannot_be_followed_are_refused() -> None:
     simulator = Simulator(RIG, ("rope_stretch",))
     for frequency_hz in (-1.0, np.nan):
         values = simulator.values(np.zeros(7), {"rope_stretch": {"frequency_hz": frequency_hz}})
@@ -262,14 +264,14 @@ def test_times_and_parameters_that_cannot_be_followed_are_refused():
             Simulator(RIG).predict(np.zeros(5), times)
 
 
-def test_rigging_ends_above_the_pivot_of_a_short_rope():
+def test_rigging_ends_above_the_pivot_of_a_short_rope() -> None:
     bounds = {slot.label: slot.upper for slot in Simulator(TwinRig(3.0, 1.0), ("double_pendulum",)).effect_parameters}
     assert bounds["double_pendulum.rigging_length_m"] == pytest.approx(0.95 * 3.0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.02, 0.4, 1.0])
-def test_a_pulse_has_its_area_and_its_slope(share):
+def test_a_pulse_has_its_area_and_its_slope(share: float) -> None:
     pulse = Pulse(2.0, 3.0, share)
     time_s = np.linspace(0, 7, 70_001)
     level, area, slope = (
@@ -284,7 +286,7 @@ def test_a_pulse_has_its_area_and_its_slope(share):
     np.testing.assert_allclose(np.diff(level), 1e-4 * (slope[1:] + slope[:-1]) / 2, atol=1e-3)
 
 
-def test_a_rope_that_stretches_below_the_housing_hangs_lower_there_alone():
+def test_a_rope_that_stretches_below_the_housing_hangs_lower_there_alone() -> None:
     stretch = {"frequency_hz": 1.0, "above_housing": 0.0}
     sag_m = G / (2 * np.pi) ** 2
     hanging = predicted(RIG, {"rope_stretch": stretch}, (*START, 0.0, 0.0), TIME_S)
@@ -294,8 +296,13 @@ def test_a_rope_that_stretches_below_the_housing_hangs_lower_there_alone():
     assert known == pytest.approx(plain(), abs=5e-3)
 
 
-def test_a_machine_may_shake_on_an_ellipse():
-    line = {"frequency_hz": 3.0, "amplitude_g": (0.01, 0.02, 0.0), "lag_rad": (np.pi / 2, 0.0), "phase_rad": 0.4}
+def test_a_machine_may_shake_on_an_ellipse() -> None:
+    line: Values = {
+        "frequency_hz": 3.0,
+        "amplitude_g": (0.01, 0.02, 0.0),
+        "lag_rad": (np.pi / 2, 0.0),
+        "phase_rad": 0.4,
+    }
     shaken = predicted(RIG, {"vibration": line}, START, TIME_S) - plain()
     angle = 2 * np.pi * 3.0 * TIME_S + 0.4
 

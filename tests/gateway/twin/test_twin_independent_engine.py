@@ -3,6 +3,8 @@
 import mujoco
 import numpy as np
 import pytest
+from mujoco import MjData, MjModel
+from numpy.typing import NDArray
 
 from gateway.twin.model import TwinRig
 from tests.gateway.twin.swings import G, predicted
@@ -17,18 +19,18 @@ ONE = """<mujoco><option timestep="{step}" gravity="0 0 -{g}" integrator="RK4"><
 BELOW = """<body pos="0 0 -{upper}"><joint type="ball"/><geom type="sphere" size=".001" pos="0 0 -{lower}" mass="1"/></body>"""
 
 
-def engine(below="", upper=LENGTH_M, hook=1.0):
+def engine(below: str = "", upper: float = LENGTH_M, hook: float = 1.0) -> tuple[MjModel, MjData]:
     text = ONE.format(step=STEP_S, g=G, r=POSITION_M, upper=upper, hook=hook, below=below)
     model = mujoco.MjModel.from_xml_string(text)
     return model, mujoco.MjData(model)
 
 
-def tilted(angle_rad):
+def tilted(angle_rad: float) -> list[float]:
     """About y, so that what hangs down leans toward world x."""
     return [np.cos(angle_rad / 2), 0.0, -np.sin(angle_rad / 2), 0.0]
 
 
-def recorded(model, data, seconds):
+def recorded(model: MjModel, data: MjData, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     mujoco.mj_forward(model, data)
     readings = []
     for step in range(round(seconds / STEP_S)):
@@ -36,10 +38,10 @@ def recorded(model, data, seconds):
             mujoco.mj_forward(model, data)
             readings.append(data.sensordata.copy() / G)
         mujoco.mj_step(model, data)
-    return np.arange(len(readings)) * STEP_S * EVERY, np.array(readings)
+    return np.asarray(np.arange(len(readings)) * STEP_S * EVERY, dtype=float), np.array(readings)
 
 
-def test_spherical_pendulum():
+def test_spherical_pendulum() -> None:
     model, data = engine()
     tilt, across = 0.15, 0.06
     data.qpos[:4] = tilted(tilt)
@@ -51,7 +53,7 @@ def test_spherical_pendulum():
     assert found == pytest.approx(reading, abs=2e-5)  # the axes, too: a ball joint keeps what parallel transport keeps
 
 
-def test_double_pendulum():
+def test_double_pendulum() -> None:
     upper, lower, ratio = 7.0, 2.0, 0.15
     model, data = engine(BELOW.format(upper=upper, lower=lower), upper, ratio)
     data.qpos[:4], data.qpos[4:8] = tilted(0.08), tilted(0.05)

@@ -1,7 +1,10 @@
 """The one-pole low-pass: settled at the first sample, also with vibration in the reading."""
 
+from typing import Any
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gateway.twin.simulator.first_order_lowpass import first_order_lowpass, lowpass_sensitivity
 
@@ -9,30 +12,30 @@ TIME_S = np.arange(0.0, 20.0, 0.02)
 SWING_HZ, MACHINE_HZ = 0.16, 12.0
 
 
-def sines(*lines):
-    return sum(a * np.sin(2 * np.pi * hz * TIME_S + phase) for a, hz, phase in lines)[:, None]
+def sines(*lines: Any) -> NDArray[np.float64]:
+    return np.asarray(np.sum([a * np.sin(2 * np.pi * hz * TIME_S + phase) for a, hz, phase in lines], axis=0))[:, None]
 
 
-def settled(cutoff_hz, *lines):
+def settled(cutoff_hz: float, *lines: Any) -> NDArray[np.float64]:
     """The exact response after all transients."""
     gain = [(a, hz, phase, 1 / (1 + 1j * hz / cutoff_hz)) for a, hz, phase in lines]
     return sines(*((a * abs(g), hz, phase + np.angle(g)) for a, hz, phase, g in gain))
 
 
 @pytest.mark.parametrize("phase_rad", [0.0, 0.7, 1.6, 3.0])
-def test_lowpass_of_a_swing_is_settled_at_the_first_sample(phase_rad):
+def test_lowpass_of_a_swing_is_settled_at_the_first_sample(phase_rad: float) -> None:
     line = (1.0, SWING_HZ, phase_rad)
     found = first_order_lowpass(sines(line), TIME_S, 0.56)
     assert np.abs(found - settled(0.56, line)).max() < 0.03  # begun at the reading itself it is 0.28, at its slope 0.08
 
 
-def test_vibration_does_not_disturb_the_start_of_the_lowpass():
+def test_vibration_does_not_disturb_the_start_of_the_lowpass() -> None:
     lines = ((1.0, SWING_HZ, 0.7), (0.1, MACHINE_HZ, 0.3))
     found = first_order_lowpass(sines(*lines), TIME_S, 0.56)
     assert np.abs(found - settled(0.56, *lines)).max() < 0.15  # with the slope of the first two samples it is 2
 
 
-def test_sensitivity_to_the_cutoff_equals_the_difference_quotient():
+def test_sensitivity_to_the_cutoff_equals_the_difference_quotient() -> None:
     reading = sines((1.0, SWING_HZ, 0.7))
     lagging = first_order_lowpass(reading, TIME_S, 0.56)
     step = 1e-5
@@ -42,7 +45,7 @@ def test_sensitivity_to_the_cutoff_equals_the_difference_quotient():
     np.testing.assert_allclose(lowpass_sensitivity(reading, lagging, TIME_S, 0.56), difference, atol=1e-6)
 
 
-def test_samples_of_uneven_spacing_are_filtered_step_by_step():
+def test_samples_of_uneven_spacing_are_filtered_step_by_step() -> None:
     """Between samples the reading is straight, so each step has a closed form."""
     random = np.random.default_rng(2)
     time_s = np.cumsum(random.uniform(0.005, 0.04, 500))

@@ -1,14 +1,16 @@
 """Models as data: read, refused with the place and the mend, written back."""
 
 import tomllib
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 import tomli_w
 
 from gateway.errors import InputError
-from gateway.measurement.rig import read_rig
-from gateway.twin.model import as_tables, model_of, parse_effect_assignments, validate_effects
+from gateway.measurement.rig import Rig, read_rig
+from gateway.twin.model import EffectValues, as_tables, model_of, parse_effect_assignments, validate_effects
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.swings import RIG
 
@@ -22,13 +24,13 @@ noise_g = 0.0005
 """
 
 
-def rig_of(tmp_path, model=""):
+def rig_of(tmp_path: Path, model: str = "") -> Rig:
     path = tmp_path / "rig.toml"
     path.write_text(BELIEFS + model)
     return read_rig(path)
 
 
-def test_effects_of_a_rig_act_and_are_written_as_they_were_read(tmp_path):
+def test_effects_of_a_rig_act_and_are_written_as_they_were_read(tmp_path: Path) -> None:
     text = "[model.viscous_damping]\ndamping_ratio = 0.004\n[model.steady_wind]\naccel_m_s2 = [0.1, -0.2]\n"
     model = model_of(rig_of(tmp_path, text))
     assert model.rig.noise_g == (0.0005, 0.0005, 0.0005)
@@ -36,7 +38,7 @@ def test_effects_of_a_rig_act_and_are_written_as_they_were_read(tmp_path):
     assert tomllib.loads(tomli_w.dumps({"model": as_tables(model.effects)})) == tomllib.loads(text)
 
 
-def test_a_housing_given_above_the_load_is_found_from_the_pivot(tmp_path):
+def test_a_housing_given_above_the_load_is_found_from_the_pivot(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     path.write_text("[rope]\nlength_m = 12\n[housing]\nabove_load_m = 3\n")
     assert model_of(read_rig(path)).rig.position_m == 9.0
@@ -55,12 +57,12 @@ def test_a_housing_given_above_the_load_is_found_from_the_pivot(tmp_path):
         ({"steady_wind": {"accel_m_s2": 0.1}}, r"accel_m_s2 = 0.1 should be \[x, y\]"),
     ],
 )
-def test_a_wrong_model_is_refused_with_the_mend(tables, text):
+def test_a_wrong_model_is_refused_with_the_mend(tables: dict[str, Any], text: str) -> None:
     with pytest.raises(InputError, match=text):
         validate_effects(tables, "rig")
 
 
-def test_effects_from_the_command_line():
+def test_effects_from_the_command_line() -> None:
     found = parse_effect_assignments({}, ["viscous_damping", "wind_gust:accel_m_s2=0.3,-0.1:start_s=40"])
     assert found["viscous_damping"] == {"damping_ratio": 5e-3}
     assert found["wind_gust"] == {"accel_m_s2": (0.3, -0.1), "start_s": 40.0, "duration_s": 5.0, "rising_share": 1.0}
@@ -69,8 +71,11 @@ def test_effects_from_the_command_line():
             parse_effect_assignments({}, [wrong])
 
 
-def test_values_and_effects_are_two_ways_to_write_the_same():
-    effects = {"axis_offset": {"offset_g": (0.01, 0.02, 0.03)}, "impact": {"delta_v_m_s": (0.1, 0.2), "start_s": 7.0}}
+def test_values_and_effects_are_two_ways_to_write_the_same() -> None:
+    effects: EffectValues = {
+        "axis_offset": {"offset_g": (0.01, 0.02, 0.03)},
+        "impact": {"delta_v_m_s": (0.1, 0.2), "start_s": 7.0},
+    }
     simulator = Simulator(RIG, ("impact", "axis_offset"))
     values = simulator.values([0.1, 0.2, 0.3, 0.4, 0.5], effects)
     assert simulator.effects(values) == effects

@@ -38,14 +38,16 @@ def fitted(swings: tuple[Swing, Swing]) -> dict[str, FittedArm]:
     return {key: fit_arm(rig, swings[0], effects) for key, effects in names.items()}
 
 
-def test_recording_reaches_beyond_a_right_angle(swings):
+def test_recording_reaches_beyond_a_right_angle(swings: tuple[Swing, Swing]) -> None:
     log, held_out = swings
     assert np.degrees(np.abs(log.angle_rad).max()) == pytest.approx(93.0, abs=0.2)
     assert held_out.time_s[0] - log.time_s[-1] == pytest.approx(EVERY * 0.01, abs=0.011)
 
 
 @pytest.mark.parametrize("heading_rad", [0.0, np.pi / 4, 1.2])
-def test_adapter_keeps_the_angle_whatever_way_the_housing_is_turned(swings, heading_rad):
+def test_adapter_keeps_the_angle_whatever_way_the_housing_is_turned(
+    swings: tuple[Swing, Swing], heading_rad: float
+) -> None:
     log, _ = swings
     rows = np.loadtxt(log.csv(heading_rad).splitlines(), delimiter=",", skiprows=1)
     assert angle_of(rows[:, 1:4]) == pytest.approx(log.angle_rad, abs=1e-6)
@@ -54,12 +56,16 @@ def test_adapter_keeps_the_angle_whatever_way_the_housing_is_turned(swings, head
 
 
 @pytest.mark.slow
-def test_quadratic_and_coulomb_reach_the_figure_on_held_out_data(swings, fitted):
+def test_quadratic_and_coulomb_reach_the_figure_on_held_out_data(
+    swings: tuple[Swing, Swing], fitted: dict[str, FittedArm]
+) -> None:
     assert fitted["dry"].held_out_mrad(swings[1], 3.0) <= 2.1
 
 
 @pytest.mark.slow
-def test_viscous_alone_is_not_enough_and_quadratic_beside_it_makes_held_out_worse(swings, fitted):
+def test_viscous_alone_is_not_enough_and_quadratic_beside_it_makes_held_out_worse(
+    swings: tuple[Swing, Swing], fitted: dict[str, FittedArm]
+) -> None:
     viscous, both, dry = (fitted[key].held_out_mrad(swings[1], 3.0) for key in ("viscous", "with quadratic", "dry"))
     assert fitted["with quadratic"].log_mrad < fitted["viscous"].log_mrad
     assert viscous < both
@@ -67,7 +73,7 @@ def test_viscous_alone_is_not_enough_and_quadratic_beside_it_makes_held_out_wors
 
 
 @pytest.mark.slow
-def test_viscous_beside_the_right_pair_is_dropped_to_its_bound(swings):
+def test_viscous_beside_the_right_pair_is_dropped_to_its_bound(swings: tuple[Swing, Swing]) -> None:
     log = swings[0]
     arm = fit_arm(rig_of(log), log, ["viscous_damping", "quadratic_drag", "coulomb_friction"])
     found = {slot.effect: value for slot, value in zip(arm.simulator.effect_parameters, arm.effects, strict=True)}
@@ -77,20 +83,22 @@ def test_viscous_beside_the_right_pair_is_dropped_to_its_bound(swings):
 
 
 @pytest.mark.slow
-def test_a_remainder_is_left_that_no_damping_explains(swings, fitted):
+def test_a_remainder_is_left_that_no_damping_explains(
+    swings: tuple[Swing, Swing], fitted: dict[str, FittedArm]
+) -> None:
     noise_mrad = 0.1
     assert fitted["dry"].held_out_mrad(swings[1], 18.4) > 50 * noise_mrad
     lengths_mm = [length_mm for _, _, length_mm in periods(*swings)]
     assert lengths_mm[0] - lengths_mm[-1] > 0.1  # of 153: the period becomes shorter as the swing becomes small
 
 
-def test_error_is_that_of_the_angle(swings):
+def test_error_is_that_of_the_angle(swings: tuple[Swing, Swing]) -> None:
     log, _ = swings
     shifted = Swing(log.time_s, log.angle_rad + 2e-3)
     assert error_mrad(log, shifted.observations().force_g) == pytest.approx(2.0, rel=1e-6)
 
 
-def test_files_for_the_command_are_fit_for_it(swings, tmp_path):
+def test_files_for_the_command_are_fit_for_it(swings: tuple[Swing, Swing], tmp_path: Path) -> None:
     write(tmp_path, *swings)
     rig = read_rig(tmp_path / "rig.toml")
     for name in ("log.csv", "held_out.csv"):
@@ -99,7 +107,7 @@ def test_files_for_the_command_are_fit_for_it(swings, tmp_path):
         assert loaded.observations is not None
 
 
-def test_phone_at_rest_is_no_pendulum():
+def test_phone_at_rest_is_no_pendulum() -> None:
     rows = np.loadtxt(DATA / "phone_at_rest.txt")
     force_g = rows[:, 1:4] / G_M_S2
     spread_g = force_g.std(axis=0)

@@ -6,7 +6,7 @@ import pytest
 from tests.benchmarks.real_phone import BEGINNING_S, fall, left_g, read
 
 
-def test_a_fall_shows_the_offset_that_hides_at_rest():
+def test_a_fall_shows_the_offset_that_hides_at_rest() -> None:
     since_s, force_g = fall()
     offset_g = force_g[since_s < BEGINNING_S].mean(axis=0)
     rest_g = read("phone_at_rest.txt")[:, 1:].mean(axis=0)
@@ -15,7 +15,7 @@ def test_a_fall_shows_the_offset_that_hides_at_rest():
     assert np.linalg.norm(rest_g - offset_g) == pytest.approx(1.0150, abs=1e-3)
 
 
-def test_quadratic_drag_does_not_explain_the_fall():
+def test_quadratic_drag_does_not_explain_the_fall() -> None:
     since_s, force_g = fall()
     noise_g = force_g[since_s < BEGINNING_S].std(axis=0, ddof=1).max()
     quadratic_g, _ = left_g(since_s, force_g, 2)

@@ -2,6 +2,7 @@
 
 import json
 import tomllib
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,7 +12,8 @@ from gateway.cli.main import main
 from gateway.measurement.source import read_source
 from gateway.recording.run import read_samples
 from gateway.twin.model import Model, TwinRig
-from gateway.twin.simulation import simulate
+from gateway.twin.simulation import Simulated, simulate
+from tests.values import present
 
 RIG = """[rope]
 length_m = 9.0
@@ -24,13 +26,15 @@ noise_g = 0.0004
 
 
 @pytest.fixture
-def rig(tmp_path):
+def rig(tmp_path: Path) -> Path:
     path = tmp_path / "rig.toml"
     path.write_text(RIG)
     return path
 
 
-def test_the_swing_that_was_asked_for_is_measured(rig, tmp_path, capsys):
+def test_the_swing_that_was_asked_for_is_measured(
+    rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     log, result = tmp_path / "log.csv", tmp_path / "result.json"
     start = ["tilt_x_deg=4", "tilt_y_deg=0", "rate_x_deg_s=0", "rate_y_deg_s=0"]
     assert main(["simulate", str(rig), "--out", str(log), "--initial", *start]) == 0
@@ -40,18 +44,18 @@ def test_the_swing_that_was_asked_for_is_measured(rig, tmp_path, capsys):
     assert abs(swing["phi_max_deg"] - 4.0) < 4 * swing["u_deg"] < 0.1
 
 
-def test_mcap_is_complete_and_says_the_same_as_the_csv(rig, tmp_path):
+def test_mcap_is_complete_and_says_the_same_as_the_csv(rig: Path, tmp_path: Path) -> None:
     for name in ("log.csv", "log.mcap"):
         assert main(["simulate", str(rig), "--out", str(tmp_path / name), "--duration", "40", "--seed", "3"]) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "log.mcap", "rig.toml"]
     run = read_samples(tmp_path / "log.mcap")
     assert run.recording().raw == pytest.approx(read_table(tmp_path / "log.csv").raw, abs=1e-7)
     assert run.device.kind == "simulated"
-    assert tomllib.loads(run.configuration_toml)["rope"]["length_m"] == 9.0
-    assert read_source(tmp_path / "log.mcap").housing.position_m == 6.0
+    assert tomllib.loads(present(run.configuration_toml))["rope"]["length_m"] == 9.0
+    assert present(read_source(tmp_path / "log.mcap").housing).position_m == 6.0
 
 
-def test_same_seed_same_recording(rig, tmp_path):
+def test_same_seed_same_recording(rig: Path, tmp_path: Path) -> None:
     texts = []
     for name, seed in (("a.csv", "5"), ("b.csv", "5"), ("c.csv", "6")):
         main(["simulate", str(rig), "--out", str(tmp_path / name), "--duration", "5", "--seed", seed])
@@ -80,7 +84,14 @@ def test_same_seed_same_recording(rig, tmp_path):
         (["--out", "no/such/folder/log.csv"], "cannot be written"),
     ],
 )
-def test_bad_input_is_one_line(rig, tmp_path, monkeypatch, capsys, arguments, text):
+def test_bad_input_is_one_line(
+    rig: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    text: str,
+) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["simulate", str(rig), *arguments]) == 2
     error = capsys.readouterr().err
@@ -89,15 +100,15 @@ def test_bad_input_is_one_line(rig, tmp_path, monkeypatch, capsys, arguments, te
     assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]
 
 
-def believed(noise_g=4e-4):
+def believed(noise_g: float = 4e-4) -> TwinRig:
     return TwinRig(9.0, 6.0, noise_g=(noise_g,) * 3, sample_rate_hz=50.0)
 
 
-def simulated(effects, duration_s=60.0, noise_g=4e-4):
+def simulated(effects: dict[str, dict[str, float]], duration_s: float = 60.0, noise_g: float = 4e-4) -> Simulated:
     return simulate(Model(believed(noise_g), effects), duration_s, 1, {})
 
 
-def test_the_noise_is_what_the_rig_says():
+def test_the_noise_is_what_the_rig_says() -> None:
     hanging = simulate(
         Model(believed(1e-3), {}),
         60.0,
@@ -108,7 +119,7 @@ def test_the_noise_is_what_the_rig_says():
     assert hanging.force_g.mean(axis=0) == pytest.approx([0, 0, 1], abs=1e-4)
 
 
-def test_coarse_steps_small_range_and_lost_samples_come_behind_the_noise():
+def test_coarse_steps_small_range_and_lost_samples_come_behind_the_noise() -> None:
     steps = simulated({"quantization": {"lsb_g": 4e-3}}).force_g / 4e-3
     assert np.abs(steps - np.rint(steps)).max() < 1e-9
     assert simulated({"clipping": {"full_scale_g": 1.0}}).force_g.max() == 1.0
@@ -117,7 +128,7 @@ def test_coarse_steps_small_range_and_lost_samples_come_behind_the_noise():
     assert np.diff(lossy.time_s) == pytest.approx(0.02)
 
 
-def test_a_structure_starts_with_all_its_motions():
+def test_a_structure_starts_with_all_its_motions() -> None:
     bouncing = simulated({"rope_stretch": {"frequency_hz": 2.0, "damping_ratio": 0.001}}, noise_g=2e-4).force_g[:, 2]
     spectrum = np.abs(np.fft.rfft(bouncing - bouncing.mean()))
     assert np.argmax(spectrum) * 50 / len(bouncing) == pytest.approx(2.0, abs=0.02)
@@ -125,7 +136,9 @@ def test_a_structure_starts_with_all_its_motions():
     assert np.ptp(simulated({"double_pendulum": hook}).force_g[:, 0]) > 0.02
 
 
-def test_a_missing_library_is_named_with_the_mend(rig, tmp_path, monkeypatch, capsys):
+def test_a_missing_library_is_named_with_the_mend(
+    rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "casadi" else object())
     assert main(["simulate", str(rig), "--out", str(tmp_path / "log.csv")]) == 2
     assert "casadi not installed; mend: pip install 'plumbline-gateway[twin]'" in capsys.readouterr().err

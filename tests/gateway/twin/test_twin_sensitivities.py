@@ -1,16 +1,20 @@
 """The sensitivities against central differences, for every effect."""
 
+from collections.abc import Iterator
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.parameter import Value
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.swings import RIG
 
 TIME_S = np.arange(0, 30, 0.1)
 TEMPERATURE_C = 22 + 15 * (1 - np.exp(-TIME_S / 20))
 START = (0.1, -0.04, 0.01, 0.02, 0.3)
-MORE = {"double_pendulum": (0.12, -0.05, 0.01, 0.03), "rope_stretch": (0.004, 0.01)}
+MORE: dict[str, tuple[float, ...]] = {"double_pendulum": (0.12, -0.05, 0.01, 0.03), "rope_stretch": (0.004, 0.01)}
 EVENTS_S = {
     "wind_gust": 12.013,
     "impact": 15.027,
@@ -19,26 +23,25 @@ EVENTS_S = {
     "load_change": 17.023,
 }
 NOT_PREDICTED = ("quantization",)
-REACHED = {
+REACHED: dict[str, dict[str, Value]] = {
     "clipping": {"full_scale_g": 1.0},
     "wind_gust": {"rising_share": 0.6},
     "lowpass_lag": {"began_g": (0.01, -0.02, 0.005)},
 }
 
 
-def typical(name):
-    values = {p.name: p.typical for p in EFFECTS[name].parameters}
-    values |= REACHED.get(name, {})
+def typical(name: str) -> dict[str, Value]:
+    values = {p.name: p.typical for p in EFFECTS[name].parameters} | REACHED.get(name, {})
     return {**values, "start_s": EVENTS_S[name]} if name in EVENTS_S else values
 
 
-def case(names):
+def case(names: list[str]) -> tuple[Simulator, NDArray[np.float64]]:
     simulator = Simulator(RIG, names)
     start = [*START, *(each for name in MORE if name in names for each in MORE[name])]
     return simulator, simulator.values(start, {name: typical(name) for name in names})
 
 
-def disagreements(names):
+def disagreements(names: list[str]) -> Iterator[tuple[str, float]]:
     """Of central differences and sensitivities, as a share of the largest; samples that an edge passes are left out."""
     simulator, values = case(names)
     jacobian = simulator.linearise(values, TIME_S, TEMPERATURE_C).jacobian
@@ -51,17 +54,17 @@ def disagreements(names):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in EFFECTS if name not in NOT_PREDICTED])
-def test_every_parameter_of_an_effect(name):
+def test_every_parameter_of_an_effect(name: str) -> None:
     assert {label: off for label, off in disagreements([name]) if not off < 3e-5} == {}
 
 
 @pytest.mark.slow
-def test_effects_together():
+def test_effects_together() -> None:
     names = [name for name in EFFECTS if name not in {*NOT_PREDICTED, *MORE, "clipping"}]
     assert {label: off for label, off in disagreements(names) if not off < 2e-4} == {}
 
 
-def test_what_is_not_there_has_sensitivities_all_the_same():
+def test_what_is_not_there_has_sensitivities_all_the_same() -> None:
     """The score test needs them where nothing acts."""
     names = [name for name, effect in EFFECTS.items() if effect.linear_at_neutral]
     simulator = Simulator(RIG, names)
@@ -74,7 +77,7 @@ def test_what_is_not_there_has_sensitivities_all_the_same():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["impact", "double_pendulum", "rope_stretch", "clock_drift", "hoisting"])
-def test_segments_that_follow_on_are_one_flight(name):
+def test_segments_that_follow_on_are_one_flight(name: str) -> None:
     simulator, values = case([name])
     firsts, n = [0, 75, 210], simulator.n_initial_states
     whole = simulator.linearise(values, TIME_S)

@@ -2,7 +2,9 @@
 
 import argparse
 import json
+from argparse import Namespace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -13,13 +15,13 @@ BELIEFS = "[rope]\nlength_m = 12.0\n[housing]\nposition_m = 5.0\n[sensor]\nsampl
 
 
 @pytest.fixture
-def rig(tmp_path):
+def rig(tmp_path: Path) -> str:
     path = tmp_path / "rig.toml"
     path.write_text(BELIEFS)
     return str(path)
 
 
-def parsed(*words):
+def parsed(*words: Any) -> Namespace:
     command = argparse.ArgumentParser()
     command.add_argument("log", nargs="?", type=Path)
     command.add_argument("--json", type=Path)
@@ -28,7 +30,7 @@ def parsed(*words):
 
 
 @pytest.mark.slow
-def test_a_plan_is_told_and_written(rig, tmp_path, capsys):
+def test_a_plan_is_told_and_written(rig: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "plan.json"
     arguments = parsed("--plan", rig, "--effects", "steady_wind,axis_offset[x+y]", "--json", str(out))
     assert wants_plan(arguments)
@@ -40,12 +42,12 @@ def test_a_plan_is_told_and_written(rig, tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_the_answer_is_no_where_nothing_helps(rig, capsys):
+def test_the_answer_is_no_where_nothing_helps(rig: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert run_plan(parsed("--plan", rig, "--effects", "slewing,housing_spin")) == 1
     assert "none of the" in capsys.readouterr().out
 
 
-def test_a_recording_is_wanted_where_no_plan_is(rig):
+def test_a_recording_is_wanted_where_no_plan_is(rig: str) -> None:
     assert not wants_plan(parsed("log.csv"))
     for words, said in (
         ([], "wants a recording"),

@@ -5,22 +5,23 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from gateway.twin.model import Model, TwinRig
+from gateway.twin.model import EffectValues, Model, TwinRig
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations, make_observations
 from gateway.twin.simulator.simulator import Simulator
 
+RATE_HZ = 20.0
 RIG = TwinRig(
-    length_m=8.0, position_m=4.0, gravity_m_s2=9.80665, noise_g=(5e-4,) * 3, sample_rate_hz=20.0, full_scale_g=2.0
+    length_m=8.0, position_m=4.0, gravity_m_s2=9.80665, noise_g=(5e-4,) * 3, sample_rate_hz=RATE_HZ, full_scale_g=2.0
 )
 STARTS = {"log": (0.10, 0.04, -0.02, 0.05), "held_out": (-0.05, 0.08, 0.06, 0.01)}
 DURATIONS_S = {"log": 60.0, "held_out": 36.0}
 
 
-def recorded(effects: dict, name: str = "log", memory: float = 0.0, seed: int = 1) -> Observations:
+def recorded(effects: EffectValues, name: str = "log", memory: float = 0.0, seed: int = 1) -> Observations:
     """A recording with these effects hidden; noise of one pole with this memory."""
     rng = np.random.default_rng([seed, len(name)])
-    time_s = np.arange(0, DURATIONS_S[name], 1 / RIG.sample_rate_hz)
+    time_s = np.arange(0, DURATIONS_S[name], 1 / RATE_HZ)
     simulator = Simulator(RIG, sorted(effects))
     force_g = simulator.predict(simulator.values([*STARTS[name], 0.0], effects), time_s)
     noise = rng.normal(size=force_g.shape)
@@ -46,7 +47,7 @@ def record() -> Callable[..., Observations]:
 
 @pytest.fixture
 def loaded() -> Callable[..., CheckedRecording]:
-    def make(effects: dict, name: str = "log", memory: float = 0.0, seed: int = 1) -> CheckedRecording:
+    def make(effects: EffectValues, name: str = "log", memory: float = 0.0, seed: int = 1) -> CheckedRecording:
         observations = recorded(effects, name, memory, seed)
         return CheckedRecording(observations, None, {"read": len(observations.time_s)}, observations.time_s)
 

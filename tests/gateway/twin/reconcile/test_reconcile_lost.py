@@ -1,13 +1,16 @@
 """Samples lost without a trace beside another effect: both come back, and neither is seen where it is not."""
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.artefact_detectors import noise_with_quantisation_g
+from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
-from gateway.twin.reconcile.search.candidates import make_candidate
+from gateway.twin.reconcile.search.candidates import CandidateFit, make_candidate
 from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
 from gateway.twin.reconcile.timing.time_warp_smoother import (
     KNOT_SPACING_SAMPLES,
@@ -15,12 +18,14 @@ from gateway.twin.reconcile.timing.time_warp_smoother import (
     make_knots,
     marginalise_time_warp,
 )
+from tests.gateway.twin.swings import Array
+from tests.values import present
 
 FRACTION = 0.03
 STEP_G = 0.003
 
 
-def lossy(observations, fraction=FRACTION):
+def lossy(observations: Observations, fraction: float = FRACTION) -> tuple[Observations, Array]:
     kept = np.flatnonzero(np.random.default_rng(2).random(len(observations.time_s)) >= fraction)
     stamped = replace(
         observations,
@@ -31,13 +36,15 @@ def lossy(observations, fraction=FRACTION):
     return stamped, observations.time_s[kept]
 
 
-def slow_clock(rig, observations, always=None):
+def slow_clock(
+    rig: TwinRig, observations: Observations, always: EffectValues | None = None
+) -> tuple[FitContext, CandidateFit]:
     setting = FitContext(rig, {}, observations, lambda: None)
     values = {**(always or {}), "clock_drift": {}}
-    return setting, make_candidate(setting, values, setting.fit(values))
+    return setting, present(make_candidate(setting, values, setting.fit(values)))
 
 
-def test_putting_the_walk_in_changes_no_solution():
+def test_putting_the_walk_in_changes_no_solution() -> None:
     rng = np.random.default_rng(0)
     knots, spread = make_knots(38), 0.3
     residual, by_time, by_values = rng.normal(size=(38, 3)), rng.normal(size=(38, 3)), rng.normal(size=(38, 3, 2))
@@ -63,7 +70,7 @@ def test_putting_the_walk_in_changes_no_solution():
     assert drop == pytest.approx(((right - whole[:, 2:] @ without) ** 2).sum() - ((right - whole @ known) ** 2).sum())
 
 
-def test_readings_that_do_not_change_tell_no_step_of_time_and_loud_ones_all():
+def test_readings_that_do_not_change_tell_no_step_of_time_and_loud_ones_all() -> None:
     knots = make_knots(100)
 
     assert effective_degrees_of_freedom(np.zeros((100, 3)), knots, 1.0) == pytest.approx(0, abs=1e-6)
@@ -81,7 +88,9 @@ def test_readings_that_do_not_change_tell_no_step_of_time_and_loud_ones_all():
     ],
     ids=lambda hidden: next(iter(hidden)),
 )
-def test_lost_samples_and_what_acts_beside_them_are_told_together(rig, record, hidden):
+def test_lost_samples_and_what_acts_beside_them_are_told_together(
+    rig: TwinRig, record: Callable[..., Observations], hidden: EffectValues
+) -> None:
     observations, true_s = lossy(record(hidden))
     lost = find_sample_loss(*slow_clock(rig, observations))
     name = next(iter(hidden))
@@ -95,7 +104,7 @@ def test_lost_samples_and_what_acts_beside_them_are_told_together(rig, record, h
 
 
 @pytest.mark.slow
-def test_nothing_is_put_beside_lost_samples_where_nothing_is(rig, record):
+def test_nothing_is_put_beside_lost_samples_where_nothing_is(rig: TwinRig, record: Callable[..., Observations]) -> None:
     observations, _ = lossy(record({}))
     lost = find_sample_loss(*slow_clock(rig, observations))
 
@@ -105,14 +114,16 @@ def test_nothing_is_put_beside_lost_samples_where_nothing_is(rig, record):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("damping", [{}, {"viscous_damping": {"damping_ratio": 0.004}}], ids=["alone", "damped"])
-def test_a_clock_that_runs_slow_loses_no_samples(rig, record, damping):
+def test_a_clock_that_runs_slow_loses_no_samples(
+    rig: TwinRig, record: Callable[..., Observations], damping: EffectValues
+) -> None:
     observations = record({"clock_drift": {"relative": -FRACTION}, **damping})
 
     assert find_sample_loss(*slow_clock(rig, observations)) is None
 
 
 @pytest.mark.slow
-def test_lost_samples_are_seen_in_coarse_steps(rig, record):
+def test_lost_samples_are_seen_in_coarse_steps(rig: TwinRig, record: Callable[..., Observations]) -> None:
     observations, true_s = lossy(record({}))
     stepped = replace(
         observations,
@@ -127,9 +138,11 @@ def test_lost_samples_are_seen_in_coarse_steps(rig, record):
 
 
 @pytest.mark.slow
-def test_the_held_out_recording_has_losses_and_a_heading_of_its_own(rig, record):
+def test_the_held_out_recording_has_losses_and_a_heading_of_its_own(
+    rig: TwinRig, record: Callable[..., Observations]
+) -> None:
     wind = {"steady_wind": {"accel_m_s2": (0.3, -0.2)}}
-    lost = find_sample_loss(*slow_clock(rig, lossy(record(wind))[0]))
+    lost = present(find_sample_loss(*slow_clock(rig, lossy(record(wind))[0])))
     held_out, true_s = lossy(record(wind, "held_out"), 0.05)
     retimed = retime_validation(FitContext(rig, {}, held_out, lambda: None), lost, held_out)
 

@@ -1,41 +1,51 @@
 """A second mode: where it is looked for, how its fit goes, and what it is not to be taken for."""
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from devices.pendulum.double_pendulum import modes
 from gateway.numerics.spectrum import find_machine_line
 from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.spectral_guesses import guess_double_pendulum, guess_vibration
+from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.data_checks import find_fault
-from gateway.twin.reconcile.data.observations import make_observations
+from gateway.twin.reconcile.data.observations import Observations, make_observations
 from gateway.twin.reconcile.data.swing_amplitude import LARGE_AMPLITUDE_RAD
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.reparameterised_simulator import reparameterise
 from gateway.twin.simulator.simulator import Simulator
+from tests.gateway.twin.reconcile.conftest import RATE_HZ
+from tests.gateway.twin.swings import Array
 
 HOOK = {"rigging_length_m": 2.4, "hook_mass_ratio": 0.11}
 LEANING = {"faint": (0.01, 0.0, 0.0, 0.0), "strong": (0.12, 0.05, 0.0, 0.0)}
 """Of the rigging against the rope, at the start: tilts and rates."""
 
 
-def modes_hz(length_m, rigging_m, hook_mass_ratio):
+def modes_hz(length_m: float, rigging_m: Array | float, hook_mass_ratio: Array | float) -> tuple[Array, Array]:
     """Slow and fast mode of a double pendulum whose whole length is the rope's."""
-    both = modes(length_m - rigging_m, rigging_m, hook_mass_ratio, 9.80665)
-    return tuple(mode.rate / (2 * np.pi) for mode in both)
+    rigging, ratio = np.asarray(rigging_m, dtype=float), np.asarray(hook_mass_ratio, dtype=float)
+    slow, fast = modes(length_m - rigging, rigging, ratio, 9.80665)
+    return slow.rate / (2 * np.pi), fast.rate / (2 * np.pi)
 
 
-def guess_context(rig, observations, residual_g):
+def guess_context(rig: TwinRig, observations: Observations, residual_g: NDArray[np.float64]) -> GuessContext:
     o = observations
     return GuessContext(rig.length_m, rig.gravity_m_s2, o.time_s, o.force_g, o.noise_g, residual_g)
 
 
 @pytest.fixture
-def double(rig):
+def double(rig: TwinRig) -> Callable[..., Observations]:
     """A minute of a double pendulum whose fast mode is faint or the main one."""
 
-    def make(leaning, rope=(0.10, 0.04, -0.02, 0.05), duration_s=60.0):
-        simulator, time_s = Simulator(rig, ["double_pendulum"]), np.arange(0, duration_s, 1 / rig.sample_rate_hz)
+    def make(
+        leaning: str, rope: tuple[float, ...] = (0.10, 0.04, -0.02, 0.05), duration_s: float = 60.0
+    ) -> Observations:
+        simulator, time_s = Simulator(rig, ["double_pendulum"]), np.arange(0, duration_s, 1 / RATE_HZ)
         start = [*rope, 0.0, *(np.array(rope) + LEANING[leaning])]
         force_g = simulator.predict(simulator.values(start, {"double_pendulum": HOOK}), time_s)
         noise_g = np.array(rig.noise_g)
@@ -58,7 +68,9 @@ def double(rig):
     ],
     ids=["modal", "inverse cutoff", "both"],
 )
-def test_derivatives_by_fitted_coordinates_equal_central_differences(rig, effects, coordinates):
+def test_derivatives_by_fitted_coordinates_equal_central_differences(
+    rig: TwinRig, effects: dict[str, dict[str, float]], coordinates: list[float]
+) -> None:
     simulator, time_s = Simulator(rig, sorted(effects)), np.arange(0, 6, 0.05)
     n_states = simulator.n_initial_states
     values = simulator.values([0.1, 0.04, -0.02, 0.05, 0.0, 0.12, 0.03, 0.0, 0.02][:n_states], effects)
@@ -76,7 +88,9 @@ def test_derivatives_by_fitted_coordinates_equal_central_differences(rig, effect
 
 
 @pytest.mark.parametrize("leaning", ["faint", "strong"])
-def test_the_fast_mode_is_found_whichever_is_the_stronger(rig, double, leaning):
+def test_the_fast_mode_is_found_whichever_is_the_stronger(
+    rig: TwinRig, double: Callable[..., Observations], leaning: str
+) -> None:
     observations = double(leaning)
     starts = guess_double_pendulum(guess_context(rig, observations, observations.force_g))
     fast_hz = [
@@ -88,14 +102,16 @@ def test_the_fast_mode_is_found_whichever_is_the_stronger(rig, double, leaning):
     assert np.median(fast_hz) == pytest.approx(true_hz, rel=0.03)
 
 
-def test_a_single_swing_has_no_second_mode(rig, record):
+def test_a_single_swing_has_no_second_mode(rig: TwinRig, record: Callable[..., Observations]) -> None:
     observations = record({"viscous_damping": {"damping_ratio": 0.01}})
 
     assert guess_double_pendulum(guess_context(rig, observations, observations.force_g)) == []
 
 
 @pytest.mark.slow
-def test_a_fit_goes_to_the_end_of_the_valley_of_rigging_and_hook(rig, double):
+def test_a_fit_goes_to_the_end_of_the_valley_of_rigging_and_hook(
+    rig: TwinRig, double: Callable[..., Observations]
+) -> None:
     setting = FitContext(rig, {}, double("strong", duration_s=24.0), lambda: None)
     fast_hz = modes_hz(rig.length_m, np.array(HOOK["rigging_length_m"]), np.array(HOOK["hook_mass_ratio"]))[1]
     tried = []
@@ -111,17 +127,19 @@ def test_a_fit_goes_to_the_end_of_the_valley_of_rigging_and_hook(rig, double):
     np.testing.assert_array_less(np.abs(fit.values[-2:] - list(HOOK.values())), 4 * deviation)
 
 
-def test_a_second_mode_that_is_the_main_line_makes_no_wrong_rig(rig, double):
+def test_a_second_mode_that_is_the_main_line_makes_no_wrong_rig(
+    rig: TwinRig, double: Callable[..., Observations]
+) -> None:
     observations = double("strong", rope=(0.01, 0.0, 0.0, 0.005))
     lateral = np.abs(np.fft.rfft(observations.force_g[:, :2], axis=0)).sum(axis=1)
-    main_hz = np.fft.rfftfreq(len(observations.time_s), 1 / rig.sample_rate_hz)[1 + np.argmax(lateral[1:])]
+    main_hz = np.fft.rfftfreq(len(observations.time_s), 1 / RATE_HZ)[1 + np.argmax(lateral[1:])]
 
     assert main_hz > 3 * np.sqrt(rig.gravity_m_s2 / rig.length_m) / (2 * np.pi)
     assert find_fault(observations.time_s, observations.force_g, rig) is None
 
 
-def test_a_machine_is_not_found_in_the_flank_of_a_slower_line(rig):
-    time_s = np.arange(0, 60, 1 / rig.sample_rate_hz)
+def test_a_machine_is_not_found_in_the_flank_of_a_slower_line(rig: TwinRig) -> None:
+    time_s = np.arange(0, 60, 1 / RATE_HZ)
     noise_g = np.array(rig.noise_g)
     noise = noise_g * np.random.default_rng(1).normal(size=(len(time_s), 3))
     bounce = np.outer(np.exp(-time_s / 15) * np.sin(2 * np.pi * 2.046 * time_s), [0.0, 0.0, 0.04])
@@ -133,11 +151,11 @@ def test_a_machine_is_not_found_in_the_flank_of_a_slower_line(rig):
     assert found.frequency_hz == pytest.approx(8.3, abs=1e-3)
 
 
-def test_an_overtone_of_a_second_mode_is_no_machine(rig):
-    time_s = np.arange(0, 60, 1 / rig.sample_rate_hz)
+def test_an_overtone_of_a_second_mode_is_no_machine(rig: TwinRig) -> None:
+    time_s = np.arange(0, 60, 1 / RATE_HZ)
     noise_g = np.array(rig.noise_g)
 
-    def found(line_hz, left_of_main_g=0.0):
+    def found(line_hz: float, left_of_main_g: float = 0.0) -> Sequence[Values]:
         readings_g = noise_g * np.random.default_rng(1).normal(size=(len(time_s), 3)) + [0.0, 0.0, 1.0]
         for hz, size_g in ((0.16, 0.05), (1.31, 0.2), (line_hz, 0.004)):
             readings_g[:, 0] += size_g * np.sin(2 * np.pi * hz * time_s)
@@ -153,8 +171,8 @@ def test_an_overtone_of_a_second_mode_is_no_machine(rig):
     assert found(3 * 1.31 + 0.2)[0]["frequency_hz"] == pytest.approx(3 * 1.31 + 0.2, abs=1e-3)
 
 
-def test_a_load_that_bounces_is_no_wide_swing(rig):
-    time_s, size = np.arange(0, 60, 1 / rig.sample_rate_hz), np.array(rig.noise_g)
+def test_a_load_that_bounces_is_no_wide_swing(rig: TwinRig) -> None:
+    time_s, size = np.arange(0, 60, 1 / RATE_HZ), np.array(rig.noise_g)
     bounce, slow = 0.14 * np.exp(-time_s / 16) * np.cos(2 * np.pi * 2.05 * time_s), 2 * np.pi * 0.176 * time_s
     bouncing = make_observations(
         time_s, np.stack([0.05 * np.sin(slow), 0.02 * np.cos(slow), 1 + bounce], axis=1), None, size

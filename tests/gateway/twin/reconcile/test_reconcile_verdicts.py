@@ -1,37 +1,44 @@
 """Each verdict from a situation that calls for it."""
 
 import re
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from gateway.twin.model import Model
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.output.text import to_text
 from gateway.twin.reconcile.reconcile import reconcile
+from tests.values import present
 
 
 @pytest.mark.slow
-def test_nothing_is_missing_even_under_slow_noise(model, loaded):
+def test_nothing_is_missing_even_under_slow_noise(model: Model, loaded: Callable[..., CheckedRecording]) -> None:
     found = reconcile(model, loaded({}, memory=0.8), loaded({}, "held_out", memory=0.8, seed=3))
 
     assert found.verdict == "none_missing"
     assert found.effects == ()
 
 
-def test_damping_is_named_with_its_value(model, loaded):
+def test_damping_is_named_with_its_value(model: Model, loaded: Callable[..., CheckedRecording]) -> None:
     hidden = {"viscous_damping": {"damping_ratio": 0.01}}
     found = reconcile(model, loaded(hidden), loaded(hidden, "held_out"))
 
     assert found.verdict == "named"
     assert [effect.name for effect in found.effects] == ["viscous_damping"]
     low, high = found.effects[0].parameters["damping_ratio"].ci95
+    assert isinstance(low, float)
+    assert isinstance(high, float)
     assert low < 0.01 < high
-    assert found.gap.after_held_out == pytest.approx(1, abs=0.15)
+    assert present(found.gap).after_held_out == pytest.approx(1, abs=0.15)
     assert re.search(r"damping_ratio = 0\.0\d+ \(0\.0\d+ to 0\.0\d+\)$", to_text(found), re.MULTILINE)
 
 
 @pytest.mark.slow
-def test_what_the_data_cannot_separate_is_one_of_a_group_with_what_would_split_it(model, loaded):
+def test_what_the_data_cannot_separate_is_one_of_a_group_with_what_would_split_it(
+    model: Model, loaded: Callable[..., CheckedRecording]
+) -> None:
     hidden = {"housing_spin": {"rate_deg_s": 1.5}}
     found = reconcile(model, loaded(hidden), loaded(hidden, "held_out"))
 
@@ -41,10 +48,10 @@ def test_what_the_data_cannot_separate_is_one_of_a_group_with_what_would_split_i
 
 
 @pytest.mark.slow
-def test_an_effect_that_nothing_explains_is_unmodelled(model, loaded):
-    def driven(name):
+def test_an_effect_that_nothing_explains_is_unmodelled(model: Model, loaded: Callable[..., CheckedRecording]) -> None:
+    def driven(name: str) -> CheckedRecording:
         made = loaded({}, name)
-        o = made.observations
+        o = present(made.observations)
         shaken = o.force_g + 0.01 * np.sin(2 * np.pi * 0.9 * o.time_s + 4 * np.sin(0.3 * o.time_s))[:, None] * [1, 0, 0]
         return CheckedRecording(type(o)(o.time_s, shaken, None, o.noise_g, o.used), None, made.counts, made.time_s)
 
@@ -52,26 +59,28 @@ def test_an_effect_that_nothing_explains_is_unmodelled(model, loaded):
 
     assert found.verdict == "unmodelled"
     assert found.effects == ()
-    assert found.residual.peaks
+    assert present(found.residual).peaks
 
 
-def test_unusable_data_get_no_model(model, loaded):
+def test_unusable_data_get_no_model(model: Model, loaded: Callable[..., CheckedRecording]) -> None:
     fault = CheckedRecording(None, "too short: 3 samples", {"read": 3}, np.arange(3.0))
 
     assert reconcile(model, fault, None).verdict == "data_unusable"
 
 
 @pytest.mark.slow
-def test_without_a_second_recording_the_last_third_is_held_out(model, loaded):
+def test_without_a_second_recording_the_last_third_is_held_out(
+    model: Model, loaded: Callable[..., CheckedRecording]
+) -> None:
     found = reconcile(model, loaded({"steady_wind": {"accel_m_s2": (0.3, 0.1)}}), None)
 
     assert found.held_out_is_last_third
-    assert len(found.held_out.time_s) == 400
+    assert len(present(found.held_out).time_s) == 400
     assert [effect.name for effect in found.effects] == ["steady_wind"]
 
 
 @pytest.mark.slow
-def test_the_same_input_gives_the_same_answer(model, loaded):
+def test_the_same_input_gives_the_same_answer(model: Model, loaded: Callable[..., CheckedRecording]) -> None:
     hidden = {"axis_offset": {"offset_g": (0.01, -0.02, 0.015)}}
     first, second = (reconcile(model, loaded(hidden), loaded(hidden, "held_out"), seed=4) for _ in range(2))
 

@@ -299,7 +299,9 @@ def test_fitted_member_of_a_group_is_shown_without_a_claim(make: Maker) -> None:
 def test_absent_contents_have_placeholders(make: Maker) -> None:
     result = make("named", steps=(), held_out=None, residual=None, scores=(), ranking=(), confusable=(), counts={})
     assert result.gap is not None
-    not_evaluated = replace(result.gap, before_held_out=None, after_held_out=None, held_out_interval=None)
+    not_evaluated = replace(
+        result.gap, before_held_out=None, before_test=None, after_held_out=None, after_test=None, test_interval=None
+    )
     text = plain_text("".join(html_of(name, replace(result, gap=not_evaluated)) for name in VIEWS if name != "verdict"))
     for said in (
         "No held-out recording was given.",
@@ -391,6 +393,8 @@ def test_report_of_a_long_recording_stays_small(make: Maker) -> None:
         result.log,
         time_s=0.02 * np.arange(long * len(result.log.time_s), dtype=np.float64),
         used=np.tile(result.log.used, long),
-        **{name: np.tile(getattr(result.log, name), (long, 1)) for name in ("measured_g", "before_g", "after_g")},
+        measured_g=np.tile(result.log.measured_g, (long, 1)),
+        before_g=np.tile(result.log.before_g, (long, 1)),
+        after_g=np.tile(result.log.after_g, (long, 1)),
     )
     assert len(html_of("motion", replace(result, log=log, held_out=log)).encode()) < 800_000

@@ -133,9 +133,15 @@ def test_event_is_marked_only_where_it_acted(
     assert result.log is not None
     event = replace(result.effects[1], when_s=when_s)
     result = replace(result, effects=(event,))
+    assert result.log is not None
+    log = result.log
     first = replace(
-        result.log,
-        **{name: getattr(result.log, name)[:2000] for name in ("time_s", "measured_g", "before_g", "after_g", "used")},
+        log,
+        time_s=log.time_s[:2000],
+        measured_g=log.measured_g[:2000],
+        before_g=log.before_g[:2000],
+        after_g=log.after_g[:2000],
+        used=log.used[:2000],
     )
     assert (event in effects_acting_in(result, first)) is in_first
     assert (event in effects_acting_in(result, later_part(result, 40.0))) is in_later
