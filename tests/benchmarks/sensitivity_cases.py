@@ -100,14 +100,14 @@ def _with_dead_y(force_g: Array) -> Array:
 
 def _with_vibration(force_g: Array) -> Array:
     shaken_g = 0.01 * np.sin(2 * np.pi * 1.7 * np.arange(len(force_g)) / RATE_HZ)
-    return force_g + np.stack([0 * shaken_g, shaken_g, 0 * shaken_g], axis=1)
+    return np.asarray(force_g + np.stack([0 * shaken_g, shaken_g, 0 * shaken_g], axis=1))
 
 
 @cache
 def swing_recordings() -> dict[str, SwingCase]:
     """Return free and disturbed swings, each with its rig, for the offline and for the live estimator."""
     jog = TrolleyMove(12.0, 3.0, 0.8, 0.25, 0.7)
-    below = {"position_m": None, "above_load_m": 0.5 * LENGTH_M}
+    below: dict[str, Any] = {"position_m": None, "above_load_m": 0.5 * LENGTH_M}
     return {
         "near the hook": _swing_case(0.05, 8.0),
         "elliptical": _swing_case(0.5, 8.0, ellipticity=0.5),

@@ -16,7 +16,7 @@ from importlib.machinery import ModuleSpec, PathFinder, SourceFileLoader
 from numbers import Real
 from pathlib import Path
 from types import CodeType, ModuleType
-from typing import Any
+from typing import Any, TypeGuard
 
 DEFINITION = "Definition:"
 BASIS = "Basis:"
@@ -113,7 +113,7 @@ def _assignments(tree: ast.Module) -> Iterator[tuple[str | None, ast.Assign | as
                 yield owner, statement, _docstring(following)
 
 
-def _is_settings(node: ast.stmt) -> bool:
+def _is_settings(node: ast.stmt) -> TypeGuard[ast.ClassDef]:
     return isinstance(node, ast.ClassDef) and node.name.endswith(SETTINGS)
 
 

@@ -1,14 +1,13 @@
 """`plumbline reconcile --plan RIG`, as it is called."""
 
-import argparse
 import json
 from argparse import Namespace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from gateway.cli.plan import add_plan_arguments, run_plan, wants_plan
+from gateway.cli.main import parser
+from gateway.cli.plan import run_plan, wants_plan
 from gateway.errors import InputError
 
 BELIEFS = "[rope]\nlength_m = 12.0\n[housing]\nposition_m = 5.0\n[sensor]\nsample_rate_hz = 50\nnoise_g = 0.001\n"
@@ -21,12 +20,8 @@ def rig(tmp_path: Path) -> str:
     return str(path)
 
 
-def parsed(*words: Any) -> Namespace:
-    command = argparse.ArgumentParser()
-    command.add_argument("log", nargs="?", type=Path)
-    command.add_argument("--json", type=Path)
-    add_plan_arguments(command)
-    return command.parse_args(words)
+def parsed(*words: str) -> Namespace:
+    return parser().parse_args(["reconcile", *words])
 
 
 @pytest.mark.slow
