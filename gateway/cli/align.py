@@ -19,7 +19,7 @@ SILENCE_TEXT = "no advice: no readings arrive; waiting for the gateway"
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argparse.ArgumentParser:
-    """Add the verb; returns its parser."""
+    """Add the verb; return its parser."""
     verb = verbs.add_parser(
         "align",
         help="show live which of the housing's two screws to turn, which way and how far",

@@ -1,11 +1,11 @@
-"""Values of options, with a message that says what would do."""
+"""Types of option values, with messages that state what is allowed."""
 
 import argparse
 import math
 
 
 def above_zero(text: str) -> float:
-    """A finite number above 0."""
+    """Parse a finite number above 0."""
     try:
         value = float(text)
     except ValueError:
@@ -16,7 +16,7 @@ def above_zero(text: str) -> float:
 
 
 def whole_number(text: str) -> int:
-    """A whole number from 0."""
+    """Parse a whole number from 0 on."""
     if not (text.isascii() and text.isdecimal()):
         raise argparse.ArgumentTypeError(f"{text} is not a whole number from 0")
     return int(text)

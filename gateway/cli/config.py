@@ -1,4 +1,4 @@
-"""`plumbline config`: what is configured, whether it is possible, and its schema."""
+"""`plumbline config`: show, check and describe the configuration."""
 
 import argparse
 import json
@@ -11,26 +11,30 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     command = commands.add_parser(
         "config",
         help="show, check or describe the configuration",
+        description="Show, check or describe the configuration of the gateway.",
         epilog="examples: plumbline config show > my.toml | plumbline config check my.toml | plumbline config schema",
     )
     verbs = command.add_subparsers(dest="verb", metavar="VERB", required=True)
     show = verbs.add_parser(
         "show",
-        help="print the configuration with its defaults, as TOML",
+        help="print the configuration with all defaults, as TOML",
+        description="Print a configuration with all defaults as TOML. A comment explains each key.",
         epilog="example: plumbline config show my.toml",
     )
-    show.add_argument("file", type=Path, nargs="?", metavar="FILE", help="without one: the embedded default")
+    show.add_argument("file", type=Path, nargs="?", metavar="FILE", help="configuration (default: a simulated crane)")
     show.set_defaults(run=_show)
     check = verbs.add_parser(
         "check",
-        help="exit 0 when the file can be used, 2 with the reason",
+        help="check a configuration file",
+        description="Check a configuration file. Exit code 0: it can be used; 2: it cannot, with the reason.",
         epilog="example: plumbline config check my.toml",
     )
-    check.add_argument("file", type=Path, metavar="FILE")
+    check.add_argument("file", type=Path, metavar="FILE", help="configuration")
     check.set_defaults(run=_check)
     schema = verbs.add_parser(
         "schema",
-        help="print the JSON Schema of the configuration, or of a topic's messages",
+        help="print a JSON Schema: of the configuration, or of the messages of a topic",
+        description="Print the JSON Schema of the configuration, or of the messages of a topic.",
         epilog="example: plumbline config schema --topic swing",
     )
     schema.add_argument("--topic", metavar="TOPIC", help="samples, tilt, swing, condition, alert, ...")
@@ -51,7 +55,7 @@ def _check(arguments: argparse.Namespace) -> int:
     configuration = load(arguments.file)
     print(f"{arguments.file}: good; {configuration.device.kind} as {configuration.gateway.key}")
     if configuration.housing_position_m is None:
-        print("note: [housing] position_m or above_load_m is not given; without it no swing estimate can be made")
+        print("note: [housing] position_m or above_load_m is not given; without it there is no swing estimate")
     return 0
 
 
@@ -65,6 +69,6 @@ def _schema(arguments: argparse.Namespace) -> int:
     elif arguments.topic in TOPICS:
         schema = json_schema(arguments.topic)
     else:
-        raise InputError(f"no topic {arguments.topic!r}; there are {', '.join(TOPICS)}")
+        raise InputError(f"no topic {arguments.topic!r}; the topics are {', '.join(TOPICS)}")
     print(json.dumps(schema, indent=2))
     return 0

@@ -1,4 +1,4 @@
-"""`plumbline doctor`: what is wrong on this machine, and how to mend it."""
+"""`plumbline doctor`: what is wrong on this machine, and how to correct it."""
 
 import argparse
 import sys
@@ -11,22 +11,22 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     """Add the command."""
     command = commands.add_parser(
         "doctor",
-        help="what is wrong on this machine, and how to mend it",
-        description="Look at everything that `plumbline run` needs. Exit 0: it can run; 1: something must be mended first.",
+        help="find what is wrong on this machine, and how to correct it",
+        description="Check everything that `plumbline run` needs. Exit code 0: it can run; 1: something must be corrected first.",
         epilog="example: plumbline doctor --config adxl355.toml",
     )
-    command.add_argument("--config", type=Path, metavar="FILE", help="without one: the embedded default")
+    command.add_argument("--config", type=Path, metavar="FILE", help="configuration (default: a simulated crane)")
     command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Print the findings."""
+    """Print the result of each check; return 1 if one failed."""
     from gateway.configuration.loading import load
     from gateway.daemon.doctor import examine
 
     bad = False
-    for finding in examine(load(arguments.config)):
-        print(f"{MARKS[finding.grade]} {finding.place:<12} {finding.text}")
+    for result in examine(load(arguments.config)):
+        print(f"{MARKS[result.grade]} {result.place:<12} {result.text}")
         sys.stdout.flush()
-        bad |= finding.grade == "bad"
+        bad |= result.grade == "bad"
     return 1 if bad else 0

@@ -1,4 +1,4 @@
-"""A session, followed to its review or its end: a bar in a terminal, a line for each change elsewhere."""
+"""Display of a recalibration session until its review or its end: a bar in a terminal, a line per change elsewhere."""
 
 import json
 import time
@@ -11,64 +11,66 @@ from gateway.calibration.pose_method import PoseMethod
 from gateway.cli.status_line import StatusLine
 from gateway.daemon.bounded_queue import BoundedQueue
 
-STALE_ANSWERS = 4
-"""A gateway that has just accepted a session may still tell of the time before, so often at most."""
-LOOK_S = 1.5
-"""While it collects a gateway tells of a session twice a second; after this silence it is asked."""
-WAITING = 256
+MAX_STALE_ANSWERS = 4
+"""A gateway that has just accepted a session may still report the time before, at most this often."""
+SILENCE_S = 1.5
+"""A gateway that collects poses reports its session twice per second; after this silence it is queried."""
+MAX_QUEUED_MESSAGES = 256
 BAR = 24
 NO_ANSWER = "no answer from the gateway; waiting for it"
-GOES_ON = "the session goes on: plumbline remote recalibrate --follow shows it, plumbline remote cancel ends it"
+CONTINUES = "the session continues: plumbline remote recalibrate --follow shows it, plumbline remote cancel ends it"
 
 
 def watch_session(client: GatewayClient, session_id: str | None, out: TextIO) -> int:
-    """Show a session until it is reviewed or has ended; 0 where its record may be committed, or has been."""
-    screen = Screen(out)
-    news = _listen(client)
-    session = _asked(client)
-    stale = 0 if session_id is None else STALE_ANSWERS
+    """Show a session until it is in review or has ended; return 0 if its record may be or has been committed, else 1."""
+    display = SessionDisplay(out)
+    messages = _subscribe(client)
+    session = _query(client)
+    stale = 0 if session_id is None else MAX_STALE_ANSWERS
     try:
         while True:
             if session is not None:
                 session_id = session_id or session["id"]
                 if session["id"] == session_id and session["phase"] != "idle":
                     stale = 0
-                    screen.show(session)
+                    display.show(session)
                     if session["phase"] != "collecting":
-                        return _result(session, screen)
+                        return _show_result(session, display)
                 elif stale == 0:
-                    screen.line("no such session is under way")
+                    display.add_line("no such session is under way")
                     return 1
                 else:
                     stale -= 1
-            session = _next(client, news, screen)
+            session = _wait_for_session(client, messages, display)
     except KeyboardInterrupt:
-        screen.line(GOES_ON)
+        display.add_line(CONTINUES)
         raise
 
 
-def _listen(client: GatewayClient) -> BoundedQueue[zenoh.Sample]:
-    news: BoundedQueue[zenoh.Sample] = BoundedQueue(WAITING)
-    client.subscribe("calibration", news.put)
-    return news
+def _subscribe(client: GatewayClient) -> BoundedQueue[zenoh.Sample]:
+    messages: BoundedQueue[zenoh.Sample] = BoundedQueue(MAX_QUEUED_MESSAGES)
+    client.subscribe("calibration", messages.put)
+    return messages
 
 
-def _next(client: GatewayClient, news: BoundedQueue[zenoh.Sample], screen: "Screen") -> dict[str, Any] | None:
-    """The session as it stands next; None while nobody answers, and the link is opened again."""
-    sample = news.get(LOOK_S)
+def _wait_for_session(
+    client: GatewayClient, messages: BoundedQueue[zenoh.Sample], display: "SessionDisplay"
+) -> dict[str, Any] | None:
+    """Return the next state of the session; None if nobody answers, after an attempt to reconnect."""
+    sample = messages.get(SILENCE_S)
     if sample is not None:
         return _session(json.loads(sample.payload.to_bytes()))
-    session = _asked(client)
+    session = _query(client)
     if session is None:
-        screen.show_waiting()
+        display.show_waiting()
         if client.reconnect():
-            client.subscribe("calibration", news.put)
+            client.subscribe("calibration", messages.put)
         else:
-            time.sleep(LOOK_S)
+            time.sleep(SILENCE_S)
     return session
 
 
-def _asked(client: GatewayClient) -> dict[str, Any] | None:
+def _query(client: GatewayClient) -> dict[str, Any] | None:
     status = client.status()
     return None if status is None or "calibration" not in status else _session(status["calibration"])
 
@@ -78,54 +80,55 @@ def _session(message: dict[str, Any]) -> dict[str, Any]:
     return session
 
 
-def _result(session: dict[str, Any], screen: "Screen") -> int:
+def _show_result(session: dict[str, Any], display: "SessionDisplay") -> int:
     if session["phase"] == "review":
         for reason in [*session["notes"], *session["reasons"]]:
-            screen.line(f"  {reason}")
-        screen.line(f"record {session['record_id']} is in review: plumbline remote commit, or plumbline remote cancel")
+            display.add_line(f"  {reason}")
+        display.add_line(
+            f"record {session['record_id']} is in review: plumbline remote commit, or plumbline remote cancel"
+        )
         return 0 if session.get("committable", False) else 1
     return 0 if session["phase"] == "committed" else 1
 
 
-class Screen:
-    """A bar in a terminal; elsewhere a line each time that the words change."""
+class SessionDisplay:
+    """Shows a bar in a terminal, and elsewhere a line for each change of the text."""
 
     def __init__(self, out: TextIO) -> None:
         self._line = StatusLine(out)
 
     def show(self, session: dict[str, Any]) -> None:
-        """How the session stands."""
-        taken, wanted = _poses_line(session), max(session["wanted"], 1)
+        """Show the state of the session."""
+        taken, wanted = _count_poses(session), max(session["wanted"], 1)
         if session["phase"] != "collecting":
-            self.line(f"{session['phase']}: {session['text']}")
+            self.add_line(f"{session['phase']}: {session['text']}")
             return
-        said = f"{taken} of {wanted} poses; {session['text']}"
+        text = f"{taken} of {wanted} poses; {session['text']}"
         if self._line.is_terminal:
-            done = min((taken + session["pose_fraction"]) / wanted, 1.0)
-            bar = ("#" * round(done * BAR)).ljust(BAR, "-")
-            self._line.update(
-                f"{taken}/{wanted} [{bar}] {_stillness(session):14} {_next_face(session)}{session['text']}", said
-            )
+            fraction = min((taken + session["pose_fraction"]) / wanted, 1.0)
+            bar = ("#" * round(fraction * BAR)).ljust(BAR, "-")
+            progress = f"{taken}/{wanted} [{bar}] {_stillness(session):14} {_next_face(session)}{session['text']}"
+            self._line.update(progress, text)
         else:
-            self._line.update(said, said)
+            self._line.update(text, text)
 
     def show_waiting(self) -> None:
-        """Nobody answers."""
+        """Show that the gateway does not answer."""
         self._line.update(NO_ANSWER, NO_ANSWER)
 
-    def line(self, text: str) -> None:
-        """A line that stays."""
+    def add_line(self, text: str) -> None:
+        """Write a line that is not overwritten."""
         self._line.commit(text)
 
 
-def _poses_line(session: dict[str, Any]) -> int:
-    """Poses that count: a face that lay up twice is one of six."""
+def _count_poses(session: dict[str, Any]) -> int:
+    """Return the number of different poses: of the six faces, or of all attitudes."""
     used = [pose for pose in session["poses"] if pose["used"]]
     return len({pose["face"] for pose in used}) if session["method"] == PoseMethod.SIX_POSITION else len(used)
 
 
 def _next_face(session: dict[str, Any]) -> str:
-    """Before the text, which a narrow terminal cuts off."""
+    """Return the next face, which stands before the text because a narrow terminal truncates that."""
     return f"next {session['next_face']} up; " if session["next_face"] else ""
 
 

@@ -1,4 +1,4 @@
-"""`plumbline`: finds the command, turns bad input into one line and an exit code."""
+"""`plumbline`: finds the command, and turns bad input into one line and an exit code."""
 
 import argparse
 import sys
@@ -14,10 +14,10 @@ BAD_INPUT = 2
 
 
 def parser() -> argparse.ArgumentParser:
-    """The whole command line; commands import what they need when they run, so that help is quick."""
+    """Return the parser of the whole command line. Commands import what they need when they run, so that help is quick."""
     top = argparse.ArgumentParser(
         prog="plumbline",
-        description="How far a crane's load swings, and whether the reading can be trusted.",
+        description="Measure how far the load of a crane swings, and whether the reading can be trusted.",
         epilog="example: plumbline run    (a simulated crane, no configuration needed)",
     )
     top.add_argument("--version", action="version", version=f"plumbline {__version__}")
@@ -28,7 +28,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run a command; the exit code is 0 done, 1 the answer is no, 2 bad usage or input, 3 done with losses."""
+    """Run a command; return 0: done, 1: the answer is no, 2: wrong usage or input, 3: done with losses."""
     chosen = parser().parse_args(arguments)
     try:
         code: int = chosen.run(chosen)
@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"plumbline {chosen.command}: {error}", file=sys.stderr)
         return BAD_INPUT
     except BrokenPipeError:
-        sys.stderr.close()  # the reader of our output left; nothing more can be said
+        sys.stderr.close()  # the reader of the output has ended
         return BAD_INPUT
     except KeyboardInterrupt:
         return 130

@@ -1,4 +1,4 @@
-"""`plumbline measure`: a recording, offline."""
+"""`plumbline measure`: offline evaluation of a recording."""
 
 import argparse
 from pathlib import Path
@@ -8,8 +8,9 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     """Add the command."""
     command = commands.add_parser(
         "measure",
-        help="swing, tilt and conditions of a recording",
-        description="The four published formulas, the swing estimate with its uncertainty, tilt and conditions of a recording.",
+        help="compute swing, tilt and conditions of a recording",
+        description="Compute swing, tilt and conditions of a recording: the estimate with its uncertainty, and the four "
+        "published formulas.",
         epilog="example: plumbline measure log.csv --rig rig.toml --json result.json",
     )
     command.add_argument("log", type=Path, metavar="LOG", help=".mcap of the gateway, or .csv: time_s,ax_g,ay_g,az_g")
@@ -17,14 +18,14 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         "--rig",
         type=Path,
         metavar="RIG",
-        help="rig.toml: rope length and housing position; a gateway's .mcap has its own",
+        help="rig.toml with rope length and housing position (default: those in the gateway's .mcap)",
     )
     command.add_argument("--json", type=Path, metavar="FILE", help="also write the result as JSON")
     command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure and tell."""
+    """Measure a recording and print the result."""
     from gateway.cli.output import write_json
     from gateway.measurement.measure import measure
     from gateway.measurement.report import as_json, as_text
@@ -32,8 +33,8 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.measurement.source import read_source
 
     source = read_source(arguments.log, None if arguments.rig is None else read_rig(arguments.rig))
-    found = measure(source)
+    result = measure(source)
     if arguments.json is not None:
-        write_json(arguments.json, as_json(source, found))
-    print(as_text(source, found))
+        write_json(arguments.json, as_json(source, result))
+    print(as_text(source, result))
     return 0

@@ -1,4 +1,4 @@
-"""Parts of Plumbline that are installed only where they are wanted."""
+"""Optional parts of Plumbline, installed as extras."""
 
 import importlib.util
 
@@ -11,4 +11,4 @@ def require_twin() -> None:
     """Raise `InputError` where the twin's libraries are missing."""
     missing = [name for name in OF_THE_TWIN if importlib.util.find_spec(name) is None]
     if missing:
-        raise InputError(f"{' and '.join(missing)} not installed; mend: pip install 'plumbline-gateway[twin]'")
+        raise InputError(f"{' and '.join(missing)} not installed; try pip install 'plumbline-gateway[twin]'")

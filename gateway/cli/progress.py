@@ -1,4 +1,4 @@
-"""A line on stderr that tells how a long command goes on, where a person looks."""
+"""The progress of a long command, on stderr if that is a terminal."""
 
 import sys
 from types import TracebackType
@@ -10,7 +10,7 @@ WIDTH = 40
 
 
 class Progress:
-    """Redrawn at each tick; nothing at all where stderr is no terminal. Ctrl-C is taken between ticks."""
+    """A line that is drawn again at each tick; nothing if stderr is not a terminal. Ctrl-C takes effect between ticks."""
 
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = sys.stderr if stream is None else stream
@@ -19,7 +19,7 @@ class Progress:
         self._interrupt = DeferredInterrupt()
 
     def tick(self, stage: str) -> None:
-        """One more step of a stage."""
+        """Show one more step of a stage."""
         self._interrupt.check()
         self._ticks += 1
         if self._shown:

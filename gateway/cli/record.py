@@ -1,4 +1,4 @@
-"""`plumbline record`: what is in a recording, and what can be saved of a torn one."""
+"""`plumbline record`: show what is in a recording, and recover an incomplete one."""
 
 import argparse
 from pathlib import Path
@@ -10,25 +10,28 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     """Add the command with its verbs."""
     command = commands.add_parser(
         "record",
-        help="look into recordings, recover torn ones",
+        help="show what is in recordings, and recover incomplete ones",
+        description="Show what is in recordings, and recover incomplete ones.",
         epilog="example: plumbline record info plumbline-data/*.mcap",
     )
     verbs = command.add_subparsers(dest="verb", metavar="VERB", required=True)
     info = verbs.add_parser(
         "info",
-        help="what is in a recording: times, topics, samples, losses, calibration, alerts",
+        help="print what is in a recording: times, topics, samples, losses, calibration, alerts",
+        description="Print what is in a recording: times, topics, samples, losses, calibration and alerts.",
         epilog="example: plumbline record info plumbline-data/*.mcap --json info.json",
     )
-    info.add_argument("logs", type=Path, nargs="+", metavar="LOG", help=".mcap of the gateway")
+    info.add_argument("logs", type=Path, nargs="+", metavar="LOG", help=".mcap written by the gateway")
     info.add_argument("--json", type=Path, metavar="FILE", help="also write it as JSON")
     info.set_defaults(run=_info)
     recover = verbs.add_parser(
         "recover",
-        help="write a whole recording from a torn one",
-        epilog="example: plumbline record recover torn.mcap --out whole.mcap",
+        help="write a complete recording from an incomplete one",
+        description="Write a complete recording from an incomplete one. Exit code 3: something of it could not be read.",
+        epilog="example: plumbline record recover incomplete.mcap --out complete.mcap",
     )
-    recover.add_argument("log", type=Path, metavar="LOG")
-    recover.add_argument("--out", type=Path, metavar="FILE", required=True)
+    recover.add_argument("log", type=Path, metavar="LOG", help=".mcap written by the gateway")
+    recover.add_argument("--out", type=Path, metavar="FILE", required=True, help="the new recording")
     recover.set_defaults(run=_recover)
 
 
@@ -48,6 +51,6 @@ def _recover(arguments: argparse.Namespace) -> int:
     from gateway.recording.recovery import recover
 
     recovered = recover(arguments.log, arguments.out)
-    print(f"{arguments.out}: {recovered.messages} messages saved")
+    print(f"{arguments.out}: {recovered.messages} messages recovered")
     losses = recovered.losses
     return WITH_LOSSES if losses.torn_bytes or losses.damaged_records or losses.unreadable_messages else 0

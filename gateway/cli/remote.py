@@ -1,4 +1,4 @@
-"""`plumbline remote`: a gateway, seen from another process or place, over the bus."""
+"""`plumbline remote`: read and control a gateway over the bus."""
 
 import argparse
 import sys
@@ -10,32 +10,39 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
     command = commands.add_parser(
         "remote",
-        help="a gateway over the bus: its state, its messages as they come, its recalibration",
+        help="read and control a gateway over the bus: its state, its messages, its recalibration",
+        description="Read and control a gateway over the bus: its state, its messages, its recalibration.",
         epilog="example: plumbline remote watch --topics swing,alert",
     )
     verbs = command.add_subparsers(dest="verb", metavar="VERB", required=True)
     watch = verbs.add_parser(
         "watch",
-        help="print messages as they come, one JSON object a line, until Ctrl-C",
+        help="print messages as they arrive, until Ctrl-C",
+        description="Print messages as they arrive, one JSON object per line, until Ctrl-C.",
         epilog="example: plumbline remote watch --topics swing,alert",
     )
     watch.set_defaults(run=_watch)
-    watch.add_argument("--topics", default="swing,condition,alert", metavar="LIST", help="comma-separated")
+    watch.add_argument(
+        "--topics", default="swing,condition,alert", metavar="LIST", help="comma-separated topics (default %(default)s)"
+    )
     watch.add_argument("--count", type=int, metavar="N", help="stop after N messages")
     status = remote_status.add_to(verbs)
     for verb in (status, watch, *remote_session.add_to(verbs), align.add_to(verbs), remote_fetch.add_to(verbs)):
-        _where(verb)
+        _add_address(verb)
 
 
-def _where(verb: argparse.ArgumentParser) -> None:
+def _add_address(verb: argparse.ArgumentParser) -> None:
     verb.add_argument(
         "--gateway",
         default="plumbline/v1/*/*/*",
         metavar="KEY",
-        help="plumbline/v1/<site>/<crane>/<sensor>; without it, every gateway on the bus",
+        help="plumbline/v1/<site>/<crane>/<sensor> (default: every gateway on the bus)",
     )
     verb.add_argument(
-        "--connect", default="tcp/127.0.0.1:7447", metavar="ENDPOINT", help="where the gateway or router listens"
+        "--connect",
+        default="tcp/127.0.0.1:7447",
+        metavar="ENDPOINT",
+        help="address of the gateway or router (default %(default)s)",
     )
 
 
@@ -49,7 +56,7 @@ def _watch(arguments: argparse.Namespace) -> int:
 
     topics = [topic.strip() for topic in arguments.topics.split(",")]
     if unknown := [topic for topic in topics if topic not in TOPICS]:
-        raise InputError(f"no topic {', '.join(unknown)}; there are {', '.join(TOPICS)}")
+        raise InputError(f"no topic {', '.join(unknown)}; the topics are {', '.join(TOPICS)}")
     samples: BoundedQueue[zenoh.Sample] = BoundedQueue(10_000)
     with open_client_session(arguments.connect) as session:
         subscribers = [session.declare_subscriber(f"{arguments.gateway}/{topic}", samples.put) for topic in topics]

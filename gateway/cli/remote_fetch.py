@@ -1,4 +1,4 @@
-"""`plumbline remote fetch`: the records of a gateway with a certificate of each, their history and the audit, as files."""
+"""`plumbline remote fetch`: the calibration records of a gateway, their certificates, history and audit, as files."""
 
 import argparse
 import json
@@ -12,18 +12,21 @@ if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
     from gateway.calibration.record import CalibrationRecord
 
-LOST = 1
+DAMAGED = 1
 PATIENCE_S = 30.0
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argparse.ArgumentParser:
-    """Add the verb; returns its parser."""
+    """Add the verb; return its parser."""
     fetch = verbs.add_parser(
         "fetch",
-        help="write the gateway's records with their certificates, their history and the audit to files",
+        help="write the calibration records with their certificates, history and audit to files",
+        description="Write the calibration records of a gateway with their certificates, history and audit to files.",
         epilog="example: plumbline remote fetch --out records/",
     )
-    fetch.add_argument("--out", type=Path, default=Path(), metavar="FOLDER", help="an existing folder")
+    fetch.add_argument(
+        "--out", type=Path, default=Path(), metavar="FOLDER", help="an existing folder (default: the present one)"
+    )
     fetch.set_defaults(run=_fetch)
     return fetch
 
@@ -34,7 +37,7 @@ def _fetch(arguments: argparse.Namespace) -> int:
     client = GatewayClient(arguments.connect, arguments.gateway)
     try:
         listed = fetch_request(client, {}, PATIENCE_S)
-        records, spoilt = fetched_records(client, listed, PATIENCE_S)
+        records, damaged = fetch_records(client, listed, PATIENCE_S)
         reviewed = listed["review"]
         candidate = None if reviewed is None else _record(client, reviewed, PATIENCE_S)
         audit = fetch_request(client, {"what": "audit", "lines": 1000}, PATIENCE_S)["audit"]
@@ -47,40 +50,40 @@ def _fetch(arguments: argparse.Namespace) -> int:
     state = {name: listed[name] for name in ("device_id", "in_force", "history")}
     write_text(arguments.out / "in_force.json", json.dumps(state, indent=1) + "\n")
     write_text(arguments.out / "audit.jsonl", "".join(json.dumps(entry) + "\n" for entry in audit))
-    for complaint in spoilt:
-        print(complaint, file=sys.stderr)
+    for problem in damaged:
+        print(problem, file=sys.stderr)
     print(f"{arguments.out}: {len(records)} records of {listed['device_id']}, in force {listed['in_force']}")
-    return LOST if spoilt else 0
+    return DAMAGED if damaged else 0
 
 
-def fetched_records(
+def fetch_records(
     client: "GatewayClient", listed: dict[str, Any], patience_s: float
 ) -> tuple[list["CalibrationRecord"], list[str]]:
-    """Every record that can be read, and what is wrong with the others. Raises `InputError` where nobody answers."""
+    """Return the readable records, and what is wrong with the others. Raises `InputError` where nobody answers."""
     from gateway.calibration.record import CalibrationError
 
-    records, spoilt = [], []
+    records, damaged = [], []
     for entry in listed["records"]:
         if "error" in entry:
-            spoilt.append(f"{entry['id']}: {entry['error']}")
+            damaged.append(f"{entry['id']}: {entry['error']}")
             continue
         try:
             records.append(_record(client, entry["id"], patience_s))
         except CalibrationError as error:
-            spoilt.append(str(error))
-    return records, spoilt
+            damaged.append(str(error))
+    return records, damaged
 
 
 def fetch_request(client: "GatewayClient", request: dict[str, Any], patience_s: float) -> dict[str, Any]:
-    """The answer to a request to read. Raises `InputError`."""
+    """Return the answer to a read request. Raises `InputError`."""
     from gateway.errors import InputError
 
-    said = client.ask("fetch", request, patience_s)
-    if said is None:
+    reply = client.ask("fetch", request, patience_s)
+    if reply is None:
         raise InputError(f"{client.key} does not answer")
-    if not said.accepted:
-        raise InputError(f"{client.key}: {said.text}")
-    return said.content
+    if not reply.accepted:
+        raise InputError(f"{client.key}: {reply.text}")
+    return reply.content
 
 
 def _record(client: "GatewayClient", record_id: str, patience_s: float) -> "CalibrationRecord":
@@ -91,7 +94,7 @@ def _record(client: "GatewayClient", record_id: str, patience_s: float) -> "Cali
 
 
 def _write(folder: Path, name: str, record: "CalibrationRecord", records: list["CalibrationRecord"]) -> None:
-    """The record as it came, and its certificate, made here."""
+    """Write a record and its certificate."""
     from gateway.certificate.page import render_certificate
 
     parent = next((one for one in records if one.id == record.parent), None)

@@ -1,4 +1,4 @@
-"""`plumbline remote`, the verbs that change something: asked once, answered once, followed over lost links."""
+"""The verbs of `plumbline remote` that change something: done once, even if the link is lost in between."""
 
 import argparse
 import sys
@@ -15,33 +15,45 @@ PATIENCE_S = 30.0
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> list[argparse.ArgumentParser]:
-    """Add the verbs; returns their parsers."""
+    """Add the verbs; return their parsers."""
     recalibrate = _verb(
-        verbs, "recalibrate", "begin a session and follow it", _recalibrate, "--by ann --housing-off-rope"
+        verbs,
+        "recalibrate",
+        "Start a recalibration and follow it until its record is in review.",
+        _recalibrate,
+        "--by ann --housing-off-rope",
     )
     recalibrate.add_argument(
-        "--method", choices=[method.value for method in PoseMethod], default=PoseMethod.SIX_POSITION.value
+        "--method",
+        choices=[method.value for method in PoseMethod],
+        default=PoseMethod.SIX_POSITION.value,
+        help="method of the calibration (default %(default)s)",
     )
     recalibrate.add_argument(
         "--housing-off-rope", action="store_true", help="confirm that the housing has been taken off the rope"
     )
-    recalibrate.add_argument("--follow", action="store_true", help="ask for nothing, follow the session under way")
-    _verb(verbs, "zero", "make the mount's angles zero; the load must hang still", _zero, "--by ann")
-    commit = _verb(verbs, "commit", "put the reviewed record in force", _commit, '--by ann --reason "new sensor"')
-    commit.add_argument("--record", metavar="ID", help="only this record; without it, the one that is in review now")
-    rollback = _verb(verbs, "rollback", "put the parent record in force again", _rollback, "--by ann")
-    rollback.add_argument("--to", metavar="ID", help="this record instead of the parent")
-    _verb(verbs, "cancel", "end the session; the old record stays", _cancel, "--by ann")
+    recalibrate.add_argument(
+        "--follow", action="store_true", help="start nothing; follow the session that is under way"
+    )
+    _verb(verbs, "zero", "Set the two angles of the mount to zero. The load must hang still.", _zero, "--by ann")
+    commit = _verb(verbs, "commit", "Put the record in review in force.", _commit, '--by ann --reason "new sensor"')
+    commit.add_argument("--record", metavar="ID", help="id of the record (default: the one in review)")
+    rollback = _verb(verbs, "rollback", "Put an earlier record in force again.", _rollback, "--by ann")
+    rollback.add_argument("--to", metavar="ID", help="id of the record (default: the parent of the present one)")
+    _verb(verbs, "cancel", "End the session; the old record stays in force.", _cancel, "--by ann")
     return [verbs.choices[name] for name in ("recalibrate", "zero", "commit", "rollback", "cancel")]
 
 
 def _verb(
-    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, help_text: str, run: Any, example: str
+    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, description: str, run: Any, example: str
 ) -> argparse.ArgumentParser:
-    verb = verbs.add_parser(name, help=help_text, epilog=f"example: plumbline remote {name} {example}")
-    verb.add_argument("--by", metavar="NAME", help="who asks; goes into the record, its history and the audit")
-    verb.add_argument("--reason", default="", metavar="TEXT", help="why; asked for where a record is implausible")
-    verb.add_argument("--id", metavar="ID", help="of a request whose answer was lost: it is not done twice")
+    summary = description[0].lower() + description.partition(".")[0][1:]
+    verb = verbs.add_parser(
+        name, help=summary, description=description, epilog=f"example: plumbline remote {name} {example}"
+    )
+    verb.add_argument("--by", metavar="NAME", help="your name, for the record, its history and the audit; required")
+    verb.add_argument("--reason", default="", metavar="TEXT", help="reason; required where a record is implausible")
+    verb.add_argument("--id", metavar="ID", help="id of a request whose answer was lost, so that it is not done twice")
     verb.set_defaults(run=run)
     return verb
 
@@ -54,7 +66,7 @@ def _recalibrate(arguments: argparse.Namespace) -> int:
         session_id = None
         if not arguments.follow:
             more = {"method": arguments.method, "housing_off_rope": arguments.housing_off_rope}
-            code, request = _request(client, "recalibrate", arguments, more)
+            code, request = _send(client, "recalibrate", arguments, more)
             if code != 0:
                 return code
             session_id = request["id"]
@@ -64,43 +76,43 @@ def _recalibrate(arguments: argparse.Namespace) -> int:
 
 
 def _zero(arguments: argparse.Namespace) -> int:
-    return _ask(arguments, "zero", {})
+    return _run_request(arguments, "zero", {})
 
 
 def _commit(arguments: argparse.Namespace) -> int:
-    return _ask(arguments, "commit", {"record": arguments.record})
+    return _run_request(arguments, "commit", {"record": arguments.record})
 
 
 def _rollback(arguments: argparse.Namespace) -> int:
-    return _ask(arguments, "rollback", {"to": arguments.to})
+    return _run_request(arguments, "rollback", {"to": arguments.to})
 
 
 def _cancel(arguments: argparse.Namespace) -> int:
-    return _ask(arguments, "cancel", {})
+    return _run_request(arguments, "cancel", {})
 
 
-def _ask(arguments: argparse.Namespace, verb: str, more: dict[str, Any]) -> int:
+def _run_request(arguments: argparse.Namespace, verb: str, more: dict[str, Any]) -> int:
     client = _client(arguments)
     try:
-        return _request(client, verb, arguments, more)[0]
+        return _send(client, verb, arguments, more)[0]
     finally:
         client.close()
 
 
-def _request(
+def _send(
     client: "GatewayClient", verb: str, arguments: argparse.Namespace, more: dict[str, Any]
 ) -> tuple[int, dict[str, Any]]:
-    """Ask, and print the answer."""
+    """Send a request and print the answer."""
     from gateway.errors import InputError
 
     request = {"id": arguments.id or f"cli-{uuid.uuid4().hex}", "by": arguments.by, "reason": arguments.reason, **more}
-    said = client.ask(verb, request, PATIENCE_S)
-    if said is None:
+    reply = client.ask(verb, request, PATIENCE_S)
+    if reply is None:
         raise InputError(
-            f"{client.key} does not answer; whether it was done is not known: ask again with --id {request['id']}"
+            f"{client.key} does not answer, and the request may have been done: repeat it with --id {request['id']}"
         )
-    print(f"{verb}: {'' if said.accepted else 'refused: '}{said.text}", file=None if said.accepted else sys.stderr)
-    return 0 if said.accepted else REFUSED, request
+    print(f"{verb}: {'' if reply.accepted else 'refused: '}{reply.text}", file=None if reply.accepted else sys.stderr)
+    return 0 if reply.accepted else REFUSED, request
 
 
 def _client(arguments: argparse.Namespace) -> "GatewayClient":
@@ -108,5 +120,5 @@ def _client(arguments: argparse.Namespace) -> "GatewayClient":
     from gateway.errors import InputError
 
     if not arguments.by and not getattr(arguments, "follow", False):
-        raise InputError("--by: say who asks; it goes into the record, its history and the audit")
+        raise InputError("--by NAME is required: your name, for the record, its history and the audit")
     return GatewayClient(arguments.connect, arguments.gateway)

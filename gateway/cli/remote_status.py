@@ -1,4 +1,4 @@
-"""`plumbline remote status`: the last message of every topic, and what is known of the calibration's drift."""
+"""`plumbline remote status`: the last message of every topic, and the drift of the calibration."""
 
 import argparse
 import json
@@ -7,16 +7,17 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
 
-NOT_WATCHED = "not watched yet: no hour of rest has been seen since the record was made"
-NO_RECORD = "not watched: no calibration record is in force"
-NOT_TOLD = "not known yet: no message on health since this calibration came into force"
+NO_REST = "not known yet: no hour at rest since the record was made"
+NO_RECORD = "not monitored: no calibration record is in force"
+NO_HEALTH = "not known yet: no health message since this calibration came into force"
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argparse.ArgumentParser:
-    """Add the verb; returns its parser."""
+    """Add the verb; return its parser."""
     verb = verbs.add_parser(
         "status",
-        help="the last message of every topic, and the calibration's drift",
+        help="print the last message of every topic, and the drift of the calibration",
+        description="Print the last message of every topic, and the drift of the calibration, as JSON.",
         epilog="example: plumbline remote status",
     )
     verb.set_defaults(run=_status)
@@ -32,29 +33,29 @@ def _status(arguments: argparse.Namespace) -> int:
     if not gateways:
         raise InputError(f"no gateway {arguments.gateway} answers at {arguments.connect}")
     for key, topics in gateways.items():
-        rest = at_rest(topics.get("health"), topics.get("calibration"))
-        topics["drift"] = {"at_rest": rest, "by_records": _by_records(arguments.connect, key)}
+        rest = describe_rest_drift(topics.get("health"), topics.get("calibration"))
+        topics["drift"] = {"at_rest": rest, "by_records": _forecast_text(arguments.connect, key)}
     print(json.dumps(gateways, indent=1))
     return 0
 
 
-def at_rest(health: dict[str, Any] | None, calibration: dict[str, Any] | None) -> str:
-    """What readings at rest say of the record in force, in a line. Silence is never told as good news."""
+def describe_rest_drift(health: dict[str, Any] | None, calibration: dict[str, Any] | None) -> str:
+    """Return the drift of the record in force by readings at rest, as one line. Missing readings are never good news."""
     if health is None or calibration is None or health["calibration_id"] != calibration["calibration_id"]:
-        return NOT_TOLD
+        return NO_HEALTH
     drift = health.get("drift")
     if drift is None:
         return NO_RECORD
     if drift["norm_error_mg"] is None:
-        return NOT_WATCHED
+        return NO_REST
     trend = drift["trend"]
     soon = "" if trend is None or trend["limit_in_days"] is None else f"; limit in {trend['limit_in_days']:.0f} days"
-    said = f"{drift['state']}: norm {drift['norm_error_mg']:+.1f} mg of {drift['limit_mg']:.1f} mg allowed{soon}"
-    return "; ".join([said, *drift["reasons"], f"shows {drift['shows']}"])
+    state = f"{drift['state']}: norm {drift['norm_error_mg']:+.1f} mg of {drift['limit_mg']:.1f} mg allowed{soon}"
+    return "; ".join([state, *drift["reasons"], f"shows {drift['shows']}"])
 
 
-def _by_records(connect: str, key: str) -> str:
-    """Within how many days to recalibrate, by the records of the device; or why that is not known."""
+def _forecast_text(connect: str, key: str) -> str:
+    """Return when to recalibrate, by the records of the device; or why that is not known."""
     from gateway.bus.client import GatewayClient
     from gateway.bus.session import BusError
     from gateway.errors import InputError
@@ -62,18 +63,18 @@ def _by_records(connect: str, key: str) -> str:
     try:
         client = GatewayClient(connect, key)
         try:
-            return by_records(client)
+            return describe_forecast(client)
         finally:
             client.close()
-    except (InputError, BusError) as error:  # `CalibrationError` among them: fewer than two records that measure
+    except (InputError, BusError) as error:  # including `CalibrationError` for too few records
         return f"not known: {error}"
 
 
-def by_records(client: "GatewayClient") -> str:
-    """The forecast of the records that a gateway has. Raises `InputError` where it cannot be made."""
+def describe_forecast(client: "GatewayClient") -> str:
+    """Return the forecast by the records of a gateway. Raises `InputError` where there are too few."""
     from gateway.certificate.forecast import forecast, sentence
-    from gateway.cli.remote_fetch import fetch_request, fetched_records
+    from gateway.cli.remote_fetch import fetch_records, fetch_request
 
-    records, _ = fetched_records(client, fetch_request(client, {}, 0.0), 0.0)
+    records, _ = fetch_records(client, fetch_request(client, {}, 0.0), 0.0)
     report = forecast(records)
     return "; ".join([sentence(report), *report.warnings])

@@ -1,4 +1,4 @@
-"""`plumbline run`: the gateway."""
+"""`plumbline run`: run the gateway."""
 
 import argparse
 import logging
@@ -17,13 +17,15 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     """Add the command."""
     command = commands.add_parser(
         "run",
-        help="the gateway: sample, judge, record, publish, show",
-        description="Run the gateway until Ctrl-C or SIGTERM. Without a configuration: a simulated crane.",
+        help="run the gateway: sample, evaluate, record, publish, display",
+        description="Run the gateway until Ctrl-C or SIGTERM. Without --config it runs with a simulated crane.",
         epilog="examples: plumbline run | plumbline run --config adxl355.toml | plumbline run --duration 30",
     )
-    command.add_argument("--config", type=Path, metavar="FILE", help="TOML configuration; see plumbline config show")
+    command.add_argument(
+        "--config", type=Path, metavar="FILE", help="configuration (TOML); plumbline config show prints one"
+    )
     command.add_argument("--duration", type=above_zero, metavar="S", help="stop cleanly after this many seconds")
-    command.add_argument("--quiet", action="store_true", help="warnings and errors only")
+    command.add_argument("--quiet", action="store_true", help="print warnings and errors only")
     command.set_defaults(run=run)
 
 

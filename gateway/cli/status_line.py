@@ -1,4 +1,4 @@
-"""One line that is written over in a terminal; elsewhere a line for each change of what it says."""
+"""A status line: overwritten in place in a terminal; elsewhere a new line for each change."""
 
 import os
 import shutil
@@ -8,35 +8,30 @@ LONGEST = 118
 
 
 class StatusLine:
-    """Never longer than the terminal is wide: what wraps is not written over."""
+    """One line of text, never longer than the terminal, because a wrapped line cannot be overwritten."""
 
     def __init__(self, out: TextIO) -> None:
         self._out = out
-        self._moves = out.isatty()
-        self._said = ""
+        self._key = ""
+        self.is_terminal = out.isatty()
 
-    @property
-    def is_terminal(self) -> bool:
-        """Whether somebody looks on."""
-        return self._moves
-
-    def update(self, text: str, gist: str) -> None:
-        """Show a text now; outside a terminal only where its gist is another than before."""
-        if self._moves:
+    def update(self, text: str, key: str) -> None:
+        """Show a text now; outside a terminal only if its key differs from that of the last text."""
+        if self.is_terminal:
             self._out.write(f"\r\x1b[K{text[: min(LONGEST, self._columns() - 1)]}")
             self._out.flush()
-        elif gist != self._said:
-            self._said = gist
+        elif key != self._key:
+            self._key = key
             self.commit(text)
 
     def commit(self, text: str) -> None:
-        """A line that is kept."""
-        self._out.write(f"\r\x1b[K{text}\n" if self._moves else f"{text}\n")
+        """Write a line that is not overwritten."""
+        self._out.write(f"\r\x1b[K{text}\n" if self.is_terminal else f"{text}\n")
         self._out.flush()
 
     def _columns(self) -> int:
-        """Of the terminal that is written to, now: somebody may have made it narrower."""
+        """Return the present width of the terminal."""
         try:
             return os.get_terminal_size(self._out.fileno()).columns or LONGEST + 1
-        except OSError:  # no terminal that could be asked
+        except OSError:  # not a terminal
             return shutil.get_terminal_size((LONGEST + 1, 24)).columns

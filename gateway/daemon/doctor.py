@@ -1,4 +1,4 @@
-"""The checks of `plumbline doctor`: everything that `run` needs, one finding for each."""
+"""The checks of `plumbline doctor`: everything that `run` needs, one result for each."""
 
 import importlib.util
 import socket
@@ -35,11 +35,11 @@ class CheckResult:
 
 
 def examine(configuration: Configuration) -> Iterator[CheckResult]:
-    """Check everything that `run` needs; yields each finding at once."""
+    """Check everything that `run` needs; yields each result at once."""
     version = ".".join(map(str, sys.version_info[:3]))
     yield CheckResult("good" if sys.version_info >= (3, 11) else "bad", "python", version)
-    for look in (_data_folder, _device, _bus, _page, _clock, _housing):
-        yield from look(configuration)
+    for check in (_data_folder, _device, _bus, _page, _clock, _housing):
+        yield from check(configuration)
 
 
 def _data_folder(configuration: Configuration) -> Iterator[CheckResult]:
@@ -55,7 +55,7 @@ def _data_folder(configuration: Configuration) -> Iterator[CheckResult]:
     yield CheckResult("good" if enough else "bad", "data", f"{folder}: {free_mb:.0f} MB free")
     if free_mb < quota:
         yield CheckResult(
-            "note", "data", f"recorder.quota_mb {quota:g} is more than is free; recording stops when the disk is full"
+            "note", "data", f"recorder.quota_mb {quota:g} exceeds the free space; recording stops when the disk is full"
         )
 
 
@@ -118,7 +118,7 @@ def _clock(_configuration: Configuration) -> Iterator[CheckResult]:
     if quality == "synchronised":
         yield CheckResult("good", "clock", "synchronised")
     else:
-        yield CheckResult("note", "clock", "not synchronised; sample times are right among each other, UTC may be off")
+        yield CheckResult("note", "clock", "not synchronised; sample times are consistent, but their UTC may be wrong")
 
 
 def _housing(configuration: Configuration) -> Iterator[CheckResult]:
@@ -129,5 +129,5 @@ def _housing(configuration: Configuration) -> Iterator[CheckResult]:
         return
     length_m = configuration.rope.length_m
     yield CheckResult(
-        "good", "housing", f"{position_m:g} m of {length_m:g} m down the rope (rho {position_m / length_m:.2f})"
+        "good", "housing", f"{position_m:g} m of {length_m:g} m from the pivot (rho {position_m / length_m:.2f})"
     )

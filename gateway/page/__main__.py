@@ -10,7 +10,7 @@ try:
 except ModuleNotFoundError as missing:
     if missing.name not in EXTRA:
         raise
-    print(f"page: {missing.name} is not installed; mend: pip install 'plumbline-gateway[page]'", file=sys.stderr)
+    print(f"page: {missing.name} is not installed; try pip install 'plumbline-gateway[page]'", file=sys.stderr)
     sys.exit(2)
 
 code = main()

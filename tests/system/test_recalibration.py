@@ -152,7 +152,7 @@ def test_a_session_from_request_to_record_over_a_kill(site: Site, tmp_path: Path
     assert "Calibration certificate" in (tmp_path / f"{record['id']}.html").read_text()
     status = json.loads(site.remote("status").stdout)
     (topics,) = status.values()
-    assert topics["drift"]["at_rest"].startswith("not watched yet")
+    assert topics["drift"]["at_rest"].startswith("not known yet")
     assert "two calibrations at least" in topics["drift"]["by_records"]
     history = json.loads((tmp_path / "in_force.json").read_text())["history"]
     assert [(line["by"], line["reason"], line["to"]) for line in history] == [("bob", "first record", record["id"])]
@@ -250,7 +250,7 @@ def test_ctrl_c_leaves_the_session_to_whoever_follows_it_next(start_gateway: Sta
     assert "poses" in present(follower.stdout).readline()
     follower.send_signal(signal.SIGINT)
     out, _ = follower.communicate(timeout=20)
-    assert "the session goes on" in out
+    assert "the session continues" in out
     again = subprocess.Popen([*command, "--follow"], cwd=ROOT, stdout=subprocess.PIPE, text=True)
     assert "0 of 6 poses" in present(again.stdout).readline()
     ((accepted, _),) = query(peer, "cancel", b'{"id": "request-1", "by": "bob"}')

@@ -75,7 +75,7 @@ class Terminal(io.StringIO):
 
 @pytest.fixture(autouse=True)
 def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(following, "LOOK_S", 0.01)
+    monkeypatch.setattr(following, "SILENCE_S", 0.01)
 
 
 @pytest.mark.parametrize(
@@ -156,7 +156,7 @@ def test_ctrl_c_says_that_the_session_goes_on() -> None:
     out = io.StringIO()
     with pytest.raises(KeyboardInterrupt):
         watch_session(Interrupted(COLLECTING, None), "session-1", out)
-    assert "the session goes on" in out.getvalue()
+    assert "the session continues" in out.getvalue()
 
 
 BEFORE = COLLECTING | {"id": "", "phase": "idle"}

@@ -7,7 +7,7 @@ import pytest
 
 from gateway.bus.client import GatewayClient, RpcReply
 from gateway.calibration.record import CalibrationError, content_hash
-from gateway.cli.remote_status import NO_RECORD, NOT_TOLD, NOT_WATCHED, at_rest, by_records
+from gateway.cli.remote_status import NO_HEALTH, NO_RECORD, NO_REST, describe_forecast, describe_rest_drift
 
 WATCHED = {
     "state": "watching",
@@ -25,7 +25,7 @@ WATCHED = {
         ({"drift": None}, NO_RECORD),
         (
             {"drift": WATCHED | {"state": "no_rest", "norm_error_mg": None, "limit_mg": None, "trend": None}},
-            NOT_WATCHED,
+            NO_REST,
         ),
         ({"drift": WATCHED}, "watching: norm -1.2 mg of 5.0 mg allowed; limit in 42 days; shows one sum"),
         (
@@ -35,9 +35,9 @@ WATCHED = {
     ],
 )
 def test_rest_in_a_line(health: dict[str, Any], said: str) -> None:
-    assert at_rest(health | {"calibration_id": "r1"}, {"calibration_id": "r1"}) == said
-    assert "not watched" in NO_RECORD
-    assert "not watched yet" in NOT_WATCHED
+    assert describe_rest_drift(health | {"calibration_id": "r1"}, {"calibration_id": "r1"}) == said
+    assert "not monitored" in NO_RECORD
+    assert "not known yet" in NO_REST
 
 
 @pytest.mark.parametrize(
@@ -52,7 +52,7 @@ def test_rest_in_a_line(health: dict[str, Any], said: str) -> None:
 def test_the_health_of_another_record_says_nothing_of_this_one(
     health: dict[str, Any] | None, calibration: dict[str, str] | None
 ) -> None:
-    assert at_rest(health, calibration) == NOT_TOLD
+    assert describe_rest_drift(health, calibration) == NO_HEALTH
 
 
 class Store(GatewayClient):
@@ -68,7 +68,7 @@ class Store(GatewayClient):
         if request.get("what") == "record":
             return RpcReply(True, {"record": self.records[request["record"]]})
         return RpcReply(
-            True, {"records": [*({"id": name} for name in self.records), {"id": "spoilt", "error": "torn"}]}
+            True, {"records": [*({"id": name} for name in self.records), {"id": "damaged", "error": "torn"}]}
         )
 
 
@@ -93,7 +93,7 @@ def _record(name: str, date: str, offset: float) -> dict[str, Any]:
 
 
 def test_records_make_a_forecast() -> None:
-    said = by_records(Store(0, 30, 60, 90))
+    said = describe_forecast(Store(0, 30, 60, 90))
     assert said.startswith("Recalibrate within ")
     assert "error of axis x may reach 0.5" in said
     assert "from 4 records over 90 days" in said
@@ -101,4 +101,4 @@ def test_records_make_a_forecast() -> None:
 
 def test_one_record_makes_none() -> None:
     with pytest.raises(CalibrationError, match="two calibrations at least"):
-        by_records(Store(0))
+        describe_forecast(Store(0))

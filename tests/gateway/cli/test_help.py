@@ -1,0 +1,37 @@
+"""The help of every command: what it does in a sentence that stands alone, and an example."""
+
+import argparse
+from collections.abc import Iterator
+
+import pytest
+
+from gateway.cli.main import parser
+
+
+def commands(node: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    yield node
+    for action in node._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for child in action.choices.values():
+                yield from commands(child)
+
+
+COMMANDS = {command.prog: command for command in commands(parser())}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_begins_with_a_sentence_and_ends_with_an_example(name: str) -> None:
+    description, epilog = COMMANDS[name].description or "", COMMANDS[name].epilog or ""
+    assert description[:1].isupper(), name
+    assert description.endswith("."), name
+    assert epilog.startswith(("example: plumbline", "examples: plumbline", "examples:\n  plumbline")), name
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_argument_is_explained(name: str) -> None:
+    unexplained = [
+        action.dest
+        for action in COMMANDS[name]._actions
+        if not isinstance(action, argparse._SubParsersAction) and not action.help
+    ]
+    assert unexplained == [], name
