@@ -1,1 +1,1 @@
-"""When an event began and ended: changepoints of the motion."""
+"""Changepoints: when a transient effect began and ended."""

@@ -10,6 +10,8 @@ FIT_ITERATIONS = 8
 """Iterations of most fits; nearly all converge earlier."""
 REFINEMENT_ITERATIONS = 3
 """Iterations of a fit that starts near its minimum, or in which the samples are nearly linear."""
+SCREENING_ITERATIONS = 6
+"""Iterations of a fit that decides only whether a model is consistent with the data."""
 MIN_SCALE = 1e-12
 """Added to the scale of each parameter, so that one without any sensitivity gives no division by zero."""
 

@@ -11,11 +11,8 @@ from gateway.twin.effects.guess_context import EventWindow
 from gateway.twin.effects.parameter import Value
 from gateway.twin.effects.rope import DoublePendulum
 from gateway.twin.model import Model
-from gateway.twin.reconcile.changepoints.changepoint import (
-    ConsistentPrefix,
-    locate_changepoint,
-    locate_next_changepoint,
-)
+from gateway.twin.reconcile.changepoints.changepoint import locate_changepoint, locate_next_changepoint
+from gateway.twin.reconcile.changepoints.consistent_prefix import ConsistentPrefix
 from gateway.twin.reconcile.changepoints.pre_event_candidates import effects_extending_consistent_prefix
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import SEARCH_ITERATIONS, FitContext

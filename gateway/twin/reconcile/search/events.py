@@ -10,8 +10,8 @@ from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.guess_context import EventWindow
 from gateway.twin.effects.parameter import ParameterKind, Value
 from gateway.twin.effects.rope import RopeLength
-from gateway.twin.reconcile.changepoints.changepoint import ConsistentPrefix
 from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodelled_profiles, scan_for_changepoints
+from gateway.twin.reconcile.changepoints.consistent_prefix import ConsistentPrefix
 from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT, warrants_another_effect
 from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext

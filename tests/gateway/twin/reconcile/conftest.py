@@ -1,4 +1,4 @@
-"""Recordings from the twin itself, with noise: what is hidden in them is known."""
+"""Recordings simulated by the twin itself, with noise and known effects. The blind test uses another simulator."""
 
 from collections.abc import Callable
 
@@ -14,16 +14,16 @@ RATE_HZ = 20.0
 RIG = TwinRig(
     length_m=8.0, position_m=4.0, gravity_m_s2=9.80665, noise_g=(5e-4,) * 3, sample_rate_hz=RATE_HZ, full_scale_g=2.0
 )
-STARTS = {"log": (0.10, 0.04, -0.02, 0.05), "held_out": (-0.05, 0.08, 0.06, 0.01)}
+INITIAL_STATES = {"log": (0.10, 0.04, -0.02, 0.05), "held_out": (-0.05, 0.08, 0.06, 0.01)}
 DURATIONS_S = {"log": 60.0, "held_out": 36.0}
 
 
-def recorded(effects: EffectValues, name: str = "log", memory: float = 0.0, seed: int = 1) -> Observations:
-    """A recording with these effects hidden; noise of one pole with this memory."""
+def make_recording(effects: EffectValues, name: str = "log", memory: float = 0.0, seed: int = 1) -> Observations:
+    """Return a recording with these effects; the noise is a process of first order with this memory."""
     rng = np.random.default_rng([seed, len(name)])
     time_s = np.arange(0, DURATIONS_S[name], 1 / RATE_HZ)
     simulator = Simulator(RIG, sorted(effects))
-    force_g = simulator.predict(simulator.values([*STARTS[name], 0.0], effects), time_s)
+    force_g = simulator.predict(simulator.values([*INITIAL_STATES[name], 0.0], effects), time_s)
     noise = rng.normal(size=force_g.shape)
     for i in range(1, len(noise)):
         noise[i] = memory * noise[i - 1] + np.sqrt(1 - memory**2) * noise[i]
@@ -42,13 +42,13 @@ def model() -> Model:
 
 @pytest.fixture
 def record() -> Callable[..., Observations]:
-    return recorded
+    return make_recording
 
 
 @pytest.fixture
 def loaded() -> Callable[..., CheckedRecording]:
     def make(effects: EffectValues, name: str = "log", memory: float = 0.0, seed: int = 1) -> CheckedRecording:
-        observations = recorded(effects, name, memory, seed)
+        observations = make_recording(effects, name, memory, seed)
         return CheckedRecording(observations, None, {"read": len(observations.time_s)}, observations.time_s)
 
     return make
