@@ -306,7 +306,7 @@ def test_absent_contents_have_placeholders(make: Maker) -> None:
     for said in (
         "No held-out recording was given.",
         "not evaluated on data to which it was not fitted",
-        "held-out recordingselectionnot evaluated",
+        "held-out recordingselection, testnot evaluated",
         "nothing is known of its residual",
         "No effect was tested.",
         "No candidate was fitted.",
@@ -315,7 +315,7 @@ def test_absent_contents_have_placeholders(make: Maker) -> None:
     ):
         assert said in text
     verdict = Page(html_of("verdict", replace(result, gap=not_evaluated))).text
-    assert "Residual, held-out recordingnot evaluated" in verdict
+    assert "Residual, test part of the held-out recordingnot evaluated" in verdict
     assert "None" not in text + verdict
     assert "nan" not in text + verdict
 
