@@ -20,7 +20,7 @@ from gateway.twin.reconcile.fit.fit_context import is_world_directed
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.output.result_builder import SearchOutcome, build_result, unusable_result
 from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
-from gateway.twin.reconcile.residual.residual_tests import has_excess
+from gateway.twin.reconcile.residual.residual_tests import excess_chi2, has_excess
 from gateway.twin.reconcile.residual.surrogate_test import normal_score, null_threshold
 from gateway.twin.reconcile.search.baseline import MIN_REPEATED_GAIN, Values, detect_in_samples, fit_baseline
 from gateway.twin.reconcile.search.budget import Budget
@@ -246,13 +246,13 @@ def _indistinguishable(run: SearchRun, best: RankedCandidate, name: str) -> tupl
             setting.log,
             best.candidate.fit.values[:n],
             heading_is_fitted=False,
-            excess_chi2=best.candidate.fit.chi2 - setting.log.n_values,
+            excess_chi2=excess_chi2(setting.log, best.candidate.fit),
         ),
         FittedRecording(
             run.validator.selection,
             best.validation.fit.values[:n],
             heading_is_fitted=is_world_directed({*best.names, *setting.model_effects}),
-            excess_chi2=best.validation.fit.chi2 - run.validator.selection.n_values,
+            excess_chi2=excess_chi2(run.validator.selection, best.validation.fit),
         ),
     )
     model = {**setting.model_effects, **best.candidate.values}

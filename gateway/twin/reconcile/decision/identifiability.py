@@ -42,7 +42,7 @@ class FittedRecording:
     heading_is_fitted: bool
     """False on the log, where the heading is a gauge: turning the world changes nothing."""
     excess_chi2: float
-    """Chi-square of the residual beyond that of noise: what the model leaves unexplained."""
+    """Chi-square of the residual beyond what a wrongly stated noise gives: what the model leaves unexplained, 0 or more."""
 
 
 def indistinguishable_from(
@@ -50,7 +50,7 @@ def indistinguishable_from(
 ) -> tuple[str, ...]:
     """Effects out of `others` that make the same contribution to all recordings as one effect of a fitted model."""
     size_sigma, angles_rad = contribution_angles(rig, model, name, others, recordings)
-    unexplained = sum(max(0.0, each.excess_chi2) for each in recordings)
+    unexplained = sum(each.excess_chi2 for each in recordings)
     # What the model leaves unexplained could be twice the difference between the two effects.
     misfit_rad = 2 * math.sqrt(unexplained) / size_sigma if size_sigma else 0.0
     limit_rad = max(MAX_INDISTINGUISHABLE_ANGLE_RAD, min(misfit_rad, DISTINCT_ANGLE_RAD))

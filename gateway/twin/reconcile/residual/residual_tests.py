@@ -32,3 +32,9 @@ def warrants_another_effect(observations: Observations, fit: Fit) -> bool:
 def residual_lines(observations: Observations, fit: Fit) -> tuple[Peak, ...]:
     """Return the spectral lines of the residual, strongest first."""
     return find_peaks(observations.time_s, observations.residual_sigma(fit.force_g), observations.noise_g)
+
+
+def excess_chi2(observations: Observations, fit: Fit) -> float:
+    """Return the chi-square of the residual beyond the largest that noise gives, 0 or more."""
+    largest = (1 + EXCESS_SIGNIFICANT) * observations.n_values
+    return max(0.0, float((observations.residual_sigma(fit.force_g) ** 2).sum()) - largest)
