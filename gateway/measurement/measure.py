@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from gateway.measurement.source import Source
 from gateway.stages.clipping import count_clipped
-from gateway.stages.conditions.monitor import ConditionMonitor, ConditionResult, SwingContext
-from gateway.stages.conditions.window import WINDOW_S
+from gateway.stages.conditions.gates import SwingContext
+from gateway.stages.conditions.verdict import ConditionResult, judge_condition
+from gateway.stages.conditions.window import WINDOW_S, ConditionWindow
 from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt, plain_tilt
 from gateway.swing.estimate import FormulaAngles, SwingEstimate
@@ -107,7 +108,7 @@ def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
     recording, housing = source.recording, source.housing
     noise_g = None if source.noise_g is None else float(np.max(source.noise_g))
     rho = None if housing is None or swing.length_m is None else housing.rho_at(swing.length_m)
-    watch = ConditionMonitor(noise_g, source.permissible_norm_error_g)
+    window = ConditionWindow()
     seen = SwingContext(
         swing.swinging,
         swing.phi_max_rad,
@@ -120,7 +121,7 @@ def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
     n = max(1, round(BLOCK_S * recording.rate_hz))
     for index, begin in enumerate(range(0, len(recording), n)):
         block = slice(begin, begin + n)
-        watch.update(
+        window.update(
             recording.time_s[block],
             source.force_g[block],
             count_clipped(source.force_g[block], source.full_scale_g),
@@ -128,7 +129,8 @@ def _conditions(source: Source, swing: SwingEstimate) -> Conditions:
             None if recording.gyro_dps is None else np.radians(recording.gyro_dps[block]),
         )
         if index % JUDGE_EVERY == JUDGE_EVERY - 1:
-            found = watch.judge(replace(seen, hoisting=_hoisting(swing, float(recording.time_s[block][-1]))))
+            now = replace(seen, hoisting=_hoisting(swing, float(recording.time_s[block][-1])))
+            found = judge_condition(window, now, noise_g, source.permissible_norm_error_g)
             windows[found.verdict].append(found)
     if not windows:
         return Conditions("unknown", None, ("less than a second of data",), {})

@@ -8,7 +8,7 @@ from gateway.calibration.correction import Correction
 from gateway.messages import Alert, Calibration, CalibrationSession, Condition, Formulas, Swing, Tilt
 from gateway.pipeline.alert_manager import AlertChange
 from gateway.pipeline.header import Header
-from gateway.stages.conditions.monitor import ConditionResult
+from gateway.stages.conditions.verdict import ConditionResult
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty, fused_tilt, lean_direction
 from gateway.units import degrees, finite
 

@@ -25,7 +25,8 @@ from gateway.pipeline.outgoing_message import OutgoingMessage, PipelineOutput
 from gateway.pipeline.rate_limiter import RateLimiter
 from gateway.pipeline.swing_stage import SwingStage
 from gateway.stages.clipping import count_clipped
-from gateway.stages.conditions.monitor import ConditionMonitor, ConditionResult
+from gateway.stages.conditions.verdict import ConditionResult, judge_condition
+from gateway.stages.conditions.window import ConditionWindow
 from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty
 
@@ -58,7 +59,7 @@ class Pipeline:
         self._lowpass = LowPass(configuration.filter.cutoff_hz, configuration.filter.order, info.odr_hz)
         self._delay_s = self._lowpass.delay_s()
         self._swing = SwingStage(configuration, info, correction, self._lowpass, executor or ImmediateExecutor())
-        self._conditions = ConditionMonitor(info.noise_g, correction.permissible_norm_error_g)
+        self._condition_window = ConditionWindow()
         self._alerts = AlertManager(configuration.alerts)
         self._drift = drift or DriftMonitor(None)
         self._condition = NOT_JUDGED
@@ -107,7 +108,8 @@ class Pipeline:
             yield from self._without_load(self._suspended, block.temperature_c, now)
             return
         time_s = self._time_s(block)
-        self._conditions.update(time_s, force_g, count_clipped(block.raw, self._full_scale), block.lost + block.invalid)
+        n_clipped = count_clipped(block.raw, self._full_scale)
+        self._condition_window.update(time_s, force_g, n_clipped, block.lost + block.invalid)
         if self._tilt_limiter.is_due(now.log_time_ns):
             yield self._tilt(block.temperature_c, now)
         if self._swing.update(time_s, force_g, lowpassed_g, self._temperature_c):
@@ -181,7 +183,12 @@ class Pipeline:
         """Judge the condition at its rate, or at once after stale readings; readings at rest also go to the drift monitor."""
         if not self._condition_limiter.is_due(now.log_time_ns) and "fresh" not in self._condition.gates:
             return
-        self._condition = self._conditions.judge(self._swing.condition_context())
+        self._condition = judge_condition(
+            self._condition_window,
+            self._swing.condition_context(),
+            self._info.noise_g,
+            self._correction.permissible_norm_error_g,
+        )
         self._drift.update(self._condition.gates, now.utc_ns, self._lowpassed(), temperature_c)
         yield self._condition_message(now)
 

@@ -14,7 +14,7 @@ from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.executor import Executor, Future
 from gateway.pipeline.header import Header
 from gateway.pipeline.mounting import mounted_housing, with_sensor
-from gateway.stages.conditions.monitor import SwingContext
+from gateway.stages.conditions.gates import SwingContext
 from gateway.stages.lowpass import LowPass
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.live import SwingTracker
@@ -121,7 +121,7 @@ class SwingStage:
             return ("where the housing is on the rope is not configured",)
         estimate = self._current
         if estimate is None:
-            return ("not yet a full swing to judge by",)
+            return ("less than a full swing observed",)
         return () if estimate.coverage95_rad is not None else estimate.reasons
 
     def upper_confidence_limits(self) -> tuple[float | None, float | None]:

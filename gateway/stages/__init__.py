@@ -1,1 +1,1 @@
-"""The stages: pure, told the time, unaware of each other."""
+"""The stages: small computations without side effects; time is an argument, and no stage imports another."""

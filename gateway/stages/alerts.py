@@ -1,4 +1,4 @@
-"""Alert rules: trip, clear and hold, with the time as an argument. What is not known is an alert level of its own."""
+"""The alert rules: trip, clear and hold, with the time as an argument. A value that is not known has a level of its own."""
 
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -11,7 +11,7 @@ RANK: dict[Level, int] = {"normal": 0, "unknown": 1, "warn": 2, "trip": 3}
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """When a rule is raised, and how it clears."""
+    """The levels at which a rule is raised and cleared."""
 
     trip_rad: float
     clear_rad: float
@@ -21,19 +21,19 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class RuleState:
-    """A rule as it stands."""
+    """The state of a rule."""
 
     level: Level = "normal"
     since_s: float = 0.0
     below_since_s: float | None = None
-    """Since when the value has been below the clear level."""
+    """Time since which the value has been below the clear level."""
 
 
 def judge(state: RuleState, value_rad: float | None, limits: Limits, time_s: float) -> RuleState:
-    """The next state of a rule; `value_rad` is the upper end of what is held against the limits, None when it is not known.
+    """Return the next state of a rule; `value_rad` is an upper confidence limit, None where it is not known.
 
-    Raised at once. A standing alert steps down only after the value has stayed below the clear level for hold_s; a value that
-    is not known neither raises nor clears it, and makes a normal rule unknown.
+    A rule is raised at once. It is cleared only after the value has been below the clear level for hold_s. A value that is not
+    known neither raises nor clears an alert, and makes a normal rule unknown.
     """
     if value_rad is None:
         if state.level == "normal":
@@ -51,7 +51,7 @@ def judge(state: RuleState, value_rad: float | None, limits: Limits, time_s: flo
 
 
 def initial_state(state: RuleState, *, stands: bool, time_s: float) -> RuleState:
-    """The next state of a rule that was judged elsewhere, its hold included: a warning while it stands."""
+    """Return the next state of a rule that is judged elsewhere, including its hold time: a warning while `stands` is true."""
     level: Level = "warn" if stands else "normal"
     return state if state.level == level else RuleState(level, time_s)
 
@@ -69,12 +69,12 @@ def _level_of(value_rad: float, limits: Limits) -> Level:
 
 
 def overall_level(levels: list[Level]) -> Level:
-    """The level that an operator must act on first."""
+    """Return the level that an operator must react to first."""
     return max(levels, key=lambda level: RANK[level], default="unknown")
 
 
 def event_between(before: RuleState, after: RuleState) -> Event:
-    """What happened to a rule: an alert is raised or cleared; between known and unknown it has changed."""
+    """Return the event between two states: raised, cleared, or changed between known and unknown."""
     if before.level == after.level:
         return "standing"
     if after.level in ("warn", "trip"):

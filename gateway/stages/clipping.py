@@ -1,4 +1,4 @@
-"""Which samples reached full scale: their true value is not known, only that it was at least that."""
+"""Detection of samples at full scale, whose true value may be larger."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ CLIPPED_SHARE = 0.998
 
 
 def count_clipped(readings: NDArray[np.int32] | NDArray[np.float64], full_scale: float | None) -> int:
-    """Samples, of shape (n, 3), of which an axis reached full scale, in the readings' own unit; 0 where that is not known."""
+    """Return the number of samples, shape (n, 3), with an axis at full scale, in the readings' unit; 0 where it is not known."""
     if full_scale is None:
         return 0
     limit = CLIPPED_SHARE * full_scale

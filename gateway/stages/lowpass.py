@@ -1,24 +1,24 @@
-"""Butterworth low-pass over sample blocks, with its gain and delay stated so that both can be corrected for.
+"""A Butterworth low-pass filter for sample blocks, with its gain and delay, so that both can be corrected.
 
-A linear filter over a block is one matrix: the outputs and the next state from the state and the inputs. That makes a block
-of 32 samples cost one small product where a loop would cost 32, and needs nothing beyond numpy.
+A linear filter over a block is one matrix, which gives the outputs and the next state from the state and the inputs. A block of
+32 samples costs one small product instead of a loop of 32 steps, and needs numpy only.
 """
 
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from gateway.numerics.array import Array
+
 LONGEST_BLOCK = 64
-"""Longer blocks are cut: the matrix grows with the square of its block."""
+"""Longer blocks are split, because the matrix grows with the square of the block's length."""
 
 
 class LowPass:
     """A digital Butterworth low-pass (bilinear transform, cutoff pre-warped) for the three axes at once."""
 
     def __init__(self, cutoff_hz: float, order: int, rate_hz: float) -> None:
-        """Raises ValueError when the cutoff is not inside (0, rate/2) or the order is below 1."""
+        """Raises `ValueError` when the cutoff is not inside (0, rate/2) or the order is below 1."""
         if not 0 < cutoff_hz < rate_hz / 2 or order < 1:
             raise ValueError(f"no low-pass of order {order} at {cutoff_hz} Hz for samples at {rate_hz} Hz")
         self.rate_hz = rate_hz
@@ -28,11 +28,11 @@ class LowPass:
         self._matrix = lru_cache(maxsize=LONGEST_BLOCK)(self._block_matrix)
 
     def restart(self) -> None:
-        """Forget the past: the next sample is taken as if it had stood forever."""
+        """Discard the state: the next sample is taken as constant in the past."""
         self._state = None
 
     def apply(self, values: Array) -> Array:
-        """Filtered values, shape (n, 3); the state carries over from call to call."""
+        """Return the filtered values, shape (n, 3); the state continues from call to call."""
         if self._state is None:
             self._state = self._steady_state(values[0])
         filtered = np.empty_like(values)
@@ -45,13 +45,13 @@ class LowPass:
         return filtered
 
     def gain(self, frequency_hz: float) -> float:
-        """Amplitude ratio at a frequency."""
+        """Return the amplitude ratio at a frequency."""
         return float(abs(self._response(frequency_hz)))
 
     def delay_s(self, frequency_hz: float = 0.0) -> float:
-        """Group delay at a frequency: minus the slope of the phase over angular frequency."""
+        """Return the group delay at a frequency: minus the derivative of the phase by the angular frequency."""
         z = np.exp(2j * np.pi * frequency_hz / self.rate_hz)
-        # d/dw of arg(1/(1 - p/z)) summed over the poles, less the zeros at z = -1 whose phase falls by half a sample each.
+        # d/dw of arg(1/(1 - p/z)) summed over the poles, minus the zeros at z = -1 with a phase of half a sample each.
         samples = sum(float(np.real((p / z) / (1 - p / z))) for p in self._poles) + len(self._poles) / 2
         return samples / self.rate_hz
 
@@ -65,7 +65,7 @@ class LowPass:
         return np.asarray(np.linalg.solve(np.eye(len(a)) - a, b[:, None] * value[None, :]), dtype=np.float64)
 
     def _block_matrix(self, n: int) -> Array:
-        """From (state, n inputs) to (next state, n outputs)."""
+        """Return the matrix from (state, n inputs) to (next state, n outputs)."""
         a, b, c, d = self._system
         order = len(a)
         matrix = np.zeros((order + n, order + n))
@@ -80,7 +80,7 @@ class LowPass:
 
 
 def _butterworth_poles(cutoff_hz: float, order: int, rate_hz: float) -> list[complex]:
-    """Poles in the z plane, conjugate pairs side by side."""
+    """Return the poles in the z plane, conjugate pairs next to each other."""
     warped = np.tan(np.pi * cutoff_hz / rate_hz)
     angles = np.pi * (2 * np.arange(order) + 1 + order) / (2 * order)
     poles = []
@@ -92,7 +92,7 @@ def _butterworth_poles(cutoff_hz: float, order: int, rate_hz: float) -> list[com
 
 
 def _state_space(poles: list[complex]) -> tuple[Array, Array, Array, float]:
-    """A, B, C, D of the sections in series: second-order sections stay well conditioned where one polynomial would not."""
+    """Return A, B, C, D of the second-order sections in series, which stay well conditioned unlike a single polynomial."""
     a, b, c, d = np.zeros((0, 0)), np.zeros(0), np.zeros(0), 1.0
     for section in _sections(poles):
         numerator, denominator = section
@@ -109,7 +109,7 @@ def _state_space(poles: list[complex]) -> tuple[Array, Array, Array, float]:
 
 
 def _sections(poles: list[complex]) -> list[tuple[Array, Array]]:
-    """(numerator, denominator) of each section with unit gain at zero frequency, zeros at z = -1."""
+    """Return (numerator, denominator) of each section, with unit gain at zero frequency and zeros at z = -1."""
     sections = []
     remaining = list(poles)
     while remaining:

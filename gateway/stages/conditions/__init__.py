@@ -1,1 +1,1 @@
-"""Operating conditions of a reading: static, swinging, disturbed, unknown."""
+"""The condition of a reading: static, quasi-static, swinging, disturbed or unknown."""

@@ -1,18 +1,18 @@
-"""The last seconds of specific force as bins, each with what it hides: scatter, peak, clipped and missing samples."""
+"""The last seconds of specific force as bins, each with its mean, scatter, peak, and number of clipped and missing samples."""
 
 from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from gateway.numerics.array import Array
+
 WINDOW_S = 2.0
 MEMORY_S = 6.0
-"""How far back a slow movement is looked for, that a window is too short to show."""
+"""Length of the memory, for slow movements that the window is too short to show."""
 BIN_S = 0.1
-NEARLY = 0.95
-"""Share of a bin from which on it is closed: sample times jitter."""
+COMPLETE_SHARE = 0.95
+"""A bin is complete from this share of its length on, because sample times jitter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,12 +20,12 @@ class Bin:
     """A tenth of a second."""
 
     time_s: float
-    """Its middle."""
+    """Middle of the bin."""
     mean_g: Array
     """Shape (3,)."""
     scatter_g: float
     peak_g: float
-    """Farthest sample from the mean, on any axis."""
+    """Largest distance of a sample from the mean, on any axis."""
     count: int
     clipped: int
     missing: int
@@ -34,7 +34,7 @@ class Bin:
 
 
 class ConditionWindow:
-    """Takes blocks, keeps bins; bounded."""
+    """Collects blocks into bins and keeps those of the last seconds."""
 
     def __init__(self) -> None:
         self._bins: deque[Bin] = deque(maxlen=round(MEMORY_S / BIN_S))
@@ -48,11 +48,11 @@ class ConditionWindow:
     def update(
         self, time_s: Array, force_g: Array, clipped: int, missing: int, rate_rad_s: Array | None = None
     ) -> None:
-        """Take a block: times (n,), specific force (n, 3), how many samples were clipped or are missing, angular rates (n, 3)."""
+        """Add a block: times (n,), specific force (n, 3), numbers of clipped and missing samples, angular rates (n, 3)."""
         self._clipped += clipped
         self._missing += missing
         if self._last_s is not None and time_s[0] - self._last_s > WINDOW_S:
-            self._bins.clear()  # what was before a gap longer than the window says nothing about now
+            self._bins.clear()  # after a gap longer than the window the earlier bins are not relevant
             self._open, self._open_rates, self._open_since_s = [], [], None
         self._last_s = float(time_s[-1])
         if self._open_since_s is None:
@@ -61,18 +61,20 @@ class ConditionWindow:
         if rate_rad_s is not None:
             self._open_rates.append(rate_rad_s[np.isfinite(rate_rad_s).all(axis=1)])
         count = sum(map(len, self._open))
-        length_s = (self._last_s - self._open_since_s) * count / max(count - 1, 1)  # the last sample's own period too
-        if length_s >= NEARLY * BIN_S:
+        length_s = (
+            (self._last_s - self._open_since_s) * count / max(count - 1, 1)
+        )  # including the last sample's own period
+        if length_s >= COMPLETE_SHARE * BIN_S:
             self._close_bin((self._open_since_s + self._last_s) / 2)
 
     @property
     def bins(self) -> list[Bin]:
-        """Of the window, oldest first."""
+        """The bins of the window, oldest first."""
         return list(self._bins)[-round(WINDOW_S / BIN_S) :]
 
     @property
     def memory(self) -> list[Bin]:
-        """Of the longer past, the window included."""
+        """The bins of the longer memory, including the window."""
         return list(self._bins)
 
     def _close_bin(self, time_s: float) -> None:

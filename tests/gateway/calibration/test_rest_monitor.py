@@ -21,7 +21,9 @@ from gateway.calibration.drift.rest_monitor import (
 from gateway.calibration.drift.rest_status import judge_at_rest
 from gateway.calibration.record import CalibrationError, CalibrationRecord, content_hash
 from gateway.numerics.array import Array
-from gateway.stages.conditions.monitor import ConditionMonitor, SwingContext
+from gateway.stages.conditions.gates import SwingContext
+from gateway.stages.conditions.verdict import judge_condition
+from gateway.stages.conditions.window import ConditionWindow
 
 CREATED_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""
@@ -270,12 +272,13 @@ def test_a_device_without_a_record_cannot_be_monitored() -> None:
 def test_the_verdict_static_would_hide_a_drift_and_the_gates_of_stillness_do_not() -> None:
     """The monitor depends on `still` and `steady`, because a magnitude that has drifted is no longer `static`."""
     rng = np.random.default_rng(7)
-    condition = ConditionMonitor(noise_g=0.0005, permissible_norm_error_g=DM_G)
+    window = ConditionWindow()
     for block in range(80):
         time_s = np.asarray(block * 0.1 + np.arange(10) * 0.01, dtype=np.float64)
         force_g: Array = HANGING * (1 + 2 * DM_G) + rng.normal(0, 0.0005, (10, 3))
-        condition.update(time_s, force_g, clipped=0, missing=0)
-    found = condition.judge(SwingContext(swinging=False, phi_max_rad=None, consistent=False))
+        window.update(time_s, force_g, clipped=0, missing=0)
+    swing = SwingContext(swinging=False, phi_max_rad=None, consistent=False)
+    found = judge_condition(window, swing, 0.0005, DM_G)
     assert found.verdict != "static"
     assert is_at_rest(found.gates)
     assert not is_at_rest(found.gates | {"steady": False})

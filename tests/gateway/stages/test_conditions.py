@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gateway.stages.conditions.monitor import ConditionMonitor, ConditionResult, SwingContext
+from gateway.stages.conditions.gates import SwingContext
+from gateway.stages.conditions.verdict import ConditionResult, judge_condition
+from gateway.stages.conditions.window import ConditionWindow
 
 RATE_HZ, NOISE_G, DM_G = 100.0, 0.0004, 0.002
 Array = NDArray[np.float64]
@@ -41,10 +43,10 @@ def judged(
     missing: int = 0,
     block: int = 10,
 ) -> ConditionResult:
-    watch = ConditionMonitor(NOISE_G, DM_G)
+    window = ConditionWindow()
     for begin in range(0, len(time_s), block):
-        watch.update(time_s[begin : begin + block], force_g[begin : begin + block], clipped, missing)
-    return watch.judge(swing)
+        window.update(time_s[begin : begin + block], force_g[begin : begin + block], clipped, missing)
+    return judge_condition(window, swing, NOISE_G, DM_G)
 
 
 def test_rest_is_static() -> None:
@@ -176,11 +178,11 @@ def test_a_hoist_shows_along_the_rope_of_a_swing() -> None:
 
 def test_a_window_lasts_two_seconds_at_every_rate() -> None:
     for rate_hz in (50.0, 100.0, 1000.0):
-        watch, n = ConditionMonitor(NOISE_G, DM_G), round(rate_hz / 10)
+        window, n = ConditionWindow(), round(rate_hz / 10)
         for block in range(60):
             time_s = (block * n + np.arange(n)) / rate_hz
-            watch.update(time_s, np.tile(REST, (n, 1)), int(block == 35), 0)
-            found = watch.judge(STILL) if block > 12 else None
+            window.update(time_s, np.tile(REST, (n, 1)), int(block == 35), 0)
+            found = judge_condition(window, STILL, NOISE_G, DM_G) if block > 12 else None
             if found is not None:
                 assert found.gates["not_clipped"] == (not 35 <= block < 55)
 
@@ -200,14 +202,14 @@ def test_a_dead_axis_is_named() -> None:
 
 def test_a_gap_forgets_what_was_before() -> None:
     time_s, force_g = stretch()
-    watch = ConditionMonitor(NOISE_G, DM_G)
-    watch.update(time_s, force_g, 0, 0)
-    watch.update(time_s[:10] + 60.0, force_g[:10], 0, 0)
-    assert watch.judge(STILL).verdict == "unknown"
+    window = ConditionWindow()
+    window.update(time_s, force_g, 0, 0)
+    window.update(time_s[:10] + 60.0, force_g[:10], 0, 0)
+    assert judge_condition(window, STILL, NOISE_G, DM_G).verdict == "unknown"
 
 
 def test_the_undetectable_case_is_what_it_is() -> None:
-    """001 Fig. 2: a constant acceleration of -2 g upright leaves |m| = 1 and turns the reading by 180 degrees.
+    """Łuczak n.d., Fig. 2: a constant acceleration of -2 g upright leaves |m| = 1 and turns the reading by 180 degrees.
 
     No accelerometer alone can tell; the gates call it static, and the docs say so.
     """

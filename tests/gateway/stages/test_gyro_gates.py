@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gateway.stages.conditions.monitor import ConditionMonitor, ConditionResult, SwingContext
+from gateway.stages.conditions.gates import SwingContext
+from gateway.stages.conditions.verdict import ConditionResult, judge_condition
+from gateway.stages.conditions.window import ConditionWindow
 
 RATE_HZ, NOISE_G, DM_G, PERIOD_S = 100.0, 0.0004, 0.002, 6.0
 PHI_MAX_RAD, RHO = math.radians(8), 0.3
@@ -16,12 +18,12 @@ SWINGING = SwingContext(swinging=True, phi_max_rad=PHI_MAX_RAD, consistent=True,
 
 
 def judged(force_g: NDArray[np.float64], rate_dps: NDArray[np.float64] | None, seen: SwingContext) -> ConditionResult:
-    watch = ConditionMonitor(NOISE_G, DM_G)
+    window = ConditionWindow()
     rate_rad_s = None if rate_dps is None else np.radians(rate_dps)
     for begin in range(0, len(TIME_S), 10):
         part = slice(begin, begin + 10)
-        watch.update(TIME_S[part], force_g[part], 0, 0, None if rate_rad_s is None else rate_rad_s[part])
-    return watch.judge(seen)
+        window.update(TIME_S[part], force_g[part], 0, 0, None if rate_rad_s is None else rate_rad_s[part])
+    return judge_condition(window, seen, NOISE_G, DM_G)
 
 
 def rest() -> NDArray[np.float64]:
