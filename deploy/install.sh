@@ -3,7 +3,7 @@
 # Recordings, calibration records and an existing configuration are kept.
 set -eu
 
-root=${PLUMBLINE_ROOT:-}    # another root, to build an image or to try the script
+root=${PLUMBLINE_ROOT:-}    # another root directory, to build an image or to test the script
 program=$root/opt/plumbline
 settings=$root/etc/plumbline
 data=$root/var/lib/plumbline
@@ -41,7 +41,7 @@ echo "settings   $settings/plumbline.toml"
 cp "$source/deploy/plumbline.service" "$units/plumbline.service"
 
 if [ -n "$root" ]; then
-    echo "another root: user, groups and service are left to the image's first start"
+    echo "another root: create the user, the groups and the service at the image's first start"
     exit 0
 fi
 for group in i2c dialout; do
@@ -52,5 +52,5 @@ chown plumbline:plumbline "$data"
 systemctl daemon-reload
 systemctl enable --quiet plumbline
 systemctl restart plumbline
-echo "service    running; follow it: journalctl -u plumbline -f"
+echo "service    running; its log: journalctl -u plumbline -f"
 echo "page       on this machine: http://127.0.0.1:8321/"
