@@ -1,1 +1,1 @@
-"""Which manoeuvre would tell effects apart, before it is driven."""
+"""Experiment design: the experiment that separates effects which an ordinary recording cannot distinguish."""

@@ -1,31 +1,41 @@
-"""A manoeuvre as data: one or two recordings, each with what the operator does during it."""
+"""An experiment as data: one or two recordings, each with what the operator does during it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from gateway.twin.effects.housing import HousingSpin
 from gateway.twin.effects.parameter import Value
+from gateway.twin.effects.rope import Hoisting
 from gateway.twin.model import TwinRig
 
-INPUTS = ("housing_spin", "hoisting")
-"""What an operator can bring about, as effects."""
-ELSEWHERE = 0.15
-"""Share of the rope by which another place differs."""
+INPUTS = (HousingSpin.name, Hoisting.name)
+"""Effects that an operator can bring about."""
+MIN_POSITION_CHANGE = 0.15
+"""Smallest change of the housing's position that is worth an experiment, over the length of the rope."""
 CLEARANCE = 1.1
-"""A housing is that much further from the pivot than it is hoisted."""
-DRIVE_FROM = 1 / 3
-"""Share of a recording that is left to the free swing before the hoist moves."""
-SLOWEST_DRIVE_S, FASTEST_M_S = 20.0, 1.0
-TURNING_S, HOISTING_S, WIDE_SWING_S, ROUND_SWING_S, NEXT_RECORDING_S, CLAMPING_S = (
-    60.0,
-    120.0,
-    120.0,
-    180.0,
-    60.0,
-    600.0,
-)
-"""What handwork costs, in seconds of plain waiting: judgement, to rank manoeuvres that separate alike. A round swing wants two
-drives, a quarter of a swing apart."""
-WIDE_FROM_DEG, ROUND_FROM = 8.0, 0.5
+"""Smallest distance of the housing from the pivot before hoisting, over the height by which it is hoisted."""
+DRIVE_START_SHARE = 1 / 3
+"""Share of a recording before the hoist starts: a free swing."""
+MIN_DRIVE_S = 20.0
+"""Shortest time in which an operator hoists."""
+MAX_DRIVE_M_S = 1.0
+"""Highest speed of hoisting."""
+TURNING_EFFORT_S = 60.0
+"""Manual effort of turning the housing, as waiting time in s: a judgement, to rank experiments that separate alike."""
+HOISTING_EFFORT_S = 120.0
+"""The same for hoisting."""
+LARGE_SWING_EFFORT_S = 120.0
+"""The same for starting a large swing."""
+ROUND_SWING_EFFORT_S = 180.0
+"""The same for starting a round swing, which needs two drives, a quarter of a period apart."""
+CLAMPING_EFFORT_S = 600.0
+"""The same for clamping the housing again."""
+NEXT_RECORDING_EFFORT_S = 60.0
+"""The same for starting another recording."""
+LARGE_SWING_DEG = 8.0
+"""Amplitude above which a swing needs that effort."""
+ROUND_SWING_AXIS_RATIO = 0.5
+"""Axis ratio above which a swing needs that effort."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,89 +43,90 @@ class Run:
     """One recording."""
 
     amplitude_deg: float = 5.0
-    roundness: float = 0.2
-    """Smaller over larger axis of the swing's ellipse: 0 to and fro, 1 round."""
+    axis_ratio: float = 0.2
+    """Smaller over larger axis of the swing's ellipse: 0 for a planar swing, 1 for a circle."""
     duration_s: float = 120.0
     turn_deg_s: float = 0.0
-    """The housing is turned about the rope, evenly."""
+    """Rate at which the operator turns the housing about the rope."""
     heading_deg: float = 0.0
-    """The housing is clamped on, turned about the rope against the first recording."""
+    """Angle about the rope by which the housing is clamped against the first recording."""
     hoist_share: float = 0.0
-    """Of the believed length, hoisted during the recording; negative is lowered."""
-    place_share: float | None = None
-    """Another place of the housing: its distance from the pivot as a share of the believed length."""
+    """Height by which the load is hoisted, over the nominal length; negative for lowering."""
+    position_share: float | None = None
+    """Distance of the housing from the pivot over the nominal length, if it is clamped elsewhere."""
 
-    def moved_m(self, rig: TwinRig) -> float:
-        """By how much the housing is further from the pivot than believed at first."""
-        return 0.0 if self.place_share is None else self.place_share * rig.length_m - rig.position_m
+    def position_change_m(self, rig: TwinRig) -> float:
+        """Return the change of the housing's distance from the pivot against the nominal one."""
+        return 0.0 if self.position_share is None else self.position_share * rig.length_m - rig.position_m
 
-    def possible(self, rig: TwinRig) -> bool:
-        """The housing stays on the rope, and another place is another place."""
-        moved_m = self.moved_m(rig)
-        elsewhere = self.place_share is None or abs(moved_m) > ELSEWHERE * rig.length_m
-        return elsewhere and rig.position_m + moved_m >= CLEARANCE * self.hoist_share * rig.length_m
+    def is_possible(self, rig: TwinRig) -> bool:
+        """Return whether the housing stays on the rope, and another position differs enough."""
+        change_m = self.position_change_m(rig)
+        is_elsewhere = self.position_share is None or abs(change_m) > MIN_POSITION_CHANGE * rig.length_m
+        return is_elsewhere and rig.position_m + change_m >= CLEARANCE * self.hoist_share * rig.length_m
 
     def inputs(self, rig: TwinRig) -> dict[str, Mapping[str, Value]]:
-        """What the operator does, as effects with known parameters."""
+        """Return what the operator does, as effects with known parameters."""
         known: dict[str, Mapping[str, Value]] = {}
         if self.turn_deg_s:
-            known["housing_spin"] = {"rate_deg_s": self.turn_deg_s}
+            known[HousingSpin.name] = {"rate_deg_s": self.turn_deg_s}
         if self.hoist_share:
             drive_s = self.drive_s(rig)
             speed_m_s = -self.hoist_share * rig.length_m / drive_s
-            known["hoisting"] = {
+            known[Hoisting.name] = {
                 "speed_m_s": speed_m_s,
-                "start_s": self.duration_s * DRIVE_FROM,
+                "start_s": self.duration_s * DRIVE_START_SHARE,
                 "duration_s": drive_s,
             }
         return known
 
     def drive_s(self, rig: TwinRig) -> float:
-        """How long the hoist moves."""
-        return max(SLOWEST_DRIVE_S, abs(self.hoist_share) * rig.length_m / FASTEST_M_S)
+        """Return the duration of hoisting."""
+        return max(MIN_DRIVE_S, abs(self.hoist_share) * rig.length_m / MAX_DRIVE_M_S)
 
     @property
     def manual_effort_s(self) -> float:
-        """Beside the recording's own duration."""
+        """Manual effort beyond the duration of the recording."""
         return (
-            TURNING_S * bool(self.turn_deg_s)
-            + HOISTING_S * bool(self.hoist_share)
-            + WIDE_SWING_S * (self.amplitude_deg > WIDE_FROM_DEG)
-            + ROUND_SWING_S * (self.roundness > ROUND_FROM)
-            + CLAMPING_S * bool(self.heading_deg or self.place_share is not None)
+            TURNING_EFFORT_S * bool(self.turn_deg_s)
+            + HOISTING_EFFORT_S * bool(self.hoist_share)
+            + LARGE_SWING_EFFORT_S * (self.amplitude_deg > LARGE_SWING_DEG)
+            + ROUND_SWING_EFFORT_S * (self.axis_ratio > ROUND_SWING_AXIS_RATIO)
+            + CLAMPING_EFFORT_S * bool(self.heading_deg or self.position_share is not None)
         )
 
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """One recording, or several right after one another."""
+    """One recording, or several in succession."""
 
-    legs: tuple[Run, ...]
+    runs: tuple[Run, ...]
 
     @property
     def duration_s(self) -> float:
-        """Of all recordings."""
-        return sum(leg.duration_s for leg in self.legs)
+        """Duration of all recordings."""
+        return sum(run.duration_s for run in self.runs)
 
     @property
     def effort_s(self) -> float:
-        """Recordings and handwork."""
-        return self.duration_s + sum(leg.manual_effort_s for leg in self.legs) + NEXT_RECORDING_S * (len(self.legs) - 1)
+        """Duration and manual effort of all recordings."""
+        changeovers_s = NEXT_RECORDING_EFFORT_S * (len(self.runs) - 1)
+        return self.duration_s + sum(run.manual_effort_s for run in self.runs) + changeovers_s
 
-    def possible(self, rig: TwinRig) -> bool:
-        """On this rig."""
-        return all(leg.possible(rig) for leg in self.legs)
+    def is_possible(self, rig: TwinRig) -> bool:
+        """Return whether all recordings are possible on this rig."""
+        return all(run.is_possible(rig) for run in self.runs)
 
     def is_extension_of(self, other: "Experiment") -> bool:
-        """The same work, and more."""
-        return self._works() > other._works()
+        """Return whether the operator does the same as in another experiment, and more."""
+        return self._actions() > other._actions()
 
-    def _works(self) -> set[str]:
-        turned, hoisted = any(leg.turn_deg_s for leg in self.legs), any(leg.hoist_share for leg in self.legs)
-        clamped = any(leg.heading_deg or leg.place_share is not None for leg in self.legs)
-        works = {"turning": turned, "hoisting": hoisted, "clamping": clamped, "repeating": len(self.legs) > 1}
-        return {work for work, done in works.items() if done}
+    def _actions(self) -> set[str]:
+        turned, hoisted = any(run.turn_deg_s for run in self.runs), any(run.hoist_share for run in self.runs)
+        clamped = any(run.heading_deg or run.position_share is not None for run in self.runs)
+        actions = {"turn": turned, "hoist": hoisted, "clamp": clamped, "repeat": len(self.runs) > 1}
+        return {action for action, is_done in actions.items() if is_done}
 
     def inputs(self, rig: TwinRig) -> set[str]:
-        """Names of the effects that the operator brings about himself."""
-        return {name for leg in self.legs for name in leg.inputs(rig)}
+        """Return the names of the effects that the operator brings about."""
+        return {name for run in self.runs for name in run.inputs(rig)}

@@ -1,77 +1,70 @@
-"""What is to be told apart: effects, or some components of them, and the groups that an ordinary recording does not split."""
+"""The hypotheses that an experiment separates: effects, or some components of them."""
 
 from dataclasses import dataclass
 
 from gateway.errors import InputError
 from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.parameter import Parameter
 from gateway.twin.simulator.parameter_vector import ParameterSpec
 
 
 @dataclass(frozen=True, slots=True)
 class Hypothesis:
-    """An effect, or the components of it that matter."""
+    """An effect, or some components of it."""
 
     effect: str
     parts: tuple[str, ...] = ()
-    """Components, or parameters where a parameter has none; empty for all."""
+    """Names of components, or of parameters without components; empty for all."""
 
     @property
     def label(self) -> str:
-        """`axis_offset[x+y]`, as `suspects` reads it."""
+        """`axis_offset[x+y]`, as `parse_hypotheses` reads it."""
         return f"{self.effect}[{'+'.join(self.parts)}]" if self.parts else self.effect
 
-    def has(self, slot: ParameterSpec) -> bool:
-        """Whether one of a simulator's values is of this suspect."""
-        return slot.effect == self.effect and (not self.parts or part_of(slot) in self.parts)
-
-
-def part_of(slot: ParameterSpec) -> str:
-    """The name by which a suspect picks one of an effect's values."""
-    parameter = next(p for p in EFFECTS[slot.effect].parameters if p.name == slot.parameter)
-    return parameter.components[slot.component] if parameter.components else parameter.name
-
-
-def is_amplitude(parameter: Parameter) -> bool:
-    """Others say when an effect acts, or how it goes on."""
-    return parameter.unit != "s" and parameter.typical != parameter.neutral
+    def has(self, spec: ParameterSpec) -> bool:
+        """Return whether the hypothesis contains a number of a simulator's parameter vector."""
+        return spec.effect == self.effect and (not self.parts or _part_of(spec) in self.parts)
 
 
 Group = tuple[Hypothesis, ...]
-GROUPS: tuple[Group, ...] = (
-    (
-        Hypothesis("steady_wind"),
-        Hypothesis("axis_offset", ("x", "y")),
-        Hypothesis("mount_misalignment"),
-        Hypothesis("cross_axis", ("xz", "yz")),
-    ),
-    (Hypothesis("axis_offset", ("z",)), Hypothesis("scale_error", ("z",))),
-    (Hypothesis("rope_length"), Hypothesis("clock_drift"), Hypothesis("housing_position")),
-    (Hypothesis("slewing"), Hypothesis("housing_spin")),
-    (Hypothesis("viscous_damping"), Hypothesis("quadratic_drag"), Hypothesis("coulomb_friction")),
-)
-"""Lateral, axial, rate, turning, damping: measured by linearisation to be much alike on an ordinary recording."""
+"""Hypotheses that are to be separated from each other."""
 
 
-def suspects(text: str) -> Group:
-    """Of `steady_wind,axis_offset[x+y]`. Raises `InputError` for what is no effect, or nothing that a manoeuvre could show."""
-    group = tuple(_suspect(each.strip()) for each in text.split(","))
+def amplitude_parts(effect: Effect) -> tuple[str, ...]:
+    """Return the parts by which a hypothesis may be limited: those that say how strong the effect is."""
+    return tuple(part for p in effect.parameters if p.is_amplitude for part in (p.components or (p.name,)))
+
+
+def parameter_of(spec: ParameterSpec) -> Parameter:
+    """Return the parameter of a number of the parameter vector."""
+    return next(p for p in EFFECTS[spec.effect].parameters if p.name == spec.parameter)
+
+
+def parse_hypotheses(text: str) -> Group:
+    """Return the hypotheses of `steady_wind,axis_offset[x+y]`. Raises `InputError` for what no experiment can show."""
+    group = tuple(_parse_hypothesis(each.strip()) for each in text.split(","))
     if len(group) < 2 or len(set(group)) < len(group):
         raise InputError(f"--effects {text}: name two or more, each once, such as steady_wind,axis_offset[x+y]")
     return group
 
 
-def _suspect(text: str) -> Hypothesis:
+def _parse_hypothesis(text: str) -> Hypothesis:
     name, bracket, inside = text.partition("[")
     effect = EFFECTS.get(name)
     if effect is None:
         raise InputError(f"--effects {text}: {name!r} is no effect; known are {', '.join(sorted(EFFECTS))}")
     if not effect.linear_at_neutral:
         raise InputError(
-            f"--effects {text}: {name} shows as a line, a lag or a lattice of the readings and not by a manoeuvre; leave it out"
+            f"--effects {text}: {name} shows in the samples or in their spectrum and not by an experiment; leave it out"
         )
-    known = [part for p in effect.parameters if is_amplitude(p) for part in (p.components or (p.name,))]
+    known = amplitude_parts(effect)
     parts = tuple(inside.removesuffix("]").split("+")) if bracket else ()
     if (bracket and not inside.endswith("]")) or not set(parts) <= set(known):
         raise InputError(f"--effects {text}: write {name}, or {name}[...] with some of {'+'.join(known)}")
     return Hypothesis(name, parts)
+
+
+def _part_of(spec: ParameterSpec) -> str:
+    parameter = parameter_of(spec)
+    return parameter.components[spec.component] if parameter.components else parameter.name

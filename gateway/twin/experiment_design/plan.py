@@ -1,4 +1,4 @@
-"""The plan: for each group the manoeuvre that tells most of it apart, for the least effort."""
+"""The plan: for each group of hypotheses the experiment that separates most of it with the least effort."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -6,67 +6,71 @@ from itertools import combinations
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Effect
+from gateway.twin.effects.experiments import LARGER_SWING, TURN_HOUSING
+from gateway.twin.experiment_design.ambiguity_groups import ambiguity_groups
 from gateway.twin.experiment_design.candidates import CANDIDATES, FREE_SWING
 from gateway.twin.experiment_design.experiment import Experiment
-from gateway.twin.experiment_design.hypotheses import GROUPS, Group, Hypothesis
-from gateway.twin.experiment_design.separation import Separation, separation
-from gateway.twin.experiment_design.signatures import sensitivities
+from gateway.twin.experiment_design.hypotheses import Group, Hypothesis
+from gateway.twin.experiment_design.separation import Separation, separation_of
+from gateway.twin.experiment_design.signatures import linearise_experiment
 from gateway.twin.model import EffectValues, TwinRig
 
 ENOUGH_SIGMA = 20.0
-"""More than this is worth no effort."""
-OFF_THE_ROPE = frozenset({"axis_offset", "mount_misalignment", "cross_axis"})
+"""Separation beyond which more is worth no effort."""
+AMONG_CANDIDATES = frozenset({TURN_HOUSING, LARGER_SWING, Effect.discriminating_experiment})
+"""Discriminating experiments that the candidates contain: where they leave a pair, another measurement must help."""
 CALIBRATE = (
     "take the sensor off the rope and calibrate it: "
-    "an offset and a cross-axis pick-up come along with it, the mount's tilt does not"
+    "its offset and cross-axis sensitivity stay with it, the tilt of the mount does not"
 )
 OTHER_MEANS = "compare with a second sensor at another place, or with the drives' own signals"
-RIVALS = 2
+MAX_ALTERNATIVES = 2
+"""Further experiments that are printed."""
 
 
 @dataclass(frozen=True, slots=True)
 class Pair:
-    """Two suspects, in a free swing and with the manoeuvre."""
+    """Two hypotheses, in a free swing and in the planned experiment."""
 
     first: Hypothesis
     second: Hypothesis
     before: Separation
     after: Separation | None
-    """None where no manoeuvre is proposed."""
+    """None if no experiment is planned."""
 
 
 @dataclass(frozen=True, slots=True)
 class GroupPlan:
-    """What to do for one group."""
+    """The plan for one group."""
 
     group: Group
-    manoeuvre: Experiment | None
-    """None where no candidate tells any pair apart."""
+    experiment: Experiment | None
+    """None if no candidate separates any pair."""
     pairs: tuple[Pair, ...]
     alternatives: tuple[Experiment, ...]
-    """Next in rank that tell as many pairs apart, and not by more handwork on top of the same."""
+    """The next in rank that separate as many pairs, and do not only add manual effort."""
     instead: str | None
-    """The measurement that tells apart what no manoeuvre does."""
+    """The measurement that separates what no candidate does."""
     tried: int
-    """Number of manoeuvres that are possible here."""
+    """Number of candidates that are possible on the rig."""
 
     @property
     def is_distinguishable(self) -> bool:
-        """All pairs."""
+        """Whether the experiment separates all pairs."""
         return all(pair.after is not None and pair.after.is_distinguishable for pair in self.pairs)
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What to do, group by group."""
+    """The plans for all groups."""
 
     rig: TwinRig
     groups: tuple[GroupPlan, ...]
 
     @property
     def improves_separation(self) -> bool:
-        """Some group has a manoeuvre."""
-        return any(each.manoeuvre is not None for each in self.groups)
+        """Whether some group has an experiment."""
+        return any(each.experiment is not None for each in self.groups)
 
 
 Forecast = tuple[Experiment, tuple[Separation, ...]]
@@ -74,79 +78,90 @@ Forecast = tuple[Experiment, tuple[Separation, ...]]
 
 def plan(
     rig: TwinRig,
-    groups: Sequence[Group] = GROUPS,
+    groups: Sequence[Group] | None = None,
     tick: Callable[[str], None] = lambda _stage: None,
-    believed: EffectValues | None = None,
+    model_effects: EffectValues | None = None,
 ) -> Plan:
-    """Try every candidate on every group; `tick` is told of each. `believed` are the effects that the rig's model has."""
-    found = []
+    """Compare all candidates for each group; without groups for the ambiguity groups of the rig.
+
+    `tick` is called with the progress for each candidate. `model_effects` are the effects that the rig's model contains.
+    """
+    effects = model_effects or {}
+    groups = ambiguity_groups(rig, effects) if groups is None else groups
+    plans = []
     for i, group in enumerate(groups):
         forecasts = []
-        for manoeuvre in _possible(rig, believed or {}, group):
+        for experiment in _possible_experiments(rig, effects, group):
             tick(f"group {i + 1} of {len(groups)}")
-            forecasts.append((manoeuvre, forecast(rig, believed or {}, manoeuvre, group)))
-        found.append(_chosen(group, forecasts))
-    return Plan(rig, tuple(found))
+            forecasts.append((experiment, forecast(rig, effects, experiment, group)))
+        plans.append(_plan_group(group, forecasts))
+    return Plan(rig, tuple(plans))
 
 
-def forecast(rig: TwinRig, believed: EffectValues, manoeuvre: Experiment, group: Group) -> tuple[Separation, ...]:
-    """Of each pair of a group, in the order of `itertools.combinations`."""
-    found = sensitivities(rig, believed, manoeuvre, group)
-    return tuple(separation(*found.pair(first, second)) for first, second in combinations(group, 2))
+def forecast(rig: TwinRig, model_effects: EffectValues, experiment: Experiment, group: Group) -> tuple[Separation, ...]:
+    """Return the separation of each pair of a group, in the order of `itertools.combinations`."""
+    sensitivities = linearise_experiment(rig, model_effects, experiment, group)
+    return tuple(separation_of(*sensitivities.signatures(*pair)) for pair in combinations(group, 2))
 
 
-def _possible(rig: TwinRig, believed: EffectValues, group: Group) -> list[Experiment]:
-    """What the operator does himself must be no suspect, and must not go on already."""
-    taken = {*believed, *(suspect.effect for suspect in group)}
-    return [each for each in CANDIDATES if each.possible(rig) and not each.inputs(rig) & taken]
+def _possible_experiments(rig: TwinRig, model_effects: EffectValues, group: Group) -> list[Experiment]:
+    """Return the candidates in which the operator's inputs are neither hypotheses nor part of the model."""
+    taken = {*model_effects, *(hypothesis.effect for hypothesis in group)}
+    return [each for each in CANDIDATES if each.is_possible(rig) and not each.inputs(rig) & taken]
 
 
-def _chosen(group: Group, forecasts: Sequence[Forecast]) -> GroupPlan:
-    before = next(separations for manoeuvre, separations in forecasts if manoeuvre == FREE_SWING)
-    ranked = sorted(forecasts, key=lambda each: _rank(each, _splittable(forecasts)))
+def _plan_group(group: Group, forecasts: Sequence[Forecast]) -> GroupPlan:
+    before = next(separations for experiment, separations in forecasts if experiment == FREE_SWING)
+    ranked = sorted(forecasts, key=lambda each: _rank(each, _separable_pairs(forecasts)))
     best, after = ranked[0]
-    told = _count_distinguishable(after)
-    rivals = [
-        m
-        for m, separations in ranked[1:]
-        if _count_distinguishable(separations) == told and not m.is_extension_of(best)
+    separated = _count_distinguishable(after)
+    alternatives = [
+        experiment
+        for experiment, separations in ranked[1:]
+        if _count_distinguishable(separations) == separated and not experiment.is_extension_of(best)
     ]
     pairs = tuple(
-        Pair(first, second, before[i], after[i] if told else None)
+        Pair(first, second, before[i], after[i] if separated else None)
         for i, (first, second) in enumerate(combinations(group, 2))
     )
-    left = {
-        s.effect for i, pair in enumerate(pairs) if not after[i].is_distinguishable for s in (pair.first, pair.second)
+    confused = {
+        hypothesis.effect
+        for i, pair in enumerate(pairs)
+        if not after[i].is_distinguishable
+        for hypothesis in (pair.first, pair.second)
     }
     return GroupPlan(
         group,
-        best if told else None,
+        best if separated else None,
         pairs,
-        tuple(rivals[:RIVALS]) if told else (),
-        _alternatives(frozenset(left)) if left else None,
+        tuple(alternatives[:MAX_ALTERNATIVES]) if separated else (),
+        _other_measurement(frozenset(confused)) if confused else None,
         len(forecasts),
     )
 
 
-def _splittable(forecasts: Sequence[Forecast]) -> list[int]:
-    """Pairs that some candidate tells apart: the others have no say in the ranking."""
+def _separable_pairs(forecasts: Sequence[Forecast]) -> list[int]:
+    """Return the pairs that some candidate separates; the others do not influence the ranking."""
     pairs = range(len(forecasts[0][1]))
     return [i for i in pairs if any(separations[i].is_distinguishable for _, separations in forecasts)]
 
 
-def _rank(each: Forecast, splittable: Sequence[int]) -> tuple[float, ...]:
-    """Smallest first: most pairs, then the worst pair's separation up to what is enough, then effort, then separation."""
-    manoeuvre, separations = each
-    worst = min((separations[i].sigma for i in splittable), default=0.0)
-    return (-_count_distinguishable(separations), -min(worst, ENOUGH_SIGMA), manoeuvre.effort_s, -worst)
+def _rank(each: Forecast, separable: Sequence[int]) -> tuple[float, ...]:
+    """Return the sort key: most pairs, then the separation of the worst pair up to enough, then effort, then separation."""
+    experiment, separations = each
+    worst = min((separations[i].sigma for i in separable), default=0.0)
+    return (-_count_distinguishable(separations), -min(worst, ENOUGH_SIGMA), experiment.effort_s, -worst)
 
 
 def _count_distinguishable(separations: Sequence[Separation]) -> int:
     return sum(each.is_distinguishable for each in separations)
 
 
-def _alternatives(names: frozenset[str]) -> str:
-    if names <= OFF_THE_ROPE:
-        return CALIBRATE
-    texts = dict.fromkeys(EFFECTS[name].discriminating_experiment for name in sorted(names))
-    return OTHER_MEANS if Effect.discriminating_experiment in texts else "; ".join(texts)
+def _other_measurement(names: frozenset[str]) -> str:
+    """Return a measurement that separates effects which no candidate separates."""
+    effects = [EFFECTS[name] for name in sorted(names)]
+    texts = dict.fromkeys(effect.discriminating_experiment for effect in effects)
+    others = [text for text in texts if text not in AMONG_CANDIDATES]
+    if others:
+        return "; ".join(others)
+    return CALIBRATE if all(effect.enters == "sensor" for effect in effects) else OTHER_MEANS

@@ -1,4 +1,4 @@
-"""How well two suspects are told apart, from their traces."""
+"""The separation of two hypotheses, from their signatures."""
 
 from dataclasses import dataclass
 
@@ -9,34 +9,35 @@ from gateway.twin.experiment_design.signatures import Signature
 from gateway.twin.reconcile.residual.isolability import orthonormal, smallest_angle_cosine
 
 Array = NDArray[np.float64]
-SEEN_SIGMA = 5.0
-SAME_TRACE = 0.9995
-"""Cosine from which less than 3 % of a trace is its own: no model of a crane is true to that."""
+MIN_SEPARATION_SIGMA = 5.0
+"""Smallest residual that separates two hypotheses, in standard deviations of the noise: 1 in 10^6 by chance."""
+MAX_COSINE = 0.9995
+"""Largest cosine that separates: above it less than 3 % of a signature is specific, and no model of a crane is that accurate."""
 
 
 @dataclass(frozen=True, slots=True)
 class Separation:
-    """Of two suspects in the recordings of a manoeuvre."""
+    """How well the recordings of an experiment separate two hypotheses."""
 
     cosine: float
-    """Of the smallest principal angle of what they can do, the nuisances projected out; 1 is the same trace."""
+    """Cosine of the smallest principal angle of their signatures, nuisance parameters projected out; 1 for equal signatures."""
     sigma: float
-    """What is left unexplained of the one, at its typical size and in its worst direction, when the other is fitted in its place;
-    the smaller of both ways round."""
+    """Residual if one of them, at its typical size and in its worst direction, is replaced by the other; the smaller of both."""
 
     @property
     def is_distinguishable(self) -> bool:
-        """Both gates."""
-        return self.sigma >= SEEN_SIGMA and self.cosine < SAME_TRACE
+        """Whether the recordings separate them."""
+        return self.sigma >= MIN_SEPARATION_SIGMA and self.cosine < MAX_COSINE
 
 
-def separation(first: Signature, second: Signature) -> Separation:
-    """Of a pair."""
-    cosine = smallest_angle_cosine(first.freedom, second.freedom)
-    return Separation(cosine, min(_unexplained(first, second), _unexplained(second, first)))
+def separation_of(first: Signature, second: Signature) -> Separation:
+    """Return the separation of two signatures."""
+    cosine = smallest_angle_cosine(first.columns, second.columns)
+    return Separation(cosine, min(_residual_sigma(first, second), _residual_sigma(second, first)))
 
 
-def _unexplained(true: Signature, fitted: Signature) -> float:
-    basis = orthonormal(fitted.freedom)
-    left = true.typical - basis @ (basis.T @ true.typical)
-    return float(np.linalg.svd(left, compute_uv=False)[-1])
+def _residual_sigma(true: Signature, fitted: Signature) -> float:
+    """Return the smallest residual of a signature of typical size after a fit of another one."""
+    basis = orthonormal(fitted.columns)
+    residual = true.typical - basis @ (basis.T @ true.typical)
+    return float(np.linalg.svd(residual, compute_uv=False)[-1])

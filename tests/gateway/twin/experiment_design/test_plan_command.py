@@ -1,35 +1,27 @@
-"""`plumbline reconcile --plan RIG`, as it is called."""
+"""`plumbline reconcile --plan RIG` on the command line."""
 
 import json
-from argparse import Namespace
 from pathlib import Path
 
 import pytest
 
-from gateway.cli.main import parser
-from gateway.cli.plan import run_plan, wants_plan
-from gateway.errors import InputError
+from gateway.cli.main import main
 
-BELIEFS = "[rope]\nlength_m = 12.0\n[housing]\nposition_m = 5.0\n[sensor]\nsample_rate_hz = 50\nnoise_g = 0.001\n"
+RIG_FILE = "[rope]\nlength_m = 12.0\n[housing]\nposition_m = 5.0\n[sensor]\nsample_rate_hz = 50\nnoise_g = 0.001\n"
 
 
 @pytest.fixture
 def rig(tmp_path: Path) -> str:
     path = tmp_path / "rig.toml"
-    path.write_text(BELIEFS)
+    path.write_text(RIG_FILE)
     return str(path)
 
 
-def parsed(*words: str) -> Namespace:
-    return parser().parse_args(["reconcile", *words])
-
-
 @pytest.mark.slow
-def test_a_plan_is_told_and_written(rig: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_plan_is_printed_and_written(rig: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "plan.json"
-    arguments = parsed("--plan", rig, "--effects", "steady_wind,axis_offset[x+y]", "--json", str(out))
-    assert wants_plan(arguments)
-    assert run_plan(arguments) == 0
+    code = main(["reconcile", "--plan", rig, "--effects", "steady_wind,axis_offset[x+y]", "--json", str(out)])
+    assert code == 0
     assert "turn the housing evenly about the rope" in capsys.readouterr().out
     (group,) = json.loads(out.read_text())["groups"]
     assert group["told_apart"]
@@ -37,17 +29,21 @@ def test_a_plan_is_told_and_written(rig: str, tmp_path: Path, capsys: pytest.Cap
 
 
 @pytest.mark.slow
-def test_the_answer_is_no_where_nothing_helps(rig: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert run_plan(parsed("--plan", rig, "--effects", "slewing,housing_spin")) == 1
+def test_exit_code_is_1_if_no_experiment_separates_anything(rig: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["reconcile", "--plan", rig, "--effects", "slewing,housing_spin"]) == 1
     assert "none of the" in capsys.readouterr().out
 
 
-def test_a_recording_is_wanted_where_no_plan_is(rig: str) -> None:
-    assert not wants_plan(parsed("log.csv"))
-    for words, said in (
-        ([], "wants a recording"),
-        (["log.csv", "--plan", rig], "looks at no recording"),
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "needs a recording"),
+        (["log.csv", "--plan", "rig.toml"], "reads no recording"),
         (["log.csv", "--effects", "impact,hoisting"], "belongs to --plan"),
-    ):
-        with pytest.raises(InputError, match=said):
-            wants_plan(parsed(*words))
+    ],
+)
+def test_recording_and_plan_exclude_each_other(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
+    assert main(["reconcile", *arguments]) == 2
+    assert message in capsys.readouterr().err
