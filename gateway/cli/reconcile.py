@@ -1,4 +1,4 @@
-"""`plumbline reconcile`: where simulation and measurement part, and what is missing."""
+"""`plumbline reconcile`: where simulation and measurement disagree, and which effects are missing."""
 
 import argparse
 import sys
@@ -7,11 +7,12 @@ from pathlib import Path
 from gateway.cli.argument_types import whole_number
 from gateway.cli.effect_files import add_effects_from, load_user_effects
 from gateway.cli.plan import add_plan_arguments, run_plan, wants_plan
-from gateway.cli.reconcile_files import check_outputs, texts
+from gateway.cli.reconcile_files import check_outputs, output_texts
 
 EXAMPLE = """examples:
   plumbline reconcile log.csv --rig rig.toml --held-out second.csv --json result.json --report report.html
   plumbline reconcile recording.mcap --write-model model.toml
+  plumbline reconcile log.csv --rig rig.toml --effects-from my_effects.py
   plumbline reconcile --plan rig.toml --effects steady_wind,axis_offset"""
 
 
@@ -19,34 +20,37 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     """Add the command."""
     command = commands.add_parser(
         "reconcile",
-        help="where simulation and measurement disagree, and what is missing",
-        description="Fit the believed model to a recording, name what it lacks, and judge that on held-out data.",
+        help="find where simulation and measurement disagree, and which effects are missing",
+        description="Fit the nominal model to a recording, name the effects that it lacks, and test them on held-out data.",
         epilog=EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_argument(
         "log", type=Path, nargs="?", metavar="LOG", help=".mcap of the gateway, or .csv: time_s,ax_g,ay_g,az_g"
     )
-    command.add_argument("--rig", type=Path, metavar="RIG", help="rig.toml; a gateway's .mcap brings its own")
+    command.add_argument("--rig", type=Path, metavar="RIG", help="rig.toml; an .mcap of the gateway contains its own")
     command.add_argument(
-        "--held-out", type=Path, metavar="LOG2", help="a second recording to judge on (else LOG's last third)"
+        "--held-out",
+        type=Path,
+        metavar="LOG2",
+        help="a second recording to test the model on; without it the end of LOG",
     )
     command.add_argument("--json", type=Path, metavar="FILE", help="write the result as JSON")
-    command.add_argument("--report", type=Path, metavar="FILE.html", help="write a report for people")
+    command.add_argument("--report", type=Path, metavar="FILE.html", help="write a report with figures")
     command.add_argument(
         "--prediction", type=Path, metavar="FILE.csv", help="write the prediction of LOG2 (of LOG without one)"
     )
     command.add_argument(
-        "--write-model", type=Path, metavar="FILE.toml", help="write the rig with the model that was found"
+        "--write-model", type=Path, metavar="FILE.toml", help="write the rig with the effects that were found"
     )
-    command.add_argument("--seed", type=whole_number, default=0, metavar="N", help="of the block bootstrap (0)")
+    command.add_argument("--seed", type=whole_number, default=0, metavar="N", help="seed of the block bootstrap (0)")
     add_effects_from(command)
     add_plan_arguments(command)
     command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Reconcile and tell; exit code 1 where something is missing that has no name, or the data cannot be used."""
+    """Print the answer; the exit code is 1 if something unknown is missing, or the data cannot be used."""
     if wants_plan(arguments):
         return run_plan(arguments)
     from gateway.cli.optional_dependencies import require_twin
@@ -77,13 +81,13 @@ def run(arguments: argparse.Namespace) -> int:
             result = reconcile(model, log, second, seed=arguments.seed, tick=progress.tick)
             runtime_s = time.monotonic() - begin_s
             progress.tick("report")
-            made = texts(arguments, result, runtime_s)
+            texts = output_texts(arguments, result, runtime_s)
     except KeyboardInterrupt:
         print("plumbline reconcile: stopped; nothing was written", file=sys.stderr)
         raise
     if arguments.json is not None:
         write_json(arguments.json, to_json(result, runtime_s))
-    for path, text in made.items():
+    for path, text in texts.items():
         write_text(path, text)
     print(to_text(result))
     return 1 if result.verdict in ("unmodelled", "data_unusable") else 0
@@ -94,7 +98,7 @@ def _check_files(arguments: argparse.Namespace) -> None:
 
     if arguments.held_out is not None and arguments.held_out.resolve() == arguments.log.resolve():
         raise InputError(
-            f"--held-out {arguments.held_out}: is LOG itself; without it LOG's own last third is not fitted to"
+            f"--held-out {arguments.held_out}: is LOG itself; leave it out, then the end of LOG is held out"
         )
     check_outputs(
         {

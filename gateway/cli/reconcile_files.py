@@ -1,4 +1,4 @@
-"""What `plumbline reconcile` writes: checked before the work begins, and all of it made before any of it is written."""
+"""The output files of `plumbline reconcile`: checked before the work begins, and all made before one is written."""
 
 import argparse
 import os
@@ -13,17 +13,17 @@ if TYPE_CHECKING:
 
 
 def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path | None]) -> None:
-    """Raises `InputError` where an output has no place to be, or would take that of an input or of another output."""
-    taken = {path.resolve(): name for name, path in inputs.items() if path is not None}
+    """Raise `InputError` if an output cannot be written, or would replace an input or another output."""
+    used = {path.resolve(): name for name, path in inputs.items() if path is not None}
     for name, path in outputs.items():
         if path is None:
             continue
         fault = _fault(path)
         if fault:
             raise InputError(f"{name} {path}: cannot be written ({fault}); choose another place")
-        other = taken.setdefault(path.resolve(), name)
+        other = used.setdefault(path.resolve(), name)
         if other != name:
-            raise InputError(f"{name} {path}: is {other}, too; give it another name")
+            raise InputError(f"{name} {path}: is {other} as well; choose another name")
 
 
 def _fault(path: Path) -> str:
@@ -34,22 +34,22 @@ def _fault(path: Path) -> str:
     return "" if os.access(path.parent, os.W_OK) else f"no permission in {path.parent}"
 
 
-def texts(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float) -> dict[Path, str]:
-    """Prediction, model and report as far as they were asked for, by their places."""
+def output_texts(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float) -> dict[Path, str]:
+    """Return the texts of the requested outputs (prediction, model, report) by their paths."""
     from gateway.twin.reconcile.output.export import format_model_toml
 
-    made = {}
+    found = {}
     if arguments.prediction is not None:
-        made[arguments.prediction] = _prediction(result, of_second=arguments.held_out is not None)
+        found[arguments.prediction] = _prediction(result, of_second=arguments.held_out is not None)
     if arguments.write_model is not None:
-        made[arguments.write_model] = format_model_toml(result)
+        found[arguments.write_model] = format_model_toml(result)
     if arguments.report is not None:
-        made[arguments.report] = _report(arguments, result, runtime_s)
-    return made
+        found[arguments.report] = _report(arguments, result, runtime_s)
+    return found
 
 
 def _prediction(result: "Reconciliation", *, of_second: bool) -> str:
-    """Of the held-out recording, or of the log in its two parts."""
+    """Return the prediction of the held-out recording, or of both parts of the log."""
     from gateway.twin.reconcile.output.export import format_prediction_csv
 
     curves: list[Curves | None] = [result.held_out] if of_second else [result.log, result.held_out]
@@ -61,8 +61,10 @@ def _report(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: 
     from gateway.twin.report.page import render_report
 
     computed = {"recording": str(arguments.log)}
-    computed["rig"] = "as the recording brings it" if arguments.rig is None else str(arguments.rig)
+    computed["rig"] = "from the recording" if arguments.rig is None else str(arguments.rig)
     computed["held out"] = "the recording’s last third" if arguments.held_out is None else str(arguments.held_out)
+    if arguments.effects_from:
+        computed["effects of the user"] = ", ".join(map(str, arguments.effects_from))
     computed |= {"seed": str(arguments.seed), "time": f"{runtime_s:.1f} s"}
     return render_report(
         result, title=f"Reconciliation of {arguments.log.name}", software=f"plumbline {__version__}", computed=computed

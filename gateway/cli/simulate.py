@@ -10,7 +10,8 @@ from gateway.cli.effect_files import add_effects_from, load_user_effects
 EXAMPLE = """examples:
   plumbline simulate rig.toml --out log.csv --effect viscous_damping
   plumbline simulate rig.toml --out log.mcap --effect wind_gust:accel_m_s2=0.3,0.1:start_s=40 --duration 180 --seed 7
-  plumbline simulate rig.toml --out log.csv --initial tilt_x_deg=8 rate_y_deg_s=1"""
+  plumbline simulate rig.toml --out log.csv --initial tilt_x_deg=8 rate_y_deg_s=1
+  plumbline simulate rig.toml --out log.csv --effects-from my_effects.py --effect my_effect"""
 FORMATS = (".csv", ".mcap")
 
 
@@ -18,37 +19,39 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     """Add the command."""
     command = commands.add_parser(
         "simulate",
-        help="a recording from the simulation",
-        description="A recording of a rig with chosen effects, through the simulated part; .mcap through the pipeline, too.",
+        help="write a recording from the simulation",
+        description="Simulate a rig with chosen effects and its sensor; an .mcap also passes through the gateway's pipeline.",
         epilog=EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    command.add_argument("rig", type=Path, metavar="RIG", help="rig.toml; its [model] effects act, too")
+    command.add_argument("rig", type=Path, metavar="RIG", help="rig.toml; the effects in its [model] act as well")
     command.add_argument("--out", type=Path, metavar="LOG", required=True, help=".csv or .mcap")
     command.add_argument(
         "--effect",
         action="append",
         default=[],
         metavar="NAME[:PARAMETER=VALUE]...",
-        help="an effect, with its typical parameters where none are given; several times for several",
+        help="add an effect, with typical values of the parameters that are not given; may be repeated",
     )
     add_effects_from(command)
     command.add_argument(
-        "--duration", type=above_zero, default=120.0, metavar="S", help="length of the recording (120)"
+        "--duration", type=above_zero, default=120.0, metavar="S", help="length of the recording in s (120)"
     )
-    command.add_argument("--seed", type=whole_number, default=1, metavar="N", help="of the noise and of the start (1)")
+    command.add_argument(
+        "--seed", type=whole_number, default=1, metavar="N", help="seed of the noise and of the initial state (1)"
+    )
     command.add_argument(
         "--initial",
         nargs="+",
         default=[],
         metavar="NAME=VALUE",
-        help="start: tilt_x_deg, tilt_y_deg, rate_x_deg_s, rate_y_deg_s, heading_deg; rigging_tilt_x_deg ...; stretch_m",
+        help="initial state: tilt_x_deg, tilt_y_deg, rate_x_deg_s, rate_y_deg_s, heading_deg; rigging_tilt_x_deg ...; stretch_m",
     )
     command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Simulate and write."""
+    """Simulate and write the recording."""
     from gateway.cli.optional_dependencies import require_twin
 
     require_twin()
@@ -63,23 +66,23 @@ def run(arguments: argparse.Namespace) -> int:
     if out.suffix not in FORMATS:
         raise InputError(f"--out {out}: should end in .csv or .mcap")
     load_user_effects(arguments)
-    believed = model_of(read_rig(arguments.rig), str(arguments.rig))
-    model = Model(believed.rig, parse_effect_assignments(believed.effects, arguments.effect))
-    simulated = simulate(model, arguments.duration, arguments.seed, _start(arguments.initial))
+    nominal = model_of(read_rig(arguments.rig), str(arguments.rig))
+    model = Model(nominal.rig, parse_effect_assignments(nominal.effects, arguments.effect))
+    simulated = simulate(model, arguments.duration, arguments.seed, _parse_initial_state(arguments.initial))
     if out.suffix == ".csv":
         write_text(out, as_csv(simulated))
     else:
         write_mcap(out, model.rig, simulated, arguments.seed)
-    acting = ", ".join(model.effects) or "nothing beyond the ideal pendulum"
-    print(f"{out}: {len(simulated.time_s)} samples at {simulated.rate_hz:g} Hz; acting: {acting}")
+    effects = ", ".join(model.effects) or "none"
+    print(f"{out}: {len(simulated.time_s)} samples at {simulated.rate_hz:g} Hz; effects: {effects}")
     return 0
 
 
-def _start(pairs: list[str]) -> dict[str, float]:
-    """Coordinates by name, in radians."""
+def _parse_initial_state(pairs: list[str]) -> dict[str, float]:
+    """Return the coordinates by name, in radians."""
     from gateway.errors import InputError
 
-    start = {}
+    initial = {}
     for pair in pairs:
         name, _, text = pair.partition("=")
         try:
@@ -88,6 +91,6 @@ def _start(pairs: list[str]) -> dict[str, float]:
             raise InputError(f"--initial {pair}: should be NAME=VALUE, such as tilt_x_deg=5") from error
         if not math.isfinite(value):
             raise InputError(f"--initial {pair}: should be a number")
-        in_radians = name.replace("_deg", "_rad")
-        start[in_radians] = value if in_radians == name else math.radians(value)
-    return start
+        name_in_radians = name.replace("_deg", "_rad")
+        initial[name_in_radians] = value if name_in_radians == name else math.radians(value)
+    return initial

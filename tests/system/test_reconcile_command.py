@@ -97,7 +97,7 @@ def _rest(terminal: int) -> bytes:
 @pytest.mark.parametrize(
     ("words", "fault"),
     [
-        ([], "reconcile wants a recording: reconcile LOG --rig RIG; or --plan RIG without one"),
+        ([], "reconcile needs a recording: reconcile LOG --rig RIG; or --plan RIG without one"),
         (["empty.csv", "--rig", "rig.toml"], "empty.csv: is empty"),
         (["empty.mcap"], "empty.mcap: is empty"),
         (["wrong.csv", "--rig", "rig.toml"], "wrong.csv: no header with the columns time_s, ax_g, ay_g, az_g"),
@@ -111,8 +111,8 @@ def _rest(terminal: int) -> bytes:
             "--report no/r.html: cannot be written (there is no",
         ),
         (["log.csv", "--rig", "rig.toml", "--report", "."], "--report .: cannot be written (it is a directory)"),
-        (["log.csv", "--rig", "rig.toml", "--json", "log.csv"], "--json log.csv: is LOG, too; give it another name"),
-        (["log.csv", "--rig", "rig.toml", "--json", "a", "--report", "a"], "--report a: is --json, too"),
+        (["log.csv", "--rig", "rig.toml", "--json", "log.csv"], "--json log.csv: is LOG as well; choose another name"),
+        (["log.csv", "--rig", "rig.toml", "--json", "a", "--report", "a"], "--report a: is --json as well"),
     ],
 )
 def test_bad_input_is_one_line_before_any_work(

@@ -38,7 +38,7 @@ def test_the_swing_that_was_asked_for_is_measured(
     log, result = tmp_path / "log.csv", tmp_path / "result.json"
     start = ["tilt_x_deg=4", "tilt_y_deg=0", "rate_x_deg_s=0", "rate_y_deg_s=0"]
     assert main(["simulate", str(rig), "--out", str(log), "--initial", *start]) == 0
-    assert "6000 samples at 50 Hz; acting: nothing beyond the ideal pendulum" in capsys.readouterr().out
+    assert "6000 samples at 50 Hz; effects: none" in capsys.readouterr().out
     assert main(["measure", str(log), "--rig", str(rig), "--json", str(result)]) == 0
     swing = json.loads(result.read_text())["swing"]
     assert abs(swing["phi_max_deg"] - 4.0) < 4 * swing["u_deg"] < 0.1
