@@ -48,7 +48,7 @@ class Signature:
 
 @dataclass(frozen=True, slots=True)
 class ExperimentSensitivities:
-    """ExperimentSensitivities of the recordings of an experiment, initial conditions and the operator's inputs projected out."""
+    """Sensitivities of the recordings of an experiment, initial conditions and the operator's inputs projected out."""
 
     specs: tuple[ParameterSpec, ...]
     columns: Array

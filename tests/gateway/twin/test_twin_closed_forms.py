@@ -1,12 +1,22 @@
-"""The twin against what is known without it."""
+"""The twin against closed forms."""
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from devices.pendulum.double_pendulum import modes
-from gateway.twin.model import TwinRig
-from tests.gateway.twin.swings import LENGTH_M, PERIOD_S, RIG, SWING_RATE, G, at_pivot, peaks, predicted, rope_angle
+from gateway.twin.model import EffectValues, TwinRig
+from tests.gateway.twin.swings import (
+    LENGTH_M,
+    PERIOD_S,
+    RIG,
+    SWING_RATE,
+    Array,
+    G,
+    at_pivot,
+    peaks,
+    predicted,
+    rope_angle,
+)
 
 
 @pytest.mark.parametrize("amplitude_deg", [1.0, 10.0, 30.0])
@@ -21,8 +31,8 @@ def test_period_grows_with_amplitude(amplitude_deg: float) -> None:
 
 
 @pytest.mark.parametrize("rho", [0.0, 0.5, 0.85, 1.0])
-def test_planar_swing_reads_the_extremes_of_the_closed_form(rho: float) -> None:
-    """Section 1 of the derivation: transverse (1 - rho) sin, axial from cos to 1 + 2 rho (1 - cos)."""
+def test_extremes_of_a_planar_swing_follow_the_closed_form(rho: float) -> None:
+    """Transverse (1 - rho) sin, axial from cos to 1 + 2 rho (1 - cos)."""
     phi = np.radians(11.0)
     force = predicted(TwinRig(LENGTH_M, rho * LENGTH_M), {}, [phi, 0, 0, 0], np.arange(0, PERIOD_S, 0.002))
     assert np.hypot(force[:, 0], force[:, 1]).max() == pytest.approx((1 - rho) * np.sin(phi), abs=1e-6)
@@ -30,9 +40,7 @@ def test_planar_swing_reads_the_extremes_of_the_closed_form(rho: float) -> None:
     assert force[:, 2].max() == pytest.approx(1 + 2 * rho * (1 - np.cos(phi)), abs=1e-6)
 
 
-def envelope(
-    effects: dict[str, dict[str, float]], amplitude: float, swings: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def envelope(effects: EffectValues, amplitude: float, swings: int) -> tuple[Array, Array]:
     time_s = np.arange(0, swings * PERIOD_S, 0.02)
     force = predicted(at_pivot(), effects, [amplitude, 0, 0, 0], time_s)
     when, height = peaks(time_s, np.arctan2(force[:, 0], force[:, 2]))
@@ -52,7 +60,7 @@ def test_quadratic_drag_decays_as_a_hyperbola() -> None:
     assert height == pytest.approx(0.08 / (1 + 0.08 * rate * when), rel=3e-3)
 
 
-def test_coulomb_friction_takes_the_same_from_each_swing() -> None:
+def test_coulomb_friction_decays_linearly() -> None:
     """A' = -2 mu/(pi w L) of an angle."""
     decel_m_s2 = 0.01
     when, height = envelope({"coulomb_friction": {"decel_m_s2": decel_m_s2}}, 0.08, 12)
@@ -60,7 +68,7 @@ def test_coulomb_friction_takes_the_same_from_each_swing() -> None:
     assert height == pytest.approx(0.08 - slope * when, abs=2e-4)
 
 
-def test_steady_wind_leans_the_rope_by_its_force_over_the_weight() -> None:
+def test_lean_under_steady_wind_is_force_over_weight() -> None:
     lean = np.arctan(0.4 / G)
     force = predicted(RIG, {"steady_wind": {"accel_m_s2": (0.4, 0.0)}}, [lean, 0, 0, 0], np.arange(0, 30, 0.1))
     assert force == pytest.approx(np.tile([np.sin(lean), 0.0, np.cos(lean)], (300, 1)), abs=1e-9)
@@ -78,7 +86,7 @@ def test_double_pendulum_swings_in_its_modes(which: int) -> None:
     assert np.arctan2(force[:, 0], force[:, 2]) == pytest.approx(tilt * np.cos(mode.rate * time_s), abs=2e-3 * tilt)
 
 
-def test_an_elastic_rope_bounces_at_its_frequency_and_hangs_lower() -> None:
+def test_elastic_rope_oscillates_at_its_frequency_with_its_damping() -> None:
     effects = {"rope_stretch": {"frequency_hz": 2.0, "damping_ratio": 0.01}}
     time_s = np.arange(0, 10, 0.005)
     force = predicted(RIG, effects, [0, 0, 0, 0, 0, 0.004, 0.0], time_s)
@@ -91,7 +99,7 @@ def test_an_elastic_rope_bounces_at_its_frequency_and_hangs_lower() -> None:
     assert force[:, 2] == pytest.approx(1 - acceleration / G, abs=3e-5)
 
 
-def test_rope_angle_of_a_cone_stays() -> None:
+def test_rope_angle_of_a_conical_pendulum_is_constant() -> None:
     phi = np.radians(6.0)
     rate = np.sqrt(G / (LENGTH_M * np.cos(phi)))
     force = predicted(at_pivot(), {}, [phi, 0, 0, rate * np.sin(phi)], np.arange(0, 120, 0.05))

@@ -1,15 +1,13 @@
-"""What each effect does that is known without the engine."""
+"""Each effect against what is known of it without integration."""
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from devices.pendulum import pendulum
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.simulated.crane import Crane
-from gateway.twin.effects import EFFECTS
+from gateway.twin.effects import EFFECTS, Values
 from gateway.twin.effects.evaluation_context import EvaluationContext
-from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.pulse import Pulse
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.simulator.compiled_model import IntegrationError
@@ -20,6 +18,7 @@ from tests.gateway.twin.swings import (
     POSITION_M,
     RIG,
     SWING_RATE,
+    Array,
     G,
     at_pivot,
     predicted,
@@ -60,11 +59,11 @@ VOCABULARY = {  # of the published interface
 }
 
 
-def plain(time_s: NDArray[np.float64] = TIME_S, rig: TwinRig = RIG) -> NDArray[np.float64]:
+def plain(time_s: Array = TIME_S, rig: TwinRig = RIG) -> Array:
     return predicted(rig, {}, START, time_s)
 
 
-def test_the_vocabulary_is_whole_and_each_effect_says_what_it_is() -> None:
+def test_vocabulary_is_complete_and_each_effect_is_described() -> None:
     assert set(EFFECTS) == VOCABULARY
     for name, effect in EFFECTS.items():
         assert effect.name == name
@@ -80,18 +79,18 @@ def test_the_vocabulary_is_whole_and_each_effect_says_what_it_is() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [n for n, e in EFFECTS.items() if e.linear_at_neutral])
-def test_neutral_means_that_nothing_happens(name: str) -> None:
+def test_effect_vanishes_at_its_neutral_values(name: str) -> None:
     assert predicted(RIG, {name: {}}, START, TIME_S, np.full_like(TIME_S, 30.0)) == pytest.approx(plain(), abs=1e-7)
 
 
-def test_samples_at_any_times_are_the_same_motion() -> None:
+def test_samples_at_uneven_times_belong_to_the_same_motion() -> None:
     random = np.random.default_rng(3)
     some = np.sort(random.choice(len(TIME_S), 700, replace=False))
     some[0] = 0
     assert plain(TIME_S[some]) == pytest.approx(plain()[some], abs=1e-6)
 
 
-def test_an_impact_changes_velocity_at_its_time_and_not_before() -> None:
+def test_impact_changes_the_velocity_at_its_time_and_not_before() -> None:
     effects: EffectValues = {"impact": {"delta_v_m_s": (0.1, -0.05), "start_s": 20.013}}
     struck = predicted(RIG, effects, START, TIME_S)
     assert struck[TIME_S < 20.013] == pytest.approx(plain()[TIME_S < 20.013], abs=1e-8)
@@ -101,7 +100,7 @@ def test_an_impact_changes_velocity_at_its_time_and_not_before() -> None:
     assert tilt == pytest.approx(0.1 / (LENGTH_M * SWING_RATE) * np.sin(SWING_RATE * after), abs=1e-5)
 
 
-def test_a_gust_leaves_the_swing_of_its_impulse() -> None:
+def test_swing_after_a_gust_follows_from_the_spectrum_of_the_gust() -> None:
     """A (1 - cos)/2 push of width T at a resting load leaves a/w^2 |spectrum at w| of it."""
     width_s, push = 3.0, 0.2
     effects: EffectValues = {"wind_gust": {"accel_m_s2": (push, 0.0), "start_s": 10.0, "duration_s": width_s}}
@@ -112,8 +111,8 @@ def test_a_gust_leaves_the_swing_of_its_impulse() -> None:
     assert rope_angle(force[TIME_S > 14]).max() == pytest.approx(push * spectrum / (LENGTH_M * SWING_RATE), rel=1e-3)
 
 
-def test_a_trolley_that_comes_to_rest_has_moved_and_the_load_follows() -> None:
-    effects = {
+def test_trolley_ramps_of_one_period_leave_no_swing() -> None:
+    effects: EffectValues = {
         # half of the hundredth in which a ramp rises and falls takes off its area: the rest lasts one period
         "trolley_acceleration": {
             "accel_m_s2": (0.2, 0.0),
@@ -129,8 +128,8 @@ def test_a_trolley_that_comes_to_rest_has_moved_and_the_load_follows() -> None:
     assert np.arctan2(*(force[moving].T[[0, 2]])).max() == pytest.approx(0.2 / G, rel=0.01)
 
 
-def test_hoisting_keeps_the_angular_momentum_about_the_vertical() -> None:
-    effects = {"hoisting": {"speed_m_s": -0.3, "start_s": 10.0, "duration_s": 8.0}}
+def test_hoisting_conserves_the_angular_momentum_about_the_vertical() -> None:
+    effects: EffectValues = {"hoisting": {"speed_m_s": -0.3, "start_s": 10.0, "duration_s": 8.0}}
     simulator = Simulator(RIG, tuple(effects))
     values = simulator.values([0.05, 0.0, 0.0, 0.06], effects)
     ends = simulator.linearise_segments(values[None, :5], values[5:], TIME_S, [0]).ends[0]
@@ -145,8 +144,8 @@ def test_hoisting_keeps_the_angular_momentum_about_the_vertical() -> None:
     assert (LENGTH_M - HOISTED_M) ** 2 * (n[0] * rates[1] - n[1] * rates[0]) == pytest.approx(before, rel=3e-6)
 
 
-def test_the_housing_keeps_its_distance_to_the_load_while_hoisting() -> None:
-    effects = {"hoisting": {"speed_m_s": -0.3, "start_s": 10.0, "duration_s": 8.0}}
+def test_housing_keeps_its_distance_to_the_load_during_hoisting() -> None:
+    effects: EffectValues = {"hoisting": {"speed_m_s": -0.3, "start_s": 10.0, "duration_s": 8.0}}
     simulator = Simulator(RIG, tuple(effects))
     values = simulator.values(START, effects)
     there = simulator.linearise_segments(np.stack([values[:5]] * 2), values[5:], TIME_S, [0, 1000]).ends[0]
@@ -154,7 +153,7 @@ def test_the_housing_keeps_its_distance_to_the_load_while_hoisting() -> None:
     assert predicted(RIG, effects, START, TIME_S)[1000:] == pytest.approx(later, abs=1e-6)
 
 
-def test_slewing_is_a_free_pendulum_seen_from_a_turning_crane() -> None:
+def test_slewing_equals_a_free_pendulum_in_a_rotating_frame() -> None:
     rate = np.radians(3.0)
     tilt, speed = 0.1, 0.03
     turning = predicted(
@@ -167,38 +166,41 @@ def test_slewing_is_a_free_pendulum_seen_from_a_turning_crane() -> None:
     assert turned[-1] - turned[0] == pytest.approx(-rate * TIME_S[-1], rel=0.01)
 
 
-def test_a_spinning_housing_turns_its_readings() -> None:
+def test_housing_spin_rotates_the_readings() -> None:
     spun = predicted(RIG, {"housing_spin": {"rate_deg_s": 4.0}}, START, TIME_S)
     turned = (plain()[:, 0] + 1j * plain()[:, 1]) * np.exp(-1j * np.radians(4.0) * TIME_S)
     assert spun[:, 0] + 1j * spun[:, 1] == pytest.approx(turned, abs=1e-9)
 
 
-def test_beliefs_of_the_rig_can_be_wrong() -> None:
+def test_errors_of_nominal_lengths_equal_another_rig() -> None:
     longer = predicted(TwinRig(LENGTH_M * 1.03, POSITION_M), {}, START, TIME_S)
     assert predicted(RIG, {"rope_length": {"relative_error": 0.03}}, START, TIME_S) == pytest.approx(longer, abs=1e-6)
     lower = predicted(TwinRig(LENGTH_M, POSITION_M + 0.7), {}, START, TIME_S)
     assert predicted(RIG, {"housing_position": {"error_m": 0.7}}, START, TIME_S) == pytest.approx(lower, abs=1e-9)
 
 
-def test_a_load_that_is_set_down_changes_the_pendulum_at_once() -> None:
-    effects = {"load_change": {"length_change_m": -2.0, "start_s": 1e-3}}
+def test_load_change_changes_the_length_at_once() -> None:
+    effects: EffectValues = {"load_change": {"length_change_m": -2.0, "start_s": 1e-3}}
     changed = predicted(RIG, effects, START, TIME_S)
     assert changed[1:] == pytest.approx(predicted(TwinRig(LENGTH_M - 2.0, POSITION_M), {}, START, TIME_S)[1:], abs=1e-4)
 
 
-def test_a_fast_clock_stretches_time() -> None:
+def test_clock_drift_and_sample_loss_scale_time() -> None:
     stretched = predicted(RIG, {"clock_drift": {"relative": 0.01}}, START, TIME_S)
     assert stretched == pytest.approx(plain(TIME_S / 1.01), abs=1e-6)
     lossy = predicted(RIG, {"sample_loss": {"fraction": 0.03}}, START, TIME_S)
     assert lossy == pytest.approx(plain(TIME_S / 0.97), abs=1e-6)
 
 
-def test_the_sensor_chain_in_its_order() -> None:
+def test_sensor_effects_act_in_the_order_of_the_chain() -> None:
     force = plain()
     x, y, z = force.T
     read = predicted(RIG, {"cross_axis": {"xy": 0.01, "xz": -0.02, "yz": 0.03}}, START, TIME_S)
     assert read == pytest.approx(force @ np.array([[1, 0.01, -0.02], [0.01, 1, 0.03], [-0.02, 0.03, 1]]), abs=1e-12)
-    chain = {"axis_offset": {"offset_g": (0.1, 0.2, 0.3)}, "scale_error": {"relative": (0.01, -0.02, 0.03)}}
+    chain: EffectValues = {
+        "axis_offset": {"offset_g": (0.1, 0.2, 0.3)},
+        "scale_error": {"relative": (0.01, -0.02, 0.03)},
+    }
     expected = np.stack([1.01 * x + 0.1, 0.98 * y + 0.2, 1.03 * z + 0.3], axis=1)
     assert predicted(RIG, chain, START, TIME_S) == pytest.approx(expected, abs=1e-12)
     clipped = predicted(RIG, {**chain, "clipping": {"full_scale_g": 0.25}}, START, TIME_S)
@@ -208,7 +210,7 @@ def test_the_sensor_chain_in_its_order() -> None:
     assert tilted[:, 0] == pytest.approx(x, abs=1e-12)
 
 
-def test_offsets_drift_with_the_temperature() -> None:
+def test_thermal_drift_is_proportional_to_the_temperature_rise() -> None:
     temperature_c = 22 + TIME_S / 3
     drifted = predicted(RIG, {"thermal_drift": {"mg_per_c": (1.0, 0.0, -2.0)}}, START, TIME_S, temperature_c)
     moved = np.outer(TIME_S / 3, [1e-3, 0.0, -2e-3])
@@ -218,7 +220,7 @@ def test_offsets_drift_with_the_temperature() -> None:
 
 
 @pytest.mark.parametrize("cutoff_hz", [0.4, 2.0])
-def test_lowpass_lags_as_one_pole_does(cutoff_hz: float) -> None:
+def test_lowpass_lag_has_the_gain_and_phase_of_one_pole(cutoff_hz: float) -> None:
     effects: EffectValues = {
         "lowpass_lag": {"cutoff_hz": cutoff_hz},
         "vibration": {"frequency_hz": 0.9, "amplitude_g": (0.1, 0.0, 0.0), "phase_rad": 0.0},
@@ -230,7 +232,7 @@ def test_lowpass_lags_as_one_pole_does(cutoff_hz: float) -> None:
     assert force[settled] == pytest.approx(expected[settled], abs=2e-4)
 
 
-def test_what_the_lowpass_began_with_fades() -> None:
+def test_initial_state_of_the_lowpass_decays() -> None:
     began_g, time_s = np.array([0.01, -0.02, 0.005]), TIME_S[TIME_S < 3]
     settled, other = (
         predicted(RIG, {"lowpass_lag": {"cutoff_hz": 0.5, "began_g": tuple(began)}}, START, time_s)
@@ -239,12 +241,12 @@ def test_what_the_lowpass_began_with_fades() -> None:
     assert other - settled == pytest.approx(np.exp(-np.pi * time_s)[:, None] * began_g, abs=1e-12)
 
 
-def test_two_structures_at_once_are_refused() -> None:
+def test_two_structures_exclude_each_other() -> None:
     with pytest.raises(ValueError, match="cannot act together"):
         Simulator(RIG, ("double_pendulum", "rope_stretch"))
 
 
-def test_crane_and_twin_move_alike() -> None:
+def test_twin_and_simulated_crane_have_the_same_motion() -> None:
     start = (0.12, -0.03, 0.01, 0.05)
     time_s = np.arange(0, 40, 0.02)
     crane = Crane(length_m=9.0, position_m=6.0, motion=pendulum.start_motion(*start), damping_ratio=0.01)
@@ -253,7 +255,7 @@ def test_crane_and_twin_move_alike() -> None:
     assert found * crane.gravity_m_s2 == pytest.approx(crane.specific_force_m_s2(time_s), abs=2e-5)
 
 
-def test_times_and_parameters_that_cannot_be_followed_are_refused() -> None:
+def test_times_and_parameters_that_cannot_be_integrated_are_refused() -> None:
     simulator = Simulator(RIG, ("rope_stretch",))
     for frequency_hz in (-1.0, np.nan):
         values = simulator.values(np.zeros(7), {"rope_stretch": {"frequency_hz": frequency_hz}})
@@ -264,14 +266,14 @@ def test_times_and_parameters_that_cannot_be_followed_are_refused() -> None:
             Simulator(RIG).predict(np.zeros(5), times)
 
 
-def test_rigging_ends_above_the_pivot_of_a_short_rope() -> None:
+def test_bound_of_the_rigging_length_depends_on_the_rope() -> None:
     bounds = {slot.label: slot.upper for slot in Simulator(TwinRig(3.0, 1.0), ("double_pendulum",)).effect_parameters}
     assert bounds["double_pendulum.rigging_length_m"] == pytest.approx(0.95 * 3.0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.02, 0.4, 1.0])
-def test_a_pulse_has_its_area_and_its_slope(share: float) -> None:
+def test_integral_and_slope_of_a_pulse_agree_with_its_value(share: float) -> None:
     pulse = Pulse(2.0, 3.0, share)
     time_s = np.linspace(0, 7, 70_001)
     level, area, slope = (
@@ -286,8 +288,8 @@ def test_a_pulse_has_its_area_and_its_slope(share: float) -> None:
     np.testing.assert_allclose(np.diff(level), 1e-4 * (slope[1:] + slope[:-1]) / 2, atol=1e-3)
 
 
-def test_a_rope_that_stretches_below_the_housing_hangs_lower_there_alone() -> None:
-    stretch = {"frequency_hz": 1.0, "above_housing": 0.0}
+def test_rope_that_stretches_below_the_housing_lowers_the_load_alone() -> None:
+    stretch: Values = {"frequency_hz": 1.0, "above_housing": 0.0}
     sag_m = G / (2 * np.pi) ** 2
     hanging = predicted(RIG, {"rope_stretch": stretch}, (*START, 0.0, 0.0), TIME_S)
     known = predicted(RIG, {"rope_stretch": {**stretch, "sag_unknown": 0.0}}, (*START, 0.0, 0.0), TIME_S)
@@ -296,7 +298,7 @@ def test_a_rope_that_stretches_below_the_housing_hangs_lower_there_alone() -> No
     assert known == pytest.approx(plain(), abs=5e-3)
 
 
-def test_a_machine_may_shake_on_an_ellipse() -> None:
+def test_vibration_follows_an_ellipse() -> None:
     line: Values = {
         "frequency_hz": 3.0,
         "amplitude_g": (0.01, 0.02, 0.0),

@@ -1,16 +1,17 @@
-"""The twin against MuJoCo, a rigid-body engine that shares nothing with it."""
+"""The twin against MuJoCo, an independent rigid-body engine."""
+
+from typing import Any
 
 import mujoco
 import numpy as np
 import pytest
-from mujoco import MjData, MjModel
-from numpy.typing import NDArray
 
 from gateway.twin.model import TwinRig
-from tests.gateway.twin.swings import G, predicted
+from tests.gateway.twin.swings import Array, G, predicted
 
 STEP_S = 0.002
 EVERY = 25
+"""Steps from one sample to the next."""
 LENGTH_M, POSITION_M = 9.0, 4.0
 ONE = """<mujoco><option timestep="{step}" gravity="0 0 -{g}" integrator="RK4"><flag contact="disable"/></option><worldbody>
 <body><joint type="ball"/><site name="housing" pos="0 0 -{r}"/>
@@ -19,18 +20,18 @@ ONE = """<mujoco><option timestep="{step}" gravity="0 0 -{g}" integrator="RK4"><
 BELOW = """<body pos="0 0 -{upper}"><joint type="ball"/><geom type="sphere" size=".001" pos="0 0 -{lower}" mass="1"/></body>"""
 
 
-def engine(below: str = "", upper: float = LENGTH_M, hook: float = 1.0) -> tuple[MjModel, MjData]:
+def engine(below: str = "", upper: float = LENGTH_M, hook: float = 1.0) -> tuple[Any, Any]:
     text = ONE.format(step=STEP_S, g=G, r=POSITION_M, upper=upper, hook=hook, below=below)
     model = mujoco.MjModel.from_xml_string(text)
     return model, mujoco.MjData(model)
 
 
 def tilted(angle_rad: float) -> list[float]:
-    """About y, so that what hangs down leans toward world x."""
+    """Return the quaternion of a rotation about y, which tilts a rope toward the world's x."""
     return [np.cos(angle_rad / 2), 0.0, -np.sin(angle_rad / 2), 0.0]
 
 
-def recorded(model: MjModel, data: MjData, seconds: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def recorded(model: Any, data: Any, seconds: float) -> tuple[Array, Array]:
     mujoco.mj_forward(model, data)
     readings = []
     for step in range(round(seconds / STEP_S)):
@@ -38,10 +39,11 @@ def recorded(model: MjModel, data: MjData, seconds: float) -> tuple[NDArray[np.f
             mujoco.mj_forward(model, data)
             readings.append(data.sensordata.copy() / G)
         mujoco.mj_step(model, data)
-    return np.asarray(np.arange(len(readings)) * STEP_S * EVERY, dtype=float), np.array(readings)
+    time_s = np.arange(len(readings), dtype=np.float64) * STEP_S * EVERY
+    return time_s, np.array(readings)
 
 
-def test_spherical_pendulum() -> None:
+def test_spherical_pendulum_agrees_with_mujoco() -> None:
     model, data = engine()
     tilt, across = 0.15, 0.06
     data.qpos[:4] = tilted(tilt)
@@ -53,7 +55,7 @@ def test_spherical_pendulum() -> None:
     assert found == pytest.approx(reading, abs=2e-5)  # the axes, too: a ball joint keeps what parallel transport keeps
 
 
-def test_double_pendulum() -> None:
+def test_double_pendulum_agrees_with_mujoco() -> None:
     upper, lower, ratio = 7.0, 2.0, 0.15
     model, data = engine(BELOW.format(upper=upper, lower=lower), upper, ratio)
     data.qpos[:4], data.qpos[4:8] = tilted(0.08), tilted(0.05)

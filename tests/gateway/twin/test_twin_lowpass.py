@@ -1,23 +1,24 @@
 """The one-pole low-pass: settled at the first sample, also with vibration in the reading."""
 
-from typing import Any
-
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from gateway.twin.simulator.first_order_lowpass import first_order_lowpass, lowpass_sensitivity
+from tests.gateway.twin.swings import Array
 
 TIME_S = np.arange(0.0, 20.0, 0.02)
 SWING_HZ, MACHINE_HZ = 0.16, 12.0
+Line = tuple[float, float, float]
+"""Amplitude, frequency and phase of a sine."""
 
 
-def sines(*lines: Any) -> NDArray[np.float64]:
-    return np.asarray(np.sum([a * np.sin(2 * np.pi * hz * TIME_S + phase) for a, hz, phase in lines], axis=0))[:, None]
+def sines(*lines: Line) -> Array:
+    total: Array = np.sum([a * np.sin(2 * np.pi * hz * TIME_S + phase) for a, hz, phase in lines], axis=0)[:, None]
+    return total
 
 
-def settled(cutoff_hz: float, *lines: Any) -> NDArray[np.float64]:
-    """The exact response after all transients."""
+def settled(cutoff_hz: float, *lines: Line) -> Array:
+    """Return the exact response after all transients."""
     gain = [(a, hz, phase, 1 / (1 + 1j * hz / cutoff_hz)) for a, hz, phase in lines]
     return sines(*((a * abs(g), hz, phase + np.angle(g)) for a, hz, phase, g in gain))
 

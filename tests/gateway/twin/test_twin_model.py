@@ -1,4 +1,4 @@
-"""Models as data: read, refused with the place and the mend, written back."""
+"""Models as data: read, refused with the place and the correction, written back."""
 
 import tomllib
 from pathlib import Path
@@ -30,7 +30,7 @@ def rig_of(tmp_path: Path, model: str = "") -> Rig:
     return read_rig(path)
 
 
-def test_effects_of_a_rig_act_and_are_written_as_they_were_read(tmp_path: Path) -> None:
+def test_effects_of_a_rig_are_written_as_they_were_read(tmp_path: Path) -> None:
     text = "[model.viscous_damping]\ndamping_ratio = 0.004\n[model.steady_wind]\naccel_m_s2 = [0.1, -0.2]\n"
     model = model_of(rig_of(tmp_path, text))
     assert model.rig.noise_g == (0.0005, 0.0005, 0.0005)
@@ -38,7 +38,7 @@ def test_effects_of_a_rig_act_and_are_written_as_they_were_read(tmp_path: Path) 
     assert tomllib.loads(tomli_w.dumps({"model": as_tables(model.effects)})) == tomllib.loads(text)
 
 
-def test_a_housing_given_above_the_load_is_found_from_the_pivot(tmp_path: Path) -> None:
+def test_housing_above_the_load_gets_its_distance_from_the_pivot(tmp_path: Path) -> None:
     path = tmp_path / "rig.toml"
     path.write_text("[rope]\nlength_m = 12\n[housing]\nabove_load_m = 3\n")
     assert model_of(read_rig(path)).rig.position_m == 9.0
@@ -57,12 +57,12 @@ def test_a_housing_given_above_the_load_is_found_from_the_pivot(tmp_path: Path) 
         ({"steady_wind": {"accel_m_s2": 0.1}}, r"accel_m_s2 = 0.1 should be \[x, y\]"),
     ],
 )
-def test_a_wrong_model_is_refused_with_the_mend(tables: dict[str, Any], text: str) -> None:
+def test_wrong_model_is_refused_with_the_correction(tables: dict[str, dict[str, Any]], text: str) -> None:
     with pytest.raises(InputError, match=text):
         validate_effects(tables, "rig")
 
 
-def test_effects_from_the_command_line() -> None:
+def test_effects_of_the_command_line_take_typical_values() -> None:
     found = parse_effect_assignments({}, ["viscous_damping", "wind_gust:accel_m_s2=0.3,-0.1:start_s=40"])
     assert found["viscous_damping"] == {"damping_ratio": 5e-3}
     assert found["wind_gust"] == {"accel_m_s2": (0.3, -0.1), "start_s": 40.0, "duration_s": 5.0, "rising_share": 1.0}
@@ -71,7 +71,7 @@ def test_effects_from_the_command_line() -> None:
             parse_effect_assignments({}, [wrong])
 
 
-def test_values_and_effects_are_two_ways_to_write_the_same() -> None:
+def test_parameter_vector_and_effects_convert_into_each_other() -> None:
     effects: EffectValues = {
         "axis_offset": {"offset_g": (0.01, 0.02, 0.03)},
         "impact": {"delta_v_m_s": (0.1, 0.2), "start_s": 7.0},

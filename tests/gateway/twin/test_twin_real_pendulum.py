@@ -45,9 +45,7 @@ def test_recording_reaches_beyond_a_right_angle(swings: tuple[Swing, Swing]) -> 
 
 
 @pytest.mark.parametrize("heading_rad", [0.0, np.pi / 4, 1.2])
-def test_adapter_keeps_the_angle_whatever_way_the_housing_is_turned(
-    swings: tuple[Swing, Swing], heading_rad: float
-) -> None:
+def test_adapter_keeps_the_angle_for_every_heading(swings: tuple[Swing, Swing], heading_rad: float) -> None:
     log, _ = swings
     rows = np.loadtxt(log.csv(heading_rad).splitlines(), delimiter=",", skiprows=1)
     assert angle_of(rows[:, 1:4]) == pytest.approx(log.angle_rad, abs=1e-6)
@@ -56,14 +54,14 @@ def test_adapter_keeps_the_angle_whatever_way_the_housing_is_turned(
 
 
 @pytest.mark.slow
-def test_quadratic_and_coulomb_reach_the_figure_on_held_out_data(
+def test_quadratic_and_coulomb_damping_predict_the_held_out_swing(
     swings: tuple[Swing, Swing], fitted: dict[str, FittedArm]
 ) -> None:
     assert fitted["dry"].held_out_mrad(swings[1], 3.0) <= 2.1
 
 
 @pytest.mark.slow
-def test_viscous_alone_is_not_enough_and_quadratic_beside_it_makes_held_out_worse(
+def test_quadratic_drag_added_to_viscous_damping_makes_the_held_out_error_larger(
     swings: tuple[Swing, Swing], fitted: dict[str, FittedArm]
 ) -> None:
     viscous, both, dry = (fitted[key].held_out_mrad(swings[1], 3.0) for key in ("viscous", "with quadratic", "dry"))
@@ -73,19 +71,17 @@ def test_viscous_alone_is_not_enough_and_quadratic_beside_it_makes_held_out_wors
 
 
 @pytest.mark.slow
-def test_viscous_beside_the_right_pair_is_dropped_to_its_bound(swings: tuple[Swing, Swing]) -> None:
+def test_viscous_damping_vanishes_beside_quadratic_and_coulomb_damping(swings: tuple[Swing, Swing]) -> None:
     log = swings[0]
     arm = fit_arm(rig_of(log), log, ["viscous_damping", "quadratic_drag", "coulomb_friction"])
-    found = {slot.effect: value for slot, value in zip(arm.simulator.effect_parameters, arm.effects, strict=True)}
+    found = {spec.effect: value for spec, value in zip(arm.simulator.effect_parameters, arm.effects, strict=True)}
     assert found["viscous_damping"] < 1e-4
     assert found["coulomb_friction"] == pytest.approx(0.0233, rel=0.03)
     assert found["quadratic_drag"] == pytest.approx(2.8e-4, rel=0.03)
 
 
 @pytest.mark.slow
-def test_a_remainder_is_left_that_no_damping_explains(
-    swings: tuple[Swing, Swing], fitted: dict[str, FittedArm]
-) -> None:
+def test_no_damping_explains_the_whole_residual(swings: tuple[Swing, Swing], fitted: dict[str, FittedArm]) -> None:
     noise_mrad = 0.1
     assert fitted["dry"].held_out_mrad(swings[1], 18.4) > 50 * noise_mrad
     lengths_mm = [length_mm for _, _, length_mm in periods(*swings)]
@@ -98,7 +94,7 @@ def test_error_is_that_of_the_angle(swings: tuple[Swing, Swing]) -> None:
     assert error_mrad(log, shifted.observations().force_g) == pytest.approx(2.0, rel=1e-6)
 
 
-def test_files_for_the_command_are_fit_for_it(swings: tuple[Swing, Swing], tmp_path: Path) -> None:
+def test_files_for_the_command_pass_its_checks(swings: tuple[Swing, Swing], tmp_path: Path) -> None:
     write(tmp_path, *swings)
     rig = read_rig(tmp_path / "rig.toml")
     for name in ("log.csv", "held_out.csv"):
@@ -107,7 +103,7 @@ def test_files_for_the_command_are_fit_for_it(swings: tuple[Swing, Swing], tmp_p
         assert loaded.observations is not None
 
 
-def test_phone_at_rest_is_no_pendulum() -> None:
+def test_phone_at_rest_is_refused() -> None:
     rows = np.loadtxt(DATA / "phone_at_rest.txt")
     force_g = rows[:, 1:4] / G_M_S2
     spread_g = force_g.std(axis=0)

@@ -6,7 +6,7 @@ import pytest
 from tests.benchmarks.real_phone import BEGINNING_S, fall, left_g, read
 
 
-def test_a_fall_shows_the_offset_that_hides_at_rest() -> None:
+def test_fall_shows_the_offset() -> None:
     since_s, force_g = fall()
     offset_g = force_g[since_s < BEGINNING_S].mean(axis=0)
     rest_g = read("phone_at_rest.txt")[:, 1:].mean(axis=0)

@@ -1,4 +1,4 @@
-"""Simulated recordings: what goes in can be read back by the gateway's own tools."""
+"""Simulated recordings, read back by the gateway's own tools."""
 
 import json
 import tomllib
@@ -11,9 +11,8 @@ from devices.table import read_table
 from gateway.cli.main import main
 from gateway.measurement.source import read_source
 from gateway.recording.run import read_samples
-from gateway.twin.model import Model, TwinRig
+from gateway.twin.model import EffectValues, Model, TwinRig
 from gateway.twin.simulation import Simulated, simulate
-from tests.values import present
 
 RIG = """[rope]
 length_m = 9.0
@@ -32,9 +31,7 @@ def rig(tmp_path: Path) -> Path:
     return path
 
 
-def test_the_swing_that_was_asked_for_is_measured(
-    rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_simulated_swing_is_measured(rig: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     log, result = tmp_path / "log.csv", tmp_path / "result.json"
     start = ["tilt_x_deg=4", "tilt_y_deg=0", "rate_x_deg_s=0", "rate_y_deg_s=0"]
     assert main(["simulate", str(rig), "--out", str(log), "--initial", *start]) == 0
@@ -44,18 +41,21 @@ def test_the_swing_that_was_asked_for_is_measured(
     assert abs(swing["phi_max_deg"] - 4.0) < 4 * swing["u_deg"] < 0.1
 
 
-def test_mcap_is_complete_and_says_the_same_as_the_csv(rig: Path, tmp_path: Path) -> None:
+def test_mcap_is_complete_and_has_the_samples_of_the_csv(rig: Path, tmp_path: Path) -> None:
     for name in ("log.csv", "log.mcap"):
         assert main(["simulate", str(rig), "--out", str(tmp_path / name), "--duration", "40", "--seed", "3"]) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "log.mcap", "rig.toml"]
     run = read_samples(tmp_path / "log.mcap")
     assert run.recording().raw == pytest.approx(read_table(tmp_path / "log.csv").raw, abs=1e-7)
     assert run.device.kind == "simulated"
-    assert tomllib.loads(present(run.configuration_toml))["rope"]["length_m"] == 9.0
-    assert present(read_source(tmp_path / "log.mcap").housing).position_m == 6.0
+    assert run.configuration_toml is not None
+    assert tomllib.loads(run.configuration_toml)["rope"]["length_m"] == 9.0
+    housing = read_source(tmp_path / "log.mcap").housing
+    assert housing is not None
+    assert housing.position_m == 6.0
 
 
-def test_same_seed_same_recording(rig: Path, tmp_path: Path) -> None:
+def test_same_seed_gives_the_same_recording(rig: Path, tmp_path: Path) -> None:
     texts = []
     for name, seed in (("a.csv", "5"), ("b.csv", "5"), ("c.csv", "6")):
         main(["simulate", str(rig), "--out", str(tmp_path / name), "--duration", "5", "--seed", seed])
@@ -100,17 +100,17 @@ def test_bad_input_is_one_line(
     assert [path.name for path in tmp_path.iterdir()] == ["rig.toml"]
 
 
-def believed(noise_g: float = 4e-4) -> TwinRig:
+def nominal(noise_g: float = 4e-4) -> TwinRig:
     return TwinRig(9.0, 6.0, noise_g=(noise_g,) * 3, sample_rate_hz=50.0)
 
 
-def simulated(effects: dict[str, dict[str, float]], duration_s: float = 60.0, noise_g: float = 4e-4) -> Simulated:
-    return simulate(Model(believed(noise_g), effects), duration_s, 1, {})
+def simulated(effects: EffectValues, duration_s: float = 60.0, noise_g: float = 4e-4) -> Simulated:
+    return simulate(Model(nominal(noise_g), effects), duration_s, 1, {})
 
 
-def test_the_noise_is_what_the_rig_says() -> None:
+def test_noise_is_that_of_the_rig() -> None:
     hanging = simulate(
-        Model(believed(1e-3), {}),
+        Model(nominal(1e-3), {}),
         60.0,
         1,
         dict.fromkeys(["tilt_x_rad", "tilt_y_rad", "rate_x_rad_s", "rate_y_rad_s"], 0.0),
@@ -119,7 +119,7 @@ def test_the_noise_is_what_the_rig_says() -> None:
     assert hanging.force_g.mean(axis=0) == pytest.approx([0, 0, 1], abs=1e-4)
 
 
-def test_coarse_steps_small_range_and_lost_samples_come_behind_the_noise() -> None:
+def test_quantisation_clipping_and_sample_loss_act_after_the_noise() -> None:
     steps = simulated({"quantization": {"lsb_g": 4e-3}}).force_g / 4e-3
     assert np.abs(steps - np.rint(steps)).max() < 1e-9
     assert simulated({"clipping": {"full_scale_g": 1.0}}).force_g.max() == 1.0
@@ -128,7 +128,7 @@ def test_coarse_steps_small_range_and_lost_samples_come_behind_the_noise() -> No
     assert np.diff(lossy.time_s) == pytest.approx(0.02)
 
 
-def test_a_structure_starts_with_all_its_motions() -> None:
+def test_initial_state_excites_all_modes_of_a_structure() -> None:
     bouncing = simulated({"rope_stretch": {"frequency_hz": 2.0, "damping_ratio": 0.001}}, noise_g=2e-4).force_g[:, 2]
     spectrum = np.abs(np.fft.rfft(bouncing - bouncing.mean()))
     assert np.argmax(spectrum) * 50 / len(bouncing) == pytest.approx(2.0, abs=0.02)
@@ -136,7 +136,7 @@ def test_a_structure_starts_with_all_its_motions() -> None:
     assert np.ptp(simulated({"double_pendulum": hook}).force_g[:, 0]) > 0.02
 
 
-def test_a_missing_library_is_named_with_the_mend(
+def test_missing_library_is_named_with_the_correction(
     rig: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None if name == "casadi" else object())

@@ -1,20 +1,19 @@
 """The sensitivities against central differences, for every effect."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
-from gateway.twin.effects import EFFECTS
-from gateway.twin.effects.parameter import Value
+from gateway.twin.effects import EFFECTS, Value
+from gateway.twin.model import EffectValues
 from gateway.twin.simulator.simulator import Simulator
-from tests.gateway.twin.swings import RIG
+from tests.gateway.twin.swings import RIG, Array
 
 TIME_S = np.arange(0, 30, 0.1)
 TEMPERATURE_C = 22 + 15 * (1 - np.exp(-TIME_S / 20))
 START = (0.1, -0.04, 0.01, 0.02, 0.3)
-MORE: dict[str, tuple[float, ...]] = {"double_pendulum": (0.12, -0.05, 0.01, 0.03), "rope_stretch": (0.004, 0.01)}
+MORE = {"double_pendulum": (0.12, -0.05, 0.01, 0.03), "rope_stretch": (0.004, 0.01)}
 EVENTS_S = {
     "wind_gust": 12.013,
     "impact": 15.027,
@@ -23,7 +22,7 @@ EVENTS_S = {
     "load_change": 17.023,
 }
 NOT_PREDICTED = ("quantization",)
-REACHED: dict[str, dict[str, Value]] = {
+REACHED: EffectValues = {
     "clipping": {"full_scale_g": 1.0},
     "wind_gust": {"rising_share": 0.6},
     "lowpass_lag": {"began_g": (0.01, -0.02, 0.005)},
@@ -31,53 +30,54 @@ REACHED: dict[str, dict[str, Value]] = {
 
 
 def typical(name: str) -> dict[str, Value]:
-    values = {p.name: p.typical for p in EFFECTS[name].parameters} | REACHED.get(name, {})
+    values: dict[str, Value] = {p.name: p.typical for p in EFFECTS[name].parameters}
+    values |= REACHED.get(name, {})
     return {**values, "start_s": EVENTS_S[name]} if name in EVENTS_S else values
 
 
-def case(names: list[str]) -> tuple[Simulator, NDArray[np.float64]]:
+def case(names: Sequence[str]) -> tuple[Simulator, Array]:
     simulator = Simulator(RIG, names)
     start = [*START, *(each for name in MORE if name in names for each in MORE[name])]
     return simulator, simulator.values(start, {name: typical(name) for name in names})
 
 
-def disagreements(names: list[str]) -> Iterator[tuple[str, float]]:
-    """Of central differences and sensitivities, as a share of the largest; samples that an edge passes are left out."""
+def disagreements(names: Sequence[str]) -> Iterator[tuple[str, float]]:
+    """Yield the error of each sensitivity over its largest value, without samples that a discontinuity passes."""
     simulator, values = case(names)
     jacobian = simulator.linearise(values, TIME_S, TEMPERATURE_C).jacobian
-    for i, slot in enumerate(simulator.parameters):
-        step = 1e-3 * slot.scale * (np.arange(len(values)) == i)
+    for i, spec in enumerate(simulator.parameters):
+        step = 1e-3 * spec.scale * (np.arange(len(values)) == i)
         above, below = (simulator.predict(values + each, TIME_S, TEMPERATURE_C) for each in (step, -step))
         off = np.abs((above - below) / (2 * step[i]) - jacobian[:, :, i])
-        yield slot.label, np.sort(off.max(axis=1))[-3] / np.abs(jacobian[:, :, i]).max()
+        yield spec.label, np.sort(off.max(axis=1))[-3] / np.abs(jacobian[:, :, i]).max()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in EFFECTS if name not in NOT_PREDICTED])
-def test_every_parameter_of_an_effect(name: str) -> None:
+def test_sensitivities_of_an_effect_equal_difference_quotients(name: str) -> None:
     assert {label: off for label, off in disagreements([name]) if not off < 3e-5} == {}
 
 
 @pytest.mark.slow
-def test_effects_together() -> None:
+def test_sensitivities_of_all_effects_together_equal_difference_quotients() -> None:
     names = [name for name in EFFECTS if name not in {*NOT_PREDICTED, *MORE, "clipping"}]
     assert {label: off for label, off in disagreements(names) if not off < 2e-4} == {}
 
 
-def test_what_is_not_there_has_sensitivities_all_the_same() -> None:
+def test_absent_effects_have_sensitivities() -> None:
     """The score test needs them where nothing acts."""
     names = [name for name, effect in EFFECTS.items() if effect.linear_at_neutral]
     simulator = Simulator(RIG, names)
     values = simulator.values(START, {name: {"start_s": start_s} for name, start_s in EVENTS_S.items()})
     jacobian = simulator.linearise(values, TIME_S, TEMPERATURE_C).jacobian
     when = ("start_s", "duration_s", "coast_s", "rising_share")
-    seen = {slot.label for slot, by in zip(simulator.parameters, jacobian.T, strict=True) if np.abs(by).max() > 1e-6}
-    assert seen >= {slot.label for slot in simulator.effect_parameters if slot.parameter not in when}
+    seen = {spec.label for spec, by in zip(simulator.parameters, jacobian.T, strict=True) if np.abs(by).max() > 1e-6}
+    assert seen >= {spec.label for spec in simulator.effect_parameters if spec.parameter not in when}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["impact", "double_pendulum", "rope_stretch", "clock_drift", "hoisting"])
-def test_segments_that_follow_on_are_one_flight(name: str) -> None:
+def test_consecutive_segments_equal_one_trajectory(name: str) -> None:
     simulator, values = case([name])
     firsts, n = [0, 75, 210], simulator.n_initial_states
     whole = simulator.linearise(values, TIME_S)
@@ -86,7 +86,7 @@ def test_segments_that_follow_on_are_one_flight(name: str) -> None:
         starts[i] = simulator.linearise_segments(starts, values[n:], TIME_S, firsts).ends[i - 1]
     found = simulator.linearise_segments(starts, values[n:], TIME_S, firsts)
     assert found.force_g == pytest.approx(whole.force_g, abs=2e-6)
-    # the chain rule over the joints gives the sensitivities of the one flight
+    # the chain rule across the segments gives the sensitivities of the one trajectory
     by_start, by_effects = np.eye(n), np.zeros((n, len(values) - n))
     for i, first in enumerate(firsts):
         part = slice(first, (*firsts, len(TIME_S))[i + 1])

@@ -54,6 +54,11 @@ def test_effects_that_an_ordinary_recording_separates_are_in_no_group() -> None:
     assert named.isdisjoint({"thermal_drift", "housing_position", "vibration", "wind_gust"})
 
 
+@pytest.mark.parametrize("other", ["rope_length", "clock_drift"])
+def test_position_of_the_housing_is_separated_from_errors_of_the_period(other: str) -> None:
+    assert separation(f"{other},housing_position", FREE_SWING).is_distinguishable
+
+
 def test_wind_and_offset_have_one_signature_in_a_free_swing_and_two_with_a_turning_housing() -> None:
     assert separation("steady_wind,axis_offset[x+y]", FREE_SWING).cosine > 0.9995
     assert separation("steady_wind,axis_offset[x+y]", TURNING).cosine < 0.06
@@ -84,6 +89,7 @@ def test_losses_have_similar_signatures_and_are_separated(whole: tuple[Plan, lis
 @pytest.mark.slow
 def test_wind_is_separated_by_turning_the_housing(whole: tuple[Plan, list[str]]) -> None:
     found = plan_of(whole, LATERAL)
+    assert found.is_distinguishable
     assert found.experiment is not None
     assert found.experiment.inputs(RIG) == {"housing_spin"}
     wind = [pair for pair in found.pairs if pair.first == Hypothesis("steady_wind")]
