@@ -17,7 +17,7 @@ from tests.devices.adxl355_rig import POWER_CTL, RANGE, STATUS, Rig, telling_tim
 # Opening
 
 
-def test_opening_identifies_resets_configures_in_standby_reads_back_and_starts(rig: Callable[..., Rig]) -> None:
+def test_open_identifies_resets_configures_reads_back_and_starts_the_part(rig: Callable[..., Rig]) -> None:
     made = rig(odr_hz=1000.0, range_g=4, block_samples=16)
     made.open()
     exchange = [
@@ -44,9 +44,7 @@ def test_every_rate_has_its_code(rig: Callable[..., Rig], odr_hz: float, code: i
 
 
 @pytest.mark.parametrize(("range_g", "code", "units_per_g"), [(2, 0x81, 256000), (4, 0x82, 128000), (8, 0x83, 64000)])
-def test_ranges_and_what_is_known_of_the_part(
-    rig: Callable[..., Rig], range_g: int, code: int, units_per_g: int
-) -> None:
+def test_device_info_follows_the_range(rig: Callable[..., Rig], range_g: int, code: int, units_per_g: int) -> None:
     made = rig(range_g=range_g, revision=0x07)
     info = made.open()
     assert made.chip.registers[RANGE] == code
@@ -60,11 +58,11 @@ def test_ranges_and_what_is_known_of_the_part(
     assert np.concatenate([block.raw for block in made.blocks]).tolist() == [[0, 0, units_per_g]] * made.samples
 
 
-def test_a_label_is_the_identity_where_there_is_one(rig: Callable[..., Rig]) -> None:
+def test_a_label_is_the_identity_of_the_device(rig: Callable[..., Rig]) -> None:
     assert rig(serial="hoist-2").open().device_id == "adxl355-hoist-2"
 
 
-def test_noise_is_between_that_of_a_brick_wall_and_a_single_pole() -> None:
+def test_noise_is_between_that_of_an_ideal_and_a_first_order_filter() -> None:
     assert noise_g(4000) == pytest.approx(22.5e-6 * math.sqrt(1000 * math.pi / 2))
 
 
@@ -76,7 +74,9 @@ def test_noise_is_between_that_of_a_brick_wall_and_a_single_pole() -> None:
         ({"block_samples": 0}, "1 to 16"),
     ],
 )
-def test_what_the_part_does_not_have_is_refused(rig: Callable[..., Rig], arguments: dict[str, Any], words: str) -> None:
+def test_rates_and_ranges_that_the_part_does_not_have_are_refused(
+    rig: Callable[..., Rig], arguments: dict[str, Any], words: str
+) -> None:
     with pytest.raises(ValueError, match=words):
         rig(**arguments)
 
@@ -89,20 +89,20 @@ def test_another_part_at_the_address_is_named(rig: Callable[..., Rig]) -> None:
     assert made.chip.closed
 
 
-def test_nothing_at_the_address(rig: Callable[..., Rig]) -> None:
+def test_an_address_without_a_part_is_reported(rig: Callable[..., Rig]) -> None:
     made = rig(address=0x53)
     with pytest.raises(TransferError, match="address 0x1d: no acknowledge; check wiring, supply and address"):
         made.open()
 
 
 @pytest.mark.parametrize("refuses", [False, True])
-def test_a_part_that_takes_long_to_reset_is_waited_for(rig: Callable[..., Rig], refuses: bool) -> None:
+def test_open_waits_for_a_slow_reset(rig: Callable[..., Rig], refuses: bool) -> None:
     made = rig(busy_s=0.1, refuses_while_busy=refuses)
     made.open()
     assert made.read_s(1)
 
 
-def test_a_part_that_never_comes_out_of_reset_is_given_up(rig: Callable[..., Rig]) -> None:
+def test_open_fails_if_the_reset_does_not_end(rig: Callable[..., Rig]) -> None:
     made = rig(busy_s=10)
     with pytest.raises(TransferError, match=r"still busy 0\.2 s after reset; power-cycle"):
         made.open()
@@ -119,7 +119,7 @@ def test_a_register_that_ignores_its_write_is_named(rig: Callable[..., Rig], reg
         made.open()
 
 
-def test_a_few_transfers_that_fail_while_opening_are_survived(rig: Callable[..., Rig]) -> None:
+def test_open_tolerates_a_few_failed_transfers(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.chip.fail(errno.EREMOTEIO, 2)
     made.open()
@@ -132,7 +132,7 @@ def test_a_few_transfers_that_fail_while_opening_are_survived(rig: Callable[...,
 @pytest.mark.parametrize(
     ("odr_hz", "block_samples", "seconds"), [(125.0, 7, 60), (1000.0, 32, 20), (4000.0, 32, 5), (3.90625, 8, 60)]
 )
-def test_every_sample_comes_once_and_in_order(
+def test_every_sample_is_read_once_and_in_order(
     rig: Callable[..., Rig], odr_hz: float, block_samples: int, seconds: int
 ) -> None:
     made = rig(odr_hz=odr_hz, block_samples=block_samples, rate_error=0.03, signal=telling_time)
@@ -150,7 +150,7 @@ def test_every_sample_comes_once_and_in_order(
 @pytest.mark.slow
 @settings(max_examples=6, deadline=None)
 @given(rate_error=st.floats(-0.05, 0.05), oversleep_s=st.sampled_from([0.0001, 0.002, 0.02]))
-def test_times_are_right_whatever_the_part_and_the_host_do(rate_error: float, oversleep_s: float) -> None:
+def test_sample_times_are_accurate_for_any_rate_error_and_host_delay(rate_error: float, oversleep_s: float) -> None:
     made = Rig(rate_error=rate_error, oversleep_s=oversleep_s, block_samples=7, signal=telling_time)
     made.open()
     made.read_s(180)
@@ -179,7 +179,7 @@ def test_a_read_never_waits_much_longer_than_half_a_second(rig: Callable[..., Ri
     assert max(waits) < 0.51
 
 
-def test_temperature_comes_with_the_blocks(rig: Callable[..., Rig]) -> None:
+def test_blocks_contain_the_temperature(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.chip.temperature_raw = 1885 - 181
     made.open()
@@ -196,7 +196,7 @@ def test_temperature_that_changes_while_it_is_read_is_read_again(rig: Callable[.
     assert made.blocks[0].temperature_c == temperature_c(0x6FF)
 
 
-def test_temperature_that_never_stands_is_not_given(rig: Callable[..., Rig]) -> None:
+def test_a_temperature_that_never_settles_is_omitted(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.chip.temperature_steps = [raw << 8 for raw in range(1, 13)]
     made.open()
@@ -205,7 +205,7 @@ def test_temperature_that_never_stands_is_not_given(rig: Callable[..., Rig]) -> 
     assert made.device.faults["unstable_temperature"] == 1
 
 
-def test_open_again_after_close(rig: Callable[..., Rig]) -> None:
+def test_a_closed_device_can_be_opened_again(rig: Callable[..., Rig]) -> None:
     made = rig(signal=telling_time)
     made.open()
     made.read_s(5)

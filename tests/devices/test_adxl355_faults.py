@@ -11,7 +11,7 @@ from devices.errors import ConfigurationReadBackError, TransferError
 from tests.devices.adxl355_rig import FIFO_DATA, LEVEL, POWER_CTL, RANGE, STATUS, Rig, telling_time
 
 
-def test_overrun_is_counted_and_its_length_told_by_time(rig: Callable[..., Rig]) -> None:
+def test_an_overrun_is_counted_and_its_length_follows_from_the_times(rig: Callable[..., Rig]) -> None:
     made = rig(signal=telling_time, rate_error=0.05)
     made.open()
     made.read_s(20)
@@ -25,7 +25,7 @@ def test_overrun_is_counted_and_its_length_told_by_time(rig: Callable[..., Rig])
 
 
 @pytest.mark.parametrize("entries", [1, 2])
-def test_entries_that_vanish_cost_one_sample(rig: Callable[..., Rig], entries: int) -> None:
+def test_missing_entries_lose_one_sample(rig: Callable[..., Rig], entries: int) -> None:
     made = rig(signal=telling_time, rate_error=-0.05)
     made.open()
     made.read_s(20)
@@ -38,7 +38,7 @@ def test_entries_that_vanish_cost_one_sample(rig: Callable[..., Rig], entries: i
     assert np.abs(made.error_ms()[made.made_at_s() > 10]).max() < 1  # none is mixed of two
 
 
-def test_a_level_that_promises_too_much_yields_no_invented_samples(rig: Callable[..., Rig]) -> None:
+def test_a_level_that_is_too_high_yields_no_invented_samples(rig: Callable[..., Rig]) -> None:
     made = rig(signal=telling_time)
     made.open()
     made.read_s(5)
@@ -48,7 +48,7 @@ def test_a_level_that_promises_too_much_yields_no_invented_samples(rig: Callable
     assert made.lost == 0
 
 
-def test_refused_transfers_cost_nothing(rig: Callable[..., Rig]) -> None:
+def test_repeated_transfers_lose_no_sample(rig: Callable[..., Rig]) -> None:
     made = rig(signal=telling_time)
     made.open()
     made.read_s(5)
@@ -62,7 +62,7 @@ def test_refused_transfers_cost_nothing(rig: Callable[..., Rig]) -> None:
 
 
 @pytest.mark.parametrize("popped", [0, 4, 21])
-def test_a_burst_that_breaks_off_loses_what_it_took(rig: Callable[..., Rig], popped: int) -> None:
+def test_an_interrupted_burst_loses_the_entries_that_it_removed(rig: Callable[..., Rig], popped: int) -> None:
     made = rig(signal=telling_time)
     made.open()
     made.read_s(5)
@@ -73,7 +73,7 @@ def test_a_burst_that_breaks_off_loses_what_it_took(rig: Callable[..., Rig], pop
     assert np.all(np.diff(made.time_ns) > 0)
 
 
-def test_bursts_that_break_off_now_and_then_are_survived(rig: Callable[..., Rig]) -> None:
+def test_occasional_interrupted_bursts_are_tolerated(rig: Callable[..., Rig]) -> None:
     made = rig(signal=telling_time)
     made.open()
     made.read_s(2)
@@ -87,7 +87,7 @@ def test_bursts_that_break_off_now_and_then_are_survived(rig: Callable[..., Rig]
 @pytest.mark.parametrize(
     ("number", "register"), [(errno.EREMOTEIO, None), (errno.ETIMEDOUT, None), (errno.EIO, FIFO_DATA)]
 )
-def test_transfers_that_keep_failing_are_given_up_in_bounded_time(
+def test_persistent_transfer_errors_are_raised_in_bounded_time(
     rig: Callable[..., Rig], number: int, register: int | None
 ) -> None:
     made = rig()
@@ -100,7 +100,7 @@ def test_transfers_that_keep_failing_are_given_up_in_bounded_time(
     assert made.clock.elapsed_s - start_s < 2
 
 
-def test_a_brown_out_is_noticed_within_two_seconds(rig: Callable[..., Rig]) -> None:
+def test_a_brown_out_is_detected_within_two_seconds(rig: Callable[..., Rig]) -> None:
     made = rig(range_g=4)
     made.open()
     made.read_s(3)
@@ -116,7 +116,7 @@ def test_a_brown_out_is_noticed_within_two_seconds(rig: Callable[..., Rig]) -> N
     assert made.read_s(1)
 
 
-def test_a_range_that_changed_by_itself_is_noticed(rig: Callable[..., Rig]) -> None:
+def test_a_changed_range_is_detected(rig: Callable[..., Rig]) -> None:
     made = rig(range_g=8)
     made.open()
     made.read_s(3)
@@ -125,7 +125,7 @@ def test_a_range_that_changed_by_itself_is_noticed(rig: Callable[..., Rig]) -> N
         made.read_s(2)
 
 
-def test_a_bus_stuck_high_is_no_data(rig: Callable[..., Rig]) -> None:
+def test_a_bus_stuck_high_gives_no_data(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.open()
     made.read_s(1)
@@ -136,7 +136,7 @@ def test_a_bus_stuck_high_is_no_data(rig: Callable[..., Rig]) -> None:
     assert made.samples == samples
 
 
-def test_a_part_that_makes_no_samples_is_given_up_after_two_seconds(rig: Callable[..., Rig]) -> None:
+def test_a_part_without_samples_is_reported_after_two_seconds(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.open()
     made.read_s(1)
@@ -147,7 +147,7 @@ def test_a_part_that_makes_no_samples_is_given_up_after_two_seconds(rig: Callabl
     assert 2 < made.clock.elapsed_s - start_s < 3
 
 
-def test_nothing_new_is_none_and_takes_half_a_second(rig: Callable[..., Rig]) -> None:
+def test_read_returns_none_after_half_a_second_without_samples(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.open()
     made.read_s(1)
@@ -163,7 +163,7 @@ def test_nothing_new_is_none_and_takes_half_a_second(rig: Callable[..., Rig]) ->
     ("register", "bits"),
     [(STATUS, [0x10]), (STATUS, [0x80]), (STATUS, [0xE0]), (LEVEL, [0x60]), (RANGE, [0x02]), (POWER_CTL, [0x01])],
 )
-def test_one_disturbed_reading_is_survived(rig: Callable[..., Rig], register: int, bits: list[int]) -> None:
+def test_one_disturbed_reading_is_tolerated(rig: Callable[..., Rig], register: int, bits: list[int]) -> None:
     made = rig(signal=telling_time)
     made.open()
     made.read_s(2)
@@ -175,7 +175,7 @@ def test_one_disturbed_reading_is_survived(rig: Callable[..., Rig], register: in
     assert np.all(np.diff(made.made_at_s()) < 0.009)
 
 
-def test_a_level_seen_between_the_axes_of_a_sample_costs_nothing(rig: Callable[..., Rig]) -> None:
+def test_a_level_within_a_sample_loses_nothing(rig: Callable[..., Rig]) -> None:
     made = rig(signal=telling_time)
     made.open()
     made.read_s(2)

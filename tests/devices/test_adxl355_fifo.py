@@ -26,7 +26,7 @@ def test_golden_vectors() -> None:
 
 
 @given(st.lists(st.tuples(COUNTS, COUNTS, COUNTS), max_size=33))
-def test_any_triples_come_back(triples: list[tuple[int, int, int]]) -> None:
+def test_any_counts_are_decoded(triples: list[tuple[int, int, int]]) -> None:
     runs, tail = split_entries(b"".join(sample(*triple) for triple in triples))
     assert tail == b""
     assert [row for run in runs for row in decode_counts(run.entries).tolist()] == [list(triple) for triple in triples]
@@ -52,14 +52,14 @@ def test_alignment_is_found_again_at_the_x_marker(before: bytes, lost: int, afte
     assert tail == (b"" if after.startswith(b"\xff") else after)
 
 
-def test_a_broken_end_is_counted_with_what_comes_next() -> None:
+def test_an_incomplete_end_is_counted_with_the_next_samples() -> None:
     runs, tail = split_entries(sample(1, 2, 3) + entry(4))
     assert runs == [SampleRun(sample(1, 2, 3), 0), SampleRun(b"", 1)]
     assert tail == b""
 
 
 @given(st.binary(max_size=300))
-def test_any_bytes_are_survived(data: bytes) -> None:
+def test_any_bytes_are_decoded_without_an_error(data: bytes) -> None:
     entries = data[: len(data) // 3 * 3]
     runs, tail = split_entries(entries)
     taken = sum(len(run.entries) for run in runs) + len(tail)

@@ -75,7 +75,7 @@ def test_a_register_that_does_not_keep_its_value_is_named(clock: FakeClock) -> N
         part.write_checked(0x2C, 0x82, "RANGE")
 
 
-def test_a_transfer_that_fails_twice_is_made_good_and_counted(clock: FakeClock) -> None:
+def test_a_transfer_that_fails_twice_is_repeated_and_counted(clock: FakeClock) -> None:
     part, bus = opened(clock, errno.EREMOTEIO, errno.EAGAIN, b"\xad")
     assert part.read(0x00, 1) == b"\xad"
     assert len(bus.asked) == ATTEMPTS
@@ -92,7 +92,7 @@ def test_a_transfer_that_fails_twice_is_made_good_and_counted(clock: FakeClock) 
         (errno.ENODEV, "i2c_bus_error", "the transfer failed"),
     ],
 )
-def test_a_transfer_that_keeps_failing_is_given_up(clock: FakeClock, number: int, name: str, words: str) -> None:
+def test_a_persistent_transfer_error_is_raised(clock: FakeClock, number: int, name: str, words: str) -> None:
     part, bus = opened(clock, *[number] * 10)
     with pytest.raises(TransferError, match=f"^I2C bus 1 address 0x1d: {words}") as caught:
         part.read(0x00, 1)
@@ -102,14 +102,14 @@ def test_a_transfer_that_keeps_failing_is_given_up(clock: FakeClock, number: int
     assert part.faults == {name: ATTEMPTS}
 
 
-def test_the_kernel_has_waited_long_enough_for_a_time_out(clock: FakeClock) -> None:
+def test_a_timeout_of_the_kernel_is_not_repeated(clock: FakeClock) -> None:
     part, bus = opened(clock, *[errno.ETIMEDOUT] * 10)
     with pytest.raises(TransferError, match="a part holds the bus"):
         part.read(0x00, 1)
     assert len(bus.asked) == 1
 
 
-def test_a_read_that_takes_data_out_is_repeated_only_if_nothing_was_taken(clock: FakeClock) -> None:
+def test_a_consuming_read_is_repeated_only_if_nothing_was_removed(clock: FakeClock) -> None:
     part, bus = opened(clock, errno.EREMOTEIO, b"\1\2\3")
     assert part.read(0x11, 3, consuming=True) == b"\1\2\3"
     part, bus = opened(clock, errno.EIO, b"\1\2\3")
@@ -118,7 +118,7 @@ def test_a_read_that_takes_data_out_is_repeated_only_if_nothing_was_taken(clock:
     assert len(bus.asked) == 1
 
 
-def test_a_missing_bus_is_named_with_the_mend(clock: FakeClock) -> None:
+def test_a_missing_bus_is_reported_with_the_remedy(clock: FakeClock) -> None:
     with pytest.raises(DeviceNotFoundError, match=r"^/dev/i2c-250: no such bus; enable I2C \(raspi-config"):
         I2cPart(250, ADDRESS, clock).open()  # the real opener
 
@@ -130,7 +130,7 @@ def test_a_missing_bus_is_named_with_the_mend(clock: FakeClock) -> None:
         (OSError(errno.ENOTTY, "not a tty"), DeviceError, "^/dev/i2c-1: does not open as an I2C bus"),
     ],
 )
-def test_a_bus_that_does_not_open_is_named_with_the_mend(
+def test_a_bus_that_does_not_open_is_reported_with_the_remedy(
     clock: FakeClock, error: OSError | PermissionError, raised: type[DeviceAccessError] | type[DeviceError], words: str
 ) -> None:
     def refuse(number: int) -> ScriptedBus:
@@ -155,7 +155,7 @@ def test_closing_twice_and_reading_afterwards(clock: FakeClock) -> None:
         part.read(0x00, 1)
 
 
-def test_opening_again_releases_the_first(clock: FakeClock) -> None:
+def test_reopening_releases_the_bus(clock: FakeClock) -> None:
     part, bus = opened(clock)
     part.open()
     assert bus.closed == 1

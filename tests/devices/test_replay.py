@@ -69,7 +69,7 @@ def play(device: Device) -> list[SampleBlock]:
             blocks.append(block)
 
 
-def test_as_fast_as_it_goes_in_whole_blocks() -> None:
+def test_a_replay_at_full_speed_returns_complete_blocks() -> None:
     clock = SteppedClock()
     for speed in (0, math.inf):
         device = Replay(recording_at(even(70)), INFO, clock=clock, speed=speed, block_samples=32)
@@ -96,7 +96,7 @@ def test_blocks_come_when_their_last_sample_is_due(speed: float) -> None:
         device.read()
 
 
-def test_a_long_gap_is_waited_out_in_half_seconds() -> None:
+def test_read_waits_through_a_long_gap_in_half_seconds() -> None:
     clock = SteppedClock()
     device = Replay(recording_at([0, 0.02, 3.0, 3.02]), INFO, clock=clock, block_samples=2)
     device.open()
@@ -104,7 +104,7 @@ def test_a_long_gap_is_waited_out_in_half_seconds() -> None:
     assert [None if block is None else len(block) for block in reads] == [2, None, None, None, None, None, 2]
 
 
-def test_what_fell_behind_is_handed_out_at_once() -> None:
+def test_late_blocks_are_returned_at_once() -> None:
     clock = SteppedClock()
     device = Replay(recording_at(even(100)), INFO, clock=clock, block_samples=10)
     device.open()
@@ -113,7 +113,7 @@ def test_what_fell_behind_is_handed_out_at_once() -> None:
     assert clock.slept_s == []
 
 
-def test_gaps_stand_between_blocks_and_are_told() -> None:
+def test_gaps_are_between_blocks_and_counted() -> None:
     lost = np.zeros(20, np.int64)
     lost[[5, 12]] = [3, 7]
     unusable = np.zeros(20, np.int64)
@@ -130,7 +130,7 @@ def test_gaps_stand_between_blocks_and_are_told() -> None:
     assert told == [(5, 0, 1), (6, 3, 2), (1, 0, 0), (6, 7, 0), (2, 0, 4)]
 
 
-def test_gap_that_left_out_rows_explain_parts_blocks_too() -> None:
+def test_a_gap_of_unusable_rows_separates_blocks() -> None:
     time_s = [*even(5), *(0.2 + time for time in even(5))]
     device = Replay(recording_at(time_s), INFO, clock=SteppedClock(), speed=0)
     device.open()
@@ -148,7 +148,7 @@ def test_counts_are_integers() -> None:
     np.testing.assert_array_equal(block.raw, raw)
 
 
-def test_temperature_of_a_block_is_the_mean_of_what_is_known() -> None:
+def test_the_temperature_of_a_block_is_the_mean_of_the_known_ones() -> None:
     temperature = np.array([20, np.nan, 22, np.nan, np.nan, np.nan])
     recording = recording_at(even(6), temperature_c=temperature)
     device = Replay(recording, INFO, clock=SteppedClock(), speed=0, block_samples=3)
@@ -165,7 +165,7 @@ def test_absolute_times_are_kept_to_the_nanosecond() -> None:
     np.testing.assert_array_equal(time_ns, 1_600_000_000_123_456_789 + offsets_ns)
 
 
-def test_opened_again_it_plays_again_and_closed_it_is_over() -> None:
+def test_a_replay_restarts_at_open_and_ends_at_close() -> None:
     clock = SteppedClock()
     device = Replay(recording_at(even(3)), INFO, clock=clock, speed=0)
     device.open()
@@ -187,12 +187,12 @@ def test_impossible_settings_are_refused(wrong: dict[str, Any]) -> None:
 
 
 @pytest.mark.parametrize("time_s", [[0], [0, 1, 1], [0, 2, 1], [0, 1e-10]])
-def test_recording_whose_times_do_not_increase_is_none(time_s: list[float]) -> None:
+def test_a_recording_with_decreasing_times_is_refused(time_s: list[float]) -> None:
     with pytest.raises(ValueError, match="recording"):
         recording_at(time_s)
 
 
-def test_table_of_the_field(tmp_path: Path) -> None:
+def test_a_table_with_faults_is_replayed(tmp_path: Path) -> None:
     lines = [f"{0.02 * number:.2f},0.0,0.0,1.0,{20 + number}" for number in range(12)]
     lines[3], lines[4] = "", "0.08,nan,0.0,1.0,20"
     del lines[7]

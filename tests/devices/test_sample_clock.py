@@ -91,7 +91,7 @@ def test_ten_minutes_of_blocks_that_arrive_up_to_20_ms_late(
     assert rms_ms < 0.2
 
 
-def test_stamping_at_the_moment_of_reading_would_fail_the_same_measure() -> None:
+def test_times_of_reading_would_fail_the_same_limit() -> None:
     part = Part(131.25, 60)
     late_ms = part.random.uniform(0, 20, len(part.made_ns))
     assert error_ms(part.made_ns + (late_ms * 1e6).astype(np.int64), part.made_ns)[1] > 5
@@ -119,11 +119,11 @@ def test_the_rate_is_unknown_until_it_was_measured() -> None:
     assert clock.measured_rate_hz is None
 
 
-def test_first_block_ends_at_the_reading_and_goes_back_at_the_nominal_rate() -> None:
+def test_the_first_block_ends_at_its_reading_and_has_the_nominal_rate() -> None:
     assert SampleClock(125).stamp(3, START_NS).tolist() == [START_NS - 16_000_000, START_NS - 8_000_000, START_NS]
 
 
-def test_times_go_on_increasing_when_the_first_reading_turns_out_to_have_been_late() -> None:
+def test_times_increase_when_the_first_reading_was_late() -> None:
     clock = SampleClock(1000)
     first_ns = clock.stamp(8, START_NS + 19_000_000)
     second_ns = clock.stamp(8, START_NS + 8_000_000)  # eight periods after the first was made
@@ -132,17 +132,17 @@ def test_times_go_on_increasing_when_the_first_reading_turns_out_to_have_been_la
     assert later_ns[-1] == pytest.approx(START_NS + 39 * 8_000_000, abs=200_000)
 
 
-def test_samples_still_in_the_part_are_younger() -> None:
+def test_samples_that_remain_in_the_part_are_newer() -> None:
     assert SampleClock(125).stamp(1, START_NS, behind=2).tolist() == [START_NS - 16_000_000]
 
 
-def test_nothing_made_yet_says_nothing() -> None:
+def test_no_sample_gives_no_observation() -> None:
     clock = SampleClock(125)
     assert len(clock.stamp(0, START_NS)) == 0
     assert clock.due_ns(1) is None
 
 
-def test_a_look_without_taking_tells_when_the_next_are_due() -> None:
+def test_an_observation_without_samples_predicts_the_next_ones() -> None:
     clock = SampleClock(125)
     assert len(clock.stamp(0, START_NS, behind=4)) == 0
     assert clock.due_ns(4) == START_NS
@@ -158,7 +158,7 @@ def test_lost_samples_keep_their_place() -> None:
         assert holed.stamp(5, read_ns, lost=3).tolist() == pytest.approx(times_ns[3:].tolist(), abs=2)
 
 
-def test_times_go_on_increasing_over_a_restart_and_the_rate_is_kept() -> None:
+def test_a_restart_keeps_the_rate_and_increasing_times() -> None:
     part = Part(1050, 30)
     clock = SampleClock(1000, usual_delay_s=0.001)
     times_ns = part.seen_late(clock, 32, 0.001)
@@ -180,7 +180,7 @@ def test_rate_that_drifts_with_temperature_is_followed() -> None:
     assert error_ms(times_ns, part.made_ns, after_s=10)[1] < 0.2
 
 
-def test_samples_that_vanish_uncounted_are_noticed() -> None:
+def test_samples_lost_without_a_count_are_detected() -> None:
     part = Part(125, 120)
     clock = SampleClock(125)
     kept = np.delete(part.made_ns, np.arange(7000, 7100))
@@ -192,7 +192,7 @@ def test_samples_that_vanish_uncounted_are_noticed() -> None:
 
 
 @pytest.mark.parametrize("rate_hz", [500, 800, 1200, 2000])
-def test_a_part_that_is_set_to_quite_another_rate_is_measured_all_the_same(rate_hz: int) -> None:
+def test_a_rate_far_from_the_nominal_one_is_measured(rate_hz: int) -> None:
     part = Part(rate_hz, 60)
     clock = SampleClock(1000)
     times_ns = part.seen_late(clock, 32, 0.02)
@@ -200,7 +200,7 @@ def test_a_part_that_is_set_to_quite_another_rate_is_measured_all_the_same(rate_
     assert error_ms(times_ns, part.made_ns, after_s=10)[1] < 0.3
 
 
-def test_one_absurd_level_or_one_long_stop_of_the_host_changes_nothing() -> None:
+def test_a_single_wrong_observation_has_no_effect() -> None:
     part = Part(125, 60)
     clock = SampleClock(125)
     for i in range(0, 6000, 10):
@@ -212,7 +212,7 @@ def test_one_absurd_level_or_one_long_stop_of_the_host_changes_nothing() -> None
     assert clock.relearned == 0
 
 
-def test_memory_stays_bounded_and_precision_too_after_weeks() -> None:
+def test_memory_and_precision_are_bounded_after_weeks() -> None:
     clock = SampleClock(1000, usual_delay_s=0.001)
     clock.stamp(1, START_NS, lost=12 * 7 * 86400 * 1000)
     part = Part(1000, 200)

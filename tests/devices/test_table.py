@@ -65,7 +65,7 @@ def test_native_recording(table: WriteTable) -> None:
     assert counts(recording) == {}
 
 
-def test_native_columns_stand_in_any_order_among_others(table: WriteTable) -> None:
+def test_native_columns_may_be_in_any_order_among_others(table: WriteTable) -> None:
     header = "note,gz_dps,temperature_c,az_g,ay_g,ax_g,gx_dps,gy_dps,time_s"
     recording = read_table(
         table(header, "a,9,21.5,0.3,0.2,0.1,7,8,0", "b,9,nan,0.3,0.2,0.1,7,8,1", "c,9,,0.3,0.2,0.1,7,8,2")
@@ -107,7 +107,7 @@ def test_line_ends_and_byte_order_mark(tmp_path: Path, newline: str) -> None:
         (",,,", "blank"),
     ],
 )
-def test_row_that_cannot_be_used_is_left_out_and_counted_by_kind(table: WriteTable, broken: str, kind: str) -> None:
+def test_unusable_rows_are_left_out_and_counted_by_kind(table: WriteTable, broken: str, kind: str) -> None:
     whole = rows(10)
     recording = read_table(table(HEADER, *whole[:5], broken, *whole[5:]))
     assert kept_rows(recording) == list(range(10))
@@ -117,7 +117,7 @@ def test_row_that_cannot_be_used_is_left_out_and_counted_by_kind(table: WriteTab
     np.testing.assert_array_equal(recording.unusable_before, expected)
 
 
-def test_gap_is_told_in_samples_where_it_is(table: WriteTable) -> None:
+def test_a_gap_is_counted_in_samples_at_its_position(table: WriteTable) -> None:
     whole = rows(20)
     recording = read_table(table(HEADER, *whole[:4], *whole[7:15], *whole[16:]))
     assert counts(recording) == {"lost": 4}
@@ -127,7 +127,7 @@ def test_gap_is_told_in_samples_where_it_is(table: WriteTable) -> None:
 
 
 @pytest.mark.parametrize("broken", ["nan,nan,nan,nan", "0.10,?,0.0,1.0", "0.01,0.0,0.0,1.0"])
-def test_row_that_stands_for_a_missing_sample_is_not_lost_too(table: WriteTable, broken: str) -> None:
+def test_a_row_for_a_missing_sample_is_not_counted_as_lost(table: WriteTable, broken: str) -> None:
     whole = rows(10)
     recording = read_table(table(HEADER, *whole[:5], broken, *whole[6:]))
     assert recording.lost == 0
@@ -140,7 +140,7 @@ def test_repeated_row_does_not_explain_a_gap(table: WriteTable) -> None:
     assert counts(recording) == {"lost": 1, "repeated": 1}
 
 
-def test_swapped_rows_cost_one(table: WriteTable) -> None:
+def test_swapped_rows_lose_one_row(table: WriteTable) -> None:
     whole = rows(10)
     whole[4], whole[5] = whole[5], whole[4]
     recording = read_table(table(HEADER, *whole))
@@ -148,7 +148,7 @@ def test_swapped_rows_cost_one(table: WriteTable) -> None:
     assert counts(recording) == {"backward": 1}
 
 
-def test_clock_set_back_costs_the_overlap_only(table: WriteTable) -> None:
+def test_a_clock_set_back_loses_only_the_overlap(table: WriteTable) -> None:
     recording = read_table(
         table(HEADER, *rows(100), *(row(100 + number, 0.02 * (90.5 + number)) for number in range(100)))
     )
@@ -173,26 +173,28 @@ def test_faults_after_the_last_sample_are_counted_with_it(table: WriteTable) -> 
         ("0.1", "", 5, {"truncated": 1}),
     ],
 )
-def test_last_line_that_was_cut_off(table: WriteTable, last: str, end: str, kept: int, kinds: dict[str, int]) -> None:
+def test_an_incomplete_last_line_is_left_out(
+    table: WriteTable, last: str, end: str, kept: int, kinds: dict[str, int]
+) -> None:
     recording = read_table(table(HEADER, *rows(5), last, end=end))
     assert len(recording) == kept
     assert counts(recording) == kinds
 
 
-def test_whole_numbers_in_a_last_line_without_end_cannot_be_trusted(table: WriteTable) -> None:
+def test_whole_numbers_in_an_unterminated_last_line_are_left_out(table: WriteTable) -> None:
     layout = replace(SIX_POSITION, axes=("x", "y", "z"))
     recording = read_table(table("x,y,z", "1,2,2048", "1,2,2048", "1,2,20", end=""), layout)
     assert recording.raw[:, 2].tolist() == [2048, 2048]
     assert recording.truncated == 1
 
 
-def test_tail_of_zeros_after_a_power_cut(table: WriteTable) -> None:
+def test_zeros_at_the_end_after_a_power_failure_are_left_out(table: WriteTable) -> None:
     recording = read_table(table(HEADER, *rows(40), "\0" * 5000, end=""))
     assert len(recording) == 40
     assert counts(recording) == {"truncated": 1}
 
 
-def test_rows_stay_in_place_over_many_pieces(table: WriteTable, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rows_keep_their_order_over_many_blocks_of_text(table: WriteTable, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("devices.table.BLOCK_CHARS", 64)
     whole = rows(50)
     whole[20] = "broken"
@@ -201,7 +203,7 @@ def test_rows_stay_in_place_over_many_pieces(table: WriteTable, monkeypatch: pyt
     assert np.flatnonzero(recording.unusable_before).tolist() == [20]
 
 
-def test_endless_line_is_not_collected(table: WriteTable, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_line_without_end_is_not_collected(table: WriteTable, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("devices.table.BLOCK_CHARS", 64)
     recording = read_table(table(HEADER, *rows(5), "9" * 1000, *rows(12)[5:]))
     assert kept_rows(recording) == list(range(12))
@@ -216,7 +218,7 @@ def test_coarse_time_stamps_are_not_gaps(table: WriteTable) -> None:
     assert recording.rate_hz == pytest.approx(400)
 
 
-def test_rows_without_time_are_consecutive_and_a_bad_one_keeps_its_place(table: WriteTable) -> None:
+def test_rows_without_time_are_consecutive_even_with_an_unusable_one(table: WriteTable) -> None:
     layout = TableLayout(axes=(1, 2, 3), unit="counts", rate_hz=100)
     recording = read_table(table("Fs,100", "10,20,30", "11,21,31", "x,y,z", "13,23,33"), layout)
     np.testing.assert_allclose(recording.time_s, [0, 0.01, 0.03])
@@ -247,7 +249,7 @@ def test_delimiters(table: WriteTable, delimiter: Delimiter) -> None:
     assert read_table(table(*lines), layout).raw.tolist() == [[1, 2, 3], [4, 5, 6]]
 
 
-def test_columns_set_apart_by_many_spaces(table: WriteTable) -> None:
+def test_columns_may_be_separated_by_many_spaces(table: WriteTable) -> None:
     layout = TableLayout(time="t", axes=("x", "y", "z"), unit="g", delimiter=" ")
     recording = read_table(table("  t   x  y    z", " 0.0   1  2    3", " 0.1   4  5    6 "), layout)
     assert recording.raw.tolist() == [[1, 2, 3], [4, 5, 6]]
@@ -318,7 +320,7 @@ def test_real_phone_falling() -> None:
         (b"0,0,1\n", TableLayout(time="t", axes=(0, 1, 2), unit="g"), "columns are given by name and by number"),
     ],
 )
-def test_file_that_is_no_such_recording_is_refused_in_one_line(
+def test_a_file_that_is_not_a_recording_is_refused_in_one_line(
     tmp_path: Path, content: bytes, layout: TableLayout, message: str
 ) -> None:
     path = tmp_path / "bad.csv"
@@ -341,7 +343,7 @@ def test_missing_file_and_folder(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("error", "message"), [(PermissionError(13, "no"), "may not be read"), (OSError(5, "I/O"), "cannot be read")]
 )
-def test_file_that_the_system_withholds(
+def test_a_file_that_cannot_be_read_is_reported(
     table: WriteTable, monkeypatch: pytest.MonkeyPatch, error: OSError | PermissionError, message: str
 ) -> None:
     path = table(HEADER, *rows(3))
@@ -401,7 +403,7 @@ def test_every_row_is_accounted_for(tmp_path: Path, kinds: list[str]) -> None:
 
 
 @given(st.lists(st.integers(-8, 8), min_size=1, max_size=12))
-def test_in_order_leaves_out_the_fewest(times: list[int]) -> None:
+def test_the_longest_increasing_subsequence_leaves_out_the_fewest(times: list[int]) -> None:
     mask = longest_increasing_mask(np.array(times, dtype=np.int64))
     assert (np.diff(np.array(times)[mask]) > 0).all()
     longest = [1] * len(times)

@@ -103,7 +103,7 @@ def read_until(device: WitMotion, last: int) -> list[SampleBlock]:
     raise AssertionError(f"sample {last} never came")
 
 
-def test_stream_over_a_port_at_its_own_pace(peer: Peer) -> None:
+def test_blocks_are_read_from_a_port_in_real_time(peer: Peer) -> None:
     device = WitMotion(str(peer.name), clock=HostClock(), odr_hz=500, block_samples=4)
     info = device.open()
     assert (info.kind, info.unit, info.units_per_g, info.full_scale_g, info.odr_hz) == (
@@ -150,9 +150,7 @@ def test_sample_times_come_from_the_count(device: WitMotion, peer: Peer, clock: 
 
 
 @pytest.mark.parametrize("place", [0, 2])
-def test_a_hole_stands_between_blocks_and_keeps_its_time(
-    device: WitMotion, peer: Peer, clock: SetClock, place: int
-) -> None:
+def test_a_gap_is_between_blocks_and_keeps_its_time(device: WitMotion, peer: Peer, clock: SetClock, place: int) -> None:
     device.open()
     blocks = [exchange(device, peer, clock, stream(range(5)))]
     frames = [sample(number) for number in range(5, 10)]
@@ -167,7 +165,7 @@ def test_a_hole_stands_between_blocks_and_keeps_its_time(
     assert after.time_ns[-1] - blocks[0].time_ns[0] == pytest.approx(90e6, rel=0.01)
 
 
-def test_nothing_of_before_is_left_after_opening_again(device: WitMotion, peer: Peer, clock: SetClock) -> None:
+def test_reopening_discards_earlier_bytes(device: WitMotion, peer: Peer, clock: SetClock) -> None:
     device.open()
     send(device, peer, clock, stream(range(5)) + sample(5)[:4])
     send(device, peer, clock, sample(5)[4:] + bytes(FRAME_BYTES) + stream(range(7, 10)) + sample(10)[:4])
@@ -179,7 +177,7 @@ def test_nothing_of_before_is_left_after_opening_again(device: WitMotion, peer: 
 
 
 @pytest.mark.slow
-def test_silence_is_none_and_what_was_lost_in_it_is_told(device: WitMotion, peer: Peer, clock: SetClock) -> None:
+def test_samples_lost_in_a_silence_are_counted(device: WitMotion, peer: Peer, clock: SetClock) -> None:
     device.open()
     assert device.read() is None
     before = exchange(device, peer, clock, stream(range(5)))
@@ -190,9 +188,7 @@ def test_silence_is_none_and_what_was_lost_in_it_is_told(device: WitMotion, peer
     assert after.time_ns[-1] == clock.now_ns()
 
 
-def test_port_that_goes_away_is_told_and_found_again_when_it_is_back(
-    device: WitMotion, peer: Peer, clock: SetClock
-) -> None:
+def test_a_disconnected_port_is_reported_and_found_again(device: WitMotion, peer: Peer, clock: SetClock) -> None:
     device.open()
     exchange(device, peer, clock, stream(range(5)))
     peer.unplug()
@@ -209,7 +205,7 @@ def test_port_that_goes_away_is_told_and_found_again_when_it_is_back(
     assert device.faults["disconnect"] == 1
 
 
-def test_port_without_a_name_any_more_has_gone(device: WitMotion, peer: Peer) -> None:
+def test_a_port_without_a_name_is_disconnected(device: WitMotion, peer: Peer) -> None:
     """The name under by-id vanishes with the adapter, even where reading goes on giving nothing."""
     device.open()
     peer.name.unlink()
@@ -217,7 +213,7 @@ def test_port_without_a_name_any_more_has_gone(device: WitMotion, peer: Peer) ->
         device.read()
 
 
-def test_port_is_found_under_another_number_by_its_lasting_name(peer: Peer, clock: SetClock, tmp_path: Path) -> None:
+def test_a_port_is_found_by_its_persistent_name(peer: Peer, clock: SetClock, tmp_path: Path) -> None:
     by_id = tmp_path / "by-id"
     by_id.mkdir()
     peer.unplug()
@@ -238,7 +234,7 @@ def test_port_is_found_under_another_number_by_its_lasting_name(peer: Peer, cloc
     os.close(other)
 
 
-def test_noise_is_counted_and_then_refused(device: WitMotion, peer: Peer, clock: SetClock) -> None:
+def test_noise_on_the_line_is_counted_and_then_reported(device: WitMotion, peer: Peer, clock: SetClock) -> None:
     device.open()
     peer.send(NOISE[:2304])
     with pytest.raises(
@@ -250,7 +246,7 @@ def test_noise_is_counted_and_then_refused(device: WitMotion, peer: Peer, clock:
     assert numbers([exchange(device, peer, clock, stream(range(5)))]) == list(range(5))
 
 
-def test_sensor_that_sends_no_acceleration_is_told(device: WitMotion, peer: Peer) -> None:
+def test_a_sensor_without_acceleration_frames_is_reported(device: WitMotion, peer: Peer) -> None:
     device.open()
     peer.send(frame(0x53, 1, 2, 3, 4) * 200)
     with pytest.raises(DeviceError, match="check the baud rate, and that the sensor sends acceleration"):
@@ -272,7 +268,7 @@ def test_rate_other_than_the_configured_one_is_refused(
     assert bool(text) == refused
 
 
-def test_missing_port_names_those_that_are_there(clock: SetClock, tmp_path: Path) -> None:
+def test_a_missing_port_is_reported_with_the_present_ports(clock: SetClock, tmp_path: Path) -> None:
     (tmp_path / "usb-FTDI-if00").symlink_to("/dev/null")
     device = WitMotion(str(tmp_path / "gone"), clock=clock, by_id=tmp_path)
     with pytest.raises(DeviceNotFoundError, match=rf"{tmp_path}/gone: no such port; .*{tmp_path} offers usb-FTDI-if00"):
@@ -283,14 +279,14 @@ def test_missing_port_names_those_that_are_there(clock: SetClock, tmp_path: Path
 
 
 @pytest.mark.parametrize("path", ["/dev/null", "/dev"])
-def test_what_is_no_serial_port(clock: SetClock, path: str) -> None:
+def test_a_file_that_is_not_a_serial_port_is_refused(clock: SetClock, path: str) -> None:
     with pytest.raises(
         DeviceNotFoundError, match=f"{path}: is not a serial port; give one, preferably under /dev/serial/by-id"
     ):
         WitMotion(path, clock=clock).open()
 
 
-def test_port_that_this_user_may_not_open(device: WitMotion, peer: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_port_without_permission_is_reported(device: WitMotion, peer: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
     really_open = os.open
 
     def refuse(path: str, *rest: int) -> int:
@@ -305,13 +301,13 @@ def test_port_that_this_user_may_not_open(device: WitMotion, peer: Peer, monkeyp
         device.open()
 
 
-def test_port_that_another_holds(device: WitMotion, peer: Peer, clock: SetClock) -> None:
+def test_a_port_in_use_is_reported(device: WitMotion, peer: Peer, clock: SetClock) -> None:
     device.open()
     with pytest.raises(DeviceAccessError, match="another program holds the port; stop it"):
         WitMotion(str(peer.name), clock=clock).open()
 
 
-def test_baud_rate_that_no_port_has(peer: Peer, clock: SetClock) -> None:
+def test_an_impossible_baud_rate_is_reported(peer: Peer, clock: SetClock) -> None:
     with pytest.raises(DeviceError, match=f"{peer.name}: the port cannot do -1 baud"):
         WitMotion(str(peer.name), -1, clock=clock).open()
 
@@ -322,7 +318,7 @@ def test_impossible_settings_are_refused(clock: SetClock, wrong: dict[str, Any])
         WitMotion("/dev/ttyUSB0", clock=clock, **wrong)
 
 
-def test_closed_port_is_not_read(device: WitMotion) -> None:
+def test_a_closed_port_cannot_be_read(device: WitMotion) -> None:
     device.close()
     with pytest.raises(TransferError, match="the port is not open"):
         device.read()

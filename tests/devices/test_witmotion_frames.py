@@ -25,7 +25,7 @@ def test_words_are_signed() -> None:
     assert readings.temperature_c[0] == -10.5
 
 
-def test_one_valid_frame_is_no_lock() -> None:
+def test_one_valid_frame_does_not_synchronise_the_decoder() -> None:
     decoder = FrameDecoder()
     assert len(decoder.feed(sample(1))) == 0
     assert len(decoder.feed(NOISE[:11].replace(b"\x55", b"\x54"))) == 0
@@ -33,7 +33,7 @@ def test_one_valid_frame_is_no_lock() -> None:
 
 
 @pytest.mark.parametrize("size", [1, 2, 5, 7, 11, 13, 100])
-def test_frames_in_any_pieces(size: int) -> None:
+def test_frames_are_decoded_from_pieces_of_any_length(size: int) -> None:
     decoder = FrameDecoder()
     data = stream(range(30))
     found = [number for at in range(0, len(data), size) for number in numbers_of(decoder.feed(data[at : at + size]))]
@@ -48,7 +48,7 @@ def test_stream_joined_in_the_middle_of_a_frame(cut: int) -> None:
     assert decoder.faults["discarded_bytes"] == FRAME_BYTES - cut
 
 
-def test_other_frames_are_known_and_left_out() -> None:
+def test_other_standard_frames_are_skipped() -> None:
     decoder = FrameDecoder()
     readings = decoder.feed(b"".join(cycle(number) for number in range(20)))
     assert numbers_of(readings) == list(range(20))
@@ -56,7 +56,7 @@ def test_other_frames_are_known_and_left_out() -> None:
     assert not readings.missing_before.any()
 
 
-def test_frames_of_no_standard_kind_are_none() -> None:
+def test_frames_with_a_non_standard_id_are_invalid() -> None:
     decoder = FrameDecoder()
     assert len(decoder.feed(frame(0x61, 1, 2, 3, 4) * 5)) == 0
     assert decoder.faults["discarded_bytes"] >= 4 * FRAME_BYTES
@@ -65,7 +65,7 @@ def test_frames_of_no_standard_kind_are_none() -> None:
     assert among.faults["checksum"] == 1
 
 
-def test_flipped_bit_costs_its_frame_alone() -> None:
+def test_a_flipped_bit_loses_only_its_frame() -> None:
     for bit in range(8 * FRAME_BYTES):
         decoder = FrameDecoder()
         data = bytearray(stream(range(10)))
@@ -78,7 +78,7 @@ def test_flipped_bit_costs_its_frame_alone() -> None:
 
 
 @pytest.mark.parametrize("gone", range(1, 11))
-def test_lost_bytes_cost_their_frame_alone(gone: int) -> None:
+def test_lost_bytes_lose_only_their_frame(gone: int) -> None:
     decoder = FrameDecoder()
     readings = decoder.feed(stream(range(6)) + sample(6)[gone:] + stream(range(7, 12)))
     assert numbers_of(readings) == [0, 1, 2, 3, 4, 5, *range(7, 12)]
@@ -88,7 +88,7 @@ def test_lost_bytes_cost_their_frame_alone(gone: int) -> None:
 
 
 @pytest.mark.parametrize("count", [1, 5, 10, 12, 200])
-def test_garbage_between_frames_costs_none(count: int) -> None:
+def test_bytes_between_frames_lose_no_frame(count: int) -> None:
     decoder = FrameDecoder()
     readings = decoder.feed(stream(range(6)) + NOISE[:count] + stream(range(6, 12)))
     assert numbers_of(readings) == list(range(12))
@@ -96,7 +96,7 @@ def test_garbage_between_frames_costs_none(count: int) -> None:
 
 
 @pytest.mark.parametrize("count", range(1, 8))
-def test_missing_samples_are_counted_by_the_hole_in_the_bytes(count: int) -> None:
+def test_missing_samples_are_counted_by_the_missing_bytes(count: int) -> None:
     data = [cycle(number) for number in range(30)]
     data[10 : 10 + count] = [bytes(len(entry)) for entry in data[10 : 10 + count]]
     readings = FrameDecoder().feed(b"".join(data))
@@ -105,7 +105,7 @@ def test_missing_samples_are_counted_by_the_hole_in_the_bytes(count: int) -> Non
     assert readings.missing_before.sum() == count
 
 
-def test_broken_frame_of_another_kind_costs_no_sample() -> None:
+def test_a_damaged_frame_of_another_kind_loses_no_sample() -> None:
     data = [cycle(number) for number in range(20)]
     data[10] = data[10][:20] + b"\xff" + data[10][21:]
     decoder = FrameDecoder()
@@ -115,14 +115,14 @@ def test_broken_frame_of_another_kind_costs_no_sample() -> None:
     assert not readings.missing_before.any()
 
 
-def test_reply_among_the_frames_is_no_loss() -> None:
+def test_a_reply_between_frames_is_not_a_loss() -> None:
     decoder = FrameDecoder()
     readings = decoder.feed(stream(range(10)) + frame(0x5F, 1, 2, 3, 4) + stream(range(10, 20)))
     assert numbers_of(readings) == list(range(20))
     assert not readings.missing_before.any()
 
 
-def test_after_a_reset_nothing_is_missing_and_counts_stay() -> None:
+def test_a_reset_keeps_the_counters_and_reports_no_loss() -> None:
     decoder = FrameDecoder()
     decoder.feed(stream(range(10)) + NOISE[:50] + sample(10)[:5])
     decoder.reset()
@@ -164,7 +164,7 @@ def test_any_bytes_are_decoded_or_counted_and_none_are_kept(pieces: list[bytes])
 
 @settings(max_examples=100, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 10), st.binary(max_size=30)), max_size=8))
-def test_no_sample_is_made_up(disturbances: list[tuple[int, bytes]]) -> None:
+def test_no_sample_is_invented(disturbances: list[tuple[int, bytes]]) -> None:
     """Whatever stands between the frames, what comes out was sent, in its order, and a clean end is found again."""
     data, number = b"", 1
     for count, garbage in disturbances:

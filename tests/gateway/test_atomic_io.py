@@ -18,9 +18,7 @@ def test_a_file_is_replaced_in_folders_that_are_made(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("call", ["write", "fsync", "replace"])
-def test_a_failure_leaves_the_old_file_and_nothing_beside_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str
-) -> None:
+def test_a_failure_leaves_only_the_old_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, call: str) -> None:
     path = tmp_path / "c.json"
     write_durably(path, b"old")
 
@@ -35,7 +33,7 @@ def test_a_failure_leaves_the_old_file_and_nothing_beside_it(
     assert [entry.name for entry in tmp_path.iterdir()] == ["c.json"]
 
 
-def test_lines_follow_each_other_even_after_a_torn_one(tmp_path: Path) -> None:
+def test_lines_are_appended_after_an_incomplete_one(tmp_path: Path) -> None:
     path = tmp_path / "lines"
     append_durably(path, b"one")
     with path.open("ab") as file:

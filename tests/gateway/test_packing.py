@@ -55,11 +55,11 @@ def blocks(draw: st.DrawFn) -> SampleBlock:
 
 
 @given(blocks())
-def test_a_block_comes_back_exactly(block: SampleBlock) -> None:
+def test_a_block_is_unpacked_exactly(block: SampleBlock) -> None:
     assert_same(block, through_json(block))
 
 
-def test_even_times_are_a_period_and_uneven_ones_offsets(make_block: MakeBlock) -> None:
+def test_even_times_become_a_period_and_uneven_ones_offsets(make_block: MakeBlock) -> None:
     even = packed(make_block(period_ns=1_000_123.456))
     assert even.offsets_ns is None
     assert even.period_ns == pytest.approx(1_000_123.456, abs=0.05)
@@ -80,7 +80,7 @@ def test_every_even_block_has_the_short_form(period_ns: float, length: int) -> N
     assert packed(SampleBlock(time_ns, np.zeros((length, 3), np.int32))).offsets_ns is None
 
 
-def test_counts_are_written_as_whole_numbers_and_g_with_every_digit() -> None:
+def test_counts_are_whole_numbers_and_g_has_every_digit() -> None:
     counts = SampleBlock(np.array([5, 10]), np.array([[1, 2, 256000], [0, 2, 256003]], np.int32))
     content = json.loads(topics.encode("samples", packed(counts)))
     assert content["z"] == [256000, 3]
@@ -118,7 +118,7 @@ def test_an_empty_block_is_refused() -> None:
         {"z": [2**70, 1, 2, 3]},
     ],
 )
-def test_columns_that_do_not_fit_together_are_refused(
+def test_columns_of_different_lengths_are_refused(
     make_samples: Callable[..., messages.Samples], change: dict[str, object]
 ) -> None:
     content = {**topics.adapter("samples").dump_python(make_samples(length=4)), **change}

@@ -28,7 +28,7 @@ REFUSED = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", REFUSED)
-def test_refused_at_start(start_gateway: StartGateway, case: str) -> None:
+def test_bad_configurations_are_refused_at_start(start_gateway: StartGateway, case: str) -> None:
     toml, expected = REFUSED[case]
     gateway = start_gateway(toml)
     code, out, err = gateway.wait()
@@ -102,14 +102,14 @@ CLI_REFUSED = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CLI_REFUSED)
-def test_commands_refuse(plumbline: Plumbline, case: str) -> None:
+def test_commands_refuse_bad_input_in_one_line(plumbline: Plumbline, case: str) -> None:
     arguments, expected = CLI_REFUSED[case]
     done = plumbline(*arguments)
     assert done.returncode == 2
     assert expected in one_line(done.stderr)
 
 
-def test_usage_errors_are_two_as_well(plumbline: Plumbline) -> None:
+def test_usage_errors_have_exit_code_two(plumbline: Plumbline) -> None:
     assert plumbline("run", "--duration", "-1").returncode == 2
     assert plumbline("nonsense").returncode == 2
 

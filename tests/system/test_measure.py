@@ -43,7 +43,7 @@ def write_recording(path: Path, angle_deg: float, seconds: float = 40.0) -> None
 
 
 @pytest.mark.parametrize("angle_deg", [2.0, 10.0])
-def test_mid_rope_swing_is_right_where_the_formulas_are_not(
+def test_the_estimate_is_right_at_mid_rope_where_the_formulas_fail(
     plumbline: Plumbline, tmp_path: Path, angle_deg: float
 ) -> None:
     write_recording(tmp_path / "log.csv", angle_deg)
@@ -66,7 +66,7 @@ def test_mid_rope_swing_is_right_where_the_formulas_are_not(
     assert set(found["tilt"]) == {"pitch_deg", "roll_deg", "axial_deg", "plain_pitch_deg", "plain_roll_deg"}
 
 
-def test_rest_is_no_swing_with_an_upper_bound(plumbline: Plumbline, tmp_path: Path) -> None:
+def test_rest_has_no_swing_but_an_upper_limit(plumbline: Plumbline, tmp_path: Path) -> None:
     write_recording(tmp_path / "log.csv", 0.0)
     (tmp_path / "rig.toml").write_text(RIG)
     plumbline("measure", tmp_path / "log.csv", "--rig", tmp_path / "rig.toml", "--json", tmp_path / "out.json")
@@ -76,7 +76,7 @@ def test_rest_is_no_swing_with_an_upper_bound(plumbline: Plumbline, tmp_path: Pa
     assert found["conditions"]["verdict"] == "static"
 
 
-def test_without_a_rig_the_swing_is_unknown_and_says_why(plumbline: Plumbline, tmp_path: Path) -> None:
+def test_without_a_rig_the_swing_is_unknown_with_a_reason(plumbline: Plumbline, tmp_path: Path) -> None:
     write_recording(tmp_path / "log.csv", 5.0)
     done = plumbline("measure", tmp_path / "log.csv")
     assert done.returncode == 0
@@ -94,7 +94,7 @@ def test_the_gateways_recording_needs_no_rig(start_gateway: StartGateway, plumbl
 
 
 @pytest.mark.parametrize(("turning_dps", "verdict"), [(0.0, "static"), (10.0, "disturbed")])
-def test_angular_rates_of_a_recording_are_judged_too(
+def test_angular_rates_of_a_recording_enter_the_condition(
     plumbline: Plumbline, tmp_path: Path, turning_dps: float, verdict: str
 ) -> None:
     write_recording(tmp_path / "log.csv", 0.0, seconds=20.0)

@@ -112,7 +112,7 @@ def site(start_gateway: StartGateway, join_bus: JoinBus, radio: TurnedRadio) -> 
     return Site(start_gateway, join_bus, radio)
 
 
-def test_a_session_from_request_to_record_over_a_kill(site: Site, tmp_path: Path) -> None:
+def test_a_session_leads_to_a_record_in_spite_of_a_kill(site: Site, tmp_path: Path) -> None:
     assert site.remote("commit", "--by", "ann").returncode == 1  # nothing is in review
     follower = site.follow("recalibrate", "--by", "ann", "--housing-off-rope")
     site.wait_session(lambda session: session["phase"] == "collecting")
@@ -209,9 +209,7 @@ def _content(reply: zenoh.Reply) -> Any:
     return json.loads(present(reply.err).payload.to_bytes())
 
 
-def test_what_is_no_request_is_refused_with_a_reason_and_nothing_happens(
-    start_gateway: StartGateway, join_bus: JoinBus
-) -> None:
+def test_invalid_requests_are_refused_with_a_reason(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     gateway = start_gateway()
     peer = join_bus(gateway.endpoint)
     peer.wait_for("health")
@@ -238,7 +236,7 @@ def test_what_is_no_request_is_refused_with_a_reason_and_nothing_happens(
     assert gateway.process.poll() is None
 
 
-def test_ctrl_c_leaves_the_session_to_whoever_follows_it_next(start_gateway: StartGateway, join_bus: JoinBus) -> None:
+def test_ctrl_c_leaves_the_session_running(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     gateway = start_gateway()
     peer = join_bus(gateway.endpoint)
     peer.wait_for("health")
@@ -308,7 +306,7 @@ class Line:
             one.close()
 
 
-def test_a_follower_outlives_the_loss_of_its_line(start_gateway: StartGateway, join_bus: JoinBus) -> None:
+def test_the_display_survives_a_lost_connection(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     gateway = start_gateway()
     peer = join_bus(gateway.endpoint)
     peer.wait_for("health")
@@ -335,7 +333,7 @@ def test_a_follower_outlives_the_loss_of_its_line(start_gateway: StartGateway, j
         line.close()
 
 
-def test_a_spoilt_store_leaves_the_device_uncalibrated_and_not_on_the_factorys_record(
+def test_a_damaged_store_leaves_the_device_uncalibrated(
     start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
 ) -> None:
     folder = tmp_path / "data" / "calibration" / "simulated-1"

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).parents[2]
 
 
-def test_a_whole_record_is_in_force_after_every_kill() -> None:
+def test_a_complete_record_is_in_force_after_every_kill() -> None:
     done = subprocess.run(
         [sys.executable, "-m", "tests.benchmarks.killed_session", "29"],
         cwd=ROOT,

@@ -68,7 +68,7 @@ def test_phone_at_rest_is_still_and_leans_a_little(start_gateway: StartGateway) 
     assert {message.verdict for message in messages(path, "condition")} <= {"unknown", "static", "quasi_static"}
 
 
-def test_phone_falling_is_never_trusted_in_the_fall(start_gateway: StartGateway) -> None:
+def test_a_falling_phone_is_never_trusted(start_gateway: StartGateway) -> None:
     """In free fall the specific force vanishes, and the impact is far beyond 1 g: no angle of that may look right."""
     path = replayed(start_gateway, AT_ONCE + f'path = "{REAL / "phone_falling.txt"}"\n' + PHONE)
     conditions = messages(path, "condition")

@@ -22,7 +22,7 @@ FAST = "[device]\nodr_hz = 1000\n"
 
 
 @pytest.mark.slow
-def test_everything_reaches_a_second_process(start_gateway: StartGateway, join_bus: JoinBus) -> None:
+def test_every_topic_reaches_a_second_process(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     gateway = start_gateway(FAST)
     peer = join_bus(gateway.endpoint)
     for topic in ("samples", "tilt", "condition", "alert", "health", "swing"):
@@ -111,7 +111,7 @@ def test_page_ends_with_a_killed_gateway(start_gateway: StartGateway, join_bus: 
 
 
 @pytest.mark.slow
-def test_a_page_that_dies_is_started_again(start_gateway: StartGateway, join_bus: JoinBus) -> None:
+def test_a_page_process_that_ends_is_started_again(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     gateway = start_gateway(page=True)
     join_bus(gateway.endpoint).wait_for("health")
     _wait_for_page(gateway.page_port)

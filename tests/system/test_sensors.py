@@ -125,7 +125,7 @@ class Radio:
         os.close(self._master)
 
 
-def test_witmotion_radio_that_goes_away_and_comes_back(
+def test_witmotion_radio_is_lost_and_found_again(
     start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
 ) -> None:
     radio = Radio(tmp_path / "radio", lean_deg=5.0)

@@ -66,7 +66,7 @@ def test_zero_g_offset_follows_the_temperature() -> None:
     assert counts.tolist() == [[0, 0, 0], [2560, 0, -5120]]
 
 
-def test_mount_turns_the_force_into_the_sensors_axes() -> None:
+def test_the_mount_rotates_the_force_into_the_sensors_axes() -> None:
     tilt = np.radians(2.0)
     turn = np.array([[1, 0, 0], [0, np.cos(tilt), np.sin(tilt)], [0, -np.sin(tilt), np.cos(tilt)]])
     errors = replace(no_errors(), sensor_from_housing=turn, scale_factor_error=np.array([0.0, 0.05, -0.02]))
@@ -80,7 +80,7 @@ def test_ambient_temperature_rises_and_falls_about_its_mean() -> None:
     assert ambient.temperature_c(np.array([0.0, 25.0, 75.0, 1e6 + 25.0])) == pytest.approx([20.0, 22.0, 18.0, 22.0])
 
 
-def test_the_same_noise_however_the_samples_are_split() -> None:
+def test_the_noise_does_not_depend_on_the_blocks() -> None:
     part = Accelerometer(typical_errors(np.random.default_rng(1), 25.0), odr_hz=125.0)
     force_g, temperature_c = np.tile([0.1, 0.0, 1.0], (100, 1)), np.linspace(24, 26, 100)
     one, many = np.random.default_rng(2), np.random.default_rng(2)
@@ -88,7 +88,7 @@ def test_the_same_noise_however_the_samples_are_split() -> None:
     assert np.array_equal(part.counts(force_g, temperature_c, one), np.concatenate(parts))
 
 
-def test_factory_record_errs_by_what_it_says() -> None:
+def test_the_errors_of_the_factory_record_match_its_uncertainty() -> None:
     scores = []
     for seed in range(200):
         random = np.random.default_rng(seed)
@@ -103,7 +103,7 @@ def test_factory_record_errs_by_what_it_says() -> None:
     assert np.abs(np.mean(scores, axis=0)).max() < 0.3
 
 
-def test_factory_record_makes_one_g_of_a_part_at_rest() -> None:
+def test_the_factory_record_corrects_a_sensor_at_rest_to_one_g() -> None:
     random = np.random.default_rng(7)
     part = Accelerometer(typical_errors(random, 21.0), odr_hz=125.0)
     record = factory_calibration("simulated-1", part, random)
@@ -114,7 +114,7 @@ def test_factory_record_makes_one_g_of_a_part_at_rest() -> None:
     assert np.abs(np.linalg.norm(corrected_g, axis=1) - 1).max() < record["prediction_interval_g"]
 
 
-def test_factory_record_is_sealed_and_plain() -> None:
+def test_the_factory_record_has_a_hash_and_is_json() -> None:
     part = Accelerometer(typical_errors(np.random.default_rng(1), 21.0), odr_hz=125.0)
     record = json.loads(json.dumps(factory_calibration("simulated-4", part, np.random.default_rng(1))))
     seal = record.pop("sha256")

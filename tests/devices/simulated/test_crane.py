@@ -39,21 +39,21 @@ def test_planar_swing_reads_the_specific_force_of_the_closed_form(rho: float) ->
     assert axial == pytest.approx(G * np.cos(phi) + 2 * rho * G * (np.cos(phi) - np.cos(phi_max)), abs=2e-6)
 
 
-def test_the_published_formulas_disagree_at_mid_rope_as_they_must() -> None:
+def test_the_published_formulas_disagree_at_mid_rope() -> None:
     force = swing(10.0, 2.5).specific_force_m_s2(np.arange(0, 10, 0.002)) / G
     transverse, least, most = np.abs(force[:, 0]).max(), force[:, 2].min(), force[:, 2].max()
     read = [np.arccos(least), np.arcsin(transverse), np.arctan(transverse / least), np.arccos(1.5 - most / 2)]
     assert np.degrees(read) == pytest.approx([10.00, 4.98, 5.04, 7.07], abs=0.01)
 
 
-def test_period_grows_with_amplitude_as_theory_says() -> None:
+def test_the_period_increases_with_amplitude_as_in_theory() -> None:
     amplitude = np.radians(10.0)
     period_s = 2 * np.pi * np.sqrt(5.0 / G) * (1 + amplitude**2 / 16 + 11 * amplitude**4 / 3072)
     angle = swing(10.0, 2.5).truth(np.array([5 * period_s])).rope_angle_rad
     assert np.degrees(angle) == pytest.approx([10.0], abs=1e-5)
 
 
-def test_energy_and_angular_momentum_are_kept_without_drive() -> None:
+def test_energy_and_angular_momentum_are_conserved_without_a_drive() -> None:
     motion = pendulum.start_motion(np.radians(9.0), np.radians(-3.0), 0.05, 0.12)
     crane = Crane(length_m=3.0, position_m=2.0, motion=motion)
     middle_s = np.arange(0.5, 120, 0.5)
@@ -95,7 +95,7 @@ def test_the_housing_sees_the_vertical_where_the_sensor_reads_it() -> None:
     assert angle == pytest.approx(crane.truth(time_s).rope_angle_rad, abs=1e-9)
 
 
-def test_trolley_push_answers_as_the_linear_pendulum_does() -> None:
+def test_the_response_to_a_trolley_move_is_that_of_the_linear_pendulum() -> None:
     """A short push of speed v leaves the swing -v/(L w) sin(w t) along it; its width takes off (w ramp)^2/56."""
     length_m, speed_m_s, ramp_s = 8.0, 0.02, 0.5
     move = TrolleyMove(start_s=0.5, duration_s=1000.0, ramp_s=ramp_s, speed_m_s=speed_m_s, azimuth_rad=0.3)
@@ -107,7 +107,7 @@ def test_trolley_push_answers_as_the_linear_pendulum_does() -> None:
     assert along == pytest.approx(linear, abs=1e-4 * swing_rad)
 
 
-def test_damping_takes_the_stated_ratio() -> None:
+def test_the_amplitude_decays_by_the_stated_damping_ratio() -> None:
     period_s = 2 * np.pi * np.sqrt(5.0 / G)
     truth = swing(2.0, 2.0, damping_ratio=0.01).truth(np.arange(0, 11 * period_s, 0.01))
     late = truth.rope_angle_rad[-round(period_s / 0.01) :].max()
@@ -147,7 +147,7 @@ def test_swinging_while_hoisting_reads_the_housings_own_acceleration() -> None:
     )
 
 
-def test_labels_say_what_drives_the_load() -> None:
+def test_labels_state_the_drive_of_the_load() -> None:
     events: list[Event] = [
         TrolleyMove(start_s=1, duration_s=10, ramp_s=2, speed_m_s=0.5, azimuth_rad=0.0),
         TrolleyMove(start_s=4, duration_s=4, ramp_s=1, speed_m_s=0.5, azimuth_rad=1.6),
@@ -201,7 +201,7 @@ def test_results_do_not_depend_on_the_blocks(odr_hz: float) -> None:
 
 
 @pytest.mark.slow
-def test_truth_can_be_asked_after_the_force_and_not_long_after() -> None:
+def test_the_truth_is_available_for_the_history_only() -> None:
     crane = demo_crane(1, 8.0, 6.0)
     crane.specific_force_m_s2(np.arange(0, 200, 0.1))
     young = np.array([200 - HISTORY_S])
@@ -228,7 +228,7 @@ def test_demonstration_swings_then_trips_then_calms_down(seed: int, length_m: fl
 
 
 @pytest.mark.slow
-def test_demonstration_goes_on_within_bounds() -> None:
+def test_the_demonstration_continues_within_bounds() -> None:
     crane = demo_crane(2, 3.0, 2.0)
     time_s = np.arange(0, 900, 0.1)
     truth = crane.truth(time_s)
@@ -239,7 +239,7 @@ def test_demonstration_goes_on_within_bounds() -> None:
     assert all(kind[time_s > 600].any() for kind in (truth.trolley, truth.gust, truth.hoisting, truth.free))
 
 
-def test_same_seed_same_crane_another_seed_another() -> None:
+def test_the_seed_determines_the_crane() -> None:
     time_s = np.arange(0, 20, 0.1)
     first, again, other = (demo_crane(seed, 8.0, 6.0).specific_force_m_s2(time_s) for seed in (1, 1, 2))
     assert np.array_equal(first, again)

@@ -34,7 +34,7 @@ def test_numbers_arrays_and_symbols_agree() -> None:
     assert symbolic(*vectors).full()[:, 0] == pytest.approx(numbers, rel=1e-12)
 
 
-def test_rigging_that_pulls_nothing_leaves_one_pendulum() -> None:
+def test_a_massless_rigging_leaves_one_pendulum() -> None:
     heavy, _ = equations.accelerations_of_two(N, N_RATE, M, M_RATE, DRIVE, DRIVE, (7.0, 2.0), 0.1, 0.0, 1e12)
     assert heavy == pytest.approx(equations.acceleration_of_direction(N, N_RATE, DRIVE, 7.0, 0.1), rel=1e-9)
 

@@ -39,7 +39,7 @@ def read(device: Device) -> SampleBlock:
     return block
 
 
-def test_says_what_it_is() -> None:
+def test_device_info_describes_the_simulated_sensor() -> None:
     device: Device = simulated(FakeClock(), seed=4)
     info = device.open()
     assert (info.kind, info.device_id, info.unit, info.odr_hz) == ("simulated", "simulated-4", "counts", 125.0)
@@ -92,7 +92,7 @@ def test_a_slow_reader_gets_every_sample_while_less_than_a_second_behind() -> No
 
 
 @pytest.mark.parametrize("away_s", [1.3, 20.0, 7200.0])
-def test_after_a_suspension_it_skips_to_now_and_says_what_was_lost(away_s: float) -> None:
+def test_after_a_suspension_it_skips_to_now_and_counts_the_loss(away_s: float) -> None:
     clock = FakeClock()
     device = simulated(clock)
     device.open()
@@ -108,7 +108,7 @@ def test_after_a_suspension_it_skips_to_now_and_says_what_was_lost(away_s: float
 
 
 @pytest.mark.parametrize(("away_s", "crane_now_s"), [(20.0, 20.032), (7200.0, 30.232)])
-def test_the_crane_swings_on_unseen_for_half_a_minute_and_then_stands(away_s: float, crane_now_s: float) -> None:
+def test_the_crane_advances_for_half_a_minute_of_an_absence(away_s: float, crane_now_s: float) -> None:
     """Half a minute from the newest reading that was made, not from the newest that was read: a quarter second ahead."""
     clock = FakeClock()
     device = simulated(clock, errors=no_errors())
@@ -142,7 +142,7 @@ def test_site_gravity_is_one_g() -> None:
     assert read(device).raw.mean(axis=0) / 256000 == pytest.approx([0, 0, 1], abs=4 * device.part.noise_g / np.sqrt(5))
 
 
-def test_same_seed_same_readings_whenever_opened_and_however_blocked() -> None:
+def test_the_same_seed_gives_the_same_readings_for_any_blocks() -> None:
     readings = []
     for later_ns, block_samples in ((0, 5), (977_777_777, 20)):
         clock = FakeClock()
@@ -168,7 +168,7 @@ def test_factory_calibration_recovers_the_true_tilt() -> None:
 
 
 @pytest.mark.parametrize("away_s", [0.0, 5.0, 7200.0])
-def test_opened_again_it_begins_a_new_grid(away_s: float) -> None:
+def test_reopening_starts_a_new_grid(away_s: float) -> None:
     clock = FakeClock()
     device = simulated(clock)
     device.open()
@@ -188,7 +188,7 @@ def test_opened_again_it_begins_a_new_grid(away_s: float) -> None:
     assert device.truth(block.time_ns).rope_angle_rad == pytest.approx(expected, rel=1e-6)
 
 
-def test_temperature_is_near_what_the_part_was_calibrated_at() -> None:
+def test_the_temperature_is_near_that_of_the_calibration() -> None:
     device = simulated(FakeClock())
     record = device.open().factory_calibration
     assert record is not None

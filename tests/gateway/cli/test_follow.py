@@ -93,13 +93,13 @@ def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
         (COLLECTING | {"id": "", "phase": "idle"}, 1, "no such session is under way"),
     ],
 )
-def test_the_end_is_told_by_the_exit_code(last: dict[str, Any], code: int, said: str) -> None:
+def test_the_exit_code_states_how_the_session_ended(last: dict[str, Any], code: int, said: str) -> None:
     out = io.StringIO()
     assert watch_session(ScriptedLink(COLLECTING, last), "session-1", out) == code
     assert said in out.getvalue()
 
 
-def test_a_file_gets_a_line_for_each_change_and_no_more() -> None:
+def test_outside_a_terminal_each_change_is_one_line() -> None:
     out = io.StringIO()
     moving = COLLECTING | {"pose_fraction": 0.7, "seconds_left": 1.0}
     watch_session(
@@ -117,7 +117,7 @@ def test_a_terminal_gets_a_bar() -> None:
     assert "1/6 [######------------------] still 2 s left next -y up; hold still" in out.getvalue()
 
 
-def test_a_face_that_lay_up_twice_is_one_of_six_and_one_that_was_not_used_is_none() -> None:
+def test_only_different_used_faces_are_counted() -> None:
     out = Terminal()
     poses = [POSE, POSE, POSE | {"face": None, "used": False}]
     again = COLLECTING | {"poses": poses, "pose_fraction": 0.0}
@@ -141,14 +141,14 @@ def test_on_a_narrow_terminal_the_bar_stays_one_line() -> None:
     assert "next -y up" in bar
 
 
-def test_a_lost_gateway_is_waited_for() -> None:
+def test_the_display_waits_for_a_lost_gateway() -> None:
     link, out = ScriptedLink(COLLECTING, None, None, COLLECTING, REVIEW), io.StringIO()
     assert watch_session(link, "session-1", out) == 0
     assert out.getvalue().count("no answer from the gateway; waiting for it") == 1
     assert link.reconnects == 2
 
 
-def test_ctrl_c_says_that_the_session_goes_on() -> None:
+def test_ctrl_c_states_that_the_session_continues() -> None:
     class Interrupted(ScriptedLink):
         def reconnect(self) -> bool:
             raise KeyboardInterrupt
@@ -162,13 +162,13 @@ def test_ctrl_c_says_that_the_session_goes_on() -> None:
 BEFORE = COLLECTING | {"id": "", "phase": "idle"}
 
 
-def test_an_answer_from_before_the_session_began_does_not_end_it() -> None:
+def test_an_answer_from_before_the_session_does_not_end_it() -> None:
     out = io.StringIO()
     assert watch_session(ScriptedLink(BEFORE, BEFORE, COLLECTING, REVIEW), "session-1", out) == 0
     assert "no such session" not in out.getvalue()
 
 
-def test_a_gateway_that_keeps_telling_of_another_session_has_no_such_one() -> None:
+def test_a_gateway_with_another_session_has_no_such_session() -> None:
     out = io.StringIO()
     assert watch_session(ScriptedLink(*[BEFORE] * 9), "session-1", out) == 1
     assert "no such session is under way" in out.getvalue()

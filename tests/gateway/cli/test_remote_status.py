@@ -34,7 +34,7 @@ WATCHED = {
         ),
     ],
 )
-def test_rest_in_a_line(health: dict[str, Any], said: str) -> None:
+def test_the_drift_at_rest_is_one_line(health: dict[str, Any], said: str) -> None:
     assert describe_rest_drift(health | {"calibration_id": "r1"}, {"calibration_id": "r1"}) == said
     assert "not monitored" in NO_RECORD
     assert "not known yet" in NO_REST
@@ -49,7 +49,7 @@ def test_rest_in_a_line(health: dict[str, Any], said: str) -> None:
         ({"calibration_id": None, "drift": None}, {"calibration_id": "r2"}),
     ],
 )
-def test_the_health_of_another_record_says_nothing_of_this_one(
+def test_the_health_of_another_record_is_ignored(
     health: dict[str, Any] | None, calibration: dict[str, str] | None
 ) -> None:
     assert describe_rest_drift(health, calibration) == NO_HEALTH
@@ -99,6 +99,6 @@ def test_records_make_a_forecast() -> None:
     assert "from 4 records over 90 days" in said
 
 
-def test_one_record_makes_none() -> None:
+def test_one_record_gives_no_forecast() -> None:
     with pytest.raises(CalibrationError, match="two calibrations at least"):
         describe_forecast(Store(0))

@@ -39,7 +39,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
 
 
 @pytest.mark.parametrize("case", REFUSED)
-def test_refusal_names_the_key_and_the_mend(case: str) -> None:
+def test_a_refusal_names_the_key_and_the_remedy(case: str) -> None:
     table, expected = REFUSED[case]
     with pytest.raises(ConfigurationError) as refused:
         validate(table, "my.toml")
@@ -85,7 +85,7 @@ def test_environment_overrides_the_file(tmp_path: Path) -> None:
     assert (configuration.rope.length_m, configuration.gateway.crane) == (30.5, "north")
 
 
-def test_a_wrong_environment_is_named() -> None:
+def test_a_wrong_environment_variable_is_named() -> None:
     with pytest.raises(ConfigurationError, match="PLUMBLINE_ROPE__LENGTH_M"):
         load(None, {"PLUMBLINE_ROPE__LENGTH_M": "-1"})
 
@@ -94,7 +94,7 @@ def test_a_wrong_environment_is_named() -> None:
     ("content", "expected"),
     [(b"[rope", "is not TOML"), (b"\xff\xfe\x00", "is not UTF-8"), (None, "no such file")],
 )
-def test_a_file_that_is_none(tmp_path: Path, content: bytes | None, expected: str) -> None:
+def test_a_file_that_is_not_toml_is_refused(tmp_path: Path, content: bytes | None, expected: str) -> None:
     path = tmp_path / "my.toml"
     if content is not None:
         path.write_bytes(content)
@@ -114,7 +114,7 @@ def test_axes_map() -> None:
     assert validate({"device": {"axes_map": "-y, x, z"}}, "x").device.axes == ((1, -1), (0, 1), (2, 1))
 
 
-def test_housing_place_from_either_end() -> None:
+def test_the_housing_position_from_either_end() -> None:
     assert validate({"rope": {"length_m": 10}, "housing": {"above_load_m": 3}}, "x").housing_position_m == 7
     assert validate({"housing": {"position_m": 3}}, "x").housing_position_m == 3
     assert validate({"device": {"kind": "adxl355"}}, "x").housing_position_m is None

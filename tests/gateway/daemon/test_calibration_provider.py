@@ -65,7 +65,7 @@ def kept(tmp_path: Path) -> dict[str, Any] | None:
     return json.loads(path.read_text()) if path.exists() else None
 
 
-def test_a_record_goes_into_recordings_with_a_certificate_that_compares_it_with_its_parent(
+def test_recordings_contain_the_record_and_a_certificate_with_the_change_since_its_parent(
     provider: CalibrationProvider, put: PutRecord
 ) -> None:
     put("r0", created_utc="2025-01-01T00:00:00Z")
@@ -77,7 +77,7 @@ def test_a_record_goes_into_recordings_with_a_certificate_that_compares_it_with_
 
 
 @pytest.mark.parametrize("parent", [None, "r0"])
-def test_a_spoilt_older_record_is_said_and_takes_nothing_from_the_new_one(
+def test_a_damaged_older_record_is_reported_and_does_not_affect_the_new_one(
     provider: CalibrationProvider,
     put: PutRecord,
     tmp_path: Path,
@@ -101,7 +101,7 @@ def test_the_factorys_record_is_a_parent_too(
     assert any(b"Change since the parent record factory-1" in file.data for file in files.files)
 
 
-def test_without_a_record_there_is_nothing_to_carry_and_nothing_to_watch(
+def test_without_a_record_there_are_no_attachments_and_no_drift_monitor(
     provider: CalibrationProvider, store: DriftStateStore
 ) -> None:
     correction = provider.correction(INFO)
@@ -110,7 +110,7 @@ def test_without_a_record_there_is_nothing_to_carry_and_nothing_to_watch(
     assert store.open("part-7", correction).status_json is None
 
 
-def test_a_watch_goes_on_after_a_restart_and_is_kept_once_an_hour(
+def test_a_drift_monitor_continues_after_a_restart_and_is_saved_once_an_hour(
     provider: CalibrationProvider, put: PutRecord, store: DriftStateStore, tmp_path: Path
 ) -> None:
     put("r1")
@@ -127,7 +127,7 @@ def test_a_watch_goes_on_after_a_restart_and_is_kept_once_an_hour(
     assert present(again.monitor.status_json)["norm_error_mg"] == pytest.approx(1.0, abs=0.01)
 
 
-def test_the_same_record_keeps_its_watch_and_another_one_begins_anew(
+def test_each_record_has_its_own_drift_monitor(
     provider: CalibrationProvider, put: PutRecord, store: DriftStateStore, tmp_path: Path
 ) -> None:
     put("r1")
@@ -142,7 +142,7 @@ def test_the_same_record_keeps_its_watch_and_another_one_begins_anew(
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"format": 2}', "\x00"])
-def test_a_state_that_cannot_be_read_is_left_aside(
+def test_an_unreadable_state_is_ignored(
     provider: CalibrationProvider, put: PutRecord, store: DriftStateStore, tmp_path: Path, text: str
 ) -> None:
     put("r1")
@@ -150,7 +150,7 @@ def test_a_state_that_cannot_be_read_is_left_aside(
     assert present(store.open("part-7", provider.correction(INFO)).status_json)["state"] == "no_rest"
 
 
-def test_a_disk_that_does_not_take_the_state_is_said_and_survived(
+def test_a_state_that_cannot_be_saved_is_reported(
     provider: CalibrationProvider,
     put: PutRecord,
     store: DriftStateStore,
@@ -165,7 +165,7 @@ def test_a_disk_that_does_not_take_the_state_is_said_and_survived(
     assert "cannot be saved" in caplog.text
 
 
-def test_a_record_whose_time_cannot_be_read_is_not_watched_and_says_so(
+def test_a_record_without_a_valid_time_is_not_monitored(
     provider: CalibrationProvider, put: PutRecord, store: DriftStateStore, caplog: pytest.LogCaptureFixture
 ) -> None:
     put("r1", created_utc="in spring")
@@ -184,7 +184,7 @@ class FullDisk(Recorder):
         raise RecorderError("full", 3, 40)
 
 
-def test_a_record_that_the_disk_does_not_take_stops_the_recording_as_any_message_does() -> None:
+def test_a_record_that_cannot_be_written_stops_the_recording() -> None:
     worker = RecordingWorker(FullDisk(), lambda: 0)
     worker.handle(CalibrationChange(None))
     assert (worker.error, worker.samples_lost) == ("full", 40)

@@ -57,7 +57,7 @@ def rest(service: RecalibrationService, clock: TurnedClock, seconds: float) -> I
         yield service.serve().session_due
 
 
-def test_requests_wait_for_the_processing_thread_within_bounds(service: RecalibrationService) -> None:
+def test_a_bounded_number_of_requests_waits_for_the_processing_thread(service: RecalibrationService) -> None:
     answers = [ask(service, "cancel", f"request-{number}") for number in range(WAITING)]
     assert not service.submit(PendingRequest("cancel", b"", lambda _answer: None))
     assert service.dropped == 1
@@ -66,7 +66,7 @@ def test_requests_wait_for_the_processing_thread_within_bounds(service: Recalibr
     assert [answer.accepted for (answer,) in answers] == [False] * WAITING
 
 
-def test_a_session_is_told_of_at_each_change_and_twice_a_second(
+def test_a_session_is_published_at_each_change_and_twice_a_second(
     service: RecalibrationService, clock: TurnedClock
 ) -> None:
     assert service.serve() == ServiceUpdate(pipeline_changed=False, session_due=False)
@@ -84,7 +84,7 @@ def test_a_session_is_told_of_at_each_change_and_twice_a_second(
     assert sum(rest(service, clock, 5.0)) == 0
 
 
-def test_a_load_on_the_hook_is_heard(service: RecalibrationService, clock: TurnedClock) -> None:
+def test_a_load_signal_refuses_a_recalibration(service: RecalibrationService, clock: TurnedClock) -> None:
     service.set_load_signal(b'{"loaded": true, "load_kg": 1250.0}')
     (answers,) = [ask(service, "recalibrate", "request-1", housing_off_rope=True)]
     service.serve()
@@ -96,7 +96,7 @@ def test_a_load_on_the_hook_is_heard(service: RecalibrationService, clock: Turne
 
 
 @pytest.mark.parametrize("payload", [b"", b"5", b'{"loaded": "yes"}', b"\xff"])
-def test_a_load_signal_that_is_none_is_said_and_survived(
+def test_an_invalid_load_signal_is_reported(
     service: RecalibrationService, payload: bytes, caplog: pytest.LogCaptureFixture
 ) -> None:
     with caplog.at_level(logging.ERROR, logger="plumbline.recalibration"):

@@ -61,7 +61,7 @@ def run(device: Scripted, info: DeviceInfo = INFO, size: int = 64) -> tuple[Samp
     return sampler, items
 
 
-def test_blocks_are_handed_on_in_order_and_the_device_is_closed() -> None:
+def test_blocks_are_forwarded_in_order_and_the_device_is_closed() -> None:
     blocks = [block(1), block(2), block(3)]
     device = Scripted([blocks[0], None, blocks[1], blocks[2]])
     _, items = run(device)
@@ -89,7 +89,7 @@ def test_a_full_queue_drops_the_newest_and_counts_its_samples() -> None:
     assert sampler.lost_in_queue == 30
 
 
-def test_a_recording_waits_for_its_reader() -> None:
+def test_a_replay_waits_for_its_reader() -> None:
     queue = BoundedQueue[SamplerItem](1)
     patient = DeviceInfo(kind="t", device_id="t", unit="g", odr_hz=1.0, units_per_g=1.0, can_wait=True)
     sampler = Sampler(Scripted([block() for _ in range(5)]), patient, queue, ServiceNotifier({}))
@@ -102,7 +102,7 @@ def test_a_recording_waits_for_its_reader() -> None:
     assert sampler.lost_in_queue == 0
 
 
-def test_stops_while_the_device_is_away() -> None:
+def test_the_sampler_stops_while_the_device_is_lost() -> None:
     queue = BoundedQueue[SamplerItem](4)
     device = Scripted([TransferError("gone")], [TransferError("gone")] * 1000)
     sampler = Sampler(device, INFO, queue, ServiceNotifier({}))
@@ -116,7 +116,7 @@ def test_stops_while_the_device_is_away() -> None:
 
 
 @pytest.mark.parametrize("size", [1, 3])
-def test_dropping_queue_counts(size: int) -> None:
+def test_the_bounded_queue_counts_dropped_items(size: int) -> None:
     queue = BoundedQueue[int](size)
     assert [queue.put(i) for i in range(5)] == [True] * size + [False] * (5 - size)
     assert queue.dropped == 5 - size

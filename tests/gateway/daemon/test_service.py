@@ -15,7 +15,7 @@ from gateway.daemon.wall_clock import STEP_NS, WallClockMonitor
 from tests.values import present
 
 
-def test_notifier_speaks_to_the_managers_socket(tmp_path: Path) -> None:
+def test_the_notifier_sends_to_the_managers_socket(tmp_path: Path) -> None:
     path = tmp_path / "notify"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(str(path))
@@ -26,7 +26,7 @@ def test_notifier_speaks_to_the_managers_socket(tmp_path: Path) -> None:
         notifier.close()
 
 
-def test_notifier_takes_abstract_addresses() -> None:
+def test_the_notifier_accepts_abstract_addresses() -> None:
     name = f"plumbline-test-{os.getpid()}"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind("\0" + name)
@@ -37,7 +37,7 @@ def test_notifier_takes_abstract_addresses() -> None:
         notifier.close()
 
 
-def test_notifier_without_or_with_a_dead_manager_is_silent(tmp_path: Path) -> None:
+def test_the_notifier_ignores_a_missing_manager(tmp_path: Path) -> None:
     ServiceNotifier({}).send("READY=1")
     notifier = ServiceNotifier({"NOTIFY_SOCKET": str(tmp_path / "nobody")})
     notifier.send("READY=1")
@@ -70,7 +70,7 @@ def test_the_lock_of_a_killed_process_is_free(tmp_path: Path) -> None:
         InstanceLock(tmp_path).release()
 
 
-def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(InstanceError, match="cannot be written"):
         InstanceLock(tmp_path / "file" / "data")

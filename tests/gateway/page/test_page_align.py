@@ -50,9 +50,7 @@ def test_the_larger_angle_first_then_the_other_until_both_are_aligned(gateway: F
     expect(screen.locator("main")).to_be_visible()
 
 
-def test_no_advice_while_it_moves_or_nobody_answers_or_the_sensor_is_recalibrated(
-    gateway: FakeGateway, screen: Any
-) -> None:
+def test_there_is_no_advice_without_a_reading_at_rest(gateway: FakeGateway, screen: Any) -> None:
     scene = gateway.scene
     screen.locator("#align-link").click()
     expect(screen.locator("#align-word")).to_have_text("WAIT")
@@ -71,7 +69,7 @@ def test_no_advice_while_it_moves_or_nobody_answers_or_the_sensor_is_recalibrate
     expect(screen.locator("#align-roll")).to_have_text("—")
 
 
-def test_drift_is_told_and_what_is_not_watched_is_never_shown_as_well(gateway: FakeGateway, screen: Any) -> None:
+def test_an_unknown_drift_is_never_shown_as_good(gateway: FakeGateway, screen: Any) -> None:
     fact = screen.locator("#fact-drift")
     expect(fact.locator("dd")).to_have_text("not known yet")
     gateway.scene.drift = {"state": "no_rest", "norm_error_mg": None, "limit_mg": None, "reasons": []}
@@ -84,7 +82,7 @@ def test_drift_is_told_and_what_is_not_watched_is_never_shown_as_well(gateway: F
     expect(fact).to_have_class("bad")
 
 
-def test_the_drift_is_a_metric_once_it_is_watched(gateway: FakeGateway, page: PageUnderTest) -> None:
+def test_the_drift_is_a_metric_once_it_is_known(gateway: FakeGateway, page: PageUnderTest) -> None:
     wait_until(lambda: page.state()["topics"].get("health"), "health")
     assert "drift" not in page.get("/metrics")[1]
     gateway.scene.drift = {"state": "alarm", "norm_error_mg": 9.0, "limit_mg": 5.0}

@@ -52,7 +52,7 @@ class Screen:
         return int(across), int(down)
 
 
-def test_the_angle_moves(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+def test_the_angle_is_updated(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
     screen = Screen(browser, page.url)
     screen.shows("OK", "circle")
     expect(screen.band).to_have_css("background-color", GREEN)
@@ -94,7 +94,7 @@ CALLS = [
 ]
 
 
-def test_numbers_promise_no_more_than_is_known(page: PageUnderTest, browser: Browser) -> None:
+def test_numbers_are_rounded_outwards(page: PageUnderTest, browser: Browser) -> None:
     screen = Screen(browser, page.url)
     for module, function, argument, expected in CALLS:
         call = f"argument => import('/{module}').then(module => module.{function}(argument))"
@@ -120,7 +120,7 @@ LATE = """() => import('/link.js').then(({Link}) => {
 })"""
 
 
-def test_pushes_that_come_late_are_not_taken_for_news(page: PageUnderTest, browser: Browser) -> None:
+def test_late_pushes_are_stale(page: PageUnderTest, browser: Browser) -> None:
     screen = Screen(browser, page.url)
     complaints = screen.page.evaluate(LATE)
     assert complaints == [
@@ -131,7 +131,7 @@ def test_pushes_that_come_late_are_not_taken_for_news(page: PageUnderTest, brows
     ]
 
 
-def test_what_is_not_right_is_never_green(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+def test_only_a_correct_state_is_green(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
     screen = Screen(browser, page.url, DESKTOP)
     screen.shows("OK", "circle")
     gateway.scene.calibration = "uncalibrated"
@@ -160,7 +160,7 @@ def test_what_is_not_right_is_never_green(gateway: FakeGateway, page: PageUnderT
     assert screen.errors == []
 
 
-def test_a_dead_page_server_is_seen_and_its_return_too(
+def test_the_page_shows_the_loss_and_return_of_its_server(
     gateway: FakeGateway, page: PageUnderTest, browser: Browser
 ) -> None:
     screen = Screen(browser, page.url)
@@ -177,7 +177,9 @@ def test_a_dead_page_server_is_seen_and_its_return_too(
     assert gateway.speaking.is_set()
 
 
-def test_field_values_are_text_and_nothing_else(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+def test_field_values_are_not_interpreted_as_markup(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
     screen = Screen(browser, page.url)
     gateway.scene.level = "warn"
     gateway.scene.alert_text = gateway.scene.recording_error = gateway.scene.device_kind = HOSTILE
@@ -190,7 +192,7 @@ def test_field_values_are_text_and_nothing_else(gateway: FakeGateway, page: Page
     assert screen.errors == []
 
 
-def test_everything_fits(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+def test_everything_fits_on_the_screen(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
     screen = Screen(browser, page.url)
     screen.shows("OK", "circle")
     gateway.scene.phi_max_deg, gateway.scene.coverage95_deg = 12.4, [11.8, 13.0]

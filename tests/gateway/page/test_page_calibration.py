@@ -40,7 +40,7 @@ def screen(page: PageUnderTest, browser: Browser) -> Any:
     made.close()
 
 
-def test_the_rigger_is_shown_what_to_do(gateway: FakeGateway, screen: Any) -> None:
+def test_the_rigger_sees_the_next_attitude(gateway: FakeGateway, screen: Any) -> None:
     expect(screen.locator("#word")).to_have_text("OK")
     expect(screen.locator("#calibration")).to_be_hidden()
     gateway.scene.session = COLLECTING
@@ -68,7 +68,7 @@ def test_the_rigger_is_shown_what_to_do(gateway: FakeGateway, screen: Any) -> No
         ]
 
 
-def test_review_and_end_are_told_and_the_swing_comes_back(gateway: FakeGateway, screen: Any) -> None:
+def test_review_and_end_are_shown_before_the_swing_returns(gateway: FakeGateway, screen: Any) -> None:
     review = replace(
         COLLECTING, phase="review", next_face=None, next_direction=None, text="may not", reasons=[HOSTILE], still=False
     )
@@ -86,7 +86,7 @@ def test_review_and_end_are_told_and_the_swing_comes_back(gateway: FakeGateway, 
     expect(screen.locator("#word")).to_have_text("OK")
 
 
-def test_a_norm_fit_shows_the_direction_that_helps_most(gateway: FakeGateway, screen: Any) -> None:
+def test_a_norm_fit_shows_the_most_informative_direction(gateway: FakeGateway, screen: Any) -> None:
     gateway.scene.session = replace(
         COLLECTING, method="norm-fit", wanted=12, next_face=None, next_direction=[0.6, 0.0, 0.8]
     )
@@ -97,7 +97,7 @@ def test_a_norm_fit_shows_the_direction_that_helps_most(gateway: FakeGateway, sc
     expect(screen.locator("#session-text")).to_have_text("no contact with the gateway")
 
 
-def test_the_box_lies_as_it_should(screen: Any) -> None:
+def test_the_box_has_the_requested_attitude(screen: Any) -> None:
     """Rows of the rotation: orthonormal, right-handed, and the wanted direction ends up vertical."""
     for up in ([1, 0, 0], [0, -1, 0], [0, 0, -1], [0.6, 0.0, 0.8], [1, -1, 1]):
         rows = screen.evaluate("up => import('/box.js').then(box => box.rotationToVertical(up))", up)

@@ -76,7 +76,7 @@ def test_a_browser_that_leaves_makes_room() -> None:
     asyncio.run(scenario())
 
 
-def test_an_event_is_json_even_of_what_is_not_finite() -> None:
+def test_numbers_that_are_not_finite_become_null_in_an_event() -> None:
     text = event("state", {"nan": float("nan"), "inf": float("inf"), "line": "a\nb"}, number=3).decode()
     assert text.startswith("id: 3\nevent: state\ndata: ")
     assert text.endswith("\n\n")
@@ -84,7 +84,7 @@ def test_an_event_is_json_even_of_what_is_not_finite() -> None:
     assert json.loads(text.split("data: ")[1]) == {"nan": None, "inf": None, "line": "a\nb"}
 
 
-def test_the_page_subscribes_to_all_that_is_published_but_the_samples() -> None:
+def test_the_page_subscribes_to_all_published_topics_except_samples() -> None:
     assert SHOWN == ("tilt", "swing", "condition", "alert", "health", "calibration")
 
 
@@ -118,7 +118,7 @@ def test_metrics_are_exposition_format(scene: Scene) -> None:
     assert text.endswith("\n")
 
 
-def test_metrics_leave_out_what_is_stale_or_not_known(scene: Scene) -> None:
+def test_metrics_omit_stale_and_unknown_values(scene: Scene) -> None:
     scene.level = "trip"
     stale = format_exposition(_evidence(scene, swing=60.0, alert=60.0), COUNTERS, LABELS)
     assert "phi_max" not in stale
@@ -135,7 +135,7 @@ def test_metrics_escape_label_values(scene: Scene) -> None:
     assert 'plumbline_up{site="a\\"b\\\\c\\nd"} 1' in text.splitlines()
 
 
-def test_start_parameters_survive_the_pipe() -> None:
+def test_start_parameters_are_encoded_and_parsed() -> None:
     parameters = replace(PARAMETERS, title="Crane 3", lean_trip_deg=3.0)
     assert parse(encode(parameters)) == parameters
     assert encode(parameters).count(b"\n") == 1
@@ -159,6 +159,6 @@ def test_wrong_start_parameters_are_named_in_one_line(line: bytes, names: str) -
     assert "\n" not in str(refused.value)
 
 
-def test_an_endpoint_that_is_none_is_named() -> None:
+def test_an_invalid_endpoint_is_reported() -> None:
     with pytest.raises(BusError, match="nowhere"):
         session_settings("client", ["nowhere"], [])

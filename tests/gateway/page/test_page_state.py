@@ -27,7 +27,7 @@ def tell(state: PageState, scene: Scene, at_s: float, sequence: int = 0, time_ns
     state.receive(arrivals | {ALIVE: Arrival(b"1", at_s)})
 
 
-def test_the_snapshot_carries_messages_ages_and_verdict(state: PageState, scene: Scene) -> None:
+def test_the_snapshot_contains_messages_ages_and_verdict(state: PageState, scene: Scene) -> None:
     assert state.snapshot(9.0)["verdict"]["word"] == "NO DATA"
     tell(state, scene, 10.0)
     snapshot = from_json(to_json(state.snapshot(10.25)))
@@ -46,21 +46,21 @@ def test_the_pushed_state_leaves_the_calibration_record_out(state: PageState, sc
     assert state.summary(10.0)["topics"]["calibration"].status == "calibrated"
 
 
-def test_a_message_repeated_for_ever_does_not_look_fresh(state: PageState, scene: Scene) -> None:
+def test_a_repeated_message_becomes_stale(state: PageState, scene: Scene) -> None:
     for k in range(30):
         tell(state, scene, 10.0 + k / 10, sequence=k, time_ns=77)
     assert state.evidence(12.9).age_s["tilt"] == pytest.approx(2.9)
     assert state.verdict(12.9).word == "STALE"
 
 
-def test_the_gateway_that_leaves_is_stale_at_once(state: PageState, scene: Scene) -> None:
+def test_a_gateway_that_disconnects_is_stale_at_once(state: PageState, scene: Scene) -> None:
     tell(state, scene, 10.0)
     state.receive({ALIVE: Arrival(b"", 10.1)})
     assert state.verdict(10.1).word == "STALE"
 
 
 @pytest.mark.parametrize("payload", [b"", b"{}", b"\xff\xfe", b'{"time_ns": "x"}', b"[1, 2"])
-def test_what_is_no_message_is_counted_and_ignored(state: PageState, scene: Scene, payload: bytes) -> None:
+def test_invalid_messages_are_counted_and_ignored(state: PageState, scene: Scene, payload: bytes) -> None:
     tell(state, scene, 10.0)
     state.receive({"tilt": Arrival(payload, 10.1)})
     assert state.invalid == 1
@@ -68,20 +68,20 @@ def test_what_is_no_message_is_counted_and_ignored(state: PageState, scene: Scen
     assert state.evidence(10.1).age_s["tilt"] == pytest.approx(0.1)
 
 
-def test_fields_that_a_newer_gateway_adds_are_ignored(state: PageState, scene: Scene) -> None:
+def test_unknown_fields_are_ignored(state: PageState, scene: Scene) -> None:
     payload = encode("tilt", scene.tilt())[:-1] + b', "novel": 1}'
     state.receive({"tilt": Arrival(payload, 10.0)})
     assert (state.invalid, state.received["tilt"]) == (0, 1)
 
 
-def test_the_last_good_value_is_the_last_that_was_sound(state: PageState, scene: Scene) -> None:
+def test_the_last_good_value_is_the_last_sound_one(state: PageState, scene: Scene) -> None:
     tell(state, scene, 10.0)
     scene.phi_max_deg, scene.trusted, scene.condition = 9.9, False, "disturbed"
     tell(state, scene, 10.5)
     assert state.snapshot(12.0)["last_good"] == {"age_s": 2.0, "phi_max_deg": 2.3}
 
 
-def test_the_last_good_value_is_not_the_one_of_no_swing(state: PageState, scene: Scene) -> None:
+def test_the_last_good_value_has_no_angle_without_a_swing(state: PageState, scene: Scene) -> None:
     scene.swinging, scene.coverage95_deg, scene.condition = False, [0.0, 0.2], "static"
     tell(state, scene, 10.0)
     assert state.snapshot(10.0)["last_good"] == {"age_s": 0.0, "phi_max_deg": None}

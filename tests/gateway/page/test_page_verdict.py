@@ -72,7 +72,7 @@ TABLE = [
 
 
 @pytest.mark.parametrize(("change", "circumstances", "word"), TABLE)
-def test_verdict_by_the_table(scene: Scene, change: Change, circumstances: dict[str, Any], word: str) -> None:
+def test_the_verdict_follows_the_table(scene: Scene, change: Change, circumstances: dict[str, Any], word: str) -> None:
     change(scene)
     judged = verdict(evidence_of(scene, **circumstances))
     assert judged.word == word
@@ -81,7 +81,7 @@ def test_verdict_by_the_table(scene: Scene, change: Change, circumstances: dict[
 
 
 @pytest.mark.parametrize("topic", USUAL_INTERVAL_S)
-def test_nothing_is_green_before_every_topic_spoke(scene: Scene, topic: str) -> None:
+def test_nothing_is_green_before_every_topic_was_received(scene: Scene, topic: str) -> None:
     whole = evidence_of(scene)
     latest: dict[str, Message] = {name: message for name, message in whole.latest.items() if name != topic}
     judged = verdict(PageEvidence(True, latest, whole.age_s, 1.0))
@@ -95,7 +95,7 @@ def test_no_data_at_all(gateway: bool) -> None:
     assert (judged.word, judged.sound) == ("NO DATA", False)
 
 
-def test_a_lost_alarm_is_told_beside_the_loss(scene: Scene) -> None:
+def test_an_alarm_is_listed_when_its_data_are_lost(scene: Scene) -> None:
     setting(level="trip", alert_text="swing trip: up to 8.1 deg")(scene)
     judged = verdict(evidence_of(scene, tilt=3.0))
     assert judged.also == ["STOP"]
@@ -111,7 +111,7 @@ def test_a_lost_alarm_is_told_beside_the_loss(scene: Scene) -> None:
         (setting(calibration="uncalibrated", **DISTURBED), ["DISTURBED"]),
     ],
 )
-def test_what_is_told_beside_the_verdict(scene: Scene, change: Change, also: list[str]) -> None:
+def test_other_findings_are_listed_with_the_verdict(scene: Scene, change: Change, also: list[str]) -> None:
     change(scene)
     assert verdict(evidence_of(scene)).also == also
 
@@ -127,22 +127,22 @@ def test_what_is_told_beside_the_verdict(scene: Scene, change: Change, also: lis
         (setting(session=SUSPENDED), False),
     ],
 )
-def test_sound_is_whether_the_number_may_be_believed(scene: Scene, change: Change, sound: bool) -> None:
+def test_a_sound_verdict_allows_trust_in_the_number(scene: Scene, change: Change, sound: bool) -> None:
     change(scene)
     assert verdict(evidence_of(scene)).sound is sound
 
 
-def test_a_long_rope_does_not_excuse_silence_for_ever(scene: Scene) -> None:
+def test_a_long_rope_becomes_stale_as_well(scene: Scene) -> None:
     whole = evidence_of(scene, swing=17.0)
     object.__setattr__(whole.latest["swing"], "period_s", 1e9)
     assert verdict(whole).word == "STALE"
 
 
-def test_every_verdict_is_told_apart_without_colour() -> None:
+def test_every_verdict_has_its_own_word_and_shape() -> None:
     assert len({face.shape for face in STYLES.values()}) == len(STYLES)
     assert len({face.label for face in STYLES.values()}) == len(STYLES)
     assert [word for word, face in STYLES.items() if face.colour == "green"] == ["OK"]
 
 
-def test_the_verdict_rests_on_published_topics() -> None:
+def test_the_verdict_depends_on_published_topics() -> None:
     assert all(TOPICS[topic].published for topic in USUAL_INTERVAL_S)

@@ -129,7 +129,7 @@ def test_steady_wind_leans_and_trips_the_lean_alert() -> None:
 
 
 @pytest.mark.slow
-def test_alerts_are_raised_by_the_upper_end_and_clear_after_the_hold() -> None:
+def test_alerts_are_raised_by_the_upper_limit_and_clear_after_the_hold_time() -> None:
     limits = {"alerts": {"warn_deg": 4.0, "trip_deg": 6.0, "clear_deg": 3.0, "hold_s": 2.0}}
     run = Run(crane(7.0, damping_ratio=0.05), limits).go(60)
     events = [(alert.level, alert.event) for alert in run.out["alert"] if alert.event in ("raised", "cleared")]
@@ -137,13 +137,13 @@ def test_alerts_are_raised_by_the_upper_end_and_clear_after_the_hold() -> None:
     assert events[-1] == ("normal", "cleared")
 
 
-def test_nothing_is_normal_before_anything_is_known() -> None:
+def test_alerts_are_unknown_before_the_first_estimate() -> None:
     run = Run(crane(2.0)).go(2)
     assert {alert.level for alert in run.out["alert"]} == {"unknown"}
     assert {condition.verdict for condition in run.out["condition"]} == {"unknown"}
 
 
-def test_stale_is_said_and_never_clears_an_alert() -> None:
+def test_stale_readings_are_reported_and_never_clear_an_alert() -> None:
     run = Run(crane(9.0)).go(20)
     assert run.out["alert"][-1].level == "trip"
     run.take(run.pipeline.idle(run.newest_ns + 500_000_000, CLOCK).messages)
@@ -190,7 +190,7 @@ def test_clipped_samples_disturb() -> None:
     assert "clipped" in run.out["condition"][-1].reasons[0]
 
 
-def test_headers_count_and_carry_utc() -> None:
+def test_headers_have_sequence_numbers_and_utc() -> None:
     run = Run(crane(3.0)).go(10)
     for sent in run.out.values():
         assert [message.sequence for message in sent] == list(range(len(sent)))
@@ -200,7 +200,7 @@ def test_headers_count_and_carry_utc() -> None:
     np.testing.assert_array_equal(unpack(newest).raw, run.blocks[-1].raw)
 
 
-def test_the_same_blocks_give_the_same_bits() -> None:
+def test_the_same_blocks_give_identical_messages() -> None:
     first = Run(crane(5.0)).go(20)
     again = Run(crane(5.0))
     for block in first.blocks:
@@ -211,7 +211,7 @@ def test_the_same_blocks_give_the_same_bits() -> None:
 WHY = "SUSPENDED: the sensor is being recalibrated (six-position, by ann)"
 
 
-def test_nothing_is_said_of_the_load_while_the_sensor_is_recalibrated() -> None:
+def test_the_load_is_unknown_during_a_recalibration() -> None:
     run = Run(crane(9.0)).go(20)
     assert run.out["alert"][-1].level == "trip"
     before = {topic: len(messages) for topic, messages in run.out.items()}
@@ -232,7 +232,7 @@ def test_nothing_is_said_of_the_load_while_the_sensor_is_recalibrated() -> None:
     assert len(later["swing"]) >= 5
 
 
-def test_a_device_that_is_lost_while_it_is_recalibrated_says_both() -> None:
+def test_a_device_lost_during_a_recalibration_gives_both_reasons() -> None:
     run = Run(crane()).go(5)
     run.pipeline.set_session(NO_SESSION, WHY)
     run.go(1)
@@ -243,7 +243,7 @@ def test_a_device_that_is_lost_while_it_is_recalibrated_says_both() -> None:
     assert run.out["alert"][-1].level == "unknown"
 
 
-def test_the_calibration_message_tells_how_a_session_stands() -> None:
+def test_the_calibration_message_contains_the_session() -> None:
     run = Run(crane()).go(1)
     assert run.out["calibration"][-1].session == NO_SESSION
     session = replace(NO_SESSION, id="session-1", phase="collecting")

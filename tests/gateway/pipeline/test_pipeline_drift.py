@@ -86,7 +86,7 @@ def calibration_of(alert: Alert) -> ActiveAlert | None:
     return next((one for one in alert.active if one.rule == "calibration"), None)
 
 
-def test_a_sensor_that_drifted_out_of_its_interval_is_warned_of_though_it_is_never_static() -> None:
+def test_drift_beyond_the_interval_raises_a_warning_without_a_static_verdict() -> None:
     crane = Hanging()
     for hour in range(HOLD_HOURS):
         crane.hour(hour, error_g=2 * DM_G)
@@ -104,7 +104,7 @@ def test_a_sensor_that_drifted_out_of_its_interval_is_warned_of_though_it_is_nev
 
 
 @pytest.mark.slow
-def test_the_warning_goes_with_the_drift_and_a_swing_says_nothing_of_it() -> None:
+def test_the_drift_warning_clears_with_the_drift_and_not_with_a_swing() -> None:
     crane = Hanging()
     for hour in range(HOLD_HOURS + 1):
         crane.hour(hour, error_g=2 * DM_G)
@@ -119,7 +119,7 @@ def test_the_warning_goes_with_the_drift_and_a_swing_says_nothing_of_it() -> Non
     assert raised == ["raised", "cleared"]
 
 
-def test_what_is_still_within_its_interval_is_watched_and_not_warned_of() -> None:
+def test_drift_within_the_interval_raises_no_warning() -> None:
     crane = Hanging()
     assert present(crane.rest.status_json)["state"] == "no_rest"
     for hour in range(HOLD_HOURS + 1):
@@ -129,7 +129,7 @@ def test_what_is_still_within_its_interval_is_watched_and_not_warned_of() -> Non
     assert {alert.rule for alert in crane.out["alert"]} <= {None, "swing", "lean"}
 
 
-def test_nothing_is_fed_while_the_housing_is_off_the_rope() -> None:
+def test_the_drift_monitor_gets_no_readings_off_the_rope() -> None:
     crane = Hanging()
     crane.pipeline.set_session(NO_SESSION, "SUSPENDED: on the bench")
     crane.hour(0).hour(1)
@@ -139,7 +139,7 @@ def test_nothing_is_fed_while_the_housing_is_off_the_rope() -> None:
     assert crane.rest.has_unsaved_readings
 
 
-def test_the_warning_is_unknown_while_alerts_are_suspended_and_comes_back_with_the_next_pipeline() -> None:
+def test_the_drift_warning_is_unknown_while_alerts_are_suspended() -> None:
     crane = Hanging()
     for hour in range(HOLD_HOURS + 1):
         crane.hour(hour, error_g=2 * DM_G)
@@ -152,7 +152,7 @@ def test_the_warning_is_unknown_while_alerts_are_suspended_and_comes_back_with_t
     assert present(calibration_of(crane.alert)).level == "warn"
 
 
-def test_readings_are_dated_by_the_wall_clock() -> None:
+def test_drift_readings_have_the_time_of_the_wall_clock() -> None:
     ahead = Hanging(2 * NS_PER_HOUR).hour(0)
     assert present(ahead.rest.dump_state())["open"]["hour"] == MADE_NS // NS_PER_HOUR + 2
     behind = Hanging(-NS_PER_HOUR).hour(0)
@@ -160,12 +160,12 @@ def test_readings_are_dated_by_the_wall_clock() -> None:
     assert present(behind.rest.dump_state())["misdated"] > 0
 
 
-def test_an_alarm_whose_hours_were_forgotten_still_says_what_to_do() -> None:
+def test_a_drift_alarm_without_its_hours_states_what_to_do() -> None:
     state = RestDriftMonitor(CORRECTION).state() | {"alarm_since_hour": MADE_NS // NS_PER_HOUR}
     assert DriftMonitor(RestDriftMonitor(CORRECTION, state)).alarm == DRIFTED
 
 
-def test_without_a_record_nothing_is_watched() -> None:
+def test_without_a_record_there_is_no_drift() -> None:
     rest = DriftMonitor(None)
     rest.update({}, MADE_NS, np.array([0.0, 0.0, 1.0]), None)
     assert (rest.status_json, rest.alarm, rest.calibration_id, rest.dump_state()) == (None, None, None, None)

@@ -59,7 +59,7 @@ def last_word(crane: tuple[NDArray[np.float64], NDArray[np.float64]], temperatur
     return reading.message(header), present(reading.upper_confidence_limits()[1])
 
 
-def test_beyond_the_calibrated_range_swing_and_lean_hold_and_the_temperature_is_named(
+def test_uncertainty_covers_swing_and_lean_outside_the_calibrated_temperature_range(
     crane: tuple[NDArray[np.float64], NDArray[np.float64]],
 ) -> None:
     message, lean_end_rad = last_word(crane, 24.0 + WARMER_K)
@@ -70,7 +70,9 @@ def test_beyond_the_calibrated_range_swing_and_lean_hold_and_the_temperature_is_
     assert "widened: at 64 °C, calibrated at 20 to 24 °C" in message.reasons
 
 
-def test_within_it_nothing_is_widened_or_said(crane: tuple[NDArray[np.float64], NDArray[np.float64]]) -> None:
+def test_uncertainty_is_unchanged_within_the_calibrated_temperature_range(
+    crane: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> None:
     message, lean_end_rad = last_word(crane, 23.0)
 
     assert np.degrees(lean_end_rad) < 1.5 * present(message.lean_deg)
@@ -90,7 +92,7 @@ def tilt_u_deg(temperatures_c: list[float | None]) -> float:
     return present(tilts[-1].u_deg)
 
 
-def test_the_tilt_is_widened_too_by_the_newest_temperature_that_the_part_told() -> None:
+def test_the_tilt_uncertainty_follows_the_newest_temperature() -> None:
     cool = tilt_u_deg([23.0] * 10)
     assert tilt_u_deg([23.0] * 5 + [24.0 + WARMER_K] + [None] * 4) > 5 * cool
     assert tilt_u_deg([*[24.0 + WARMER_K] * 5, *[23.0] * 5]) == cool

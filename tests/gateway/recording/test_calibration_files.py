@@ -62,7 +62,7 @@ def segments(folder: Path) -> list[Path]:
     return sorted(folder.glob("*.mcap"))
 
 
-def test_every_segment_carries_the_record_and_its_certificate(
+def test_every_segment_contains_the_record_and_its_certificate(
     make_recorder: MakeRecorder,
     make_samples: Callable[..., messages.Samples],
     device: DeviceInfo,
@@ -90,7 +90,7 @@ def test_every_segment_carries_the_record_and_its_certificate(
         assert summarise(path).attachments == sorted(found)
 
 
-def test_a_record_that_comes_in_force_is_on_the_disk_at_once_and_behind_what_came_before(
+def test_a_new_record_is_on_the_disk_at_once_after_earlier_messages(
     make_recorder: MakeRecorder,
     make_samples: Callable[..., messages.Samples],
     device: DeviceInfo,
@@ -111,7 +111,7 @@ def test_a_record_that_comes_in_force_is_on_the_disk_at_once_and_behind_what_cam
     assert set(attachments(path)) == set(as_killed.attachments)
 
 
-def test_the_same_record_is_not_written_twice_and_none_ends_it(
+def test_the_same_record_is_not_written_twice(
     make_recorder: MakeRecorder, device: DeviceInfo, files: CalibrationFiles, start_ns: int
 ) -> None:
     recorder = make_recorder()
@@ -143,7 +143,7 @@ def test_a_swapped_sensor_does_not_inherit_the_record(
     assert set(attachments(present(second))) == {"configuration.toml", "calibration-r9.json", "calibration-r9.html"}
 
 
-def test_a_record_without_a_recording_waits_for_the_next_one(
+def test_a_record_is_written_when_the_recording_starts(
     make_recorder: MakeRecorder, device: DeviceInfo, files: CalibrationFiles, start_ns: int
 ) -> None:
     recorder = make_recorder()
@@ -154,7 +154,7 @@ def test_a_record_without_a_recording_waits_for_the_next_one(
     assert "calibration-r1.html" in attachments(path)
 
 
-def test_recovering_a_torn_file_keeps_them(
+def test_recovery_keeps_the_attachments(
     make_recorder: MakeRecorder,
     make_samples: Callable[..., messages.Samples],
     device: DeviceInfo,
@@ -175,7 +175,7 @@ def test_recovering_a_torn_file_keeps_them(
     assert attachments(whole) == attachments(path)
 
 
-def test_a_disk_that_fails_stops_the_recording_and_the_next_one_carries_it(
+def test_a_record_is_in_the_recording_after_a_disk_failure(
     make_recorder: MakeRecorder,
     make_samples: Callable[..., messages.Samples],
     device: DeviceInfo,
@@ -204,7 +204,7 @@ def test_a_disk_that_fails_stops_the_recording_and_the_next_one_carries_it(
     assert "calibration-r1.html" in attachments(path)
 
 
-def test_an_id_of_unknown_origin_becomes_a_plain_name() -> None:
+def test_an_id_becomes_a_valid_file_name() -> None:
     made = calibration_files(make_record("../../etc/<b>\n" + "x" * 300), None)
     assert [file.name for file in made.files] == [
         f"calibration-.._.._etc__b__{'x' * 66}.json",

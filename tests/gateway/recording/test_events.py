@@ -28,11 +28,11 @@ def segments(tmp_path: Path) -> list[Path]:
     return paths
 
 
-def test_what_is_open_or_near_an_event_is_marked(segments: list[Path]) -> None:
+def test_segments_near_an_event_are_marked(segments: list[Path]) -> None:
     assert [marker_path(path).exists() for path in segments] == [False, True, True, True, False, False]
 
 
-def test_ordinary_segments_go_first_then_the_oldest_event(tmp_path: Path, segments: list[Path]) -> None:
+def test_segments_without_events_are_deleted_first(tmp_path: Path, segments: list[Path]) -> None:
     retention = Retention(NAMES, tmp_path, quota_mb=0.0025)  # room for two and a half
     retention.rescan()
     assert retention.enforce(0) == [segments[i] for i in (0, 4, 5, 1)]

@@ -30,7 +30,7 @@ def record(recorder: Recorder, blocks: list[SampleBlock]) -> Path:
     return path
 
 
-def test_a_run_comes_back_block_by_block_with_all_that_replay_needs(
+def test_a_recording_is_read_back_block_by_block(
     make_recorder: MakeRecorder,
     make_block: MakeBlock,
     every_message: dict[str, messages.Message | messages.Log],
@@ -59,7 +59,7 @@ def test_a_run_comes_back_block_by_block_with_all_that_replay_needs(
     assert run.losses.closed
 
 
-def test_calibrations_are_told_once_each_in_order(
+def test_each_calibration_is_listed_once_in_order(
     make_recorder: MakeRecorder,
     make_samples: Callable[..., messages.Samples],
     make_calibration: Callable[..., messages.Calibration],
@@ -77,7 +77,7 @@ def test_calibrations_are_told_once_each_in_order(
     assert told == [(0, "a"), (2, "b"), (3, "a")]
 
 
-def test_all_samples_in_one_with_what_was_lost_where(
+def test_all_samples_are_joined_with_the_losses(
     make_recorder: MakeRecorder, make_block: MakeBlock, device: DeviceInfo, start_ns: int
 ) -> None:
     recorder = make_recorder()
@@ -96,7 +96,7 @@ def test_all_samples_in_one_with_what_was_lost_where(
     assert (recording.temperature_c[[0, 31, 32]] == [25.0, 25.0, 25 + 1 / 64]).all()
 
 
-def test_samples_whose_time_repeats_or_goes_back_are_counted(
+def test_repeated_and_backward_times_are_counted(
     make_recorder: MakeRecorder, make_block: MakeBlock, device: DeviceInfo, start_ns: int
 ) -> None:
     recorder = make_recorder()
@@ -109,7 +109,7 @@ def test_samples_whose_time_repeats_or_goes_back_are_counted(
     assert (np.diff(recording.time_s) > 0).all()
 
 
-def test_readings_in_g_come_back_exactly(make_recorder: MakeRecorder, device: DeviceInfo, start_ns: int) -> None:
+def test_readings_in_g_are_read_back_exactly(make_recorder: MakeRecorder, device: DeviceInfo, start_ns: int) -> None:
     recorder = make_recorder()
     recorder.set_device(type(device)(kind="replay", device_id="r", unit="g", odr_hz=10, units_per_g=1.0), start_ns)
     rng = np.random.default_rng(1)
@@ -118,7 +118,7 @@ def test_readings_in_g_come_back_exactly(make_recorder: MakeRecorder, device: De
     assert back.raw.tobytes() == block.raw.tobytes()
 
 
-def test_what_is_no_recording_is_named(tmp_path: Path) -> None:
+def test_a_file_that_is_not_a_recording_is_refused(tmp_path: Path) -> None:
     cases = {"empty.mcap": b"", "text.mcap": b"time_s,ax_g\n0,0\n", "cut.mcap": b"\x89MCAP"}
     for name, content in cases.items():
         (tmp_path / name).write_bytes(content)
@@ -144,7 +144,7 @@ def test_a_recording_without_samples_is_refused(
         read_samples(path)
 
 
-def test_a_foreign_file_is_told_by_its_topics(tmp_path: Path) -> None:
+def test_a_foreign_file_is_refused_with_its_topics(tmp_path: Path) -> None:
     path = tmp_path / "foreign.mcap"
     with path.open("wb") as file:
         writer = Writer(file)
@@ -157,7 +157,7 @@ def test_a_foreign_file_is_told_by_its_topics(tmp_path: Path) -> None:
         read_samples(path)
 
 
-def test_samples_without_the_device_that_made_them_are_refused(
+def test_samples_without_a_device_description_are_refused(
     make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int
 ) -> None:
     recorder = make_recorder()

@@ -51,7 +51,7 @@ def record_blocks(
         recorder.tick(now_ns)
 
 
-def test_every_topic_comes_back_through_the_public_reader(
+def test_the_mcap_reader_reads_every_topic(
     make_recorder: MakeRecorder, every_message: dict[str, messages.Message | messages.Log], start_ns: int
 ) -> None:
     recorder = make_recorder()
@@ -83,7 +83,7 @@ def test_every_topic_comes_back_through_the_public_reader(
         assert (recorded.sequence, recorded.publish_time) == stamp
 
 
-def test_a_file_says_where_it_comes_from(
+def test_a_file_states_its_origin(
     make_recorder: MakeRecorder, device: DeviceInfo, header: RecordingHeader, start_ns: int
 ) -> None:
     recorder = make_recorder()
@@ -103,7 +103,7 @@ def test_a_file_says_where_it_comes_from(
     assert tomllib.loads(attachment.data.decode()) == {"gateway": {"site": "yard"}}
 
 
-def test_what_is_written_is_in_the_file_once_fsync_s_has_passed(
+def test_messages_are_in_the_file_after_fsync_s(
     make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int
 ) -> None:
     recorder = make_recorder(fsync_s=1.0)
@@ -140,7 +140,7 @@ def test_the_file_and_its_name_are_synced(
     recorder.close()
 
 
-def test_a_gateway_killed_while_it_begins_a_segment_leaves_no_recording(
+def test_a_kill_at_the_start_of_a_segment_leaves_no_recording(
     make_recorder: MakeRecorder, start_ns: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     class Killed(BaseException):
@@ -161,7 +161,7 @@ def test_a_gateway_killed_while_it_begins_a_segment_leaves_no_recording(
     assert list(open_recording(path).messages()) == []
 
 
-def test_segments_follow_each_other_without_a_hole_and_each_stands_alone(
+def test_segments_are_contiguous_and_complete_in_themselves(
     make_recorder: MakeRecorder,
     make_samples: Callable[..., messages.Samples],
     every_message: dict[str, messages.Message | messages.Log],
@@ -205,7 +205,7 @@ def test_a_segment_ends_before_it_fills_a_quarter_of_the_quota(
     assert 0.25e6 < sizes[0] < 0.25e6 + 40_000  # a second of samples and the summary come on top
 
 
-def test_the_oldest_closed_segments_go_when_the_quota_is_reached(
+def test_the_oldest_closed_segments_are_deleted_beyond_the_quota(
     make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int, tmp_path: Path
 ) -> None:
     others = ["yard-crane-2-hook-notes.mcap", "yard-crane-2-hook2-20200101T000000Z.mcap", "readme.txt", "store"]
@@ -229,7 +229,7 @@ def test_the_oldest_closed_segments_go_when_the_quota_is_reached(
     assert contents(kept[-1])[-1][1]["sequence"] == 1499
 
 
-def test_a_torn_file_of_the_last_run_is_left_alone_and_stays_readable(
+def test_an_incomplete_file_of_the_last_run_is_not_changed(
     make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int, tmp_path: Path
 ) -> None:
     recorder = make_recorder()
@@ -265,7 +265,7 @@ def test_another_device_begins_a_new_segment(
     assert [read_samples(path).device for path in segments(tmp_path)] == [device, other]
 
 
-def test_nothing_is_recorded_before_the_start_and_the_loss_is_told(
+def test_messages_before_the_start_are_counted_as_lost(
     make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int
 ) -> None:
     recorder = make_recorder()
@@ -277,7 +277,7 @@ def test_nothing_is_recorded_before_the_start_and_the_loss_is_told(
     assert recorder.path is None
 
 
-def test_a_calibration_that_came_while_nothing_was_recorded_stands_in_the_next_segment(
+def test_a_calibration_is_in_the_next_segment_after_a_pause(
     make_recorder: MakeRecorder, make_calibration: Callable[..., messages.Calibration], start_ns: int
 ) -> None:
     recorder = make_recorder()
@@ -289,7 +289,7 @@ def test_a_calibration_that_came_while_nothing_was_recorded_stands_in_the_next_s
 
 
 @pytest.mark.parametrize("log_time_ns", [-1, 2**63])
-def test_a_time_that_no_recording_can_hold_is_refused_and_harms_nothing(
+def test_an_impossible_time_is_refused(
     make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int, log_time_ns: int
 ) -> None:
     recorder = make_recorder()
@@ -302,7 +302,7 @@ def test_a_time_that_no_recording_can_hold_is_refused_and_harms_nothing(
     assert [content["sequence"] for _, content in contents(path)] == [0, 2]
 
 
-def test_a_folder_that_cannot_be_one_is_named_with_the_mend(
+def test_an_impossible_folder_is_reported_with_the_remedy(
     make_recorder: MakeRecorder, start_ns: int, tmp_path: Path
 ) -> None:
     blocked = tmp_path / "file"
@@ -314,7 +314,7 @@ def test_a_folder_that_cannot_be_one_is_named_with_the_mend(
         assert "\n" not in str(caught.value)
 
 
-def test_a_disk_that_does_not_keep_data_stops_the_recording_and_it_can_start_again(
+def test_recording_can_start_again_after_a_failed_sync(
     make_recorder: MakeRecorder,
     make_samples: Callable[..., messages.Samples],
     start_ns: int,
@@ -370,7 +370,7 @@ print(lost)
 
 
 @pytest.mark.slow
-def test_a_full_disk_stops_the_recording_and_leaves_whole_chunks(
+def test_a_full_disk_stops_the_recording_and_leaves_complete_chunks(
     header: RecordingHeader, make_samples: Callable[..., messages.Samples], start_ns: int, tmp_path: Path
 ) -> None:
     made = [make_samples(number) for number in range(700)]

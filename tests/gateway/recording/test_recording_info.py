@@ -49,7 +49,7 @@ def recorded(
     return path
 
 
-def test_everything_in_a_recording_is_told(recorded: Path, device: DeviceInfo, start_ns: int) -> None:
+def test_info_states_the_whole_content_of_a_recording(recorded: Path, device: DeviceInfo, start_ns: int) -> None:
     info = summarise(recorded)
     assert info.closed
     assert info.samples.count == 311 * 32
@@ -72,7 +72,7 @@ def test_everything_in_a_recording_is_told(recorded: Path, device: DeviceInfo, s
     assert (info.clock.quality, info.clock.wall_offset_s, info.clock.steps) == ("synchronised", 2.0, 1)
 
 
-def test_the_text_and_the_json_tell_the_same(recorded: Path) -> None:
+def test_text_and_json_have_the_same_content(recorded: Path) -> None:
     info = summarise(recorded)
     content = json.loads(json.dumps(info.as_json()))
     assert content["samples"]["count"] == 9952
@@ -103,7 +103,7 @@ def test_the_text_and_the_json_tell_the_same(recorded: Path) -> None:
         assert part in text
 
 
-def test_a_torn_recording_is_told_as_one(recorded: Path) -> None:
+def test_info_reports_an_incomplete_recording(recorded: Path) -> None:
     recorded.write_bytes(recorded.read_bytes()[:-30_000])
     info = summarise(recorded)
     assert not info.closed
@@ -111,7 +111,7 @@ def test_a_torn_recording_is_told_as_one(recorded: Path) -> None:
     assert "not closed: incomplete, or still being written" in info_text(info)
 
 
-def test_blocks_of_one_sample_have_a_rate_and_gaps_too(
+def test_blocks_of_one_sample_have_a_rate_and_gaps(
     make_recorder: MakeRecorder, make_samples: Callable[..., messages.Samples], start_ns: int
 ) -> None:
     recorder = make_recorder()
@@ -126,7 +126,7 @@ def test_blocks_of_one_sample_have_a_rate_and_gaps_too(
     assert samples.longest_gap_s == pytest.approx(0.04)
 
 
-def test_a_recording_without_samples_or_facts_is_told_without_them(
+def test_info_omits_what_a_recording_does_not_have(
     make_recorder: MakeRecorder, every_message: dict[str, messages.Message | messages.Log], start_ns: int
 ) -> None:
     recorder = make_recorder()

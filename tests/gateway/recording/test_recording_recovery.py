@@ -42,7 +42,7 @@ def torn(
     return path
 
 
-def test_a_torn_recording_becomes_a_whole_one(torn: Path, tmp_path: Path) -> None:
+def test_an_incomplete_recording_becomes_a_complete_one(torn: Path, tmp_path: Path) -> None:
     before = torn.read_bytes()
     out = tmp_path / "whole.mcap"
     recovered = recover(torn, out)
@@ -77,7 +77,7 @@ def test_a_torn_recording_becomes_a_whole_one(torn: Path, tmp_path: Path) -> Non
     assert f"recovered      from {torn.name}, closed false" in info_text(summarise(out))
 
 
-def test_a_foreign_file_keeps_its_channels_and_numbers_of_schemas_do_not_matter(tmp_path: Path) -> None:
+def test_a_foreign_file_keeps_its_channels_for_any_schema_ids(tmp_path: Path) -> None:
     path, out = tmp_path / "foreign.mcap", tmp_path / "out.mcap"
     with path.open("wb") as file:
         writer = Writer(file)
@@ -108,7 +108,7 @@ def test_an_existing_file_is_never_replaced(torn: Path) -> None:
     assert torn.read_bytes() == before
 
 
-def test_nothing_is_left_behind_where_nothing_can_be_recovered(
+def test_no_file_is_left_if_nothing_can_be_recovered(
     make_recorder: MakeRecorder, start_ns: int, tmp_path: Path
 ) -> None:
     recorder = make_recorder()
@@ -121,6 +121,6 @@ def test_nothing_is_left_behind_where_nothing_can_be_recovered(
     assert list(folder.iterdir()) == []
 
 
-def test_a_place_that_cannot_be_written_is_named(torn: Path, tmp_path: Path) -> None:
+def test_a_path_that_cannot_be_written_is_reported(torn: Path, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"absent/out\.mcap: cannot be written: No such file"):
         recover(torn, tmp_path / "absent" / "out.mcap")

@@ -84,7 +84,9 @@ def viewer_fields(schema: dict[str, Any], path: str = "") -> list[str]:
 
 
 @pytest.mark.parametrize("topic", logged_topics())
-def test_every_message_keeps_its_schema(every_message: dict[str, messages.Message | messages.Log], topic: str) -> None:
+def test_every_message_is_valid_by_its_schema(
+    every_message: dict[str, messages.Message | messages.Log], topic: str
+) -> None:
     content = json.loads(encode(topic, every_message[topic]))
     assert faults(content, json.loads(schema_bytes(topic))) == []
 
@@ -104,14 +106,14 @@ def test_every_message_keeps_its_schema(every_message: dict[str, messages.Messag
         ("alert", {"active": [{"rule": "swing"}]}),
     ],
 )
-def test_a_wrong_message_breaks_its_schema(
+def test_a_wrong_message_is_invalid_by_its_schema(
     every_message: dict[str, messages.Message | messages.Log], topic: str, change: dict[str, Any]
 ) -> None:
     content = {**json.loads(encode(topic, every_message[topic])), **change}
     assert faults(content, json.loads(schema_bytes(topic)))
 
 
-def test_a_missing_field_breaks_its_schema(every_message: dict[str, messages.Message | messages.Log]) -> None:
+def test_a_message_with_a_missing_field_is_invalid(every_message: dict[str, messages.Message | messages.Log]) -> None:
     content = json.loads(encode("swing", every_message["swing"]))
     del content["phi_max_deg"]
     assert faults(content, json.loads(schema_bytes("swing"))) == ["$: phi_max_deg is missing"]
@@ -126,7 +128,7 @@ def test_every_message_states_the_version_of_its_schema(
     assert schema["properties"]["schema_version"]["const"] == 1
 
 
-def test_messages_without_a_version_are_of_the_first(
+def test_messages_without_a_version_have_the_first_one(
     every_message: dict[str, messages.Message | messages.Log],
 ) -> None:
     content = json.loads(encode("tilt", every_message["tilt"]))
@@ -135,11 +137,11 @@ def test_messages_without_a_version_are_of_the_first(
 
 
 @pytest.mark.parametrize("topic", logged_topics())
-def test_viewers_read_the_schema_of_every_topic(topic: str) -> None:
+def test_viewers_can_read_the_schema_of_every_topic(topic: str) -> None:
     assert viewer_fields(json.loads(schema_bytes(topic)))
 
 
-def test_the_log_is_what_viewers_know_as_foxglove_log() -> None:
+def test_the_log_has_the_schema_foxglove_log() -> None:
     schema = json.loads(schema_bytes("log"))
     assert schema["title"] == "foxglove.Log"
     fields = [".timestamp.sec", ".timestamp.nsec", ".level", ".message", ".name", ".file", ".line"]

@@ -105,7 +105,7 @@ def test_sigkill_costs_at_most_fsync_s_and_one_block(
 
 
 @pytest.mark.slow
-def test_a_cut_at_any_byte_leaves_every_chunk_before_it(small: tuple[Path, list[int]], tmp_path: Path) -> None:
+def test_truncation_at_any_byte_keeps_every_chunk_before_it(small: tuple[Path, list[int]], tmp_path: Path) -> None:
     path, ends = small
     whole = path.read_bytes()
     expected = [recorded_numbers(cut_to(tmp_path, whole, end)) for end in ends]
@@ -169,18 +169,14 @@ def test_a_flipped_bit_anywhere_raises_nothing_but_recording_errors(
         read_as_users_do(flipped)
 
 
-def test_a_changed_fact_about_the_device_is_noticed_in_a_closed_file(
-    small: tuple[Path, list[int]], tmp_path: Path
-) -> None:
+def test_changed_metadata_are_detected_in_a_closed_file(small: tuple[Path, list[int]], tmp_path: Path) -> None:
     altered = tmp_path / "altered.mcap"
     altered.write_bytes(small[0].read_bytes().replace(b"256000.0", b"255000.0"))
     assert read_samples(altered).losses == SalvageReport(closed=True, altered=True)
     assert "CHECKSUM WRONG" in info_text(summarise(altered))
 
 
-def test_zeros_that_a_file_system_left_behind_the_data_are_a_tear(
-    small: tuple[Path, list[int]], tmp_path: Path
-) -> None:
+def test_zeros_after_the_data_are_an_incomplete_end(small: tuple[Path, list[int]], tmp_path: Path) -> None:
     path, ends = small
     padded = tmp_path / "padded.mcap"
     padded.write_bytes(path.read_bytes()[: ends[2]] + bytes(4096))
@@ -189,7 +185,7 @@ def test_zeros_that_a_file_system_left_behind_the_data_are_a_tear(
     assert (file.losses.closed, file.losses.torn_bytes) == (False, 4096)
 
 
-def test_the_public_reader_agrees_on_a_whole_file(small: tuple[Path, list[int]]) -> None:
+def test_the_mcap_reader_agrees_on_a_complete_file(small: tuple[Path, list[int]]) -> None:
     path, _ = small
     with path.open("rb") as file:
         public = [(channel.topic, message.data) for _, channel, message in make_reader(file).iter_messages()]

@@ -14,7 +14,7 @@ def make(folder: Path, *utc: str) -> list[Path]:
     return paths
 
 
-def test_the_oldest_goes_first_and_no_more_than_needed(tmp_path: Path) -> None:
+def test_only_the_oldest_segments_are_deleted(tmp_path: Path) -> None:
     last, first, copy, middle = make(
         tmp_path, "20260103T000000Z", "20260101T000000Z", "20260101T000000Z-2", "20260102T000000Z"
     )
@@ -26,9 +26,7 @@ def test_the_oldest_goes_first_and_no_more_than_needed(tmp_path: Path) -> None:
     assert sorted(tmp_path.iterdir()) == [middle, last]
 
 
-def test_a_file_that_cannot_be_deleted_is_counted_and_not_tried_for_ever(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_segment_that_cannot_be_deleted_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make(tmp_path, "20260101T000000Z", "20260102T000000Z")
 
     def refused(path: Path, missing_ok: bool = False) -> None:
@@ -41,7 +39,7 @@ def test_a_file_that_cannot_be_deleted_is_counted_and_not_tried_for_ever(
     assert retention.undeletable == 2
 
 
-def test_a_file_that_somebody_else_deleted_is_no_error(tmp_path: Path) -> None:
+def test_a_segment_that_was_deleted_already_is_no_error(tmp_path: Path) -> None:
     (gone,) = make(tmp_path, "20260101T000000Z")
     retention = Retention(NAMES, tmp_path, quota_mb=0.0001)
     retention.rescan()
@@ -59,17 +57,17 @@ def test_a_file_that_somebody_else_deleted_is_no_error(tmp_path: Path) -> None:
         "yard-crane-2-hook-20260101.mcap",
     ],
 )
-def test_a_file_of_another_name_is_never_ours(tmp_path: Path, name: str) -> None:
+def test_files_with_other_names_are_not_deleted(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(bytes(1000))
     assert NAMES.list_segments(tmp_path) == []
 
 
-def test_dots_in_names_are_dots(tmp_path: Path) -> None:
+def test_dots_in_names_are_taken_literally(tmp_path: Path) -> None:
     (tmp_path / "yardXa-c-s-20260101T000000Z.mcap").write_bytes(b"")
     assert SegmentNames("yard.a", "c", "s").list_segments(tmp_path) == []
 
 
-def test_a_name_that_is_taken_is_counted_up(tmp_path: Path) -> None:
+def test_a_used_name_gets_a_number(tmp_path: Path) -> None:
     start_ns = 1_767_225_600_000_000_000
     taken = []
     for _ in range(3):

@@ -41,12 +41,12 @@ def test_without_a_warn_limit_there_is_only_trip() -> None:
     assert judge(RuleState(), math.radians(3.0), limits, 0.0).level == "trip"
 
 
-def test_since_is_when_the_level_began() -> None:
+def test_since_is_the_time_of_the_last_change_of_level() -> None:
     state = judge(judge(RuleState(), 4.5, LIMITS, 10.0), 4.6, LIMITS, 11.0)
     assert state.since_s == 10.0
 
 
-def test_nothing_known_is_worse_than_normal_and_less_than_warn() -> None:
+def test_unknown_ranks_between_normal_and_warn() -> None:
     assert overall_level(["normal", "unknown"]) == "unknown"
     assert overall_level(["unknown", "warn", "normal"]) == "warn"
     assert overall_level([]) == "unknown"
@@ -62,7 +62,7 @@ def test_events() -> None:
     assert event_between(RuleState("warn"), RuleState("unknown")) == "changed"
 
 
-def test_a_rule_that_was_judged_elsewhere_warns_while_it_stands() -> None:
+def test_a_rule_judged_elsewhere_warns_while_it_is_active() -> None:
     raised = initial_state(RuleState("normal", 1.0), stands=True, time_s=5.0)
     assert (raised.level, raised.since_s) == ("warn", 5.0)
     assert initial_state(raised, stands=True, time_s=9.0) is raised

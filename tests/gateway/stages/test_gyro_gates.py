@@ -47,7 +47,7 @@ def turning(about: int, rate_dps: float) -> NDArray[np.float64]:
     return rates
 
 
-def test_without_a_gyroscope_there_are_no_gates_of_it() -> None:
+def test_without_a_gyroscope_there_are_no_rotation_gates() -> None:
     assert not {"not_turning", "no_spin", "rate_pendulum"} & judged(rest(), None, STILL).gates.keys()
 
 
@@ -58,7 +58,7 @@ def test_rest_with_a_quiet_gyroscope_is_static() -> None:
 
 
 @pytest.mark.parametrize("about", [0, 1, 2])
-def test_forces_of_rest_on_a_housing_that_turns_are_not_static(about: int) -> None:
+def test_a_rotating_housing_is_not_static(about: int) -> None:
     """About the rope no accelerometer on it can see this."""
     assert judged(rest(), None, STILL).verdict == "static"
     found = judged(rest(), turning(about, 10.0), STILL)
@@ -66,7 +66,7 @@ def test_forces_of_rest_on_a_housing_that_turns_are_not_static(about: int) -> No
     assert any("turns" in reason for reason in found.reasons)
 
 
-def test_a_swing_turns_as_its_rope_does() -> None:
+def test_a_free_swing_passes_the_rotation_gates() -> None:
     found = judged(*swing(), SWINGING)
     assert found.verdict == "swinging"
     assert found.gates["rate_pendulum"]
@@ -74,14 +74,14 @@ def test_a_swing_turns_as_its_rope_does() -> None:
 
 
 @pytest.mark.parametrize(("extra_dps", "gate"), [((0.0, 15.0, 0.0), "rate_pendulum"), ((0.0, 0.0, 8.0), "no_spin")])
-def test_a_swing_whose_housing_turns_otherwise_is_disturbed(extra_dps: tuple[float, float, float], gate: str) -> None:
+def test_a_swing_with_a_rotating_housing_is_disturbed(extra_dps: tuple[float, float, float], gate: str) -> None:
     force_g, rate_dps = swing()
     found = judged(force_g, rate_dps + extra_dps, SWINGING)
     assert found.verdict == "disturbed"
     assert not found.gates[gate]
 
 
-def test_rates_that_are_no_numbers_are_left_out() -> None:
+def test_angular_rates_that_are_not_finite_are_left_out() -> None:
     rate_dps = turning(2, 0.0)
     rate_dps[::3] = np.nan
     assert judged(rest(), rate_dps, STILL).verdict == "static"

@@ -19,7 +19,7 @@ def reference(values: NDArray[np.float64], cutoff_hz: float, order: int, rate_hz
 
 
 @pytest.mark.parametrize(("cutoff_hz", "order", "rate_hz"), CASES)
-def test_is_butterworth_however_the_blocks_fall(cutoff_hz: float, order: int, rate_hz: float) -> None:
+def test_the_filter_is_butterworth_for_any_blocks(cutoff_hz: float, order: int, rate_hz: float) -> None:
     values = np.random.default_rng(0).normal([0.0, 0.0, 1.0], 1.0, size=(1000, 3))
     lowpass = LowPass(cutoff_hz, order, rate_hz)
     cuts = [0, 32, 33, 40, 700, 1000]
@@ -28,7 +28,7 @@ def test_is_butterworth_however_the_blocks_fall(cutoff_hz: float, order: int, ra
 
 
 @pytest.mark.parametrize(("cutoff_hz", "order", "rate_hz"), CASES)
-def test_states_its_gain(cutoff_hz: float, order: int, rate_hz: float) -> None:
+def test_the_stated_gain_is_that_of_the_filter(cutoff_hz: float, order: int, rate_hz: float) -> None:
     frequencies_hz = np.array([0.05, 0.3, 0.7]) * cutoff_hz
     _, response = freqz_sos(butter(order, cutoff_hz, fs=rate_hz, output="sos"), worN=frequencies_hz, fs=rate_hz)
     lowpass = LowPass(cutoff_hz, order, rate_hz)
@@ -36,7 +36,7 @@ def test_states_its_gain(cutoff_hz: float, order: int, rate_hz: float) -> None:
 
 
 @pytest.mark.parametrize(("cutoff_hz", "order", "rate_hz"), CASES)
-def test_states_its_delay(cutoff_hz: float, order: int, rate_hz: float) -> None:
+def test_the_stated_delay_is_that_of_the_filter(cutoff_hz: float, order: int, rate_hz: float) -> None:
     """Group delay is minus the slope of the phase; here by a difference of scipy's phase."""
     frequency_hz, step_hz = 0.3 * cutoff_hz, 1e-4 * cutoff_hz
     places = np.array([frequency_hz - step_hz, frequency_hz + step_hz])
@@ -51,7 +51,7 @@ def test_delay_of_a_second_order_filter_is_the_textbook_one() -> None:
     assert LowPass(1.0, 4, 1000.0).delay_s() == pytest.approx(0.416, rel=2e-3)
 
 
-def test_begins_without_a_transient_and_can_begin_again() -> None:
+def test_the_filter_starts_and_restarts_without_a_transient() -> None:
     lowpass = LowPass(1.0, 4, 125.0)
     steady = np.tile([0.1, -0.2, 1.0], (50, 1))
     np.testing.assert_allclose(lowpass.apply(steady), steady, atol=1e-12)
@@ -60,6 +60,6 @@ def test_begins_without_a_transient_and_can_begin_again() -> None:
 
 
 @pytest.mark.parametrize(("cutoff_hz", "order"), [(0.0, 2), (50.0, 2), (60.0, 2), (1.0, 0), (-1.0, 2)])
-def test_refuses_what_cannot_be(cutoff_hz: float, order: int) -> None:
+def test_impossible_filters_are_refused(cutoff_hz: float, order: int) -> None:
     with pytest.raises(ValueError, match="no low-pass"):
         LowPass(cutoff_hz, order, 100.0)

@@ -29,13 +29,13 @@ def rolled(angle_deg: float) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize("critical_value", [1.0, 4.0, 8.0])
 @given(angle_deg=turns)
-def test_full_range_in_pitch_and_roll(critical_value: float, angle_deg: float) -> None:
+def test_pitch_and_roll_cover_the_full_range(critical_value: float, angle_deg: float) -> None:
     for m, which in ((pitched(angle_deg), "pitch_rad"), (rolled(angle_deg), "roll_rad")):
         found_deg = math.degrees(getattr(fused_tilt(m, critical_value), which))
         assert found_deg == pytest.approx(angle_deg, abs=1e-5)
 
 
-def test_unfolds_after_the_arccosine_too() -> None:
+def test_angles_are_unfolded_after_the_arccosine() -> None:
     """The printed step list (001, steps 16 and 23) returns 80 degrees here."""
     assert math.degrees(fused_tilt(pitched(100.0)).pitch_rad) == pytest.approx(100.0)
     assert math.degrees(fused_tilt(rolled(-100.0)).roll_rad) == pytest.approx(-100.0)
@@ -44,7 +44,7 @@ def test_unfolds_after_the_arccosine_too() -> None:
 @given(
     st.floats(-1, 1), st.floats(-math.pi, math.pi), st.floats(-math.pi / 3, math.pi / 3), st.floats(-math.pi, math.pi)
 )
-def test_is_within_the_claim_for_a_noisy_reading_anywhere(
+def test_the_uncertainty_covers_noisy_readings_at_any_angle(
     z: float, azimuth_rad: float, noise_polar: float, noise_azimuth: float
 ) -> None:
     """001 claims 0.2 degrees over 360; an error of 1 mg in any direction is 0.06 degrees."""
@@ -67,7 +67,7 @@ def test_is_within_the_claim_for_a_noisy_reading_anywhere(
             assert abs(math.degrees(difference_rad)) < 0.2
 
 
-def test_arrays_are_taken_row_by_row() -> None:
+def test_arrays_are_evaluated_row_by_row() -> None:
     angles_deg = np.array([-170.0, -90.0, -10.0, 0.0, 33.0, 90.0, 179.0])
     m = np.array([pitched(angle) for angle in angles_deg])
     np.testing.assert_allclose(np.degrees(fused_tilt(m).pitch_rad), angles_deg, atol=1e-9)
@@ -75,7 +75,7 @@ def test_arrays_are_taken_row_by_row() -> None:
 
 
 @given(st.floats(0, math.pi), st.floats(-math.pi, math.pi))
-def test_plain_and_axial_forms_agree_with_geometry(tilt_rad: float, azimuth_rad: float) -> None:
+def test_plain_and_axial_tilt_agree_with_geometry(tilt_rad: float, azimuth_rad: float) -> None:
     force = np.array(
         [math.sin(tilt_rad) * math.cos(azimuth_rad), math.sin(tilt_rad) * math.sin(azimuth_rad), math.cos(tilt_rad)]
     )
@@ -85,7 +85,7 @@ def test_plain_and_axial_forms_agree_with_geometry(tilt_rad: float, azimuth_rad:
     assert math.sin(plain.roll_rad) == pytest.approx(force[1], abs=1e-9)
 
 
-def test_direction_is_where_the_load_is() -> None:
+def test_the_lean_direction_points_to_the_load() -> None:
     """A load pulled toward +x leans the housing so that gravity's reaction gains a negative x component."""
     assert math.degrees(lean_direction(np.array([-0.1, 0.0, 0.99]))) == pytest.approx(0.0)
     assert math.degrees(lean_direction(np.array([0.0, -0.1, 0.99]))) == pytest.approx(90.0)

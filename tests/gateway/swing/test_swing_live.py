@@ -111,7 +111,7 @@ def test_the_next_maximum_is_predicted(kicked: Recording, heard: list[tuple[floa
     assert max(leads) > PERIOD_S / 4
 
 
-def test_the_same_blocks_give_the_same_bits(kicked: Recording, heard: list[tuple[float, SwingEstimate]]) -> None:
+def test_the_same_blocks_give_identical_messages(kicked: Recording, heard: list[tuple[float, SwingEstimate]]) -> None:
     assert repr(follow(tracker_of(kicked), kicked)) == repr(heard)
 
 
