@@ -16,6 +16,7 @@ from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT, w
 from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext
 from gateway.twin.reconcile.search.persistent import MAX_PARENTS, baseline_of
+from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Value]
@@ -155,7 +156,7 @@ def _scan(context: SearchContext, parent: CandidateFit, *, length: bool) -> tupl
     at = simulator.values(parent.fit.values[: simulator.n_initial_states], model)
     found = simulator.linearise(at, log.time_s, log.temperature_c)
     weight = (log.used[:, None] / log.noise_g)[:, :, None]
-    chosen = [0, 1, 2, 3] + [i for i, spec in enumerate(simulator.parameters) if spec.effect in extra]
+    chosen = [*range(HEADING), *(i for i, spec in enumerate(simulator.parameters) if spec.effect in extra)]
     residual = log.residual_sigma(parent.fit.force_g)
     return scan_for_changepoints(log.time_s, residual, (found.jacobian * weight)[..., chosen], log.used)
 
