@@ -153,12 +153,12 @@ def _search_at_true_times(
     if lost is None:
         return None
     held_out = retime_validation(setting, lost, recordings.held_out)
-    recordings = replace(recordings, log=lost.walk.retimed(recordings.log), held_out=held_out)
+    recordings = replace(recordings, log=lost.time_warp.retimed(recordings.log), held_out=held_out)
     known = {name: run.context.baseline_effects[name] for name in detected}
     again = _begin(model, recordings, known, run.context.budget, tick)
     if again is None:
         return None
-    again = replace(again, nominal=run.nominal, lost_fraction=lost.walk.fraction)
+    again = replace(again, nominal=run.nominal, lost_fraction=lost.time_warp.fraction)
     return _finish(again)
 
 

@@ -71,9 +71,20 @@ def noise_with_quantisation_g(observations: Observations, step_g: float) -> Arra
 
 def quantised_mean(force_g: Array, step_g: float, noise_g: Array) -> Array:
     """Return the mean of quantised readings for specific forces (n, 3) with noise (3,) before the quantisation."""
+    return _quantised_moments(force_g, step_g, noise_g)[0]
+
+
+def quantised_variance(force_g: Array, step_g: float, noise_g: Array) -> Array:
+    """Return the variance of quantised readings, in g^2; it is largest where a force is halfway between two steps."""
+    return _quantised_moments(force_g, step_g, noise_g)[1]
+
+
+def _quantised_moments(force_g: Array, step_g: float, noise_g: Array) -> tuple[Array, Array]:
+    """Return mean and variance of readings, from the probabilities of the nearest step and two on either side."""
     nearest = np.round(force_g / step_g)
-    mean_g = (nearest + 2.5) * step_g
+    first, second = np.full_like(force_g, 2.0), np.full_like(force_g, 4.0)
     for edge in (-1.5, -0.5, 0.5, 1.5):
-        mean_g = mean_g - step_g * 0.5 * (1 + erf(((nearest + edge) * step_g - force_g) / (noise_g * np.sqrt(2))))
-    quantised: Array = mean_g - step_g * 0.5
-    return quantised
+        below = 0.5 * (1 + erf(((nearest + edge) * step_g - force_g) / (noise_g * np.sqrt(2))))
+        first -= below
+        second -= 2 * edge * below
+    return (nearest + first) * step_g, (second - first**2) * step_g**2

@@ -1,1 +1,1 @@
-"""Errors of the time stamps: timing jitter and lost samples."""
+"""Errors of the time stamps: samples that were lost without a gap in the time stamps."""

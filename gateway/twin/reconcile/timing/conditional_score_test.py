@@ -1,102 +1,114 @@
-"""What else acts where time wanders: a score test that leaves the walk free, so that neither hides the other.
+"""Conditional score test: further effects in a recording with lost samples, with the time warp free.
 
-Rao 1948, as in `score.py`; the walk is put in by its own spread, and so is its mean drift.
+As the score test (Rao 1948), but with the time warp marginalised under its prior, and its mean slope free. Neither then hides the
+other.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
+from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.fit.fit_context import FitContext
+from gateway.twin.reconcile.fit.reparameterised_simulator import reparameterise
 from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
-from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC, MIN_VARIANCE_SHARE, Values
+from gateway.twin.reconcile.search.candidates import MIN_SCORE_STATISTIC, MIN_VARIANCE_SHARE
 from gateway.twin.reconcile.search.score_test import scorable_effects
-from gateway.twin.reconcile.timing.time_warp_smoother import TimeWarpSmoother, make_knots, marginalise_time_warp
-from gateway.twin.reconcile.timing.timing_jitter import (
-    INITIAL_MOTION,
-    linearise_at,
+from gateway.twin.reconcile.timing.time_warp import (
+    INITIAL_STATES,
+    linearise_in_time,
     lowpass,
     quantised_mean_of,
+    sampling_interval_s,
     step_variance,
 )
+from gateway.twin.reconcile.timing.time_warp_smoother import TimeWarpSmoother, make_knots, marginalise_time_warp
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
-MAX_TIED_EFFECTS, TIED_SHARE = 3, 0.7
-"""Effects of which a linear look cannot tell which it is: so many at most, with this share of what the best takes off."""
+MAX_ADDITIONAL_EFFECTS = 3
+"""Largest number of effects fitted with a time warp, and of rivals for each of them."""
+MIN_SHARE_OF_BEST = 0.7
+"""Predicted decrease of chi-square, relative to the best effect's, from which a linearisation does not decide between two."""
 
 
 def score_additional_effects(
-    setting: FitContext, others: Values, start: Array, true_s: Array, fraction: float
+    context: FitContext, others: EffectValues, initial_state: Array, true_s: Array, fraction: float
 ) -> list[str]:
-    """The lasting effect that takes most off, beside the others at these times, and its rivals; none where none is worth a name.
+    """Return the persistent effect with the largest score at true times (n,) and its rivals; empty if none is significant.
 
-    `start` is the motion's under the others.
+    `others` are in the model, `initial_state` is that of a fit with them.
     """
-    o, own = setting.log, setting.simulator(tuple(others))
-    tried = [
-        name
-        for name in scorable_effects(setting)
-        if name not in {*others, *setting.model_effects} and not _is_period_like(name)
-    ]
-    simulator = setting.simulator((*others, *tried))
-    at = simulator.values(start, {**setting.model_effects, **others})
-    _, by_time, by_values = linearise_at(simulator, at, o, true_s)
-    by_values = np.concatenate([by_values, (by_time * true_s[:, None])[:, :, None]], axis=2)
-    values = own.values(start, {**setting.model_effects, **others})
-    left_g = quantised_mean_of(own, values, own.predict(values, true_s, o.temperature_c))
-    knots, dt = make_knots(len(o.time_s)), float(np.median(np.diff(o.time_s)))
-    residual = lowpass(o.residual_sigma(left_g), dt)
-    equations = marginalise_time_warp(
-        residual, by_time, by_values, np.zeros(knots.count), knots, step_variance(fraction, dt)
+    log, values = context.log, {**context.model_effects, **others}
+    excluded = {*others, *context.model_effects}
+    tried = [name for name in scorable_effects(context) if name not in excluded and not _resembles_warp(name)]
+    simulator = context.simulator((*others, *tried))
+    model, all_values = (
+        reparameterise(simulator, np.ones(len(simulator.parameters), bool)),
+        simulator.values([], values),
     )
-    fixed = [*INITIAL_MOTION, *free_parameter_indices(simulator, others), by_values.shape[2] - 1]
-    places = {name: free_parameter_indices(simulator, {name: {}}) for name in tried}
-    drops = {name: _predicted_chi2_drop(equations, simulator, fixed, places[name]) for name in tried}
+    n_states = simulator.n_initial_states
+    fitted = np.concatenate([initial_state, model.to_fitted(all_values[n_states:])])
+    linear = linearise_in_time(model, fitted, log, true_s)
+    by_slope = (linear.by_time * true_s[:, None])[:, :, None]
+    by_values = np.concatenate([linear.by_values, by_slope], axis=2)
+    knots, interval_s = make_knots(len(log.time_s)), sampling_interval_s(log)
+    residual = lowpass(log.residual_sigma(_simulate(context, others, initial_state, true_s)), interval_s)
+    smoother = marginalise_time_warp(
+        residual, linear.by_time, by_values, np.zeros(knots.count), knots, step_variance(fraction, interval_s)
+    )
+    nuisance = [*INITIAL_STATES, *free_parameter_indices(simulator, others), by_values.shape[2] - 1]
+    positions = {name: free_parameter_indices(simulator, [name]) for name in tried}
+    drops = {name: _predicted_chi2_drop(smoother, simulator, nuisance, positions[name]) for name in tried}
     ranked = sorted(drops, key=lambda name: -drops[name])
     best = ranked[0]
-    step, _ = equations.solve(chosen := [*fixed, *places[best]])
-    walked = by_time * knots.at_samples(equations.walk(chosen, step))[:, None]
-    unit = noise_inflation_factor(o.time_s, residual - walked - by_values[:, :, chosen] @ step)
-    if (
-        drops[best]
-        < max(MIN_SCORE_STATISTIC + len(places[best]) * math.log(o.n_values), MIN_VARIANCE_SHARE * o.n_values / unit)
-        * unit
-    ):
+    chosen = [*nuisance, *positions[best]]
+    step, _ = smoother.solve(chosen)
+    explained_by_warp = linear.by_time * knots.at_samples(smoother.warp(chosen, step))[:, None]
+    inflation = noise_inflation_factor(log.time_s, residual - explained_by_warp - by_values[:, :, chosen] @ step)
+    significant = MIN_SCORE_STATISTIC + len(positions[best]) * math.log(log.n_values)
+    if drops[best] < max(significant, MIN_VARIANCE_SHARE * log.n_values / inflation) * inflation:
         return []
-    return [name for name in ranked[:MAX_TIED_EFFECTS] if drops[name] > TIED_SHARE * drops[best]]
+    return [name for name in ranked[:MAX_ADDITIONAL_EFFECTS] if drops[name] > MIN_SHARE_OF_BEST * drops[best]]
 
 
-def free_parameter_indices(simulator: Simulator, others: Mapping[str, object]) -> list[int]:
-    """Where the parameters of these stand among the simulator's values, but for those that a step of time does not change."""
+def _simulate(context: FitContext, others: EffectValues, initial_state: Array, true_s: Array) -> Array:
+    """Return the mean readings of the model and `others` at true times, shape (n, 3)."""
+    simulator = context.simulator(tuple(others))
+    values = simulator.values(initial_state, {**context.model_effects, **others})
+    return quantised_mean_of(simulator, values, simulator.predict(values, true_s, context.log.temperature_c))
+
+
+def free_parameter_indices(simulator: Simulator, effects: Iterable[str]) -> list[int]:
+    """Return the positions of these effects' values, without those on which a time warp has no influence."""
+    names = set(effects)
     return [
         i
-        for i, slot in enumerate(simulator.parameters)
-        if slot.effect in others and not _is_visible_in_samples(slot.effect) and not slot.is_event_time
+        for i, parameter in enumerate(simulator.parameters)
+        if parameter.effect in names and not _is_visible_in_samples(parameter.effect) and not parameter.is_event_time
     ]
 
 
 def _is_visible_in_samples(name: str) -> bool:
-    """Whether an effect shows in the samples or their spectrum, outside the band of the swing."""
+    """Return whether an effect shows in the samples or their spectrum, outside the band of the swing."""
     effect = EFFECTS[name]
     return effect.detected_in_samples or effect.found_before_search
 
 
-def _is_period_like(name: str) -> bool:
-    """Whether an effect makes up for a wrong period, as timing jitter with a mean drift does."""
+def _resembles_warp(name: str) -> bool:
+    """Return whether an effect changes the period, as a time warp with a mean slope does."""
     return EFFECTS[name].scales_period or EFFECTS[name].length_like
 
 
 def _predicted_chi2_drop(
-    equations: TimeWarpSmoother, simulator: Simulator, fixed: list[int], places: list[int]
+    smoother: TimeWarpSmoother, simulator: Simulator, nuisance: list[int], positions: list[int]
 ) -> float:
-    """By how much chi-square falls beside what is fitted anyway; signs of one-sided parameters are kept."""
-    step, drop = equations.solve([*fixed, *places])
-    slot = simulator.parameters[places[0]]
-    one_sided = len(places) == 1 and slot.lower == 0
-    if one_sided and step[-1] < 0:
+    """Return the decrease of chi-square by an effect beside the nuisance values; 0 where its only parameter would be negative."""
+    step, drop = smoother.solve([*nuisance, *positions])
+    is_one_sided = len(positions) == 1 and simulator.parameters[positions[0]].lower == 0
+    if is_one_sided and step[-1] < 0:
         return 0.0
-    return drop - equations.solve(fixed)[1]
+    return drop - smoother.solve(nuisance)[1]

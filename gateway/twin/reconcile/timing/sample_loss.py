@@ -1,4 +1,7 @@
-"""Were samples lost without a trace? Only a random walk of time tells that from a clock that runs slow."""
+"""Detection of samples that were lost without a gap in the time stamps.
+
+Only the random walk of true time distinguishes them from a clock whose rate is wrong.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -10,6 +13,7 @@ from gateway.numerics.spectrum import find_machine_line
 from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.clock import ClockDrift
 from gateway.twin.effects.sensor_output import LowpassLag
+from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext, is_world_directed
 from gateway.twin.reconcile.fit.fit_result import Fit
@@ -17,210 +21,213 @@ from gateway.twin.reconcile.fit.levenberg_marquardt import REFINEMENT_ITERATIONS
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
 from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT
-from gateway.twin.reconcile.search.candidates import CandidateFit, Values
-from gateway.twin.reconcile.timing.conditional_score_test import free_parameter_indices, score_additional_effects
-from gateway.twin.reconcile.timing.timing_jitter import (
-    INITIAL_MOTION,
+from gateway.twin.reconcile.search.candidates import CandidateFit
+from gateway.twin.reconcile.timing.conditional_score_test import (
+    MAX_ADDITIONAL_EFFECTS,
+    free_parameter_indices,
+    score_additional_effects,
+)
+from gateway.twin.reconcile.timing.loss_count import viterbi_loss_count
+from gateway.twin.reconcile.timing.time_warp import (
+    INITIAL_STATES,
+    MIN_LOST_FRACTION,
     TimeWarp,
     estimate_time_warp,
     lowpass,
+    noise_chi2_below_swing_frequencies,
     quantised_mean_of,
-    simulate_noisy_sample,
-    viterbi_loss_count,
+    sampling_interval_s,
 )
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING, N_ROPE_STATES
 
 Array = NDArray[np.float64]
-MIN_LOST_FRACTION = 0.002
 MIN_EXPLAINED_SHARE = 0.8
-"""Share of what a steady clock leaves below the machines' frequencies that the walk must take away."""
+"""Share of the residual of a constant rate that the walk must explain, in the band of swings, beyond the noise."""
 NORMALISED_COST_RANGE = (0.65, 1.6)
-"""Cost of the walk for each of its steps that the readings tell: 1 for lost samples, by their own law; half of it and less for a
-clock that is only slow, twice and more for a swing that itself changed."""
-LAG = LowpassLag.name
-"""A linear look says little of it: to first order it is a shift of time."""
-MAX_ADDITIONAL_EFFECTS = 3
-"""Effects that are looked for beside the walk."""
+"""Chi-square of the walk per effective step for lost samples, which follow the prior. A clock whose rate is wrong gives half of
+it or less, a swing that itself changed twice or more."""
 
 
 @dataclass(frozen=True, slots=True)
 class ConstantRateFit:
-    """A fit with a clock that runs slow."""
+    """A fit with a clock whose rate is wrong."""
 
-    values: Values
+    values: EffectValues
     fit: Fit
 
     @property
-    def missing(self) -> float:
-        """Part of the samples, were they lost."""
+    def lost_fraction(self) -> float:
+        """Fraction of the samples that would have to be lost."""
         return -float(np.asarray(self.values[ClockDrift.name]["relative"]))
 
     @property
-    def others(self) -> Values:
-        """Effects beside the clock."""
+    def others(self) -> EffectValues:
+        """Effects other than the clock."""
         return {name: each for name, each in self.values.items() if name != ClockDrift.name}
 
 
 @dataclass(frozen=True, slots=True)
 class SampleLossFit:
-    """Time that wanders, and what acts beside it."""
+    """A time warp, and the effects that were fitted with it."""
 
-    walk: TimeWarp
-    others: Values
+    time_warp: TimeWarp
+    others: EffectValues
     evidence: float
-    """Chi-square of readings and walk, and what the number of free values costs; lower is better."""
+    """BIC: chi-square of samples and walk, and the cost of the free values; lower is better."""
+
+    @property
+    def clock(self) -> EffectValues:
+        """The clock whose rate is wrong by as much on average."""
+        return {ClockDrift.name: {"relative": -self.time_warp.fraction}}
 
 
-def find_sample_loss(setting: FitContext, slow_clock: CandidateFit) -> SampleLossFit | None:
-    """The walk where the log, fitted with a clock that runs slow, shows one; None where nothing wanders.
+def find_sample_loss(context: FitContext, clock_fit: CandidateFit) -> SampleLossFit | None:
+    """Return the time warp where the log, fitted with a clock error, shows one; None where it does not.
 
-    An effect that is not in the fit may hide the walk, as the walk may hide the effect: where a score test beside a free walk
-    finds one, both are fitted together.
+    An effect that is not in the fit can hide the walk, and the walk the effect. Where a conditional score test finds an effect,
+    both are fitted together.
     """
-    if ClockDrift.name not in slow_clock.values or any(
-        EFFECTS[name].structure is not ModelStructure.ROPE for name in slow_clock.names
+    if ClockDrift.name not in clock_fit.values or any(
+        EFFECTS[name].structure is not ModelStructure.ROPE for name in clock_fit.names
     ):
         return None
-    steady, found = ConstantRateFit(slow_clock.values, slow_clock.fit), None
-    if steady.missing < MIN_LOST_FRACTION:
+    constant_rate = ConstantRateFit(clock_fit.values, clock_fit.fit)
+    if constant_rate.lost_fraction < MIN_LOST_FRACTION:
         return None
-    lost = _fit_time_warp(setting, steady)
+    accepted: SampleLossFit | None = None
+    loss = _fit_time_warp(context, constant_rate)
     for _ in range(MAX_ADDITIONAL_EFFECTS):
-        if lost is not None and not _is_sample_loss(setting, steady, lost):
-            lost = None
-        found = lost or found
-        names = _additional_effects(setting, steady, lost)
-        lost = _best_hypothesis(setting, steady, names)
-        if lost is None:
+        if loss is not None and not _is_sample_loss(context, constant_rate, loss):
+            loss = None
+        accepted = loss or accepted
+        names = _additional_effects(context, constant_rate, loss)
+        loss = _best_hypothesis(context, constant_rate, names)
+        if loss is None:
             break
-        clock: Values = {ClockDrift.name: {"relative": -lost.walk.fraction}}
-        steady = _fit_constant_rate(setting, {**lost.others, **clock}, lost.walk.values)
-    if lost is not None and _is_sample_loss(setting, steady, lost):
-        found = lost
-    return None if found is None else _count_lost(setting, found)
+        constant_rate = _fit_constant_rate(context, {**loss.others, **loss.clock}, loss.time_warp.values)
+    if loss is not None and _is_sample_loss(context, constant_rate, loss):
+        accepted = loss
+    return None if accepted is None else _count_lost_samples(context, accepted)
 
 
-def _best_hypothesis(setting: FitContext, steady: ConstantRateFit, names: list[str]) -> SampleLossFit | None:
-    """The walk beside one more effect that leaves least; a lag is tried, too, where none of them explains all."""
-    walks = [
-        walk for name in names if (walk := _fit_time_warp(setting, _with_effect(setting, steady, name))) is not None
-    ]
-    if (
-        walks
-        and LAG not in {*names, *steady.values}
-        and min(walk.walk.reduced for walk in walks) > 1 + EXCESS_SIGNIFICANT
-    ):
-        lagging = _fit_time_warp(setting, _with_effect(setting, steady, LAG))
-        walks += [] if lagging is None else [lagging]
-    return min(walks, key=lambda each: each.evidence, default=None)
+def retime_validation(context: FitContext, loss: SampleLossFit, held_out: Observations) -> Observations:
+    """Return the held-out recording at its own true times; unchanged where no samples are found to be lost in it."""
+    model_effects = {**context.model_effects, **loss.others}
+    initial = evaluate_on_validation(context.rig, {**model_effects, **loss.clock}, held_out).fit
+    simulator = Simulator(context.rig, sorted({**model_effects, **loss.clock}))
+    free = np.array([each.refitted or each.effect == ClockDrift.name for each in simulator.parameters])
+    free[HEADING] = is_world_directed(model_effects)
+    state, effect_values = initial.values[None, :N_ROPE_STATES], initial.values[N_ROPE_STATES:]
+    fit = fit_model(simulator, held_out, state, effect_values, free, [0])
+    clock = {ClockDrift.name: simulator.effects(fit.values)[ClockDrift.name]}
+    held_out_context = replace(context, log=held_out, model_effects=model_effects)
+    constant_rate = ConstantRateFit(clock, fit)
+    held_out_loss = _fit_time_warp(held_out_context, constant_rate)
+    if held_out_loss is None or not _is_sample_loss(held_out_context, constant_rate, held_out_loss):
+        return held_out
+    return _count_lost_samples(held_out_context, held_out_loss).time_warp.retimed(held_out)
 
 
-def _additional_effects(setting: FitContext, steady: ConstantRateFit, lost: SampleLossFit | None) -> list[str]:
-    """What else may act, where time wanders as found; from the steady clock where no walk is believed."""
-    if lost is not None:
-        return score_additional_effects(
-            setting, lost.others, lost.walk.values[:N_ROPE_STATES], lost.walk.true_s, lost.walk.fraction
-        )
-    true_s = setting.log.time_s / (1 - steady.missing)
-    return score_additional_effects(setting, steady.others, steady.fit.values[:N_ROPE_STATES], true_s, steady.missing)
+def _best_hypothesis(context: FitContext, constant_rate: ConstantRateFit, names: list[str]) -> SampleLossFit | None:
+    """Return the best time warp with one of the effects; also with a low-pass filter, where none of them explains all."""
+    losses = _fit_with_each(context, constant_rate, names)
+    tried = {*names, *constant_rate.values}
+    unexplained = all(loss.time_warp.reduced > 1 + EXCESS_SIGNIFICANT for loss in losses)
+    if losses and unexplained and LowpassLag.name not in tried:
+        # Its score is small: to first order a delay is a shift of time.
+        losses += _fit_with_each(context, constant_rate, [LowpassLag.name])
+    return min(losses, key=lambda loss: loss.evidence, default=None)
 
 
-def _with_effect(setting: FitContext, steady: ConstantRateFit, name: str) -> ConstantRateFit:
-    """One more effect, at rest; a lag first with the steady clock, since the readings do not follow it in proportion."""
-    values: Values = {**steady.values, name: EFFECTS[name].default_guess}
-    try:
-        return (
-            _constant_rate_fit(setting, values, setting.fit(values))
-            if name == LAG
-            else ConstantRateFit(values, steady.fit)
-        )
-    except INTEGRATION_FAILURES:
-        return ConstantRateFit(values, steady.fit)
+def _fit_with_each(context: FitContext, constant_rate: ConstantRateFit, names: list[str]) -> list[SampleLossFit]:
+    fits = (_fit_time_warp(context, _with_effect(context, constant_rate, name)) for name in names)
+    return [fit for fit in fits if fit is not None]
 
 
-def _fit_constant_rate(setting: FitContext, values: Values, start: Array) -> ConstantRateFit:
-    """Fitted from here, as one motion."""
-    simulator = setting.simulator(tuple(values))
-    at = simulator.values(start[:N_ROPE_STATES], {**setting.model_effects, **values})
-    free = setting.free_parameters(simulator, values)
+def _additional_effects(context: FitContext, constant_rate: ConstantRateFit, loss: SampleLossFit | None) -> list[str]:
+    """Return the effects that may act, at the true times of a time warp, or at a constant rate where there is none."""
+    if loss is not None:
+        warp = loss.time_warp
+        return score_additional_effects(context, loss.others, warp.values[:N_ROPE_STATES], warp.true_s, warp.fraction)
+    fraction, initial_state = constant_rate.lost_fraction, constant_rate.fit.values[:N_ROPE_STATES]
+    true_s = context.log.time_s / (1 - fraction)
+    return score_additional_effects(context, constant_rate.others, initial_state, true_s, fraction)
+
+
+def _with_effect(context: FitContext, constant_rate: ConstantRateFit, name: str) -> ConstantRateFit:
+    """Return a hypothesis with one more effect at its initial guess; a low-pass filter is fitted first, as it is not linear."""
+    values: EffectValues = {**constant_rate.values, name: EFFECTS[name].default_guess}
+    if name == LowpassLag.name:
+        try:
+            return _make_constant_rate_fit(context, values, context.fit(values))
+        except INTEGRATION_FAILURES:
+            pass
+    return ConstantRateFit(values, constant_rate.fit)
+
+
+def _fit_constant_rate(context: FitContext, values: EffectValues, initial_state: Array) -> ConstantRateFit:
+    """Return a fit as one trajectory from these values."""
+    simulator = context.simulator(tuple(values))
     fit = fit_model(
         simulator,
-        setting.log,
-        at[None, :N_ROPE_STATES],
-        at[N_ROPE_STATES:],
-        free,
+        context.log,
+        initial_state[None, :N_ROPE_STATES],
+        context.effect_values(simulator, values),
+        context.free_parameters(simulator, values),
         [0],
         REFINEMENT_ITERATIONS,
-        setting.tick,
+        context.tick,
     )
-    return _constant_rate_fit(setting, values, fit)
+    return _make_constant_rate_fit(context, values, fit)
 
 
-def _constant_rate_fit(setting: FitContext, values: Values, fit: Fit) -> ConstantRateFit:
-    model = setting.simulator(tuple(values)).effects(fit.values)
-    return ConstantRateFit({name: model[name] for name in values}, fit)
+def _make_constant_rate_fit(context: FitContext, values: EffectValues, fit: Fit) -> ConstantRateFit:
+    effects = context.simulator(tuple(values)).effects(fit.values)
+    return ConstantRateFit({name: effects[name] for name in values}, fit)
 
 
-def _fit_time_warp(setting: FitContext, steady: ConstantRateFit) -> SampleLossFit | None:
-    """Beside effects that are fitted with it; None where no clock runs slow, or one that runs straight leaves less."""
-    if steady.missing < MIN_LOST_FRACTION:
+def _fit_time_warp(context: FitContext, constant_rate: ConstantRateFit) -> SampleLossFit | None:
+    """Return a time warp fitted with the effects of a hypothesis; None where a constant rate explains the log as well."""
+    if constant_rate.lost_fraction < MIN_LOST_FRACTION:
         return None
-    o, simulator = setting.log, setting.simulator(tuple(steady.others))
-    values = simulator.values(steady.fit.values[:N_ROPE_STATES], {**setting.model_effects, **steady.others})
-    free = [*INITIAL_MOTION, *free_parameter_indices(simulator, steady.others)]
+    log, simulator = context.log, context.simulator(tuple(constant_rate.others))
+    initial_state = constant_rate.fit.values[:N_ROPE_STATES]
+    values = simulator.values(initial_state, {**context.model_effects, **constant_rate.others})
+    free = [*INITIAL_STATES, *free_parameter_indices(simulator, constant_rate.others)]
     try:
-        walk = estimate_time_warp(simulator, values, o, steady.missing, free)
+        warp = estimate_time_warp(simulator, values, log, constant_rate.lost_fraction, free)
     except INTEGRATION_FAILURES:
-        return None  # it ran to parameters that no integration can follow
-    if walk is None or not walk.reduced * o.n_values <= steady.fit.chi2:
         return None
-    model = simulator.effects(walk.values)
-    evidence = walk.reduced * o.n_values + walk.cost + len(free) * math.log(o.n_values)
-    return SampleLossFit(walk, {name: model[name] for name in steady.others}, evidence)
+    if warp is None or not warp.reduced * log.n_values <= constant_rate.fit.chi2:
+        return None
+    effects = simulator.effects(warp.values)
+    evidence = warp.reduced * log.n_values + warp.cost + len(free) * math.log(log.n_values)
+    return SampleLossFit(warp, {name: effects[name] for name in constant_rate.others}, evidence)
 
 
-def _is_sample_loss(setting: FitContext, steady: ConstantRateFit, lost: SampleLossFit) -> bool:
-    """Samples lost at random make such a walk, and it takes away what a steady clock leaves."""
-    o, walk, simulator = setting.log, lost.walk, setting.simulator(tuple(lost.others))
-    dt = float(np.median(np.diff(o.time_s)))
-    simulated_g = simulator.predict(walk.values, walk.true_s, o.temperature_c)
-    after_g, before_g = (quantised_mean_of(simulator, walk.values, each) for each in (simulated_g, steady.fit.force_g))
-    noise_g = simulate_noisy_sample(simulator, walk.values, simulated_g) - after_g
-    left, was, noise = (
-        (lowpass(each, dt) ** 2).sum()
-        for each in (o.residual_sigma(after_g), o.residual_sigma(before_g), noise_g / o.noise_g)
-    )
-    wanders = NORMALISED_COST_RANGE[0] < walk.normalised_cost < NORMALISED_COST_RANGE[1]
-    return bool(
-        wanders and left - noise < (1 - MIN_EXPLAINED_SHARE) * (was - noise) and walk.fraction > MIN_LOST_FRACTION
-    )
+def _is_sample_loss(context: FitContext, constant_rate: ConstantRateFit, loss: SampleLossFit) -> bool:
+    """Return whether the walk has the variance of lost samples, and explains the residual of a constant rate."""
+    log, warp, simulator = context.log, loss.time_warp, context.simulator(tuple(loss.others))
+    interval_s = sampling_interval_s(log)
+    simulated_g = simulator.predict(warp.values, warp.true_s, log.temperature_c)
+
+    def chi2(force_g: Array) -> float:
+        mean_g = quantised_mean_of(simulator, warp.values, force_g)
+        return float((lowpass(log.residual_sigma(mean_g), interval_s) ** 2).sum())
+
+    noise = noise_chi2_below_swing_frequencies(simulator, warp.values, simulated_g, log)
+    before, after = chi2(constant_rate.fit.force_g) - noise, chi2(simulated_g) - noise
+    is_random_walk = NORMALISED_COST_RANGE[0] < warp.normalised_cost < NORMALISED_COST_RANGE[1]
+    return is_random_walk and after < (1 - MIN_EXPLAINED_SHARE) * before and warp.fraction > MIN_LOST_FRACTION
 
 
-def _count_lost(setting: FitContext, lost: SampleLossFit) -> SampleLossFit:
-    """In whole samples, where a machine's line tells them."""
-    o, walk, simulator = setting.log, lost.walk, setting.simulator(tuple(lost.others))
-    after_g = quantised_mean_of(simulator, walk.values, simulator.predict(walk.values, walk.true_s, o.temperature_c))
-    line = find_machine_line(walk.true_s, o.force_g - after_g, o.noise_g)
-    return lost if line is None else replace(lost, walk=viterbi_loss_count(simulator, walk, o))
-
-
-def retime_validation(setting: FitContext, lost: SampleLossFit, held_out: Observations) -> Observations:
-    """The held-out recording at its own true times, for judging what else is missing; as stamped where none are found."""
-    clock: Values = {ClockDrift.name: {"relative": -lost.walk.fraction}}
-    known = {**setting.model_effects, **lost.others, **clock}
-    begun = evaluate_on_validation(setting.rig, known, held_out).fit
-    simulator = Simulator(setting.rig, sorted(known))
-    free = np.array([slot.refitted or slot.effect == ClockDrift.name for slot in simulator.parameters])
-    free[HEADING] = is_world_directed(known)
-    fit = fit_model(simulator, held_out, begun.values[None, :N_ROPE_STATES], begun.values[N_ROPE_STATES:], free, [0])
-    clock = {ClockDrift.name: simulator.effects(fit.values)[ClockDrift.name]}
-    there, steady = (
-        replace(setting, log=held_out, model_effects={**setting.model_effects, **lost.others}),
-        ConstantRateFit(clock, fit),
-    )
-    own = _fit_time_warp(there, steady)
-    if own is None or not _is_sample_loss(there, steady, own):
-        return held_out
-    return _count_lost(there, own).walk.retimed(held_out)
+def _count_lost_samples(context: FitContext, loss: SampleLossFit) -> SampleLossFit:
+    """Return the time warp in whole samples, where a machine's vibration determines them."""
+    log, warp, simulator = context.log, loss.time_warp, context.simulator(tuple(loss.others))
+    simulated_g = simulator.predict(warp.values, warp.true_s, log.temperature_c)
+    residual_g = log.force_g - quantised_mean_of(simulator, warp.values, simulated_g)
+    if find_machine_line(warp.true_s, residual_g, log.noise_g) is None:
+        return loss
+    return replace(loss, time_warp=viterbi_loss_count(simulator, warp, log))

@@ -1,31 +1,41 @@
-"""Samples lost without a trace beside another effect: both come back, and neither is seen where it is not."""
+"""Samples lost without a gap in the time stamps, alone and with other effects."""
 
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from gateway.twin.effects.parameter import Value
 from gateway.twin.model import EffectValues, TwinRig
-from gateway.twin.reconcile.data.artefact_detectors import noise_with_quantisation_g
+from gateway.twin.reconcile.data.artefact_detectors import noise_with_quantisation_g, quantised_variance
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.search.candidates import CandidateFit, make_candidate
+from gateway.twin.reconcile.timing.loss_count import viterbi_loss_count
 from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
+from gateway.twin.reconcile.timing.time_warp import (
+    estimate_time_warp,
+    lowpass,
+    noise_chi2_below_swing_frequencies,
+)
 from gateway.twin.reconcile.timing.time_warp_smoother import (
     KNOT_SPACING_SAMPLES,
     effective_degrees_of_freedom,
     make_knots,
     marginalise_time_warp,
 )
-from tests.gateway.twin.swings import Array
-from tests.values import present
+from gateway.twin.simulator.simulator import Simulator
 
+Array = NDArray[np.float64]
+Record = Callable[..., Observations]
 FRACTION = 0.03
 STEP_G = 0.003
 
 
-def lossy(observations: Observations, fraction: float = FRACTION) -> tuple[Observations, Array]:
+def lose_samples(observations: Observations, fraction: float = FRACTION) -> tuple[Observations, Array]:
+    """Return a recording without some samples, with even time stamps, and its true times."""
     kept = np.flatnonzero(np.random.default_rng(2).random(len(observations.time_s)) >= fraction)
     stamped = replace(
         observations,
@@ -36,115 +46,152 @@ def lossy(observations: Observations, fraction: float = FRACTION) -> tuple[Obser
     return stamped, observations.time_s[kept]
 
 
-def slow_clock(
-    rig: TwinRig, observations: Observations, always: EffectValues | None = None
+def fit_clock(
+    rig: TwinRig, observations: Observations, baseline: EffectValues | None = None
 ) -> tuple[FitContext, CandidateFit]:
-    setting = FitContext(rig, {}, observations, lambda: None)
-    values = {**(always or {}), "clock_drift": {}}
-    return setting, present(make_candidate(setting, values, setting.fit(values)))
+    """Return the context and a fit with a clock error."""
+    context = FitContext(rig, {}, observations, lambda: None)
+    values: EffectValues = {**(baseline or {}), "clock_drift": {}}
+    fit = make_candidate(context, values, context.fit(values))
+    assert fit is not None
+    return context, fit
 
 
-def test_putting_the_walk_in_changes_no_solution() -> None:
+def test_marginalised_time_warp_gives_the_solution_of_the_whole_problem() -> None:
     rng = np.random.default_rng(0)
-    knots, spread = make_knots(38), 0.3
+    knots, variance = make_knots(38), 0.3
     residual, by_time, by_values = rng.normal(size=(38, 3)), rng.normal(size=(38, 3)), rng.normal(size=(38, 3, 2))
-    equations = marginalise_time_warp(residual, by_time, by_values, np.zeros(knots.count), knots, spread)
-    step, drop = equations.solve([0, 1])
-    walk = equations.walk([0, 1], step)
+    smoother = marginalise_time_warp(residual, by_time, by_values, np.zeros(knots.count), knots, variance)
+    step, drop = smoother.solve([0, 1])
+    warp = smoother.warp([0, 1], step)
 
-    # The same in one: readings, then the walk's steps as readings of their own; it begins at 0.
+    # The whole problem: the samples, then the steps of the walk as further observations; it starts at 0.
     hats = np.maximum(0, 1 - np.abs(np.arange(38)[:, None] / KNOT_SPACING_SAMPLES - np.arange(1, knots.count)))
-    by_walk = by_time[:, :, None] * hats[:, None, :]
-    steps = np.diff(np.eye(knots.count), axis=0)[:, 1:] / np.sqrt(spread)
+    by_warp = by_time[:, :, None] * hats[:, None, :]
+    steps = np.diff(np.eye(knots.count), axis=0)[:, 1:] / np.sqrt(variance)
     whole = np.block(
         [
-            [by_values.reshape(-1, 2), by_walk.reshape(-1, knots.count - 1)],
+            [by_values.reshape(-1, 2), by_warp.reshape(-1, knots.count - 1)],
             [np.zeros((knots.count - 1, 2)), steps],
         ]
     )
     right = np.concatenate([residual.ravel(), np.zeros(knots.count - 1)])
-    known, without = (np.linalg.lstsq(each, right, rcond=None)[0] for each in (whole, whole[:, 2:]))
+    solution, without = (np.linalg.lstsq(each, right, rcond=None)[0] for each in (whole, whole[:, 2:]))
 
-    assert step == pytest.approx(known[:2])
-    assert walk == pytest.approx([0.0, *known[2:]], abs=1e-9)
-    assert drop == pytest.approx(((right - whole[:, 2:] @ without) ** 2).sum() - ((right - whole @ known) ** 2).sum())
+    assert step == pytest.approx(solution[:2])
+    assert warp == pytest.approx([0.0, *solution[2:]], abs=1e-9)
+    assert drop == pytest.approx(
+        ((right - whole[:, 2:] @ without) ** 2).sum() - ((right - whole @ solution) ** 2).sum()
+    )
 
 
-def test_readings_that_do_not_change_tell_no_step_of_time_and_loud_ones_all() -> None:
+def test_effective_degrees_of_freedom_are_none_without_motion_and_all_with_a_large_one() -> None:
     knots = make_knots(100)
 
     assert effective_degrees_of_freedom(np.zeros((100, 3)), knots, 1.0) == pytest.approx(0, abs=1e-6)
     assert effective_degrees_of_freedom(np.full((100, 3), 1e4), knots, 1.0) == pytest.approx(knots.count - 1, abs=0.01)
 
 
+@pytest.mark.parametrize("effects", [{}, {"quantization": {"lsb_g": STEP_G}}], ids=["noise", "quantised"])
+def test_noise_below_the_swing_frequencies_is_the_mean_of_many_draws(
+    rig: TwinRig, record: Record, effects: EffectValues
+) -> None:
+    log, rng = record({}), np.random.default_rng(3)
+    simulator = Simulator(rig, sorted(effects))
+    values = simulator.values([0.10, 0.04, -0.02, 0.05, 0.0], effects)
+    force_g = Simulator(rig, []).predict(values[:5], log.time_s)
+    draws = []
+    for _ in range(60):
+        noisy_g = force_g + np.array(rig.noise_g) * rng.normal(size=force_g.shape)
+        draws.append(STEP_G * np.round(noisy_g / STEP_G) if effects else noisy_g)
+    deviation = (np.array(draws) - np.mean(draws, axis=0)) / log.noise_g * log.used[:, None]
+    drawn = np.mean([(lowpass(each, 0.05) ** 2).sum() for each in deviation]) * 60 / 59
+
+    assert noise_chi2_below_swing_frequencies(simulator, values, force_g, log) == pytest.approx(drawn, rel=0.02)
+
+
+def test_variance_of_quantised_readings_is_largest_halfway_between_two_steps() -> None:
+    halfway, on_step = quantised_variance(np.array([[0.5, 1.0, 2.0]]) * STEP_G, STEP_G, np.full(3, 5e-4))[0, :2]
+
+    assert halfway == pytest.approx(STEP_G**2 / 4, rel=1e-3)
+    assert on_step == pytest.approx(0.0027 * STEP_G**2, rel=1e-2)
+
+
+@pytest.mark.slow
+def test_lost_samples_are_counted_without_a_vibration(rig: TwinRig, record: Record) -> None:
+    lossy, true_s = lose_samples(record({}))
+    context = FitContext(rig, {}, lossy, lambda: None)
+    simulator, initial_state = context.simulator(()), context.fit({"clock_drift": {}}).values[:5]
+    warp = estimate_time_warp(simulator, initial_state, lossy, FRACTION)
+    assert warp is not None
+    counted = viterbi_loss_count(simulator, warp, lossy)
+
+    assert counted.fraction == pytest.approx(1 - len(true_s) / 1200, abs=0.004)
+    assert counted.reduced < 1.3
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "hidden",
+    ("name", "parameters"),
     [
-        {"viscous_damping": {"damping_ratio": 0.004}},
-        {"axis_offset": {"offset_g": (0.012, -0.008, 0.006)}},
-        {"scale_error": {"relative": (-0.03, 0.04, 0.01)}},
-        {"lowpass_lag": {"cutoff_hz": 0.5}},
+        ("viscous_damping", {"damping_ratio": 0.004}),
+        ("axis_offset", {"offset_g": (0.012, -0.008, 0.006)}),
+        ("scale_error", {"relative": (-0.03, 0.04, 0.01)}),
+        ("lowpass_lag", {"cutoff_hz": 0.5}),
     ],
-    ids=lambda hidden: next(iter(hidden)),
 )
-def test_lost_samples_and_what_acts_beside_them_are_told_together(
-    rig: TwinRig, record: Callable[..., Observations], hidden: EffectValues
+def test_lost_samples_and_another_effect_are_found_together(
+    rig: TwinRig, record: Record, name: str, parameters: dict[str, Value]
 ) -> None:
-    observations, true_s = lossy(record(hidden))
-    lost = find_sample_loss(*slow_clock(rig, observations))
-    name = next(iter(hidden))
+    lossy, true_s = lose_samples(record({name: parameters}))
+    loss = find_sample_loss(*fit_clock(rig, lossy))
 
-    assert lost is not None
-    assert lost.walk.fraction == pytest.approx(1 - len(true_s) / 1200, abs=0.004)
-    assert np.abs(lost.walk.true_s - (true_s - true_s[0])).max() < 0.1  # two samples
-    assert set(lost.others) == {name}
-    for parameter, value in hidden[name].items():
-        assert lost.others[name][parameter] == pytest.approx(value, rel=0.25, abs=0.01)
+    assert loss is not None
+    assert loss.time_warp.fraction == pytest.approx(1 - len(true_s) / 1200, abs=0.004)
+    assert np.abs(loss.time_warp.true_s - (true_s - true_s[0])).max() < 0.1  # two samples
+    assert set(loss.others) == {name}
+    for parameter, value in parameters.items():
+        assert loss.others[name][parameter] == pytest.approx(value, rel=0.25, abs=0.01)
 
 
 @pytest.mark.slow
-def test_nothing_is_put_beside_lost_samples_where_nothing_is(rig: TwinRig, record: Callable[..., Observations]) -> None:
-    observations, _ = lossy(record({}))
-    lost = find_sample_loss(*slow_clock(rig, observations))
+def test_no_further_effect_is_found_with_lost_samples_alone(rig: TwinRig, record: Record) -> None:
+    loss = find_sample_loss(*fit_clock(rig, lose_samples(record({}))[0]))
 
-    assert lost is not None
-    assert lost.others == {}
+    assert loss is not None
+    assert loss.others == {}
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("damping", [{}, {"viscous_damping": {"damping_ratio": 0.004}}], ids=["alone", "damped"])
-def test_a_clock_that_runs_slow_loses_no_samples(
-    rig: TwinRig, record: Callable[..., Observations], damping: EffectValues
-) -> None:
+def test_slow_clock_is_not_taken_for_lost_samples(rig: TwinRig, record: Record, damping: EffectValues) -> None:
     observations = record({"clock_drift": {"relative": -FRACTION}, **damping})
 
-    assert find_sample_loss(*slow_clock(rig, observations)) is None
+    assert find_sample_loss(*fit_clock(rig, observations)) is None
 
 
 @pytest.mark.slow
-def test_lost_samples_are_seen_in_coarse_steps(rig: TwinRig, record: Callable[..., Observations]) -> None:
-    observations, true_s = lossy(record({}))
-    stepped = replace(
-        observations,
-        force_g=STEP_G * np.round(observations.force_g / STEP_G),
-        noise_g=noise_with_quantisation_g(observations, STEP_G),
+def test_lost_samples_are_found_in_a_quantised_recording(rig: TwinRig, record: Record) -> None:
+    lossy, true_s = lose_samples(record({}))
+    quantised = replace(
+        lossy,
+        force_g=STEP_G * np.round(lossy.force_g / STEP_G),
+        noise_g=noise_with_quantisation_g(lossy, STEP_G),
     )
-    lost = find_sample_loss(*slow_clock(rig, stepped, {"quantization": {"lsb_g": STEP_G}}))
+    loss = find_sample_loss(*fit_clock(rig, quantised, {"quantization": {"lsb_g": STEP_G}}))
 
-    assert lost is not None
-    assert set(lost.others) == {"quantization"}
-    assert np.abs(lost.walk.true_s - (true_s - true_s[0])).max() < 0.1
+    assert loss is not None
+    assert set(loss.others) == {"quantization"}
+    assert np.abs(loss.time_warp.true_s - (true_s - true_s[0])).max() < 0.1
 
 
 @pytest.mark.slow
-def test_the_held_out_recording_has_losses_and_a_heading_of_its_own(
-    rig: TwinRig, record: Callable[..., Observations]
-) -> None:
-    wind = {"steady_wind": {"accel_m_s2": (0.3, -0.2)}}
-    lost = present(find_sample_loss(*slow_clock(rig, lossy(record(wind))[0])))
-    held_out, true_s = lossy(record(wind, "held_out"), 0.05)
-    retimed = retime_validation(FitContext(rig, {}, held_out, lambda: None), lost, held_out)
+def test_validation_recording_has_losses_and_a_heading_of_its_own(rig: TwinRig, record: Record) -> None:
+    wind: EffectValues = {"steady_wind": {"accel_m_s2": (0.3, -0.2)}}
+    loss = find_sample_loss(*fit_clock(rig, lose_samples(record(wind))[0]))
+    assert loss is not None
+    held_out, true_s = lose_samples(record(wind, "held_out"), 0.05)
+    retimed = retime_validation(FitContext(rig, {}, held_out, lambda: None), loss, held_out)
 
     assert np.abs(retimed.time_s - (true_s - true_s[0])).max() < 0.1
     assert np.abs(held_out.time_s - (true_s - true_s[0])).max() > 1.0
