@@ -1,4 +1,4 @@
-"""A second mode: where it is looked for, how its fit goes, and what it is not to be taken for."""
+"""Double pendulums: the initial guess and the fit of a second mode, and what is not a second mode."""
 
 from collections.abc import Callable, Sequence
 
@@ -22,12 +22,12 @@ from tests.gateway.twin.reconcile.conftest import RATE_HZ
 from tests.gateway.twin.swings import Array
 
 HOOK = {"rigging_length_m": 2.4, "hook_mass_ratio": 0.11}
-LEANING = {"faint": (0.01, 0.0, 0.0, 0.0), "strong": (0.12, 0.05, 0.0, 0.0)}
-"""Of the rigging against the rope, at the start: tilts and rates."""
+RIGGING_TILTS = {"faint": (0.01, 0.0, 0.0, 0.0), "strong": (0.12, 0.05, 0.0, 0.0)}
+"""Initial tilts and rates of the rigging relative to the rope, by the strength of the fast mode."""
 
 
 def modes_hz(length_m: float, rigging_m: Array | float, hook_mass_ratio: Array | float) -> tuple[Array, Array]:
-    """Slow and fast mode of a double pendulum whose whole length is the rope's."""
+    """Return the frequencies of the slow and the fast mode of a double pendulum of this whole length."""
     rigging, ratio = np.asarray(rigging_m, dtype=float), np.asarray(hook_mass_ratio, dtype=float)
     slow, fast = modes(length_m - rigging, rigging, ratio, 9.80665)
     return slow.rate / (2 * np.pi), fast.rate / (2 * np.pi)
@@ -39,14 +39,14 @@ def guess_context(rig: TwinRig, observations: Observations, residual_g: NDArray[
 
 
 @pytest.fixture
-def double(rig: TwinRig) -> Callable[..., Observations]:
-    """A minute of a double pendulum whose fast mode is faint or the main one."""
+def double_pendulum(rig: TwinRig) -> Callable[..., Observations]:
+    """Return a function that records a double pendulum whose fast mode is faint or strong."""
 
     def make(
-        leaning: str, rope: tuple[float, ...] = (0.10, 0.04, -0.02, 0.05), duration_s: float = 60.0
+        strength: str, rope: tuple[float, ...] = (0.10, 0.04, -0.02, 0.05), duration_s: float = 60.0
     ) -> Observations:
         simulator, time_s = Simulator(rig, ["double_pendulum"]), np.arange(0, duration_s, 1 / RATE_HZ)
-        start = [*rope, 0.0, *(np.array(rope) + LEANING[leaning])]
+        start = [*rope, 0.0, *(np.array(rope) + RIGGING_TILTS[strength])]
         force_g = simulator.predict(simulator.values(start, {"double_pendulum": HOOK}), time_s)
         noise_g = np.array(rig.noise_g)
         return make_observations(
@@ -87,11 +87,11 @@ def test_derivatives_by_fitted_coordinates_equal_central_differences(
         np.testing.assert_allclose(derivatives[..., i], (ahead - behind) / 2e-6, atol=1e-6)
 
 
-@pytest.mark.parametrize("leaning", ["faint", "strong"])
-def test_the_fast_mode_is_found_whichever_is_the_stronger(
-    rig: TwinRig, double: Callable[..., Observations], leaning: str
+@pytest.mark.parametrize("strength", ["faint", "strong"])
+def test_fast_mode_is_found_whichever_mode_is_the_stronger(
+    rig: TwinRig, double_pendulum: Callable[..., Observations], strength: str
 ) -> None:
-    observations = double(leaning)
+    observations = double_pendulum(strength)
     starts = guess_double_pendulum(guess_context(rig, observations, observations.force_g))
     fast_hz = [
         modes_hz(rig.length_m, np.array(v["rigging_length_m"]), np.array(v["hook_mass_ratio"]))[1] for v in starts
@@ -102,35 +102,35 @@ def test_the_fast_mode_is_found_whichever_is_the_stronger(
     assert np.median(fast_hz) == pytest.approx(true_hz, rel=0.03)
 
 
-def test_a_single_swing_has_no_second_mode(rig: TwinRig, record: Callable[..., Observations]) -> None:
+def test_single_pendulum_has_no_second_mode(rig: TwinRig, record: Callable[..., Observations]) -> None:
     observations = record({"viscous_damping": {"damping_ratio": 0.01}})
 
     assert guess_double_pendulum(guess_context(rig, observations, observations.force_g)) == []
 
 
 @pytest.mark.slow
-def test_a_fit_goes_to_the_end_of_the_valley_of_rigging_and_hook(
-    rig: TwinRig, double: Callable[..., Observations]
+def test_fit_converges_along_the_valley_of_rigging_length_and_hook_mass(
+    rig: TwinRig, double_pendulum: Callable[..., Observations]
 ) -> None:
-    setting = FitContext(rig, {}, double("strong", duration_s=24.0), lambda: None)
+    context = FitContext(rig, {}, double_pendulum("strong", duration_s=24.0), lambda: None)
     fast_hz = modes_hz(rig.length_m, np.array(HOOK["rigging_length_m"]), np.array(HOOK["hook_mass_ratio"]))[1]
-    tried = []
+    guesses = []
     for rigging_m in (1.6, 2.2, 3.2):
         ratio = np.geomspace(0.02, 1, 500)
         off_hz = modes_hz(rig.length_m, np.full_like(ratio, rigging_m), ratio)[1] - fast_hz
         values = {"rigging_length_m": rigging_m, "hook_mass_ratio": float(ratio[np.argmin(np.abs(off_hz))])}
-        tried.append({"double_pendulum": values})
-    fit = setting.fit(setting.fit_rigging_length(tried))
+        guesses.append({"double_pendulum": values})
+    fit = context.fit(context.fit_rigging_length(guesses))
 
     deviation = np.sqrt(np.diag(fit.covariance()))[-2:]
-    assert fit.chi2 == pytest.approx(setting.log.n_values, rel=0.06)
+    assert fit.chi2 == pytest.approx(context.log.n_values, rel=0.06)
     np.testing.assert_array_less(np.abs(fit.values[-2:] - list(HOOK.values())), 4 * deviation)
 
 
-def test_a_second_mode_that_is_the_main_line_makes_no_wrong_rig(
-    rig: TwinRig, double: Callable[..., Observations]
+def test_dominant_second_mode_is_not_reported_as_a_wrong_rig(
+    rig: TwinRig, double_pendulum: Callable[..., Observations]
 ) -> None:
-    observations = double("strong", rope=(0.01, 0.0, 0.0, 0.005))
+    observations = double_pendulum("strong", rope=(0.01, 0.0, 0.0, 0.005))
     lateral = np.abs(np.fft.rfft(observations.force_g[:, :2], axis=0)).sum(axis=1)
     main_hz = np.fft.rfftfreq(len(observations.time_s), 1 / RATE_HZ)[1 + np.argmax(lateral[1:])]
 
@@ -138,7 +138,7 @@ def test_a_second_mode_that_is_the_main_line_makes_no_wrong_rig(
     assert find_fault(observations.time_s, observations.force_g, rig) is None
 
 
-def test_a_machine_is_not_found_in_the_flank_of_a_slower_line(rig: TwinRig) -> None:
+def test_flank_of_a_slower_line_is_not_taken_for_machine_vibration(rig: TwinRig) -> None:
     time_s = np.arange(0, 60, 1 / RATE_HZ)
     noise_g = np.array(rig.noise_g)
     noise = noise_g * np.random.default_rng(1).normal(size=(len(time_s), 3))
@@ -151,7 +151,7 @@ def test_a_machine_is_not_found_in_the_flank_of_a_slower_line(rig: TwinRig) -> N
     assert found.frequency_hz == pytest.approx(8.3, abs=1e-3)
 
 
-def test_an_overtone_of_a_second_mode_is_no_machine(rig: TwinRig) -> None:
+def test_overtone_of_a_second_mode_is_not_taken_for_machine_vibration(rig: TwinRig) -> None:
     time_s = np.arange(0, 60, 1 / RATE_HZ)
     noise_g = np.array(rig.noise_g)
 
@@ -171,7 +171,7 @@ def test_an_overtone_of_a_second_mode_is_no_machine(rig: TwinRig) -> None:
     assert found(3 * 1.31 + 0.2)[0]["frequency_hz"] == pytest.approx(3 * 1.31 + 0.2, abs=1e-3)
 
 
-def test_a_load_that_bounces_is_no_wide_swing(rig: TwinRig) -> None:
+def test_bouncing_load_is_not_taken_for_a_large_swing(rig: TwinRig) -> None:
     time_s, size = np.arange(0, 60, 1 / RATE_HZ), np.array(rig.noise_g)
     bounce, slow = 0.14 * np.exp(-time_s / 16) * np.cos(2 * np.pi * 2.05 * time_s), 2 * np.pi * 0.176 * time_s
     bouncing = make_observations(
