@@ -7,7 +7,6 @@ import shlex
 import signal
 import subprocess
 import sys
-import time
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
@@ -21,9 +20,9 @@ from tests.blind.cases import generate
 from tests.blind.plan import Plan
 from tests.blind.score import Answer, judge
 from tests.blind.write import write_case
+from tests.waiting import PATIENCE_S, wait_until
 
 ROOT = Path(__file__).parents[2]
-PATIENCE_S = 60.0
 GUESSER = """
 import argparse, json, shutil, time
 parser = argparse.ArgumentParser()
@@ -243,10 +242,7 @@ def test_stopped_campaign_leaves_nothing_running(case: Path, tmp_path: Path) -> 
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
     )
-    deadline_s = time.monotonic() + PATIENCE_S
-    while not (running.exists() and running.read_text()):
-        assert time.monotonic() < deadline_s
-        time.sleep(0.05)
+    wait_until(lambda: running.exists() and running.read_text(), "the command to run")
     process.send_signal(signal.SIGINT)
     _, told = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 130

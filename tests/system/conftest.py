@@ -79,7 +79,7 @@ class BusPeer:
         config = zenoh.Config()
         config.insert_json5("mode", '"client"')
         config.insert_json5("connect/endpoints", json.dumps([endpoint]))
-        config.insert_json5("connect/timeout_ms", "15000")
+        config.insert_json5("connect/timeout_ms", str(round(1e3 * PATIENCE_S)))
         config.insert_json5("scouting/multicast/enabled", "false")
         self.session = zenoh.open(config)
         self.heard: list[tuple[int, str, bytes]] = []
@@ -125,7 +125,7 @@ class Plumbline(Protocol):
     """Run a command to its end."""
 
     def __call__(
-        self, *arguments: str | Path, timeout_s: float = 60.0, cwd: Path = ROOT
+        self, *arguments: str | Path, timeout_s: float = 2 * PATIENCE_S, cwd: Path = ROOT
     ) -> subprocess.CompletedProcess[str]: ...
 
 
@@ -161,7 +161,9 @@ def join_bus() -> Iterator[JoinBus]:
 
 @pytest.fixture
 def plumbline() -> Plumbline:
-    def run(*arguments: str | Path, timeout_s: float = 60.0, cwd: Path = ROOT) -> subprocess.CompletedProcess[str]:
+    def run(
+        *arguments: str | Path, timeout_s: float = 2 * PATIENCE_S, cwd: Path = ROOT
+    ) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
             [sys.executable, "-m", "gateway", *map(str, arguments)],
             cwd=cwd,

@@ -26,6 +26,7 @@ from gateway.recording.reader import open_recording
 from tests.benchmarks.turned_radio import COUNTS_PER_G, FACES, GAIN, NOISE_G, OFFSET_G, TurnedRadio
 from tests.system.conftest import BusPeer, JoinBus, Plumbline, StartGateway
 from tests.values import present
+from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.slow
 
@@ -72,7 +73,7 @@ class Site:
 
     def remote(self, *arguments: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
-            self.command(*arguments), cwd=ROOT, capture_output=True, text=True, timeout=60, check=False
+            self.command(*arguments), cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S, check=False
         )
 
     def follow(self, *arguments: str) -> subprocess.Popen[str]:
@@ -126,7 +127,7 @@ def test_a_session_leads_to_a_record_in_spite_of_a_kill(site: Site, tmp_path: Pa
     assert suspended["level"] == "unknown"
     condition = site.peer.wait_for("condition", lambda message: "SUSPENDED" in message["reasons"][0])
     assert not condition["trusted"]
-    out, err = follower.communicate(timeout=60)
+    out, err = follower.communicate(timeout=PATIENCE_S)
     assert follower.returncode == 0, out + err
     assert "in review" in out
 
@@ -199,7 +200,7 @@ def query(
     peer: BusPeer, verb: str, payload: bytes | None, key: str = "plumbline/v1/demo-site/crane-1/hook-1"
 ) -> list[tuple[bool, Any]]:
     """(accepted, content) of every answer."""
-    replies = peer.session.get(f"{key}/rpc/{verb}", payload=payload, timeout=5)
+    replies = peer.session.get(f"{key}/rpc/{verb}", payload=payload, timeout=PATIENCE_S)
     return [(reply.ok is not None, _content(reply)) for reply in replies]
 
 
@@ -247,13 +248,13 @@ def test_ctrl_c_leaves_the_session_running(start_gateway: StartGateway, join_bus
     assert "recalibrate: collecting" in present(follower.stdout).readline()
     assert "poses" in present(follower.stdout).readline()
     follower.send_signal(signal.SIGINT)
-    out, _ = follower.communicate(timeout=20)
+    out, _ = follower.communicate(timeout=PATIENCE_S)
     assert "the session continues" in out
     again = subprocess.Popen([*command, "--follow"], cwd=ROOT, stdout=subprocess.PIPE, text=True)
     assert "0 of 6 poses" in present(again.stdout).readline()
     ((accepted, _),) = query(peer, "cancel", b'{"id": "request-1", "by": "bob"}')
     assert accepted
-    out, _ = again.communicate(timeout=20)
+    out, _ = again.communicate(timeout=PATIENCE_S)
     assert "rejected: cancelled by bob" in out
     assert again.returncode == 1
 
@@ -326,7 +327,7 @@ def test_the_display_survives_a_lost_connection(start_gateway: StartGateway, joi
         ((accepted, _),) = query(peer, "cancel", b'{"id": "request-1", "by": "bob"}')
         assert accepted
         line.mend()
-        out, _ = follower.communicate(timeout=40)
+        out, _ = follower.communicate(timeout=PATIENCE_S)
         assert "rejected: cancelled by bob" in out
         assert follower.returncode == 1
     finally:
@@ -389,7 +390,7 @@ def test_zero_in_place_while_the_load_hangs_still(
     peer = join_bus(gateway.endpoint)
     peer.wait_for("tilt", lambda tilt: tilt["axial_deg"] == pytest.approx(1.5, abs=0.1))
     zero = ("remote", "zero", "--by", "ann", "--connect", gateway.endpoint)
-    deadline = time.monotonic() + 25
+    deadline = time.monotonic() + PATIENCE_S
     while (done := plumbline(*zero)).returncode == 1 and time.monotonic() < deadline:
         assert "static for" in done.stderr
     assert done.returncode == 0, done.stderr

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from gateway.cli.main import main
+from tests.waiting import PATIENCE_S
 
 RIG = """[rope]
 length_m = 6.0
@@ -78,7 +79,7 @@ def test_ctrl_c_leaves_nothing_but_a_word(log: Path, tmp_path: Path) -> None:
     while b"search" not in told:
         told += os.read(leader, 4096)
     process.send_signal(signal.SIGINT)
-    out, _ = process.communicate(timeout=60)
+    out, _ = process.communicate(timeout=PATIENCE_S)
     while chunk := _rest(leader):
         told += chunk
     os.close(leader)

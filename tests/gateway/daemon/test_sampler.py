@@ -13,6 +13,7 @@ from devices.errors import TransferError
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.notify import ServiceNotifier
 from gateway.daemon.sampler import DeviceReopened, Sampler, SamplerItem
+from tests.waiting import wait_until
 
 INFO = DeviceInfo(kind="test", device_id="t-1", unit="counts", odr_hz=100.0, units_per_g=1000.0)
 
@@ -107,9 +108,7 @@ def test_the_sampler_stops_while_the_device_is_lost() -> None:
     device = Scripted([TransferError("gone")], [TransferError("gone")] * 1000)
     sampler = Sampler(device, INFO, queue, ServiceNotifier({}))
     sampler.start()
-    deadline = time.monotonic() + 10
-    while not sampler.recovering and time.monotonic() < deadline:
-        time.sleep(0.01)
+    wait_until(lambda: sampler.recovering, "the device to be away")
     sampler.stop()
     sampler.join(5)
     assert not sampler.is_alive()

@@ -31,6 +31,7 @@ from gateway.page import launch
 from gateway.page.parameters import Parameters
 from gateway.topics import TOPIC_OF, encode
 from tests.ports import unused_port
+from tests.waiting import PATIENCE_S
 
 KEY = "plumbline/v1/north-yard/crane-3/hook"
 SAMPLE_TIME_NS = 1_760_000_000_000_000_000
@@ -215,7 +216,7 @@ class PageUnderTest:
 
     def get(self, path: str) -> tuple[int, str]:
         try:
-            with urllib.request.urlopen(self.url + path, timeout=10) as response:
+            with urllib.request.urlopen(self.url + path, timeout=PATIENCE_S) as response:
                 return response.status, response.read().decode()
         except urllib.error.HTTPError as error:
             with error:

@@ -15,7 +15,7 @@ import pytest
 
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest
 from tests.values import present
-from tests.waiting import wait_until
+from tests.waiting import PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -64,7 +64,7 @@ def test_a_page_that_starts_first_waits_for_its_gateway(
 
 def test_static_files_and_headers(page: PageUnderTest) -> None:
     for path, media_type in {"/": "text/html", "/page.css": "text/css", "/page.js": "text/javascript"}.items():
-        with urllib.request.urlopen(page.url + path, timeout=10) as response:
+        with urllib.request.urlopen(page.url + path, timeout=PATIENCE_S) as response:
             assert response.headers.get_content_type() == media_type
             assert response.headers["Content-Security-Policy"] == CSP
             assert response.headers["X-Content-Type-Options"] == "nosniff"
@@ -73,7 +73,7 @@ def test_static_files_and_headers(page: PageUnderTest) -> None:
         assert page.get(path)[0] == 404
     request = urllib.request.Request(page.url + "/api/state", data=b"{}", method="POST")
     with pytest.raises(urllib.error.HTTPError, match="405") as refused:
-        urllib.request.urlopen(request, timeout=10)
+        urllib.request.urlopen(request, timeout=PATIENCE_S)
     refused.value.close()
 
 
@@ -91,7 +91,7 @@ def _events(response: Any) -> Iterator[dict[str, str]]:
 @pytest.mark.usefixtures("gateway")
 def test_updates_are_pushed(gateway: FakeGateway, page: PageUnderTest) -> None:
     wait_until(_is(page, "OK"), "OK")
-    with urllib.request.urlopen(page.url + "/api/events", timeout=10) as response:
+    with urllib.request.urlopen(page.url + "/api/events", timeout=PATIENCE_S) as response:
         assert response.headers.get_content_type() == "text/event-stream"
         events = _events(response)
         assert next(events) == {"retry": "500"}
@@ -135,13 +135,13 @@ def test_it_ends_quietly_with_a_browser_attached(
     page: PageUnderTest, ending: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     wait_until(_is(page, "OK"), "OK")
-    with urllib.request.urlopen(page.url + "/api/events", timeout=10) as response:
+    with urllib.request.urlopen(page.url + "/api/events", timeout=PATIENCE_S) as response:
         assert response.readline() == b"retry: 500\n"
         if ending == "parent gone":
             present(page.process.stdin).close()
         else:
             page.process.send_signal(signal.Signals[ending])
-        assert page.process.wait(10) == 0
+        assert page.process.wait(PATIENCE_S) == 0
         response.read()
     assert capfd.readouterr() == ("", "")
 
@@ -165,7 +165,12 @@ def test_it_ends_while_it_waits_for_its_gateway(page: PageUnderTest) -> None:
 )
 def test_wrong_start_parameters_end_it_with_one_line(line: str, says: str) -> None:
     ended = subprocess.run(
-        [sys.executable, "-m", "gateway.page"], input=line, capture_output=True, text=True, timeout=30, check=False
+        [sys.executable, "-m", "gateway.page"],
+        input=line,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+        check=False,
     )
     assert ended.returncode == 2
     assert says in ended.stderr
@@ -174,6 +179,6 @@ def test_wrong_start_parameters_end_it_with_one_line(line: str, says: str) -> No
 
 def test_the_socket_outlives_the_process(page: PageUnderTest) -> None:
     page.process.kill()
-    with socket.create_connection(page.listener.getsockname(), timeout=5):
+    with socket.create_connection(page.listener.getsockname(), timeout=PATIENCE_S):
         page.start_again()
         wait_until(_is(page, "NO DATA"), "an answer")
