@@ -1,1 +1,1 @@
-"""A whole recording measured offline, by the same stages that judge it live."""
+"""Offline measurement of recordings with the stages of the live pipeline."""

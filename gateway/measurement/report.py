@@ -1,4 +1,4 @@
-"""A measurement for people and as the published JSON."""
+"""A measurement as text for the terminal and as the content of `measure --json`."""
 
 from dataclasses import asdict
 from typing import Any
@@ -12,12 +12,12 @@ from gateway.units import degrees
 
 
 def as_json(source: Source, found: Measurement) -> dict[str, Any]:
-    """The published form of `measure --json`."""
+    """Return the content of `measure --json`."""
     return {
         "samples": _samples(source.recording),
         "calibration": source.calibration,
-        "formulas_deg": _formulas(found.formulas),
-        "formulas_corrected_deg": _formulas(found.corrected),
+        "formulas_deg": _formulas_deg(found.formulas.as_published),
+        "formulas_corrected_deg": _formulas_deg(found.formulas.corrected),
         "formulas_valid_rho": {name: list(valid) for name, valid in VALID_RHO.items()},
         "swing": _swing(found.swing) if found.swing.swinging else None,
         "swing_upper_bound_deg": _upper_bound_deg(found.swing),
@@ -28,8 +28,8 @@ def as_json(source: Source, found: Measurement) -> dict[str, Any]:
             "pitch_deg": degrees(float(found.tilt.pitch_rad)),
             "roll_deg": degrees(float(found.tilt.roll_rad)),
             "axial_deg": degrees(found.axial_rad),
-            "plain_pitch_deg": degrees(float(found.plain_tilt.pitch_rad)),
-            "plain_roll_deg": degrees(float(found.plain_tilt.roll_rad)),
+            "plain_pitch_deg": degrees(float(found.arctangent_tilt.pitch_rad)),
+            "plain_roll_deg": degrees(float(found.arctangent_tilt.roll_rad)),
         },
         "conditions": {
             "verdict": found.conditions.verdict,
@@ -54,7 +54,7 @@ def _samples(recording: Recording) -> dict[str, float]:
     }
 
 
-def _formulas(angles: FormulaAngles) -> dict[str, float | None]:
+def _formulas_deg(angles: FormulaAngles) -> dict[str, float | None]:
     return {name: degrees(angle_rad) for name, angle_rad in asdict(angles).items()}
 
 
@@ -64,10 +64,10 @@ def _swings(found: Measurement) -> list[dict[str, Any]]:
             "time_s": peak.time_s,
             "phi_max_deg": degrees(peak.phi_max_rad),
             "u_deg": degrees(peak.u_rad),
-            "formulas_deg": _formulas(as_published),
-            "formulas_corrected_deg": _formulas(as_corrected),
+            "formulas_deg": _formulas_deg(formulas.as_published),
+            "formulas_corrected_deg": _formulas_deg(formulas.corrected),
         }
-        for peak, (as_published, as_corrected) in zip(found.swing.swings, found.by_swing, strict=True)
+        for peak, formulas in zip(found.swing.swings, found.formulas_by_swing, strict=True)
     ]
 
 
@@ -95,42 +95,47 @@ def _upper_bound_deg(estimate: SwingEstimate) -> float | None:
 
 
 def as_text(source: Source, found: Measurement) -> str:
-    """A few lines for the terminal."""
-    recording, formulas = source.recording, found.formulas
+    """Return one line for each part of the result."""
+    recording = source.recording
     faults = {
         "lost": recording.lost,
         "repeated": recording.repeated,
         "backward": recording.backward,
         "unusable": recording.invalid,
     }
-    wrong = ", ".join(f"{count} {name}" for name, count in faults.items() if count) or "none lost"
-    pitch, roll, axial = (_angle(float(a)) for a in (found.tilt.pitch_rad, found.tilt.roll_rad, found.axial_rad))
+    faulty = ", ".join(f"{count} {name}" for name, count in faults.items() if count) or "none lost"
+    pitch, roll, axial = (
+        _angle_text(float(angle)) for angle in (found.tilt.pitch_rad, found.tilt.roll_rad, found.axial_rad)
+    )
     rows = [
-        ("recording", f"{source.path}, {len(recording)} samples at {recording.rate_hz:.4g} Hz, {wrong}"),
+        ("recording", f"{source.path}, {len(recording)} samples at {recording.rate_hz:.4g} Hz, {faulty}"),
         ("calibration", source.calibration),
         ("swing", _swing_text(found.swing)),
-        ("formulas", "  ".join(f"{name} {_angle(angle)}" for name, angle in asdict(formulas).items())),
+        (
+            "formulas",
+            "  ".join(f"{name} {_angle_text(angle)}" for name, angle in asdict(found.formulas.as_published).items()),
+        ),
         ("tilt", f"pitch {pitch}  roll {roll}  axial {axial}"),
         ("condition", f"{found.conditions.verdict}: {'; '.join(found.conditions.reasons)}"),
     ]
     return "\n".join(f"{label:<12} {text}" for label, text in rows)
 
 
-def _angle(angle_rad: float | None) -> str:
+def _angle_text(angle_rad: float | None) -> str:
     value = degrees(angle_rad)
     return "-" if value is None else f"{value:.3f}°"
 
 
 def _swing_text(estimate: SwingEstimate) -> str:
-    why = f" ({'; '.join(estimate.reasons)})" if estimate.reasons else ""
+    reasons = f" ({'; '.join(estimate.reasons)})" if estimate.reasons else ""
     if estimate.swinging is None:
-        return f"unknown{why}"
-    bound = "unknown" if estimate.coverage95_rad is None else _angle(estimate.coverage95_rad[1])
+        return f"unknown{reasons}"
+    bound = "unknown" if estimate.coverage95_rad is None else _angle_text(estimate.coverage95_rad[1])
     if not estimate.swinging:
-        return f"none, below {bound}{why}"
+        return f"none, below {bound}{reasons}"
     if estimate.coverage95_rad is None:
-        return f"{_angle(estimate.phi_max_rad)}, uncertainty unknown{why}"
-    low, high = (_angle(end) for end in estimate.coverage95_rad)
+        return f"{_angle_text(estimate.phi_max_rad)}, uncertainty unknown{reasons}"
+    low, high = (_angle_text(end) for end in estimate.coverage95_rad)
     period = "" if estimate.period_s is None else f", period {estimate.period_s:.2f} s"
-    lean = f", lean {_angle(estimate.lean_rad)}"
-    return f"{_angle(estimate.phi_max_rad)}, 95 % within {low} to {high}{period}{lean}{why}"
+    lean = f", lean {_angle_text(estimate.lean_rad)}"
+    return f"{_angle_text(estimate.phi_max_rad)}, 95 % within {low} to {high}{period}{lean}{reasons}"

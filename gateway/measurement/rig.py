@@ -1,4 +1,4 @@
-"""`rig.toml`: what is believed of a rig before its recording is looked at."""
+"""The file `rig.toml`: the nominal description of rope, housing, sensor and site."""
 
 import tomllib
 from pathlib import Path
@@ -10,7 +10,8 @@ from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from gateway.errors import InputError, describe_problems
 from gateway.swing.rig import MountedHousing
 
-LONGEST_RHO = 2.0
+LARGEST_RHO = 2.0
+"""Largest position of the housing relative to the nominal length: the hook may hang lower than the nominal length says."""
 Positive = Annotated[float, Field(gt=0)]
 
 
@@ -27,14 +28,14 @@ class RigRope(RigTable):
 
 
 class RigHousing(RigTable):
-    """The housing on it: its place from the pivot, or above the load."""
+    """The position of the housing on the rope: from the pivot, or above the load."""
 
     position_m: Annotated[float, Field(ge=0)] | None = None
     above_load_m: Annotated[float, Field(ge=0)] | None = None
 
 
 class RigSensor(RigTable):
-    """The sensor in it."""
+    """The sensor in the housing."""
 
     sample_rate_hz: Positive | None = None
     noise_g: Positive | Annotated[list[Positive], Field(min_length=3, max_length=3)] | None = None
@@ -43,13 +44,13 @@ class RigSensor(RigTable):
 
 
 class RigSite(RigTable):
-    """Where it stands."""
+    """The site of the crane."""
 
     gravity_m_s2: Annotated[float, Field(gt=9.7, lt=9.9)] = STANDARD_GRAVITY_M_S2
 
 
 class Rig(RigTable):
-    """All that is believed."""
+    """The content of the file."""
 
     rope: RigRope
     housing: RigHousing
@@ -58,17 +59,17 @@ class Rig(RigTable):
     model: dict[str, dict[str, Any]] = {}
 
     @model_validator(mode="after")
-    def _on_the_rope(self) -> "Rig":
+    def _check_position(self) -> "Rig":
         position_m, length_m = self.housing.position_m, self.rope.length_m
         if (position_m is None) == (self.housing.above_load_m is None):
             raise ValueError("[housing] wants either position_m or above_load_m")
-        # The rope's length is a belief that the hook may have left behind, the housing's place was measured.
-        if position_m is not None and position_m > LONGEST_RHO * length_m:
+        # The nominal length may be outdated by hoisting, whereas the position of the housing was measured.
+        if position_m is not None and position_m > LARGEST_RHO * length_m:
             raise ValueError(f"housing.position_m {position_m:g} is far beyond rope.length_m {length_m:g}")
         return self
 
     def mounted_housing(self) -> MountedHousing:
-        """For the swing stage; the file states the housing's place as measured."""
+        """Return the housing for the swing estimator."""
         return MountedHousing(
             length_m=self.rope.length_m,
             position_m=self.housing.position_m,
@@ -78,7 +79,7 @@ class Rig(RigTable):
 
 
 def read_rig(path: Path) -> Rig:
-    """The rig of a file. Raises `InputError` with the place and the mend."""
+    """Return the rig of a file. Raises `InputError` with the place and the remedy."""
     try:
         return Rig.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
     except OSError as error:

@@ -1,4 +1,4 @@
-"""A recording as specific force in the housing frame, whatever its form."""
+"""A recording, from any supported file, as specific force in the housing frame."""
 
 import tomllib
 from dataclasses import dataclass, replace
@@ -19,12 +19,13 @@ from gateway.pipeline.mounting import mounted_housing, with_sensor
 from gateway.recording.run import RecordedRun, read_samples
 from gateway.swing.rig import MountedHousing
 
-AXES_AS_THEY_ARE = ((0, 1), (1, 1), (2, 1))
+SENSOR_AXES = ((0, 1), (1, 1), (2, 1))
+"""Axes map of a housing whose axes are those of the sensor."""
 
 
 @dataclass(frozen=True, slots=True)
 class Source:
-    """What `measure` takes."""
+    """The input of `measure`: specific force, with what is known of sensor and housing."""
 
     path: Path
     recording: Recording
@@ -35,19 +36,19 @@ class Source:
     noise_g: float | NDArray[np.float64] | None = None
     full_scale_g: float | None = None
     housing: MountedHousing | None = None
-    """As the recording's own configuration has it."""
+    """From the rig, or from the configuration in the recording; None: the position is not known."""
     correction: Correction | None = None
-    """Calibration behind `force_g`, with the uncertainty that it has at the recording's temperatures; None: as recorded."""
+    """Correction applied to the readings, its uncertainty widened for the recording's temperatures; None: none was applied."""
     bandwidth_hz: float | None = None
-    """Of the low-pass inside the sensor."""
-    remarks: tuple[str, ...] = ()
-    """What makes the uncertainty larger."""
+    """Bandwidth of the low-pass inside the sensor."""
+    temperature_warnings: tuple[str, ...] = ()
+    """Temperatures outside those of the calibration, which widen the uncertainty."""
 
 
 def read_source(path: Path, rig: Rig | None = None) -> Source:
-    """Read `.mcap` of the gateway or `.csv`; what a rig says wins over what the recording brings.
+    """Read an `.mcap` of the gateway or a `.csv`; values of a rig replace those of the recording.
 
-    Raises `RecordingError` or `InputError` with the place and the mend.
+    Raises `RecordingError` or `InputError` with the place and the remedy.
     """
     source = _from_run(path) if path.suffix == ".mcap" else _from_table(path)
     if rig is None:
@@ -56,14 +57,14 @@ def read_source(path: Path, rig: Rig | None = None) -> Source:
     stated = np.array(sensor.noise_g) if isinstance(sensor.noise_g, list) else sensor.noise_g
     return replace(
         source,
-        housing=_mounted(rig, source),
+        housing=_mounted_housing(rig, source),
         noise_g=source.noise_g if stated is None else stated,
         full_scale_g=sensor.full_scale_g or source.full_scale_g,
     )
 
 
-def _mounted(rig: Rig, source: Source) -> MountedHousing:
-    """The place as the rig has it, the sensor as its calibration has it."""
+def _mounted_housing(rig: Rig, source: Source) -> MountedHousing:
+    """Return the housing at the position of the rig, with the uncertainties of the sensor's calibration."""
     housing, bandwidth_hz = rig.mounted_housing(), rig.sensor.bandwidth_hz or source.bandwidth_hz
     if source.correction is None:
         return replace(housing, bandwidth_hz=bandwidth_hz)
@@ -86,13 +87,13 @@ def _from_run(path: Path) -> Source:
     configuration = _configuration(run)
     recording = run.recording()
     first = run.calibrations[0].message if run.calibrations else None
-    stored = None  # a factory record comes with the device
+    stored = None  # `run.device` contains the factory record
     if first is not None and first.status == "calibrated":
         stored = parse_record(first.record, run.device.device_id, str(path))
-    axes = AXES_AS_THEY_ARE if configuration is None else configuration.device.axes
+    axes = SENSOR_AXES if configuration is None else configuration.device.axes
     correction = correction_for(run.device, axes, stored)
-    farthest_c = _farthest_c(recording, correction)
-    widened = correction.widened_by(correction.kelvin_beyond(farthest_c))
+    extreme_c = _extreme_temperature_c(recording, correction)
+    widened = correction.widened_by(correction.kelvin_beyond(extreme_c))
     bandwidth_hz = run.device.bandwidth_hz
     return Source(
         path=path,
@@ -105,12 +106,12 @@ def _from_run(path: Path) -> Source:
         housing=None if configuration is None else mounted_housing(configuration, widened, bandwidth_hz),
         correction=widened,
         bandwidth_hz=bandwidth_hz,
-        remarks=correction.range_warnings(farthest_c),
+        temperature_warnings=correction.range_warnings(extreme_c),
     )
 
 
-def _farthest_c(recording: Recording, correction: Correction) -> float | None:
-    """The temperature of the recording that lies farthest beyond the calibration's."""
+def _extreme_temperature_c(recording: Recording, correction: Correction) -> float | None:
+    """Return the temperature of the recording that is farthest outside those of the calibration."""
     if recording.temperature_c is None or not np.isfinite(recording.temperature_c).any():
         return None
     ends_c = float(np.nanmin(recording.temperature_c)), float(np.nanmax(recording.temperature_c))
