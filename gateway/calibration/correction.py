@@ -76,6 +76,8 @@ class Correction:
 
     def widened_by(self, kelvin: float) -> "Correction":
         """Return the correction with its uncertainty at this distance from the temperatures of the calibration (type B)."""
+        if kelvin == 0:
+            return self
         return replace(
             self,
             u_zero_g_offset_g=np.hypot(self.u_zero_g_offset_g, kelvin * self.u_zero_g_offset_g_per_k),

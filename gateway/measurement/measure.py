@@ -44,7 +44,7 @@ def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2) -> Measur
         formulas_by_swing=formulas.each_swing(),
         tilt=fused_tilt(mean_g),
         arctangent_tilt=plain_tilt(mean_g),
-        axial_rad=float(axial_tilt(mean_g)),
+        axial_rad=axial_tilt(mean_g),
         conditions=summarise_conditions(source, swing),
     )
 

@@ -25,11 +25,11 @@ def as_json(source: Source, found: Measurement) -> dict[str, Any]:
         "hoists_s": [list(when) for when in found.swing.hoists_s],
         "swings": _swings(found),
         "tilt": {
-            "pitch_deg": degrees(float(found.tilt.pitch_rad)),
-            "roll_deg": degrees(float(found.tilt.roll_rad)),
+            "pitch_deg": degrees(found.tilt.pitch_rad),
+            "roll_deg": degrees(found.tilt.roll_rad),
             "axial_deg": degrees(found.axial_rad),
-            "plain_pitch_deg": degrees(float(found.arctangent_tilt.pitch_rad)),
-            "plain_roll_deg": degrees(float(found.arctangent_tilt.roll_rad)),
+            "plain_pitch_deg": degrees(found.arctangent_tilt.pitch_rad),
+            "plain_roll_deg": degrees(found.arctangent_tilt.roll_rad),
         },
         "conditions": {
             "verdict": found.conditions.verdict,
@@ -105,7 +105,7 @@ def as_text(source: Source, found: Measurement) -> str:
     }
     faulty = ", ".join(f"{count} {name}" for name, count in faults.items() if count) or "none lost"
     pitch, roll, axial = (
-        _angle_text(float(angle)) for angle in (found.tilt.pitch_rad, found.tilt.roll_rad, found.axial_rad)
+        _angle_text(angle) for angle in (found.tilt.pitch_rad, found.tilt.roll_rad, found.axial_rad)
     )
     rows = [
         ("recording", f"{source.path}, {len(recording)} samples at {recording.rate_hz:.4g} Hz, {faulty}"),

@@ -25,11 +25,11 @@ def tilt_message(
     angles = fused_tilt(lowpassed_g)
     return Tilt(
         **header,
-        pitch_deg=degrees(float(angles.pitch_rad)),
-        roll_deg=degrees(float(angles.roll_rad)),
-        axial_deg=degrees(float(axial_tilt(lowpassed_g))),
+        pitch_deg=degrees(angles.pitch_rad),
+        roll_deg=degrees(angles.roll_rad),
+        axial_deg=degrees(axial_tilt(lowpassed_g)),
         u_deg=degrees(axial_tilt_uncertainty(lowpassed_g, u_force_g)),
-        direction_deg=degrees(float(lean_direction(lowpassed_g))),
+        direction_deg=degrees(lean_direction(lowpassed_g)),
         specific_force_g=lowpassed_g.tolist(),
         temperature_c=temperature_c,
         delay_s=delay_s,

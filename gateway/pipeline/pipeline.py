@@ -203,7 +203,7 @@ class Pipeline:
         if lean_rad is None and self._condition.verdict in ("static", "quasi_static"):
             lowpassed_g = self._lowpassed()
             u_rad = axial_tilt_uncertainty(lowpassed_g, self._correction.u_force_g(lowpassed_g, self._temperature_c))
-            lean_rad = float(axial_tilt(lowpassed_g)) + LEAN_COVERAGE_FACTOR * u_rad
+            lean_rad = axial_tilt(lowpassed_g) + LEAN_COVERAGE_FACTOR * u_rad
         if self._correction.status == "uncalibrated":
             lean_rad, why = None, f"{why}; the sensor is not calibrated"
         yield from self._apply_limits({"swing": swing_rad, "lean": lean_rad}, why, now)

@@ -1,11 +1,10 @@
 """Static tilt from the specific force: fused arctangent and arccosine (Łuczak n.d.), and arctangent (Zams and Łuczak 2024).
 
-All functions take arrays of shape (..., 3) and return radians. They are valid for static or quasi-static conditions only.
+All functions take one reading, shape (3,), and return radians. They are valid for static or quasi-static conditions only.
 """
 
+import math
 from dataclasses import dataclass
-
-import numpy as np
 
 from gateway.numerics.array import Array
 
@@ -15,10 +14,10 @@ CRITICAL_VALUE = 4.0
 
 @dataclass(frozen=True, slots=True)
 class TiltAngles:
-    """Angles in radians, each with the shape of the input without its last axis."""
+    """Angles in radians."""
 
-    pitch_rad: Array
-    roll_rad: Array
+    pitch_rad: float
+    roll_rad: float
 
 
 def fused_tilt(m: Array, critical_value: float = CRITICAL_VALUE) -> TiltAngles:
@@ -27,50 +26,56 @@ def fused_tilt(m: Array, critical_value: float = CRITICAL_VALUE) -> TiltAngles:
     `m` is the calibrated specific force in g. The unfolding (eq. 31 to 36) is applied to both branches; the printed list of
     steps omits it after the arccosine (steps 16 and 23) and so returns 80 degrees for 100.
     """
-    mx, my, mz = m[..., 0], m[..., 1], m[..., 2]
+    mx, my, mz = m.tolist()
     return TiltAngles(
-        pitch_rad=_fused_angle(mx, np.hypot(my, mz), mz, critical_value),
-        roll_rad=_fused_angle(my, np.hypot(mx, mz), mz, critical_value),
+        pitch_rad=_fused_angle(mx, math.hypot(my, mz), mz, critical_value),
+        roll_rad=_fused_angle(my, math.hypot(mx, mz), mz, critical_value),
     )
 
 
-def _fused_angle(along: Array, across: Array, mz: Array, critical_value: float) -> Array:
+def _fused_angle(along: float, across: float, mz: float, critical_value: float) -> float:
     """Return one angle from its own axis and the geometric sum of the other two (Łuczak n.d., eq. 18 to 36)."""
-    by_arctangent = np.arctan2(along, across)  # eq. 18-19; across >= 0
-    by_arccosine = np.arccos(np.minimum(across, 1.0))  # eq. 20-21
-    signed = np.copysign(by_arccosine, along)  # eq. 22-25
-    critical_rad = np.arctan(critical_value)  # eq. 26
-    angle = np.where(by_arccosine <= critical_rad, by_arctangent, signed)  # eq. 27-30
-    return np.where(mz >= 0, angle, np.copysign(np.pi, along) - angle)  # eq. 31-36
+    by_arccosine = math.acos(min(across, 1.0))  # eq. 20-21
+    if by_arccosine <= math.atan(critical_value):  # eq. 26-30
+        angle = math.atan2(along, across)  # eq. 18-19; across >= 0
+    else:
+        angle = math.copysign(by_arccosine, along)  # eq. 22-25
+    return angle if mz >= 0 else math.copysign(math.pi, along) - angle  # eq. 31-36
 
 
 def plain_tilt(force: Array) -> TiltAngles:
     """Return pitch and roll by the arctangent (Zams and Łuczak 2024, eq. 6 and 7), within +-pi/2."""
-    fx, fy, fz = force[..., 0], force[..., 1], force[..., 2]
-    return TiltAngles(pitch_rad=np.arctan2(fx, np.hypot(fy, fz)), roll_rad=np.arctan2(fy, np.hypot(fx, fz)))
+    fx, fy, fz = force.tolist()
+    return TiltAngles(pitch_rad=math.atan2(fx, math.hypot(fy, fz)), roll_rad=math.atan2(fy, math.hypot(fx, fz)))
 
 
-def axial_tilt(force: Array) -> Array:
+def axial_tilt(force: Array) -> float:
     """Return the angle between the z axis and the vertical, 0 to pi (Zams and Łuczak 2024, eq. 8, with the quadrant)."""
-    return np.asarray(np.arctan2(np.hypot(force[..., 0], force[..., 1]), force[..., 2]))
+    fx, fy, fz = force.tolist()
+    return math.atan2(math.hypot(fx, fy), fz)
 
 
 def axial_tilt_uncertainty(force: Array, u_force_g: Array) -> float:
-    """Return the standard uncertainty of the axial tilt of one reading, in radians, from that of its components, shape (3,).
+    """Return the standard uncertainty of the axial tilt, in radians, from that of the components of the reading, shape (3,).
 
-    First order in the plane of tilt; near zero tilt, where the direction is not determined, both lateral axes contribute.
+    First order in the plane of tilt; near zero tilt, where the direction is not determined, both lateral axes contribute. NaN
+    for a reading of zero, which has no direction.
     """
-    lateral = np.hypot(force[0], force[1])
-    norm2 = float(force @ force)
-    u_lateral = float(np.hypot(u_force_g[0], u_force_g[1]))
+    fx, fy, fz = force.tolist()
+    ux, uy, uz = u_force_g.tolist()
+    norm2 = fx * fx + fy * fy + fz * fz
+    if norm2 == 0:
+        return math.nan
+    lateral, u_lateral = math.hypot(fx, fy), math.hypot(ux, uy)
     if lateral > 3 * u_lateral:
-        u_lateral = float(np.hypot(force[0] * u_force_g[0], force[1] * u_force_g[1]) / lateral)
-    return float(np.hypot(force[2] * u_lateral, lateral * u_force_g[2]) / norm2)
+        u_lateral = math.hypot(fx * ux, fy * uy) / lateral
+    return math.hypot(fz * u_lateral, lateral * uz) / norm2
 
 
-def lean_direction(force: Array) -> Array:
+def lean_direction(force: Array) -> float:
     """Return the azimuth in the housing frame of the lower end of the housing's axis, from x towards y, -pi to pi.
 
     If the housing leans so that the load is displaced towards +x, the specific force has a negative x component.
     """
-    return np.asarray(np.arctan2(-force[..., 1], -force[..., 0]))
+    fx, fy, _ = force.tolist()
+    return math.atan2(-fy, -fx)
