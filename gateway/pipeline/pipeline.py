@@ -1,8 +1,10 @@
 """The pipeline: one sample block in, the messages that follow from it out.
 
-Calibration, low-pass filter, static tilt, swing, condition, alerts. The swing fit costs most: an executor runs it, and its
-result is used from a sample time that does not depend on how long the fit took. No alert waits for a fit, and the same blocks
-give the same messages. No clock is read, so a live run and a replay are the same.
+Calibration, low-pass filter, static tilt, swing, condition, alerts. Each block is packed at once; everything else is computed
+ten times a second, on a fixed grid of sample time, for all blocks since the last time, because Python's cost is per call. The
+swing fit costs most: an executor runs it, and its result is used from a sample time that does not depend on how long the fit
+took. No alert waits for a fit, and the same blocks give the same messages. No clock is read, so a live run and a replay are the
+same.
 """
 
 from collections.abc import Iterator
@@ -20,6 +22,7 @@ from gateway.pipeline.alert_manager import AlertChange, AlertManager
 from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.executor import Executor, ImmediateExecutor
+from gateway.pipeline.force_stage import ForceBatch, ForceStage
 from gateway.pipeline.header import Header, HeaderMaker
 from gateway.pipeline.outgoing_message import OutgoingMessage, PipelineOutput
 from gateway.pipeline.rate_limiter import RateLimiter
@@ -30,11 +33,10 @@ from gateway.stages.conditions.window import ConditionWindow
 from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty
 
-LONGEST_BRIDGE_S = 0.05
-"""A longer gap restarts the low-pass filter, which would otherwise invent data."""
 LEAN_COVERAGE_FACTOR = 2
 """The upper limit of the lean, from the static tilt, is this many standard uncertainties above it."""
-TILT_PERIOD_S, CONDITION_PERIOD_S, HEARTBEAT_PERIOD_S, CALIBRATION_PERIOD_S = 0.1, 0.5, 1.0, 10.0
+UPDATE_PERIOD_S, CONDITION_PERIOD_S, HEARTBEAT_PERIOD_S, CALIBRATION_PERIOD_S = 0.1, 0.5, 1.0, 10.0
+"""The period of the updates, with a tilt message each, divides the others."""
 NOT_JUDGED = ConditionResult("unknown", None, False, ("no reading yet",), {}, None)
 
 
@@ -56,19 +58,18 @@ class Pipeline:
         self._correction = correction
         self._headers = headers
         self._stale_ns = round(configuration.alerts.stale_s * 1e9)
-        self._lowpass = LowPass(configuration.filter.cutoff_hz, configuration.filter.order, info.odr_hz)
-        self._delay_s = self._lowpass.delay_s()
-        self._swing = SwingStage(configuration, info, correction, self._lowpass, executor or ImmediateExecutor())
+        lowpass = LowPass(configuration.filter.cutoff_hz, configuration.filter.order, info.odr_hz)
+        self._delay_s = lowpass.delay_s()
+        self._forces = ForceStage(correction, lowpass)
+        self._swing = SwingStage(configuration, info, correction, lowpass, executor or ImmediateExecutor())
         self._condition_window = ConditionWindow()
         self._alerts = AlertManager(configuration.alerts)
         self._drift = drift or DriftMonitor(None)
         self._condition = NOT_JUDGED
-        self._tilt_limiter = RateLimiter(TILT_PERIOD_S)
+        self._update_limiter = RateLimiter(UPDATE_PERIOD_S)
         self._condition_limiter = RateLimiter(CONDITION_PERIOD_S)
         self._heartbeat_limiter = RateLimiter(HEARTBEAT_PERIOD_S)
         self._calibration_limiter = RateLimiter(CALIBRATION_PERIOD_S)
-        self._origin_ns: int | None = None
-        self._newest_ns: int | None = None
         self._lowpassed_g: NDArray[np.float64] | None = None
         self._temperature_c: float | None = None
         """The newest known temperature: a sensor may report it less often than its samples."""
@@ -103,26 +104,41 @@ class Pipeline:
         yield OutgoingMessage("samples", now.log_time_ns, pack(block, **self._header("samples", now)))
         if self._calibration_limiter.is_due(now.log_time_ns):
             yield self.calibration_message(now)
-        force_g, lowpassed_g = self._filter(block)
+        self._forces.push(block)
+        if block.temperature_c is not None:
+            self._temperature_c = block.temperature_c
+        due = self._update_limiter.is_due(now.log_time_ns)
         if self._suspended is not None:
-            yield from self._without_load(self._suspended, block.temperature_c, now)
-            return
-        time_s = self._time_s(block)
-        n_clipped = count_clipped(block.raw, self._full_scale)
-        self._condition_window.update(time_s, force_g, n_clipped, block.lost + block.invalid)
-        if self._tilt_limiter.is_due(now.log_time_ns):
-            yield self._tilt(block.temperature_c, now)
-        if self._swing.update(time_s, force_g, lowpassed_g, self._temperature_c):
+            self._lowpassed_g = self._forces.take().lowpassed_g[-1]
+            yield from self._without_load(self._suspended, block.temperature_c, due, now)
+        elif due or "fresh" in self._condition.gates:  # stale readings are judged again at once
+            yield from self._update(self._forces.take(), block.temperature_c, now)
+
+    def _update(self, batch: ForceBatch, temperature_c: float | None, now: MessageTime) -> Iterator[OutgoingMessage]:
+        """Return what follows from all samples since the last update."""
+        self._lowpassed_g = batch.lowpassed_g[-1]
+        self._add_to_condition(batch)
+        yield self._tilt(temperature_c, now)
+        if self._swing.update(batch.time_s, batch.force_g, batch.lowpassed_g, self._temperature_c):
             message = self._swing.message(self._header("swing", now))
             yield OutgoingMessage("swing", now.log_time_ns, message)
-        yield from self._judge_condition(block.temperature_c, now)
+        yield from self._judge_condition(temperature_c, now)
         yield from self._judge_alerts(now)
 
+    def _add_to_condition(self, batch: ForceBatch) -> None:
+        """Add the samples to the window of the condition, block by block: it counts what is clipped and missing in each."""
+        clipped = count_clipped(batch.raw, self._full_scale) > 0
+        for block, part in batch.slices():
+            n_clipped = count_clipped(block.raw, self._full_scale) if clipped else 0
+            self._condition_window.update(
+                batch.time_s[part], batch.force_g[part], n_clipped, block.lost + block.invalid
+            )
+
     def _idle(self, now: MessageTime) -> Iterator[OutgoingMessage]:
-        silent_ns = 0 if self._newest_ns is None else now.log_time_ns - self._newest_ns
-        if self._newest_ns is not None and silent_ns < self._stale_ns:
+        newest_ns = self._forces.newest_ns
+        if newest_ns is not None and now.log_time_ns - newest_ns < self._stale_ns:
             return
-        why = "no sample yet" if self._newest_ns is None else "stale: no samples are coming"
+        why = "no sample yet" if newest_ns is None else "stale: no samples are coming"
         if self._suspended is not None:
             why = f"{self._suspended}; {why}"
         changed = self._set_unknown(why, {"fresh": False})
@@ -130,10 +146,12 @@ class Pipeline:
             yield self._condition_message(now)
         yield from self._apply_limits({"swing": None, "lean": None}, why, now)
 
-    def _without_load(self, why: str, temperature_c: float | None, now: MessageTime) -> Iterator[OutgoingMessage]:
+    def _without_load(
+        self, why: str, temperature_c: float | None, tilt_due: bool, now: MessageTime
+    ) -> Iterator[OutgoingMessage]:
         """Return the messages while the housing is off the rope, when no reading describes the load."""
         changed = self._set_unknown(why, {"on_rope": False})
-        if self._tilt_limiter.is_due(now.log_time_ns):
+        if tilt_due:
             yield self._tilt(temperature_c, now)
         if self._condition_limiter.is_due(now.log_time_ns) or changed:
             yield self._condition_message(now)
@@ -149,23 +167,6 @@ class Pipeline:
         changed = self._condition.reasons != (why,)
         self._condition = ConditionResult("unknown", None, False, (why,), gates, None)
         return changed
-
-    def _filter(self, block: SampleBlock) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return the specific force in the housing frame, unfiltered and low-passed."""
-        force_g = self._correction.apply(block.raw)
-        if block.temperature_c is not None:
-            self._temperature_c = block.temperature_c
-        if self._newest_ns is not None and int(block.time_ns[0]) - self._newest_ns > LONGEST_BRIDGE_S * 1e9:
-            self._lowpass.restart()
-        lowpassed_g = self._lowpass.apply(force_g)
-        self._lowpassed_g, self._newest_ns = lowpassed_g[-1], int(block.time_ns[-1])
-        return force_g, lowpassed_g
-
-    def _time_s(self, block: SampleBlock) -> NDArray[np.float64]:
-        """Return the seconds since the first sample: small numbers keep their nanoseconds."""
-        if self._origin_ns is None:
-            self._origin_ns = int(block.time_ns[0])
-        return np.asarray((block.time_ns - self._origin_ns) * 1e-9, dtype=np.float64)
 
     def _tilt(self, temperature_c: float | None, now: MessageTime) -> OutgoingMessage:
         trusted = self._condition.verdict in ("static", "quasi_static")

@@ -35,11 +35,11 @@ def fused_tilt(m: Array, critical_value: float = CRITICAL_VALUE) -> TiltAngles:
 
 def _fused_angle(along: float, across: float, mz: float, critical_value: float) -> float:
     """Return one angle from its own axis and the geometric sum of the other two (Łuczak n.d., eq. 18 to 36)."""
+    by_arctangent = math.atan2(along, across)  # eq. 18-19; across >= 0
     by_arccosine = math.acos(min(across, 1.0))  # eq. 20-21
-    if by_arccosine <= math.atan(critical_value):  # eq. 26-30
-        angle = math.atan2(along, across)  # eq. 18-19; across >= 0
-    else:
-        angle = math.copysign(by_arccosine, along)  # eq. 22-25
+    signed = math.copysign(by_arccosine, along)  # eq. 22-25
+    critical_rad = math.atan(critical_value)  # eq. 26
+    angle = by_arctangent if by_arccosine <= critical_rad else signed  # eq. 27-30
     return angle if mz >= 0 else math.copysign(math.pi, along) - angle  # eq. 31-36
 
 
