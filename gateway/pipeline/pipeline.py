@@ -112,13 +112,16 @@ class Pipeline:
             self._lowpassed_g = self._forces.take().lowpassed_g[-1]
             yield from self._without_load(self._suspended, block.temperature_c, due, now)
         elif due or "fresh" in self._condition.gates:  # stale readings are judged again at once
-            yield from self._update(self._forces.take(), block.temperature_c, now)
+            yield from self._update(self._forces.take(), block.temperature_c, due, now)
 
-    def _update(self, batch: ForceBatch, temperature_c: float | None, now: MessageTime) -> Iterator[OutgoingMessage]:
+    def _update(
+        self, batch: ForceBatch, temperature_c: float | None, tilt_due: bool, now: MessageTime
+    ) -> Iterator[OutgoingMessage]:
         """Return what follows from all samples since the last update."""
         self._lowpassed_g = batch.lowpassed_g[-1]
         self._add_to_condition(batch)
-        yield self._tilt(temperature_c, now)
+        if tilt_due:
+            yield self._tilt(temperature_c, now)
         if self._swing.update(batch.time_s, batch.force_g, batch.lowpassed_g, self._temperature_c):
             message = self._swing.message(self._header("swing", now))
             yield OutgoingMessage("swing", now.log_time_ns, message)

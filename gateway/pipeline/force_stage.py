@@ -1,0 +1,86 @@
+"""From raw blocks to specific force: calibration and low-pass, for several blocks at once because NumPy's cost is per call."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.block import SampleBlock
+from gateway.calibration.correction import Correction
+from gateway.stages.lowpass import LowPass
+
+LONGEST_BRIDGE_S = 0.05
+"""A longer gap restarts the low-pass filter, which would otherwise invent data."""
+
+
+@dataclass(frozen=True, slots=True)
+class ForceBatch:
+    """The samples of consecutive blocks, in the housing frame."""
+
+    blocks: list[SampleBlock]
+    time_s: NDArray[np.float64]
+    """Seconds since the first sample, shape (n,)."""
+    force_g: NDArray[np.float64]
+    """Specific force, shape (n, 3)."""
+    lowpassed_g: NDArray[np.float64]
+    """The same behind the low-pass filter."""
+    raw: NDArray[np.int32] | NDArray[np.float64]
+
+    def slices(self) -> Iterator[tuple[SampleBlock, slice]]:
+        """Return each block with the place of its samples."""
+        begin = 0
+        for block in self.blocks:
+            yield block, slice(begin, begin + len(block))
+            begin += len(block)
+
+
+class ForceStage:
+    """Collects blocks, and corrects and filters them together."""
+
+    def __init__(self, correction: Correction, lowpass: LowPass) -> None:
+        self._correction = correction
+        self._lowpass = lowpass
+        self._runs: list[list[SampleBlock]] = [[]]
+        """The waiting blocks; every run but the first follows a gap."""
+        self._origin_ns = 0
+        self.newest_ns: int | None = None
+        """Gateway time of the newest sample; None before the first."""
+
+    def push(self, block: SampleBlock) -> None:
+        """Add a block."""
+        first_ns = int(block.time_ns[0])
+        if self.newest_ns is None:
+            self._origin_ns = first_ns
+        elif first_ns - self.newest_ns > LONGEST_BRIDGE_S * 1e9:
+            self._runs.append([])
+        self._runs[-1].append(block)
+        self.newest_ns = int(block.time_ns[-1])
+
+    def take(self) -> ForceBatch:
+        """Return the samples of all blocks since the last call. Raises `ValueError` where there are none."""
+        runs, self._runs = self._runs, [[]]
+        blocks = [block for run in runs for block in run]
+        time_ns = np.concatenate([block.time_ns for block in blocks])
+        raw = np.concatenate([block.raw for block in blocks])
+        force_g = self._correction.apply(raw)
+        return ForceBatch(
+            blocks=blocks,
+            raw=raw,
+            time_s=(time_ns - self._origin_ns) * 1e-9,  # small numbers keep their nanoseconds
+            force_g=force_g,
+            lowpassed_g=self._filter(force_g, [sum(map(len, run)) for run in runs]),
+        )
+
+    def _filter(self, force_g: NDArray[np.float64], lengths: list[int]) -> NDArray[np.float64]:
+        """Return the low-passed force of runs of samples; the filter restarts at each run but the first."""
+        if len(lengths) == 1:
+            return self._lowpass.apply(force_g)
+        filtered, begin = [], 0
+        for number, length in enumerate(lengths):
+            if number > 0:
+                self._lowpass.restart()
+            if length:
+                filtered.append(self._lowpass.apply(force_g[begin : begin + length]))
+            begin += length
+        return np.concatenate(filtered)
