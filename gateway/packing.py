@@ -68,9 +68,9 @@ def unpack(samples: Samples) -> SampleBlock:
 
 
 def _differences(raw: NDArray[np.int32] | NDArray[np.float64]) -> list[list[int]]:
-    columns = raw.T.astype(np.int64)  # the difference of two int32 may need 33 bits
-    columns[:, 1:] = columns[:, 1:] - columns[:, :-1]
-    differences: list[list[int]] = columns.tolist()
+    rows = raw.astype(np.int64)  # the difference of two int32 may need 33 bits
+    rows[1:] -= rows[:-1].copy()
+    differences: list[list[int]] = rows.T.tolist()
     return differences
 
 
@@ -84,17 +84,26 @@ def _plain(raw: NDArray[np.int32] | NDArray[np.float64]) -> list[list[float]]:
 def _pack_times(time_ns: Times) -> tuple[float | None, list[int] | None]:
     """Return (period, None) if sample i is at first + rint(i * period) for one period, else (None, offsets).
 
-    Sample i bounds the period to offset_i / i -+ 0.5 ns / i. Every period in the intersection of these intervals is valid.
+    The mean period is tried first. Sample i bounds the period to offset_i / i -+ 0.5 ns / i. Every period in the intersection
+    of these intervals is valid.
     """
     offsets_ns = time_ns[1:] - time_ns[0]
-    if not len(offsets_ns):
+    count = len(offsets_ns)
+    if not count:
         return None, []
-    index, half_width_ns = _bounds(len(offsets_ns))
+    mean_period_ns = int(offsets_ns[-1]) / count
+    if _is_period(mean_period_ns, offsets_ns):
+        return mean_period_ns, None
+    index, half_width_ns = _bounds(count)
     mean_ns = offsets_ns / index
     period_ns = float((mean_ns - half_width_ns).max() + (mean_ns + half_width_ns).min()) / 2
-    if abs(period_ns) <= LONGEST_PERIOD_NS and (np.rint(index * period_ns) == offsets_ns).all():
-        return period_ns, None
-    return None, offsets_ns.tolist()
+    return (period_ns, None) if _is_period(period_ns, offsets_ns) else (None, offsets_ns.tolist())
+
+
+def _is_period(period_ns: float, offsets_ns: Times) -> bool:
+    """Return whether every sample is at its multiple of the period, rounded."""
+    index, _ = _bounds(len(offsets_ns))
+    return abs(period_ns) <= LONGEST_PERIOD_NS and not np.count_nonzero(np.rint(index * period_ns) != offsets_ns)
 
 
 @lru_cache(maxsize=64)
