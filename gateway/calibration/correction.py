@@ -60,12 +60,14 @@ class Correction:
 
     def apply(self, raw: NDArray[np.int32] | Array) -> Array:
         """Return the specific force in the housing frame, g, shape (n, 3)."""
-        return np.asarray(raw @ self.gain.T + self.bias_g, dtype=np.float64)
+        force_g: Array = raw.astype(np.float64) @ self.gain.T
+        force_g += self.bias_g
+        return force_g
 
     def u_force_g(self, force_g: Array, temperature_c: float | None = None) -> Array:
         """Return the standard uncertainty of a reading in g by axis, shape (3,), from offset, scale factor and temperature."""
-        widened = self.widened_by(self.kelvin_beyond(temperature_c))
-        return np.asarray(np.hypot(widened.u_zero_g_offset_g, widened.u_scale_factor * force_g), dtype=np.float64)
+        u_offset_g, u_scale_factor = self._u_at(self.kelvin_beyond(temperature_c))
+        return np.asarray(np.hypot(u_offset_g, u_scale_factor * force_g), dtype=np.float64)
 
     def kelvin_beyond(self, temperature_c: float | None) -> int:
         """Return the distance of a temperature from those of the calibration, whole kelvins rounded up; 0 if one is unknown."""
@@ -76,12 +78,16 @@ class Correction:
 
     def widened_by(self, kelvin: float) -> "Correction":
         """Return the correction with its uncertainty at this distance from the temperatures of the calibration (type B)."""
+        u_offset_g, u_scale_factor = self._u_at(kelvin)
+        return replace(self, u_zero_g_offset_g=u_offset_g, u_scale_factor=u_scale_factor)
+
+    def _u_at(self, kelvin: float) -> tuple[Array, Array]:
+        """Return the standard uncertainties of zero-g offset, g, and scale factor at this distance."""
         if kelvin == 0:
-            return self
-        return replace(
-            self,
-            u_zero_g_offset_g=np.hypot(self.u_zero_g_offset_g, kelvin * self.u_zero_g_offset_g_per_k),
-            u_scale_factor=np.hypot(self.u_scale_factor, kelvin * self.u_scale_factor_per_k),
+            return self.u_zero_g_offset_g, self.u_scale_factor
+        return (
+            np.hypot(self.u_zero_g_offset_g, kelvin * self.u_zero_g_offset_g_per_k),
+            np.hypot(self.u_scale_factor, kelvin * self.u_scale_factor_per_k),
         )
 
     def range_warnings(self, temperature_c: float | None) -> tuple[str, ...]:

@@ -1,5 +1,6 @@
 """The last seconds of specific force as bins, each with its mean, scatter, peak, and number of clipped and missing samples."""
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
@@ -39,6 +40,7 @@ class ConditionWindow:
     def __init__(self) -> None:
         self._bins: deque[Bin] = deque(maxlen=round(MEMORY_S / BIN_S))
         self._open: list[Array] = []
+        self._open_count = 0
         self._open_rates: list[Array] = []
         self._open_since_s: float | None = None
         self._last_s: float | None = None
@@ -51,21 +53,21 @@ class ConditionWindow:
         """Add a block: times (n,), specific force (n, 3), numbers of clipped and missing samples, angular rates (n, 3)."""
         self._clipped += clipped
         self._missing += missing
-        if self._last_s is not None and time_s[0] - self._last_s > WINDOW_S:
+        first_s = float(time_s[0])
+        if self._last_s is not None and first_s - self._last_s > WINDOW_S:
             self._bins.clear()  # after a gap longer than the window the earlier bins are not relevant
-            self._open, self._open_rates, self._open_since_s = [], [], None
-        self._last_s = float(time_s[-1])
+            self._open, self._open_rates, self._open_count, self._open_since_s = [], [], 0, None
+        self._last_s = last_s = float(time_s[-1])
         if self._open_since_s is None:
-            self._open_since_s = float(time_s[0])
+            self._open_since_s = first_s
         self._open.append(force_g)
+        self._open_count += len(force_g)
         if rate_rad_s is not None:
             self._open_rates.append(rate_rad_s[np.isfinite(rate_rad_s).all(axis=1)])
-        count = sum(map(len, self._open))
-        length_s = (
-            (self._last_s - self._open_since_s) * count / max(count - 1, 1)
-        )  # including the last sample's own period
+        count = self._open_count
+        length_s = (last_s - self._open_since_s) * count / max(count - 1, 1)  # including the last sample's own period
         if length_s >= COMPLETE_SHARE * BIN_S:
-            self._close_bin((self._open_since_s + self._last_s) / 2)
+            self._close_bin((self._open_since_s + last_s) / 2)
 
     @property
     def bins(self) -> list[Bin]:
@@ -79,13 +81,20 @@ class ConditionWindow:
 
     def _close_bin(self, time_s: float) -> None:
         force_g = np.concatenate(self._open)
-        mean_g = force_g.mean(axis=0)
-        away_g = np.abs(force_g - mean_g)
-        scatter_g = float(np.sqrt((away_g**2).mean()))
-        peak_g = float(away_g.max())
-        rates = np.concatenate(self._open_rates) if self._open_rates else np.empty((0, 3))
-        rate_rad_s = rates.mean(axis=0) if len(rates) else None
-        self._bins.append(
-            Bin(time_s, mean_g, scatter_g, peak_g, len(force_g), self._clipped, self._missing, rate_rad_s)
-        )
-        self._open, self._open_rates, self._open_since_s, self._clipped, self._missing = [], [], None, 0, 0
+        count = self._open_count
+        mean_g = np.add.reduce(force_g) / count
+        away_g = force_g - mean_g
+        scatter_g = math.sqrt(float(np.vdot(away_g, away_g)) / away_g.size)
+        peak_g = float(max(away_g.max(), -away_g.min()))
+        rate_rad_s = _mean_rate(self._open_rates)
+        self._bins.append(Bin(time_s, mean_g, scatter_g, peak_g, count, self._clipped, self._missing, rate_rad_s))
+        self._open, self._open_rates, self._open_count, self._open_since_s = [], [], 0, None
+        self._clipped, self._missing = 0, 0
+
+
+def _mean_rate(rates_rad_s: list[Array]) -> Array | None:
+    """Return the mean of blocks of angular rates, shape (3,); None without a rate."""
+    if not any(map(len, rates_rad_s)):
+        return None
+    mean: Array = np.concatenate(rates_rad_s).mean(axis=0)
+    return mean

@@ -1,5 +1,6 @@
 """The features of a window that several gates use."""
 
+import math
 from dataclasses import dataclass
 from statistics import median
 
@@ -50,18 +51,24 @@ class WindowFeatures:
         rough = largest_g >= max(ROUGH_FACTOR * noise_g, ROUGH_FLOOR_G)
         smoothed_g = moving_average(means_g, ROUGH_SMOOTHED_BINS if rough else SMOOTHED_BINS)
         per_bin = sum(b.count for b in bins) / len(bins)
-        u_mean_g = min(scatter_g, ROUGH_FLOOR_G) / np.sqrt(per_bin)
+        u_mean_g = min(scatter_g, ROUGH_FLOOR_G) / math.sqrt(per_bin)
         leaking_g = LEAKAGE * largest_g if rough else 0.0
-        bare_g = 0.0 if rough else np.ptp(means_g, axis=0).max()
+        bare_g = 0.0 if rough else largest_range(means_g)
         still = bool(
-            np.ptp(smoothed_g, axis=0).max() < STILL_FLOOR_G + STILL_SIGMA * u_mean_g + leaking_g
+            largest_range(smoothed_g) < STILL_FLOOR_G + STILL_SIGMA * u_mean_g + leaking_g
             and bare_g < STILL_FLOOR_G + BARE_STILL_SIGMA * u_mean_g
         )
         return cls(bins, means_g, noise_g, scatter_g, rough, smoothed_g, still)
 
 
+def largest_range(values_g: Array) -> float:
+    """Return the largest peak-to-peak value of the columns."""
+    return float((values_g.max(axis=0) - values_g.min(axis=0)).max())
+
+
 def moving_average(means_g: Array, width: int) -> Array:
     """Return the moving average over bins, shape (n - width + 1, 3)."""
-    sums = np.cumsum(np.vstack([np.zeros(3), means_g]), axis=0)
+    sums = np.zeros((len(means_g) + 1, 3))
+    np.cumsum(means_g, axis=0, out=sums[1:])
     average: Array = (sums[width:] - sums[:-width]) / width
     return average
