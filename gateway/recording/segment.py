@@ -4,10 +4,8 @@ import os
 from collections.abc import Iterable
 from contextlib import suppress
 from pathlib import Path
-from typing import IO, cast
 
 from mcap.well_known import MessageEncoding, SchemaEncoding
-from mcap.writer import CompressionType, Writer
 
 from devices.block import DeviceInfo
 from gateway.atomic_io import partial_of, sync_folder
@@ -15,6 +13,7 @@ from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording import header as names
 from gateway.recording.calibration_files import AttachedFile
 from gateway.recording.header import RecordingHeader, device_metadata
+from gateway.recording.mcap_writer import McapWriter
 from gateway.recording.schemas import logged_topics, schema_bytes
 from gateway.topics import TOPICS
 
@@ -43,9 +42,6 @@ class SyncedFile:
     def tell(self) -> int:
         """Return the number of bytes, including those that are not written yet."""
         return self._size + len(self._held)
-
-    def flush(self) -> None:
-        """Do nothing: data are written by `sync`."""
 
     def sync(self) -> None:
         """Write everything to the disk. Raises `OSError`."""
@@ -88,7 +84,7 @@ class Segment:
         partial = partial_of(path)
         self._file = SyncedFile(partial)
         try:
-            self._writer = Writer(cast(IO[bytes], self._file), compression=CompressionType.ZSTD, enable_data_crcs=True)
+            self._writer = McapWriter(self._file)
             self._channels = self._begin(header, device)
             self._attach(files, start_ns)
             for message in repeated:
@@ -111,11 +107,11 @@ class Segment:
     def write(self, message: EncodedMessage, log_time_ns: int) -> None:
         """Add a message to the open chunk."""
         self._writer.add_message(
-            channel_id=self._channels[message.topic],
-            log_time=log_time_ns,
-            data=message.payload,
-            publish_time=message.publish_time_ns,
-            sequence=message.sequence & SEQUENCE_MASK,
+            self._channels[message.topic],
+            message.sequence & SEQUENCE_MASK,
+            log_time_ns,
+            message.publish_time_ns,
+            message.payload,
         )
 
     def add_device(self, device: DeviceInfo) -> None:
