@@ -48,4 +48,4 @@ class EncodedMessage:
 
 def encode_message(topic: str, message: Message | Log, log_time_ns: int) -> EncodedMessage:
     """Encode a message of a topic as JSON."""
-    return EncodedMessage(topic, log_time_ns, message, encode(topic, message))
+    return EncodedMessage(topic, log_time_ns, message, encode(message))

@@ -63,7 +63,7 @@ def axial_tilt_uncertainty(force: Array, u_force_g: Array) -> float:
     """
     fx, fy, fz = force.tolist()
     ux, uy, uz = u_force_g.tolist()
-    norm2 = fx * fx + fy * fy + fz * fz
+    norm2: float = fx * fx + fy * fy + fz * fz
     if norm2 == 0:
         return math.nan
     lateral, u_lateral = math.hypot(fx, fy), math.hypot(ux, uy)

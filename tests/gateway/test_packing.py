@@ -19,7 +19,7 @@ def packed(block: SampleBlock) -> messages.Samples:
 
 
 def through_json(block: SampleBlock) -> SampleBlock:
-    data = topics.encode("samples", packed(block))
+    data = topics.encode(packed(block))
     return unpack(topics.adapter("samples").validate_json(data))
 
 
@@ -82,11 +82,11 @@ def test_every_even_block_has_the_short_form(period_ns: float, length: int) -> N
 
 def test_counts_are_whole_numbers_and_g_has_every_digit() -> None:
     counts = SampleBlock(np.array([5, 10]), np.array([[1, 2, 256000], [0, 2, 256003]], np.int32))
-    content = json.loads(topics.encode("samples", packed(counts)))
+    content = json.loads(topics.encode(packed(counts)))
     assert content["z"] == [256000, 3]
-    assert b'"z":[256000,3]' in topics.encode("samples", packed(counts))
+    assert b'"z":[256000,3]' in topics.encode(packed(counts))
     readings_g = SampleBlock(np.array([5]), np.array([[0.1 + 0.2, 1.0, -1e-17]]))
-    assert b'"x":[0.30000000000000004],"y":[1.0],"z":[-1e-17]' in topics.encode("samples", packed(readings_g))
+    assert b'"x":[0.30000000000000004],"y":[1.0],"z":[-1e-17]' in topics.encode(packed(readings_g))
 
 
 @pytest.mark.parametrize("reading", [np.nan, np.inf])

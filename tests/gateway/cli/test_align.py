@@ -32,7 +32,7 @@ def tilt(number: int, pitch_deg: float, roll_deg: float, **changes: Any) -> Simp
         "delay_s": 0.2,
         "trusted": True,
     }
-    payload = encode("tilt", Tilt(**(content | changes)))
+    payload = encode(Tilt(**(content | changes)))
     return SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: payload))
 
 

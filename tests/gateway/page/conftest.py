@@ -199,7 +199,7 @@ class FakeGateway:
             if self.speaking.is_set():
                 for message in self.scene.messages(sequence, time.time_ns()):
                     topic = TOPIC_OF[type(message)].name
-                    self.put(topic, encode(topic, message))
+                    self.put(topic, encode(message))
                 sequence += 1
 
 

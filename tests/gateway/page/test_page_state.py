@@ -23,7 +23,7 @@ def state() -> PageState:
 def tell(state: PageState, scene: Scene, at_s: float, sequence: int = 0, time_ns: int | None = None) -> None:
     messages = scene.messages(sequence, round(at_s * 1000) * MS_NS if time_ns is None else time_ns)
     batch = {TOPIC_OF[type(message)].name: message for message in messages}
-    arrivals = {topic: Arrival(encode(topic, message), at_s) for topic, message in batch.items()}
+    arrivals = {topic: Arrival(encode(message), at_s) for topic, message in batch.items()}
     state.receive(arrivals | {ALIVE: Arrival(b"1", at_s)})
 
 
@@ -69,7 +69,7 @@ def test_invalid_messages_are_counted_and_ignored(state: PageState, scene: Scene
 
 
 def test_unknown_fields_are_ignored(state: PageState, scene: Scene) -> None:
-    payload = encode("tilt", scene.tilt())[:-1] + b', "novel": 1}'
+    payload = encode(scene.tilt())[:-1] + b', "novel": 1}'
     state.receive({"tilt": Arrival(payload, 10.0)})
     assert (state.invalid, state.received["tilt"]) == (0, 1)
 

@@ -76,7 +76,7 @@ def test_the_mcap_reader_reads_every_topic(
             "json",
         )
         assert json.loads(schema.data)["type"] == "object"
-        assert recorded.data == encode(topic, message)
+        assert recorded.data == encode(message)
         assert adapter(topic).validate_json(recorded.data) == message
         assert recorded.log_time == start_ns + 99
         stamp = (0, start_ns + 5) if isinstance(message, messages.Log) else (message.sequence, message.time_ns)

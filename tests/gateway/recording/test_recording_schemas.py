@@ -87,7 +87,7 @@ def viewer_fields(schema: dict[str, Any], path: str = "") -> list[str]:
 def test_every_message_is_valid_by_its_schema(
     every_message: dict[str, messages.Message | messages.Log], topic: str
 ) -> None:
-    content = json.loads(encode(topic, every_message[topic]))
+    content = json.loads(encode(every_message[topic]))
     assert faults(content, json.loads(schema_bytes(topic))) == []
 
 
@@ -109,12 +109,12 @@ def test_every_message_is_valid_by_its_schema(
 def test_a_wrong_message_is_invalid_by_its_schema(
     every_message: dict[str, messages.Message | messages.Log], topic: str, change: dict[str, Any]
 ) -> None:
-    content = {**json.loads(encode(topic, every_message[topic])), **change}
+    content = {**json.loads(encode(every_message[topic])), **change}
     assert faults(content, json.loads(schema_bytes(topic)))
 
 
 def test_a_message_with_a_missing_field_is_invalid(every_message: dict[str, messages.Message | messages.Log]) -> None:
-    content = json.loads(encode("swing", every_message["swing"]))
+    content = json.loads(encode(every_message["swing"]))
     del content["phi_max_deg"]
     assert faults(content, json.loads(schema_bytes("swing"))) == ["$: phi_max_deg is missing"]
 
@@ -123,7 +123,7 @@ def test_a_message_with_a_missing_field_is_invalid(every_message: dict[str, mess
 def test_every_message_states_the_version_of_its_schema(
     every_message: dict[str, messages.Message | messages.Log], topic: str
 ) -> None:
-    assert json.loads(encode(topic, every_message[topic]))["schema_version"] == 1
+    assert json.loads(encode(every_message[topic]))["schema_version"] == 1
     schema = json.loads(schema_bytes(topic))
     assert schema["properties"]["schema_version"]["const"] == 1
 
@@ -131,7 +131,7 @@ def test_every_message_states_the_version_of_its_schema(
 def test_messages_without_a_version_have_the_first_one(
     every_message: dict[str, messages.Message | messages.Log],
 ) -> None:
-    content = json.loads(encode("tilt", every_message["tilt"]))
+    content = json.loads(encode(every_message["tilt"]))
     del content["schema_version"]
     assert adapter("tilt").validate_python(content).schema_version == 1
 
