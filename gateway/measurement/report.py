@@ -104,9 +104,7 @@ def as_text(source: Source, found: Measurement) -> str:
         "unusable": recording.invalid,
     }
     faulty = ", ".join(f"{count} {name}" for name, count in faults.items() if count) or "none lost"
-    pitch, roll, axial = (
-        _angle_text(angle) for angle in (found.tilt.pitch_rad, found.tilt.roll_rad, found.axial_rad)
-    )
+    pitch, roll, axial = (_angle_text(angle) for angle in (found.tilt.pitch_rad, found.tilt.roll_rad, found.axial_rad))
     rows = [
         ("recording", f"{source.path}, {len(recording)} samples at {recording.rate_hz:.4g} Hz, {faulty}"),
         ("calibration", source.calibration),
