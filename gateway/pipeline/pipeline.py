@@ -119,23 +119,25 @@ class Pipeline:
     ) -> Iterator[OutgoingMessage]:
         """Return what follows from all samples since the last update."""
         self._lowpassed_g = batch.lowpassed_g[-1]
-        self._add_to_condition(batch)
+        swing_is_new = self._add_to_windows(batch)
         if tilt_due:
             yield self._tilt(temperature_c, now)
-        if self._swing.update(batch.time_s, batch.force_g, batch.lowpassed_g, self._temperature_c):
+        if swing_is_new:
             message = self._swing.message(self._header("swing", now))
             yield OutgoingMessage("swing", now.log_time_ns, message)
         yield from self._judge_condition(temperature_c, now)
         yield from self._judge_alerts(now)
 
-    def _add_to_condition(self, batch: ForceBatch) -> None:
-        """Add the samples to the window of the condition, block by block: it counts what is clipped and missing in each."""
+    def _add_to_windows(self, batch: ForceBatch) -> bool:
+        """Add the samples to the windows of condition and swing, block by block; return whether the swing is a new one."""
         clipped = count_clipped(batch.raw, self._full_scale) > 0
+        swing_is_new = False
         for block, part in batch.slices():
+            time_s, force_g = batch.time_s[part], batch.force_g[part]
             n_clipped = count_clipped(block.raw, self._full_scale) if clipped else 0
-            self._condition_window.update(
-                batch.time_s[part], batch.force_g[part], n_clipped, block.lost + block.invalid
-            )
+            self._condition_window.update(time_s, force_g, n_clipped, block.lost + block.invalid)
+            swing_is_new |= self._swing.update(time_s, force_g, batch.lowpassed_g[part], self._temperature_c)
+        return swing_is_new
 
     def _idle(self, now: MessageTime) -> Iterator[OutgoingMessage]:
         newest_ns = self._forces.newest_ns
