@@ -4,7 +4,7 @@ Rows that cannot be used are left out and counted by kind, and the gap that they
 """
 
 from bisect import bisect_left
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,6 +64,28 @@ class Recording:
     def rate_hz(self) -> float:
         """Measured rate, without the gaps."""
         return 1.0 / typical_interval(self.time_s)
+
+    def part(self, start: int, stop: int) -> "Recording":
+        """Return the samples from index `start` until before `stop`, on the same time axis.
+
+        Losses before the first one are left out. The counts of rows that were left out, except `unusable_before`, remain those of
+        the whole recording, because their times are not known.
+        """
+        if start == 0 and stop == len(self):
+            return self
+        kept = slice(start, stop)
+        lost_before, unusable_before = self.lost_before[kept].copy(), self.unusable_before[kept].copy()
+        if start > 0:
+            lost_before[0] = unusable_before[0] = 0
+        return replace(
+            self,
+            time_s=self.time_s[kept],
+            raw=self.raw[kept],
+            lost_before=lost_before,
+            unusable_before=unusable_before,
+            temperature_c=None if self.temperature_c is None else self.temperature_c[kept],
+            gyro_dps=None if self.gyro_dps is None else self.gyro_dps[kept],
+        )
 
     def offset_ns(self) -> Integers:
         """Return the time of each sample after the first, shape (n,)."""

@@ -2,6 +2,10 @@
 
 import argparse
 import math
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gateway.recording.interval import RecordingTime
 
 
 def above_zero(text: str) -> float:
@@ -20,3 +24,15 @@ def whole_number(text: str) -> int:
     if not (text.isascii() and text.isdecimal()):
         raise argparse.ArgumentTypeError(f"{text} is not a whole number from 0")
     return int(text)
+
+
+def recording_time(text: str) -> "RecordingTime":
+    """Parse a time of a recording: seconds from its start, or UTC."""
+    from gateway.recording.interval import parse_recording_time
+
+    try:
+        return parse_recording_time(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text} is neither seconds from the start (30, 1:30) nor UTC (2026-11-22T07:30:00Z, or 07:30:05 on its first day)"
+        ) from None

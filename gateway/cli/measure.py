@@ -3,6 +3,13 @@
 import argparse
 from pathlib import Path
 
+from gateway.cli.interval import add_interval, interval
+
+EXAMPLE = """examples:
+  plumbline measure log.csv --rig rig.toml --json result.json
+  plumbline measure plumbline-data/*.mcap
+  plumbline measure plumbline-data --from 07:30:00 --to 07:35:00 --json -"""
+
 
 def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
@@ -10,30 +17,44 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         "measure",
         help="compute swing, tilt and conditions of a recording",
         description="Compute swing, tilt and conditions of a recording: the estimate with its uncertainty, and the four "
-        "published formulas.",
-        epilog="example: plumbline measure log.csv --rig rig.toml --json result.json",
+        "published formulas. Several files of one gateway are one recording; an incomplete file is read up to its end.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    command.add_argument("log", type=Path, metavar="LOG", help=".mcap of the gateway, or .csv: time_s,ax_g,ay_g,az_g")
+    command.add_argument(
+        "logs",
+        type=Path,
+        nargs="+",
+        metavar="LOG",
+        help=".mcap files of one gateway, a folder of them, or one .csv: time_s,ax_g,ay_g,az_g",
+    )
+    add_interval(command)
     command.add_argument(
         "--rig",
         type=Path,
         metavar="RIG",
         help="rig.toml with rope length and housing position (default: those in the gateway's .mcap)",
     )
-    command.add_argument("--json", type=Path, metavar="FILE", help="also write the result as JSON")
+    command.add_argument(
+        "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
+    )
     command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure a recording and print the result."""
-    from gateway.cli.output import write_json
+    from gateway.cli.output import STANDARD_OUTPUT, print_json, write_json
     from gateway.measurement.measure import measure
     from gateway.measurement.report import as_json, as_text
     from gateway.measurement.rig import read_rig
     from gateway.measurement.source import read_source
 
-    source = read_source(arguments.log, None if arguments.rig is None else read_rig(arguments.rig))
+    rig = None if arguments.rig is None else read_rig(arguments.rig)
+    source = read_source(arguments.logs, rig, interval(arguments))
     result = measure(source)
+    if arguments.json == STANDARD_OUTPUT:
+        print_json(as_json(source, result))
+        return 0
     if arguments.json is not None:
         write_json(arguments.json, as_json(source, result))
     print(as_text(source, result))

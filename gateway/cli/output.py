@@ -1,4 +1,4 @@
-"""Files that commands write: completely or not at all."""
+"""Output of commands: files that are written completely or not at all, and JSON on the standard output."""
 
 import json
 import os
@@ -7,10 +7,22 @@ from pathlib import Path
 from gateway.atomic_io import replace_file
 from gateway.errors import InputError
 
+STANDARD_OUTPUT = Path("-")
+"""The value of `--json` for the standard output."""
+
 
 def write_json(path: Path, content: object) -> None:
     """Write a JSON file in one step. Raises `InputError` where it cannot be written."""
-    write_text(path, json.dumps(content, indent=1, allow_nan=False) + "\n")
+    write_text(path, _encode(content))
+
+
+def print_json(content: object) -> None:
+    """Print JSON to the standard output."""
+    print(_encode(content), end="")
+
+
+def _encode(content: object) -> str:
+    return json.dumps(content, indent=1, allow_nan=False) + "\n"
 
 
 def write_text(path: Path, text: str) -> None:

@@ -72,10 +72,10 @@ def run(arguments: argparse.Namespace) -> int:
     _check_files(arguments)
     load_user_effects(arguments)
     rig = None if arguments.rig is None else read_rig(arguments.rig)
-    source = read_source(arguments.log, rig)
+    source = read_source([arguments.log], rig)
     model = model_from_recording(source) if rig is None else model_of(rig, str(arguments.rig))
     log = check_recording(source, model.rig)
-    second = None if arguments.held_out is None else check_recording(read_source(arguments.held_out, rig), model.rig)
+    second = None if arguments.held_out is None else check_recording(read_source([arguments.held_out], rig), model.rig)
     try:
         with Progress() as progress:
             result = reconcile(model, log, second, seed=arguments.seed, tick=progress.tick)

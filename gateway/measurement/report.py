@@ -6,14 +6,21 @@ from typing import Any
 from devices.recording import Recording
 from gateway.measurement.measure import Measurement
 from gateway.measurement.source import Source
+from gateway.recording.timestamp import iso_utc
 from gateway.swing.estimate import FormulaAngles, SwingEstimate
 from gateway.swing.formulas import VALID_RHO
 from gateway.units import degrees
+
+MOST_REMARKS = 8
+"""Remarks in the text for the terminal."""
 
 
 def as_json(source: Source, found: Measurement) -> dict[str, Any]:
     """Return the content of `measure --json`."""
     return {
+        "files": [str(path) for path in source.files],
+        "interval": _interval(source),
+        "remarks": list(source.remarks),
         "samples": _samples(source.recording),
         "calibration": source.calibration,
         "formulas_deg": _formulas_deg(found.formulas.as_published),
@@ -37,6 +44,19 @@ def as_json(source: Source, found: Measurement) -> dict[str, Any]:
             "reasons": list(found.conditions.reasons),
             "windows": found.conditions.windows,
         },
+    }
+
+
+def _interval(source: Source) -> dict[str, float | str | None]:
+    """Return the times of the first and the last sample, from the start of the recording and in UTC where it is known."""
+    extent = source.extent
+    from_s, to_s = (float(source.recording.time_s[end]) for end in (0, -1))
+    from_ns, to_ns = extent.utc_ns(from_s), extent.utc_ns(to_s)
+    return {
+        "from_s": from_s - extent.first_s,
+        "to_s": to_s - extent.first_s,
+        "from_utc": None if from_ns is None else iso_utc(from_ns),
+        "to_utc": None if to_ns is None else iso_utc(to_ns),
     }
 
 
@@ -105,8 +125,11 @@ def as_text(source: Source, found: Measurement) -> str:
     }
     faulty = ", ".join(f"{count} {name}" for name, count in faults.items() if count) or "none lost"
     pitch, roll, axial = (_angle_text(angle) for angle in (found.tilt.pitch_rad, found.tilt.roll_rad, found.axial_rad))
+    duration_s = float(recording.time_s[-1] - recording.time_s[0])
+    samples = f"{len(recording)} samples in {duration_s:.4g} s at {recording.rate_hz:.4g} Hz, {faulty}"
     rows = [
-        ("recording", f"{source.path}, {len(recording)} samples at {recording.rate_hz:.4g} Hz, {faulty}"),
+        ("recording", f"{source.name}, {samples}"),
+        *(("remark", text) for text in _remarks(source)),
         ("calibration", source.calibration),
         ("swing", _swing_text(found.swing)),
         (
@@ -117,6 +140,13 @@ def as_text(source: Source, found: Measurement) -> str:
         ("condition", f"{found.conditions.verdict}: {'; '.join(found.conditions.reasons)}"),
     ]
     return "\n".join(f"{label:<12} {text}" for label, text in rows)
+
+
+def _remarks(source: Source) -> list[str]:
+    """Return the first remarks, and the number of the others."""
+    others = len(source.remarks) - MOST_REMARKS
+    more = [f"and {others} more; --json has all of them"] if others > 0 else []
+    return [*source.remarks[:MOST_REMARKS], *more]
 
 
 def _angle_text(angle_rad: float | None) -> str:

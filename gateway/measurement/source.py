@@ -1,22 +1,23 @@
 """A recording, from any supported file, as specific force in the housing frame."""
 
-import tomllib
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.errors import RecordingError
 from devices.recording import Recording
 from devices.table import read_table
 from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.store import parse_record
-from gateway.configuration.loading import validate
-from gateway.configuration.model import Configuration
+from gateway.errors import InputError
+from gateway.measurement.calibration import calibration_in_force
+from gateway.measurement.configuration import common_configuration
 from gateway.measurement.rig import Rig
 from gateway.pipeline.mounting import mounted_housing, with_sensor
-from gateway.recording.run import RecordedRun, read_samples
+from gateway.recording.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
+from gateway.recording.join import list_recordings, read_joined_samples
 from gateway.swing.rig import MountedHousing
 
 SENSOR_AXES = ((0, 1), (1, 1), (2, 1))
@@ -27,8 +28,12 @@ SENSOR_AXES = ((0, 1), (1, 1), (2, 1))
 class Source:
     """The input of `measure`: specific force, with what is known of sensor and housing."""
 
-    path: Path
+    files: tuple[Path, ...]
+    """In order of time."""
     recording: Recording
+    """The samples of the interval, on the time axis of the whole recording."""
+    extent: RecordingExtent
+    """First and last sample of the whole recording."""
     force_g: NDArray[np.float64]
     """Specific force in the housing frame, shape (n, 3)."""
     permissible_norm_error_g: float
@@ -43,14 +48,25 @@ class Source:
     """Bandwidth of the low-pass inside the sensor."""
     temperature_warnings: tuple[str, ...] = ()
     """Temperatures outside those of the calibration, which widen the uncertainty."""
+    remarks: tuple[str, ...] = ()
+    """Incomplete files, gaps between files, limits outside the recording, a change of calibration."""
+
+    @property
+    def name(self) -> str:
+        """The file, or the number of files with the first and the last."""
+        first, last = self.files[0], self.files[-1]
+        return str(first) if len(self.files) == 1 else f"{len(self.files)} files, {first} to {last.name}"
 
 
-def read_source(path: Path, rig: Rig | None = None) -> Source:
-    """Read an `.mcap` of the gateway or a `.csv`; values of a rig replace those of the recording.
+def read_source(paths: Sequence[Path], rig: Rig | None = None, interval: RecordingInterval = WHOLE_RECORDING) -> Source:
+    """Read a `.csv`, or the `.mcap` files of one gateway as one recording; values of a rig replace those of the recording.
 
-    Raises `RecordingError` or `InputError` with the place and the remedy.
+    A folder stands for its `.mcap` files. Raises `RecordingError` or `InputError` with the place and the remedy.
     """
-    source = _from_run(path) if path.suffix == ".mcap" else _from_table(path)
+    files = list_recordings(paths)
+    if len(files) > 1 and (other := next((file for file in files if file.suffix != ".mcap"), None)) is not None:
+        raise InputError(f"{other}: cannot be joined with other files; only .mcap files of one gateway can")
+    source = _from_run(files, rig, interval) if files[0].suffix == ".mcap" else _from_table(files[0], interval)
     if rig is None:
         return source
     sensor = rig.sensor
@@ -71,33 +87,41 @@ def _mounted_housing(rig: Rig, source: Source) -> MountedHousing:
     return with_sensor(housing, source.correction, bandwidth_hz)
 
 
-def _from_table(path: Path) -> Source:
-    recording = read_table(path)
+def _from_table(path: Path, interval: RecordingInterval) -> Source:
+    whole = read_table(path)
+    extent = _extent(whole, 0)
+    recording = _cut(whole, interval, extent)
     return Source(
-        path=path,
+        files=(path,),
         recording=recording,
+        extent=extent,
         force_g=recording.raw,
         permissible_norm_error_g=0.01,
         calibration="as recorded",
+        remarks=interval.describe_excess(extent),
     )
 
 
-def _from_run(path: Path) -> Source:
-    run = read_samples(path)
-    configuration = _configuration(run)
-    recording = run.recording()
-    first = run.calibrations[0].message if run.calibrations else None
+def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterval) -> Source:
+    joined = read_joined_samples(files)
+    run = joined.whole
+    configuration = common_configuration(joined.parts, same_rig=rig is None)
+    whole = run.recording()
+    extent = _extent(whole, run.wall_offset_ns)
+    recording = _cut(whole, interval, extent)
+    calibration, calibration_remarks = calibration_in_force(run, recording)
     stored = None  # `run.device` contains the factory record
-    if first is not None and first.status == "calibrated":
-        stored = parse_record(first.record, run.device.device_id, str(path))
+    if calibration is not None and calibration.status == "calibrated":
+        stored = parse_record(calibration.record, run.device.device_id, str(run.path))
     axes = SENSOR_AXES if configuration is None else configuration.device.axes
     correction = correction_for(run.device, axes, stored)
     extreme_c = _extreme_temperature_c(recording, correction)
     widened = correction.widened_by(correction.kelvin_beyond(extreme_c))
     bandwidth_hz = run.device.bandwidth_hz
     return Source(
-        path=path,
+        files=tuple(part.path for part in joined.parts),
         recording=recording,
+        extent=extent,
         force_g=correction.apply(recording.raw),
         permissible_norm_error_g=correction.permissible_norm_error_g,
         calibration=correction.text,
@@ -107,7 +131,22 @@ def _from_run(path: Path) -> Source:
         correction=widened,
         bandwidth_hz=bandwidth_hz,
         temperature_warnings=correction.range_warnings(extreme_c),
+        remarks=(*joined.remarks, *interval.describe_excess(extent), *calibration_remarks),
     )
+
+
+def _extent(recording: Recording, wall_offset_ns: int) -> RecordingExtent:
+    origin_ns = None if recording.origin_ns is None else recording.origin_ns + wall_offset_ns
+    return RecordingExtent(float(recording.time_s[0]), float(recording.time_s[-1]), origin_ns)
+
+
+def _cut(recording: Recording, interval: RecordingInterval, extent: RecordingExtent) -> Recording:
+    """Return the samples of the interval. Raises `InputError` where it has fewer than two."""
+    begin_s, end_s = interval.limits_s(extent)
+    start, stop = np.searchsorted(recording.time_s, [begin_s, end_s]).tolist()
+    if stop - start < 2:
+        raise InputError(f"the interval has fewer than two samples; the recording is {extent}")
+    return recording.part(start, stop)
 
 
 def _extreme_temperature_c(recording: Recording, correction: Correction) -> float | None:
@@ -116,12 +155,3 @@ def _extreme_temperature_c(recording: Recording, correction: Correction) -> floa
         return None
     ends_c = float(np.nanmin(recording.temperature_c)), float(np.nanmax(recording.temperature_c))
     return max(ends_c, key=correction.kelvin_beyond)
-
-
-def _configuration(run: RecordedRun) -> Configuration | None:
-    if run.configuration_toml is None:
-        return None
-    try:
-        return validate(tomllib.loads(run.configuration_toml), f"{run.path}: its configuration")
-    except tomllib.TOMLDecodeError as error:
-        raise RecordingError(f"{run.path}: its configuration is not TOML: {error}") from error

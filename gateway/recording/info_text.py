@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from datetime import UTC, datetime
 
 from gateway.recording.info import RecordingInfo
+from gateway.recording.mcap_salvage import describe_losses
 
 MOST_ALERTS = 20
 LABEL_WIDTH = 15
@@ -35,17 +36,8 @@ def _facts(info: RecordingInfo) -> Iterator[tuple[str, str]]:
 
 
 def _state(info: RecordingInfo) -> str:
-    losses = info.losses
-    parts = ["closed properly" if info.closed else "not closed: incomplete, or still being written"]
-    if losses.altered:
-        parts.append("CHECKSUM WRONG: the content was altered")
-    if losses.torn_bytes:
-        parts.append(f"{losses.torn_bytes} bytes of an incomplete end")
-    if losses.damaged_records:
-        parts.append(f"{losses.damaged_records} damaged records left out")
-    if losses.unreadable_messages:
-        parts.append(f"{losses.unreadable_messages} messages unreadable")
-    return ", ".join(parts)
+    closed = ["closed properly"] if info.closed else []
+    return ", ".join(closed + describe_losses(info.losses))
 
 
 def _clock(info: RecordingInfo) -> str:

@@ -60,6 +60,18 @@ class SalvageReport:
     """Number of messages whose channel was in a damaged chunk, or whose content does not match their schema."""
 
 
+def describe_losses(report: SalvageReport) -> list[str]:
+    """Return a phrase for each kind of loss; none for a complete file."""
+    phrases = {
+        "not closed: incomplete, or still being written": not report.closed,
+        "CHECKSUM WRONG: the content was altered": report.altered,
+        f"{report.torn_bytes} bytes of an incomplete end": report.torn_bytes,
+        f"{report.damaged_records} damaged records left out": report.damaged_records,
+        f"{report.unreadable_messages} messages unreadable": report.unreadable_messages,
+    }
+    return [phrase for phrase, occurred in phrases.items() if occurred]
+
+
 def open_mcap(path: Path) -> BinaryIO:
     """Open a file and skip its magic bytes. Raises `RecordingError` where it is not an MCAP file."""
     try:

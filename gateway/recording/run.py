@@ -1,5 +1,6 @@
 """The raw samples of a recording, with everything that is needed to compute its results again."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,10 @@ from gateway.recording import header as names
 from gateway.recording.header import device_from_metadata
 from gateway.recording.mcap_salvage import SalvageReport
 from gateway.recording.reader import RecordingFile, open_recording
+
+
+class NoSamplesError(RecordingError):
+    """A recording of the gateway has ended, or is read, before its first sample."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +44,8 @@ class RecordedRun:
     calibrations: tuple[CalibrationInForce, ...]
     """The calibration in force at the start, and each later one."""
     losses: SalvageReport
+    wall_offset_ns: int = 0
+    """UTC of the wall clock minus gateway time, by the last message of the clock."""
 
     @property
     def time_ns(self) -> NDArray[np.int64]:
@@ -89,15 +96,18 @@ def read_samples(path: Path | str) -> RecordedRun:
     blocks: list[SampleBlock] = []
     calibrations: list[CalibrationInForce] = []
     units: set[str] = set()
+    wall_offset_ns = 0
     for recorded in file.messages():
         content = file.decode(recorded)
         if isinstance(content, messages.Samples):
             _add_block(file, blocks, content)
             units.add(content.unit)
         elif isinstance(content, messages.Calibration):
-            _add_calibration(calibrations, recorded.log_time_ns, content)
+            calibrations.append(CalibrationInForce(recorded.log_time_ns, content))
+        elif isinstance(content, messages.ClockOffset):
+            wall_offset_ns = content.wall_offset_ns
     if not blocks:
-        raise RecordingError(_explain_missing_samples(file))
+        raise _missing_samples_error(file)
     device = _device(file)
     if units != {device.unit}:
         raise RecordingError(
@@ -110,9 +120,19 @@ def read_samples(path: Path | str) -> RecordedRun:
         device=device,
         blocks=tuple(blocks),
         configuration_toml=None if attachment is None else attachment.data.decode(errors="replace"),
-        calibrations=tuple(calibrations),
+        calibrations=list_changes(calibrations),
         losses=file.losses,
+        wall_offset_ns=wall_offset_ns,
     )
+
+
+def list_changes(calibrations: Iterable[CalibrationInForce]) -> tuple[CalibrationInForce, ...]:
+    """Return the calibrations without those that repeat the one before."""
+    changes: list[CalibrationInForce] = []
+    for calibration in calibrations:
+        if not changes or _content(changes[-1]) != _content(calibration):
+            changes.append(calibration)
+    return tuple(changes)
 
 
 def _add_block(file: RecordingFile, blocks: list[SampleBlock], samples: messages.Samples) -> None:
@@ -122,14 +142,9 @@ def _add_block(file: RecordingFile, blocks: list[SampleBlock], samples: messages
         file.losses.unreadable_messages += 1
 
 
-def _add_calibration(calibrations: list[CalibrationInForce], log_time_ns: int, content: messages.Calibration) -> None:
-    known = calibrations[-1].message if calibrations else None
-    if known is None or _calibration_content(known) != _calibration_content(content):
-        calibrations.append(CalibrationInForce(log_time_ns, content))
-
-
-def _calibration_content(content: messages.Calibration) -> tuple[object, ...]:
-    return content.calibration_id, content.status, content.record, content.in_force
+def _content(calibration: CalibrationInForce) -> tuple[object, ...]:
+    message = calibration.message
+    return message.calibration_id, message.status, message.record, message.in_force
 
 
 def _device(file: RecordingFile) -> DeviceInfo:
@@ -144,9 +159,13 @@ def _device(file: RecordingFile) -> DeviceInfo:
         raise RecordingError(f"{file.path}: {error}; it was written by another version") from error
 
 
-def _explain_missing_samples(file: RecordingFile) -> str:
+def _missing_samples_error(file: RecordingFile) -> RecordingError:
     topics = sorted({channel.topic for channel in file.channels.values()})
-    if "/samples" in topics:
-        return f"{file.path}: has no samples; the gateway was stopped or lost its device before the first one"
+    if "/samples" in topics or names.ORIGIN in file.metadata:
+        return NoSamplesError(
+            f"{file.path}: has no samples; the gateway was stopped or lost its device before the first one"
+        )
     found = ", ".join(topics[:12]) or "none"
-    return f"{file.path}: has no topic /samples, which a recording of the gateway has; its topics: {found}"
+    return RecordingError(
+        f"{file.path}: has no topic /samples, which a recording of the gateway has; its topics: {found}"
+    )

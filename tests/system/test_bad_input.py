@@ -93,6 +93,8 @@ CLI_REFUSED = {
     "record of text": (["record", "info", "pyproject.toml"], "pyproject.toml"),
     "measure of nothing": (["measure", "none.csv"], "none.csv"),
     "measure of other text": (["measure", "README.md"], "README.md"),
+    "measure of one file twice": (["measure", "README.md", "README.md"], "README.md: is given twice"),
+    "measure of a folder without recordings": (["measure", "docs"], "docs: contains no .mcap file"),
     "rig of nothing": (["measure", "README.md", "--rig", "none.toml"], "none.toml"),
     "check of nothing": (["config", "check", "none.toml"], "none.toml"),
     "unknown topic": (["config", "schema", "--topic", "nope"], "no topic 'nope'"),
@@ -112,6 +114,9 @@ def test_commands_refuse_bad_input_in_one_line(plumbline: Plumbline, case: str) 
 def test_usage_errors_have_exit_code_two(plumbline: Plumbline) -> None:
     assert plumbline("run", "--duration", "-1").returncode == 2
     assert plumbline("nonsense").returncode == 2
+    refused = plumbline("measure", "README.md", "--from", "noon")
+    assert refused.returncode == 2
+    assert "argument --from: noon is neither seconds from the start" in one_line(refused.stderr.splitlines()[-1])
 
 
 @pytest.mark.slow

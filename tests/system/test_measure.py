@@ -93,6 +93,34 @@ def test_the_gateways_recording_needs_no_rig(start_gateway: StartGateway, plumbl
     assert found["calibration"].startswith("factory")
 
 
+def test_files_of_a_gateway_are_one_recording(
+    start_gateway: StartGateway, plumbline: Plumbline, tmp_path: Path
+) -> None:
+    gateway = start_gateway("[recorder]\nsegment_s = 3\n", arguments=("--duration", "10"))
+    assert gateway.wait()[0] == 0
+    first, *_, last = gateway.recordings
+    last.write_bytes(last.read_bytes()[:-20])  # as of a gateway that still writes it
+    done = plumbline("measure", gateway.data_dir, "--json", "-")
+    assert (done.returncode, done.stderr) == (0, "")
+    whole = json.loads(done.stdout)
+    assert whole["files"] == [str(path) for path in gateway.recordings]
+    assert whole["samples"]["lost"] == 0
+    assert whole["samples"]["duration_s"] > 8
+    assert [remark.split(":")[0] for remark in whole["remarks"]] == [last.name]
+    assert whole["swing"]["phi_max_deg"] == pytest.approx(1.5, abs=0.1)
+    part = plumbline("measure", *gateway.recordings, "--from", "1", "--to", "0:08", "--json", tmp_path / "part.json")
+    assert f"{len(gateway.recordings)} files, {first} to {last.name}" in part.stdout
+    assert "remark       " in part.stdout
+    found = json.loads((tmp_path / "part.json").read_text())
+    assert found["interval"]["from_s"] == pytest.approx(1, abs=0.01)
+    assert found["samples"]["duration_s"] == pytest.approx(7, abs=0.02)
+    again = plumbline("measure", gateway.data_dir, "--from", found["interval"]["from_utc"], "--to", "8", "--json", "-")
+    assert json.loads(again.stdout)["samples"]["count"] == found["samples"]["count"]
+    outside = plumbline("measure", gateway.data_dir, "--from", "60:00")
+    assert outside.returncode == 2
+    assert "--from 60:00: is after the recording, which is 0 to " in outside.stderr
+
+
 @pytest.mark.parametrize(("turning_dps", "verdict"), [(0.0, "static"), (10.0, "disturbed")])
 def test_angular_rates_of_a_recording_enter_the_condition(
     plumbline: Plumbline, tmp_path: Path, turning_dps: float, verdict: str

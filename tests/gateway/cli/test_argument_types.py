@@ -2,7 +2,7 @@ import argparse
 
 import pytest
 
-from gateway.cli.argument_types import above_zero, whole_number
+from gateway.cli.argument_types import above_zero, recording_time, whole_number
 
 
 def test_a_number_above_zero_is_accepted() -> None:
@@ -20,3 +20,9 @@ def test_only_whole_numbers_are_accepted() -> None:
     for text in ("-1", "1.5", "²", "x", ""):
         with pytest.raises(argparse.ArgumentTypeError, match="is not a whole number from 0"):
             whole_number(text)
+
+
+def test_other_texts_are_refused_with_the_forms_of_a_time() -> None:
+    assert recording_time("1:30").value_ns == 90 * 10**9
+    with pytest.raises(argparse.ArgumentTypeError, match=r"soon is neither seconds from the start .* nor UTC"):
+        recording_time("soon")

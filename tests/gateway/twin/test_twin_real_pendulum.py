@@ -98,7 +98,7 @@ def test_files_for_the_command_pass_its_checks(swings: tuple[Swing, Swing], tmp_
     write(tmp_path, *swings)
     rig = read_rig(tmp_path / "rig.toml")
     for name in ("log.csv", "held_out.csv"):
-        loaded = check_recording(read_source(tmp_path / name, rig), model_of(rig).rig)
+        loaded = check_recording(read_source([tmp_path / name], rig), model_of(rig).rig)
         assert loaded.fault is None
         assert loaded.observations is not None
 

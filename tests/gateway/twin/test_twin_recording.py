@@ -50,7 +50,7 @@ def test_mcap_is_complete_and_has_the_samples_of_the_csv(rig: Path, tmp_path: Pa
     assert run.device.kind == "simulated"
     assert run.configuration_toml is not None
     assert tomllib.loads(run.configuration_toml)["rope"]["length_m"] == 9.0
-    housing = read_source(tmp_path / "log.mcap").housing
+    housing = read_source([tmp_path / "log.mcap"]).housing
     assert housing is not None
     assert housing.position_m == 6.0
 

@@ -62,7 +62,7 @@ def model_from_recording(source: Source) -> Model:
     housing = source.housing
     if housing is None:
         raise InputError(
-            f"{source.path}: says nothing of its rig; give --rig RIG, with [rope] length_m and [housing] position_m"
+            f"{source.name}: says nothing of its rig; give --rig RIG, with [rope] length_m and [housing] position_m"
         )
     noise_g = np.broadcast_to(np.asarray(1e-3 if source.noise_g is None else source.noise_g, dtype=np.float64), 3)
     twin = TwinRig(

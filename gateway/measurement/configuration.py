@@ -1,0 +1,47 @@
+"""The configuration that the files of a recording have in common."""
+
+import tomllib
+from collections.abc import Sequence
+
+from devices.errors import RecordingError
+from gateway.configuration.loading import validate
+from gateway.configuration.model import Configuration
+from gateway.recording.run import RecordedRun
+
+
+def common_configuration(runs: Sequence[RecordedRun], *, same_rig: bool) -> Configuration | None:
+    """Return the configuration of the first file.
+
+    Raises `RecordingError` where another file has other axes, or, with `same_rig`, another rope, housing or gravity.
+    """
+    first, *others = (_configuration(run) for run in runs)
+    for run, other in zip(runs[1:], others, strict=True):
+        settings = _settings(other, same_rig=same_rig)
+        for name, value in _settings(first, same_rig=same_rig).items():
+            if settings.get(name) != value:
+                raise RecordingError(
+                    f"{run.path}: was recorded with another {name} than {runs[0].path}; measure them one by one"
+                )
+    return first
+
+
+def _settings(configuration: Configuration | None, *, same_rig: bool) -> dict[str, object]:
+    """Return the settings that all files of one recording must share."""
+    if configuration is None:
+        return {"configuration": None}
+    settings: dict[str, object] = {"configuration": "recorded", "device.axes_map": configuration.device.axes}
+    rig: dict[str, object] = {
+        "rope.length_m": configuration.rope.length_m,
+        "position of the housing": configuration.housing,
+        "gravity": configuration.site.local_gravity_m_s2,
+    }
+    return settings | rig if same_rig else settings
+
+
+def _configuration(run: RecordedRun) -> Configuration | None:
+    if run.configuration_toml is None:
+        return None
+    try:
+        return validate(tomllib.loads(run.configuration_toml), f"{run.path}: its configuration")
+    except tomllib.TOMLDecodeError as error:
+        raise RecordingError(f"{run.path}: its configuration is not TOML: {error}") from error

@@ -1,0 +1,158 @@
+"""Several files of one gateway as one recording."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+
+from devices.block import DeviceInfo
+from devices.errors import RecordingError
+from devices.recording import longest_increasing_mask, typical_interval
+from gateway.recording.mcap_salvage import SalvageReport, describe_losses
+from gateway.recording.run import NoSamplesError, RecordedRun, list_changes, read_samples
+from gateway.recording.timestamp import iso_utc
+
+GATEWAY_KEYS = ("site", "crane", "sensor")
+FREE_DEVICE_FIELDS = frozenset({"details", "can_wait"})
+"""Fields of a device that may differ between files: they do not change the meaning of a sample."""
+
+
+@dataclass(frozen=True, slots=True)
+class JoinedRun:
+    """The recording that several files make together."""
+
+    whole: RecordedRun
+    """All samples and calibrations; its path, origin, device and configuration are those of the first file."""
+    parts: tuple[RecordedRun, ...]
+    """The files in order of time."""
+    remarks: tuple[str, ...]
+    """Incomplete files, files without samples, and gaps between files."""
+
+
+def list_recordings(paths: Sequence[Path]) -> list[Path]:
+    """Return the given files, each folder replaced by its `.mcap` files. Raises `RecordingError` for one that occurs twice."""
+    found: dict[Path, Path] = {}
+    for path in paths:
+        for file in _list_folder(path) if path.is_dir() else [path]:
+            if file.resolve() in found:
+                raise RecordingError(f"{file}: is given twice; give it once")
+            found[file.resolve()] = file
+    return list(found.values())
+
+
+def _list_folder(folder: Path) -> list[Path]:
+    try:
+        files = sorted(path for path in folder.iterdir() if path.suffix == ".mcap")
+    except OSError as error:
+        raise RecordingError(f"{folder}: cannot be read ({error.strerror})") from error
+    if not files:
+        raise RecordingError(f"{folder}: contains no .mcap file; choose another folder")
+    return files
+
+
+def read_joined_samples(paths: Sequence[Path]) -> JoinedRun:
+    """Read files of one gateway as one recording, in order of time; incomplete ones are read up to their end.
+
+    Gaps between files remain gaps in time. Raises `RecordingError` where a file cannot be read, no file has samples, the files
+    are of different gateways or devices, or two of them overlap.
+    """
+    runs, remarks = _read_runs(paths)
+    spans_ns = {run.path: _span_ns(run) for run in runs}
+    runs.sort(key=lambda run: spans_ns[run.path])
+    for run in runs[1:]:
+        _check_same_gateway(runs[0], run)
+        _check_same_device(runs[0], run)
+    for before, after in pairwise(runs):
+        _check_overlap(before, after, spans_ns[before.path], spans_ns[after.path])
+    remarks += _describe_incomplete(runs)
+    if len(runs) == 1:
+        return JoinedRun(runs[0], tuple(runs), tuple(remarks))
+    remarks += _describe_gaps(runs, [spans_ns[run.path] for run in runs])
+    return JoinedRun(_concatenate(runs), tuple(runs), tuple(remarks))
+
+
+def _read_runs(paths: Sequence[Path]) -> tuple[list[RecordedRun], list[str]]:
+    """Return the runs of all files with samples, and a remark on each file without."""
+    runs, remarks, failure = [], [], None
+    for path in paths:
+        try:
+            runs.append(read_samples(path))
+        except NoSamplesError as error:
+            failure = error
+            remarks.append(f"{path.name}: has no samples, left out")
+    if failure is not None and not runs:
+        raise failure
+    return runs, remarks
+
+
+def _span_ns(run: RecordedRun) -> tuple[int, int]:
+    """Return the times of the first and the last sample, without those that are out of order."""
+    time_ns = run.time_ns
+    kept_ns = time_ns[longest_increasing_mask(time_ns)]
+    return int(kept_ns[0]), int(kept_ns[-1])
+
+
+def _check_same_gateway(first: RecordedRun, other: RecordedRun) -> None:
+    names = ["/".join(run.origin.get(key, "?") for key in GATEWAY_KEYS) for run in (first, other)]
+    if names[0] != names[1]:
+        raise RecordingError(
+            f"{other.path}: is of gateway {names[1]}, {first.path} of {names[0]}; give the files of one gateway"
+        )
+
+
+def _check_same_device(first: RecordedRun, other: RecordedRun) -> None:
+    for field in fields(DeviceInfo):
+        values = [getattr(run.device, field.name) for run in (first, other)]
+        if field.name not in FREE_DEVICE_FIELDS and values[0] != values[1]:
+            shown = "" if field.name == "factory_calibration" else f" ({values[1]}, not {values[0]})"
+            raise RecordingError(
+                f"{other.path}: has another device.{field.name}{shown} than {first.path}; give the files of one device and rate"
+            )
+
+
+def _check_overlap(before: RecordedRun, after: RecordedRun, span_ns: tuple[int, int], next_ns: tuple[int, int]) -> None:
+    if next_ns == span_ns:
+        raise RecordingError(f"{after.path}: has the same times as {before.path}; give one of them")
+    if next_ns[0] <= span_ns[1]:
+        overlap_s = (span_ns[1] - next_ns[0]) / 1e9
+        raise RecordingError(f"{after.path}: overlaps {before.path} by {overlap_s:.3f} s; give one of them")
+
+
+def _concatenate(runs: Sequence[RecordedRun]) -> RecordedRun:
+    """Return one run of all files; the offset of the wall clock is the newest one."""
+    return replace(
+        runs[0],
+        blocks=tuple(block for run in runs for block in run.blocks),
+        calibrations=list_changes(calibration for run in runs for calibration in run.calibrations),
+        losses=_sum_losses([run.losses for run in runs]),
+        wall_offset_ns=runs[-1].wall_offset_ns,
+    )
+
+
+def _sum_losses(losses: Sequence[SalvageReport]) -> SalvageReport:
+    return SalvageReport(
+        closed=all(each.closed for each in losses),
+        altered=any(each.altered for each in losses),
+        torn_bytes=sum(each.torn_bytes for each in losses),
+        damaged_records=sum(each.damaged_records for each in losses),
+        unreadable_messages=sum(each.unreadable_messages for each in losses),
+    )
+
+
+def _describe_incomplete(runs: Sequence[RecordedRun]) -> Iterator[str]:
+    for run in runs:
+        if losses := describe_losses(run.losses):
+            end_ns = int(run.time_ns.max()) + run.wall_offset_ns
+            yield f"{run.path.name}: {', '.join(losses)}; samples up to {iso_utc(end_ns)}"
+
+
+def _describe_gaps(runs: Sequence[RecordedRun], spans_ns: Sequence[tuple[int, int]]) -> Iterator[str]:
+    time_ns = np.concatenate([run.time_ns for run in runs])
+    period_ns = typical_interval((time_ns - time_ns[0]).astype(np.float64))
+    for number in range(1, len(runs)):
+        before, after = runs[number - 1 : number + 1]
+        gap_ns = spans_ns[number][0] - spans_ns[number - 1][1]
+        if (lost := round(gap_ns / period_ns) - 1) > 0:
+            yield f"{after.path.name}: begins {gap_ns / 1e9:.3f} s after {before.path.name} ends, {lost} samples lost"

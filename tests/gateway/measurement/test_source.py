@@ -1,0 +1,155 @@
+"""The input of `measure`: an interval of one file or of several files of a gateway."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from devices.block import DeviceInfo, SampleBlock
+from devices.errors import RecordingError
+from gateway import messages
+from gateway.errors import InputError
+from gateway.measurement.rig import Rig, RigHousing, RigRope
+from gateway.measurement.source import read_source
+from gateway.packing import pack
+from gateway.pipeline.outgoing_message import encode_message
+from gateway.recording.header import RecordingHeader
+from gateway.recording.interval import RecordingInterval, parse_recording_time
+from gateway.recording.writer import Recorder
+
+START_NS = 1_767_225_600_000_000_000
+"""2026-01-01 00:00:00 UTC."""
+RATE_HZ = 50.0
+DEVICE = DeviceInfo(kind="replay", device_id="part-7", unit="g", odr_hz=RATE_HZ, units_per_g=1.0)
+RIG = Rig(rope=RigRope(length_m=9.0), housing=RigHousing(position_m=4.0))
+Write = Callable[..., Path]
+
+
+def interval(begin: str | None = None, end: str | None = None) -> RecordingInterval:
+    return RecordingInterval(*(None if text is None else parse_recording_time(text) for text in (begin, end)))
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Write:
+    """Write a file of one block; its readings are the seconds from `START_NS`."""
+
+    def write(
+        name: str,
+        begin_s: float,
+        seconds: float,
+        toml: str = "",
+        wall_offset_ns: int = 0,
+        calibrations: dict[float, str] | None = None,
+    ) -> Path:
+        header = RecordingHeader("0.1.0", "yard", "crane-2", "hook", "b00t", toml)
+        recorder = Recorder(tmp_path, header, segment_s=600.0, fsync_s=1.0, quota_mb=100.0)
+        time_s = begin_s + np.arange(0, seconds, 1 / RATE_HZ)
+        time_ns = START_NS + np.rint(time_s * 1e9).astype(np.int64)
+        recorder.set_device(DEVICE, int(time_ns[0]))
+        path = recorder.start(int(time_ns[0]))
+        head: dict[str, Any] = {"time_ns": START_NS, "clock": "synchronised", "sequence": 0, "calibration_id": None}
+        for at_s, text in (calibrations or {}).items():
+            calibration = messages.Calibration(
+                **head, status="factory", device_id="part-7", record={}, in_force={"text": text}, text=text
+            )
+            recorder.write(encode_message("calibration", calibration, START_NS + round(at_s * 1e9)))
+        clock = messages.ClockOffset(**head, log_time_ns=START_NS, wall_offset_ns=wall_offset_ns, stepped=False)
+        recorder.write(encode_message("clock", clock, int(time_ns[0])))
+        block = SampleBlock(time_ns, np.repeat(time_s[:, np.newaxis], 3, axis=1), lost=4)
+        recorder.write(
+            encode_message(
+                "samples",
+                pack(block, time_ns=int(time_ns[-1]), clock="synchronised", sequence=0, calibration_id=None),
+                int(time_ns[-1]),
+            )
+        )
+        recorder.close()
+        return path.rename(tmp_path / name)
+
+    return write
+
+
+def test_interval_keeps_the_time_axis_of_the_whole_recording(write: Write) -> None:
+    paths = [write("a.mcap", 0, 10), write("b.mcap", 12, 10)]
+    source = read_source(paths, interval=interval("5", "00:00:15"))
+    recording = source.recording
+    np.testing.assert_allclose(recording.time_s[[0, -1]], [5.0, 14.98], rtol=0, atol=1e-9)
+    np.testing.assert_allclose(recording.raw[:, 0], recording.time_s, rtol=0, atol=1e-9)
+    assert source.force_g.shape == recording.raw.shape
+    assert (recording.lost, recording.lost_before[0]) == (100, 0)
+    assert source.files == tuple(paths)
+    assert source.extent.last_s == pytest.approx(21.98)
+
+
+def test_losses_before_the_first_sample_belong_to_the_whole_recording_alone(write: Write) -> None:
+    path = write("a.mcap", 0, 10)
+    assert read_source([path]).recording.lost == 4
+    assert read_source([path], interval=interval("0", "5")).recording.lost == 4
+    assert read_source([path], interval=interval("1", "5")).recording.lost == 0
+
+
+def test_consecutive_intervals_share_no_sample(write: Write) -> None:
+    path = write("a.mcap", 0, 10)
+    parts = [read_source([path], interval=interval(*limits)) for limits in ((None, "4"), ("4", None))]
+    assert [len(part.recording) for part in parts] == [200, 300]
+
+
+def test_utc_is_that_of_the_corrected_wall_clock(write: Write) -> None:
+    path = write("a.mcap", 0, 10, wall_offset_ns=3_600_000_000_000)
+    source = read_source([path], interval=interval("2026-01-01T01:00:04Z"))
+    assert source.recording.time_s[0] == pytest.approx(4.0)
+
+
+def test_an_interval_with_fewer_than_two_samples_is_refused(write: Write) -> None:
+    paths = [write("a.mcap", 0, 10), write("b.mcap", 12, 10)]
+    with pytest.raises(InputError, match=r"fewer than two samples; the recording is 0 to 21\.980 s, 2026-01-01T"):
+        read_source(paths, interval=interval("10.5", "11.5"))
+
+
+@pytest.mark.parametrize(
+    ("tomls", "setting"),
+    [
+        (("[device]\naxes_map = 'y,-x,z'\n", ""), "device.axes_map"),
+        (("[rope]\nlength_m = 9.0\n", "[rope]\nlength_m = 8.0\n"), "rope.length_m"),
+        (("[housing]\nposition_m = 4.0\n", "[housing]\nposition_m = 5.0\n"), "position of the housing"),
+        (("[site]\ngravity_m_s2 = 9.81\n", ""), "gravity"),
+    ],
+)
+def test_files_with_different_settings_are_refused(write: Write, tomls: tuple[str, str], setting: str) -> None:
+    paths = [write(f"{place}.mcap", 20 * place, 10, toml) for place, toml in enumerate(tomls)]
+    with pytest.raises(RecordingError, match=rf"1\.mcap: was recorded with another {setting} than .*0\.mcap"):
+        read_source(paths)
+
+
+def test_a_rig_replaces_different_ropes_but_not_different_axes(write: Write) -> None:
+    tomls = ["[rope]\nlength_m = 9.0\n", "[rope]\nlength_m = 8.0\n"]
+    paths = [write(f"{place}.mcap", 20 * place, 10, toml) for place, toml in enumerate(tomls)]
+    housing = read_source(paths, RIG).housing
+    assert housing is not None
+    assert housing.length_m == 9.0
+    paths.append(write("2.mcap", 40, 10, "[device]\naxes_map = 'y,-x,z'\n"))
+    with pytest.raises(RecordingError, match=r"another device\.axes_map"):
+        read_source(paths, RIG)
+
+
+def test_change_of_calibration_in_the_interval_is_remarked(write: Write) -> None:
+    path = write("a.mcap", 0, 10, calibrations={0.0: "old", 6.0: "new"})
+    (remark,) = read_source([path]).remarks
+    assert remark == "another calibration came into force at 6.000 s and is not used; measure that part with --from"
+    assert read_source([path], interval=interval("6")).remarks == ()
+    assert read_source([path], interval=interval(None, "6")).remarks == ()
+
+
+def test_text_tables_are_not_joined(tmp_path: Path, write: Write) -> None:
+    table = tmp_path / "log.csv"
+    table.write_text("time_s,ax_g,ay_g,az_g\n" + "".join(f"{100 + n / 10},0,0,1\n" for n in range(50)))
+    with pytest.raises(InputError, match=r"log\.csv: cannot be joined with other files"):
+        read_source([write("a.mcap", 0, 10), table])
+    source = read_source([table], interval=interval("1", "2"))
+    np.testing.assert_allclose(source.recording.time_s[[0, -1]], [101.0, 101.9])
+    with pytest.raises(
+        InputError, match=r"07:30:00: this recording has no UTC; give seconds from its start, 0 to 4\.9"
+    ):
+        read_source([table], interval=interval("07:30:00"))
