@@ -1,14 +1,14 @@
 """The measurement of a recording: formulas, swing, tilt and conditions."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from gateway.measurement.conditions import ConditionSummary, summarise_conditions
 from gateway.measurement.formulas import FormulaEvaluation, FormulaResult
 from gateway.measurement.source import Source
+from gateway.measurement.swing import estimate_source_swing
 from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt, plain_tilt
 from gateway.swing.estimate import SwingEstimate
-from gateway.swing.offline import estimate_swing
 
 HIGHEST_CUTOFF = 0.4
 """Largest cut-off frequency of the low-pass, relative to the sample rate."""
@@ -36,7 +36,7 @@ def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2) -> Measur
     lowpass = LowPass(min(cutoff_hz, HIGHEST_CUTOFF * rate_hz), order, rate_hz)
     lowpassed_g = lowpass.apply(source.force_g)
     mean_g = lowpassed_g.mean(axis=0)
-    swing = _estimate_swing(source)
+    swing = estimate_source_swing(source)
     formulas = FormulaEvaluation(source, lowpass, lowpassed_g, swing)
     return Measurement(
         formulas=formulas.whole_recording(),
@@ -47,12 +47,3 @@ def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2) -> Measur
         axial_rad=axial_tilt(mean_g),
         conditions=summarise_conditions(source, swing),
     )
-
-
-def _estimate_swing(source: Source) -> SwingEstimate:
-    time_s = source.recording.time_s
-    if source.housing is None:
-        reason = "where the housing is on the rope is not known: give --rig"
-        return SwingEstimate(from_s=float(time_s[0]), to_s=float(time_s[-1]), swinging=None, reasons=(reason,))
-    estimate = estimate_swing(time_s, source.force_g, rig=source.housing, noise_g=source.noise_g)
-    return replace(estimate, reasons=(*estimate.reasons, *source.temperature_warnings))

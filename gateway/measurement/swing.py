@@ -1,0 +1,82 @@
+"""The swing of a recording that may have long gaps: the estimates of its parts, combined into one."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from gateway.measurement.source import Source
+from gateway.swing.estimate import SwingEstimate
+from gateway.swing.offline import estimate_swing
+from gateway.swing.rig import MountedHousing
+
+LONGEST_GAP_PERIODS = 8.0
+"""Gap up to which one estimate covers both sides, in periods of a small swing. Beyond it the phase of the swing is not known, and
+nothing is gained from a fit across the gap, whose cost grows with its length."""
+NEGLIGIBLE_PERIODS = 0.5
+"""Length of a part without an estimate up to which it leaves the uncertainty as it is, in periods of a small swing."""
+
+
+def estimate_source_swing(source: Source) -> SwingEstimate:
+    """Return the swing of a recording; not known where the position of the housing is not."""
+    time_s, housing = source.recording.time_s, source.housing
+    if housing is None:
+        reason = "where the housing is on the rope is not known: give --rig"
+        return SwingEstimate(from_s=float(time_s[0]), to_s=float(time_s[-1]), swinging=None, reasons=(reason,))
+    gap_s = LONGEST_GAP_PERIODS * housing.small_swing_period_s
+    bounds = [0, *(np.flatnonzero(np.diff(time_s) > gap_s) + 1).tolist(), len(time_s)]
+    parts = [
+        estimate_swing(time_s[start:stop], source.force_g[start:stop], rig=housing, noise_g=source.noise_g)
+        for start, stop in pairwise(bounds)
+    ]
+    estimate = parts[0] if len(parts) == 1 else combine_parts(parts, housing)
+    return replace(estimate, reasons=(*estimate.reasons, *source.temperature_warnings))
+
+
+def combine_parts(parts: Sequence[SwingEstimate], housing: MountedHousing) -> SwingEstimate:
+    """Return the estimate of all parts together: that of the largest swing, with an interval that covers every part.
+
+    The interval is missing where that of a part is, unless the part is very short.
+    """
+    negligible_s = NEGLIGIBLE_PERIODS * housing.small_swing_period_s
+    relevant = [part for part in parts if part.coverage95_rad is not None or part.to_s - part.from_s > negligible_s]
+    unknown = [part for part in relevant if part.coverage95_rad is None]
+    largest = max(relevant or parts, key=lambda part: (part.swinging is True, part.phi_max_rad or 0.0))
+    coverage95_rad = None if unknown else _joint_coverage_rad(relevant)
+    swinging = largest.swinging if largest.swinging or not unknown else None
+    return replace(
+        largest,
+        from_s=parts[0].from_s,
+        to_s=parts[-1].to_s,
+        swinging=swinging,
+        u_rad=_joint_u_rad(largest, coverage95_rad),
+        coverage95_rad=coverage95_rad,
+        hoists_s=tuple(hoist_s for part in parts for hoist_s in part.hoists_s),
+        swings=tuple(peak for part in parts for peak in part.swings),
+        reasons=(
+            f"estimated in {len(parts)} parts between long gaps",
+            *(_describe_unknown(part) for part in unknown),
+            *(() if largest in unknown else largest.reasons),
+        ),
+    )
+
+
+def _describe_unknown(part: SwingEstimate) -> str:
+    return f"uncertainty unknown at {part.from_s:.0f}-{part.to_s:.0f} s: {', '.join(part.reasons) or 'no estimate'}"
+
+
+def _joint_coverage_rad(parts: Sequence[SwingEstimate]) -> tuple[float, float] | None:
+    """Return the interval of the largest angle of all parts, any of which may have it."""
+    coverages_rad = [part.coverage95_rad for part in parts if part.coverage95_rad is not None]
+    if not coverages_rad:
+        return None
+    return max(low for low, _ in coverages_rad), max(high for _, high in coverages_rad)
+
+
+def _joint_u_rad(largest: SwingEstimate, coverage95_rad: tuple[float, float] | None) -> float | None:
+    """Return the uncertainty of the largest part, enlarged as the joint interval is above it."""
+    own_rad, phi_max_rad, u_rad = largest.coverage95_rad, largest.phi_max_rad, largest.u_rad
+    if coverage95_rad is None or own_rad is None or phi_max_rad is None or u_rad is None or own_rad[1] <= phi_max_rad:
+        return None if coverage95_rad is None else u_rad
+    return u_rad * (coverage95_rad[1] - phi_max_rad) / (own_rad[1] - phi_max_rad)

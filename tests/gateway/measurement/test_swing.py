@@ -1,0 +1,100 @@
+"""The swing of a recording with long gaps."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from devices.pendulum.pendulum import start_motion
+from devices.recording import Recording
+from devices.simulated.crane import Crane
+from gateway.measurement.measure import measure
+from gateway.measurement.source import Source
+from gateway.measurement.swing import combine_parts
+from gateway.recording.interval import RecordingExtent
+from gateway.swing.estimate import SwingEstimate, SwingPeak
+from gateway.swing.rig import MountedHousing
+
+HOUSING = MountedHousing(length_m=9.0, position_m=4.5, gravity_m_s2=9.80665)
+RATE_HZ, NOISE_G, DURATION_S = 50.0, 0.0004, 40.0
+
+
+def swinging(begin_s: float, phi_max_rad: float, u_rad: float = 0.001) -> SwingEstimate:
+    return SwingEstimate(
+        from_s=begin_s,
+        to_s=begin_s + 40,
+        swinging=True,
+        phi_max_rad=phi_max_rad,
+        u_rad=u_rad,
+        coverage95_rad=(phi_max_rad - 2 * u_rad, phi_max_rad + 2 * u_rad),
+        swings=(SwingPeak(time_s=begin_s + 3, phi_max_rad=phi_max_rad, u_rad=u_rad),),
+    )
+
+
+def resting(begin_s: float) -> SwingEstimate:
+    return SwingEstimate(from_s=begin_s, to_s=begin_s + 40, swinging=False, coverage95_rad=(0.0, 0.002))
+
+
+def unknown(begin_s: float, length_s: float) -> SwingEstimate:
+    reasons = ("shorter than one swing",)
+    return SwingEstimate(from_s=begin_s, to_s=begin_s + length_s, swinging=None, reasons=reasons)
+
+
+def test_the_largest_part_gives_the_angle_and_every_part_its_swings() -> None:
+    found = combine_parts([resting(0), swinging(1000, 0.05), swinging(2000, 0.02)], HOUSING)
+    assert (found.swinging, found.phi_max_rad) == (True, 0.05)
+    assert found.u_rad == pytest.approx(0.001)
+    assert found.coverage95_rad == pytest.approx((0.048, 0.052))
+    assert (found.from_s, found.to_s) == (0, 2040)
+    assert [peak.time_s for peak in found.swings] == [1003, 2003]
+
+
+def test_the_interval_covers_a_smaller_but_less_certain_part() -> None:
+    found = combine_parts([swinging(0, 0.05, 0.001), swinging(1000, 0.049, 0.004)], HOUSING)
+    assert found.coverage95_rad == pytest.approx((0.048, 0.057))
+    assert found.u_rad == pytest.approx(0.0035)
+
+
+def test_a_part_that_is_not_known_leaves_the_interval_open() -> None:
+    found = combine_parts([swinging(0, 0.05), unknown(1000, 5.0)], HOUSING)
+    assert (found.swinging, found.phi_max_rad, found.u_rad, found.coverage95_rad) == (True, 0.05, None, None)
+    assert "uncertainty unknown at 1000-1005 s: shorter than one swing" in found.reasons
+    assert combine_parts([resting(0), unknown(1000, 5.0)], HOUSING).swinging is None
+
+
+def test_a_few_samples_between_gaps_leave_the_interval_as_it_is() -> None:
+    found = combine_parts([swinging(0, 0.05), unknown(1000, 0.2)], HOUSING)
+    assert found.coverage95_rad == pytest.approx((0.048, 0.052))
+    assert combine_parts([resting(0), unknown(1000, 0.2)], HOUSING).swinging is False
+
+
+@pytest.mark.parametrize("gap_s", [3600.0, 864_000.0])
+def test_swings_on_both_sides_of_a_long_gap_are_measured(gap_s: float) -> None:
+    crane = Crane(
+        length_m=9.0, position_m=4.5, gravity_m_s2=9.80665, motion=start_motion(math.radians(5.0), 0.0, 0.0, 0.0)
+    )
+    time_s = np.arange(0, DURATION_S, 1 / RATE_HZ)
+    force_g = np.concatenate([crane.specific_force_m_s2(part) for part in np.array_split(time_s, 20)]) / 9.80665
+    force_g = np.tile(force_g, (2, 1)) + np.random.default_rng(3).normal(0, NOISE_G, (2 * len(time_s), 3))
+    time_s = np.concatenate([time_s, time_s + DURATION_S + gap_s])
+    none_lost = np.zeros(len(time_s), dtype=np.int64)
+    recording = Recording(time_s=time_s, raw=force_g, unit="g", lost_before=none_lost, unusable_before=none_lost.copy())
+    source = Source(
+        files=(Path("log.csv"),),
+        recording=recording,
+        extent=RecordingExtent(0.0, float(time_s[-1]), None),
+        force_g=force_g,
+        permissible_norm_error_g=0.01,
+        calibration="as recorded",
+        noise_g=NOISE_G,
+        housing=HOUSING,
+    )
+    swing = measure(source).swing
+    assert swing.coverage95_rad is not None
+    low_rad, high_rad = swing.coverage95_rad
+    assert low_rad < math.radians(5.0) < high_rad < math.radians(5.2)
+    alone = measure(replace(source, recording=recording.part(0, len(time_s) // 2), force_g=force_g[: len(time_s) // 2]))
+    assert len(swing.swings) >= 2 * len(alone.swing.swings) > 4
+    assert swing.reasons[0] == "estimated in 2 parts between long gaps"
