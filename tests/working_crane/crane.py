@@ -38,7 +38,7 @@ class Crane:
     """Pivot to load at the beginning of the recording, rope and rigging in one line."""
     above_load_m: float
     damping_ratio: float
-    """Of the swing, by a force on each mass in proportion to its velocity against the pivot."""
+    """Of the swing without a hook, by a force on the load in proportion to its velocity against the pivot."""
     hook: Hook | None = None
     rope: HeavyRope | None = None
     jib: Jib | None = None

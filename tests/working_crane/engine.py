@@ -155,9 +155,9 @@ def _forces(
 
 def _damping(crane: Crane, is_load: bool) -> float:
     """Return force per mass and velocity, 1/s."""
-    if crane.rope is not None and not is_load:
-        return crane.rope.damping_1_s
-    return 2 * crane.damping_ratio * crane.rate_rad_s
+    if is_load:
+        return 2 * crane.damping_ratio * crane.rate_rad_s
+    return 0.0 if crane.rope is None else crane.rope.damping_1_s
 
 
 def _set_start(

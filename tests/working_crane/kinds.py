@@ -24,12 +24,13 @@ def plain(seed: int) -> Case:
 
 
 def hook(seed: int) -> Case:
-    """A hook block whose load swings below it; no hoists."""
+    """A hook block whose load swings below it; no hoists. In half of the cases the load starts in line with the rope."""
     case = _case("hook", seed, parts=(draw.WITHOUT_HOIST, draw.WITHOUT_HOIST_SHARES))
     rng = _more(seed)
     rigging = float(rng.uniform(0.12, 0.25))
     block = Hook(rigging * case.crane.length_m, float(rng.uniform(0.07, 0.15)))
-    initial, azimuth = np.radians(rng.uniform(0.3, 0.8)), rng.uniform(0, 2 * np.pi)
+    initial = np.radians(rng.uniform(0.3, 0.8)) if rng.random() < 0.5 else 0.0
+    azimuth = rng.uniform(0, 2 * np.pi)
     rho = min(case.rho, 0.95 * (1 - rigging))
     return replace(
         case,
@@ -111,15 +112,15 @@ def string(seed: int) -> Case:
     """A rope with mass that vibrates as a string after hasty starts; no hoists."""
 
     def hasty(timeline: Timeline) -> None:
-        ramp_s, hold_s = timeline.uniform(0.2, 0.6), timeline.uniform(0.3, 1.5) * timeline.period_s
-        speed = timeline.signed(0.15, 0.7)
+        ramp_s, hold_s = timeline.uniform(0.3, 0.9), timeline.uniform(0.3, 1.5) * timeline.period_s
+        speed = timeline.signed(0.08, 0.35)
         timeline.add(Drive(timeline.end_s, ramp_s, hold_s, speed, timeline.azimuth_rad()))
 
     case = _case("string", seed, parts=((hasty, draw.driving_without_hoist, draw.gust), (0.5, 0.35, 0.15)))
     rng = _more(seed)
     share = float(rng.uniform(0.02, 0.1))
     string_rad_s = float(np.pi * np.sqrt(G_M_S2 * (1 + share / 2) / (case.crane.length_m * share)))
-    damping = 2 * float(rng.uniform(0.002, 0.01)) * string_rad_s
+    damping = 2 * float(rng.uniform(0.005, 0.02)) * string_rad_s
     return replace(
         case,
         crane=replace(case.crane, rope=HeavyRope(share, damping)),

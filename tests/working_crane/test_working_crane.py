@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy.special import ellipk
 
-from tests.blind.mechanics import Array
+from tests.blind.mechanics import Array, Hook
 from tests.working_crane.__main__ import main, make
 from tests.working_crane.commands import commands
 from tests.working_crane.crane import DURATION_S, G_M_S2, RATE_HZ, Crane, HeavyRope, Jib
@@ -155,6 +155,22 @@ def test_every_kind_draws_events_in_order_and_leaves_the_housing_below_the_pivot
         changes_m = np.cumsum([event.by_m for event in case.events if isinstance(event, Hoist | SteppedHoist)])
         assert case.crane.length_m + min(changes_m, default=0.0) > case.crane.above_load_m
         assert case.kind == kind
+
+
+def test_hook_and_load_swing_at_the_frequencies_of_the_double_pendulum() -> None:
+    upper_m, lower_m, ratio = 10.0, 2.0, 0.1
+    crane = replace(FREE, hook=Hook(lower_m, ratio))
+    half_s = step_s(crane) / 2
+    time_s: Array = half_s * np.arange(round(120 / half_s), dtype=np.float64)
+    motion = simulate(crane, commands(crane, (), (0.0, 0.0), time_s), (0.01, 0.0), (0.05, 0.0))
+    x = motion.direction[:, 0]
+    spectrum, frequency_hz = np.abs(np.fft.rfft(np.hanning(len(x)) * x)), np.fft.rfftfreq(len(x), step_s(crane))
+    share, lengths = 1 + 1 / ratio, 1 / upper_m + 1 / lower_m
+    root = np.sqrt(share**2 * lengths**2 - 4 * share / (upper_m * lower_m))
+    for sign, low_hz, high_hz in ((-1, 0.0, 0.5), (1, 0.5, 5.0)):
+        expected_hz = np.sqrt(G_M_S2 / 2 * (share * lengths + sign * root)) / (2 * np.pi)
+        near = (frequency_hz > low_hz) & (frequency_hz < high_hz)
+        assert frequency_hz[near][np.argmax(spectrum[near])] == pytest.approx(expected_hz, abs=0.009)
 
 
 def test_lost_samples_leave_the_truth_complete() -> None:
