@@ -1,5 +1,6 @@
 """The gateway: composition, supervision and orderly end of the threads."""
 
+import gc
 import logging
 import sys
 import threading
@@ -154,6 +155,7 @@ class Gateway:
     def run(self, stopping: threading.Event, duration_s: float | None = None) -> str | None:
         """Sample until `stopping` is set or the duration or the recording has ended; return the name of a failed thread."""
         sys.setswitchinterval(SWITCH_S)
+        gc.freeze()  # a collection of everything that was loaded would hold all threads for some 30 ms
         for thread in reversed(self.threads):
             thread.start()
         self._notifier.send(f"READY=1\nSTATUS=sampling {self.processor.info.device_id}")

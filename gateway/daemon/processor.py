@@ -149,8 +149,8 @@ class Processor(Worker[SamplerItem]):
         self._send(output.messages)
 
     def _send(self, messages: Iterable[OutgoingMessage]) -> None:
-        """Encode each message once and put it into the queues of its sinks."""
-        for message in messages:
+        """Encode each message once and put it into the queues of its sinks; alerts go first."""
+        for message in sorted(messages, key=_is_no_alert):
             encoded = encode_message(message.topic, message.message, message.log_time_ns)
             topic = TOPICS[message.topic]
             if topic.published:
@@ -159,3 +159,7 @@ class Processor(Worker[SamplerItem]):
                 self._recording.inbox.put_waiting(encoded, SINK_PATIENCE_S)
             elif topic.logged:
                 self._recording.inbox.put(encoded)
+
+
+def _is_no_alert(message: OutgoingMessage) -> bool:
+    return message.topic != "alert"
