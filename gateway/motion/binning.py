@@ -1,0 +1,59 @@
+"""Means of the samples over short bins: the filter takes ten readings a second instead of a thousand."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gateway.numerics.array import Array
+
+
+@dataclass(frozen=True, slots=True)
+class ForceBin:
+    """The mean of the samples in one bin."""
+
+    time_s: float
+    force_g: Array
+    """Shape (3,)."""
+    count: int
+    is_clipped: bool
+
+
+class Binning:
+    """Collects blocks of samples into bins that end at whole multiples of their width."""
+
+    def __init__(self, width_s: float) -> None:
+        self._width_s = width_s
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the bin that is not complete."""
+        self._label: int | None = None
+        self._time_sum_s, self._count, self._clipped = 0.0, 0, 0
+        self._force_sum_g = np.zeros(3)
+
+    def add(self, time_s: Array, force_g: Array, clipped: int = 0) -> list[ForceBin]:
+        """Add a block, shapes (n,) and (n, 3), with the number of its clipped samples; return the bins that it completes."""
+        complete: list[ForceBin] = []
+        begin, n = 0, len(time_s)
+        self._clipped += clipped
+        while begin < n:
+            label = int(time_s[begin] // self._width_s)
+            if label != self._label:
+                complete += self._close()
+                self._label, self._clipped = label, clipped
+            end_s = (label + 1) * self._width_s
+            end = n if time_s[-1] < end_s else max(begin + 1, int(np.searchsorted(time_s, end_s)))
+            self._force_sum_g += force_g[begin:end].sum(axis=0)
+            self._time_sum_s += float(time_s[begin:end].sum())
+            self._count += end - begin
+            begin = end
+        return complete
+
+    def _close(self) -> list[ForceBin]:
+        if self._count == 0:
+            return []
+        count = self._count
+        closed = ForceBin(self._time_sum_s / count, self._force_sum_g / count, count, self._clipped > 0)
+        self._time_sum_s, self._count, self._clipped = 0.0, 0, 0
+        self._force_sum_g = np.zeros(3)
+        return [closed]

@@ -1,0 +1,125 @@
+"""A motion filter fed with bins: predictions between them, their noise, and the evidence for the filter's account of them."""
+
+from collections import deque
+
+import numpy as np
+
+from gateway.motion.bin_noise import BinNoise
+from gateway.motion.binning import ForceBin
+from gateway.motion.fast_oscillation import FastOscillation
+from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING, PIVOT_SIGN
+from gateway.motion.motion_filter import EXPECTED_SQUARED, MotionFilter
+from gateway.motion.state_vector import HOIST_SPEED, INPUT, LINE, PIVOT_VELOCITY
+from gateway.numerics.array import Array
+
+UNKNOWN_NOISE_G = 1e-3
+"""Of one sample of a sensor whose noise is not stated, before it is measured."""
+EVIDENCE_BINS = 192
+"""Newest bins over which two accounts are compared."""
+INNOVATION_MEMORY = 0.95
+"""Weight of the earlier innovations in their mean: two seconds."""
+POOR_SQUARED = 4.0 * EXPECTED_SQUARED
+"""Mean of the normalised innovation squared from which on the account is doubted."""
+LONGEST_ACT_S, SLOW_HOIST_M_S = 8.0, 0.05
+"""Duration of a drive, of a gust or of a hoist without speed from which on the account is doubted."""
+LINE_TOLERANCE = 0.02
+"""Relative error of a fast oscillation's first frequency: half a radian after five seconds at 1 Hz."""
+IMPLAUSIBLE_LENGTH_SIGMA = 3.5
+"""Standard deviations of the rope's length from the stated one, while the crane has not hoisted."""
+IMPLAUSIBLE_SPEED_M_S, IMPLAUSIBLE_ACCELERATION_G = 6.0, 0.2
+"""Of the pivot: more than any crane."""
+
+
+class FilterRun:
+    """A filter with the time and the noise of the bins that it has taken."""
+
+    def __init__(self, motion_filter: MotionFilter, bin_s: float, noise_g: float | None) -> None:
+        self.filter = motion_filter
+        self.newest_s: float | None = None
+        self.outliers = 0
+        self._bin_s, self._noise_g = bin_s, noise_g
+        self._noise = BinNoise()
+        self._evidence: deque[float] = deque(maxlen=EVIDENCE_BINS)
+        self._mean_squared = EXPECTED_SQUARED
+        self._first_line_rate_1_s: float | None = None
+        self._doubtful_s = 0.0
+        """How long something has acted that is not expected to act for long."""
+
+    def take(self, one: ForceBin) -> None:
+        """Take the next bin; a gap before it is bridged without readings."""
+        if self.newest_s is not None:
+            step_s = one.time_s - self.newest_s
+            steps = max(1, round(step_s / self._bin_s))
+            for _ in range(steps):
+                self.filter.predict(step_s / steps)
+            if steps > 1:
+                self._noise.clear()
+        self.newest_s = one.time_s
+        if one.is_clipped or not np.isfinite(one.force_g).all():
+            self._noise.clear()
+            return
+        self._noise.add(self._without_line(one.force_g))
+        self.outliers += self.filter.update(one.force_g, self._noise.sigma_g(self._stated_g(one.count)))
+        self._evidence.append(self.filter.log_evidence)
+        self._doubtful_s = self._doubtful_s + self._bin_s if self._acts() else 0.0
+        squared = min(self.filter.squared_innovation, 10 * POOR_SQUARED)
+        self._mean_squared += (1 - INNOVATION_MEMORY) * (squared - self._mean_squared)
+
+    def follow_line(self, found: FastOscillation | None) -> None:
+        """Model the fast oscillation that was found."""
+        if found is not None:
+            if self._first_line_rate_1_s is None:
+                self._first_line_rate_1_s = found.rate_1_s
+            self.filter.begin_line(found.rate_1_s, found.amplitude_g)
+        elif self.filter.line_rate_1_s is not None:
+            self.filter.end_line()
+            self._first_line_rate_1_s = None
+
+    def misses_line(self, found: FastOscillation | None) -> bool:
+        """Return whether a fast oscillation is not part of this account, or began in it with a wrong frequency."""
+        if found is None:
+            return False
+        first = self._first_line_rate_1_s
+        return first is None or abs(found.rate_1_s / first - 1) > LINE_TOLERANCE
+
+    def evidence(self, bins: int) -> float:
+        """Return the log evidence of the newest bins."""
+        return sum(list(self._evidence)[-bins:])
+
+    def _acts(self) -> bool:
+        """Return whether a drive or a gust goes on, or a hoist without speed."""
+        mixture = self.filter.mixture
+        speed_m_s = float(mixture.weight @ mixture.state[:, HOIST_SPEED])
+        idle_hoist = mixture.weight[IS_HOISTING].sum() > 0.5 and abs(speed_m_s) < SLOW_HOIST_M_S
+        return bool(idle_hoist or mixture.weight[IS_DRIVEN | IS_GUST].sum() > 0.5)
+
+    @property
+    def is_doubtful(self) -> bool:
+        """The account does not explain the readings, or only by what no crane does."""
+        mixture = self.filter.mixture
+        speed_m_s = mixture.weight @ mixture.state[:, PIVOT_VELOCITY]
+        pivot_g = (mixture.weight * PIVOT_SIGN) @ mixture.state[:, INPUT]
+        return (
+            self._mean_squared > POOR_SQUARED
+            or self._doubtful_s > LONGEST_ACT_S
+            or float(np.hypot(*speed_m_s)) > IMPLAUSIBLE_SPEED_M_S
+            or float(np.hypot(*pivot_g)) > IMPLAUSIBLE_ACCELERATION_G
+        )
+
+    @property
+    def sigma_g(self) -> Array:
+        """Standard deviation of a bin, shape (3,)."""
+        return self._noise.sigma_g(0.0)
+
+    def _stated_g(self, count: int) -> float:
+        if self._noise_g is None:
+            return 0.0 if self._noise.is_known else UNKNOWN_NOISE_G / float(np.sqrt(count))
+        return self._noise_g / float(np.sqrt(count))
+
+    def _without_line(self, force_g: Array) -> Array:
+        if self.filter.line_rate_1_s is None:
+            return force_g
+        mixture = self.filter.mixture
+        found = force_g.copy()
+        found[:2] -= mixture.weight @ mixture.state[:, LINE]
+        return found

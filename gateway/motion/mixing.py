@@ -1,0 +1,105 @@
+"""The step of the interacting multiple models in which hypotheses exchange probability (Blom and Bar-Shalom 1988).
+
+A transition carries the state of its source to its target: states that begin to act get variance, states that end are conditioned
+on zero, so that what ends (a drive, a hoist) also tells about what it leaves behind. Each target keeps the mean and covariance of
+the mixture that reaches it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gateway.motion.hypotheses import N_HYPOTHESES, Transition
+from gateway.motion.state_vector import N_STATES
+from gateway.numerics.array import Array
+
+NEGLIGIBLE = 1e-14
+"""Probability that a transition must carry to be followed. Basis: what it carries is far below every reported probability."""
+SMALLEST_WEIGHT = 1e-200
+"""Keeps weights positive; a hypothesis revives by transitions from the others alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mixture:
+    """State and covariance under each hypothesis, with its weight: shapes (m, n), (m, n, n) and (m,)."""
+
+    state: Array
+    covariance: Array
+    weight: Array
+
+
+class Exchange:
+    """The transitions of a filter."""
+
+    def __init__(self, transitions: tuple[Transition, ...]) -> None:
+        self._transitions = transitions
+        self._sources = np.array([t.source for t in transitions])
+        self._rates_1_s = np.array([t.rate_1_s for t in transitions])
+
+    def after(self, mixture: Mixture, time_s: float) -> Mixture:
+        """Return the mixture after the transitions of a time step."""
+        carried = -np.expm1(-self._rates_1_s * time_s) * mixture.weight[self._sources]
+        leaving = np.zeros(N_HYPOTHESES)
+        targets, weights = list(range(N_HYPOTHESES)), []
+        states, covariances = [], []
+        for index in np.flatnonzero(carried > NEGLIGIBLE):
+            transition = self._transitions[index]
+            state, covariance, share = _carry(mixture, transition)
+            weight = carried[index] * share
+            if weight < NEGLIGIBLE:
+                continue
+            leaving[transition.source] += weight
+            targets.append(int(transition.target))
+            weights.append(weight)
+            states.append(state)
+            covariances.append(covariance)
+        stay = np.maximum(mixture.weight - leaving, SMALLEST_WEIGHT)
+        return _merge(
+            np.array(targets),
+            np.concatenate([stay, weights]),
+            np.concatenate([mixture.state, np.array(states).reshape(-1, N_STATES)]),
+            np.concatenate([mixture.covariance, np.array(covariances).reshape(-1, N_STATES, N_STATES)]),
+        )
+
+
+def _carry(mixture: Mixture, transition: Transition) -> tuple[Array, Array, float]:
+    """Return state, covariance and the share of the transition's rate that the source's state allows."""
+    state, covariance = mixture.state[transition.source], mixture.covariance[transition.source]
+    share = 1.0
+    if transition.zeroed:
+        zeroed = list(transition.zeroed)
+        if transition.tolerance is not None:
+            state, covariance, share = _condition_on_zero(state, covariance, zeroed, transition.tolerance)
+        else:
+            state, covariance = state.copy(), covariance.copy()
+        state[zeroed] = 0.0
+        covariance[zeroed], covariance[:, zeroed] = 0.0, 0.0
+    else:
+        covariance = covariance.copy()
+    covariance.flat[:: N_STATES + 1] += transition.opened
+    return state, covariance, share
+
+
+def _condition_on_zero(
+    state: Array, covariance: Array, zeroed: list[int], tolerance: tuple[float, ...]
+) -> tuple[Array, Array, float]:
+    """Return the state given that some of its entries are zero, and exp(-d^2/2) of their Mahalanobis distance d from it."""
+    rows = covariance[zeroed]
+    spread = rows[:, zeroed] + np.diag(np.square(tolerance))
+    solved = np.linalg.solve(spread, np.column_stack([rows, state[zeroed]]))
+    gain, weighted = solved[:, :-1], solved[:, -1]
+    share = float(np.exp(-0.5 * state[zeroed] @ weighted))
+    return state - gain.T @ state[zeroed], covariance - gain.T @ rows, share
+
+
+def _merge(targets: Array, weights: Array, states: Array, covariances: Array) -> Mixture:
+    """Return one Gaussian per hypothesis with the moments of the mixture that reaches it."""
+    selection = np.zeros((N_HYPOTHESES, len(targets)))
+    selection[targets, np.arange(len(targets))] = weights
+    weight = selection.sum(axis=1)
+    selection /= weight[:, None]
+    state = selection @ states
+    deviation = states - state[targets]
+    second_moment = covariances + deviation[:, :, None] * deviation[:, None, :]
+    covariance = (selection @ second_moment.reshape(len(targets), -1)).reshape(-1, N_STATES, N_STATES)
+    return Mixture(state, covariance, weight / weight.sum())

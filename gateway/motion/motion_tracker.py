@@ -1,0 +1,269 @@
+"""The motion of a live stream: blocks of samples in, an estimate at any time out; pure and deterministic."""
+
+from collections import deque
+
+import numpy as np
+
+from gateway.motion.binning import Binning, ForceBin
+from gateway.motion.estimate import FastOscillationShare, MotionEstimate, MotionState, PeakEstimate
+from gateway.motion.fast_oscillation import FastOscillationDetector
+from gateway.motion.filter_run import FilterRun
+from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING, PIVOT_SIGN
+from gateway.motion.motion_filter import Constants, MotionFilter
+from gateway.motion.peaks import SwingPhase, ellipse, next_peak
+from gateway.motion.rope_model import RopeModel
+from gateway.motion.state_vector import GRAVITY, HOIST_SPEED, INPUT, LINE, LINE_RATE, LN_LENGTH, RATE, SIDE_FORCE
+from gateway.numerics.array import Array
+from gateway.swing.rig import MountedHousing
+
+LONGEST_BIN_S = 0.1
+BINS_PER_PERIOD = 60
+"""Fewest bins in the period of a small swing. Basis: the Taylor step's error of 1e-6 per bin."""
+LARGEST_U_RAD = np.radians(5.0)
+"""Standard uncertainty from which on an angle counts as not known."""
+LONGEST_GAP_S = 120.0
+"""A longer gap starts the motion anew; the sensor's constants stay."""
+SMALLEST_OFFSET_U_G = 3e-4
+"""Standard uncertainty of an offset that is stated as exact."""
+SECOND_ACCOUNT_BINS = 192
+"""Bins of which a second account is made: twenty seconds, at least one swing."""
+RECENT_BINS = 20
+"""Bins of one that is made because the first is doubtful."""
+CATCH_UP_BINS = 4
+"""Bins that a second account takes for each new one, so that no update costs much more than another."""
+FEWEST_SECOND_BINS, SETTLING_BINS = 60, 30
+"""Bins before a second account is compared, and its first ones, which are not: it knows nothing before them."""
+TAKE_OVER_EVIDENCE = 15.0
+"""Gain in log evidence that lets it take over."""
+REST_RAD = np.radians(0.15)
+"""Amplitude below which a load rests."""
+SIGNIFICANT = 3.0
+"""Standard uncertainties."""
+SLOWEST_HOIST_M_S = 0.02
+LIKELY = 0.5
+"""Definition: the more probable of two."""
+
+
+class MotionTracker:
+    """Feeds the motion filter with bins and describes its state.
+
+    A second account of the newest bins is computed where the first one is doubtful or a fast oscillation has been found in them.
+    It takes over where the bins are clearly more probable under it.
+    """
+
+    def __init__(self, rig: MountedHousing, *, mount_u_rad: float, noise_g: float | None = None) -> None:
+        """`mount_u_rad`: standard uncertainty of the housing's z axis against the rope; `noise_g`: stated, 1 sigma per sample."""
+        self._rig, self._noise_g = rig, noise_g
+        self._constants = _constants(rig, mount_u_rad)
+        self._bin_s = min(LONGEST_BIN_S, rig.small_swing_period_s / BINS_PER_PERIOD)
+        self._binning = Binning(self._bin_s)
+        self._run = self._new_run()
+        self._oscillation = FastOscillationDetector(self._bin_s, 2 * np.pi / rig.small_swing_period_s)
+        self._bins: deque[ForceBin] = deque(maxlen=SECOND_ACCOUNT_BINS)
+        self._second: FilterRun | None = None
+        self._backlog: deque[ForceBin] = deque()
+        """Bins that the second account has not taken yet."""
+        self._second_bins = 0
+        self._rest_bins = 0
+        """Bins until another second account may begin."""
+        self._angles: deque[tuple[float, float, float]] = deque()
+        """Time, angle and uncertainty of the last period."""
+
+    @property
+    def outliers(self) -> int:
+        """Bins that no hypothesis explained."""
+        return self._run.outliers
+
+    def update(self, time_s: Array, force_g: Array, clipped: int = 0) -> bool:
+        """Take a block of specific force in the housing frame, shapes (n,) and (n, 3); return whether a bin was completed."""
+        if len(time_s) == 0:
+            return False
+        bins = self._binning.add(time_s, force_g, clipped)
+        for one in bins:
+            self._take(one)
+        return bool(bins)
+
+    def _new_run(self) -> FilterRun:
+        model = RopeModel(self._rig.gravity_m_s2, self._rig.above_load_m is not None)
+        return FilterRun(MotionFilter(model, self._constants), self._bin_s, self._noise_g)
+
+    def _take(self, one: ForceBin) -> None:
+        newest_s = self._run.newest_s
+        if newest_s is not None:
+            step_s = one.time_s - newest_s
+            if step_s <= 0:
+                return
+            if step_s > LONGEST_GAP_S:
+                self._run, self._second = self._new_run(), None
+            if step_s > 1.5 * self._bin_s:
+                self._bins.clear()
+                self._oscillation.clear()
+        self._run.take(one)
+        self._bins.append(one)
+        if self._second is not None:
+            self._backlog.append(one)
+            self._advance_second(self._second)
+        self._rest_bins = max(0, self._rest_bins - 1)
+        if not one.is_clipped and self._oscillation.add(one.force_g):
+            self._follow_line()
+        if self._second is None and self._rest_bins == 0 and self._run.is_doubtful:
+            self._begin_second(RECENT_BINS)
+
+    def _follow_line(self) -> None:
+        found = self._oscillation.found
+        if self._second is not None:
+            self._second.follow_line(found)
+        if self._run.misses_line(found) and self._second is None:
+            self._begin_second()
+        if self._run.filter.line_rate_1_s is not None:
+            self._run.follow_line(found)
+
+    def _begin_second(self, bins: int = SECOND_ACCOUNT_BINS) -> None:
+        self._second, self._second_bins = self._new_run(), 0
+        self._backlog = deque(list(self._bins)[-bins:])
+        self._second.follow_line(self._oscillation.found)
+
+    def _advance_second(self, second: FilterRun) -> None:
+        for _ in range(min(CATCH_UP_BINS, len(self._backlog))):
+            second.take(self._backlog.popleft())
+            self._second_bins += 1
+        if self._backlog or self._second_bins < FEWEST_SECOND_BINS:
+            return
+        compared = self._second_bins - SETTLING_BINS
+        gained = second.evidence(compared) - self._run.evidence(compared)
+        if gained > TAKE_OVER_EVIDENCE:
+            second.outliers += self._run.outliers
+            self._run, self._second = second, None
+        elif self._second_bins > SECOND_ACCOUNT_BINS:
+            self._second, self._rest_bins = None, SECOND_ACCOUNT_BINS // 2
+
+    def estimate(self, now_s: float) -> MotionEstimate:
+        """Return the motion at a time not before the newest bin; call it at most once per published message."""
+        if self._run.newest_s is None:
+            return MotionEstimate(time_s=now_s, state="unknown", reasons=("no reading yet",))
+        x, p = self._moments()
+        ahead_s = now_s - self._run.newest_s
+        rate, _ = self._rates()
+        w_mean = x[2:4] + ahead_s * rate
+        u = x[:2] - ahead_s * (x[2:4] + 0.5 * ahead_s * rate)
+        return self._describe(now_s, u, w_mean, x, p)
+
+    def _rates(self) -> tuple[Array, Array]:
+        mixture = self._run.filter.mixture
+        rate, jacobian = self._run.filter.model.rate(mixture.state)
+        return mixture.weight @ rate[:, RATE], jacobian
+
+    def _moments(self) -> tuple[Array, Array]:
+        """Return mean and covariance of u, w, side force, pivot's acceleration, hoist speed and ln L, shapes (10,), (10, 10)."""
+        mixture = self._run.filter.mixture
+        chosen = mixture.state[:, _REPORTED].copy()
+        chosen[:, 6:8] *= PIVOT_SIGN[:, None]
+        covariance = mixture.covariance[:, _REPORTED][:, :, _REPORTED].copy()
+        covariance[:, 6:8] *= PIVOT_SIGN[:, None, None]
+        covariance[:, :, 6:8] *= PIVOT_SIGN[:, None, None]
+        mean = mixture.weight @ chosen
+        deviation = chosen - mean
+        spread = (mixture.weight[:, None] * deviation).T @ deviation
+        return mean, np.tensordot(mixture.weight, covariance, 1) + spread
+
+    def _describe(self, now_s: float, u: Array, w: Array, x: Array, p: Array) -> MotionEstimate:
+        weight = self._run.filter.mixture.weight
+        sine = min(float(np.hypot(*u)), 1.0)
+        angle_rad = float(np.arcsin(sine))
+        towards = u / max(sine, 1e-9)
+        along, total = float(towards @ p[:2, :2] @ towards), float(np.trace(p[:2, :2]))
+        share = sine**2 / (sine**2 + total)
+        u_rad = float(np.sqrt(share * along + (1 - share) * total))
+        length_m = float(np.exp(x[9]))
+        rate_1_s = float(np.sqrt(self._rig.gravity_m_s2 / length_m))
+        phase = SwingPhase(np.concatenate([u, w, x[4:8]]), p[:8, :8], rate_1_s)
+        centre = -x[4:6]
+        major, minor, direction = ellipse(u - centre, -w / rate_1_s)
+        self._remember(now_s, angle_rad, u_rad, 2 * np.pi / rate_1_s)
+        is_known = u_rad < LARGEST_U_RAD
+        lean = float(np.hypot(*centre))
+        return MotionEstimate(
+            time_s=now_s,
+            state=self._state(major, p, x) if is_known else "unknown",
+            angle_rad=angle_rad if is_known else None,
+            u_rad=u_rad if is_known else None,
+            azimuth_rad=float(np.arctan2(-u[1], -u[0])) if is_known else None,
+            rate_rad_s=-float(towards @ w) if is_known else None,
+            pivot_acceleration_m_s2=(float(x[6]) * self._rig.gravity_m_s2, float(x[7]) * self._rig.gravity_m_s2),
+            pivot_acceleration_u_m_s2=float(np.sqrt(0.5 * np.trace(p[6:8, 6:8]))) * self._rig.gravity_m_s2,
+            hoist_m_s=float(x[8]),
+            hoist_u_m_s=float(np.sqrt(p[8, 8])),
+            probabilities=tuple(float(value) for value in weight),
+            next_peak=next_peak(phase, is_driven=True) if is_known else None,
+            next_peak_if_coasting=next_peak(phase, is_driven=False) if is_known else None,
+            last_peak=self._last_peak(now_s) if is_known else None,
+            amplitude_rad=2 * float(np.arcsin(min(major / 2, 1.0))),
+            minor_amplitude_rad=2 * float(np.arcsin(min(minor / 2, 1.0))),
+            major_azimuth_rad=direction,
+            lean_rad=float(np.arcsin(min(lean, 1.0))),
+            lean_u_rad=float(np.sqrt(0.5 * np.trace(p[4:6, 4:6]))),
+            lean_azimuth_rad=float(np.arctan2(-centre[1], -centre[0])),
+            period_s=2 * np.pi / rate_1_s,
+            length_m=length_m,
+            length_u_m=length_m * float(np.sqrt(p[9, 9])),
+            fast_oscillation=self._fast_oscillation(rate_1_s),
+        )
+
+    def _state(self, amplitude: float, p: Array, x: Array) -> MotionState:
+        weight = self._run.filter.mixture.weight
+        hoists = abs(x[8]) > max(SIGNIFICANT * float(np.sqrt(p[8, 8])), SLOWEST_HOIST_M_S)
+        if weight[IS_DRIVEN].sum() > LIKELY:
+            return "driven"
+        if weight[IS_HOISTING].sum() > LIKELY and hoists:
+            return "hoisting"
+        if weight[IS_GUST].sum() > LIKELY:
+            return "wind"
+        u_amplitude = float(np.sqrt(np.trace(p[:2, :2])))
+        return "rest" if amplitude < max(REST_RAD, SIGNIFICANT * u_amplitude) else "free"
+
+    def _remember(self, now_s: float, angle_rad: float, u_rad: float, period_s: float) -> None:
+        self._angles.append((now_s, angle_rad, u_rad))
+        while self._angles[0][0] < now_s - period_s:
+            self._angles.popleft()
+
+    def _last_peak(self, now_s: float) -> PeakEstimate:
+        time_s, angle_rad, u_rad = max(self._angles, key=lambda one: one[1])
+        return PeakEstimate(angle_rad=angle_rad, u_rad=u_rad, in_s=time_s - now_s)
+
+    def _fast_oscillation(self, rate_1_s: float) -> FastOscillationShare | None:
+        omega = self._run.filter.line_rate_1_s
+        if omega is None:
+            return None
+        mixture = self._run.filter.mixture
+        force, force_rate = mixture.weight @ mixture.state[:, LINE], mixture.weight @ mixture.state[:, LINE_RATE]
+        amplitude, _, _ = ellipse(force, force_rate / omega)
+        length_m = float(np.exp(mixture.weight @ mixture.state[:, LN_LENGTH]))
+        share = self._rig.position_at(length_m) / length_m
+        return FastOscillationShare(
+            frequency_hz=omega / (2 * np.pi),
+            reading_g=share * amplitude,
+            angle_rad=amplitude * (rate_1_s / omega) ** 2,
+        )
+
+
+def _constants(rig: MountedHousing, mount_u_rad: float) -> Constants:
+    x, y, z = (max(SMALLEST_OFFSET_U_G, u_g) for u_g in rig.zero_g_offset_u_g)
+    place_m = rig.above_load_m if rig.above_load_m is not None else rig.position_m
+    return Constants(
+        length_m=rig.length_m,
+        length_u_rel=rig.length_u_rel,
+        place_m=float(place_m or 0.0),
+        place_u_m=rig.position_u_m,
+        offset_u_g=(x, y, float(np.hypot(z, rig.scale_u[2]))),
+        mount_u_rad=mount_u_rad,
+    )
+
+
+_REPORTED = [
+    *range(GRAVITY.start, GRAVITY.stop),
+    *range(RATE.start, RATE.stop),
+    *range(SIDE_FORCE.start, SIDE_FORCE.stop),
+    *range(INPUT.start, INPUT.stop),
+    HOIST_SPEED,
+    LN_LENGTH,
+]

@@ -1,0 +1,42 @@
+"""The state vector of the motion filter, in the frame of the housing.
+
+A pair is the two components across the rope. Forces are per unit weight (1 is g). The rope's direction n points from pivot to
+load.
+"""
+
+GRAVITY = slice(0, 2)
+"""Transverse components of the unit vector of gravity; their magnitude is the sine of the rope's angle."""
+RATE = slice(2, 4)
+"""n', the rate of the rope's direction, 1/s."""
+INPUT = slice(4, 6)
+"""What the hypothesis lets act: horizontal acceleration of the pivot over g, or the force of a gust on the load per weight."""
+INPUT_RATE = slice(6, 8)
+"""Its time derivative, 1/s."""
+SIDE_FORCE = slice(8, 10)
+"""Steady horizontal force on the load per weight, as of a constant wind; it makes the rope lean."""
+OFFSET = slice(10, 12)
+"""Constant part of the transverse reading: zero-g offset plus MOUNT, g."""
+MOUNT = slice(12, 14)
+"""Tilt of the housing's z axis against the rope, rad."""
+AXIAL_OFFSET = 14
+"""Constant part of the axial reading: zero-g offset and scale error, g."""
+LN_LENGTH = 15
+"""ln(L/m)."""
+HOIST_SPEED = 16
+"""L', lowering positive, m/s."""
+HOIST_ACCELERATION = 17
+"""L'', m/s^2."""
+DAMPING = 18
+"""Viscous damping rate c, 1/s."""
+PLACE = 19
+"""Distance of the housing from the end of the rope from which it is stated: load or pivot, m."""
+PIVOT_VELOCITY = slice(20, 22)
+"""Horizontal velocity of the pivot since the crane last rested, m/s."""
+LINE = slice(22, 24)
+"""Force of a fast oscillation on the load (a load that swings under its hook, a rope that vibrates) per weight."""
+LINE_RATE = slice(24, 26)
+"""Its time derivative, 1/s."""
+SPIN = 26
+"""Rate at which the housing turns about the rope, 1/s; everything but OFFSET and MOUNT turns the other way in its frame."""
+N_STATES = 27
+"""Definition."""
