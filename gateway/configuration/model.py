@@ -179,7 +179,12 @@ class AlertsSection(Section):
     warn_deg: float = Field(4.0, gt=0, lt=90, description="warning level of the swing")
     trip_deg: float = Field(6.0, gt=0, lt=90, description="trip level of the swing")
     clear_deg: float = Field(3.0, gt=0, lt=90, description="an alert clears below this level, after hold_s")
-    hold_s: float = Field(3.0, ge=0, le=600, description="time below clear_deg after which an alert clears")
+    hold_s: float = Field(
+        3.0,
+        ge=0,
+        le=600,
+        description="time below clear_deg after which an alert clears, or below 80 % of trip_deg until a trip steps down",
+    )
     lean_trip_deg: float = Field(3.0, gt=0, lt=90, description="trip level of the lean, which a side pull causes")
     stale_s: float = Field(1.0, ge=0.2, le=60, description="without a sample for this long the reading is stale")
 

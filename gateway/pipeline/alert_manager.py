@@ -1,16 +1,18 @@
 """The alert rules of a gateway, and the line of text that an operator reads."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from gateway.configuration.model import AlertsSection
 from gateway.messages import ActiveAlert, Level
-from gateway.stages.alerts import Event, Limits, RuleState, event_between, initial_state, judge, overall_level
+from gateway.stages.alerts import Event, Limits, Reading, RuleState, event_between, judge, judge_alarm, overall_level
 from gateway.units import degrees
 
 LEAN_CLEAR_SHARE = 0.8
 """The lean alert clears below this share of its limit."""
+SHORTEST_LEAD_S = 0.05
+"""A peak that comes sooner is the present angle. Definition: the resolution of the text."""
 CALIBRATION = "calibration"
 """The rule of the drift monitor, which has its own hold time."""
 
@@ -27,7 +29,7 @@ class AlertChange:
 
 
 class AlertManager:
-    """Holds the states of the rules. Angles are upper confidence limits in radians; None: not known."""
+    """Holds the states of the rules."""
 
     def __init__(self, limits: AlertsSection) -> None:
         self._limits = {
@@ -44,35 +46,30 @@ class AlertManager:
             ),
         }
         self._states: dict[str, RuleState] = {}
-        self._values_rad: dict[str, float | None] = dict.fromkeys(self._limits)
+        self._readings: dict[str, Reading | None] = dict.fromkeys(self._limits)
         self._why_unknown = "no reading yet"
         self._drift_alarm: str | None = None
 
     def judge(
         self,
-        values_rad: dict[str, float | None],
+        readings: Mapping[str, Reading | None],
         *,
-        trusted: bool,
         why_unknown: str,
         time_s: float,
         drift_alarm: str | None = None,
     ) -> Iterator[AlertChange]:
-        """Compare the values with the limits; yield one change for each rule whose level has changed.
+        """Compare the reading of each rule with its limits; yield one change for each rule whose level has changed.
 
-        A reading that is not trusted may raise an alert. It never clears one, and below the limits it counts as unknown.
+        A known reading counts, whatever the crane does; None: the angle is not known, and `why_unknown` states why.
         `drift_alarm` is the reason why the calibration can no longer be trusted; None: there is none.
         """
         self._why_unknown = why_unknown
         changed: list[tuple[str, Event]] = []
         for rule, limits in self._limits.items():
-            value_rad = values_rad[rule]
-            raises_rad = limits.trip_rad if limits.warn_rad is None else limits.warn_rad
-            if value_rad is not None and not trusted and value_rad < raises_rad:
-                value_rad = None
-            self._values_rad[rule] = value_rad
-            before = self._states.get(rule) or RuleState(
-                "unknown", time_s
-            )  # before the first value nothing is "normal"
+            reading = self._readings[rule] = readings[rule]
+            # before the first value nothing is "normal"
+            before = self._states.get(rule) or RuleState("unknown", time_s)
+            value_rad = None if reading is None else reading.value_rad
             self._states[rule] = judge(before, value_rad, limits, time_s)
             event = event_between(before, self._states[rule])
             if event != "standing":
@@ -84,7 +81,7 @@ class AlertManager:
     def _judge_calibration(self, drift_alarm: str | None, time_s: float) -> Iterator[tuple[str, Event]]:
         self._drift_alarm = drift_alarm
         before = self._states.get(CALIBRATION) or RuleState("normal", time_s)
-        self._states[CALIBRATION] = initial_state(before, stands=drift_alarm is not None, time_s=time_s)
+        self._states[CALIBRATION] = judge_alarm(before, is_active=drift_alarm is not None, time_s=time_s)
         event = event_between(before, self._states[CALIBRATION])
         if event != "standing":
             yield CALIBRATION, event
@@ -95,7 +92,7 @@ class AlertManager:
         changed: list[tuple[str, Event]] = []
         self._drift_alarm = None
         for rule in self._limits:
-            self._values_rad[rule] = None
+            self._readings[rule] = None
             before = self._states.get(rule)
             if before is None or before.level != "unknown":
                 self._states[rule] = RuleState("unknown", time_s)
@@ -119,15 +116,21 @@ class AlertManager:
     def _active(self, rule: str) -> ActiveAlert:
         if rule == CALIBRATION:
             return self._active_calibration(self._states[rule])
-        state, limits, value_rad = self._states[rule], self._limits[rule], self._values_rad[rule]
-        limit_rad = limits.warn_rad if state.level == "warn" else limits.trip_rad
+        state, limits, reading = self._states[rule], self._limits[rule], self._readings[rule]
+        limit_rad = limits.warn_rad if state.level == "warn" and limits.warn_rad is not None else limits.trip_rad
+        limit_deg = round(math.degrees(limit_rad), 9)
+        if state.level == "unknown":
+            text = f"{rule} unknown: {self._why_unknown}"
+        else:
+            levels = f"limit {limit_deg:.1f} deg"
+            text = f"{rule} {state.level}: {_reading_text(reading)} ({levels})"
         return ActiveAlert(
             rule=rule,
             level=state.level,
             since_ns=round(state.since_s * 1e9),
-            value_deg=degrees(value_rad),
-            limit_deg=None if limit_rad is None else round(math.degrees(limit_rad), 9),
-            text=_text(rule, state.level, value_rad, limit_rad, self._why_unknown),
+            value_deg=None if reading is None else degrees(reading.value_rad),
+            limit_deg=limit_deg,
+            text=text,
         )
 
     def _active_calibration(self, state: RuleState) -> ActiveAlert:
@@ -142,9 +145,9 @@ class AlertManager:
         )
 
 
-def _text(rule: str, level: Level, value_rad: float | None, limit_rad: float | None, why_unknown: str) -> str:
-    if level == "unknown":
-        return f"{rule} unknown: {why_unknown}"
-    now = "not known now" if value_rad is None else f"up to {math.degrees(value_rad):.1f} deg now"
-    limit = "" if limit_rad is None else f" (limit {math.degrees(limit_rad):.1f} deg)"
-    return f"{rule} {level}: {now}{limit}"
+def _reading_text(reading: Reading | None) -> str:
+    value_deg = None if reading is None else degrees(reading.value_rad)
+    if reading is None or value_deg is None:
+        return "not known now"
+    when = "now" if reading.expected_in_s < SHORTEST_LEAD_S else f"expected in {reading.expected_in_s:.1f} s"
+    return f"up to {value_deg:.1f} deg {when}"

@@ -27,6 +27,7 @@ from gateway.pipeline.header import Header, HeaderMaker
 from gateway.pipeline.outgoing_message import OutgoingMessage, PipelineOutput
 from gateway.pipeline.rate_limiter import RateLimiter
 from gateway.pipeline.swing_stage import SwingStage
+from gateway.stages.alerts import Reading
 from gateway.stages.clipping import count_clipped
 from gateway.stages.conditions.verdict import ConditionResult, judge_condition
 from gateway.stages.conditions.window import ConditionWindow
@@ -217,10 +218,10 @@ class Pipeline:
     def _apply_limits(
         self, values_rad: dict[str, float | None], why: str, now: MessageTime
     ) -> Iterator[OutgoingMessage]:
+        readings = {rule: None if value_rad is None else Reading(value_rad) for rule, value_rad in values_rad.items()}
         changes = list(
             self._alerts.judge(
-                values_rad,
-                trusted=self._condition.trusted,
+                readings,
                 why_unknown=why,
                 time_s=now.log_time_ns / 1e9,
                 drift_alarm=self._drift.alarm,

@@ -1,5 +1,6 @@
-"""The alert rules: trip, clear and hold, with the time as an argument. A value that is not known has a level of its own."""
+"""The alert rules: trip, step-down, clear and hold, with the time as an argument. An unknown value has a level of its own."""
 
+import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -7,6 +8,12 @@ from gateway.messages import Level
 
 Event = Literal["raised", "changed", "cleared", "standing"]
 RANK: dict[Level, int] = {"normal": 0, "unknown": 1, "warn": 2, "trip": 3}
+
+STEP_DOWN_SHARE = 0.8
+"""Share of the trip level below which a trip steps down to a warning after the hold time; unit 1. Basis: a choice; a swing that
+stays between the clear level and this one keeps the warning standing, but no longer claims that the limit is near."""
+GRACE_S = 1.0
+"""Longest time without a known value in which a rule stays normal. Basis: ten updates; one missed update is no loss of sight."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,44 +27,79 @@ class Limits:
 
 
 @dataclass(frozen=True, slots=True)
+class Reading:
+    """The upper end of the 95 % interval of an angle."""
+
+    value_rad: float
+    expected_in_s: float = 0.0
+    """Time until the angle is reached: that of a coming peak, 0 for the present angle."""
+
+
+def largest_reading(present: Reading | None, *peaks: Reading | None) -> Reading | None:
+    """Return the largest of the present reading and the known coming peaks; None where the present angle is not known."""
+    if present is None:
+        return None
+    known = [present, *(peak for peak in peaks if peak is not None)]
+    return max(known, key=lambda reading: reading.value_rad)
+
+
+@dataclass(frozen=True, slots=True)
 class RuleState:
     """The state of a rule."""
 
-    level: Level = "normal"
+    level: Level
     since_s: float = 0.0
-    below_since_s: float | None = None
-    """Time since which the value has been below the clear level."""
+    known_s: float = -math.inf
+    """Time of the last known value."""
+    below_clear_since_s: float | None = None
+    below_step_down_since_s: float | None = None
 
 
 def judge(state: RuleState, value_rad: float | None, limits: Limits, time_s: float) -> RuleState:
-    """Return the next state of a rule; `value_rad` is an upper confidence limit, None where it is not known.
+    """Return the next state of a rule; `value_rad` is the upper end of a 95 % interval, None where it is not known.
 
-    A rule is raised at once. It is cleared only after the value has been below the clear level for hold_s. A value that is not
-    known neither raises nor clears an alert, and makes a normal rule unknown.
+    A rule is raised at once, and a known value decides at once where the level was unknown. It clears after the value has been
+    below the clear level for hold_s. A trip of a rule with a warn level steps down to a warning after the value has been below
+    STEP_DOWN_SHARE of the trip level for hold_s. An unknown value keeps a warning or a trip and starts the hold anew; it makes a
+    normal rule unknown after the grace time.
     """
-    if value_rad is None:
-        if state.level == "normal":
-            return RuleState("unknown", time_s)
-        return _without_hold(state)
-    asked = _level_of(value_rad, limits)
-    if RANK[asked] > RANK[state.level] or state.level == "unknown":
-        return RuleState(asked, time_s)
-    if state.level == "normal" or value_rad >= limits.clear_rad:
-        return _without_hold(state)
-    below_since_s = time_s if state.below_since_s is None else state.below_since_s
-    if time_s - below_since_s >= limits.hold_s:
-        return RuleState("normal", time_s)
-    return replace(state, below_since_s=below_since_s)
+    if value_rad is None or not math.isfinite(value_rad):
+        return _judge_unknown(state, time_s)
+    if time_s - state.known_s > GRACE_S:
+        state = _without_hold(state)
+    clear_since_s = _below_since(value_rad, limits.clear_rad, state.below_clear_since_s, time_s)
+    step_down_rad = STEP_DOWN_SHARE * limits.trip_rad
+    step_down_since_s = _below_since(value_rad, step_down_rad, state.below_step_down_since_s, time_s)
+    level = _level_of(value_rad, limits)
+    if state.level != "unknown" and RANK[level] <= RANK[state.level]:
+        level = state.level
+        if _is_held(clear_since_s, limits, time_s):
+            level = "normal"
+        elif level == "trip" and limits.warn_rad is not None and _is_held(step_down_since_s, limits, time_s):
+            level = "warn"
+    since_s = state.since_s if level == state.level else time_s
+    return RuleState(level, since_s, time_s, clear_since_s, step_down_since_s)
 
 
-def initial_state(state: RuleState, *, stands: bool, time_s: float) -> RuleState:
-    """Return the next state of a rule that is judged elsewhere, including its hold time: a warning while `stands` is true."""
-    level: Level = "warn" if stands else "normal"
-    return state if state.level == level else RuleState(level, time_s)
+def _judge_unknown(state: RuleState, time_s: float) -> RuleState:
+    if state.level == "normal" and time_s - state.known_s > GRACE_S:
+        return RuleState("unknown", time_s, state.known_s)
+    return _without_hold(state)
 
 
 def _without_hold(state: RuleState) -> RuleState:
-    return state if state.below_since_s is None else replace(state, below_since_s=None)
+    return replace(state, below_clear_since_s=None, below_step_down_since_s=None)
+
+
+def _below_since(value_rad: float, level_rad: float, since_s: float | None, time_s: float) -> float | None:
+    """Return the time since which the value has been below a level; None where it is not below."""
+    if value_rad >= level_rad:
+        return None
+    return time_s if since_s is None else since_s
+
+
+def _is_held(since_s: float | None, limits: Limits, time_s: float) -> bool:
+    return since_s is not None and time_s - since_s >= limits.hold_s
 
 
 def _level_of(value_rad: float, limits: Limits) -> Level:
@@ -68,13 +110,19 @@ def _level_of(value_rad: float, limits: Limits) -> Level:
     return "normal"
 
 
+def judge_alarm(state: RuleState, *, is_active: bool, time_s: float) -> RuleState:
+    """Return the next state of a rule whose alarm another stage decides, with its own hold time: a warning while it is active."""
+    level: Level = "warn" if is_active else "normal"
+    return state if state.level == level else RuleState(level, time_s)
+
+
 def overall_level(levels: list[Level]) -> Level:
     """Return the level that an operator must react to first."""
     return max(levels, key=lambda level: RANK[level], default="unknown")
 
 
 def event_between(before: RuleState, after: RuleState) -> Event:
-    """Return the event between two states: raised, cleared, or changed between known and unknown."""
+    """Return the event between two states: raised, cleared, or changed (a step down, or between known and unknown)."""
     if before.level == after.level:
         return "standing"
     if after.level in ("warn", "trip"):

@@ -1,48 +1,122 @@
-"""Trip, clear and hold as a table of cases."""
+"""Trip, step-down, clear and hold as a table of cases."""
 
 import math
+from collections.abc import Sequence
 
 import pytest
 
-from gateway.stages.alerts import Limits, RuleState, event_between, initial_state, judge, overall_level
+from gateway.stages.alerts import (
+    GRACE_S,
+    STEP_DOWN_SHARE,
+    Limits,
+    Reading,
+    RuleState,
+    event_between,
+    judge,
+    judge_alarm,
+    largest_reading,
+    overall_level,
+)
 
 LIMITS = Limits(trip_rad=6.0, clear_rad=3.0, hold_s=2.0, warn_rad=4.0)
+"""A trip steps down to a warning below 4.8."""
+STEP_S = 0.5
 
-CASES: dict[str, tuple[list[tuple[float, float | None]], list[str]]] = {
-    "below every limit stays normal": ([(0, 2), (1, 3.9)], ["normal", "normal"]),
-    "the limit itself raises": ([(0, 4.0), (1, 6.0)], ["warn", "trip"]),
-    "raised at once, from normal to trip": ([(0, 1), (1, 7)], ["normal", "trip"]),
-    "a trip does not step down to warn": ([(0, 7), (1, 5), (9, 5)], ["trip", "trip", "trip"]),
-    "cleared after hold below clear": ([(0, 7), (1, 2), (2, 2), (3, 2)], ["trip", "trip", "trip", "normal"]),
-    "the hold begins again after a rise": (
-        [(0, 7), (1, 2), (2, 3.5), (3, 2), (4.9, 2), (5, 2)],
-        ["trip"] * 5 + ["normal"],
+CASES: dict[str, tuple[Sequence[float | None], list[str]]] = {
+    "the first known value decides": ([None, 2], ["unknown", "normal"]),
+    "before the first value nothing is normal": ([None] * 8, ["unknown"] * 8),
+    "below every limit it stays normal": ([2, 3.9], ["normal", "normal"]),
+    "the limit itself raises": ([4.0, 6.0], ["warn", "trip"]),
+    "it is raised at once from normal to trip": ([1, 7], ["normal", "trip"]),
+    "a warning stands between clear and warn": ([4.5] + [3.1] * 9, ["warn"] * 10),
+    "a trip stands near its limit": ([7] + [4.81] * 9, ["trip"] * 10),
+    "a trip steps down after the hold time": ([7] + [4.7] * 5, ["trip"] * 5 + ["warn"]),
+    "the hold of the step down begins again after a rise": ([7, 4, 4, 5, 4, 4, 4, 4, 4], ["trip"] * 8 + ["warn"]),
+    "after the step down it stands until it clears": (
+        [7] + [3.5] * 8 + [2] * 5,
+        ["trip"] * 5 + ["warn"] * 8 + ["normal"],
     ),
-    "not known makes normal unknown": ([(0, 1), (1, None)], ["normal", "unknown"]),
-    "not known never clears": ([(0, 7), (1, None), (60, None)], ["trip"] * 3),
-    "not known restarts the hold": ([(0, 7), (1, 2), (2, None), (3, 2), (4.9, 2), (5, 2)], ["trip"] * 5 + ["normal"]),
-    "known again after unknown": ([(0, None), (1, 1), (2, None), (3, 5)], ["unknown", "normal", "unknown", "warn"]),
+    "after the step down it is raised again at once": ([7] + [3.5] * 5 + [6], ["trip"] * 5 + ["warn", "trip"]),
+    "a trip clears after the hold time without a warning": ([7] + [2] * 5, ["trip"] * 5 + ["normal"]),
+    "the time of the step down counts for clearing": ([7, 4, 4] + [2] * 5, ["trip"] * 5 + ["warn"] * 2 + ["normal"]),
+    "a warning clears after the hold time": ([5] + [2] * 5, ["warn"] * 5 + ["normal"]),
+    "the hold begins again after a rise": ([5, 2, 2, 3.0, 2, 2, 2, 2, 2], ["warn"] * 8 + ["normal"]),
+    "one unknown value leaves it normal": ([1, None, 1, None, None, 1], ["normal"] * 6),
+    "after the grace time normal becomes unknown": ([1, None, None, None], ["normal"] * 3 + ["unknown"]),
+    "from unknown a known value decides at once": (
+        [1, None, None, None, 5, 2],
+        ["normal"] * 3 + ["unknown", "warn", "warn"],
+    ),
+    "unknown is normal again at the first known value": (
+        [1, None, None, None, 2],
+        ["normal"] * 3 + ["unknown", "normal"],
+    ),
+    "unknown never clears a trip": ([7] + [None] * 99, ["trip"] * 100),
+    "unknown never clears a warning": ([5] + [None] * 99, ["warn"] * 100),
+    "an unknown value starts the hold anew": ([7, 2, 2, 2, None, 2, 2, 2, 2, 2], ["trip"] * 9 + ["normal"]),
+    "an unknown value starts the hold of the step down anew": (
+        [7, 4, 4, 4, None, 4, 4, 4, 4, 4],
+        ["trip"] * 9 + ["warn"],
+    ),
+    "a trip clears after it was unknown": ([7] + [None] * 20 + [2] * 5, ["trip"] * 25 + ["normal"]),
+    "a warning is raised to trip while values come and go": ([5, None, 7], ["warn", "warn", "trip"]),
+    "a value that is not finite is unknown": ([7, math.nan, math.inf] + [math.nan] * 9, ["trip"] * 12),
+    "an infinite value does not raise": ([1, math.inf], ["normal", "normal"]),
 }
+
+
+def levels(values_rad: Sequence[float | None], limits: Limits) -> list[str]:
+    state = RuleState("unknown")
+    found: list[str] = []
+    for number, value_rad in enumerate(values_rad):
+        state = judge(state, value_rad, limits, STEP_S * number)
+        found.append(state.level)
+    return found
 
 
 @pytest.mark.parametrize("case", CASES)
 def test_levels(case: str) -> None:
-    readings, expected = CASES[case]
-    state, levels = RuleState(), []
-    for time_s, value_rad in readings:
-        state = judge(state, value_rad, LIMITS, time_s)
-        levels.append(state.level)
-    assert levels == expected
+    values_rad, expected = CASES[case]
+    assert levels(values_rad, LIMITS) == expected
 
 
 def test_without_a_warn_limit_there_is_only_trip() -> None:
-    limits = Limits(trip_rad=math.radians(3), clear_rad=math.radians(2.4), hold_s=0.0)
-    assert judge(RuleState(), math.radians(2.9), limits, 0.0).level == "normal"
-    assert judge(RuleState(), math.radians(3.0), limits, 0.0).level == "trip"
+    limits = Limits(trip_rad=3.0, clear_rad=2.4, hold_s=0.0)
+    assert levels([2.9, 3.0], limits) == ["normal", "trip"]
+
+
+def test_without_a_warn_limit_a_trip_does_not_step_down() -> None:
+    limits = Limits(trip_rad=3.0, clear_rad=1.0, hold_s=1.0)
+    assert levels([3.0] + [1.5] * 9, limits) == ["trip"] * 10
+
+
+def test_without_a_hold_time_a_trip_clears_at_the_first_value_below() -> None:
+    limits = Limits(trip_rad=6.0, clear_rad=3.0, hold_s=0.0, warn_rad=4.0)
+    assert levels([7, 4, 2], limits) == ["trip", "warn", "normal"]
+
+
+def test_a_clear_level_above_the_step_down_clears_the_whole_alert() -> None:
+    limits = Limits(trip_rad=6.0, clear_rad=5.5, hold_s=1.0, warn_rad=5.5)
+    assert STEP_DOWN_SHARE * limits.trip_rad < 5.0
+    assert levels([7, 5.0, 5.0, 5.0], limits) == ["trip"] * 3 + ["normal"]
+
+
+def test_a_gap_between_values_starts_the_hold_anew() -> None:
+    state = judge(RuleState("unknown"), 7.0, LIMITS, 0.0)
+    state = judge(state, 2.0, LIMITS, 1.0)
+    state = judge(state, 2.0, LIMITS, 1.0 + GRACE_S + 3600)
+    assert state.level == "trip"
+    assert judge(state, 2.0, LIMITS, state.known_s + 1.0).level == "trip"
+
+
+def test_the_grace_time_begins_with_the_last_known_value() -> None:
+    state = judge(RuleState("unknown"), 1.0, LIMITS, 10.0)
+    assert judge(state, None, LIMITS, 10.0 + GRACE_S).level == "normal"
+    assert judge(state, None, LIMITS, 10.1 + GRACE_S).level == "unknown"
 
 
 def test_since_is_the_time_of_the_last_change_of_level() -> None:
-    state = judge(judge(RuleState(), 4.5, LIMITS, 10.0), 4.6, LIMITS, 11.0)
+    state = judge(judge(RuleState("unknown"), 4.5, LIMITS, 10.0), 4.6, LIMITS, 11.0)
     assert state.since_s == 10.0
 
 
@@ -55,6 +129,8 @@ def test_unknown_ranks_between_normal_and_warn() -> None:
 def test_events() -> None:
     assert event_between(RuleState("normal"), RuleState("trip")) == "raised"
     assert event_between(RuleState("warn"), RuleState("trip")) == "raised"
+    assert event_between(RuleState("unknown"), RuleState("warn")) == "raised"
+    assert event_between(RuleState("trip"), RuleState("warn")) == "changed"
     assert event_between(RuleState("warn"), RuleState("normal")) == "cleared"
     assert event_between(RuleState("unknown"), RuleState("normal")) == "changed"
     assert event_between(RuleState("normal"), RuleState("unknown")) == "changed"
@@ -62,9 +138,23 @@ def test_events() -> None:
     assert event_between(RuleState("warn"), RuleState("unknown")) == "changed"
 
 
-def test_a_rule_judged_elsewhere_warns_while_it_is_active() -> None:
-    raised = initial_state(RuleState("normal", 1.0), stands=True, time_s=5.0)
+def test_an_alarm_warns_while_it_is_active() -> None:
+    raised = judge_alarm(RuleState("normal", 1.0), is_active=True, time_s=5.0)
     assert (raised.level, raised.since_s) == ("warn", 5.0)
-    assert initial_state(raised, stands=True, time_s=9.0) is raised
-    assert initial_state(raised, stands=False, time_s=9.0) == RuleState("normal", 9.0)
-    assert initial_state(RuleState("unknown", 1.0), stands=True, time_s=2.0).level == "warn"
+    assert judge_alarm(raised, is_active=True, time_s=9.0) is raised
+    assert judge_alarm(raised, is_active=False, time_s=9.0) == RuleState("normal", 9.0)
+    assert judge_alarm(RuleState("unknown", 1.0), is_active=True, time_s=2.0).level == "warn"
+
+
+def test_the_largest_reading_is_the_present_angle_or_a_coming_peak() -> None:
+    present, low, high = Reading(0.03), Reading(0.02, 1.5), Reading(0.05, 1.8)
+    assert largest_reading(present) == present
+    assert largest_reading(present, None) == present
+    assert largest_reading(present, low) == present
+    assert largest_reading(present, low, high) == high
+    assert largest_reading(present, Reading(0.03, 2.0)) == present
+
+
+def test_without_the_present_angle_there_is_no_largest_reading() -> None:
+    assert largest_reading(None, None) is None
+    assert largest_reading(None, Reading(0.02, 1.5)) is None
