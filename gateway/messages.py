@@ -147,6 +147,10 @@ class ActiveAlert:
     since_ns: int
     value_deg: Degrees | None
     limit_deg: Degrees | None
+    clear_deg: Annotated[
+        float | None,
+        Field(description="the alert clears after the hold time below this level, degrees; null: no level"),
+    ] = None
     text: str
 
 

@@ -118,11 +118,11 @@ class AlertManager:
             return self._active_calibration(self._states[rule])
         state, limits, reading = self._states[rule], self._limits[rule], self._readings[rule]
         limit_rad = limits.warn_rad if state.level == "warn" and limits.warn_rad is not None else limits.trip_rad
-        limit_deg = round(math.degrees(limit_rad), 9)
+        limit_deg, clear_deg = round(math.degrees(limit_rad), 9), round(math.degrees(limits.clear_rad), 9)
         if state.level == "unknown":
             text = f"{rule} unknown: {self._why_unknown}"
         else:
-            levels = f"limit {limit_deg:.1f} deg"
+            levels = f"limit {limit_deg:.1f} deg, clears below {clear_deg:.1f} deg"
             text = f"{rule} {state.level}: {_reading_text(reading)} ({levels})"
         return ActiveAlert(
             rule=rule,
@@ -130,6 +130,7 @@ class AlertManager:
             since_ns=round(state.since_s * 1e9),
             value_deg=None if reading is None else degrees(reading.value_rad),
             limit_deg=limit_deg,
+            clear_deg=clear_deg,
             text=text,
         )
 
@@ -141,6 +142,7 @@ class AlertManager:
             since_ns=round(state.since_s * 1e9),
             value_deg=None,
             limit_deg=None,
+            clear_deg=None,
             text=f"{CALIBRATION}: {self._drift_alarm}" if known else f"{CALIBRATION} unknown: {self._why_unknown}",
         )
 

@@ -163,7 +163,13 @@ def make_alert() -> Callable[..., messages.Alert]:
 
 def _alert(event: AlertEvent) -> messages.Alert:
     standing = messages.ActiveAlert(
-        rule="swing", level="trip", since_ns=START_NS, value_deg=6.2, limit_deg=6.0, text="swing 6.2 deg"
+        rule="swing",
+        level="trip",
+        since_ns=START_NS,
+        value_deg=6.2,
+        limit_deg=6.0,
+        clear_deg=3.0,
+        text="swing 6.2 deg",
     )
     return messages.Alert(
         **HEAD, level="trip", event=event, rule="swing", active=[standing], text=f"swing 6.2 deg ({event})"

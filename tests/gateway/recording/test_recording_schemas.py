@@ -18,6 +18,15 @@ TYPES: dict[str, tuple[type, ...]] = {
     "boolean": (bool,),
     "null": (type(None),),
 }
+STANDING = {
+    "rule": "swing",
+    "level": "trip",
+    "since_ns": 0,
+    "value_deg": 6.2,
+    "limit_deg": 6.0,
+    "clear_deg": 3.0,
+    "text": "swing 6.2 deg",
+}
 ANNOTATIONS = {"title", "description", "default"}
 CHECKED = {
     "type",
@@ -104,6 +113,7 @@ def test_every_message_is_valid_by_its_schema(
         ("condition", {"gates": {"norm": 1}}),
         ("swing", {"formulas_deg": {"arccos_min_az": 1.0}}),
         ("alert", {"active": [{"rule": "swing"}]}),
+        ("alert", {"active": [{**STANDING, "clear_deg": "3"}]}),
     ],
 )
 def test_a_wrong_message_is_invalid_by_its_schema(
@@ -134,6 +144,15 @@ def test_messages_without_a_version_have_the_first_one(
     content = json.loads(encode(every_message["tilt"]))
     del content["schema_version"]
     assert adapter("tilt").validate_python(content).schema_version == 1
+
+
+def test_alerts_recorded_before_the_clear_level_was_a_field_remain_readable(
+    every_message: dict[str, messages.Message | messages.Log],
+) -> None:
+    content = json.loads(encode(every_message["alert"]))
+    assert content["active"][0].pop("clear_deg") == 3.0
+    assert faults(content, json.loads(schema_bytes("alert"))) == []
+    assert adapter("alert").validate_python(content).active[0].clear_deg is None
 
 
 @pytest.mark.parametrize("topic", logged_topics())
