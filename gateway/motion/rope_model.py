@@ -131,13 +131,9 @@ class RopeModel:
         damping = x[:, DAMPING] + 2 * speed / length_m
         across_1_s2 = k[:, None] * force - damping[:, None] * w
         squared_1_s2 = (w * w).sum(axis=1)
+        vertical_pivot = (pivot * u).sum(axis=1) / cosine
         ideal_xy = pivot + place_s2[:, None] * across_1_s2 + (2 * clamped / g) * speed[:, None] * w - u
-        ideal_z = (
-            cosine
-            + place_s2 * squared_1_s2
-            - (clamped / g) * x[:, HOIST_ACCELERATION]
-            + (pivot * u).sum(axis=1) / cosine
-        )
+        ideal_z = cosine + place_s2 * squared_1_s2 - (clamped / g) * x[:, HOIST_ACCELERATION] + vertical_pivot
         share = place_s2 * k  # r/L
         mount = x[:, MOUNT]
         reading = np.empty((len(x), 3))
@@ -160,7 +156,7 @@ class RopeModel:
         ideal[:, :2, DAMPING] = -place_s2[:, None] * w
         ideal[:, :2, PLACE] = by_place * across_1_s2
         ideal[:, 2, PLACE] = by_place * squared_1_s2
-        ideal[:, 2, GRAVITY] = (pivot - u) / cosine[:, None]
+        ideal[:, 2, GRAVITY] = (pivot - (1 - vertical_pivot / cosine)[:, None] * u) / cosine[:, None]
         ideal[:, 2, RATE] = 2 * place_s2[:, None] * w
         ideal[:, 2, INPUT] = PIVOT_SIGN[:, None] * u / cosine[:, None]
         ideal[:, 2, HOIST_ACCELERATION] = -clamped / g
@@ -171,7 +167,9 @@ class RopeModel:
         for i in (X, Y):
             jacobian[:, i, OFFSET.start + i] = 1.0
             jacobian[:, i, MOUNT.start + i] = ideal_z - 1
-            jacobian[:, i, LINE.start + i] = share
+            jacobian[:, i, LINE.start + i] = (
+                share  # the share's own derivatives are left out: the line is no measure of length
+            )
         jacobian[:, 2, AXIAL_OFFSET] = 1.0
         jacobian[:, 2, MOUNT] = -ideal_xy
         return reading, jacobian, place_s2
