@@ -167,9 +167,8 @@ class RopeModel:
         for i in (X, Y):
             jacobian[:, i, OFFSET.start + i] = 1.0
             jacobian[:, i, MOUNT.start + i] = ideal_z - 1
-            jacobian[:, i, LINE.start + i] = (
-                share  # the share's own derivatives are left out: the line is no measure of length
-            )
+            # The share's own derivatives are left out: a fast oscillation is no measure of length and place.
+            jacobian[:, i, LINE.start + i] = share
         jacobian[:, 2, AXIAL_OFFSET] = 1.0
         jacobian[:, 2, MOUNT] = -ideal_xy
         return reading, jacobian, place_s2
