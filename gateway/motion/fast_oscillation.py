@@ -14,8 +14,9 @@ WINDOW_BINS = 192
 """Longest window. Basis: frequency known to a few thousandths after twenty seconds."""
 FEWEST_BINS = 48
 CHECK_EVERY_BINS = 10
-LOWEST_RATIO = 3.0
-"""Lowest frequency over that of the swing. Basis: the second mode of a load under its hook lies above 3.5 times the first."""
+LOWEST_RATIO = 3.5
+"""Lowest frequency over that of the swing. Basis: a wide free swing has a third harmonic; second modes of loads under hooks lie
+above it."""
 HIGHEST_SHARE = 0.9
 """Highest frequency over half the rate of the bins."""
 SIGNIFICANCE = 25.0
