@@ -17,6 +17,11 @@ class ForceBin:
     count: int
     is_clipped: bool
 
+    @property
+    def is_usable(self) -> bool:
+        """Whether the mean is that of what acted on the sensor."""
+        return not self.is_clipped and bool(np.isfinite(self.force_g).all())
+
 
 class Binning:
     """Collects blocks of samples into bins that end at whole multiples of their width."""

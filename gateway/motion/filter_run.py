@@ -55,7 +55,7 @@ class FilterRun:
             if steps > 1:
                 self._noise.clear()
         self.newest_s = one.time_s
-        if one.is_clipped or not np.isfinite(one.force_g).all():
+        if not one.is_usable:
             self._noise.clear()
             return
         self._noise.add(self._without_line(one.force_g))

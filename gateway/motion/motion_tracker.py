@@ -104,7 +104,7 @@ class MotionTracker:
             self._backlog.append(one)
             self._advance_second(self._second)
         self._rest_bins = max(0, self._rest_bins - 1)
-        if not one.is_clipped and self._oscillation.add(one.force_g):
+        if one.is_usable and self._oscillation.add(one.force_g):
             self._follow_line()
         if self._second is None and self._rest_bins == 0 and self._run.is_doubtful:
             self._begin_second(RECENT_BINS)
