@@ -6,6 +6,9 @@ import numpy as np
 
 from gateway.numerics.array import Array
 
+ROUNDING = 1e-6
+"""Share of a bin by which a time on its edge may be rounded. Basis: sample times in steps of a microsecond or less."""
+
 
 @dataclass(frozen=True, slots=True)
 class ForceBin:
@@ -42,11 +45,11 @@ class Binning:
         begin, n = 0, len(time_s)
         self._clipped += clipped
         while begin < n:
-            label = int(time_s[begin] // self._width_s)
+            label = int(np.floor(time_s[begin] / self._width_s + ROUNDING))
             if label != self._label:
                 complete += self._close()
                 self._label, self._clipped = label, clipped
-            end_s = (label + 1) * self._width_s
+            end_s = (label + 1 - ROUNDING) * self._width_s
             end = n if time_s[-1] < end_s else max(begin + 1, int(np.searchsorted(time_s, end_s)))
             self._force_sum_g += force_g[begin:end].sum(axis=0)
             self._time_sum_s += float(time_s[begin:end].sum())
