@@ -32,6 +32,7 @@ class FastOscillation:
     rate_1_s: float
     """Angular frequency."""
     amplitude_g: float
+    """Root of the mean square, both axes together."""
 
 
 class FastOscillationDetector:

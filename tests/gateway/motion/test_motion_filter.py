@@ -1,0 +1,211 @@
+"""The motion filter as a live stream sees it: gaps, outliers, clipped and bad samples, blocks of any size, numerical health."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from devices.simulated.schedule import Event, Gust, Hoist, TrolleyMove
+from gateway.motion.binning import Binning
+from gateway.motion.filter_run import FilterRun
+from gateway.motion.motion_filter import Constants, MotionFilter
+from gateway.motion.rope_model import RopeModel
+from gateway.numerics.array import Array
+from tests.gateway.motion.conftest import GRAVITY_M_S2, Recording, follow, new_tracker, normalised_errors, swing
+from tests.values import present
+from tests.working_crane.__main__ import make
+from tests.working_crane.kinds import case_seeds
+
+BIN_S = 0.1
+LENGTH_M, ABOVE_M = 10.0, 5.0
+WORK = (
+    TrolleyMove(5.0, 10.0, 4.0, 0.8, 0.5),
+    Hoist(20.0, 8.0, -1.0),
+    Gust(30.0, 8.0, 0.08, 1.0),
+    TrolleyMove(36.0, 9.0, 3.0, -0.7, 2.0),
+    Hoist(37.0, 6.0, 1.5),
+)
+
+
+def new_run() -> FilterRun:
+    constants = Constants(LENGTH_M, 0.05, ABOVE_M, 0.02, (3e-4, 3e-4, 3e-4), 1e-3)
+    return FilterRun(MotionFilter(RopeModel(GRAVITY_M_S2, is_clamped=True), constants), BIN_S, None)
+
+
+def is_healthy(covariance: Array) -> bool:
+    """Whether a covariance is finite, symmetric and positive apart from states that are exactly known."""
+    sigma = np.sqrt(np.diagonal(covariance))
+    known = sigma > 0
+    correlation = covariance[np.ix_(known, known)] / np.outer(sigma[known], sigma[known])
+    is_symmetric = np.allclose(correlation, correlation.T, atol=1e-9)
+    return bool(np.isfinite(covariance).all() and is_symmetric and np.linalg.eigvalsh(correlation).min() > -1e-9)
+
+
+@pytest.mark.parametrize(
+    ("amplitude_deg", "events"),
+    [(0.0, ()), (6.0, ()), (1.0, WORK)],
+    ids=["rest", "swing", "work"],
+)
+def test_covariances_and_weights_stay_healthy(amplitude_deg: float, events: tuple[Event, ...]) -> None:
+    recording = swing(amplitude_deg=amplitude_deg, events=events, duration_s=60.0, length_m=LENGTH_M)
+    run = new_run()
+
+    for number, one in enumerate(Binning(BIN_S).add(recording.time_s, recording.force_g)):
+        run.take(one)
+        mixture = run.filter.mixture
+        assert mixture.weight.sum() == pytest.approx(1.0, abs=1e-12)
+        assert (mixture.weight > 0).all()
+        assert np.isfinite(run.filter.log_evidence)
+        assert np.isfinite(run.filter.squared_innovation)
+        assert np.isfinite(mixture.state).all()
+        assert number % 7 or all(is_healthy(covariance) for covariance in mixture.covariance)
+
+
+@pytest.mark.parametrize("gap_s", [5.0, 60.0])
+@pytest.mark.parametrize("seed", range(3))
+def test_angle_after_a_gap_is_less_certain_and_still_known(seed: int, gap_s: float) -> None:
+    recording = swing(seed=seed, amplitude_deg=3.0 + seed, duration_s=27.0 + gap_s).without(25.0, 25.0 + gap_s)
+
+    estimates = list(follow(recording))
+
+    before = [e for e in estimates if e.time_s < 25.0][-1]
+    after = next(e for e in estimates if e.time_s > 25.0 + gap_s)
+    assert present(after.u_rad) > present(before.u_rad)
+    assert abs(normalised_errors(recording, [after])[0]) < 4
+
+
+def test_gap_longer_than_any_memory_starts_the_motion_anew() -> None:
+    recording = swing(duration_s=20.0)
+    later = replace(recording, time_s=recording.time_s + 10_000.0)
+    tracker = new_tracker(recording.rig)
+    list(follow(recording, tracker))
+
+    estimates = list(follow(later, tracker))
+
+    assert estimates[-1].angle_rad is not None
+    assert np.median(np.abs(normalised_errors(later, estimates[-80:]))) < 2
+
+
+def test_impact_counts_as_an_outlier_and_leaves_the_angle_right() -> None:
+    recording = swing(duration_s=30.0)
+    struck = recording.force_g.copy()
+    struck[1000:1003] += (0.6, -0.5, 0.4)
+    tracker, undisturbed = new_tracker(recording.rig), new_tracker(recording.rig)
+
+    estimates = list(follow(replace(recording, force_g=struck), tracker))
+
+    list(follow(recording, undisturbed))
+    assert 1 <= tracker.outliers - undisturbed.outliers <= 3
+    after = [e for e in estimates if e.time_s > 20.0]
+    assert all(e.angle_rad is not None for e in after)
+    assert np.abs(normalised_errors(recording, after)).max() < 4
+
+
+def test_bins_with_clipped_samples_are_not_read() -> None:
+    recording = swing(duration_s=20.0)
+
+    def follow_clipped(reading_g: float) -> list[float | None]:
+        tracker, angles = new_tracker(recording.rig), []
+        for begin in range(0, len(recording.time_s), 10):
+            time_s, force_g = recording.time_s[begin : begin + 10], recording.force_g[begin : begin + 10].copy()
+            is_clipped = 600 <= begin < 630
+            if is_clipped:
+                force_g[:] = reading_g
+            tracker.update(time_s, force_g, clipped=5 if is_clipped else 0)
+            angles.append(tracker.estimate(float(time_s[-1])).angle_rad)
+        return angles
+
+    assert follow_clipped(2.0) == follow_clipped(-1.0)
+
+
+@pytest.mark.parametrize("seed", case_seeds(2401, 6))
+def test_start_in_the_middle_of_a_manoeuvre_gives_an_angle_within_one_period(seed: int) -> None:
+    case, recorded = make("mid_manoeuvre", seed)
+    crane = case.crane
+    period_s = 2 * np.pi / crane.rate_rad_s
+    first = recorded.time_s < period_s + 2
+    rig = replace(
+        swing(duration_s=1.0).rig, length_m=case.believed_length_m, above_load_m=crane.above_load_m, length_u_rel=0.05
+    )
+    angle_rad = np.radians(np.interp(recorded.time_s, recorded.truth["time_s"], recorded.truth["angle_deg"]))
+    recording = Recording(recorded.time_s[first], recorded.reading_g[first], angle_rad[first], rig)
+
+    after = [e for e in follow(recording) if e.time_s > period_s]
+
+    assert after
+    assert all(e.angle_rad is not None for e in after)
+
+
+def estimates_with_bins(recording: Recording, block: int) -> list[tuple[int, Array]]:
+    """Number and state of the newest bin after each block that completed one."""
+    tracker = new_tracker(recording.rig)
+    found = []
+    for begin in range(0, len(recording.time_s), block):
+        time_s, force_g = recording.time_s[begin : begin + block], recording.force_g[begin : begin + block]
+        if tracker.update(time_s, force_g):
+            newest = round(float(time_s[-1]) / BIN_S - 0.49)
+            e = tracker.estimate(newest * BIN_S)
+            values = (e.angle_rad, e.u_rad, e.rate_rad_s, e.length_m, *e.probabilities)
+            found.append((newest, np.array(values, dtype=float)))
+    return found
+
+
+def test_same_samples_give_the_same_bits() -> None:
+    recording = swing(duration_s=25.0, amplitude_deg=1.0, events=WORK)
+
+    assert list(follow(recording)) == list(follow(recording))
+
+
+def test_size_of_the_blocks_does_not_matter() -> None:
+    recording = swing(duration_s=20.0, amplitude_deg=1.0, events=WORK)
+    one_by_one = dict(estimates_with_bins(recording, 1))
+
+    for block in (7, 32, 500):
+        in_blocks = estimates_with_bins(recording, block)
+
+        assert in_blocks
+        for newest, values in in_blocks:
+            np.testing.assert_allclose(values, one_by_one[newest], rtol=1e-6, atol=1e-9)
+
+
+def broken(recording: Recording, change: Callable[[Array, Array], None]) -> Recording:
+    time_s, force_g = recording.time_s.copy(), recording.force_g.copy()
+    change(time_s, force_g)
+    return replace(recording, time_s=time_s, force_g=force_g)
+
+
+def repeat_times(time_s: Array, _force_g: Array) -> None:
+    time_s[800:840] = time_s[800]
+
+
+def let_times_fall(time_s: Array, _force_g: Array) -> None:
+    time_s[800:840] -= 2.0
+
+
+def put_nan(_time_s: Array, force_g: Array) -> None:
+    force_g[800:802] = np.nan
+    force_g[840, 2] = np.inf
+
+
+@pytest.mark.parametrize("change", [repeat_times, let_times_fall, put_nan])
+def test_bad_times_and_readings_are_survived(change: Callable[[Array, Array], None]) -> None:
+    recording = swing(duration_s=30.0)
+    tracker = new_tracker(recording.rig)
+
+    estimates = list(follow(broken(recording, change), tracker))
+
+    after = [e for e in estimates if e.time_s > 18.0]
+    assert all(e.angle_rad is not None for e in after)
+    assert np.abs(normalised_errors(recording, after)).max() < 4
+
+
+def test_nothing_is_known_before_the_first_bin() -> None:
+    estimate = new_tracker(swing(duration_s=1.0).rig).estimate(5.0)
+
+    assert (estimate.state, estimate.angle_rad, estimate.u_rad) == ("unknown", None, None)
+    assert estimate.reasons
+
+
+def test_empty_block_completes_no_bin(free_swing: Recording) -> None:
+    assert not new_tracker(free_swing.rig).update(np.zeros(0), np.zeros((0, 3)))
