@@ -1,22 +1,28 @@
-"""`script/bench`: run the named benchmarks, or all."""
+"""`script/bench`: run the named benchmarks, or all; options after a single name are for that benchmark."""
 
 import sys
+from collections.abc import Callable
+from itertools import takewhile
 
-from tests.benchmarks import calibration, chain, conditions, daemon, delay, killed_session, swing
+from tests.benchmarks import calibration, chain, conditions, daemon, delay, killed_session, motion, swing
 
-ALL = {
+ALL: dict[str, Callable[..., None]] = {
     "chain": chain.main,
     "daemon": daemon.main,
     "delay": delay.main,
     "swing": swing.main,
+    "motion": motion.main,
     "conditions": conditions.main,
     "calibration": calibration.main,
     "killed_session": killed_session.main,
 }
 
-wanted = sys.argv[1:] or list(ALL)
-unknown = [name for name in wanted if name not in ALL]
+names = list(takewhile(lambda argument: not argument.startswith("-"), sys.argv[1:]))
+options = sys.argv[1 + len(names) :]
+unknown = [name for name in names if name not in ALL]
 if unknown:
     sys.exit(f"no benchmark {', '.join(unknown)}; there are {', '.join(ALL)}")
-for name in wanted:
-    ALL[name]()
+if options and names != ["motion"]:
+    sys.exit("only the benchmark motion has options")
+for name in names or ALL:
+    ALL[name](*([options] if options else []))
