@@ -7,7 +7,7 @@ import numpy as np
 from gateway.motion.bin_noise import BinNoise
 from gateway.motion.binning import ForceBin
 from gateway.motion.fast_oscillation import FastOscillation
-from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING, PIVOT_SIGN
+from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING, PIVOT_SIGN, MotionHypothesis
 from gateway.motion.motion_filter import EXPECTED_SQUARED, MotionFilter
 from gateway.motion.state_vector import HOIST_SPEED, INPUT, LINE, PIVOT_VELOCITY
 from gateway.numerics.array import Array
@@ -22,6 +22,8 @@ POOR_SQUARED = 4.0 * EXPECTED_SQUARED
 """Mean of the normalised innovation squared from which on the account is doubted."""
 LONGEST_ACT_S, SLOW_HOIST_M_S = 8.0, 0.05
 """Duration of a drive, of a gust or of a hoist without speed from which on the account is doubted."""
+LOCKED_WEIGHT = 0.9
+"""Weight of the free swing from which on an account that began from nothing is believed."""
 LINE_TOLERANCE = 0.02
 """Relative error of a fast oscillation's first frequency: half a radian after five seconds at 1 Hz."""
 IMPLAUSIBLE_LENGTH_SIGMA = 3.5
@@ -92,6 +94,11 @@ class FilterRun:
         speed_m_s = float(mixture.weight @ mixture.state[:, HOIST_SPEED])
         idle_hoist = mixture.weight[IS_HOISTING].sum() > 0.5 and abs(speed_m_s) < SLOW_HOIST_M_S
         return bool(idle_hoist or mixture.weight[IS_DRIVEN | IS_GUST].sum() > 0.5)
+
+    @property
+    def is_locked(self) -> bool:
+        """A free swing on a rope of constant length explains the newest bins."""
+        return bool(self.filter.mixture.weight[MotionHypothesis.FREE] > LOCKED_WEIGHT)
 
     @property
     def is_doubtful(self) -> bool:

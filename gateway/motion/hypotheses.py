@@ -11,13 +11,11 @@ from enum import IntEnum
 import numpy as np
 
 from gateway.motion.state_vector import (
-    GRAVITY,
     HOIST_ACCELERATION,
     HOIST_SPEED,
     INPUT,
     INPUT_RATE,
     N_STATES,
-    RATE,
 )
 from gateway.numerics.array import Array
 
@@ -49,44 +47,28 @@ INITIAL_WEIGHTS = np.array([0.75, 0.10, 0.05, 0.06, 0.03, 0.01])
 
 PIVOT_RATE_1_S, PIVOT_SIGMA = 0.6, 0.03
 """Rate and standard deviation of the pivot's acceleration over g. Basis: ramps of 2 to 9 s to 0.2 to 2.5 m/s."""
-GUST_SIGMA = 0.006
-"""Standard deviation of a gust's force per weight. Basis: gusts of up to 0.11 m/s^2."""
-SLOWEST_GUST_1_S, FASTEST_GUST_1_S = 0.35, 0.35
-"""Limits of a gust's rate. Basis: gusts of 5 to 17 s."""
-HOIST_JERK = 0.5
+GUST_RATE_1_S, GUST_SIGMA = 0.35, 0.006
+"""Rate and standard deviation of a gust's force per weight. Basis: gusts of 5 to 17 s with up to 0.11 m/s^2."""
+HOIST_JERK = 0.08
 """Root of the noise density of the hoist's acceleration, m/s^2/sqrt(s). Basis: 0.5 m/s reached in a second."""
 
 DRIVE_START_1_S, GUST_START_1_S, HOIST_START_1_S = 1 / 25, 1 / 90, 1 / 60
 """How often each begins. Basis: a crane at work moves twice a minute; a factor of three changes the onset by one update."""
-ABRUPT_1_S = 1 / 300
+ABRUPT_1_S = 1 / 1000
 """How often a drive or hoist begins, changes or ends within one update, as by a brake or a stepped controller."""
-LOST_1_S = 0.0
-"""How often the motion becomes another one altogether, as by a collision, an unhooked load or an error of this model."""
-GUST_SHARE_IN_HOIST = 0.03
-"""How often hoist and gust meet, over what two independent events would. Basis: cranes drive and hoist together, which then
-resembles a gust, because the hoist hides the axial reading."""
+JUMP_1_S = 3e-5
+"""How often a drive changes abruptly while it lasts. Basis: it would explain anything."""
 DRIVE_END_1_S, GUST_END_1_S, HOIST_END_1_S = 1.0, 0.5, 1.0
 """How fast the end of each is believed once its input has become zero within the tolerances below."""
+
 PIVOT_TOLERANCE, PIVOT_RATE_TOLERANCE_1_S = 3e-4, 2e-3
 GUST_TOLERANCE, GUST_RATE_TOLERANCE_1_S = 3e-4, 5e-4
-HOIST_TOLERANCE_M_S, HOIST_TOLERANCE_M_S2 = 0.003, 0.01
+HOIST_TOLERANCE_M_S, HOIST_TOLERANCE_M_S2 = 0.01, 0.03
 """Standard deviations with which a drive, a gust and a hoist end smoothly, not at exactly zero."""
 
-LOST_ANGLE_RAD, LOST_RATE_1_S = 0.1, 0.1
-"""Standard deviations of angle and rate after that."""
 
 _INPUT_STATES = [*range(INPUT.start, INPUT.stop), *range(INPUT_RATE.start, INPUT_RATE.stop)]
 _HOIST_STATES = [HOIST_SPEED, HOIST_ACCELERATION]
-
-
-def gust_rate_1_s(rho: float) -> float:
-    """Return the rate of a gust at which gust and drive change the transverse reading alike within one update.
-
-    A drive shows there with 1 - rho, a gust with rho; the noise density of either is 4 rate^3 sigma^2. Equal densities leave
-    the choice to size, axial reading and how often each begins; otherwise the smoother one would win wherever both explain it.
-    """
-    alike = PIVOT_SIGMA * (1 - rho) / (max(rho, 1e-3) * GUST_SIGMA)
-    return float(np.clip(PIVOT_RATE_1_S * alike ** (2 / 3), SLOWEST_GUST_1_S, FASTEST_GUST_1_S))
 
 
 def _variance(states: list[int], sigmas: list[float]) -> Array:
@@ -108,9 +90,11 @@ class Transition:
     """States that are zero after the change."""
     tolerance: tuple[float, ...] | None = None
     """The change happens where those states are already zero within these standard deviations; None: from any value."""
+    counts_spread: bool = False
+    """A state of which little is known is improbably zero: a hoist that may run at any speed has not ended."""
 
 
-def transitions(rate_gust_1_s: float) -> tuple[Transition, ...]:
+def transitions() -> tuple[Transition, ...]:
     """Return all transitions between different hypotheses, and the jumps within one."""
     nothing = np.zeros(N_STATES)
     soft_drive = _variance(_INPUT_STATES, [5e-4, 5e-4, 1e-2, 1e-2])
@@ -120,6 +104,7 @@ def transitions(rate_gust_1_s: float) -> tuple[Transition, ...]:
     inputs, hoist = tuple(_INPUT_STATES), tuple(_HOIST_STATES)
     pivot_ends = (PIVOT_TOLERANCE,) * 2 + (PIVOT_RATE_TOLERANCE_1_S,) * 2
     gust_ends = (GUST_TOLERANCE,) * 2 + (GUST_RATE_TOLERANCE_1_S,) * 2
+    hoist_ends = (HOIST_TOLERANCE_M_S, HOIST_TOLERANCE_M_S2)
     found: list[Transition] = []
     for first in (MotionHypothesis.FREE, MotionHypothesis.FREE_HOISTING):
         driven, gust = MotionHypothesis(first + 1), MotionHypothesis(first + 2)
@@ -129,23 +114,20 @@ def transitions(rate_gust_1_s: float) -> tuple[Transition, ...]:
             Transition(
                 first,
                 gust,
-                GUST_START_1_S * (1.0 if first == MotionHypothesis.FREE else GUST_SHARE_IN_HOIST),
+                GUST_START_1_S,
                 soft_gust,
             ),
-            Transition(driven, driven, ABRUPT_1_S, hard_drive),
+            Transition(driven, driven, JUMP_1_S, hard_drive),
             Transition(driven, first, DRIVE_END_1_S, nothing, inputs, pivot_ends),
             Transition(driven, first, ABRUPT_1_S, nothing, inputs),
             Transition(gust, first, GUST_END_1_S, nothing, inputs, gust_ends),
         ]
     for still in (MotionHypothesis.FREE, MotionHypothesis.DRIVEN, MotionHypothesis.GUST):
         hoisting = MotionHypothesis(still + N_INPUTS)
-        share = GUST_SHARE_IN_HOIST if still == MotionHypothesis.GUST else 1.0
         found += [
-            Transition(still, hoisting, HOIST_START_1_S * share, soft_hoist),
-            Transition(still, hoisting, ABRUPT_1_S * share, hard_hoist),
+            Transition(still, hoisting, HOIST_START_1_S, soft_hoist),
+            Transition(still, hoisting, ABRUPT_1_S, hard_hoist),
             Transition(hoisting, hoisting, ABRUPT_1_S, hard_hoist),
-            Transition(hoisting, still, HOIST_END_1_S, nothing, hoist, (HOIST_TOLERANCE_M_S, HOIST_TOLERANCE_M_S2)),
+            Transition(hoisting, still, HOIST_END_1_S, nothing, hoist, hoist_ends, counts_spread=True),
         ]
-    lost = _variance([*range(GRAVITY.start, RATE.stop)], [LOST_ANGLE_RAD] * 2 + [LOST_RATE_1_S] * 2)
-    found += [Transition(h, MotionHypothesis.FREE, LOST_1_S, lost, (*inputs, *hoist)) for h in MotionHypothesis]
     return tuple(found)

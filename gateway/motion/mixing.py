@@ -69,7 +69,7 @@ def _carry(mixture: Mixture, transition: Transition) -> tuple[Array, Array, floa
     if transition.zeroed:
         zeroed = list(transition.zeroed)
         if transition.tolerance is not None:
-            state, covariance, share = _condition_on_zero(state, covariance, zeroed, transition.tolerance)
+            state, covariance, share = _condition_on_zero(state, covariance, transition)
         else:
             state, covariance = state.copy(), covariance.copy()
         state[zeroed] = 0.0
@@ -80,15 +80,16 @@ def _carry(mixture: Mixture, transition: Transition) -> tuple[Array, Array, floa
     return state, covariance, share
 
 
-def _condition_on_zero(
-    state: Array, covariance: Array, zeroed: list[int], tolerance: tuple[float, ...]
-) -> tuple[Array, Array, float]:
-    """Return the state given that some of its entries are zero, and exp(-d^2/2) of their Mahalanobis distance d from it."""
+def _condition_on_zero(state: Array, covariance: Array, transition: Transition) -> tuple[Array, Array, float]:
+    """Return the state given that what ends is zero, and how well that agrees with what is known of it, 0 to 1."""
+    zeroed, variance = list(transition.zeroed), np.square(transition.tolerance or ())
     rows = covariance[zeroed]
-    spread = rows[:, zeroed] + np.diag(np.square(tolerance))
+    spread = rows[:, zeroed] + np.diag(variance)
     solved = np.linalg.solve(spread, np.column_stack([rows, state[zeroed]]))
     gain, weighted = solved[:, :-1], solved[:, -1]
     share = float(np.exp(-0.5 * state[zeroed] @ weighted))
+    if transition.counts_spread:
+        share *= float(np.sqrt(variance.prod() / np.linalg.det(spread)))
     return state - gain.T @ state[zeroed], covariance - gain.T @ rows, share
 
 

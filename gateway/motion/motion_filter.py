@@ -3,11 +3,12 @@
 It is bounded in memory and in cost per update, and it never starts anew because of what the crane does.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from gateway.motion.hypotheses import (
+    GUST_RATE_1_S,
     GUST_SIGMA,
     HOIST_JERK,
     INITIAL_WEIGHTS,
@@ -17,7 +18,7 @@ from gateway.motion.hypotheses import (
     N_HYPOTHESES,
     PIVOT_RATE_1_S,
     PIVOT_SIGMA,
-    gust_rate_1_s,
+    MotionHypothesis,
     transitions,
 )
 from gateway.motion.mixing import SMALLEST_WEIGHT, Exchange, Mixture
@@ -75,6 +76,8 @@ SPIN_U_1_S, SPIN_WALK_1_S = 0.01, 0.003
 """Standard deviation of the housing's rate about the rope at the start, and its random walk, 1/s/sqrt(s)."""
 SPIN_WITH_LINE = 4.0
 """That walk where a fast oscillation is seen: a hook block turns more easily than a load on a plain rope."""
+INPUT_TIME_S = 3.0
+"""How long an input lasts, which loses weight where it is much larger than its standard deviation."""
 PIVOT_VELOCITY_WALK_M_S = 0.05
 """Random walk of the pivot's velocity, m/s/sqrt(s): a drive too gentle to be seen."""
 OUTLIER_SQUARED = 60.0
@@ -100,13 +103,10 @@ class MotionFilter:
     """Mean and covariance of the state under each hypothesis, and the hypotheses' weights."""
 
     def __init__(self, model: RopeModel, constants: Constants) -> None:
-        place_m = constants.place_m
-        rho = (1 - place_m / constants.length_m) if model.is_clamped else place_m / constants.length_m
-        gust_1_s = gust_rate_1_s(rho)
-        self.model = replace(model, gust_rate_1_s=gust_1_s)
-        self._exchange = Exchange(transitions(gust_1_s))
-        self._noise = _process_noise(gust_1_s)
-        self.mixture = _initial_mixture(model, constants, gust_1_s)
+        self.model = model
+        self._exchange = Exchange(transitions())
+        self._noise = _process_noise()
+        self.mixture = _initial_mixture(model, constants)
         self.line_rate_1_s: float | None = None
         """Angular frequency of a fast oscillation that is part of the state; None: there is none."""
         self._step_s = 0.0
@@ -180,7 +180,9 @@ class MotionFilter:
         x = x + (gain @ innovation[:, :, None])[:, :, 0]
         self.model.keep_in_domain(x)
         covariance = _joseph(covariance, gain, jacobian, noise, curvature)
-        log_weight = np.log(weight) - 0.5 * TEMPERING * (squared + np.log(determinant) + self._implausibility(x))
+        log_density = -0.5 * (squared + np.log(determinant))
+        log_density += _transverse_correction(innovation, spread + noise)
+        log_weight = np.log(weight) + TEMPERING * (log_density - 0.5 * self._implausibility(x))
         largest = log_weight.max()
         weight = np.maximum(np.exp(log_weight - largest), SMALLEST_WEIGHT)
         self.log_evidence = float(largest + np.log(weight.sum()))
@@ -190,9 +192,12 @@ class MotionFilter:
         return is_outlier
 
     def _implausibility(self, x: Array) -> Array:
-        """Return the squared speeds of pivot and hoist over what cranes reach, as far as this update counts, shape (m,)."""
+        """Return squared speeds and inputs over what cranes and gusts reach, as far as this update counts, shape (m,)."""
         pivot = (x[:, PIVOT_VELOCITY] ** 2).sum(axis=1) / PIVOT_SPEED_M_S**2
-        implausibility: Array = (pivot + x[:, HOIST_SPEED] ** 2 / HOIST_SPEED_M_S**2) * self._step_s / SPEED_TIME_S
+        speed = (pivot + x[:, HOIST_SPEED] ** 2 / HOIST_SPEED_M_S**2) / SPEED_TIME_S
+        sigma = np.where(IS_DRIVEN, PIVOT_SIGMA, GUST_SIGMA)
+        acting = (x[:, INPUT] ** 2).sum(axis=1) / sigma**2 / INPUT_TIME_S
+        implausibility: Array = (speed + acting) * self._step_s
         return implausibility
 
     def begin_line(self, rate_1_s: float, amplitude: float) -> None:
@@ -234,6 +239,24 @@ def _likelihood(innovation: Array, spread: Array) -> tuple[Array, Array, Array]:
     return squared, inverse, determinant
 
 
+def _transverse_correction(innovation: Array, spread: Array) -> Array:
+    """Return what makes the transverse readings as probable under a drive as under a gust, shape (m,).
+
+    Any transverse reading can be explained by either. Which of them has the narrower prior says nothing about the crane, and
+    would decide within seconds; so the axial reading decides, and the size of the input.
+    """
+    a, b, c = spread[:, 0, 0], spread[:, 0, 1], spread[:, 1, 1]
+    determinant = a * c - b * b
+    x, y = innovation[:, 0], innovation[:, 1]
+    squared = (c * x * x - 2 * b * x * y + a * y * y) / determinant
+    log_density = -0.5 * (squared + np.log(determinant))
+    correction = np.zeros(len(spread))
+    for driven, gust in _ALIKE:
+        largest = max(log_density[driven], log_density[gust])
+        correction[driven], correction[gust] = largest - log_density[driven], largest - log_density[gust]
+    return correction
+
+
 def _joseph(covariance: Array, gain: Array, jacobian: Array, noise: Array, curvature: Array) -> Array:
     """Return the covariance after an update in the form that stays positive (Bucy and Joseph 1968)."""
     kept = _IDENTITY - gain @ jacobian
@@ -243,7 +266,7 @@ def _joseph(covariance: Array, gain: Array, jacobian: Array, noise: Array, curva
     return updated
 
 
-def _initial_mixture(model: RopeModel, constants: Constants, gust_1_s: float) -> Mixture:
+def _initial_mixture(model: RopeModel, constants: Constants) -> Mixture:
     omega = np.sqrt(model.gravity_m_s2 / constants.length_m)
     state = np.zeros((N_HYPOTHESES, N_STATES))
     state[:, LN_LENGTH] = np.log(constants.length_m)
@@ -260,7 +283,7 @@ def _initial_mixture(model: RopeModel, constants: Constants, gust_1_s: float) ->
     sigma[:, DAMPING] = 2 * DAMPING_RATIO_U * omega
     sigma[IS_DRIVEN, INPUT] = PIVOT_SIGMA
     sigma[IS_DRIVEN, INPUT_RATE] = PIVOT_RATE_1_S * PIVOT_SIGMA
-    sigma[IS_GUST, INPUT], sigma[IS_GUST, INPUT_RATE] = GUST_SIGMA, gust_1_s * GUST_SIGMA
+    sigma[IS_GUST, INPUT], sigma[IS_GUST, INPUT_RATE] = GUST_SIGMA, GUST_RATE_1_S * GUST_SIGMA
     sigma[IS_HOISTING, HOIST_SPEED], sigma[IS_HOISTING, HOIST_ACCELERATION] = 0.3, 0.1
     covariance = np.zeros((N_HYPOTHESES, N_STATES, N_STATES))
     covariance.reshape(N_HYPOTHESES, -1)[:, :: N_STATES + 1] = sigma**2
@@ -270,11 +293,11 @@ def _initial_mixture(model: RopeModel, constants: Constants, gust_1_s: float) ->
     return Mixture(state, covariance, INITIAL_WEIGHTS)
 
 
-def _process_noise(gust_1_s: float) -> Array:
+def _process_noise() -> Array:
     """Return the density of the process noise, shape (m, N_STATES), without that of unmodelled forces on the load."""
     noise = np.zeros((N_HYPOTHESES, N_STATES))
     noise[IS_DRIVEN, INPUT_RATE] = 4 * PIVOT_RATE_1_S**3 * PIVOT_SIGMA**2
-    noise[IS_GUST, INPUT_RATE] = 4 * gust_1_s**3 * GUST_SIGMA**2
+    noise[IS_GUST, INPUT_RATE] = 4 * GUST_RATE_1_S**3 * GUST_SIGMA**2
     noise[:, SIDE_FORCE] = SIDE_FORCE_WALK**2
     noise[:, OFFSET] = noise[:, AXIAL_OFFSET] = OFFSET_WALK_G**2
     noise[:, LN_LENGTH] = LENGTH_WALK**2
@@ -285,3 +308,4 @@ def _process_noise(gust_1_s: float) -> Array:
 
 
 _IDENTITY = np.eye(N_STATES)
+_ALIKE = tuple((int(h), int(h) + 1) for h in (MotionHypothesis.DRIVEN, MotionHypothesis.DRIVEN_HOISTING))

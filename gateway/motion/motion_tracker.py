@@ -131,7 +131,7 @@ class MotionTracker:
             return
         compared = self._second_bins - SETTLING_BINS
         gained = second.evidence(compared) - self._run.evidence(compared)
-        if gained > TAKE_OVER_EVIDENCE:
+        if gained > TAKE_OVER_EVIDENCE and second.is_locked:
             second.outliers += self._run.outliers
             self._run, self._second = second, None
         elif self._second_bins > SECOND_ACCOUNT_BINS:

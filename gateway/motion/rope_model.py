@@ -17,12 +17,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.motion.hypotheses import (
+    GUST_RATE_1_S,
     IS_DRIVEN,
     IS_GUST,
     LOAD_SIGN,
     PIVOT_RATE_1_S,
     PIVOT_SIGN,
-    SLOWEST_GUST_1_S,
 )
 from gateway.motion.state_vector import (
     AXIAL_OFFSET,
@@ -51,6 +51,7 @@ LONGEST_ROPE_LN_M, SHORTEST_ROPE_LN_M = np.log(1000.0), np.log(0.05)
 TURNING = (GRAVITY, RATE, INPUT, INPUT_RATE, SIDE_FORCE, PIVOT_VELOCITY)
 """Pairs that keep their direction in the world while the housing turns."""
 _TURNING_X = np.array([pair.start for pair in TURNING])
+_INPUT_DECAY_1_S = IS_DRIVEN * PIVOT_RATE_1_S + IS_GUST * GUST_RATE_1_S
 SPIN_TIME_S = 60.0
 """Time after which a turning housing has come to rest."""
 X, Y = 0, 1
@@ -67,7 +68,6 @@ class RopeModel:
     gravity_m_s2: float
     is_clamped: bool
     """The housing moves with the rope (stated by its distance from the load); False: it keeps its distance from the pivot."""
-    gust_rate_1_s: float = SLOWEST_GUST_1_S
 
     def rate(self, x: Array) -> tuple[Array, Array]:
         """Return x' and its derivative by x, shapes (m, N_STATES) and (m, N_STATES, N_STATES); the line is propagated apart."""
@@ -81,8 +81,7 @@ class RopeModel:
         rate[:, GRAVITY] = -cosine[:, None] * w
         rate[:, RATE] = k[:, None] * force - damping[:, None] * w
         rate[:, INPUT] = x[:, INPUT_RATE]
-        input_rate_1_s = IS_DRIVEN * PIVOT_RATE_1_S + IS_GUST * self.gust_rate_1_s
-        decay = input_rate_1_s[:, None]
+        decay = _INPUT_DECAY_1_S[:, None]
         rate[:, INPUT_RATE] = -2 * decay * x[:, INPUT_RATE] - decay**2 * x[:, INPUT]
         rate[:, PIVOT_VELOCITY] = self.gravity_m_s2 * PIVOT_SIGN[:, None] * x[:, INPUT]
         rate[:, LN_LENGTH] = speed / length_m
@@ -105,8 +104,8 @@ class RopeModel:
             jacobian[:, row, row] = -damping
             jacobian[:, PIVOT_VELOCITY.start + i, INPUT.start + i] = self.gravity_m_s2 * PIVOT_SIGN
             jacobian[:, INPUT.start + i, INPUT_RATE.start + i] = 1.0
-            jacobian[:, INPUT_RATE.start + i, INPUT_RATE.start + i] = -2 * input_rate_1_s
-            jacobian[:, INPUT_RATE.start + i, INPUT.start + i] = -(input_rate_1_s**2)
+            jacobian[:, INPUT_RATE.start + i, INPUT_RATE.start + i] = -2 * _INPUT_DECAY_1_S
+            jacobian[:, INPUT_RATE.start + i, INPUT.start + i] = -(_INPUT_DECAY_1_S**2)
         jacobian[:, RATE, LN_LENGTH] = ln_length
         jacobian[:, RATE, HOIST_SPEED] = -2 * w / length_m[:, None]
         jacobian[:, RATE, DAMPING] = -w

@@ -14,7 +14,6 @@ from gateway.motion.hypotheses import (
     LOAD_SIGN,
     PIVOT_SIGN,
     MotionHypothesis,
-    gust_rate_1_s,
     transitions,
 )
 from gateway.motion.mixing import Exchange
@@ -77,9 +76,11 @@ def while_acting(events: list[Event], rho: float) -> Iterator[tuple[Recording, M
 @pytest.mark.parametrize("events", [DRIVE_AND_HOIST, GUST_AND_HOIST], ids=["drive", "gust"])
 def test_interval_holds_the_angle_in_a_hoist_with_a_drive_or_a_gust(events: list[Event], rho: float) -> None:
     """The hoist hides the axial channel, so that drive and gust are told apart badly or not at all."""
-    held = [holds(recording, estimate) for recording, estimate in while_acting(events, rho)]
+    acting = list(while_acting(events, rho))
+    held = [holds(recording, estimate) for recording, estimate in acting if estimate.angle_rad is not None]
 
     assert np.mean(held) > 0.9
+    assert len(held) > 0.8 * len(acting)
 
 
 def test_acceleration_of_the_pivot_is_measured_in_a_drive() -> None:
@@ -99,16 +100,11 @@ def test_each_hypothesis_joins_one_input_with_one_rope() -> None:
     assert not IS_HOISTING[MotionHypothesis.DRIVEN]
 
 
-@pytest.mark.parametrize("rho", [0.0, 0.5, 1.0])
-def test_rate_of_a_gust_is_positive_for_every_place_of_the_housing(rho: float) -> None:
-    assert gust_rate_1_s(rho) > 0
-
-
 def test_exchange_of_probability_keeps_the_sum_and_the_states_of_what_rests() -> None:
     model = RopeModel(GRAVITY_M_S2, is_clamped=True)
     mixture = MotionFilter(model, Constants(10.0, 0.05, 5.0, 0.02, (3e-4, 3e-4, 3e-4), 1e-3)).mixture
 
-    after = Exchange(transitions(gust_rate_1_s(0.5))).after(mixture, 0.1)
+    after = Exchange(transitions()).after(mixture, 0.1)
 
     assert after.weight.sum() == pytest.approx(1.0, abs=1e-12)
     still, undriven = ~IS_HOISTING, ~(IS_DRIVEN | IS_GUST)
