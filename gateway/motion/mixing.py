@@ -13,7 +13,7 @@ from gateway.motion.hypotheses import N_HYPOTHESES, Transition
 from gateway.motion.state_vector import N_STATES
 from gateway.numerics.array import Array
 
-NEGLIGIBLE = 1e-14
+NEGLIGIBLE = 1e-7
 """Probability that a transition must carry to be followed. Basis: what it carries is far below every reported probability."""
 SMALLEST_WEIGHT = 1e-200
 """Keeps weights positive; a hypothesis revives by transitions from the others alone."""

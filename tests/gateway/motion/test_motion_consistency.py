@@ -66,7 +66,7 @@ def runs() -> tuple[Array, Array]:
 def test_mean_normalised_innovation_squared_is_three_less_the_allowance_for_the_model(
     runs: tuple[Array, Array],
 ) -> None:
-    """The filter allows for errors of its equations (MODEL_SHARE), which these data do not have: up to a tenth of the variance."""
+    """The filter allows for errors of its equations (MODEL_SHARE) that these data do not have: up to a tenth of the variance."""
     squared, _ = runs
     chance = 4 * np.sqrt(6 / len(squared))
 
