@@ -34,50 +34,39 @@ class Exchange:
     def __init__(self, transitions: tuple[Transition, ...]) -> None:
         self._transitions = transitions
         self._sources = np.array([t.source for t in transitions])
+        self._targets = np.array([t.target for t in transitions])
         self._rates_1_s = np.array([t.rate_1_s for t in transitions])
+        self._opened = np.array([t.opened for t in transitions])
+        self._kept = np.ones((len(transitions), N_STATES))
+        for kept, transition in zip(self._kept, transitions, strict=True):
+            kept[list(transition.zeroed)] = 0.0
 
     def after(self, mixture: Mixture, time_s: float) -> Mixture:
         """Return the mixture after the transitions of a time step."""
         carried = -np.expm1(-self._rates_1_s * time_s) * mixture.weight[self._sources]
-        leaving = np.zeros(N_HYPOTHESES)
-        targets, weights = list(range(N_HYPOTHESES)), []
-        states, covariances = [], []
-        for index in np.flatnonzero(carried > NEGLIGIBLE):
+        followed = np.flatnonzero(carried > NEGLIGIBLE)
+        carried, sources = carried[followed], self._sources[followed]
+        states, covariances = mixture.state[sources], mixture.covariance[sources]
+        for i, index in enumerate(followed):
             transition = self._transitions[index]
-            state, covariance, share = _carry(mixture, transition)
-            weight = carried[index] * share
-            if weight < NEGLIGIBLE:
-                continue
-            leaving[transition.source] += weight
-            targets.append(int(transition.target))
-            weights.append(weight)
-            states.append(state)
-            covariances.append(covariance)
+            if transition.tolerance is not None:
+                states[i], covariances[i], share = _condition_on_zero(states[i], covariances[i], transition)
+                carried[i] *= share
+        kept = self._kept[followed]
+        states *= kept
+        covariances *= kept[:, :, None] * kept[:, None, :]
+        covariances.reshape(len(followed), -1)[:, :: N_STATES + 1] += self._opened[followed]
+        leaving = np.bincount(sources, carried, minlength=N_HYPOTHESES)
         stay = np.maximum(mixture.weight - leaving, SMALLEST_WEIGHT)
         return _merge(
-            np.array(targets),
-            np.concatenate([stay, weights]),
-            np.concatenate([mixture.state, np.array(states).reshape(-1, N_STATES)]),
-            np.concatenate([mixture.covariance, np.array(covariances).reshape(-1, N_STATES, N_STATES)]),
+            np.concatenate([_ALL, self._targets[followed]]),
+            np.concatenate([stay, carried]),
+            np.concatenate([mixture.state, states]),
+            np.concatenate([mixture.covariance, covariances]),
         )
 
 
-def _carry(mixture: Mixture, transition: Transition) -> tuple[Array, Array, float]:
-    """Return state, covariance and the share of the transition's rate that the source's state allows."""
-    state, covariance = mixture.state[transition.source], mixture.covariance[transition.source]
-    share = 1.0
-    if transition.zeroed:
-        zeroed = list(transition.zeroed)
-        if transition.tolerance is not None:
-            state, covariance, share = _condition_on_zero(state, covariance, transition)
-        else:
-            state, covariance = state.copy(), covariance.copy()
-        state[zeroed] = 0.0
-        covariance[zeroed], covariance[:, zeroed] = 0.0, 0.0
-    else:
-        covariance = covariance.copy()
-    covariance.flat[:: N_STATES + 1] += transition.opened
-    return state, covariance, share
+_ALL = np.arange(N_HYPOTHESES)
 
 
 def _condition_on_zero(state: Array, covariance: Array, transition: Transition) -> tuple[Array, Array, float]:

@@ -29,7 +29,7 @@ SECOND_ACCOUNT_BINS = 192
 """Bins of which a second account is made: twenty seconds, at least one swing."""
 RECENT_BINS = 20
 """Bins of one that is made because the first is doubtful."""
-CATCH_UP_BINS = 4
+CATCH_UP_BINS = 3
 """Bins that a second account takes for each new one, so that no update costs much more than another."""
 FEWEST_SECOND_BINS, SETTLING_BINS = 60, 30
 """Bins before a second account is compared, and its first ones, which are not: it knows nothing before them."""
