@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pytest
@@ -50,18 +51,25 @@ def swing(
     events: Iterable[Event] = (),
     noise_g: float = 4e-4,
     offset_g: float = 3e-4,
+    damping_ratio: float = 0.003,
 ) -> Recording:
     """A swing at a random azimuth on a rope that is believed 5 % wrong (1 sigma), with events of the simulated crane."""
     rng = np.random.default_rng(seed)
     start, speed = amplitude_deg * np.exp(1j * rng.uniform(0, 2 * np.pi)), np.sqrt(GRAVITY_M_S2 / length_m)
     side = 0.2 * speed * start * 1j
     motion = pendulum.start_motion(*np.radians([start.real, start.imag, side.real, side.imag]))
-    crane = Crane(length_m=length_m, position_m=rho * length_m, events=events, motion=motion, damping_ratio=0.003)
+    new_crane = partial(
+        Crane,
+        length_m=length_m,
+        position_m=rho * length_m,
+        events=tuple(events),
+        motion=motion,
+        damping_ratio=damping_ratio,
+    )
     time_s: Array = np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
-    force_g = crane.specific_force_m_s2(time_s) / GRAVITY_M_S2
+    force_g = new_crane().specific_force_m_s2(time_s) / GRAVITY_M_S2
     force_g += noise_g * rng.normal(size=force_g.shape) + offset_g * rng.normal(size=3)
-    crane_again = Crane(length_m=length_m, position_m=rho * length_m, events=events, motion=motion, damping_ratio=0.003)
-    return Recording(time_s, force_g, crane_again.truth(time_s).rope_angle_rad, believed(rng, length_m, rho))
+    return Recording(time_s, force_g, new_crane().truth(time_s).rope_angle_rad, believed(rng, length_m, rho))
 
 
 def believed(rng: np.random.Generator, length_m: float, rho: float) -> MountedHousing:

@@ -1,0 +1,108 @@
+"""Two-filter smoothing: what the bins up to a time say is joined with what the later ones say (Fraser and Potter 1969, eq. 12).
+
+It is done under each hypothesis, with the states whitened by what was known before the first bin. The prior is then N(0, I), and
+the later bins, which have begun with it too, contribute the information P^-1 - I, so that it counts once. The hypotheses' weights
+are multiplied, with the evidence that both directions agree.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gateway.motion.filter_history import KEPT_CONSTANTS, MixtureSeries
+from gateway.motion.mixing import Mixture
+from gateway.motion.motion_filter import TEMPERING
+from gateway.motion.whitening import Information, Whitening
+from gateway.numerics.array import Array
+
+UNINFORMATIVE = 0.9
+"""Variance after whitening from which on a direction counts as not measured."""
+LOST = 1e-3
+"""Probability that one of the directions follows a wrong motion, so that the other one alone is right."""
+CONSTANTS_U_FACTOR = 1.25
+"""Factor of the uncertainty that the constants leave. Basis: errors of the equations are not white, so that the filter takes its
+constants for better known than they are."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Joined:
+    """States given all bins, whitened, and how well the two directions agree."""
+
+    state: Array
+    covariance: Array
+    log_evidence: Array
+    """Logarithm of the integral of N(x; forward) N(x; backward) / N(x; prior), shape (n, m)."""
+    disagreement: Array
+    """Normalised squared difference of the directions over its expectation, shape (n, m)."""
+
+
+def combine(
+    forward: MixtureSeries, backward: MixtureSeries, prior: Mixture, bins_before: Array, bins_after: Array
+) -> MixtureSeries:
+    """Return the mixtures given all bins.
+
+    `prior`: before any bin; `bins_before`, `bins_after`: positive, shape (n,): bins from which the series are made.
+    """
+    whitening = Whitening.of(prior)
+    joined = _join(
+        whitening.apply(forward.state, forward.covariance), whitening.apply(backward.state, backward.covariance)
+    )
+    covariance = _widen_constants(joined.covariance * np.maximum(joined.disagreement, 1.0)[..., None, None])
+    both = MixtureSeries(*whitening.restore(joined.state, covariance), np.zeros_like(forward.weight))
+    log_first, log_later = np.log(forward.weight), np.log(backward.weight)
+    share = bins_before**2 / (bins_before**2 + bins_after**2)
+    log_weights = np.array(
+        [
+            log_first + log_later - np.log(prior.weight) + TEMPERING * joined.log_evidence,
+            log_first + np.log(LOST * share)[:, None],
+            log_later + np.log(LOST * (1 - share))[:, None],
+        ]
+    )
+    return _merge(log_weights, both, forward, backward)
+
+
+def _join(forward: tuple[Array, Array], backward: tuple[Array, Array]) -> _Joined:
+    first, first_covariance = forward
+    later = Information.of(*backward)
+    matrix, vector, variance, along = later.matrix, later.vector, later.variance, later.along
+    spread = np.eye(first.shape[-1]) + first_covariance @ matrix
+    covariance = np.linalg.solve(spread, first_covariance)
+    covariance = 0.5 * (covariance + covariance.swapaxes(-1, -2))
+    gain = vector - np.einsum("...ij,...j->...i", matrix, first)
+    state = first + np.einsum("...ij,...j->...i", covariance, gain)
+    exponent = (
+        2 * (vector * first).sum(axis=-1)
+        - np.einsum("...i,...ij,...j->...", first, matrix, first)
+        + np.einsum("...i,...ij,...j->...", gain, covariance, gain)
+    )
+    density = np.where(variance < 1, np.log(variance) + along**2 / variance, 0.0).sum(axis=-1)
+    is_measured = variance < UNINFORMATIVE
+    largest = np.where(is_measured, along**2 / (variance * np.maximum(1 - variance, 1 - UNINFORMATIVE)), 0.0)
+    return _Joined(
+        state,
+        covariance,
+        0.5 * (exponent - density - np.linalg.slogdet(spread)[1]),
+        (largest.sum(axis=-1) - exponent) / np.maximum(is_measured.sum(axis=-1), 1),
+    )
+
+
+def _widen_constants(covariance: Array) -> Array:
+    """Enlarge the part of the whitened covariance that is due to the constants."""
+    with_constants = covariance[..., KEPT_CONSTANTS]
+    constants = with_constants[..., KEPT_CONSTANTS, :]
+    due = with_constants @ np.linalg.solve(constants, with_constants.swapaxes(-1, -2))
+    widened: Array = covariance + (CONSTANTS_U_FACTOR**2 - 1) * due
+    return widened
+
+
+def _merge(log_weights: Array, *series: MixtureSeries) -> MixtureSeries:
+    """Return one Gaussian per hypothesis with the moments of all series, `log_weights` of shape (series, n, m)."""
+    weights = np.exp(log_weights - log_weights.max(axis=(0, 2), keepdims=True))
+    weight = weights.sum(axis=0)
+    share = np.divide(weights, weight, out=np.full_like(weights, 1 / len(series)), where=weight > 0)
+    state = sum(part[..., None] * one.state for part, one in zip(share, series, strict=True))
+    covariance = np.zeros_like(series[0].covariance)
+    for part, one in zip(share, series, strict=True):
+        deviation = one.state - state
+        covariance += part[..., None, None] * (one.covariance + deviation[..., :, None] * deviation[..., None, :])
+    return MixtureSeries(np.asarray(state), covariance, weight / weight.sum(axis=1, keepdims=True))
