@@ -7,7 +7,7 @@ from gateway.cli.interval import add_interval, interval
 
 EXAMPLE = """examples:
   plumbline measure log.csv --rig rig.toml --json result.json
-  plumbline measure plumbline-data/*.mcap
+  plumbline measure plumbline-data/*.mcap --motion motion.csv
   plumbline measure plumbline-data --from 07:30:00 --to 07:35:00 --json -"""
 
 
@@ -17,7 +17,8 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         "measure",
         help="compute swing, tilt and conditions of a recording",
         description="Compute swing, tilt and conditions of a recording: the estimate with its uncertainty, and the four "
-        "published formulas. Several files of one gateway are one recording; an incomplete file is read up to its end.",
+        "published formulas; where the crane works, also what crane and load did when, with the largest angles. Several files of "
+        "one gateway are one recording; an incomplete file is read up to its end.",
         epilog=EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -38,20 +39,32 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     command.add_argument(
         "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
     )
+    command.add_argument(
+        "--motion",
+        type=Path,
+        metavar="FILE.csv",
+        help="write the motion at every 0.1 s: angle with uncertainty, pivot acceleration, hoist speed, rope length, state",
+    )
     command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure a recording and print the result."""
-    from gateway.cli.output import STANDARD_OUTPUT, print_json, write_json
+    from gateway.cli.output import STANDARD_OUTPUT, print_json, write_json, write_text
+    from gateway.errors import InputError
     from gateway.measurement.measure import measure
+    from gateway.measurement.motion_report import motion_table
     from gateway.measurement.report import as_json, as_text
     from gateway.measurement.rig import read_rig
     from gateway.measurement.source import read_source
 
     rig = None if arguments.rig is None else read_rig(arguments.rig)
     source = read_source(arguments.logs, rig, interval(arguments))
-    result = measure(source)
+    result = measure(source, with_motion=arguments.motion is not None)
+    if arguments.motion is not None:
+        if result.motion is None:
+            raise InputError(f"{source.name}: the motion is not known: {'; '.join(result.swing.reasons)}")
+        write_text(arguments.motion, motion_table(result.motion.history))
     if arguments.json == STANDARD_OUTPUT:
         print_json(as_json(source, result))
         return 0

@@ -4,6 +4,12 @@ from dataclasses import dataclass
 
 from gateway.measurement.conditions import ConditionSummary, summarise_conditions
 from gateway.measurement.formulas import FormulaEvaluation, FormulaResult
+from gateway.measurement.motion import (
+    RecordingMotion,
+    estimate_source_motion,
+    is_free_swing,
+    with_smoothed_angle,
+)
 from gateway.measurement.source import Source
 from gateway.measurement.swing import estimate_source_swing
 from gateway.stages.lowpass import LowPass
@@ -28,22 +34,31 @@ class Measurement:
     """By the arctangent alone (Zams and Łuczak 2024, eq. 6 and 7)."""
     axial_rad: float
     conditions: ConditionSummary
+    motion: RecordingMotion | None
+    """None: the crane does not work in the recording, or nothing can be said."""
 
 
-def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2) -> Measurement:
-    """Return the results of a recording; without a position of the housing the swing is not known."""
+def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2, with_motion: bool = False) -> Measurement:
+    """Return the results of a recording; without a position of the housing the swing is not known.
+
+    `with_motion`: smooth the motion of a free swing too.
+    """
     rate_hz = source.recording.rate_hz
     lowpass = LowPass(min(cutoff_hz, HIGHEST_CUTOFF * rate_hz), order, rate_hz)
     lowpassed_g = lowpass.apply(source.force_g)
     mean_g = lowpassed_g.mean(axis=0)
     swing = estimate_source_swing(source)
     formulas = FormulaEvaluation(source, lowpass, lowpassed_g, swing)
+    motion = estimate_source_motion(source, swing) if with_motion or not is_free_swing(swing) else None
+    if motion is not None and not (with_motion or motion.crane_worked):
+        motion = None
     return Measurement(
         formulas=formulas.whole_recording(),
-        swing=swing,
+        swing=swing if motion is None else with_smoothed_angle(swing, motion),
         formulas_by_swing=formulas.each_swing(),
         tilt=fused_tilt(mean_g),
         arctangent_tilt=plain_tilt(mean_g),
         axial_rad=axial_tilt(mean_g),
         conditions=summarise_conditions(source, swing),
+        motion=motion,
     )

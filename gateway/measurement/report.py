@@ -5,6 +5,7 @@ from typing import Any
 
 from devices.recording import Recording
 from gateway.measurement.measure import Measurement
+from gateway.measurement.motion_report import motion_json, motion_rows
 from gateway.measurement.source import Source
 from gateway.recording.timestamp import iso_utc
 from gateway.swing.estimate import FormulaAngles, SwingEstimate
@@ -31,6 +32,7 @@ def as_json(source: Source, found: Measurement) -> dict[str, Any]:
         "swing_reasons": list(found.swing.reasons),
         "hoists_s": [list(when) for when in found.swing.hoists_s],
         "swings": _swings(found),
+        "motion": None if found.motion is None else motion_json(found.motion),
         "tilt": {
             "pitch_deg": degrees(found.tilt.pitch_rad),
             "roll_deg": degrees(found.tilt.roll_rad),
@@ -132,6 +134,7 @@ def as_text(source: Source, found: Measurement) -> str:
         *(("remark", text) for text in _remarks(source)),
         ("calibration", source.calibration),
         ("swing", _swing_text(found.swing)),
+        *(() if found.motion is None else motion_rows(found.motion)),
         (
             "formulas",
             "  ".join(f"{name} {_angle_text(angle)}" for name, angle in asdict(found.formulas.as_published).items()),

@@ -1,0 +1,120 @@
+"""The motion over a recording in which the crane works: the smoothed history, and the swing where no free swing explains it."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.pendulum.small_swing import small_swing_period_s
+from gateway.measurement.source import Source
+from gateway.motion.estimate import MotionState
+from gateway.motion.history import LargestAngle, MotionHistory, MotionPhase
+from gateway.motion.smoother import smooth_motion
+from gateway.numerics.saturation import saturation_level
+from gateway.stages.clipping import CLIPPED_SHARE
+from gateway.swing.data.input_checks import find_fault_in_means
+from gateway.swing.estimate import SwingEstimate
+from gateway.swing.estimation.make_estimate import NO_MOTION
+from gateway.swing.rig import MountedHousing
+
+MOUNT_U_RAD = math.radians(0.06)
+"""Standard uncertainty of the angle between the housing's z axis and the rope after zeroing in place."""
+WORKING: frozenset[MotionState] = frozenset({"driven", "hoisting", "wind"})
+"""States that no free swing explains."""
+MOVING: frozenset[MotionState] = frozenset({"driven", "hoisting"})
+"""States in which the crane moves."""
+NEGLIGIBLE_PERIODS = 0.5
+"""Time without a known angle up to which the largest angle of a recording is known, in periods of a small swing."""
+BY_SMOOTHING = "largest angle from the smoothed motion, because the crane worked"
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingMotion:
+    """The motion over a recording."""
+
+    housing: MountedHousing
+    history: MotionHistory
+    phases: tuple[MotionPhase, ...]
+    largest: LargestAngle | None
+    """None: not known at any time."""
+    known_share: float
+    """Part of the time at which the angle is known."""
+
+    @property
+    def crane_worked(self) -> bool:
+        """The crane moved or a gust pushed the load."""
+        return any(phase.state in WORKING for phase in self.phases)
+
+    @property
+    def state_at_largest(self) -> MotionState | None:
+        """What crane and load did at the largest angle."""
+        if self.largest is None:
+            return None
+        return self.history.state[int(np.abs(self.history.time_s - self.largest.time_s).argmin())]
+
+    @property
+    def crane_moved_at_largest(self) -> bool | None:
+        """Whether trolley, bridge or winch moved at the largest angle."""
+        return None if self.largest is None else self.state_at_largest in MOVING
+
+
+def is_free_swing(swing: SwingEstimate) -> bool:
+    """Return whether one free swing, or a load at rest, explains the whole recording."""
+    return swing.coverage95_rad is not None and not swing.hoists_s and not swing.reasons
+
+
+def estimate_source_motion(source: Source, swing: SwingEstimate) -> RecordingMotion | None:
+    """Return the smoothed motion of a recording; None where the housing's place is not known or the sensor is at fault."""
+    housing, is_clipped = source.housing, _clipped_samples(source)
+    was_fitted = swing.swinging is not None or swing.reduced_chi_square is not None or NO_MOTION in swing.reasons
+    is_usable = was_fitted or (is_clipped.any() and not is_clipped.all())
+    if housing is None or not is_usable or find_fault_in_means(source.force_g[~is_clipped]) is not None:
+        return None
+    history = smooth_motion(
+        source.recording.time_s,
+        source.force_g,
+        housing,
+        math.hypot(MOUNT_U_RAD, 0.0 if source.correction is None else source.correction.u_cross_axis),
+        None if source.noise_g is None else float(np.min(source.noise_g)),
+        is_clipped,
+    )
+    known_share = float(np.isfinite(history.angle_rad).mean())
+    return RecordingMotion(housing, history, history.phases(), history.largest_angle(), known_share)
+
+
+def _clipped_samples(source: Source) -> NDArray[np.bool_]:
+    """Return the samples at full scale, or where that is not stated at a limit that occurs too often."""
+    if source.full_scale_g is not None:
+        limits_g = [CLIPPED_SHARE * source.full_scale_g] * 3
+    else:
+        levels_g = [saturation_level(values) for values in source.force_g.T]
+        limits_g = [np.inf if level_g is None else abs(level_g) for level_g in levels_g]
+    return np.asarray((np.abs(source.force_g) >= limits_g).any(axis=1), dtype=np.bool_)
+
+
+def with_smoothed_angle(swing: SwingEstimate, motion: RecordingMotion) -> SwingEstimate:
+    """Return the swing with the largest smoothed angle where no free swing explains the recording and the crane worked."""
+    history, largest = motion.history, motion.largest
+    if largest is None or swing.coverage95_rad is not None or not motion.crane_worked:
+        return swing
+    unknown_s = (1 - motion.known_share) * (swing.to_s - swing.from_s)
+    if unknown_s > NEGLIGIBLE_PERIODS * motion.housing.small_swing_period_s:
+        return swing
+    at = int(np.abs(history.time_s - largest.time_s).argmin())
+    length_m = float(history.length_m[at]) if swing.length_m is None else swing.length_m
+    azimuth_rad = float(history.azimuth_rad[at])
+    return replace(
+        swing,
+        swinging=True,
+        phi_max_rad=largest.angle_rad,
+        u_rad=largest.u_rad,
+        coverage95_rad=largest.coverage95_rad,
+        azimuth_rad=azimuth_rad - math.pi * round(azimuth_rad / math.pi),
+        length_m=length_m,
+        length_u_m=float(history.length_u_m[at]) if swing.length_u_m is None else swing.length_u_m,
+        period_s=small_swing_period_s(length_m, motion.housing.gravity_m_s2)
+        if swing.period_s is None
+        else swing.period_s,
+        reasons=(BY_SMOOTHING, *swing.reasons),
+    )

@@ -1,0 +1,134 @@
+"""The measurement of a recording in which the crane works."""
+
+import csv
+import io
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from devices.pendulum.pendulum import start_motion
+from devices.recording import Recording
+from devices.simulated.crane import Crane
+from devices.simulated.schedule import Event, Hoist, TrolleyMove
+from gateway.measurement.measure import Measurement, measure
+from gateway.measurement.motion_report import motion_table
+from gateway.measurement.report import as_json, as_text
+from gateway.measurement.source import Source
+from gateway.recording.interval import RecordingExtent
+from gateway.swing.rig import MountedHousing
+from tests.values import present
+
+HOUSING = MountedHousing(length_m=9.4, above_load_m=4.5, gravity_m_s2=9.80665)
+LENGTH_M, RATE_HZ, NOISE_G, DURATION_S = 9.0, 50.0, 0.0004, 60.0
+WORK = (
+    TrolleyMove(start_s=15.0, duration_s=9.0, ramp_s=3.0, speed_m_s=1.0, azimuth_rad=0.4),
+    Hoist(start_s=38.0, duration_s=8.0, by_m=-2.0),
+)
+
+
+def crane(events: tuple[Event, ...], swing_deg: float) -> Crane:
+    motion = start_motion(math.radians(swing_deg), 0.0, 0.0, 0.0)
+    return Crane(length_m=LENGTH_M, position_m=4.5, gravity_m_s2=9.80665, events=events, motion=motion)
+
+
+def recorded(events: tuple[Event, ...], swing_deg: float = 2.0) -> tuple[Source, float]:
+    """A recording and its largest true angle in degrees."""
+    time_s = np.arange(0, DURATION_S, 1 / RATE_HZ)
+    force_g = crane(events, swing_deg).specific_force_m_s2(time_s) / 9.80665
+    force_g += np.random.default_rng(3).normal(0, NOISE_G, force_g.shape)
+    none_lost = np.zeros(len(time_s), dtype=np.int64)
+    recording = Recording(time_s=time_s, raw=force_g, unit="g", lost_before=none_lost, unusable_before=none_lost.copy())
+    source = Source(
+        files=(Path("log.csv"),),
+        recording=recording,
+        extent=RecordingExtent(0.0, float(time_s[-1]), None),
+        force_g=force_g,
+        permissible_norm_error_g=0.01,
+        calibration="as recorded",
+        noise_g=NOISE_G,
+        housing=HOUSING,
+    )
+    return source, float(np.degrees(crane(events, swing_deg).truth(time_s).rope_angle_rad.max()))
+
+
+@pytest.fixture(scope="module")
+def working() -> tuple[Source, float]:
+    return recorded(WORK)
+
+
+@pytest.fixture(scope="module")
+def measured(working: tuple[Source, float]) -> Measurement:
+    return measure(working[0])
+
+
+def test_a_drive_leaves_the_largest_angle_with_an_interval(
+    working: tuple[Source, float], measured: Measurement
+) -> None:
+    content: dict[str, Any] = json.loads(json.dumps(as_json(working[0], measured)))
+    low_deg, high_deg = content["swing"]["coverage95_deg"]
+    assert low_deg < working[1] < high_deg < low_deg + 0.5
+    assert content["swing_reasons"][0] == "largest angle from the smoothed motion, because the crane worked"
+    assert content["motion"]["largest"]["angle_deg"] == content["swing"]["phi_max_deg"]
+    assert content["motion"]["known_percent"] == 100
+
+
+def test_the_phases_cover_the_recording_in_order(measured: Measurement) -> None:
+    phases = present(measured.motion).phases
+    assert [one.to_s for one in phases[:-1]] == [one.from_s for one in phases[1:]]
+    driven = [one for one in phases if one.state == "driven"]
+    hoisting = [one for one in phases if one.state == "hoisting"]
+    assert driven[0].from_s == pytest.approx(15.0, abs=1.0)
+    assert hoisting[0].from_s == pytest.approx(38.0, abs=1.5)
+    assert hoisting[-1].to_s == pytest.approx(46.0, abs=1.5)
+    assert all(one.largest is not None for one in phases)
+
+
+def test_the_largest_angle_says_whether_the_crane_moved(working: tuple[Source, float], measured: Measurement) -> None:
+    motion = present(measured.motion)
+    truth = crane(WORK, 2.0).truth(working[0].recording.time_s)
+    at = round(present(motion.largest).time_s * RATE_HZ)
+    assert truth.rope_angle_rad[at] > truth.rope_angle_rad.max() - math.radians(0.05)
+    nearby = slice(at - 25, at + 26)
+    assert motion.crane_moved_at_largest == bool((truth.trolley | truth.hoisting)[nearby].any())
+
+
+def test_the_text_has_a_line_for_each_phase(working: tuple[Source, float], measured: Measurement) -> None:
+    text = as_text(working[0], measured)
+    assert "motion       largest angle" in text
+    assert "s trolley or bridge moving, up to" in text
+    assert "s hoisting, up to" in text
+
+
+def test_the_table_has_a_row_for_each_bin(measured: Measurement) -> None:
+    history = present(measured.motion).history
+    rows = list(csv.DictReader(io.StringIO(motion_table(history))))
+    assert len(rows) == len(history.time_s) == pytest.approx(10 * DURATION_S, abs=2)
+    middle = rows[len(rows) // 2]
+    place = len(rows) // 2
+    assert float(middle["angle_deg"]) == pytest.approx(math.degrees(history.angle_rad[place]), rel=1e-4)
+    assert middle["state"] == history.state[place]
+
+
+def test_a_free_swing_has_no_timeline_unless_it_is_asked_for() -> None:
+    source, largest_deg = recorded((), 5.0)
+    free = measure(source)
+    assert free.motion is None
+    assert as_json(source, free)["motion"] is None
+    asked = measure(source, with_motion=True)
+    assert asked.swing == free.swing
+    low_rad, high_rad = present(present(asked.motion).largest).coverage95_rad
+    assert low_rad < math.radians(largest_deg) < high_rad
+
+
+def test_a_housing_at_an_unknown_place_has_no_motion(working: tuple[Source, float]) -> None:
+    assert measure(replace(working[0], housing=None), with_motion=True).motion is None
+
+
+def test_readings_that_no_upright_housing_has_give_no_motion(working: tuple[Source, float]) -> None:
+    source = working[0]
+    assert measure(replace(source, force_g=source.force_g[:, [2, 1, 0]]), with_motion=True).motion is None
