@@ -12,8 +12,11 @@ from pydantic import Field, WithJsonSchema
 SCHEMA_VERSION: Literal[1] = 1
 """Version of every message and JSON output: raised when a field is removed, renamed or changes its meaning."""
 
-Verdict = Literal["static", "quasi_static", "swinging", "disturbed", "unknown"]
-Cause = Literal["hoisting", "trolley", "impact", "clipped", "vibration"]
+Verdict = Literal["static", "quasi_static", "swinging", "driven", "disturbed", "unknown"]
+Cause = Literal["hoisting", "trolley", "wind", "impact", "clipped", "vibration"]
+MotionState = Literal["rest", "free", "driven", "hoisting", "wind", "unknown"]
+"""What crane and load do: the load rests or swings freely, the pivot accelerates, the rope's length changes, a gust pushes the
+load; unknown: the angle is not known."""
 Level = Literal["normal", "warn", "trip", "unknown"]
 ClockQuality = Literal["synchronised", "free_running", "replayed"]
 CalibrationStatus = Literal["calibrated", "factory", "as_recorded", "uncalibrated"]
@@ -27,6 +30,9 @@ Readings = Annotated[
     WithJsonSchema({"type": "array", "items": {"type": "number"}}),
 ]
 Interval = Annotated[list[float], Field(min_length=2, max_length=2, description="[low, high]")]
+HorizontalVector = Annotated[
+    list[float], Field(min_length=2, max_length=2, description="x, y across the rope, in the housing frame")
+]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,6 +95,62 @@ class Tilt(Message):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class MotionProbabilities:
+    """Probabilities of what acts. free + driven + wind = 1; hoisting goes with any of them and is a probability of its own."""
+
+    free: Annotated[float, Field(description="nothing acts on the pivot, and no gust on the load")]
+    driven: Annotated[float, Field(description="the pivot accelerates")]
+    wind: Annotated[float, Field(description="a gust pushes the load")]
+    hoisting: Annotated[float, Field(description="the rope's length changes, whatever else acts")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Motion(Message):
+    """The rope's motion at the time of the message; every u is a standard uncertainty."""
+
+    state: MotionState
+    angle_deg: Annotated[float | None, Field(description="angle between rope and vertical; null: not known")]
+    u_deg: Annotated[float | None, Field(description="standard uncertainty of the angle; null where the angle is")]
+    azimuth_deg: Annotated[
+        float | None,
+        Field(description="side to which the load hangs, in the housing frame from x towards y, -180..180"),
+    ]
+    rate_deg_s: Annotated[float | None, Field(description="time derivative of the angle, degrees per second")]
+    pivot_accel_m_s2: Annotated[
+        HorizontalVector | None, Field(description="horizontal acceleration of the pivot: trolley, bridge or jib")
+    ]
+    pivot_accel_u_m_s2: Annotated[float | None, Field(description="of each component")]
+    hoist_m_s: Annotated[float | None, Field(description="rate of the rope's length, lowering positive, m/s")]
+    hoist_u_m_s: float | None
+    length_m: Annotated[float | None, Field(description="pivot to the load's centre")]
+    length_u_m: float | None
+    phi_max_deg: Annotated[float | None, Field(description="largest angle of the last period")]
+    phi_max_u_deg: Degrees | None
+    predicted_phi_max_deg: Annotated[
+        float | None, Field(description="next maximum of the angle if the pivot keeps its present acceleration")
+    ]
+    predicted_u_deg: Degrees | None
+    time_to_peak_s: Seconds | None
+    coasting_phi_max_deg: Annotated[
+        float | None, Field(description="next maximum of the angle if the pivot's acceleration ends now")
+    ]
+    coasting_u_deg: Degrees | None
+    coasting_time_to_peak_s: Seconds | None
+    lean_deg: Annotated[float | None, Field(description="steady angle of the rope, about which the load swings")]
+    lean_u_deg: Degrees | None
+    probabilities: MotionProbabilities | None
+    fast_oscillation_hz: Annotated[
+        float | None,
+        Field(
+            description="frequency of a fast oscillation on top of the swing, such as a load under its hook; null: none"
+        ),
+    ]
+    fast_oscillation_deg: Annotated[float | None, Field(description="amplitude of its share in the rope's angle")]
+    reasons: Annotated[list[str], Field(description="what acts, and why the angle is not known or is less certain")]
+    text: Annotated[str, Field(description="one line for the operator; its interval is that of 95 %")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Formulas:
     """The four formulas for phi_max over one swing (Łuczak et al. 2022, eq. 22 to 25); docs/swing.md states their validity."""
 
@@ -128,14 +190,17 @@ class Swing(Message):
 class Condition(Message):
     """Whether the reading can be trusted."""
 
-    verdict: Verdict
-    cause: Annotated[Cause | None, Field(description="cause of a disturbance or vibration; null: none, or not known")]
+    verdict: Annotated[Verdict, Field(description="driven: the crane works or a gust pushes, and the angle is known")]
+    cause: Annotated[Cause | None, Field(description="what drives or disturbs the load; null: nothing, or not known")]
     trusted: bool
     reasons: list[str]
     gates: Annotated[dict[str, bool], Field(description="the gates by name; true: passed")]
     norm_g: Annotated[float | None, Field(description="magnitude of the low-passed specific force")]
     permissible_norm_error_g: Annotated[float | None, Field(description="prediction interval dm (Łuczak n.d., eq. 14)")]
     calibration: CalibrationStatus
+    text: Annotated[
+        str | None, Field(description="one line for the operator; null in recordings made before the field existed")
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,7 +33,8 @@ TOPICS: dict[str, Topic] = {
     for name, type_, rate, logged, published, schema_name in (
         ("samples", messages.Samples, "each block", True, True, "plumbline.Samples"),
         ("tilt", messages.Tilt, "10 Hz", True, True, "plumbline.Tilt"),
-        ("swing", messages.Swing, "twice a swing, or 1 Hz", True, True, "plumbline.Swing"),
+        ("motion", messages.Motion, "10 Hz", True, True, "plumbline.Motion"),
+        ("swing", messages.Swing, "three times a swing, or 1 Hz", True, True, "plumbline.Swing"),
         ("condition", messages.Condition, "2 Hz and at each change", True, True, "plumbline.Condition"),
         ("alert", messages.Alert, "1 Hz and at each change", True, True, "plumbline.Alert"),
         ("health", messages.Health, "1 Hz", True, True, "plumbline.Health"),

@@ -46,7 +46,7 @@ def singular(word: str) -> str:
 COMMON_WORDS = words(
     """
     angle application argument array backoff bounded buffer builder cache change check CLI client command config configuration
-    context counter daemon data dependency doctor document drawing environment error executor export factory figures file
+    context counter daemon data dependency description doctor document drawing environment error export factory figures file
     finder first follow format formatting function handler history hub inbox info input instance interrupt launch limiter link
     loading log main make manager markup MCAP mean method metric nominal notify optional outgoing output packing
     page palette plot plugin port pre procedure process processor progress provider publisher queue rate reader reference

@@ -134,11 +134,22 @@ class RopeSection(Section):
     length_m: float = Field(12.0, gt=0, le=500, description="pivot to the load's centre")
 
 
+ALIGNED_MOUNT_U_DEG = 0.06
+"""Standard uncertainty of the angle between the housing's z axis and the rope after zeroing in place."""
+
+
 class HousingSection(Section):
     """Position of the housing on the rope, by one of the two keys."""
 
     position_m: float | None = Field(None, ge=0, description="from the pivot, along the rope")
     above_load_m: float | None = Field(None, ge=0, description="distance to the load's centre; constant while hoisting")
+    mount_u_deg: float = Field(
+        ALIGNED_MOUNT_U_DEG,
+        ge=0,
+        le=10,
+        description="standard uncertainty of the angle between the housing's z axis and the rope: 0.06 after zeroing "
+        "in place, 0.57 if clamped by eye without zeroing",
+    )
 
     @model_validator(mode="after")
     def _check_single_position(self) -> Self:

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Iterable
-from concurrent.futures import ThreadPoolExecutor
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.configuration.model import Configuration
@@ -59,7 +58,6 @@ class Processor(Worker[SamplerItem]):
         self._recording = recording
         self._publisher = publisher
         self._headers = HeaderMaker()
-        self._fit_executor = ThreadPoolExecutor(1, thread_name_prefix="swing")
         self._next_second_ns = 0
         self._clock_steps = 0
         self._open(info)
@@ -79,9 +77,7 @@ class Processor(Worker[SamplerItem]):
         if not self._recording.inbox.put_waiting(change, SINK_PATIENCE_S):
             log.error("the recorder is too busy: later segments do not contain %s", self.correction.text)
         drift = self._drift_store.open(self.info.device_id, self.correction)
-        self._pipeline = Pipeline(
-            self._configuration, self.info, self.correction, self._headers, self._fit_executor, drift
-        )
+        self._pipeline = Pipeline(self._configuration, self.info, self.correction, self._headers, drift)
         self._set_session()
 
     def _set_session(self) -> None:
@@ -107,7 +103,6 @@ class Processor(Worker[SamplerItem]):
 
     def close(self) -> None:
         """Send the last health message and save the state of the drift monitor."""
-        self._fit_executor.shutdown(wait=True, cancel_futures=True)
         self._send(self._status_messages(self._wall_clock.clock.now_ns()))
         self._drift_store.save()
 

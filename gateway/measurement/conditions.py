@@ -1,20 +1,25 @@
-"""The conditions of a recording, judged window by window with the gates of the live pipeline."""
+"""The conditions of a recording, judged window by window with the motion filter and the gates of the live pipeline."""
 
+import math
 from collections import Counter, defaultdict
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
+from gateway.configuration.model import ALIGNED_MOUNT_U_DEG
 from gateway.measurement.source import Source
+from gateway.motion.motion_monitor import MotionMonitor
+from gateway.pipeline.motion_context import motion_context
 from gateway.stages.clipping import count_clipped
-from gateway.stages.conditions.gates import SwingContext
+from gateway.stages.conditions.gates import MotionContext
 from gateway.stages.conditions.verdict import ConditionResult, judge_condition
-from gateway.stages.conditions.window import WINDOW_S, ConditionWindow
-from gateway.swing.estimate import SwingEstimate
+from gateway.stages.conditions.window import ConditionWindow
 
 BLOCK_S = 0.1
-"""Length of the blocks in which samples enter the window."""
+"""Length of the blocks in which samples enter window and motion filter."""
 BLOCKS_PER_VERDICT = 5
+NOT_KNOWN = MotionContext(state="unknown", reasons=("where the housing is on the rope is not known",))
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,10 +35,10 @@ class ConditionSummary:
     """Number of windows by verdict."""
 
 
-def summarise_conditions(source: Source, swing: SwingEstimate) -> ConditionSummary:
+def summarise_conditions(source: Source) -> ConditionSummary:
     """Judge every window of a recording and return the most frequent verdict."""
     by_verdict: dict[str, list[ConditionResult]] = defaultdict(list)
-    for result in _judge_windows(source, swing):
+    for result in _judge_windows(source):
         by_verdict[result.verdict].append(result)
     if not by_verdict:
         return ConditionSummary("unknown", None, ("less than a second of data",), {})
@@ -44,39 +49,34 @@ def summarise_conditions(source: Source, swing: SwingEstimate) -> ConditionSumma
     return ConditionSummary(verdict, cause, first.reasons, windows)
 
 
-def _judge_windows(source: Source, swing: SwingEstimate) -> list[ConditionResult]:
-    recording, context = source.recording, _swing_context(source, swing)
+def _judge_windows(source: Source) -> Iterator[ConditionResult]:
+    recording = source.recording
     noise_g = None if source.noise_g is None else float(np.max(source.noise_g))
-    window = ConditionWindow()
-    results = []
+    window, monitor = ConditionWindow(), _motion_monitor(source, noise_g)
     block_samples = max(1, round(BLOCK_S * recording.rate_hz))
     for number, start in enumerate(range(0, len(recording), block_samples), start=1):
         block = slice(start, start + block_samples)
+        time_s, force_g = recording.time_s[block], source.force_g[block]
+        clipped = count_clipped(force_g, source.full_scale_g)
         window.update(
-            recording.time_s[block],
-            source.force_g[block],
-            count_clipped(source.force_g[block], source.full_scale_g),
+            time_s,
+            force_g,
+            clipped,
             int(recording.lost_before[block].sum() + recording.unusable_before[block].sum()),
             None if recording.gyro_dps is None else np.radians(recording.gyro_dps[block]),
         )
+        motion = NOT_KNOWN
+        if monitor is not None:
+            monitor.update(time_s, force_g, clipped)
+            estimate = monitor.estimate(float(time_s[-1]))
+            motion = motion_context(estimate, source.housing, is_explained=monitor.is_explained)
         if number % BLOCKS_PER_VERDICT == 0:
-            now = replace(context, hoisting=_is_hoisting(swing, float(recording.time_s[block][-1])))
-            results.append(judge_condition(window, now, noise_g, source.permissible_norm_error_g))
-    return results
+            yield judge_condition(window, motion, noise_g, source.permissible_norm_error_g)
 
 
-def _swing_context(source: Source, swing: SwingEstimate) -> SwingContext:
-    housing = source.housing
-    return SwingContext(
-        swing.swinging,
-        swing.phi_max_rad,
-        consistent=swing.coverage95_rad is not None,
-        rho=None if housing is None or swing.length_m is None else housing.rho_at(swing.length_m),
-        period_s=swing.period_s,
-        lean_g=swing.lean_g,
-    )
-
-
-def _is_hoisting(swing: SwingEstimate, now_s: float) -> bool:
-    """Return whether the rope's length changed within the window that ends now."""
-    return any(begin_s < now_s and end_s > now_s - WINDOW_S for begin_s, end_s in swing.hoists_s)
+def _motion_monitor(source: Source, noise_g: float | None) -> MotionMonitor | None:
+    if source.housing is None:
+        return None
+    cross_axis_u = 0.0 if source.correction is None else source.correction.u_cross_axis
+    mount_u_rad = math.hypot(math.radians(ALIGNED_MOUNT_U_DEG), cross_axis_u)
+    return MotionMonitor(source.housing, mount_u_rad=mount_u_rad, noise_g=noise_g)

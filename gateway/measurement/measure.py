@@ -59,6 +59,6 @@ def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2, with_moti
         tilt=fused_tilt(mean_g),
         arctangent_tilt=plain_tilt(mean_g),
         axial_rad=axial_tilt(mean_g),
-        conditions=summarise_conditions(source, swing),
+        conditions=summarise_conditions(source),
         motion=motion,
     )

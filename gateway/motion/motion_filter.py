@@ -200,6 +200,13 @@ class MotionFilter:
         implausibility: Array = (speed + acting) * self._step_s
         return implausibility
 
+    def widen_offset(self, u_g: Array) -> None:
+        """Add an unknown change of the offsets, standard uncertainties of shape (3,), as by a temperature."""
+        covariance = self.mixture.covariance.copy()
+        places = [*range(OFFSET.start, OFFSET.stop), AXIAL_OFFSET]
+        covariance[:, places, places] += u_g**2
+        self.mixture = Mixture(self.mixture.state, covariance, self.mixture.weight)
+
     def begin_line(self, rate_1_s: float, amplitude: float) -> None:
         """Add a fast oscillation of a force to the state, or change its frequency."""
         if self.line_rate_1_s is None:

@@ -1,6 +1,7 @@
 """The motion of a live stream: blocks of samples in, an estimate at any time out; pure and deterministic."""
 
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 
@@ -82,6 +83,14 @@ class MotionTracker:
         for one in bins:
             self._take(one)
         return bool(bins)
+
+    def set_offset_uncertainty(self, offset_u_g: Array, change_u_g: Array) -> None:
+        """State how well the offsets are known from now on, and by how much they may have changed; shape (3,), 1 sigma."""
+        x, y, z = (max(SMALLEST_OFFSET_U_G, float(u_g)) for u_g in offset_u_g)
+        self._constants = replace(self._constants, offset_u_g=(x, y, z))
+        for run in (self._run, self._second):
+            if run is not None:
+                run.filter.widen_offset(change_u_g)
 
     def _new_run(self) -> FilterRun:
         model = RopeModel(self._rig.gravity_m_s2, self._rig.above_load_m is not None)

@@ -1,19 +1,22 @@
-"""The swing of the last minutes, so that a new browser has a trend at once."""
+"""The swing of the last minutes, from the motion of the rope, so that a new browser has a trend at once."""
 
 from collections import deque
 from dataclasses import dataclass
 from itertools import islice
 
-from gateway.messages import Swing
+from gateway.messages import Motion
+from gateway.numerics.stats import NORMAL_975
 
 SPAN_S = 600.0
+SPACING_S = 0.5
+"""Shortest time between two points; the trend of `SPAN_S` is drawn on a few hundred pixels."""
 MOST_POINTS = 2000
-"""Limits the memory at any rate; at the usual one or two points per second `SPAN_S` is reached first."""
+"""Limits the memory at any rate; at two points per second `SPAN_S` is reached first."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrendPoint:
-    """One swing estimate; all None where data are missing."""
+    """The largest angle of the last period; all None where data are missing or the angle is not known."""
 
     index: int
     at_s: float
@@ -40,11 +43,16 @@ class History:
         """Index of the next point."""
         return self._next
 
-    def add(self, swing: Swing, *, sound: bool, at_s: float) -> None:
-        """Append an estimate; without a swing it has an upper limit only."""
-        low, high = swing.coverage95_deg or (None, None)
-        phi_max_deg = swing.phi_max_deg if swing.swinging else None
-        self._append(TrendPoint(self._next, at_s, phi_max_deg, low, high, sound))
+    def add(self, motion: Motion, *, sound: bool, at_s: float) -> None:
+        """Append the largest angle of the last period, unless the last point is too near; not known, it is a gap."""
+        if motion.phi_max_deg is None or motion.phi_max_u_deg is None:
+            self.add_gap(at_s=at_s)
+            return
+        if self._points and not self._points[-1].is_gap and at_s - self._points[-1].at_s < SPACING_S:
+            return
+        low_deg = max(0.0, motion.phi_max_deg - NORMAL_975 * motion.phi_max_u_deg)
+        high_deg = motion.phi_max_deg + NORMAL_975 * motion.phi_max_u_deg
+        self._append(TrendPoint(self._next, at_s, motion.phi_max_deg, low_deg, high_deg, sound))
 
     def add_gap(self, *, at_s: float) -> None:
         """Append one gap where data are missing."""

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from gateway.calibration.alignment.assistant import AlignmentAssistant, AlignmentView
-from gateway.messages import SCHEMA_VERSION, Calibration, Message, Swing, Tilt
+from gateway.messages import SCHEMA_VERSION, Calibration, Message, Motion, Swing, Tilt
 from gateway.page.history import History
 from gateway.page.inbox import Arrival
 from gateway.page.link import ALIVE, SHOWN
@@ -18,7 +18,7 @@ from gateway.page.parameters import Parameters
 from gateway.page.verdict import PageEvidence, PageVerdict, is_fresh, is_swing_known, verdict
 from gateway.topics import adapter
 
-MEASURED = ("tilt", "swing", "condition")
+MEASURED = ("tilt", "motion", "swing", "condition")
 """A message of these topics is new only if it describes a newer sample; a repeated one must not look fresh."""
 
 
@@ -48,18 +48,19 @@ class PageState:
 
     def receive(self, batch: Mapping[str, Arrival]) -> None:
         """Take the payloads of the inbox."""
-        previous = self._latest.get("swing")
+        before = dict(self._latest)
         for topic, arrival in batch.items():
             if topic == ALIVE:
                 self._gateway = bool(arrival.payload)
             else:
                 self._receive(topic, arrival)
-        swing = self._latest.get("swing")
-        if isinstance(swing, Swing) and swing is not previous:
+        motion, swing = self._latest.get("motion"), self._latest.get("swing")
+        if isinstance(motion, Motion) and motion is not before.get("motion"):
+            at_s = batch["motion"].at_s
+            self.history.add(motion, sound=self.verdict(at_s).sound, at_s=at_s)
+        if isinstance(swing, Swing) and swing is not before.get("swing"):
             at_s = batch["swing"].at_s
-            sound = self.verdict(at_s).sound
-            self.history.add(swing, sound=sound, at_s=at_s)
-            if sound:
+            if self.verdict(at_s).sound:
                 self._last_sound = LastSoundSwing(at_s, swing)
 
     def _receive(self, topic: str, arrival: Arrival) -> None:

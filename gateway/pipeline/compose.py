@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from devices.block import DeviceInfo
 from gateway.calibration.correction import Correction
-from gateway.messages import Alert, Calibration, CalibrationSession, Condition, Formulas, Swing, Tilt
+from gateway.messages import Alert, Calibration, CalibrationSession, Condition, Tilt
 from gateway.pipeline.alert_manager import AlertChange
 from gateway.pipeline.header import Header
 from gateway.stages.conditions.verdict import ConditionResult
@@ -37,28 +37,7 @@ def tilt_message(
     )
 
 
-def no_swing_message(header: Header, why: str) -> Swing:
-    """Return the message that the swing is not known."""
-    return Swing(
-        **header,
-        swinging=None,
-        phi_max_deg=None,
-        u_deg=None,
-        coverage95_deg=None,
-        minor_phi_max_deg=None,
-        azimuth_deg=None,
-        lean_deg=None,
-        lean_azimuth_deg=None,
-        period_s=None,
-        predicted_phi_max_deg=None,
-        predicted_u_deg=None,
-        time_to_peak_s=None,
-        formulas_deg=Formulas(arccos_min_az=None, arcsin_max_axy=None, arctan_max_axy_min_az=None, arccos_max_az=None),
-        reasons=[why],
-    )
-
-
-def condition_message(header: Header, result: ConditionResult, correction: Correction) -> Condition:
+def condition_message(header: Header, result: ConditionResult, correction: Correction, text: str) -> Condition:
     """Return the verdict with its gates."""
     return Condition(
         **header,
@@ -70,6 +49,7 @@ def condition_message(header: Header, result: ConditionResult, correction: Corre
         norm_g=finite(result.norm_g),
         permissible_norm_error_g=correction.permissible_norm_error_g,
         calibration=correction.status,
+        text=text,
     )
 
 

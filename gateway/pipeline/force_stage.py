@@ -1,7 +1,8 @@
 """From raw blocks to specific force: calibration and low-pass, for several blocks at once because NumPy's cost is per call."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,3 +85,14 @@ class ForceStage:
                 filtered.append(self._lowpass.apply(force_g[begin : begin + length]))
             begin += length
         return np.concatenate(filtered)
+
+
+def split_long_block(block: SampleBlock, period_s: float) -> list[SampleBlock]:
+    """Return the block in parts that end with the last sample of each period of a fixed grid; a short one stays whole."""
+    period_ns = round(period_s * 1e9)
+    if block.time_ns[-1] - block.time_ns[0] <= period_ns:
+        return [block]
+    ends = np.flatnonzero(np.diff(block.time_ns // period_ns)) + 1
+    bounds = pairwise([0, *ends.tolist(), len(block)])
+    first, *others = (replace(block, time_ns=block.time_ns[a:b], raw=block.raw[a:b]) for a, b in bounds)
+    return [first, *(replace(part, lost=0, invalid=0) for part in others)]

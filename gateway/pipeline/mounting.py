@@ -11,7 +11,7 @@ POSITION_U_M = 0.05
 """Standard uncertainty of the housing's position on the rope, measured with a tape."""
 
 MOUNT_U_RAD = 0.01
-"""Standard uncertainty of the angle between the housing's z axis and the rope, clamped by eye."""
+"""Standard uncertainty of the angle between the housing's z axis and the rope, clamped by eye, for the offline fit."""
 
 
 def mounted_housing(

@@ -1,10 +1,8 @@
 """The pipeline: one sample block in, the messages that follow from it out.
 
-Calibration, low-pass filter, static tilt, swing, condition, alerts. Each block is packed at once; everything else is computed
-ten times a second, on a fixed grid of sample time, for all blocks since the last time, because Python's cost is per call. The
-swing fit costs most: an executor runs it, and its result is used from a sample time that does not depend on how long the fit
-took. No alert waits for a fit, and the same blocks give the same messages. No clock is read, so a live run and a replay are the
-same.
+Calibration, low-pass filter, static tilt, motion, swing, condition, alerts. Each block is packed at once; everything else is
+computed ten times a second, on a fixed grid of sample time, for all blocks since the last time, because Python's cost is per
+call. The same blocks give the same messages. No clock is read, so a live run and a replay are the same.
 """
 
 from collections.abc import Iterator
@@ -21,12 +19,12 @@ from gateway.pipeline import compose
 from gateway.pipeline.alert_manager import AlertChange, AlertManager
 from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
-from gateway.pipeline.executor import Executor, ImmediateExecutor
-from gateway.pipeline.force_stage import ForceBatch, ForceStage
+from gateway.pipeline.force_stage import ForceBatch, ForceStage, split_long_block
 from gateway.pipeline.header import Header, HeaderMaker
+from gateway.pipeline.motion_context import condition_text
+from gateway.pipeline.motion_stage import MotionStage
 from gateway.pipeline.outgoing_message import OutgoingMessage, PipelineOutput
 from gateway.pipeline.rate_limiter import RateLimiter
-from gateway.pipeline.swing_stage import SwingStage
 from gateway.stages.alerts import Reading
 from gateway.stages.clipping import count_clipped
 from gateway.stages.conditions.verdict import ConditionResult, judge_condition
@@ -50,10 +48,9 @@ class Pipeline:
         info: DeviceInfo,
         correction: Correction,
         headers: HeaderMaker,
-        executor: Executor | None = None,
         drift: DriftMonitor | None = None,
     ) -> None:
-        """`executor` runs the swing fits; without one they run at once. `drift` monitors the calibration record."""
+        """`drift` monitors the calibration record."""
         self._info = info
         self._full_scale = None if info.full_scale_g is None else info.full_scale_g * info.units_per_g
         self._correction = correction
@@ -62,7 +59,7 @@ class Pipeline:
         lowpass = LowPass(configuration.filter.cutoff_hz, configuration.filter.order, info.odr_hz)
         self._delay_s = lowpass.delay_s()
         self._forces = ForceStage(correction, lowpass)
-        self._swing = SwingStage(configuration, info, correction, lowpass, executor or ImmediateExecutor())
+        self._motion = MotionStage(configuration, info, correction)
         self._condition_window = ConditionWindow()
         self._alerts = AlertManager(configuration.alerts)
         self._drift = drift or DriftMonitor(None)
@@ -84,7 +81,7 @@ class Pipeline:
 
     def process(self, block: SampleBlock, clock: ClockState) -> PipelineOutput:
         """Return everything that follows from a block."""
-        return self._output(self._process(block, MessageTime(int(block.time_ns[-1]), clock)))
+        return self._output(self._process(block, clock))
 
     def idle(self, now_ns: int, clock: ClockState) -> PipelineOutput:
         """Return what follows from the absence of blocks, once the reading is stale. `now_ns` is gateway time."""
@@ -101,10 +98,18 @@ class Pipeline:
         judged = any(message.topic == "condition" for message in made)
         return PipelineOutput(made, self._condition.verdict if judged else None)
 
-    def _process(self, block: SampleBlock, now: MessageTime) -> Iterator[OutgoingMessage]:
+    def _process(self, block: SampleBlock, clock: ClockState) -> Iterator[OutgoingMessage]:
+        *early, last = split_long_block(block, UPDATE_PERIOD_S)
+        for part in early:
+            yield from self._add(part, MessageTime(int(part.time_ns[-1]), clock))
+        now = MessageTime(int(block.time_ns[-1]), clock)
         yield OutgoingMessage("samples", now.log_time_ns, pack(block, **self._header("samples", now)))
         if self._calibration_limiter.is_due(now.log_time_ns):
             yield self.calibration_message(now)
+        yield from self._add(last, now)
+
+    def _add(self, block: SampleBlock, now: MessageTime) -> Iterator[OutgoingMessage]:
+        """Add samples, and return what follows from them when an update is due."""
         self._forces.push(block)
         if block.temperature_c is not None:
             self._temperature_c = block.temperature_c
@@ -120,25 +125,23 @@ class Pipeline:
     ) -> Iterator[OutgoingMessage]:
         """Return what follows from all samples since the last update."""
         self._lowpassed_g = batch.lowpassed_g[-1]
-        swing_is_new = self._add_to_windows(batch)
+        swing_due = self._add_to_windows(batch)
         if tilt_due:
             yield self._tilt(temperature_c, now)
-        if swing_is_new:
-            message = self._swing.message(self._header("swing", now))
-            yield OutgoingMessage("swing", now.log_time_ns, message)
+            yield self._motion_message(now)
+        if swing_due:
+            yield self._swing_message(now)
         yield from self._judge_condition(temperature_c, now)
         yield from self._judge_alerts(now)
 
     def _add_to_windows(self, batch: ForceBatch) -> bool:
-        """Add the samples to the windows of condition and swing, block by block; return whether the swing is a new one."""
-        clipped = count_clipped(batch.raw, self._full_scale) > 0
-        swing_is_new = False
+        """Add the samples to condition window and motion; return whether a message of the swing is due."""
+        clipped = count_clipped(batch.raw, self._full_scale)
         for block, part in batch.slices():
-            time_s, force_g = batch.time_s[part], batch.force_g[part]
             n_clipped = count_clipped(block.raw, self._full_scale) if clipped else 0
-            self._condition_window.update(time_s, force_g, n_clipped, block.lost + block.invalid)
-            swing_is_new |= self._swing.update(time_s, force_g, batch.lowpassed_g[part], self._temperature_c)
-        return swing_is_new
+            missing = block.lost + block.invalid
+            self._condition_window.update(batch.time_s[part], batch.force_g[part], n_clipped, missing)
+        return self._motion.update(batch.time_s, batch.force_g, batch.lowpassed_g, clipped, self._temperature_c)
 
     def _idle(self, now: MessageTime) -> Iterator[OutgoingMessage]:
         newest_ns = self._forces.newest_ns
@@ -148,7 +151,9 @@ class Pipeline:
         if self._suspended is not None:
             why = f"{self._suspended}; {why}"
         changed = self._set_unknown(why, {"fresh": False})
+        self._motion.set_unknown(why)
         if self._condition_limiter.is_due(now.log_time_ns) or changed:
+            yield self._motion_message(now)
             yield self._condition_message(now)
         yield from self._apply_limits({"swing": None, "lean": None}, why, now)
 
@@ -157,14 +162,15 @@ class Pipeline:
     ) -> Iterator[OutgoingMessage]:
         """Return the messages while the housing is off the rope, when no reading describes the load."""
         changed = self._set_unknown(why, {"on_rope": False})
+        self._motion.restart(why)
         if tilt_due:
             yield self._tilt(temperature_c, now)
+            yield self._motion_message(now)
         if self._condition_limiter.is_due(now.log_time_ns) or changed:
             yield self._condition_message(now)
         heartbeat = self._heartbeat_limiter.is_due(now.log_time_ns)
         if heartbeat or changed:
-            message = compose.no_swing_message(self._header("swing", now), why)
-            yield OutgoingMessage("swing", now.log_time_ns, message)
+            yield self._swing_message(now)
         changes = list(self._alerts.suspend(why, now.log_time_ns / 1e9))
         yield from self._alert_messages(changes, heartbeat, now)
 
@@ -186,13 +192,21 @@ class Pipeline:
         )
         return OutgoingMessage("tilt", now.log_time_ns, message)
 
+    def _motion_message(self, now: MessageTime) -> OutgoingMessage:
+        message = self._motion.motion_message(self._header("motion", now))
+        return OutgoingMessage("motion", now.log_time_ns, message)
+
+    def _swing_message(self, now: MessageTime) -> OutgoingMessage:
+        message = self._motion.swing_message(self._header("swing", now))
+        return OutgoingMessage("swing", now.log_time_ns, message)
+
     def _judge_condition(self, temperature_c: float | None, now: MessageTime) -> Iterator[OutgoingMessage]:
         """Judge the condition at its rate, or at once after stale readings; readings at rest also go to the drift monitor."""
         if not self._condition_limiter.is_due(now.log_time_ns) and "fresh" not in self._condition.gates:
             return
         self._condition = judge_condition(
             self._condition_window,
-            self._swing.condition_context(),
+            self._motion.condition_context(),
             self._info.noise_g,
             self._correction.permissible_norm_error_g,
         )
@@ -200,25 +214,29 @@ class Pipeline:
         yield self._condition_message(now)
 
     def _condition_message(self, now: MessageTime) -> OutgoingMessage:
-        message = compose.condition_message(self._header("condition", now), self._condition, self._correction)
+        text = condition_text(self._condition, self._motion.estimate)
+        message = compose.condition_message(self._header("condition", now), self._condition, self._correction, text)
         return OutgoingMessage("condition", now.log_time_ns, message)
 
     def _judge_alerts(self, now: MessageTime) -> Iterator[OutgoingMessage]:
         """Compare the upper confidence limits with the alert limits."""
-        swing_rad, lean_rad = self._swing.upper_confidence_limits()
-        why = "; ".join(self._swing.why_unknown or self._condition.reasons)
-        if lean_rad is None and self._condition.verdict in ("static", "quasi_static"):
-            lowpassed_g = self._lowpassed()
-            u_rad = axial_tilt_uncertainty(lowpassed_g, self._correction.u_force_g(lowpassed_g, self._temperature_c))
-            lean_rad = axial_tilt(lowpassed_g) + LEAN_COVERAGE_FACTOR * u_rad
+        why = "; ".join(self._motion.estimate.reasons or self._condition.reasons)
+        lean = self._lean_reading()
         if self._correction.status == "uncalibrated":
-            lean_rad, why = None, f"{why}; the sensor is not calibrated"
-        yield from self._apply_limits({"swing": swing_rad, "lean": lean_rad}, why, now)
+            lean, why = None, f"{why}; the sensor is not calibrated"
+        yield from self._apply_limits({"swing": self._motion.swing_reading(), "lean": lean}, why, now)
+
+    def _lean_reading(self) -> Reading | None:
+        """Return the lean: the tilt of a load at rest, else the centre of its swing."""
+        if self._condition.verdict not in ("static", "quasi_static"):
+            return self._motion.lean_reading()
+        lowpassed_g = self._lowpassed()
+        u_rad = axial_tilt_uncertainty(lowpassed_g, self._correction.u_force_g(lowpassed_g, self._temperature_c))
+        return Reading(axial_tilt(lowpassed_g) + LEAN_COVERAGE_FACTOR * u_rad)
 
     def _apply_limits(
-        self, values_rad: dict[str, float | None], why: str, now: MessageTime
+        self, readings: dict[str, Reading | None], why: str, now: MessageTime
     ) -> Iterator[OutgoingMessage]:
-        readings = {rule: None if value_rad is None else Reading(value_rad) for rule, value_rad in values_rad.items()}
         changes = list(
             self._alerts.judge(
                 readings,

@@ -15,7 +15,7 @@ MIN_STATIC_S = MIN_REST_S + 2.0
 LOAD_SIGNAL_VALID_S = 10.0
 """Time for which a message of the load signal is valid, s."""
 STILL_VERDICTS: tuple[Verdict, ...] = ("static", "quasi_static")
-MOVING_VERDICTS: tuple[Verdict, ...] = ("swinging", "disturbed")
+MOVING_VERDICTS: tuple[Verdict, ...] = ("swinging", "driven", "disturbed")
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,7 @@
 """How far the load swings: the four published formulas, and a likelihood fit of the pendulum with its uncertainty."""
 
-from gateway.swing.estimate import FormulaAngles, PeakPrediction, SwingEstimate, SwingPeak
+from gateway.swing.estimate import FormulaAngles, SwingEstimate, SwingPeak
 from gateway.swing.formulas import VALID_RHO, Extremes, LowpassGain, as_published, corrected, extremes
-from gateway.swing.live import SwingTracker
 from gateway.swing.offline import estimate_swing
 from gateway.swing.rig import MountedHousing
 
@@ -12,10 +11,8 @@ __all__ = [
     "FormulaAngles",
     "LowpassGain",
     "MountedHousing",
-    "PeakPrediction",
     "SwingEstimate",
     "SwingPeak",
-    "SwingTracker",
     "as_published",
     "corrected",
     "estimate_swing",

@@ -1,7 +1,6 @@
 """Results of the swing estimator, in radians, seconds and metres; what could not be computed is None, and `reasons` say why."""
 
 from dataclasses import dataclass
-from math import cos, sin
 
 SURE = 3.0
 """Standard uncertainties."""
@@ -15,15 +14,6 @@ class SwingPeak:
     time_s: float
     phi_max_rad: float
     u_rad: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PeakPrediction:
-    """The next maximum, predicted from the motion up to the newest sample."""
-
-    phi_max_rad: float
-    u_rad: float
-    time_to_peak_s: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,9 +59,6 @@ class SwingEstimate:
     length_m: float | None = None
     length_u_m: float | None = None
     damping_ratio: float | None = None
-    rope_speed_m_s: float | None = None
-    """Rate of the rope's length at `to_s` (lowering: positive); None: it was assumed to keep its length."""
-    rope_speed_u_m_s: float | None = None
     hoists_s: tuple[tuple[float, float], ...] = ()
     """Intervals in which the rope's length significantly changed, in a recording."""
     swings: tuple[SwingPeak, ...] = ()
@@ -80,23 +67,4 @@ class SwingEstimate:
     """Of the residual against sensor noise; 1 where the pendulum explains everything."""
     noise_g: tuple[float, float, float] | None = None
     """Sensor noise that the fit used, 1 sigma per sample."""
-    prediction: PeakPrediction | None = None
-    formulas: FormulaAngles | None = None
-    """As published."""
-    corrected_formulas: FormulaAngles | None = None
-    """Corrected for the housing's place on the rope and for the low-pass."""
     reasons: tuple[str, ...] = ()
-
-    @property
-    def hoisting(self) -> bool:
-        """The rope's length significantly changes at `to_s`."""
-        if self.rope_speed_m_s is None or self.rope_speed_u_m_s is None:
-            return False
-        return abs(self.rope_speed_m_s) > max(SURE * self.rope_speed_u_m_s, SLOWEST_HOIST_M_S)
-
-    @property
-    def lean_g(self) -> tuple[float, float]:
-        """Transverse force of the steady lean, about which the load swings; zero where it is not known."""
-        if self.lean_rad is None or self.lean_azimuth_rad is None:
-            return 0.0, 0.0
-        return sin(self.lean_rad) * cos(self.lean_azimuth_rad), sin(self.lean_rad) * sin(self.lean_azimuth_rad)

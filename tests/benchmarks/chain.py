@@ -4,9 +4,7 @@ import resource
 import socket
 import tempfile
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import ParamSpec, TypeVar
 
 import zenoh
 
@@ -20,7 +18,6 @@ from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
 from gateway.pipeline.clock_state import ClockState
-from gateway.pipeline.executor import CompletedFuture, ImmediateExecutor
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
@@ -30,15 +27,12 @@ from gateway.recording.writer import Recorder
 from gateway.topics import TOPICS
 from tests.values import present
 
-P = ParamSpec("P")
-T = TypeVar("T")
-
 RATE_HZ = 1000
 SECONDS = 60
 BLOCKS = (1, 8, 32, 128)
 CLOCK = ClockState("synchronised", 0)
-PARTS = ("pipeline", "swing", "encode", "mcap", "bus")
-"""The pipeline without the swing fit; the fit, which the gateway makes beside it; messages to JSON; recording; publishing."""
+PARTS = ("pipeline", "encode", "mcap", "bus")
+"""The pipeline; messages to JSON; recording; publishing."""
 
 
 class FastClock(HostClock):
@@ -54,20 +48,6 @@ class FastClock(HostClock):
     def sleep_s(self, seconds: float) -> None:
         """Let time pass."""
         self.now += max(0, round(seconds * 1e9))
-
-
-class TimedExecutor(ImmediateExecutor):
-    """Makes the swing fits at once, and keeps account of what they cost."""
-
-    def __init__(self) -> None:
-        self.used_s = 0.0
-
-    def submit(self, work: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> CompletedFuture[T]:
-        """Do the work now."""
-        begin_s = cpu_s()
-        done = super().submit(work, *args, **kwargs)
-        self.used_s += cpu_s() - begin_s
-        return done
 
 
 def cpu_s() -> float:
@@ -107,13 +87,11 @@ def measure(block: int) -> dict[str, float]:
             blocks.append(read)
     samples = sum(len(b) for b in blocks)
     correction = correction_for(info, configuration.device.axes, None)
-    fitting = TimedExecutor()
-    pipeline = Pipeline(configuration, info, correction, HeaderMaker(), fitting)
+    pipeline = Pipeline(configuration, info, correction, HeaderMaker())
     used: dict[str, float] = {}
     begin_s = cpu_s()
     emissions = [emission for b in blocks for emission in pipeline.process(b, CLOCK).messages]
-    used["swing"] = fitting.used_s
-    used["pipeline"] = cpu_s() - begin_s - fitting.used_s
+    used["pipeline"] = cpu_s() - begin_s
     begin_s = cpu_s()
     encoded = [encode_message(e.topic, e.message, e.log_time_ns) for e in emissions]
     used["encode"] = cpu_s() - begin_s

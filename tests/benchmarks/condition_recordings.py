@@ -84,7 +84,7 @@ def make(seed: int) -> Recording:
     if kind == "lean":
         force_g = force_g @ _turned(random)
     crane_force_g = force_g.copy()
-    driven = {"trolley": truth.trolley | truth.gust, "hoisting": truth.hoisting}
+    driven = {"trolley": truth.trolley, "wind": truth.gust, "hoisting": truth.hoisting}
     driven |= {name: np.zeros(len(time_s), dtype=bool) for name in ("impact", "clipped", "vibration")}
     if kind in ("impact", "clipped"):
         for at in random.integers(round(5 * rate_hz), len(time_s) - 10, 4):

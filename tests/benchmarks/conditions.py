@@ -3,13 +3,13 @@
 What is right for the window of two seconds that ends at a verdict:
 
 - An impact or a clipped sample in it: disturbed, with that cause.
-- Driven by trolley, wind or hoist with at least `PUSH_G` at the housing for at least `DRIVEN_S`: disturbed; unknown
-  is accepted too. A gust at the load cannot be told from a trolley: both count as the cause trolley.
+- Driven by trolley, wind or hoist with at least `PUSH_G` at the housing for at least `DRIVEN_S`, now and since `DETECTED_S`:
+  driven, with that cause; unknown is accepted too.
 - Driven more weakly or for less: everything is accepted but static, and static too where the specific force without noise
   keeps within `SEEN_G`. These windows are counted apart, and only for the second and third rates.
 - The first second: unknown; from then until the window is full: not counted.
-- Until one period of free motion (and `SETTLE_S` for the fit) has passed since the start or since the drive: unknown or
-  swinging (at rest: unknown or static); disturbed too while the window still holds the drive.
+- Until one period of free motion (and `SETTLE_S` for the filter) has passed since the start or since the drive: unknown or
+  swinging (at rest: unknown or static); driven too while the window still holds the drive.
 - Free: static where the specific force without noise keeps within `LEAST_G` over the last period, swinging where it moves by
   more than `SEEN_G`, either in between. Vibration about rest: quasi-static; its first and last window also static.
 """
@@ -37,9 +37,9 @@ Judged = tuple[str, frozenset[str], str | None, bool, str, str | None]
 TUNING = range(96)
 HELD_OUT = range(10_000, 10_240)
 PUSH_G, SEEN_G, LEAST_G = 0.004, 0.0025, 0.0001
-DRIVEN_S, SETTLE_S, EDGE_S = 0.75, 3.0, 0.25
+DRIVEN_S, DETECTED_S, SETTLE_S, EDGE_S = 0.75, 0.5, 3.0, 0.25
 INSTANT = ("clipped", "impact")
-ANY = frozenset({"static", "quasi_static", "swinging", "disturbed", "unknown"})
+ANY = frozenset({"static", "quasi_static", "swinging", "driven", "disturbed", "unknown"})
 
 
 def main() -> None:
@@ -84,7 +84,7 @@ def truth(recording: Recording, now_s: float) -> Truth:
         if recording.driven[cause][window].any():
             return "edge", ANY, None, False
     free_s = 0.0
-    for cause in ("hoisting", "trolley"):
+    for cause in ("hoisting", "trolley", "wind"):
         acts = recording.driven[cause] & (time_s <= now_s)
         if acts[window].any():
             return _driven(recording, window, acts, cause)
@@ -106,8 +106,9 @@ def _start(recording: Recording, now_s: float, window: Mask) -> Truth:
 def _driven(recording: Recording, window: Mask, acts: Mask, cause: str) -> Truth:
     rate_hz = 1 / (recording.time_s[1] - recording.time_s[0])
     hard_s = np.count_nonzero(window & acts & (recording.push_g > PUSH_G)) / rate_hz
-    if hard_s >= DRIVEN_S:
-        return cause, frozenset({"disturbed", "unknown"}), cause, True
+    acts_still = acts[recording.time_s <= float(recording.time_s[window][-1]) - DETECTED_S][-1]
+    if hard_s >= DRIVEN_S and acts[window][-1] and acts_still:
+        return cause, frozenset({"driven", "unknown"}), cause, True
     return "weakly driven", ANY - {"static"} if _moves_g(recording, window) > SEEN_G else ANY, None, False
 
 
@@ -118,7 +119,7 @@ def _free(recording: Recording, now_s: float, free_s: float) -> Truth:
     right = {"rest": {"static"}, "faint": {"static", "swinging"}, "swing": {"swinging"}}[kind]
     if now_s < free_s + recording.period_s + SETTLE_S:
         straddles = free_s > 0 and now_s < free_s + WINDOW_S + EDGE_S
-        early = right | {"unknown"} | ({"disturbed"} if straddles else set())
+        early = right | {"unknown"} | ({"driven"} if straddles else set())
         return (
             ("rest", frozenset(early), None, True)
             if kind == "rest"
@@ -139,16 +140,16 @@ def summary(judged: list[Judged]) -> str:
     ]
     counted = [row for row in judged if row[3]]
     right = sum(row[4] in row[1] for row in counted)
-    named = [row for row in counted if row[2] is not None and row[4] == "disturbed"]
+    named = [row for row in counted if row[2] is not None and row[4] in ("driven", "disturbed")]
     at_rest = [row for row in judged if row[0] == "rest"]
     wrongly = sum(row[4] == "swinging" for row in at_rest)
-    disturbed = [row for row in judged if "static" not in row[1] and row[0] not in ("swing", "settling", "start")]
-    missed = sum(row[4] in ("static", "quasi_static") and row[4] not in row[1] for row in disturbed)
+    moved = [row for row in judged if "static" not in row[1] and row[0] not in ("swing", "settling", "start")]
+    missed = sum(row[4] in ("static", "quasi_static") and row[4] not in row[1] for row in moved)
     return "\n".join(
         [
             *lines,
             f"  right {right}/{len(counted)} = {right / len(counted):.2%}",
-            f"  static called swinging {wrongly}/{len(at_rest)}; disturbed called static {missed}/{len(disturbed)}",
+            f"  static called swinging {wrongly}/{len(at_rest)}; driven or disturbed called static {missed}/{len(moved)}",
             f"  cause right {sum(row[5] == row[2] for row in named)}/{len(named)}",
         ]
     )

@@ -22,11 +22,12 @@ from devices.pendulum.pendulum import start_motion
 from devices.pendulum.small_swing import small_swing_rate_1_s
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import Event, Gust, Hoist, TrolleyMove
+from gateway.numerics.stats import NORMAL_975
 
 Array = NDArray[np.float64]
 Outcome = dict[str, Any]
-RATE_HZ, SECONDS, BLOCK = 50.0, 36.0, 16
-LENGTH_M, NOISE_G = 9.0, 4e-4
+RATE_HZ, SECONDS, UPDATE = 50.0, 36.0, 5
+LENGTH_M, NOISE_G, MOUNT_U_RAD = 9.0, 4e-4, 1e-3
 CONDITION_SEEDS = (2, 3, 5, 6, 7, 8, 9, 10, 11, 12)
 """One recording of each kind."""
 RECONCILE_CASES, RECONCILE_SEED = 12, 71
@@ -151,29 +152,47 @@ def swing_recordings() -> dict[str, SwingCase]:
 
 def judge_swing(name: str) -> Outcome:
     """Return whether there is an angle, what it is worth, and live how often."""
-    from gateway.swing import MountedHousing, SwingTracker, estimate_swing  # noqa: PLC0415
-
     case = swing_recordings()[name]
-    rig = MountedHousing(**case.rig)
+    return _judge_live(case) if case.live else _judge_offline(case)
+
+
+def _judge_offline(case: SwingCase) -> Outcome:
+    from gateway.swing import MountedHousing, estimate_swing  # noqa: PLC0415
+
     time_s = np.arange(len(case.force_g)) / RATE_HZ
-    if case.live:
-        tracker = SwingTracker(rig, noise_g=case.noise_g)
-        blocks = np.split(np.arange(len(time_s)), range(BLOCK, len(time_s), BLOCK))
-        estimates = [e for i in blocks if (e := tracker.update(time_s[i], case.force_g[i])) is not None]
-    else:
-        estimates = [estimate_swing(time_s, case.force_g, rig=rig, noise_g=case.noise_g)]
+    e = estimate_swing(time_s, case.force_g, rig=MountedHousing(**case.rig), noise_g=case.noise_g)
+    inside = (time_s >= e.from_s - 1e-9) & (time_s <= e.to_s + 1e-9)
+    true_rad = float(case.angle_rad[inside].max(initial=0.0))
+    state = {True: "swing", False: "none", None: "unknown"}[e.swinging]
+    if e.coverage95_rad is None:
+        return {"states": {f"{state}, no interval": 1}, "errors_deg": [], "widths_deg": []}
+    low, high = e.coverage95_rad
+    covered = "covered" if low <= true_rad <= high else "not covered"
+    error_deg = 0.0 if e.phi_max_rad is None else float(np.degrees(e.phi_max_rad - true_rad))
+    return {
+        "states": {f"{state}, {covered}": 1},
+        "errors_deg": [error_deg],
+        "widths_deg": [float(np.degrees(high - low))],
+    }
+
+
+def _judge_live(case: SwingCase) -> Outcome:
+    from gateway.motion.motion_monitor import MotionMonitor  # noqa: PLC0415
+    from gateway.swing import MountedHousing  # noqa: PLC0415
+
+    monitor = MotionMonitor(MountedHousing(**case.rig), mount_u_rad=MOUNT_U_RAD, noise_g=case.noise_g)
     states, errors, widths = Counter[str](), [], []
-    for e in estimates:
-        inside = (time_s >= e.from_s - 1e-9) & (time_s <= e.to_s + 1e-9)
-        true_rad = float(case.angle_rad[inside].max(initial=0.0))
-        state = {True: "swing", False: "none", None: "unknown"}[e.swinging]
-        if e.coverage95_rad is None:
-            states[f"{state}, no interval"] += 1
+    for begin in range(0, len(case.force_g), UPDATE):
+        end = min(begin + UPDATE, len(case.force_g))
+        monitor.update(np.arange(begin, end) / RATE_HZ, case.force_g[begin:end])
+        e = monitor.estimate((end - 1) / RATE_HZ)
+        if e.angle_rad is None or e.u_rad is None:
+            states[f"{e.state}, no interval"] += 1
             continue
-        low, high = e.coverage95_rad
-        states[f"{state}, {'covered' if low <= true_rad <= high else 'not covered'}"] += 1
-        widths.append(float(np.degrees(high - low)))
-        errors.append(0.0 if e.phi_max_rad is None else float(np.degrees(e.phi_max_rad - true_rad)))
+        error_rad = e.angle_rad - case.angle_rad[end - 1]
+        states[f"{e.state}, {'covered' if abs(error_rad) <= NORMAL_975 * e.u_rad else 'not covered'}"] += 1
+        widths.append(float(np.degrees(2 * NORMAL_975 * e.u_rad)))
+        errors.append(float(np.degrees(error_rad)))
     return {"states": dict(states), "errors_deg": errors, "widths_deg": widths}
 
 
@@ -222,7 +241,7 @@ def judge_reconcile(name: str) -> Outcome:
 
 
 SUBJECTS = {
-    "swing": Subject(("gateway.swing",), lambda: list(swing_recordings()), judge_swing),
+    "swing": Subject(("gateway.swing", "gateway.motion"), lambda: list(swing_recordings()), judge_swing),
     "conditions": Subject(("gateway.stages",), lambda: [str(seed) for seed in CONDITION_SEEDS], judge_conditions),
     "reconcile": Subject(
         ("gateway.twin.reconcile",),

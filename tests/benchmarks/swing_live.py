@@ -9,15 +9,16 @@ import numpy as np
 from devices.pendulum import pendulum
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import TrolleyMove
+from gateway.motion.estimate import MotionEstimate, PeakEstimate
+from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.stats import NORMAL_975
-from gateway.swing import SwingEstimate, SwingTracker
-from tests.benchmarks.swing_cases import GRAVITY_M_S2, NOISES_G, RATE_HZ, covers, largest, maxima, rig
+from tests.benchmarks.swing_cases import GRAVITY_M_S2, NOISES_G, RATE_HZ, maxima, rig
 
 LIMIT_DEG = 6.0
 RUNS, RUN_S, JOG_S = 16, 80.0, 40.0
-BLOCK = 16
-COUNTS_AFTER_S = 0.25
-"""An estimate counts this long after its samples in the gateway."""
+BLOCK = 5
+"""Samples between two updates."""
+MOUNT_U_RAD = 1e-3
 RECOVERY_PERIODS = 1.25
 """Until then after a drive or the start there is hardly a swing to predict from."""
 
@@ -30,7 +31,7 @@ class Run:
     time_s: np.ndarray
     angle_deg: np.ndarray
     free: np.ndarray
-    estimates: list[SwingEstimate]
+    estimates: list[MotionEstimate]
     cpu_s: list[float]
 
     def recovering(self, time_s: float) -> bool:
@@ -39,12 +40,11 @@ class Run:
         return since_s < 0 or not self.free[(self.time_s > since_s) & (self.time_s <= time_s)].all()
 
     def covered(self) -> Iterator[bool]:
-        """Whether the interval of an estimate in free swing holds the truth."""
+        """Whether the interval of an angle in free swing holds the truth."""
         for e in self.estimates:
-            if e.swinging and e.coverage95_rad is not None and not self.recovering(e.to_s):
-                within = (self.time_s > e.from_s) & (self.time_s < e.to_s)
-                ends = np.interp([e.from_s, e.to_s], self.time_s, self.angle_deg)
-                yield covers(e, max(largest(self.angle_deg[within]), *ends))
+            if e.angle_rad is not None and e.u_rad is not None and not self.recovering(e.time_s):
+                true_rad = np.radians(np.interp(e.time_s, self.time_s, self.angle_deg))
+                yield bool(abs(e.angle_rad - true_rad) < NORMAL_975 * e.u_rad)
 
 
 def follow(rng: np.random.Generator) -> Run:
@@ -62,17 +62,16 @@ def follow(rng: np.random.Generator) -> Run:
         wind_m_s2=(rng.uniform(-0.08, 0.08), rng.uniform(-0.08, 0.08)),
     )
     noise_g = float(rng.choice(NOISES_G))
-    tracker = SwingTracker(rig(length_m, rho, rng), noise_g=noise_g)
+    monitor = MotionMonitor(rig(length_m, rho, rng), mount_u_rad=MOUNT_U_RAD, noise_g=noise_g)
     time_s = np.arange(round(RUN_S * RATE_HZ)) / RATE_HZ
     truths, estimates, cpu_s = [], [], []
     for block_s in np.split(time_s, range(BLOCK, len(time_s), BLOCK)):
         force_g = crane.specific_force_m_s2(block_s) / GRAVITY_M_S2 + noise_g * rng.normal(size=(len(block_s), 3))
         truths.append(crane.truth(block_s))
         before_s = time.process_time()
-        estimate = tracker.update(block_s, force_g)
-        if estimate is not None:
-            estimates.append(estimate)
-            cpu_s.append(time.process_time() - before_s)
+        monitor.update(block_s, force_g)
+        estimates.append(monitor.estimate(float(block_s[-1])))
+        cpu_s.append(time.process_time() - before_s)
     angle_deg = np.degrees(np.concatenate([truth.rope_angle_rad for truth in truths]))
     free = np.concatenate([truth.free for truth in truths])
     return Run(2 * np.pi / rate_1_s, time_s, angle_deg, free, estimates, cpu_s)
@@ -90,17 +89,22 @@ class PeakStory:
 
 
 def stories(run: Run) -> Iterator[PeakStory]:
-    """Every prediction belongs to the true peak nearest to its time; it counts COUNTS_AFTER_S after its samples."""
-    said = [(e.to_s, e.to_s + e.prediction.time_to_peak_s, e.prediction) for e in run.estimates if e.prediction]
+    """Every prediction belongs to the true peak nearest to its time."""
+    said = [(e.time_s, e.time_s + p.in_s, p) for e in run.estimates if (p := _larger(e)) is not None]
     for place, angle_deg in zip(*maxima(run.angle_deg), strict=True):
         at_s = float(run.time_s[place])
         early = [
-            (at_s - made_s - COUNTS_AFTER_S, np.degrees(p.phi_max_rad + NORMAL_975 * p.u_rad))
+            (at_s - made_s, np.degrees(p.upper_rad(NORMAL_975)))
             for made_s, peak_s, p in said
-            if abs(peak_s - at_s) < run.period_s / 4 and made_s + COUNTS_AFTER_S < at_s
+            if abs(peak_s - at_s) < run.period_s / 4 and made_s < at_s
         ]
         above = [lead_s for lead_s, upper_deg in early if upper_deg > LIMIT_DEG]
         yield PeakStory(float(angle_deg), run.recovering(at_s), bool(early), max(above, default=None))
+
+
+def _larger(estimate: MotionEstimate) -> PeakEstimate | None:
+    peaks = [p for p in (estimate.next_peak, estimate.next_peak_if_coasting) if p is not None]
+    return max(peaks, key=lambda p: p.angle_rad, default=None)
 
 
 def print_live() -> None:
@@ -113,15 +117,11 @@ def print_live() -> None:
     _print_lead("in free swing", [s for s in told if not s.recovering])
     _print_lead(f"within {RECOVERY_PERIODS:g} swings of the start or a drive", [s for s in told if s.recovering])
     covered = [hit for run in runs for hit in run.covered()]
-    print(f"  truth in the 95 % interval of an estimate in free swing: {sum(covered)} of {len(covered)}", end=" ")
+    print(f"  truth in the 95 % interval of an angle in free swing: {sum(covered)} of {len(covered)}", end=" ")
     print(f"({100 * np.mean(covered):.0f} %)")
-    timed = [(run, e, 1e3 * cpu_s) for run in runs for e, cpu_s in zip(run.estimates, run.cpu_s, strict=True)]
-    free_ms = [cpu_ms for run, e, cpu_ms in timed if e.swinging and not run.recovering(e.to_s)]
-    p50, p99 = np.percentile(free_ms, [50, 99])
-    print(f"  CPU per update in free swing: median {p50:.1f} ms, p99 {p99:.1f} ms, of {len(free_ms)};", end=" ")
-    print(f"largest of all {len(timed)}: {max(cpu_ms for _, _, cpu_ms in timed):.0f} ms")
-    apart = np.concatenate([np.diff([e.to_s for e in run.estimates if e.swinging]) / run.period_s for run in runs])
-    print(f"  updates per swing: {1 / np.median(apart):.1f}")
+    cpu_ms = 1e3 * np.concatenate([run.cpu_s for run in runs])
+    p50, p99 = np.percentile(cpu_ms, [50, 99])
+    print(f"  CPU per update: median {p50:.1f} ms, p99 {p99:.1f} ms, largest of {len(cpu_ms)}: {cpu_ms.max():.0f} ms")
 
 
 def _print_lead(when: str, told: list[PeakStory]) -> None:

@@ -1,18 +1,18 @@
 """The gates of a condition: named tests of the last seconds, true where passed (Łuczak n.d., section 3).
 
 The norm gate (Łuczak n.d., eq. 15) is necessary and not sufficient: there are constant accelerations that leave |m| = 1
-(Łuczak n.d., Fig. 2), and no accelerometer can detect them. The gates on stillness, impact and consistency with a pendulum
-exclude most other motions that it lets pass.
+(Łuczak n.d., Fig. 2), and no accelerometer can detect them. The gates on stillness and impact, and the evidence of the motion
+filter, exclude most other motions that it lets pass.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.numerics.array import Array
+from gateway.messages import MotionState
 from gateway.stages.conditions.gyro_gates import turning_gates
 from gateway.stages.conditions.window import Bin, ConditionWindow
-from gateway.stages.conditions.window_features import SMOOTHED_BINS, WindowFeatures, moving_average
+from gateway.stages.conditions.window_features import STILL_FLOOR_G, WindowFeatures
 
 FEWEST_BINS = 10
 STEADY_BINS = 40
@@ -26,35 +26,54 @@ CREST = 8.0
 LOST_SHARE = 0.1
 WIDEST_RAD = np.radians(30.0)
 """Largest swing of a hanging load while the swing is not known."""
-ENERGY_FLOOR_G, ENERGY_SHARE, ENERGY_SIGMA = 0.001, 0.1, 5.0
-"""Allowed change of the amplitude, from position and rate at each time, within the window of a free swing."""
-AXIAL_FLOOR_G, AXIAL_SHARE = 0.0015, 0.3
-"""Allowed deviation of the force along the rope from that of the position in the swing."""
-LARGEST_SEEN_RHO = 0.9
-"""Nearer to the load the transverse force is too small to determine the position in the swing."""
+LARGEST_DRIVE_G = 0.1
+"""Largest contribution of a drive or a hoist to the magnitude of the force; also after it, while the window holds it."""
+LARGEST_U_RAD = np.radians(1.5)
+"""Largest standard uncertainty of an angle that can be trusted."""
+DRIVEN: tuple[MotionState, ...] = ("driven", "hoisting", "wind")
+"""States in which something acts on crane or load."""
 
 
-@dataclass(frozen=True, slots=True)
-class SwingContext:
-    """The result of the swing stage for the same seconds."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionContext:
+    """The rope's motion in the same seconds."""
 
-    swinging: bool | None
-    phi_max_rad: float | None
-    consistent: bool
-    """A pendulum explains the motion."""
-    rho: float | None = None
-    """Position of the housing on the rope, by the period; None: as near to the load as possible."""
+    state: MotionState
+    u_rad: float | None = None
+    """Standard uncertainty of the rope's angle; None: the angle is not known."""
+    phi_max_rad: float | None = None
+    """Upper 95 % end of the largest angle of the last period."""
+    amplitude_rad: float | None = None
+    """Amplitude of the swing about the lean."""
     period_s: float | None = None
-    lean_g: tuple[float, float] = (0.0, 0.0)
-    """Transverse force at the centre of the swing."""
-    hoisting: bool = False
-    """The rope's length certainly changes; the pendulum that explains the motion includes this."""
+    rho: float | None = None
+    """Position of the housing on the rope; None: as near to the load as possible."""
+    is_explained: bool = True
+    """The motion explains the readings."""
+    reasons: tuple[str, ...] = ()
+    """What acts, or why the angle is not known."""
+
+    @property
+    def is_known(self) -> bool:
+        """The angle is known well enough to be trusted."""
+        return self.u_rad is not None and bool(self.u_rad < LARGEST_U_RAD)
+
+    @property
+    def is_below_stillness(self) -> bool:
+        """The swing is too small to move the reading of a still housing."""
+        rho = 1.0 if self.rho is None else self.rho
+        return self.is_known and self.amplitude_rad is not None and (1 - rho) * self.amplitude_rad < STILL_FLOOR_G
+
+    @property
+    def is_driven(self) -> bool:
+        """Something acts on crane or load."""
+        return self.state in DRIVEN
 
 
 def evaluate_gates(
     features: WindowFeatures,
     window: ConditionWindow,
-    swing: SwingContext,
+    motion: MotionContext,
     noise_g: float | None,
     permissible_norm_error_g: float,
 ) -> dict[str, bool]:
@@ -62,8 +81,8 @@ def evaluate_gates(
     return {
         "enough_data": True,
         **_sample_gates(features),
-        **_motion_gates(features, window.memory, swing, noise_g, permissible_norm_error_g),
-        **_rotation_gates(features.bins, swing),
+        **_motion_gates(features, window.memory, motion, noise_g, permissible_norm_error_g),
+        **_rotation_gates(features.bins, motion),
     }
 
 
@@ -83,7 +102,7 @@ def _sample_gates(features: WindowFeatures) -> dict[str, bool]:
 def _motion_gates(
     features: WindowFeatures,
     memory: list[Bin],
-    swing: SwingContext,
+    motion: MotionContext,
     noise_g: float | None,
     permissible_norm_error_g: float,
 ) -> dict[str, bool]:
@@ -91,57 +110,36 @@ def _motion_gates(
     norms = np.linalg.norm(features.smoothed_g, axis=1)
     impact_g = _impact_g(features)
     calm = [b for b in memory if not b.clipped and b.peak_g < impact_g]
-    enough = swing.swinging is False or len(memory) >= STEADY_BINS
-    widest_rad = WIDEST_RAD if swing.phi_max_rad is None else swing.phi_max_rad
-    span = 1 - np.cos(widest_rad)
-    rho = 1.0 if swing.rho is None else swing.rho
-    free = bool(swing.swinging) and swing.consistent and not swing.hoisting
-    lowest, highest = 1 - span - permissible_norm_error_g, 1 + 2 * rho * span + permissible_norm_error_g
+    enough = motion.state == "rest" or len(memory) >= STEADY_BINS
+    lowest_g, highest_g = _norm_limits_g(motion, permissible_norm_error_g)
     return {
         "still": features.still,
         "steady": enough and len(calm) >= FEWEST_BINS and WindowFeatures.at(calm, noise_g).still,
         "norm_static": bool(np.all(np.abs(norms - 1) < permissible_norm_error_g)),
-        "norm_pendulum": bool(np.all(norms > lowest) and np.all(norms < highest)),
-        "energy": not free or _energy_gate(features.bins, features.means_g, swing),
-        "axial": not free or _axial_gate(features.means_g, swing),
-        "rope_keeps_length": not swing.hoisting or features.still,
-        "pendulum": free,
+        "norm_hanging": bool(np.all(norms > lowest_g) and np.all(norms < highest_g)),
+        "explained": motion.is_explained,
+        "angle_known": motion.is_known,
+        "not_driven": not motion.is_driven,
     }
 
 
-def _rotation_gates(bins: list[Bin], swing: SwingContext) -> dict[str, bool]:
+def _norm_limits_g(motion: MotionContext, permissible_norm_error_g: float) -> tuple[float, float]:
+    """Return the limits of the magnitude of the force on a hanging load."""
+    widest_rad = WIDEST_RAD if motion.phi_max_rad is None else motion.phi_max_rad
+    span = 1 - np.cos(widest_rad)
+    margin_g = permissible_norm_error_g + LARGEST_DRIVE_G
+    rho = 1.0 if motion.rho is None else motion.rho
+    return 1 - span - margin_g, 1 + 2 * rho * span + margin_g
+
+
+def _rotation_gates(bins: list[Bin], motion: MotionContext) -> dict[str, bool]:
     """Return the gates on the angular rates; none without a gyroscope."""
     rates = [b.rate_rad_s for b in bins if b.rate_rad_s is not None]
-    return turning_gates(np.array(rates), swing.phi_max_rad, swing.period_s) if rates else {}
+    if not rates:
+        return {}
+    free = not motion.is_driven
+    return turning_gates(np.array(rates), motion.phi_max_rad if free else None, motion.period_s if free else None)
 
 
 def _impact_g(features: WindowFeatures) -> float:
     return max(IMPACT_G, CREST * features.scatter_g) + 6 * features.noise_g
-
-
-def _energy_gate(bins: list[Bin], means: Array, swing: SwingContext) -> bool:
-    """Return whether the amplitude sqrt(f^2 + (f'/w)^2) is constant, as in every free swing, planar or not."""
-    if swing.period_s is None:
-        return True
-    spacing_s = (bins[-1].time_s - bins[0].time_s) / (len(bins) - 1)
-    half = SMOOTHED_BINS // 2
-    lags = np.arange(-half, half + 1)
-    transverse = means[:, :2] - swing.lean_g
-    n = len(transverse) - 2 * half
-    rate = sum(lag * transverse[half + lag : half + lag + n] for lag in lags) / (spacing_s * (lags**2).sum())
-    position = moving_average(means, SMOOTHED_BINS)[:, :2] - swing.lean_g
-    radian_s = swing.period_s / (2 * np.pi)
-    amplitude_g = np.sqrt((position**2 + (rate * radian_s) ** 2).sum(axis=1))
-    u_mean_g = min(b.scatter_g for b in bins) / np.sqrt(np.mean([b.count for b in bins]))
-    u_rate_g = radian_s * u_mean_g / (spacing_s * np.sqrt((lags**2).sum()))
-    return bool(np.ptp(amplitude_g) < ENERGY_FLOOR_G + ENERGY_SHARE * amplitude_g.max() + ENERGY_SIGMA * u_rate_g)
-
-
-def _axial_gate(means: Array, swing: SwingContext) -> bool:
-    """Return whether the force along the rope follows the position: f_z = const - (1/2 + rho) phi^2, phi = f_t/(1 - rho)."""
-    if swing.rho is None or swing.rho > LARGEST_SEEN_RHO:
-        return True
-    position_g = moving_average(means, SMOOTHED_BINS)
-    square = ((position_g[:, :2] - swing.lean_g) ** 2).sum(axis=1) / (1 - swing.rho) ** 2
-    expected_g = -(0.5 + swing.rho) * square
-    return bool(np.ptp(position_g[:, 2] - expected_g) < AXIAL_FLOOR_G + AXIAL_SHARE * np.ptp(expected_g))

@@ -23,9 +23,19 @@ def find_fault(force_g: Array) -> str | None:
 
 def find_fault_in_means(force_g: Array) -> str | None:
     """Return the same for samples or means of them, which cannot show clipping."""
+    return find_constant_axis(force_g) or find_implausible_mean(force_g)
+
+
+def find_constant_axis(force_g: Array) -> str | None:
+    """Return which axis is constant, or None."""
     for axis, values in zip("xyz", force_g.T, strict=True):
         if (values == values[0]).all():
             return f"{axis} does not change at all: the axis is dead, or its steps are too coarse for this motion"
+    return None
+
+
+def find_implausible_mean(force_g: Array) -> str | None:
+    """Return what the mean shows of a wrong unit or a wrong axes map, or None."""
     mean_g = force_g.mean(axis=0)
     norm_g = float(np.linalg.norm(mean_g))
     if abs(norm_g - 1.0) > MAX_NORM_ERROR_G:

@@ -47,7 +47,7 @@ def check_axes_in_window(bins: Bins, noise_g: Array, rig: MountedHousing, length
     scatter_g = bins.force_g.std(axis=0)
     if scatter_g.min() > LIVELY * scatter_g.max() and scatter_g[2] > 2 * noise_g[2] / np.sqrt(bins.count.mean()):
         return DeadAxis()
-    return _compare_axes(find_harmonics(bins, noise_g, rig), rig, length_m)
+    return compare_axes(find_harmonics(bins, noise_g, rig), rig, length_m)
 
 
 def check_axes(bins: Bins, noise_g: Array, rig: MountedHousing, length_m: float) -> DeadAxis:
@@ -64,27 +64,67 @@ def check_axes(bins: Bins, noise_g: Array, rig: MountedHousing, length_m: float)
     return DeadAxis(angle_u_rel=float(np.median([each.angle_u_rel for each in found])))
 
 
-def _compare_axes(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> DeadAxis:
-    rho = rig.rho_at(length_m)
-    if harmonics.unexplained > LARGEST_UNEXPLAINED or rho > LARGEST_SEEN_RHO:
+def compare_axes(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> DeadAxis:
+    """Check the harmonics of a window of a few swings on a rope of this length."""
+    sides = _Sides.of(harmonics, rig, length_m)
+    if sides is None:
         return DeadAxis()
     size, u_g = np.abs(harmonics.amplitude_g), harmonics.u_g
-    axial_gain, transverse_gain = rho / 2 + 0.25, (1 - rho) ** 2
-    square_of_xy = complex((harmonics.amplitude_g[:2] ** 2).sum()) / transverse_gain
-    square_of_z = -complex(harmonics.amplitude_g[2]) / axial_gain
-    largest, difference = max(abs(square_of_xy), abs(square_of_z)), abs(square_of_xy - square_of_z)
-    expected_xy_g = np.sqrt(largest * transverse_gain)
-    expected_g = np.array([expected_xy_g, expected_xy_g, largest * axial_gain])
+    expected_xy_g = np.sqrt(sides.largest * sides.transverse_gain)
+    expected_g = np.array([expected_xy_g, expected_xy_g, sides.largest * sides.axial_gain])
     silent = size < np.maximum(SILENT * u_g, SILENT_SHARE * expected_g)
-    u = np.hypot(u_g[2] / axial_gain, 2 * size[:2].max() * u_g[:2].max() / transverse_gain)
-    u_rho = rig.position_u_m / length_m + LENGTH_U_REL * rho
-    u += largest * u_rho * (2 / (1 - rho) + 0.5 / axial_gain)
-    z_is_smaller = abs(square_of_z) < abs(square_of_xy)
+    z_is_smaller = abs(sides.square_of_z) < abs(sides.square_of_xy)
     dead = "z" * bool(silent[2]) if z_is_smaller else " or ".join(np.array(["x", "y"])[silent[:2]])
     if not dead:
         return DeadAxis()
-    if difference > APART * largest + largest**2 / 2 + APART_SIGMA * u:
+    if sides.are_apart:
         return DeadAxis(
             f"{dead} shows nothing of the swing that the other axes show: a dead axis, or the housing is not where stated"
         )
-    return DeadAxis() if z_is_smaller else DeadAxis(angle_u_rel=difference / (2 * largest))
+    return DeadAxis() if z_is_smaller else DeadAxis(angle_u_rel=sides.difference / (2 * sides.largest))
+
+
+def contradiction_u_rel(harmonics: Harmonics, rig: MountedHousing, length_m: float) -> float:
+    """Return half the relative difference of the angles by x and y and by z, 0 where the axes agree."""
+    sides = _Sides.of(harmonics, rig, length_m)
+    return sides.difference / (2 * sides.largest) if sides is not None and sides.are_apart else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Sides:
+    """The square of the load's complex amplitude by x and y and by z."""
+
+    square_of_xy: complex
+    square_of_z: complex
+    axial_gain: float
+    transverse_gain: float
+    u: float
+    """Standard uncertainty of their difference."""
+
+    @classmethod
+    def of(cls, harmonics: Harmonics, rig: MountedHousing, length_m: float) -> "_Sides | None":
+        """Return both sides; None where nothing can be said."""
+        rho = rig.rho_at(length_m)
+        if harmonics.unexplained > LARGEST_UNEXPLAINED or rho > LARGEST_SEEN_RHO:
+            return None
+        size, u_g = np.abs(harmonics.amplitude_g), harmonics.u_g
+        axial_gain, transverse_gain = rho / 2 + 0.25, (1 - rho) ** 2
+        square_of_xy = complex((harmonics.amplitude_g[:2] ** 2).sum()) / transverse_gain
+        square_of_z = -complex(harmonics.amplitude_g[2]) / axial_gain
+        u = np.hypot(u_g[2] / axial_gain, 2 * size[:2].max() * u_g[:2].max() / transverse_gain)
+        u_rho = rig.position_u_m / length_m + LENGTH_U_REL * rho
+        u += max(abs(square_of_xy), abs(square_of_z)) * u_rho * (2 / (1 - rho) + 0.5 / axial_gain)
+        return cls(square_of_xy, square_of_z, axial_gain, transverse_gain, float(u))
+
+    @property
+    def largest(self) -> float:
+        return max(abs(self.square_of_xy), abs(self.square_of_z))
+
+    @property
+    def difference(self) -> float:
+        return abs(self.square_of_xy - self.square_of_z)
+
+    @property
+    def are_apart(self) -> bool:
+        """The two do not belong together."""
+        return self.difference > APART * self.largest + self.largest**2 / 2 + APART_SIGMA * self.u

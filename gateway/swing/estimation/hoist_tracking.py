@@ -8,7 +8,7 @@ from gateway.numerics.array import Array
 from gateway.swing.data.bins import Bins
 from gateway.swing.estimation.robust_fit import FitResult, fit_robust
 from gateway.swing.fit.priors import hoisting_prior
-from gateway.swing.model.motion import N_BASE_PARAMETERS, Motion
+from gateway.swing.model.motion import N_BASE_PARAMETERS, PendulumMotion
 from gateway.swing.model.rope_spline import SplineGrid
 from gateway.swing.rig import MountedHousing
 
@@ -48,7 +48,7 @@ class FittedInterval:
         return (self.to_s - self.from_s) / self.period_s
 
 
-def spline_step_s(rig: MountedHousing) -> float:
+def _spline_step_s(rig: MountedHousing) -> float:
     """Return the step of the speed's splines for a nominal rig, so that all grids of a rig share their knots.
 
     A housing that moves with the rope reads every change of speed; one that stays in place reads only its effect on the swing.
@@ -61,23 +61,29 @@ def fit_hoist(
     bins: Bins,
     noise_g: Array,
     rig: MountedHousing,
-    start: Motion,
+    start: PendulumMotion,
     moving_s: tuple[float, float],
     iterations: int,
-    step_s: float | None = None,
 ) -> FitResult | None:
     """Return the fit of a window whose rope moves between two times; None where that explains nothing.
 
     The grid of `start` covers the window.
     """
-    splines = SplineGrid.covering(*moving_s, step_s or spline_step_s(rig))
+    splines = SplineGrid.covering(*moving_s, _spline_step_s(rig))
     prior = hoisting_prior(rig, splines.count)
     result = fit_robust(bins, noise_g, start.with_splines(splines), prior, iterations, max_misfit=LARGEST_MISFIT)
     return result if result is not None and _is_plausible(result) else None
 
 
 def track_forward(
-    bins: Bins, noise_g: Array, rig: MountedHousing, motion: Motion, *, from_s: float, constant_to_s: float, to_s: float
+    bins: Bins,
+    noise_g: Array,
+    rig: MountedHousing,
+    motion: PendulumMotion,
+    *,
+    from_s: float,
+    constant_to_s: float,
+    to_s: float,
 ) -> list[FittedInterval]:
     """Return the intervals from `constant_to_s` up to `to_s`, as far as a rope that moves from about then on explains them.
 
@@ -107,7 +113,7 @@ def track_backward(
     bins: Bins,
     noise_g: Array,
     rig: MountedHousing,
-    motion: Motion,
+    motion: PendulumMotion,
     *,
     from_s: float,
     constant_from_s: float,

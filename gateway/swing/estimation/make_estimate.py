@@ -4,10 +4,10 @@ import numpy as np
 
 from gateway.numerics.array import Array
 from gateway.numerics.runs import true_runs
-from gateway.swing.estimate import SLOWEST_HOIST_M_S, SURE, PeakPrediction, SwingEstimate, SwingPeak
+from gateway.swing.estimate import SLOWEST_HOIST_M_S, SURE, SwingEstimate, SwingPeak
 from gateway.swing.estimation.robust_fit import FitResult
 from gateway.swing.model.motion import N_BASE_PARAMETERS, N_STATES
-from gateway.swing.uncertainty.peaks import angles_at, half_swing_peaks, maxima_s, sample_angles, swing_ellipse
+from gateway.swing.uncertainty.peaks import half_swing_peaks, sample_angles, swing_ellipse
 from gateway.swing.uncertainty.uncertainty_model import UncertaintyModel
 
 NOTABLE_WIDENING = 1.5
@@ -31,7 +31,6 @@ def make_estimate(result: FitResult, noise_g: Array, from_s: float, to_s: float)
     largest = max(peaks, key=lambda peak: peak.phi_max_rad)
     minor_rad, azimuth_rad = swing_ellipse(sample_angles(fit, max(from_s, to_s - period_s), to_s))
     pull = complex(series.pull[-1])
-    speed_m_s, speed_u_m_s = _rope_speed(result, to_s)
     return SwingEstimate(
         from_s=from_s,
         to_s=to_s,
@@ -48,8 +47,6 @@ def make_estimate(result: FitResult, noise_g: Array, from_s: float, to_s: float)
         length_m=fit.motion.length_m,
         length_u_m=fit.motion.length_m * uncertainty.length_u_rel,
         damping_ratio=fit.motion.damping_ratio,
-        rope_speed_m_s=speed_m_s,
-        rope_speed_u_m_s=speed_u_m_s,
         swings=full_swings(peaks, from_s, to_s, period_s),
         reduced_chi_square=uncertainty.reduced_chi_square,
         noise_g=_three(noise_g),
@@ -108,34 +105,12 @@ def full_swings(peaks: list[SwingPeak], from_s: float, to_s: float, period_s: fl
     return tuple(swings)
 
 
-def predict_next_maximum(result: FitResult, now_s: float) -> PeakPrediction | None:
-    """Return the next maximum after `now_s`, where the fit's grid covers it and the fit is valid."""
-    fit = result.fit
-    if not result.is_valid:
-        return None
-    end_s = min(now_s + 0.75 * fit.motion.period_s, fit.motion.grid.end_s)
-    coming = maxima_s(sample_angles(fit, now_s, end_s))
-    coming = coming[(coming > now_s) & (coming < end_s)]
-    if len(coming) == 0:
-        return None
-    angle, u = angles_at(fit, result.uncertainty, coming[:1])
-    return PeakPrediction(phi_max_rad=float(angle[0]), u_rad=float(u[0]), time_to_peak_s=float(coming[0]) - now_s)
-
-
 def hoisting_intervals_s(result: FitResult, from_s: float, to_s: float) -> tuple[tuple[float, float], ...]:
     """Return when between two times the rope's length significantly changes, to a quarter of a second."""
     edges_s = np.arange(from_s, to_s + LOOK_S, LOOK_S)
     speed_m_s, u_m_s = _rope_speeds(result, (edges_s[:-1] + edges_s[1:]) / 2)
     moving = np.abs(speed_m_s) > np.maximum(SURE * u_m_s, SLOWEST_HOIST_M_S)
     return tuple((float(edges_s[start]), float(edges_s[stop])) for start, stop in true_runs(moving))
-
-
-def _rope_speed(result: FitResult, time_s: float) -> tuple[float | None, float | None]:
-    """Return L' and its standard uncertainty; None for a rope that is assumed to keep its length."""
-    if result.fit.motion.splines is None:
-        return None, None
-    speed_m_s, u_m_s = _rope_speeds(result, np.array([time_s]))
-    return float(speed_m_s[0]), float(u_m_s[0])
 
 
 def _rope_speeds(result: FitResult, time_s: Array) -> tuple[Array, Array]:

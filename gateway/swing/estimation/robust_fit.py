@@ -11,7 +11,7 @@ from gateway.numerics.robust import robust_sigma
 from gateway.swing.data.bins import Bins
 from gateway.swing.fit.gauss_newton import SwingFit, iterate, linearise, maximum_a_posteriori, reweight
 from gateway.swing.fit.priors import Prior, SensorModel
-from gateway.swing.model.motion import N_BASE_PARAMETERS, N_STATES, Motion
+from gateway.swing.model.motion import N_BASE_PARAMETERS, N_STATES, PendulumMotion
 from gateway.swing.uncertainty.peaks import largest_angle
 from gateway.swing.uncertainty.uncertainty_model import MAX_MISFIT, UncertaintyModel, misfit, uncertainty_of
 
@@ -63,7 +63,7 @@ class FitResult:
 def fit_robust(
     bins: Bins,
     noise_g: Array,
-    motion: Motion,
+    motion: PendulumMotion,
     prior: Prior,
     iterations: int,
     sensor: SensorModel | None = None,
@@ -82,7 +82,7 @@ def fit_robust(
 def fit_robust_from(
     bins: Bins,
     noise_g: Array,
-    guesses: list[Motion],
+    guesses: list[PendulumMotion],
     prior: Prior,
     iterations: int,
     *,

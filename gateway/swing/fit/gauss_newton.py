@@ -10,7 +10,7 @@ from gateway.numerics.array import Array
 from gateway.swing.data.bins import Bins
 from gateway.swing.fit.multiple_shooting import LinearisedMotion, linearise_segments, relative_step_size, take_step
 from gateway.swing.fit.priors import Prior, SensorModel
-from gateway.swing.model.motion import LN_LENGTH, N_STATES, Motion
+from gateway.swing.model.motion import LN_LENGTH, N_STATES, PendulumMotion
 from gateway.swing.model.rope_spline import RopeLengthSpline
 from gateway.swing.model.spherical_pendulum import SensorPlacement, position_jacobian, specific_force_g
 
@@ -46,7 +46,7 @@ class SwingFit:
     iterations: int
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> PendulumMotion:
         """The motion."""
         return self.linearised.motion
 
@@ -57,7 +57,7 @@ class SwingFit:
 
 
 def maximum_a_posteriori(
-    bins: Bins, weight: Array, motion: Motion, prior: Prior, iterations: int, sensor: SensorModel | None = None
+    bins: Bins, weight: Array, motion: PendulumMotion, prior: Prior, iterations: int, sensor: SensorModel | None = None
 ) -> SwingFit | None:
     """Fit from `motion`, whose grid must cover the bins; None where that leaves the model."""
     fit = linearise(bins, weight, motion, prior, sensor)
@@ -65,7 +65,7 @@ def maximum_a_posteriori(
 
 
 def linearise(
-    bins: Bins, weight: Array, motion: Motion, prior: Prior, sensor: SensorModel | None = None
+    bins: Bins, weight: Array, motion: PendulumMotion, prior: Prior, sensor: SensorModel | None = None
 ) -> SwingFit | None:
     """Compare a motion with the data and linearise it: the starting point of Gauss-Newton; None outside the model."""
     return _linearise(bins, weight, motion, sensor or SensorModel.ideal(), prior, 0)
@@ -123,7 +123,7 @@ def weighted_square(jacobian: Array, weight: Array) -> Array:
 
 
 def _linearise(
-    bins: Bins, weight: Array, motion: Motion, sensor: SensorModel, prior: Prior, iteration: int
+    bins: Bins, weight: Array, motion: PendulumMotion, sensor: SensorModel, prior: Prior, iteration: int
 ) -> SwingFit | None:
     linearised = linearise_segments(motion)
     if not (np.isfinite(linearised.trajectory.state).all() and np.isfinite(linearised.condensed).all()):
@@ -155,7 +155,7 @@ def _linearise(
     )
 
 
-def _unknowns(motion: Motion, sensor: SensorModel) -> Array:
+def _unknowns(motion: PendulumMotion, sensor: SensorModel) -> Array:
     first = motion.nodes[:, 0] / motion.state_scale[:, 0]
     return np.concatenate([first.view(np.float64), motion.parameters, sensor.errors])
 
@@ -166,7 +166,7 @@ def _cost(residual_g: Array, weight: Array, unknowns: Array, prior: Prior) -> fl
     return float((weight.ravel() * residual) @ residual + prior.information @ deviation**2)
 
 
-def _placement(rope: RopeLengthSpline, motion: Motion, sensor: SensorModel, prior: Prior) -> SensorPlacement:
+def _placement(rope: RopeLengthSpline, motion: PendulumMotion, sensor: SensorModel, prior: Prior) -> SensorPlacement:
     """Return the place of the housing in every variant; one clamped above the load moves with the rope."""
     rig, gravity_m_s2 = prior.rig, prior.rig.gravity_m_s2
     if rig.above_load_m is None:

@@ -36,16 +36,23 @@ class Harmonics:
     """Rms of the residual of the harmonics over the rms of the signal's variation."""
 
 
-def find_harmonics(bins: Bins, noise_g: Array, rig: MountedHousing, *, axial: bool = False) -> Harmonics:
+def find_harmonics(
+    bins: Bins,
+    noise_g: Array,
+    rig: MountedHousing,
+    *,
+    axial: bool = False,
+    span: tuple[float, float] = FREQUENCY_SPAN,
+) -> Harmonics:
     """Search a range of frequencies for the most likely harmonics; `noise_g` per sample and axis, shape (3,).
 
     With `axial`, the axial force alone chooses the frequency: near the load a swing shows in it alone, and the transverse axes
-    only add noise.
+    only add noise. `span`: the searched frequencies, relative to the believed one.
     """
     nominal_hz = small_swing_rate_1_s(rig.length_m, rig.gravity_m_s2) / (2 * np.pi)
     span_s = float(bins.time_s[-1] - bins.time_s[0])
-    tries = int(np.clip(6 * span_s * nominal_hz * (FREQUENCY_SPAN[1] - FREQUENCY_SPAN[0]), 12, 400))
-    ratio = np.geomspace(*FREQUENCY_SPAN, tries)
+    tries = int(np.clip(6 * span_s * nominal_hz * (span[1] - span[0]), 12, 400))
+    ratio = np.geomspace(*span, tries)
     prior_cost = (np.log(ratio) / (BELIEF_OF_FREQUENCY * rig.length_u_rel)) ** 2
     middle_s = float(bins.time_s.mean())
     angle = 2 * np.pi * nominal_hz * ratio[:, None] * (bins.time_s - middle_s)

@@ -8,7 +8,7 @@ With the load's horizontal displacement over the rope's length Re(X exp(i w t)),
 import numpy as np
 
 from gateway.swing.fit.harmonics import Harmonics
-from gateway.swing.model.motion import Motion, ShootingGrid
+from gateway.swing.model.motion import PendulumMotion, ShootingGrid
 from gateway.swing.model.spherical_pendulum import ComplexArray
 from gateway.swing.rig import MountedHousing
 
@@ -20,7 +20,7 @@ LEAST_SHARE = 0.02
 AXIAL_FROM_RHO = 0.7
 
 
-def initial_motions(harmonics: Harmonics, rig: MountedHousing, start_s: float, end_s: float) -> list[Motion]:
+def initial_motions(harmonics: Harmonics, rig: MountedHousing, start_s: float, end_s: float) -> list[PendulumMotion]:
     """Return motions over [start, end] with these harmonics, the most likely first; several where the axes are ambiguous."""
     rate_1_s = 2 * np.pi * harmonics.frequency_hz
     return [
@@ -31,7 +31,7 @@ def initial_motions(harmonics: Harmonics, rig: MountedHousing, start_s: float, e
 
 def _motion(
     harmonics: Harmonics, amplitude: ComplexArray, rig: MountedHousing, rate_1_s: float, start_s: float, end_s: float
-) -> Motion:
+) -> PendulumMotion:
     size_squared = float(np.sum(np.abs(amplitude) ** 2))
     length_m = rig.length_of(rate_1_s) * (1 - min(size_squared, 0.3) / 8)  # the period grows by A^2/16
     phase = np.exp(1j * rate_1_s * (start_s - harmonics.middle_s))
@@ -41,7 +41,7 @@ def _motion(
     u *= min(1.0, LARGEST_START / max(abs(u), 1e-12))
     state = np.array([[u], [-complex(swing_rate[0], swing_rate[1])], [pull]])
     grid = ShootingGrid.covering(start_s, start_s, 2 * np.pi / rate_1_s)
-    return Motion(grid, state, np.array([np.log(length_m), 0.0]), rig.gravity_m_s2).extended(start_s, end_s)
+    return PendulumMotion(grid, state, np.array([np.log(length_m), 0.0]), rig.gravity_m_s2).extended(start_s, end_s)
 
 
 def _amplitudes(harmonics: Harmonics, rig: MountedHousing, rate_1_s: float) -> list[ComplexArray]:

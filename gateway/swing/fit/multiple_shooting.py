@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from gateway.numerics.array import Array
-from gateway.swing.model.motion import N_STATES, STEPS_PER_SEGMENT, GridTimes, Motion
+from gateway.swing.model.motion import N_STATES, STEPS_PER_SEGMENT, GridTimes, PendulumMotion
 from gateway.swing.model.segments import PERTURBATION, PerturbedSegments
 from gateway.swing.model.spherical_pendulum import ComplexArray, SwingTrajectory, integrate, interpolate
 
@@ -31,7 +31,7 @@ class LinearisedMotion:
     shape (segments, N_STATES + own, unknowns + 1)."""
 
     @property
-    def motion(self) -> Motion:
+    def motion(self) -> PendulumMotion:
         """The motion."""
         return self.segments.motion
 
@@ -51,7 +51,7 @@ class LinearisedMotion:
         return condensed[..., :-1], condensed[..., -1]
 
 
-def linearise_segments(motion: Motion) -> LinearisedMotion:
+def linearise_segments(motion: PendulumMotion) -> LinearisedMotion:
     """Integrate every segment in every variant and condense."""
     segments, grid = PerturbedSegments.of_motion(motion), motion.grid
     trajectory = integrate(segments.states, segments.trajectory_input(), grid.step_s, STEPS_PER_SEGMENT)
@@ -68,7 +68,7 @@ def linearise_segments(motion: Motion) -> LinearisedMotion:
     return LinearisedMotion(segments, trajectory, condensed)
 
 
-def take_step(linearised: LinearisedMotion, step: Array, fraction: float) -> Motion:
+def take_step(linearised: LinearisedMotion, step: Array, fraction: float) -> PendulumMotion:
     """Return the motion after a fraction of a Gauss-Newton step of the unknowns, shape (unknowns,).
 
     The part of the step that turns the swing about the vertical is done as a rotation. Near the hook the azimuth is hardly
@@ -111,22 +111,7 @@ def _azimuth_step(swing: Swing, change: Swing) -> Array:
     return angle
 
 
-def shift_window(linearised: LinearisedMotion, start_s: float, end_s: float) -> Motion:
-    """Return the motion on the same grid, whole segments dropped before `start_s` and added up to `end_s`; this costs little."""
-    motion, grid = linearised.motion, linearised.motion.grid
-    dropped = int(np.clip((start_s - grid.start_s) // grid.segment_s, 0, grid.segments - 1))
-    segments = max(1, int(np.ceil((end_s - grid.start_s) / grid.segment_s - 1e-9)) - dropped)
-    nodes = motion.nodes[:, dropped : dropped + segments]
-    missing = segments - nodes.shape[1]
-    if missing > 0:
-        last = linearised.trajectory.state[-1, :, -1, 0]
-        states = motion.propagated(last, grid.end_s, grid.step_s, STEPS_PER_SEGMENT * (missing - 1))
-        nodes = np.concatenate([nodes, states[::STEPS_PER_SEGMENT].T], axis=1)
-    grid = replace(grid, start_s=grid.start_s + dropped * grid.segment_s, segments=segments)
-    return replace(motion, grid=grid, nodes=nodes)
-
-
-def _dimensionless(states: ComplexArray, motion: Motion) -> Array:
+def _dimensionless(states: ComplexArray, motion: PendulumMotion) -> Array:
     """Return states of shape (3, segments, ...) as real, dimensionless (segments, N_STATES, ...)."""
     scaled = (states / motion.state_scale[..., None]).swapaxes(0, 1)
     reals = np.empty((len(scaled), N_STATES, *states.shape[2:]))

@@ -84,7 +84,7 @@ class GridTimes:
 
 
 @dataclass(frozen=True, slots=True)
-class Motion:
+class PendulumMotion:
     """A motion on a shooting grid."""
 
     grid: ShootingGrid
@@ -146,12 +146,12 @@ class Motion:
         first: State = complex(state[0]), complex(state[1]), complex(state[2])
         return np.array(propagate(first, self.trajectory_input(from_s, step_s, steps), step_s, steps))
 
-    def with_parameters(self, count: int) -> "Motion":
+    def with_parameters(self, count: int) -> "PendulumMotion":
         """Return the motion with `count` parameters; new ones are zero."""
         kept = self.parameters[:count]
         return replace(self, parameters=np.concatenate([kept, np.zeros(count - len(kept))]))
 
-    def with_splines(self, splines: SplineGrid) -> "Motion":
+    def with_splines(self, splines: SplineGrid) -> "PendulumMotion":
         """Return the motion with splines of the rope's speed: the speeds that it already has, zero elsewhere."""
         if self.splines is None:
             return replace(self.with_parameters(N_BASE_PARAMETERS + splines.count), splines=splines)
@@ -159,13 +159,7 @@ class Motion:
         first_m = np.exp(self.parameters[LN_LENGTH]) + added_m
         return replace(self, splines=splines, parameters=np.array([np.log(first_m), self.damping_ratio, *speeds]))
 
-    def with_constant_length(self) -> "Motion":
-        """Return the motion on a rope that keeps the length that it has at the end."""
-        if self.splines is None:
-            return self
-        return replace(self, splines=None, parameters=np.array([np.log(self.length_m), self.damping_ratio]))
-
-    def extended(self, start_s: float, end_s: float) -> "Motion":
+    def extended(self, start_s: float, end_s: float) -> "PendulumMotion":
         """Return the motion on a new grid over [start, end] where `start` lies in the old one; nodes are propagated."""
         grid = ShootingGrid.covering(start_s, end_s, self.period_s)
         segment = int(self.grid.locate(np.array([start_s])).segment[0])
@@ -177,7 +171,7 @@ class Motion:
         states = self.propagated(state, start_s, COARSE_STEP_RATIO * grid.step_s, steps * (grid.segments - 1))
         return replace(self, grid=grid, nodes=states[::steps].T)
 
-    def extended_backward(self, start_s: float, end_s: float) -> "Motion":
+    def extended_backward(self, start_s: float, end_s: float) -> "PendulumMotion":
         """Return the motion on a new grid over [start, end] where `start` lies before the old one."""
         steps = max(1, int(np.ceil((self.grid.start_s - start_s) / self.grid.step_s)))
         back_s = (start_s - self.grid.start_s) / steps

@@ -17,7 +17,7 @@ from gateway.swing.model.motion import (
     N_STATES,
     STEPS_PER_SEGMENT,
     GridTimes,
-    Motion,
+    PendulumMotion,
     force_field,
 )
 from gateway.swing.model.rope_spline import RopeLengthSpline
@@ -35,7 +35,7 @@ class PerturbedSegments:
     length at the start, the damping in 1/s and the speeds of the splines that are not zero in it.
     """
 
-    motion: Motion
+    motion: PendulumMotion
     states: ComplexArray
     """First states, shape (3, segments, variants)."""
     parameters: Array
@@ -46,7 +46,7 @@ class PerturbedSegments:
     """With splines, the first one that is not zero in each segment."""
 
     @classmethod
-    def of_motion(cls, motion: Motion) -> "PerturbedSegments":
+    def of_motion(cls, motion: PendulumMotion) -> "PerturbedSegments":
         """Return all segments of a motion."""
         if motion.splines is None:
             count = len(motion.parameters)
@@ -85,7 +85,7 @@ class PerturbedSegments:
         return self.motion.splines.evaluate_local(time_s, first, length_m, own[..., N_BASE_PARAMETERS:, :])
 
 
-def _local_parameters(motion: Motion) -> tuple[NDArray[np.intp], Array, Array]:
+def _local_parameters(motion: PendulumMotion) -> tuple[NDArray[np.intp], Array, Array]:
     """Return each segment's first spline, its own parameters (segments, own) and their derivative by the motion's."""
     splines, grid, speeds_m_s = motion.splines, motion.grid, motion.parameters[N_BASE_PARAMETERS:]
     if splines is None:
@@ -120,7 +120,7 @@ def _perturbed(parameters: Array) -> Array:
     return variants
 
 
-def _perturbed_states(motion: Motion, own: int) -> ComplexArray:
+def _perturbed_states(motion: PendulumMotion, own: int) -> ComplexArray:
     """Return the first states of the segments in variants, shape (3, segments, 1 + N_STATES + own)."""
     states = np.repeat(motion.nodes[..., None], 1 + N_STATES + own, axis=-1)
     step = PERTURBATION * motion.state_scale[:, 0]

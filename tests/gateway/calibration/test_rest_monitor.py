@@ -21,7 +21,7 @@ from gateway.calibration.drift.rest_monitor import (
 from gateway.calibration.drift.rest_status import judge_at_rest
 from gateway.calibration.record import CalibrationError, CalibrationRecord, content_hash
 from gateway.numerics.array import Array
-from gateway.stages.conditions.gates import SwingContext
+from gateway.stages.conditions.gates import MotionContext
 from gateway.stages.conditions.verdict import judge_condition
 from gateway.stages.conditions.window import ConditionWindow
 
@@ -277,7 +277,7 @@ def test_the_verdict_static_would_hide_a_drift_and_the_gates_of_stillness_do_not
         time_s = np.asarray(block * 0.1 + np.arange(10) * 0.01, dtype=np.float64)
         force_g: Array = HANGING * (1 + 2 * DM_G) + rng.normal(0, 0.0005, (10, 3))
         window.update(time_s, force_g, clipped=0, missing=0)
-    swing = SwingContext(swinging=False, phi_max_rad=None, consistent=False)
+    swing = MotionContext(state="rest", u_rad=0.001)
     found = judge_condition(window, swing, 0.0005, DM_G)
     assert found.verdict != "static"
     assert is_at_rest(found.gates)

@@ -23,6 +23,7 @@ from gateway.messages import (
     Health,
     Level,
     Message,
+    Motion,
     Swing,
     Tilt,
     Verdict,
@@ -63,6 +64,7 @@ class Scene:
         """One of each topic that the page reads."""
         return [
             self.tilt(sequence, time_ns),
+            self.motion(sequence, time_ns),
             self.swing(sequence, time_ns),
             self.judged(sequence, time_ns),
             self.alert(sequence, time_ns),
@@ -85,6 +87,39 @@ class Scene:
             temperature_c=21.5,
             delay_s=0.23,
             trusted=self.condition in ("static", "quasi_static"),
+        )
+
+    def motion(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Motion:
+        low_deg, high_deg = self.coverage95_deg or (None, None)
+        known = high_deg is not None and low_deg is not None
+        return Motion(
+            **self._header(sequence, time_ns),
+            state="free" if known else "unknown",
+            angle_deg=1.2 if known else None,
+            u_deg=0.1 if known else None,
+            azimuth_deg=self.azimuth_deg,
+            rate_deg_s=0.5,
+            pivot_accel_m_s2=[0.0, 0.0],
+            pivot_accel_u_m_s2=0.01,
+            hoist_m_s=0.0,
+            hoist_u_m_s=0.01,
+            length_m=12.0,
+            length_u_m=0.1,
+            phi_max_deg=self.phi_max_deg if known else None,
+            phi_max_u_deg=0.1 if known else None,
+            predicted_phi_max_deg=self.phi_max_deg,
+            predicted_u_deg=0.15,
+            time_to_peak_s=1.7,
+            coasting_phi_max_deg=self.phi_max_deg,
+            coasting_u_deg=0.15,
+            coasting_time_to_peak_s=1.7,
+            lean_deg=self.lean_deg,
+            lean_u_deg=0.05,
+            probabilities=None,
+            fast_oscillation_hz=None,
+            fast_oscillation_deg=None,
+            reasons=[],
+            text="Free swing 2.3° ± 0.2°." if known else "Swing not known: too short a stretch.",
         )
 
     def swing(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Swing:

@@ -35,7 +35,7 @@ def test_the_snapshot_contains_messages_ages_and_verdict(state: PageState, scene
     assert snapshot["verdict"]["word"] == "OK"
     assert snapshot["topics"]["swing"]["phi_max_deg"] == 2.3
     assert set(snapshot["age_s"].values()) == {0.25}
-    assert set(snapshot["topics"]) == {"tilt", "swing", "condition", "alert", "calibration", "health"}
+    assert set(snapshot["topics"]) == {"tilt", "motion", "swing", "condition", "alert", "calibration", "health"}
     assert snapshot["page"]["crane"] == "crane-3"
 
 
@@ -100,13 +100,27 @@ def test_history_marks_unsound_values_and_gaps(state: PageState, scene: Scene) -
     ]
 
 
+def test_history_takes_two_points_a_second_and_a_gap_where_the_angle_is_not_known(scene: Scene) -> None:
+    history = History()
+    for k in range(21):
+        history.add(scene.motion(), sound=True, at_s=k / 10)
+    assert [row[1] for row in history.rows(since=0, now_s=2.0)] == pytest.approx([2.0, 1.5, 1.0, 0.5, 0.0])
+    scene.coverage95_deg = None
+    history.add(scene.motion(), sound=True, at_s=2.1)
+    assert history.rows(since=5, now_s=2.1) == [[5, 0.0, None, None, None, False]]
+
+
 def test_history_is_bounded_by_time_and_number(scene: Scene) -> None:
     history = History()
-    for k in range(MOST_POINTS + 10):
-        history.add(scene.swing(), sound=True, at_s=k / 10)
+    for k in range(MOST_POINTS + 10):  # without the gaps it would take longer than the span
+        history.add(scene.motion(), sound=True, at_s=k / 10)
+        history.add_gap(at_s=k / 10)
     assert len(history.rows(since=0, now_s=0.0)) == MOST_POINTS
-    assert [row[0] for row in history.rows(since=MOST_POINTS + 8, now_s=0.0)] == [MOST_POINTS + 8, MOST_POINTS + 9]
-    history.add(scene.swing(), sound=True, at_s=MOST_POINTS / 10 + SPAN_S - 1.0)
+    assert [row[0] for row in history.rows(since=2 * MOST_POINTS + 18, now_s=0.0)] == [
+        2 * MOST_POINTS + 18,
+        2 * MOST_POINTS + 19,
+    ]
+    history.add(scene.motion(), sound=True, at_s=MOST_POINTS / 10 + SPAN_S - 1.0)
     kept = history.rows(since=0, now_s=MOST_POINTS / 10 + SPAN_S - 1.0)
     assert kept[0][1] == pytest.approx(SPAN_S)
-    assert len(kept) == 21
+    assert len(kept) == 41

@@ -41,6 +41,7 @@ TABLE = [
     (setting(level="unknown"), {}, "UNKNOWN"),
     (setting(calibration="uncalibrated"), {}, "UNCALIBRATED"),
     (setting(calibration="as_recorded"), {}, "UNCALIBRATED"),
+    (setting(condition="driven"), {}, "OK"),
     (setting(**DISTURBED), {}, "DISTURBED"),
     (setting(condition="disturbed"), {}, "DISTURBED"),
     (setting(condition="unknown", trusted=False), {}, "UNKNOWN"),

@@ -12,11 +12,9 @@ from gateway.calibration.correction import Correction
 from gateway.configuration.loading import validate
 from gateway.messages import Swing, Tilt
 from gateway.pipeline.clock_state import ClockState, MessageTime
-from gateway.pipeline.executor import ImmediateExecutor
 from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.motion_stage import MotionStage
 from gateway.pipeline.pipeline import Pipeline
-from gateway.pipeline.swing_stage import SwingStage
-from gateway.stages.lowpass import LowPass
 from tests.values import present
 
 RATE_HZ, NOISE_G, WARMER_K = 50.0, 2e-4, 40.0
@@ -51,12 +49,12 @@ def last_word(crane: tuple[NDArray[np.float64], NDArray[np.float64]], temperatur
     planted_g = force_g * (1 + WARMER_K * SCALE_PER_K) + np.array([1.0, 0.5, -0.5]) * WARMER_K * OFFSET_G_PER_K
     planted_g = planted_g + NOISE_G * np.random.default_rng(4).normal(size=force_g.shape)
     table = {"rope": {"length_m": 9.3}, "housing": {"position_m": 2.7}, "device": {"odr_hz": RATE_HZ}}
-    reading = SwingStage(validate(table, "test"), INFO, CORRECTION, LowPass(1.0, 2, RATE_HZ), ImmediateExecutor())
+    stage = MotionStage(validate(table, "test"), INFO, CORRECTION)
     for begin in range(0, len(time_s), 10):
         part = slice(begin, begin + 10)
-        reading.update(time_s[part], planted_g[part], planted_g[part], temperature_c)
+        stage.update(time_s[part], planted_g[part], planted_g[part], 0, temperature_c)
     header = HeaderMaker().make("swing", MessageTime(0, ClockState("synchronised", 0)), "r1")
-    return reading.message(header), present(reading.upper_confidence_limits()[1])
+    return stage.swing_message(header), present(stage.lean_reading()).value_rad
 
 
 def test_uncertainty_covers_swing_and_lean_outside_the_calibrated_temperature_range(

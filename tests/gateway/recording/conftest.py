@@ -16,6 +16,35 @@ START_NS = 1_767_225_600_000_000_000
 HEAD: dict[str, Any] = {"time_ns": START_NS, "clock": "synchronised", "sequence": 7, "calibration_id": "c-1"}
 COUNTS_PER_G = 256_000.0
 
+MOTION = messages.Motion(
+    **HEAD,
+    state="driven",
+    angle_deg=3.1,
+    u_deg=0.05,
+    azimuth_deg=-120.0,
+    rate_deg_s=2.5,
+    pivot_accel_m_s2=[0.2, -0.1],
+    pivot_accel_u_m_s2=0.02,
+    hoist_m_s=0.0,
+    hoist_u_m_s=0.01,
+    length_m=12.0,
+    length_u_m=0.05,
+    phi_max_deg=4.0,
+    phi_max_u_deg=0.05,
+    predicted_phi_max_deg=4.5,
+    predicted_u_deg=0.1,
+    time_to_peak_s=1.2,
+    coasting_phi_max_deg=4.2,
+    coasting_u_deg=0.1,
+    coasting_time_to_peak_s=1.1,
+    lean_deg=0.3,
+    lean_u_deg=None,
+    probabilities=messages.MotionProbabilities(free=0.1, driven=0.9, wind=0.0, hoisting=0.01),
+    fast_oscillation_hz=None,
+    fast_oscillation_deg=None,
+    reasons=["the pivot accelerates by 0.22 m/s^2 (u 0.02)"],
+    text="Trolley moving. Swing 4.0° ± 0.1°.",
+)
 AlertEvent = Literal["raised", "changed", "cleared", "standing"]
 MakeRecorder = Callable[..., Recorder]
 
@@ -68,6 +97,7 @@ def every_message(
     return {
         "samples": make_samples(),
         "tilt": make_tilt(1.5),
+        "motion": MOTION,
         "swing": make_swing(None),
         "condition": messages.Condition(
             **HEAD,

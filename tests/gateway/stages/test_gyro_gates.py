@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gateway.stages.conditions.gates import SwingContext
+from gateway.stages.conditions.gates import MotionContext
 from gateway.stages.conditions.verdict import ConditionResult, judge_condition
 from gateway.stages.conditions.window import ConditionWindow
 
 RATE_HZ, NOISE_G, DM_G, PERIOD_S = 100.0, 0.0004, 0.002, 6.0
 PHI_MAX_RAD, RHO = math.radians(8), 0.3
 TIME_S = np.arange(400) / RATE_HZ
-STILL = SwingContext(swinging=False, phi_max_rad=0.001, consistent=True)
-SWINGING = SwingContext(swinging=True, phi_max_rad=PHI_MAX_RAD, consistent=True, rho=RHO, period_s=PERIOD_S)
+STILL = MotionContext(state="rest", u_rad=0.001, phi_max_rad=0.001)
+SWINGING = MotionContext(state="free", u_rad=0.001, phi_max_rad=PHI_MAX_RAD, rho=RHO, period_s=PERIOD_S)
 
 
-def judged(force_g: NDArray[np.float64], rate_dps: NDArray[np.float64] | None, seen: SwingContext) -> ConditionResult:
+def judged(force_g: NDArray[np.float64], rate_dps: NDArray[np.float64] | None, seen: MotionContext) -> ConditionResult:
     window = ConditionWindow()
     rate_rad_s = None if rate_dps is None else np.radians(rate_dps)
     for begin in range(0, len(TIME_S), 10):
@@ -79,6 +79,14 @@ def test_a_swing_with_a_rotating_housing_is_disturbed(extra_dps: tuple[float, fl
     found = judged(force_g, rate_dps + extra_dps, SWINGING)
     assert found.verdict == "disturbed"
     assert not found.gates[gate]
+
+
+def test_a_drive_is_not_held_to_the_rates_of_a_free_swing() -> None:
+    force_g, rate_dps = swing()
+    driven = MotionContext(state="driven", u_rad=0.001, phi_max_rad=PHI_MAX_RAD, rho=RHO, period_s=PERIOD_S)
+    found = judged(force_g, rate_dps + np.array([0.0, 15.0, 0.0]), driven)
+    assert found.verdict == "driven"
+    assert "rate_pendulum" not in found.gates
 
 
 def test_angular_rates_that_are_not_finite_are_left_out() -> None:

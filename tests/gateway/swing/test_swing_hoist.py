@@ -1,4 +1,4 @@
-"""A rope whose length changes: the spline, the equations, whole recordings and the live tracker."""
+"""A rope whose length changes: the spline, the equations and whole recordings."""
 
 import numpy as np
 import pytest
@@ -9,7 +9,7 @@ from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane, GroundTruth
 from devices.simulated.schedule import Hoist, TrolleyMove
-from gateway.swing import MountedHousing, SwingTracker, estimate_swing
+from gateway.swing import MountedHousing, estimate_swing
 from gateway.swing.model.rope_spline import SplineGrid
 from gateway.swing.model.spherical_pendulum import SensorPlacement, TrajectoryInput, integrate, specific_force_g
 from tests.values import present
@@ -124,26 +124,3 @@ def test_a_move_of_the_trolley_is_not_reported_as_hoisting() -> None:
 
     assert estimate.hoists_s == ()
     assert estimate.coverage95_rad is None
-
-
-@pytest.mark.slow
-def test_live_estimates_continue_while_hoisting_and_report_it() -> None:
-    force_g, truth = recorded(-3.0)
-    tracker = SwingTracker(clamped(), noise_g=NOISE_G)
-    heard = []
-    for begin in range(0, len(TIME_S), 10):
-        part = slice(begin, begin + 10)
-        estimate = tracker.update(TIME_S[part], force_g[part])
-        if estimate is not None:
-            heard.append(estimate)
-
-    within = [e for e in heard if HOIST_S[0] + 4 < e.to_s < HOIST_S[1] - 1]
-    assert np.mean([e.hoisting for e in within]) > 0.6
-    assert all(present(e.rope_speed_m_s) < 0 for e in within if e.hoisting)
-    for e in heard:
-        if e.coverage95_rad is not None:
-            reached = truth.rope_angle_rad[(e.from_s - 1e-9 <= TIME_S) & (e.to_s + 1e-9 >= TIME_S)].max()
-            assert abs(present(e.phi_max_rad) - reached) < 5 * present(e.u_rad)
-    assert np.mean([e.coverage95_rad is not None for e in heard]) > 0.9
-    assert heard[-1].length_m == pytest.approx(6.0, rel=0.01)
-    assert not heard[-1].hoisting

@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from gateway.swing.fit.multiple_shooting import linearise_segments, take_step
-from gateway.swing.model.motion import N_BASE_PARAMETERS, N_STATES, Motion, ShootingGrid
+from gateway.swing.model.motion import N_BASE_PARAMETERS, N_STATES, PendulumMotion, ShootingGrid
 from gateway.swing.model.rope_spline import SplineGrid
 from gateway.swing.model.spherical_pendulum import ForceField, TrajectoryInput, integrate, propagate
 
@@ -19,16 +19,16 @@ STEP = 1e-5
 START = np.array([[0.11 + 0.02j], [0.03 - 0.05j], [0.01 + 0.005j]])
 
 
-def motion_of(parameters: NDArray[np.float64] | list[float], splines: SplineGrid | None = None) -> Motion:
+def motion_of(parameters: NDArray[np.float64] | list[float], splines: SplineGrid | None = None) -> PendulumMotion:
     """Ten seconds of a swing, its nodes integrated from the first: no gaps."""
     grid = ShootingGrid.covering(0.0, 10.0, PERIOD_S)
-    first = Motion(grid, START, np.asarray(parameters), GRAVITY_M_S2, splines)
+    first = PendulumMotion(grid, START, np.asarray(parameters), GRAVITY_M_S2, splines)
     states = first.propagated(START[:, 0], 0.0, grid.step_s, round((grid.end_s - grid.start_s) / grid.step_s))
     per_segment = round(grid.segment_s / grid.step_s)
     return replace(first, nodes=states[:-1:per_segment].T)
 
 
-def motions() -> dict[str, Motion]:
+def motions() -> dict[str, PendulumMotion]:
     splines = SplineGrid.covering(2.0, 7.0, 0.7)
     speeds = 0.4 * np.random.default_rng(2).normal(size=splines.count)
     return {

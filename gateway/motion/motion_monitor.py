@@ -1,0 +1,128 @@
+"""The motion of a live stream with what makes it unknown: faults of the sensor, lasting clipping, too wide an interval."""
+
+from collections import deque
+from dataclasses import replace
+
+import numpy as np
+
+from gateway.motion.estimate import MotionEstimate, PeakEstimate
+from gateway.motion.fault_detector import FaultDetector
+from gateway.motion.length_checked_tracker import LengthCheckedTracker
+from gateway.numerics.array import Array
+from gateway.swing.model.sensor_lowpass import delay_s
+from gateway.swing.rig import MountedHousing
+
+LONGEST_CLIPPING_S = 1.0
+"""Time without an unclipped block after which the angle is no longer known."""
+UNEXPLAINED_S = 2.0
+"""Time in which outliers are counted. Basis: the window of a condition."""
+MOST_OUTLIERS = 3
+"""Bins that no hypothesis explains, in that time, from which on the motion is not explained. Basis: an impact spoils two bins."""
+
+CONTRADICTION = "widened: x and y show another swing than z; the housing is not where stated, or a scale is wrong"
+
+
+class MotionMonitor:
+    """Feeds a motion tracker and a fault detector."""
+
+    def __init__(self, rig: MountedHousing, *, mount_u_rad: float, noise_g: float | None = None) -> None:
+        """`mount_u_rad`: standard uncertainty of the housing's z axis against the rope; `noise_g`: stated, 1 sigma per sample."""
+        self._rig, self._mount_u_rad, self._noise_g = rig, mount_u_rad, noise_g
+        self._warnings: tuple[str, ...] = ()
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the past, as after the housing was off the rope."""
+        self._tracker = self._new_tracker()
+        self._faults = FaultDetector(self._rig)
+        self._unclipped_s: float | None = None
+        self._outliers: deque[tuple[float, int]] = deque()
+        """Time and number of all outliers so far."""
+
+    def set_sensor(self, rig: MountedHousing, change_u_g: Array, warnings: tuple[str, ...]) -> None:
+        """Set the same housing with other uncertainties of its sensor.
+
+        `change_u_g`: standard uncertainty of how far the offsets have changed, shape (3,); `warnings`: why.
+        """
+        self._rig, self._warnings = rig, warnings
+        x, y, z = rig.zero_g_offset_u_g
+        self._tracker.set_sensor(rig, np.array([x, y, np.hypot(z, rig.scale_u[2])]), change_u_g)
+
+    def update(self, time_s: Array, force_g: Array, clipped: int = 0) -> None:
+        """Take a block of specific force in the housing frame, shapes (n,) and (n, 3), with the number of clipped samples."""
+        if clipped == 0 or self._unclipped_s is None:
+            self._unclipped_s = float(time_s[-1])
+        had_fault = self._faults.fault is not None
+        self._faults.update(time_s, force_g)
+        if self._faults.fault is None:
+            self._tracker.update(time_s - delay_s(self._rig.bandwidth_hz), force_g, clipped)
+        elif not had_fault:
+            self._tracker = self._new_tracker()  # it has been fed with wrong readings
+
+    def estimate(self, now_s: float) -> MotionEstimate:
+        """Return the motion at a time not before the newest sample; call it once per update."""
+        estimate = self._tracker.estimate(now_s, self._faults.free_swing_length_m)
+        if estimate.u_rad is None and estimate.length_m is not None and not np.isfinite(estimate.length_m):
+            self._tracker = self._new_tracker()
+        self._count_outliers(now_s)
+        if (why := self._why_unknown(now_s)) is not None:
+            return MotionEstimate(time_s=now_s, state="unknown", reasons=(why,))
+        if estimate.angle_rad is None:
+            why = "the readings so far do not determine the angle"
+            return replace(estimate, reasons=(*(estimate.reasons or (why,)), *self._warnings))
+        contradiction_u = self._faults.contradiction_u_rel
+        parts = (max(self._rig.scale_u), _attenuation(self._rig, estimate.period_s), self._faults.undecided_u_rel)
+        widened = _with_relative_uncertainty(estimate, float(np.linalg.norm(parts)), contradiction_u)
+        contradicting = (CONTRADICTION,) if contradiction_u > 0 else ()
+        return replace(widened, reasons=(*estimate.reasons, *contradicting, *self._warnings))
+
+    @property
+    def is_explained(self) -> bool:
+        """Whether the motion explains the readings of the last seconds."""
+        return not self._outliers or self._outliers[-1][1] - self._outliers[0][1] < MOST_OUTLIERS
+
+    def _why_unknown(self, now_s: float) -> str | None:
+        if self._unclipped_s is None:
+            return "no reading yet"
+        if self._faults.fault is not None:
+            return self._faults.fault
+        if not self._faults.is_ready:
+            return "less than half a swing observed"
+        if now_s - self._unclipped_s > LONGEST_CLIPPING_S:
+            return f"clipped for {now_s - self._unclipped_s:.0f} s: readings reach full scale"
+        return None
+
+    def _count_outliers(self, now_s: float) -> None:
+        self._outliers.append((now_s, self._tracker.outliers))
+        while self._outliers[0][0] < now_s - UNEXPLAINED_S:
+            self._outliers.popleft()
+
+    def _new_tracker(self) -> LengthCheckedTracker:
+        return LengthCheckedTracker(self._rig, mount_u_rad=self._mount_u_rad, noise_g=self._noise_g)
+
+
+def _attenuation(rig: MountedHousing, period_s: float | None) -> float:
+    """Return how much the sensor's low-pass, taken as a single pole, reduces a swing; the filter does not correct it."""
+    if period_s is None:
+        return 0.0
+    return 0.5 * (2 * np.pi * delay_s(rig.bandwidth_hz) / period_s) ** 2
+
+
+def _with_relative_uncertainty(estimate: MotionEstimate, u_rel: float, u_rel_of_largest: float) -> MotionEstimate:
+    """Return the estimate with uncertainties relative to its angles, and to the largest one of the last period, added."""
+    if max(u_rel, u_rel_of_largest) == 0 or estimate.angle_rad is None or estimate.u_rad is None:
+        return estimate
+    added_rad = u_rel_of_largest * (estimate.angle_rad if estimate.last_peak is None else estimate.last_peak.angle_rad)
+    return replace(
+        estimate,
+        u_rad=float(np.linalg.norm([estimate.u_rad, u_rel * estimate.angle_rad, added_rad])),
+        next_peak=_widened(estimate.next_peak, u_rel, added_rad),
+        next_peak_if_coasting=_widened(estimate.next_peak_if_coasting, u_rel, added_rad),
+        last_peak=_widened(estimate.last_peak, u_rel, added_rad),
+    )
+
+
+def _widened(peak: PeakEstimate | None, u_rel: float, added_rad: float) -> PeakEstimate | None:
+    if peak is None:
+        return None
+    return replace(peak, u_rad=float(np.linalg.norm([peak.u_rad, u_rel * peak.angle_rad, added_rad])))

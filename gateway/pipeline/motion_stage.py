@@ -1,0 +1,145 @@
+"""The motion stage of the pipeline: feeds the motion filter, and derives from it the messages of motion and swing."""
+
+import math
+
+import numpy as np
+
+from devices.block import DeviceInfo
+from devices.pendulum.small_swing import small_swing_period_s
+from gateway.calibration.correction import Correction
+from gateway.configuration.model import Configuration
+from gateway.messages import Motion, Swing
+from gateway.motion.estimate import MotionEstimate, PeakEstimate
+from gateway.motion.motion_monitor import MotionMonitor
+from gateway.numerics.array import Array
+from gateway.numerics.stats import NORMAL_975
+from gateway.pipeline.header import Header
+from gateway.pipeline.motion_context import motion_context
+from gateway.pipeline.motion_messages import motion_message, swing_message
+from gateway.pipeline.mounting import mounted_housing, with_sensor
+from gateway.stages.alerts import Reading, largest_reading
+from gateway.stages.conditions.gates import MotionContext
+from gateway.swing.data.recent_extremes import RecentExtremes
+from gateway.swing.formulas import as_published
+
+NOT_CONFIGURED = "where the housing is on the rope is not configured"
+SWINGS_PER_PERIOD = 3
+"""Messages of the swing in a period."""
+LONGEST_INTERVAL_S, UNSETTLED_INTERVAL_S = 2.5, 1.0
+"""Longest time between two of them; while the load rests or the angle is not known."""
+LONGEST_PERIODS = 2.0
+"""Periods of the rope as configured for which extremes are kept. Basis: a rope four times as long."""
+TEMPERATURE_HYSTERESIS_K = 1
+"""Basis: a temperature that varies about a whole kelvin changes nothing again and again."""
+
+
+class MotionStage:
+    """Keeps the motion of the rope at the newest sample."""
+
+    def __init__(self, configuration: Configuration, info: DeviceInfo, correction: Correction) -> None:
+        rig = mounted_housing(configuration, correction, info.bandwidth_hz)
+        self._rig, self._correction, self._bandwidth_hz = rig, correction, info.bandwidth_hz
+        self._monitor = None
+        if rig is not None:
+            mount_u_rad = math.hypot(math.radians(configuration.housing.mount_u_deg), correction.u_cross_axis)
+            self._monitor = MotionMonitor(rig, mount_u_rad=mount_u_rad, noise_g=info.noise_g)
+        longest_s = LONGEST_PERIODS * small_swing_period_s(
+            configuration.rope.length_m, configuration.site.local_gravity_m_s2
+        )
+        self._extremes = RecentExtremes(longest_s)
+        self._is_new = True
+        self._beyond_k = 0
+        self._swing_due_s = -math.inf
+        self.estimate = _unknown(0.0, "no reading yet")
+
+    def restart(self, why: str) -> None:
+        """Forget the past, as while the housing is off the rope."""
+        if self._monitor is not None and not self._is_new:
+            self._monitor.restart()
+            self._is_new = True
+        self.set_unknown(why)
+
+    def set_unknown(self, why: str) -> None:
+        """Make the motion unknown until the next samples."""
+        self.estimate = _unknown(self.estimate.time_s, why)
+
+    def update(
+        self, time_s: Array, force_g: Array, lowpassed_g: Array, clipped: int, temperature_c: float | None = None
+    ) -> bool:
+        """Take the samples since the last call, with the number of clipped ones; return whether a swing message is due.
+
+        `temperature_c`: that of the sensor; outside the calibration's range it widens the intervals.
+        """
+        now_s = float(time_s[-1])
+        if self._monitor is None:
+            self.estimate = _unknown(now_s, NOT_CONFIGURED)
+            return False
+        self._is_new = False
+        self._follow_temperature(self._monitor, temperature_c)
+        self._monitor.update(time_s, force_g, clipped)
+        self._extremes.update(time_s, lowpassed_g)
+        self.estimate = self._monitor.estimate(now_s)
+        return self._is_swing_due(now_s)
+
+    def condition_context(self) -> MotionContext:
+        """Return the part of the motion that the condition stage needs."""
+        is_explained = self._monitor is None or self._monitor.is_explained
+        return motion_context(self.estimate, self._rig, is_explained=is_explained)
+
+    def swing_reading(self) -> Reading | None:
+        """Return the largest upper 95 % end of the present angle and of the coming peaks; None where they are not known.
+
+        The coming peaks are those with the pivot's present acceleration and with none from now on.
+        """
+        present = self.estimate
+        if present.angle_rad is None or present.u_rad is None:
+            return None
+        now = Reading(present.angle_rad + NORMAL_975 * present.u_rad)
+        return largest_reading(now, *map(_peak_reading, (present.next_peak, present.next_peak_if_coasting)))
+
+    def lean_reading(self) -> Reading | None:
+        """Return the upper 95 % end of the lean; None where it is not known."""
+        lean_rad, u_rad = self.estimate.lean_rad, self.estimate.lean_u_rad
+        if self.estimate.angle_rad is None or lean_rad is None or u_rad is None:
+            return None
+        return Reading(lean_rad + NORMAL_975 * u_rad)
+
+    def motion_message(self, header: Header) -> Motion:
+        """Return the motion in degrees."""
+        return motion_message(header, self.estimate)
+
+    def swing_message(self, header: Header) -> Swing:
+        """Return the swing of the last period in degrees, with the published formulas over the same period."""
+        period_s = self.estimate.period_s
+        found = None if period_s is None else self._extremes.since(self.estimate.time_s - period_s)
+        return swing_message(header, self.estimate, None if found is None else as_published(found))
+
+    def _is_swing_due(self, now_s: float) -> bool:
+        if now_s < self._swing_due_s:
+            return False
+        interval_s = UNSETTLED_INTERVAL_S
+        if self.estimate.period_s is not None and self.estimate.state not in ("rest", "unknown"):
+            interval_s = min(self.estimate.period_s / SWINGS_PER_PERIOD, LONGEST_INTERVAL_S)
+        self._swing_due_s = now_s + interval_s
+        return True
+
+    def _follow_temperature(self, monitor: MotionMonitor, temperature_c: float | None) -> None:
+        """Widen the intervals where the temperature leaves, or returns to, that of the calibration."""
+        beyond_k = self._correction.kelvin_beyond(temperature_c)
+        if temperature_c is None or self._rig is None or abs(beyond_k - self._beyond_k) <= TEMPERATURE_HYSTERESIS_K:
+            return
+        change_k = abs(beyond_k - self._beyond_k)
+        self._beyond_k = beyond_k
+        rig = with_sensor(self._rig, self._correction.widened_by(beyond_k), self._bandwidth_hz)
+        offset_u_g = change_k * self._correction.u_zero_g_offset_g_per_k
+        axial_u_g = math.hypot(offset_u_g, change_k * self._correction.u_scale_factor_per_k)
+        change_u_g = np.array([offset_u_g, offset_u_g, axial_u_g])
+        monitor.set_sensor(rig, change_u_g, self._correction.range_warnings(temperature_c))
+
+
+def _peak_reading(peak: PeakEstimate | None) -> Reading | None:
+    return None if peak is None else Reading(peak.upper_rad(NORMAL_975), peak.in_s)
+
+
+def _unknown(time_s: float, why: str) -> MotionEstimate:
+    return MotionEstimate(time_s=time_s, state="unknown", reasons=(why,))
