@@ -95,6 +95,10 @@ class Crane:
         parts = [self._truth(part) for part in self._split_times(time_s)]
         return GroundTruth(*(np.concatenate([getattr(part, name) for part in parts]) for name in GroundTruth.__slots__))
 
+    def captions(self, after_s: float, until_s: float) -> list[str]:
+        """Return what begins between two times within the history, in words."""
+        return self._schedule.captions(after_s, until_s)
+
     def _split_times(self, time_s: Array) -> list[Array]:
         """Return parts of the times that fit into the history."""
         if time_s[-1] - time_s[0] <= HISTORY_S:

@@ -1,7 +1,7 @@
-"""The demonstration: hasty and skilled trolley moves, hoisting, a gust and a pause, repeated without end.
+"""The demonstration: calm swing, a hasty trolley move, a caught swing, hoisting and gusts, repeated without end.
 
-A ramp of half a swing period followed by its opposite gives two impulses. Half a period apart they add up; a whole period apart
-they cancel. Hasty and skilled moves thus differ in their timing alone, for any rope length.
+A ramp of half a swing period followed by its opposite gives two impulses that add up, for any rope length. A move along the
+swing, begun at one of its ends, adds to the swing; the opposite move a whole number of periods later cancels it.
 """
 
 from collections.abc import Iterator
@@ -15,67 +15,81 @@ from devices.simulated.crane import Crane
 from devices.simulated.schedule import Event, Gust, Hoist, TrolleyMove
 
 DAMPING_RATIO = 0.006
-FIRST_SWING_RAD = np.radians(1.5)
-PUSH_RAD = np.radians(3.7)
-"""Swing amplitude from one ramp of a hasty move."""
-RAMP_EFFECT = 0.838
+CALM_SWING_RAD = np.radians(1.8)
+CALM_S = 25.0
+"""Shortest calm swing before a hasty move."""
+PUSH_RAD = np.radians(3.3)
+"""Swing amplitude from one ramp of a hasty move, at most."""
+RAMP_EFFECT = 0.835
 """Amplitude by a smooth ramp of half a period, relative to a step of the same speed: its spectrum at the swing frequency."""
-FASTEST_M_S = 4.0
+GUST_EFFECT = 0.462
+"""The same for a gust of a whole period, relative to an impulse of the same area."""
+GUST_PEAK = 1.875
+"""Peak of a gust, relative to its mean."""
+LOWERED_SHARE = 0.25
+"""Change of the rope's length by a hoist; unit 1."""
 
 
 def demo_crane(seed: int, length_m: float, position_m: float, gravity_m_s2: float = STANDARD_GRAVITY_M_S2) -> Crane:
-    """Make a crane that swings visibly from the start, exceeds 6 degrees within half a minute, and calms down."""
+    """Make a crane that swings calmly from the start, exceeds 6 degrees after half a minute, and calms down."""
     random = np.random.default_rng([seed, 0])
     azimuth_rad = random.uniform(-np.pi, np.pi)
-    tilt_x_rad, tilt_y_rad = FIRST_SWING_RAD * np.cos(azimuth_rad), FIRST_SWING_RAD * np.sin(azimuth_rad)
+    tilt_x_rad, tilt_y_rad = CALM_SWING_RAD * np.cos(azimuth_rad), CALM_SWING_RAD * np.sin(azimuth_rad)
     return Crane(
         length_m=length_m,
         position_m=position_m,
         gravity_m_s2=gravity_m_s2,
-        events=demo_events(random, length_m, gravity_m_s2),
+        events=demo_events(random, length_m, azimuth_rad, gravity_m_s2),
         motion=start_motion(tilt_x_rad, tilt_y_rad, 0.0, 0.0),
         damping_ratio=DAMPING_RATIO,
     )
 
 
-def demo_events(random: np.random.Generator, length_m: float, gravity_m_s2: float) -> Iterator[Event]:
-    """Yield events without end, in the order of their starts; each round begins and ends with a rope of `length_m`."""
+def demo_events(
+    random: np.random.Generator, length_m: float, azimuth_rad: float, gravity_m_s2: float
+) -> Iterator[Event]:
+    """Yield events without end, in the order of their starts, for a load let go at rest toward `azimuth_rad`.
+
+    Two gusts at the end of a round, a period apart, leave the calm swing of the next, so that errors do not add up.
+    """
     period_s = small_swing_period_s(length_m, gravity_m_s2)
-    push_m_s = PUSH_RAD * gravity_m_s2 * period_s / (2 * np.pi * RAMP_EFFECT)
-    heading_rad = random.uniform(-np.pi, np.pi)
-    hasty, start_s = True, 1.3 * period_s  # the first swing is measured before the first move
+    gust_m_s2 = CALM_SWING_RAD / 2 * GUST_PEAK * gravity_m_s2 / (2 * np.pi * GUST_EFFECT)
+    turn_s = 0.0  # a time at which the swing is at its end toward azimuth_rad
     while True:
-        azimuth_rad = heading_rad + random.choice([0.0, np.pi / 2], p=[0.7, 0.3])  # trolley, or bridge
-        speed_m_s = min(push_m_s * random.uniform(0.95, 1.1), FASTEST_M_S)
-        moves = _hasty_moves if hasty else _skilled_moves
-        yield from moves(random, start_s, period_s, speed_m_s, azimuth_rad)
-        calm_s = start_s + 6 * period_s
-        yield from _hoists_and_gust(random, calm_s, period_s, length_m)
-        hasty, start_s = random.random() < 0.4, calm_s + 60 + random.uniform(0, 15)
+        calm_periods = np.ceil(CALM_S / period_s + 0.25)  # a gust ends a quarter of a period after turn_s
+        move_s = turn_s + calm_periods * period_s
+        calm_rad = CALM_SWING_RAD * _decay(calm_periods)
+        yield from _hasty_and_catching_moves(move_s, period_s, calm_rad, random, azimuth_rad, gravity_m_s2)
+        yield from _hoists(move_s + 5 * period_s, period_s, LOWERED_SHARE * length_m)
+        gust_s = move_s + 10 * period_s
+        azimuth_rad += random.choice([np.pi / 2, np.pi, -np.pi / 2])
+        yield Gust(gust_s, period_s, gust_m_s2, azimuth_rad, "Gust of wind")
+        yield Gust(gust_s + period_s, period_s, gust_m_s2, azimuth_rad, "Another gust")
+        turn_s = gust_s + 1.75 * period_s
 
 
-def _hasty_moves(
-    random: np.random.Generator, start_s: float, period_s: float, speed_m_s: float, azimuth_rad: float
+def _hasty_and_catching_moves(
+    start_s: float,
+    period_s: float,
+    calm_rad: float,
+    random: np.random.Generator,
+    azimuth_rad: float,
+    gravity_m_s2: float,
 ) -> Iterator[Event]:
-    """Yield a move that leaves the load swinging, and five periods later one back that removes most of the swing."""
-    yield TrolleyMove(start_s, period_s, period_s / 2, speed_m_s, azimuth_rad)
-    caught = random.uniform(0.75, 0.9)
-    yield TrolleyMove(start_s + 5 * period_s, period_s, period_s / 2, -caught * speed_m_s, azimuth_rad)
+    """Yield a move that adds to the swing, and three periods later the opposite one that cancels it."""
+    push_rad = PUSH_RAD * random.uniform(0.9, 1.0)
+    caught = (calm_rad * _decay(0.5) + 2 * push_rad) * _decay(3) / (2 * push_rad)
+    speed_m_s = push_rad * gravity_m_s2 * period_s / (2 * np.pi * RAMP_EFFECT)
+    yield TrolleyMove(start_s, period_s, period_s / 2, speed_m_s, azimuth_rad, "Trolley starts hastily")
+    catch_s = start_s + 3 * period_s
+    yield TrolleyMove(catch_s, period_s, period_s / 2, -caught * speed_m_s, azimuth_rad, "Operator catches the swing")
 
 
-def _skilled_moves(
-    random: np.random.Generator, start_s: float, period_s: float, speed_m_s: float, azimuth_rad: float
-) -> Iterator[Event]:
-    """Yield a move out and back, each with its two impulses a whole period apart."""
-    share = random.uniform(0.4, 1.0)
-    for begin_s, signed_m_s in ((start_s, share * speed_m_s), (start_s + 2.2 * period_s, -share * speed_m_s)):
-        yield TrolleyMove(begin_s, 1.5 * period_s, period_s / 2, signed_m_s, azimuth_rad)
+def _hoists(start_s: float, period_s: float, by_m: float) -> Iterator[Event]:
+    """Yield lowering and hoisting back, with half a period between them."""
+    yield Hoist(start_s, 2 * period_s, by_m, f"Lowering {by_m:.2g} m")
+    yield Hoist(start_s + 2.5 * period_s, 2 * period_s, -by_m, f"Hoisting {by_m:.2g} m")
 
 
-def _hoists_and_gust(random: np.random.Generator, start_s: float, period_s: float, length_m: float) -> Iterator[Event]:
-    """Yield a pause, hoisting up or down, a gust, and hoisting back."""
-    by_m = random.choice([-1, 1]) * random.uniform(0.06, 0.12) * length_m
-    yield Hoist(start_s + 10, 12, by_m)
-    force_m_s2 = random.uniform(0.2, 0.4)
-    yield Gust(start_s + 28, random.uniform(0.7, 1.3) * period_s, force_m_s2, random.uniform(-np.pi, np.pi))
-    yield Hoist(start_s + 42, 12, -by_m)
+def _decay(periods: float) -> float:
+    return float(np.exp(-2 * np.pi * DAMPING_RATIO * periods))

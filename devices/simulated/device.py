@@ -1,5 +1,6 @@
 """The simulated crane as a device, in real time."""
 
+import logging
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
 from typing import Final
@@ -24,6 +25,7 @@ from devices.simulated.crane import Crane, GroundTruth
 from devices.simulated.demo import demo_crane
 from devices.simulated.factory import factory_calibration
 
+log = logging.getLogger("plumbline.device")
 LONGEST_WAIT_S: Final = 0.5
 LONGEST_LAG_S: Final = 1.0
 """After a longer delay (the host was suspended or overloaded) the device skips to the present, like a FIFO that overflows."""
@@ -113,7 +115,9 @@ class SimulatedCrane:
             return None
         self._clock.sleep_s(wait_s)
         self._next += self._block_samples
-        return self._ready.popleft()
+        block = self._ready.popleft()
+        self._log_captions(block)
+        return block
 
     def close(self) -> None:
         """Stop; the crane continues when it is opened again."""
@@ -141,6 +145,12 @@ class SimulatedCrane:
             block = slice(first, first + self._block_samples)
             yield SampleBlock(time_ns[block], raw[block], round(float(temperature_c[block][-1]), 2), self._lost)
             self._lost = 0
+
+    def _log_captions(self, block: SampleBlock) -> None:
+        """Log what the crane begins to do within a block."""
+        last_s = (int(block.time_ns[-1]) - self._crane_start_ns) / 1e9
+        for caption in self.crane.captions(last_s - self._block_samples * self._period_ns / 1e9, last_s):
+            log.info("simulated crane: %s", caption)
 
     def _drop_samples(self, opened_ns: int, now_ns: int) -> None:
         """Continue with the newest complete block, and count the samples lost before it."""

@@ -25,6 +25,8 @@ class TrolleyMove:
     ramp_s: float
     speed_m_s: float
     azimuth_rad: float
+    caption: str = ""
+    """What a spectator sees; empty: nothing worth a line."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +37,7 @@ class Gust:
     duration_s: float
     force_m_s2: float
     azimuth_rad: float
+    caption: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +47,7 @@ class Hoist:
     start_s: float
     duration_s: float
     by_m: float
+    caption: str = ""
 
 
 Event = TrolleyMove | Gust | Hoist
@@ -119,6 +123,10 @@ class Schedule:
             if isinstance(event, kind):
                 found |= _is_changing(event, time_s)
         return found
+
+    def captions(self, after_s: float, until_s: float) -> list[str]:
+        """Return the captions of the events that start between two times, none of them pruned or still to be read."""
+        return [event.caption for event in self._events if after_s < event.start_s <= until_s and event.caption]
 
     def prune_past(self, before_s: float) -> None:
         """Discard events; no earlier time will be requested."""

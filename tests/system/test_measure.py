@@ -89,7 +89,7 @@ def test_the_gateways_recording_needs_no_rig(start_gateway: StartGateway, plumbl
     done = plumbline("measure", *gateway.recordings, "--json", tmp_path / "out.json")
     assert done.returncode == 0
     found = json.loads((tmp_path / "out.json").read_text())
-    assert found["swing"]["phi_max_deg"] == pytest.approx(1.5, abs=0.1)
+    assert found["swing"]["phi_max_deg"] == pytest.approx(1.8, abs=0.1)
     assert found["calibration"].startswith("factory")
 
 
@@ -107,7 +107,7 @@ def test_files_of_a_gateway_are_one_recording(
     assert whole["samples"]["lost"] == 0
     assert whole["samples"]["duration_s"] > 8
     assert [remark.split(":")[0] for remark in whole["remarks"]] == [last.name]
-    assert whole["swing"]["phi_max_deg"] == pytest.approx(1.5, abs=0.1)
+    assert whole["swing"]["phi_max_deg"] == pytest.approx(1.8, abs=0.1)
     part = plumbline("measure", *gateway.recordings, "--from", "1", "--to", "0:08", "--json", tmp_path / "part.json")
     assert f"{len(gateway.recordings)} files, {first} to {last.name}" in part.stdout
     assert "remark       " in part.stdout
