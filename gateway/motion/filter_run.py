@@ -96,6 +96,11 @@ class FilterRun:
         return bool(idle_hoist or mixture.weight[IS_DRIVEN | IS_GUST].sum() > 0.5)
 
     @property
+    def is_broken(self) -> bool:
+        """The account has lost its numbers; it must be made anew."""
+        return not np.isfinite(self.filter.mixture.weight).all()
+
+    @property
     def is_locked(self) -> bool:
         """A free swing on a rope of constant length explains the newest bins."""
         return bool(self.filter.mixture.weight[MotionHypothesis.FREE] > LOCKED_WEIGHT)

@@ -83,6 +83,8 @@ PIVOT_VELOCITY_WALK_M_S = 0.05
 OUTLIER_SQUARED = 60.0
 """Normalised innovation squared under every hypothesis from which a bin counts as an outlier. Basis: chance exceeds it once in
 1e12 bins."""
+SMALLEST_DETERMINANT = 1e-60
+"""Of an innovation's covariance. Basis: rounding may leave one below 0 where a hypothesis has long been excluded."""
 EXPECTED_SQUARED = 3.0
 """Definition: mean of the normalised innovation squared."""
 
@@ -180,7 +182,7 @@ class MotionFilter:
         x = x + (gain @ innovation[:, :, None])[:, :, 0]
         self.model.keep_in_domain(x)
         covariance = _joseph(covariance, gain, jacobian, noise, curvature)
-        log_density = -0.5 * (squared + np.log(determinant))
+        log_density = -0.5 * (squared + np.log(np.maximum(determinant, SMALLEST_DETERMINANT)))
         log_density += _transverse_correction(innovation, spread + noise)
         log_weight = np.log(weight) + TEMPERING * (log_density - 0.5 * self._implausibility(x))
         largest = log_weight.max()
@@ -256,7 +258,7 @@ def _transverse_correction(innovation: Array, spread: Array) -> Array:
     determinant = a * c - b * b
     x, y = innovation[:, 0], innovation[:, 1]
     squared = (c * x * x - 2 * b * x * y + a * y * y) / determinant
-    log_density = -0.5 * (squared + np.log(determinant))
+    log_density = -0.5 * (squared + np.log(np.maximum(determinant, SMALLEST_DETERMINANT)))
     correction = np.zeros(len(spread))
     for driven, gust in _ALIKE:
         largest = max(log_density[driven], log_density[gust])

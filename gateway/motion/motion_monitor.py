@@ -7,7 +7,7 @@ import numpy as np
 
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.fault_detector import FaultDetector
-from gateway.motion.length_checked_tracker import LengthCheckedTracker
+from gateway.motion.length_check import LengthCheckedTracker
 from gateway.numerics.array import Array
 from gateway.swing.model.sensor_lowpass import delay_s
 from gateway.swing.rig import MountedHousing
@@ -102,10 +102,14 @@ class MotionMonitor:
 
 
 def _attenuation(rig: MountedHousing, period_s: float | None) -> float:
-    """Return how much the sensor's low-pass, taken as a single pole, reduces a swing; the filter does not correct it."""
+    """Return how much the sensor's low-pass, taken as a single pole, reduces a swing; the filter does not correct it.
+
+    The axial reading swings twice as fast with the square of the angle: it loses four times as much, which halves in the angle.
+    Twice that, because what the low-pass changes may be taken for a slow drive or a wind.
+    """
     if period_s is None:
         return 0.0
-    return 0.5 * (2 * np.pi * delay_s(rig.bandwidth_hz) / period_s) ** 2
+    return 2 * (2 * np.pi * delay_s(rig.bandwidth_hz) / period_s) ** 2
 
 
 def _with_relative_uncertainty(estimate: MotionEstimate, u_rel: float, u_rel_of_largest: float) -> MotionEstimate:

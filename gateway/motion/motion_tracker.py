@@ -20,6 +20,10 @@ from gateway.swing.rig import MountedHousing
 LONGEST_BIN_S = 0.1
 BINS_PER_PERIOD = 60
 """Fewest bins in the period of a small swing. Basis: the Taylor step's error of 1e-6 per bin."""
+LARGEST_SETBACK_S = 10.0
+"""Bins that come late by less are left out; times that go back by more begin anew."""
+LONGEST_AHEAD_S = 1.5
+"""Longest time for which the motion is extrapolated beyond the newest bin. Basis: lasting clipping is unknown after a second."""
 LARGEST_U_RAD = np.radians(5.0)
 """Standard uncertainty from which on an angle counts as not known."""
 LONGEST_GAP_S = 120.0
@@ -100,11 +104,12 @@ class MotionTracker:
         newest_s = self._run.newest_s
         if newest_s is not None:
             step_s = one.time_s - newest_s
-            if step_s <= 0:
+            if -LARGEST_SETBACK_S < step_s <= 0:
                 return
-            if step_s > LONGEST_GAP_S:
+            if step_s <= -LARGEST_SETBACK_S or step_s > LONGEST_GAP_S or self._run.is_broken:
                 self._run, self._second = self._new_run(), None
-            if step_s > 1.5 * self._bin_s:
+                self._angles.clear()
+            if not 0 < step_s < 1.5 * self._bin_s:
                 self._bins.clear()
                 self._oscillation.clear()
         self._run.take(one)
@@ -152,6 +157,8 @@ class MotionTracker:
             return MotionEstimate(time_s=now_s, state="unknown", reasons=("no reading yet",))
         x, p = self._moments()
         ahead_s = now_s - self._run.newest_s
+        if ahead_s > LONGEST_AHEAD_S or self._run.is_broken:
+            return MotionEstimate(time_s=now_s, state="unknown", reasons=("no reading that can be used",))
         rate, _ = self._rates()
         w_mean = x[2:4] + ahead_s * rate
         u = x[:2] - ahead_s * (x[2:4] + 0.5 * ahead_s * rate)
