@@ -10,6 +10,10 @@ GATEWAY = Path(__file__).parents[3] / "gateway"
 OTHER_MEANINGS = {
     "messages.py": "causes of a condition, as the gateway recognises them live",
     "stages/conditions/": "the same causes",
+    "motion/": "states of the motion, as the gateway publishes them",
+    "pipeline/motion": "the same states",
+    "measurement/motion": "the same states",
+    "page/": "the same states, as the page shows them",
 }
 """Places in which an effect's name means something else, with the reason."""
 
