@@ -138,6 +138,10 @@ ALIGNED_MOUNT_U_DEG = 0.06
 """Standard uncertainty of the angle between the housing's z axis and the rope after zeroing in place."""
 
 
+LONGEST_ABOVE_LOAD = 1.2
+"""Largest distance above the load over the rope's length. Basis: the length is a belief that may be a fifth too short."""
+
+
 class HousingSection(Section):
     """Position of the housing on the rope, by one of the two keys."""
 
@@ -277,7 +281,7 @@ class Configuration(Section):
         if position_m is not None and position_m > self.rope.length_m:
             raise ValueError(f"housing.position_m {position_m:g} is beyond rope.length_m {self.rope.length_m:g}")
         above_m = self.housing.above_load_m
-        if above_m is not None and above_m > self.rope.length_m:
+        if above_m is not None and above_m > LONGEST_ABOVE_LOAD * self.rope.length_m:
             raise ValueError(f"housing.above_load_m {above_m:g} is more than rope.length_m {self.rope.length_m:g}")
         rate_hz = getattr(self.device, "odr_hz", None)
         if rate_hz is not None and self.filter.cutoff_hz >= 0.4 * rate_hz:
@@ -292,7 +296,7 @@ class Configuration(Section):
         if self.housing.position_m is not None:
             return self.housing.position_m
         above_m = self.housing_above_load_m
-        return None if above_m is None else self.rope.length_m - above_m
+        return None if above_m is None else max(self.rope.length_m - above_m, 0.0)
 
     @property
     def housing_above_load_m(self) -> float | None:

@@ -13,6 +13,9 @@ POSITION_U_M = 0.05
 MOUNT_U_RAD = 0.01
 """Standard uncertainty of the angle between the housing's z axis and the rope, clamped by eye, for the offline fit."""
 
+SHORTEST_ROPE = 1.02
+"""Shortest rope over the housing's distance above the load: the distance is measured, the rope's length is a belief."""
+
 
 def mounted_housing(
     configuration: Configuration, correction: Correction, bandwidth_hz: float | None = None
@@ -22,7 +25,7 @@ def mounted_housing(
         return None
     above_m = configuration.housing_above_load_m
     housing = MountedHousing(
-        length_m=configuration.rope.length_m,
+        length_m=max(configuration.rope.length_m, SHORTEST_ROPE * (above_m or 0.0)),
         position_m=configuration.housing_position_m if above_m is None else None,
         above_load_m=above_m,
         position_u_m=POSITION_U_M,
