@@ -1,0 +1,62 @@
+"""Arguments and run of the calibration methods that fit resting poses."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from gateway.cli.argument_types import above_zero
+from gateway.cli.calibrate_record import add_record_arguments, finish_record, read_parent_record
+
+
+def add_pose_arguments(method: argparse.ArgumentParser) -> None:
+    """Add the recordings, their columns and units, and the arguments of the record."""
+    method.add_argument(
+        "files", type=Path, nargs="+", metavar="FILE", help="CSV recordings: one of a whole session, or one per pose"
+    )
+    add_record_arguments(method)
+    method.add_argument(
+        "--unit",
+        choices=("counts", "V", "g", "m/s2"),
+        help="unit of the readings (default: by column name or size)",
+    )
+    method.add_argument(
+        "--units-per-g",
+        type=above_zero,
+        metavar="N",
+        help="nominal sensitivity (default: estimated from the readings)",
+    )
+    method.add_argument(
+        "--columns", type=_columns, metavar="X,Y,Z", help="columns of the axes (default: found by their names)"
+    )
+    method.add_argument(
+        "--time", metavar="COLUMN", help="column of the time in s, or, together with --rate, of a sample counter"
+    )
+    method.add_argument("--rate", type=above_zero, metavar="HZ", help="sample rate if there is no time column")
+
+
+def calibrate_poses(arguments: argparse.Namespace, **stated: float | None) -> int:
+    """Calibrate and print the result; 1 if the readings do not determine it or the record is not acceptable.
+
+    `stated` are the uncertainties of the method that `CalibrateOptions` takes; None leaves the default.
+    """
+    from gateway.calibration.offline.calibrate_files import CalibrateOptions, calibrate_files
+    from gateway.calibration.offline.readings_file import TableOptions
+    from gateway.calibration.record import NotDeterminedError
+
+    parent = read_parent_record(arguments)
+    tables = TableOptions(arguments.unit, arguments.columns, arguments.time, arguments.rate)
+    known = {name: value for name, value in stated.items() if value is not None}
+    options = CalibrateOptions(arguments.method, arguments.units_per_g, parent=parent, **known)
+    try:
+        found = calibrate_files(arguments.files, tables, options)
+    except NotDeterminedError as error:
+        print(f"plumbline calibrate: {error}", file=sys.stderr)
+        return 1
+    return finish_record(arguments, found.fit, found.unit, found.notes, parent)
+
+
+def _columns(text: str) -> tuple[str, str, str]:
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != 3 or not all(names):
+        raise argparse.ArgumentTypeError(f"{text} is not three column names X,Y,Z")
+    return names[0], names[1], names[2]

@@ -1,0 +1,92 @@
+"""What every calibration method has in common on the command line: the arguments of its record, and the files it writes."""
+
+import argparse
+import getpass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gateway.calibration.methods.calibration_fit import CalibrationFit
+    from gateway.calibration.record import CalibrationRecord
+
+UNIDENTIFIED = "unidentified"
+
+
+def add_record_arguments(method: argparse.ArgumentParser) -> None:
+    """Add where the record goes, whose it is, who made it, and its parent."""
+    method.add_argument("--json", type=Path, metavar="FILE", help="write the record to FILE")
+    method.add_argument(
+        "--html", type=Path, metavar="FILE", help="write the certificate to FILE; it prints on one sheet of A4"
+    )
+    method.add_argument(
+        "--device-id",
+        default=UNIDENTIFIED,
+        metavar="ID",
+        help="identity of the sensor; the record is valid for no other sensor",
+    )
+    method.add_argument("--by", metavar="NAME", help="person who calibrates (default: the current user)")
+    method.add_argument(
+        "--parent",
+        type=Path,
+        metavar="FILE",
+        help="the record in force: the change since then is judged, and a norm fit keeps its frame",
+    )
+
+
+def read_parent_record(arguments: argparse.Namespace) -> "CalibrationRecord | None":
+    """Return the record of `--parent`, None without it. Raises `InputError` for a file that is no record of this device."""
+    from gateway.calibration.offline.parent_record import read_parent
+
+    return None if arguments.parent is None else read_parent(arguments.parent, arguments.device_id)
+
+
+def finish_record(
+    arguments: argparse.Namespace,
+    fit: "CalibrationFit",
+    unit: str,
+    notes: tuple[str, ...],
+    parent: "CalibrationRecord | None",
+) -> int:
+    """Make the record of a fit, write its files and print the report; 1 if the record is not acceptable."""
+    from gateway import __version__
+    from gateway.calibration.acceptance import judge
+    from gateway.calibration.offline.report import format_report
+    from gateway.calibration.record_factory import make_record
+    from gateway.certificate.page import render_certificate
+    from gateway.cli.output import write_json, write_text
+
+    record = make_record(
+        fit,
+        device_id=arguments.device_id,
+        unit=unit,
+        software=__version__,
+        by=arguments.by or current_user(),
+        created_utc=now_utc(),
+        parent=None if parent is None else parent.id,
+    )
+    acceptance = judge(fit, parent)
+    if arguments.json is not None:
+        write_json(arguments.json, record.model_dump(mode="json"))
+    if arguments.html is not None:
+        write_text(arguments.html, render_certificate(record, parent))
+    print(format_report(record, acceptance, notes + identity_note(arguments.device_id)))
+    return 1 if acceptance.refused else 0
+
+
+def identity_note(device_id: str) -> tuple[str, ...]:
+    """Return a note where the sensor has no identity."""
+    return ("no --device-id: the record cannot be put in force for any sensor",) if device_id == UNIDENTIFIED else ()
+
+
+def current_user() -> str:
+    """Return the name of the person at the keyboard."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return "unknown"
+
+
+def now_utc() -> str:
+    """Return the time of a record that is made now."""
+    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")
