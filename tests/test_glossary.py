@@ -48,7 +48,7 @@ COMMON_WORDS = words(
     angle application argument array backoff bounded buffer builder cache change check CLI client command config configuration
     context counter daemon data dependency description doctor document drawing environment error export factory figures file
     finder first follow format formatting function handler history hub inbox info input instance interrupt launch limiter link
-    loading log main make manager markup MCAP mean method metric nominal notify optional outgoing output packing
+    loading log main make manager markup MCAP mean method metric nominal notify option optional outgoing output packing
     page palette plot plugin port pre procedure process processor progress provider publisher queue rate reader reference
     registry remaining render report resource result RPC run sampler schema serial serialisation server service shape
     size source state status step store stretch style table text timestamp type unit vector view word worker writer zoom

@@ -36,3 +36,15 @@ def recording_time(text: str) -> "RecordingTime":
         raise argparse.ArgumentTypeError(
             f"{text} is neither seconds from the start (30, 1:30) nor UTC (2026-11-22T07:30:00Z, or 07:30:05 on its first day)"
         ) from None
+
+
+def duration_s(text: str) -> float:
+    """Parse a duration in seconds, minutes or hours."""
+    from gateway.recording.interval import parse_duration
+
+    try:
+        return parse_duration(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text} is not a duration: seconds (90), minutes (1:30) or hours (1:00:00)"
+        ) from None

@@ -50,7 +50,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Measure a recording and print the result."""
-    from gateway.cli.output import STANDARD_OUTPUT, print_json, write_json, write_text
+    from gateway.cli.output import show, write_text
     from gateway.errors import InputError
     from gateway.measurement.measure import measure
     from gateway.measurement.motion_report import motion_table
@@ -65,10 +65,5 @@ def run(arguments: argparse.Namespace) -> int:
         if result.motion is None:
             raise InputError(f"{source.name}: the motion is not known: {'; '.join(result.swing.reasons)}")
         write_text(arguments.motion, motion_table(result.motion.history))
-    if arguments.json == STANDARD_OUTPUT:
-        print_json(as_json(source, result))
-        return 0
-    if arguments.json is not None:
-        write_json(arguments.json, as_json(source, result))
-    print(as_text(source, result))
+    show(as_text(source, result), as_json(source, result), arguments.json)
     return 0

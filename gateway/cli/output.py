@@ -11,6 +11,19 @@ STANDARD_OUTPUT = Path("-")
 """The value of `--json` for the standard output."""
 
 
+def show(text: str, content: object, json_path: Path | None) -> None:
+    """Print a result as text, and write it as JSON too where a path is given; `-`: print it as JSON in place of the text.
+
+    Raises `InputError` where the file cannot be written.
+    """
+    if json_path == STANDARD_OUTPUT:
+        print_json(content)
+        return
+    if json_path is not None:
+        write_json(json_path, content)
+    print(text)
+
+
 def write_json(path: Path, content: object) -> None:
     """Write a JSON file in one step. Raises `InputError` where it cannot be written."""
     write_text(path, _encode(content))

@@ -1,12 +1,12 @@
 """An interval of a recording, between times that a user gives."""
 
-from dataclasses import dataclass
-from datetime import UTC, datetime
+from dataclasses import dataclass, field
+from datetime import UTC, datetime, timedelta
 from math import isfinite
 from typing import Literal
 
 from gateway.errors import InputError
-from gateway.recording.timestamp import iso_utc
+from gateway.recording.timestamp import iso_utc, zoned
 
 DAY_NS = 86_400_000_000_000
 
@@ -38,7 +38,9 @@ class RecordingTime:
     """The user's own text, for messages."""
     value_ns: int
     since: Literal["first_sample", "epoch", "midnight"]
-    """Origin of `value_ns`: the first sample, 1970-01-01 UTC, or midnight UTC of the recording's day."""
+    """Origin of `value_ns`: the first sample, 1970-01-01 UTC, or midnight of the recording's day."""
+    is_local: bool = False
+    """Whether midnight is that of this computer's time zone, instead of UTC."""
 
     def time_s(self, extent: RecordingExtent) -> float:
         """Return the time in seconds on the time axis of the recording. Raises `InputError` for UTC where it is not known."""
@@ -50,10 +52,16 @@ class RecordingTime:
             raise InputError(f"{self.text}: this recording has no UTC; give seconds from its start, {extent}")
         utc_ns = self.value_ns
         if self.since == "midnight":
-            utc_ns += first_ns - first_ns % DAY_NS
-            if utc_ns < first_ns and utc_ns + DAY_NS <= last_ns:  # a recording across midnight
-                utc_ns += DAY_NS
+            utc_ns = self._on_day(first_ns)
+            if utc_ns < first_ns and self._on_day(first_ns + DAY_NS) <= last_ns:  # a recording across midnight
+                utc_ns = self._on_day(first_ns + DAY_NS)
         return extent.first_s + (utc_ns - first_ns) / 1e9
+
+    def _on_day(self, utc_ns: int) -> int:
+        """Return the UTC of this time of day on the day of another time."""
+        day = zoned(utc_ns, is_local=self.is_local).date()
+        time_of_day = (datetime.min + timedelta(microseconds=self.value_ns // 1000)).time()
+        return _epoch_ns(datetime.combine(day, time_of_day), is_local=self.is_local)
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +70,8 @@ class RecordingInterval:
 
     begin: RecordingTime | None = None
     end: RecordingTime | None = None
+    last_s: float | None = field(default=None, kw_only=True)
+    """Length of the interval, in place of `begin`."""
 
     def limits_s(self, extent: RecordingExtent) -> tuple[float, float]:
         """Return begin and end on the time axis of the recording; a missing one is infinite.
@@ -70,6 +80,8 @@ class RecordingInterval:
         """
         begin_s = float("-inf") if self.begin is None else self.begin.time_s(extent)
         end_s = float("inf") if self.end is None else self.end.time_s(extent)
+        if self.last_s is not None:
+            begin_s = min(end_s, extent.last_s) - self.last_s
         if self.begin is not None and begin_s > extent.last_s:
             raise InputError(f"--from {self.begin.text}: is after the recording, which is {extent}")
         if self.end is not None and end_s <= extent.first_s:
@@ -92,10 +104,13 @@ class RecordingInterval:
 WHOLE_RECORDING = RecordingInterval()
 
 
-def parse_recording_time(text: str) -> RecordingTime:
-    """Parse `30`, `1:30` (from the first sample), `07:30:05` or `2026-11-22T07:30:00Z` (UTC). Raises `ValueError`."""
+def parse_recording_time(text: str, *, is_local: bool = False) -> RecordingTime:
+    """Parse `30`, `1:30` (from the first sample), `07:30:05` or `2026-11-22T07:30:00`. Raises `ValueError`.
+
+    The last two are UTC, or with `is_local` of this computer's time zone; a zone in the text prevails.
+    """
     if "-" in text or "T" in text:
-        return RecordingTime(text, _epoch_ns(datetime.fromisoformat(text)), "epoch")
+        return RecordingTime(text, _epoch_ns(datetime.fromisoformat(text), is_local=is_local), "epoch")
     *fields, last = text.removesuffix("Z").split(":")
     longer, seconds = [_whole_number(field) for field in fields], _number(last)
     if len(longer) > 2 or (longer and seconds >= 60) or (text.endswith("Z") and len(longer) < 2):
@@ -105,7 +120,21 @@ def parse_recording_time(text: str) -> RecordingTime:
     hours, minutes = longer
     if hours >= 24 or minutes >= 60 or len(fields[0]) != 2:  # 1:00:00 might mean an hour from the start
         raise ValueError(text)
-    return RecordingTime(text, round((3600 * hours + 60 * minutes + seconds) * 1e9), "midnight")
+    value_ns = round((3600 * hours + 60 * minutes + seconds) * 1e9)
+    return RecordingTime(text, value_ns, "midnight", is_local=is_local and not text.endswith("Z"))
+
+
+def parse_duration(text: str) -> float:
+    """Parse `90`, `1:30` (minutes) or `1:00:00` (hours) into seconds. Raises `ValueError`."""
+    *fields, last = text.split(":")
+    longer, seconds = [_whole_number(field) for field in fields], _number(last)
+    if len(longer) > 2 or (longer and seconds >= 60) or (len(longer) == 2 and longer[1] >= 60):
+        raise ValueError(text)
+    for place, value in enumerate(reversed(longer), start=1):
+        seconds += value * 60**place
+    if seconds == 0:
+        raise ValueError(text)
+    return seconds
 
 
 def _number(text: str) -> float:
@@ -122,6 +151,6 @@ def _whole_number(text: str) -> int:
     return int(text)
 
 
-def _epoch_ns(time: datetime) -> int:
-    aware = time if time.tzinfo is not None else time.replace(tzinfo=UTC)
-    return round(aware.timestamp() * 1_000_000) * 1000
+def _epoch_ns(time: datetime, *, is_local: bool) -> int:
+    aware = time if time.tzinfo is not None or is_local else time.replace(tzinfo=UTC)
+    return round(aware.timestamp() * 1_000_000) * 1000  # without a zone, Python takes the time for a local one

@@ -1,11 +1,13 @@
 """Intervals of a recording, in seconds from its start and in UTC."""
 
+import time
+from collections.abc import Iterator
 from datetime import UTC, datetime
 
 import pytest
 
 from gateway.errors import InputError
-from gateway.recording.interval import RecordingExtent, RecordingInterval, parse_recording_time
+from gateway.recording.interval import RecordingExtent, RecordingInterval, parse_duration, parse_recording_time
 from gateway.recording.timestamp import iso_utc
 
 
@@ -70,6 +72,54 @@ def test_time_of_day_after_midnight_is_on_the_next_day() -> None:
     assert parse_recording_time("00:00:30").time_s(night) == 90.0
     assert parse_recording_time("23:59:30").time_s(night) == 30.0
     assert parse_recording_time("00:02:00").time_s(night) < 0  # not in the recording
+
+
+@pytest.fixture
+def tokyo(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Run in a time zone nine hours ahead of UTC."""
+    monkeypatch.setenv("TZ", "JST-9")
+    time.tzset()
+    yield
+    monkeypatch.undo()
+    time.tzset()
+
+
+@pytest.mark.usefixtures("tokyo")
+@pytest.mark.parametrize(
+    ("text", "expected_s"),
+    [
+        ("16:30:05", 5.0),
+        ("2026-11-22T16:31:00", 60.0),
+        ("07:30:05Z", 5.0),
+        ("2026-11-22T07:31:00Z", 60.0),
+        ("30", 30.0),
+    ],
+)
+def test_local_times_are_of_the_zone_of_this_computer_unless_they_state_another(text: str, expected_s: float) -> None:
+    assert parse_recording_time(text, is_local=True).time_s(extent()) == pytest.approx(expected_s, abs=1e-6)
+
+
+@pytest.mark.usefixtures("tokyo")
+def test_local_time_of_day_after_local_midnight_is_on_the_next_day() -> None:
+    night = extent("2026-11-22T14:59:00", 120.0)
+    assert parse_recording_time("00:00:30", is_local=True).time_s(night) == 90.0
+
+
+@pytest.mark.parametrize(("text", "expected_s"), [("90", 90.0), ("1:30", 90.0), ("0.5", 0.5), ("1:01:05", 3665.0)])
+def test_durations_are_seconds_minutes_or_hours(text: str, expected_s: float) -> None:
+    assert parse_duration(text) == expected_s
+
+
+@pytest.mark.parametrize("text", ["", "0", "-1", "1:60", "1:60:00", "1:2:3:4", "nan", "1h"])
+def test_other_texts_are_no_durations(text: str) -> None:
+    with pytest.raises(ValueError):  # noqa: PT011
+        parse_duration(text)
+
+
+def test_last_part_ends_with_the_recording_or_before_the_end_given() -> None:
+    assert RecordingInterval(last_s=20.0).limits_s(extent()) == (580.0, float("inf"))
+    assert RecordingInterval(end=parse_recording_time("100"), last_s=20.0).limits_s(extent()) == (80.0, 100.0)
+    assert RecordingInterval(last_s=700.0).limits_s(extent())[0] == -100.0
 
 
 def test_printed_times_are_accepted_again() -> None:

@@ -1,0 +1,29 @@
+"""`plumbline record recover`: a complete recording from an incomplete one."""
+
+import argparse
+from pathlib import Path
+
+WITH_LOSSES = 3
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    recover = verbs.add_parser(
+        "recover",
+        help="write a complete recording from an incomplete one",
+        description="Write a complete recording from an incomplete one. Exit code 3: something of it could not be read.",
+        epilog="example: plumbline record recover incomplete.mcap --out complete.mcap",
+    )
+    recover.add_argument("log", type=Path, metavar="LOG", help=".mcap written by the gateway")
+    recover.add_argument("--out", type=Path, metavar="FILE", required=True, help="the new recording")
+    recover.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Recover a recording; return 3 where something of it could not be read."""
+    from gateway.recording.recovery import recover
+
+    recovered = recover(arguments.log, arguments.out)
+    print(f"{arguments.out}: {recovered.messages} messages recovered")
+    losses = recovered.losses
+    return WITH_LOSSES if losses.torn_bytes or losses.damaged_records or losses.unreadable_messages else 0
