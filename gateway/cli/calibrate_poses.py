@@ -5,13 +5,17 @@ import sys
 from pathlib import Path
 
 from gateway.cli.argument_types import above_zero
-from gateway.cli.calibrate_record import add_record_arguments, finish_record, read_parent_record
+from gateway.cli.calibrate_record import add_record_arguments, finish_record, read_parent_record, use_recorded_device
 
 
 def add_pose_arguments(method: argparse.ArgumentParser) -> None:
     """Add the recordings, their columns and units, and the arguments of the record."""
     method.add_argument(
-        "files", type=Path, nargs="+", metavar="FILE", help="CSV recordings: one of a whole session, or one per pose"
+        "files",
+        type=Path,
+        nargs="+",
+        metavar="FILE",
+        help="recordings of a whole session or of one pose each: .csv, or the .mcap files of one gateway, or a folder of them",
     )
     add_record_arguments(method)
     method.add_argument(
@@ -42,13 +46,16 @@ def calibrate_poses(arguments: argparse.Namespace, **stated: float | None) -> in
     from gateway.calibration.offline.calibrate_files import CalibrateOptions, calibrate_files
     from gateway.calibration.offline.readings_file import TableOptions
     from gateway.calibration.record import NotDeterminedError
+    from gateway.measurement.calibration_readings import read_calibration_readings
 
-    parent = read_parent_record(arguments)
     tables = TableOptions(arguments.unit, arguments.columns, arguments.time, arguments.rate)
+    files = read_calibration_readings(arguments.files, tables)
+    use_recorded_device(arguments, files)
+    parent = read_parent_record(arguments)
     known = {name: value for name, value in stated.items() if value is not None}
     options = CalibrateOptions(arguments.method, arguments.units_per_g, parent=parent, **known)
     try:
-        found = calibrate_files(arguments.files, tables, options)
+        found = calibrate_files(files, options)
     except NotDeterminedError as error:
         print(f"plumbline calibrate: {error}", file=sys.stderr)
         return 1

@@ -7,7 +7,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from gateway.calibration.methods.calibration_fit import CalibrationFit
+    from gateway.calibration.offline.readings_file import FileReadings
     from gateway.calibration.record import CalibrationRecord
 
 UNIDENTIFIED = "unidentified"
@@ -23,7 +26,7 @@ def add_record_arguments(method: argparse.ArgumentParser) -> None:
         "--device-id",
         default=UNIDENTIFIED,
         metavar="ID",
-        help="identity of the sensor; the record is valid for no other sensor",
+        help="identity of the sensor (default: the one in an .mcap); the record is valid for no other sensor",
     )
     method.add_argument("--by", metavar="NAME", help="person who calibrates (default: the current user)")
     method.add_argument(
@@ -32,6 +35,23 @@ def add_record_arguments(method: argparse.ArgumentParser) -> None:
         metavar="FILE",
         help="the record in force: the change since then is judged, and a norm fit keeps its frame",
     )
+
+
+def use_recorded_device(arguments: argparse.Namespace, files: "Sequence[FileReadings]") -> None:
+    """Take the device's identity from the recordings where they state it.
+
+    Raises `InputError` where they state several, or another one than `--device-id`.
+    """
+    from gateway.errors import InputError
+
+    stated = {file.device_id for file in files if file.device_id is not None}
+    if arguments.device_id != UNIDENTIFIED:
+        stated.add(arguments.device_id)
+    if len(stated) > 1:
+        raise InputError(
+            f"{files[-1].path}: recordings and --device-id name {' and '.join(sorted(stated))}; give one device"
+        )
+    arguments.device_id = stated.pop() if stated else UNIDENTIFIED
 
 
 def read_parent_record(arguments: argparse.Namespace) -> "CalibrationRecord | None":

@@ -23,6 +23,8 @@ from gateway.numerics.array import Array
 class WarningKind(StrEnum):
     """Subject of a warning."""
 
+    NON_LINEARITY = "non-linearity"
+    """An axis errs between its extremes."""
     OUTLIER = "outlier"
     """A reading that the other readings do not explain."""
     PLACEMENT = "placement"

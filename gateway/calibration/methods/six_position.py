@@ -13,12 +13,14 @@ import numpy as np
 
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind, assemble_fit
 from gateway.calibration.methods.face_outliers import find_outliers
+from gateway.calibration.methods.non_linearity import find_non_linearity, non_linearity_contribution
 from gateway.calibration.pose_method import PoseMethod
+from gateway.calibration.poses.face_angles import without_tilted_poses
 from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, describe_direction
 from gateway.calibration.poses.mean_uncertainty import quantisation_u
 from gateway.calibration.poses.pose import Face, Pose
 from gateway.calibration.record import NotDeterminedError
-from gateway.calibration.uncertainty import Contribution
+from gateway.calibration.uncertainty import Contribution, total_covariance
 from gateway.numerics.array import Array
 from gateway.numerics.stats import chi_square_quantile
 
@@ -120,8 +122,10 @@ def fit_six_positions(poses: tuple[Pose, ...], placement_u_deg: float = PLACEMEN
     """Fit the affine model a_n = T S (a_m - b) (Zams and Łuczak 2024, eq. 1) by weighted least squares, with its covariance.
 
     `placement_u_deg` is the standard uncertainty of the angle between each face and the vertical, per direction: levelling of
-    the surface, squareness of the housing. Raises `NotDeterminedError` if a face is missing.
+    the surface, squareness of the housing. A pose tilted too far against its face is not used. Raises `NotDeterminedError` if a
+    face is missing.
     """
+    poses = without_tilted_poses(poses)
     used = tuple(pose for pose in poses if pose.used and pose.face is not None)
     extremes = find_extremes(used)
     placement_rad = np.radians(placement_u_deg)
@@ -190,11 +194,17 @@ def _affine_fit(
     sensitivity, offset = parameters[:, :3], parameters[:, 3]
     matrix = np.asarray(np.linalg.inv(sensitivity))
     noise, quantisation = _independent_changes(readings.noise_u), _independent_changes(readings.quantisation_u)
-    contributions = (
+    contributions: tuple[Contribution, ...] = (
         Contribution("noise of the pose means", "A", _covariance(matrix, projections, noise)),
         Contribution("placement of the faces", "B", _covariance(matrix, projections, readings.placement)),
         Contribution("quantisation", "B", _covariance(matrix, projections, quantisation)),
     )
+    if between := tuple(pose for pose in poses if pose.face is None):
+        found = find_non_linearity(between, matrix, offset, total_covariance(contributions))
+        contributions = (*contributions, non_linearity_contribution(found, matrix))
+        if found.is_significant:
+            text = f"non-linear between the faces: {found.describe()}; not corrected, in the budget"
+            warnings.append(FitWarning(WarningKind.NON_LINEARITY, text))
     residual_g = (readings.mean - offset) @ matrix.T - readings.up
     return assemble_fit(
         PoseMethod.SIX_POSITION.value,

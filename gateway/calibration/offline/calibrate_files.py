@@ -1,7 +1,7 @@
 """Feeds recordings to a procedure, as the gateway does with live readings, and fits them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import FRAME_U_DEG
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
 from gateway.calibration.offline.estimate_sensitivity import estimate_sensitivity
-from gateway.calibration.offline.readings_file import FileReadings, TableOptions, read_file
+from gateway.calibration.offline.readings_file import FileReadings
 from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.poses.pose import RawReadings
 from gateway.calibration.procedures.pose_procedure import PoseProcedure
@@ -42,17 +42,15 @@ class OfflineCalibration:
     notes: tuple[str, ...]
 
 
-def calibrate_files(paths: list[Path], tables: TableOptions, options: CalibrateOptions) -> OfflineCalibration:
+def calibrate_files(files: Sequence[FileReadings], options: CalibrateOptions) -> OfflineCalibration:
     """Find the poses in the files, each of which contains a session or one pose, and fit them.
 
-    Raises `NotDeterminedError` if the poses do not determine the calibration, `RecordingError` or `InputError` for files that
-    cannot be used.
+    Raises `NotDeterminedError` if the poses do not determine the calibration, `InputError` for files in different units.
     """
-    files = [read_file(path, tables) for path in paths]
     units = {one.unit for one in files}
     if len(units) > 1:
         raise InputError(f"the files are in {' and '.join(sorted(units))}; calibrate from one unit")
-    nominal = estimate_sensitivity(files, options.units_per_g)
+    nominal = estimate_sensitivity(files, options.units_per_g or files[0].units_per_g)
     procedure = make_procedure(
         options.method,
         nominal,
@@ -60,7 +58,9 @@ def calibrate_files(paths: list[Path], tables: TableOptions, options: CalibrateO
         frame_u_deg=options.frame_u_deg,
         parent=options.parent,
     )
-    notes = [f"readings taken to be in {files[0].unit}; --unit sets another unit"] if tables.unit is None else []
+    notes = (
+        [f"readings taken to be in {files[0].unit}; --unit sets another unit"] if not files[0].unit_is_stated else []
+    )
     for one in files:
         n_before = len(procedure.progress().poses)
         _feed_file(procedure, one)
@@ -72,7 +72,7 @@ def calibrate_files(paths: list[Path], tables: TableOptions, options: CalibrateO
         fit = procedure.finish()
     except NotDeterminedError as error:
         n_poses = len(procedure.progress().poses)
-        where = str(paths[0]) if len(paths) == 1 else f"{len(paths)} files"
+        where = str(files[0].path) if len(files) == 1 else f"{len(files)} files"
         raise NotDeterminedError("; ".join([f"{n_poses} poses in {where}: {error}", *notes])) from error
     return OfflineCalibration(fit, files[0].unit, nominal, tuple(notes))
 

@@ -1,5 +1,7 @@
 """Estimates the nominal sensitivity of a sensor from the readings, to within the tolerance of the pose finder."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from gateway.calibration.offline.readings_file import FileReadings
@@ -18,7 +20,7 @@ MAX_DIGITAL_ZERO_G = 0.5
 """Largest zero of a digital sensor, g; a larger one is that of an analogue sensor, in the middle of its supply voltage."""
 
 
-def estimate_sensitivity(files: list[FileReadings], units_per_g: float | None) -> NominalSensitivity:
+def estimate_sensitivity(files: Sequence[FileReadings], units_per_g: float | None) -> NominalSensitivity:
     """Return nominal sensitivity and zero. Raises `NotDeterminedError` if the readings do not determine them."""
     unit = files[0].unit
     means = np.concatenate([_block_means(one.raw) for one in files])

@@ -59,6 +59,12 @@ class FileReadings:
     """Temperatures, shape (n,), NaN for a row without one."""
     n_skipped: int
     """Number of rows that could not be used."""
+    unit_is_stated: bool = False
+    """Whether the file or the user states the unit; otherwise it is found from names or numbers."""
+    units_per_g: float | None = None
+    """Nominal sensitivity of the device; None: the file does not state it."""
+    device_id: str | None = None
+    """Identity of the device; None: the file does not state it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +92,7 @@ def read_file(path: Path, options: TableOptions) -> FileReadings:
     )
     recording = read_table(path, layout)
     unit = options.unit or _unit_by_suffix(axes[0]) or _unit_by_size(path, recording.raw)
-    return _file_readings(path, recording, unit)
+    return _file_readings(path, recording, unit, unit_is_stated=options.unit is not None)
 
 
 def _find_header(path: Path, wanted: ColumnNames | None) -> tuple[list[str], ColumnNames]:
@@ -136,7 +142,7 @@ def _unit_by_size(path: Path, raw: Array) -> Unit:
     raise InputError(f"{path}: in which unit are its readings (|m| about {norm:.3g})? give --unit counts, V, g or m/s2")
 
 
-def _file_readings(path: Path, recording: Recording, unit: Unit) -> FileReadings:
+def _file_readings(path: Path, recording: Recording, unit: Unit, *, unit_is_stated: bool) -> FileReadings:
     raw = recording.raw / STANDARD_GRAVITY_M_S2 if unit == "m/s2" else recording.raw
     return FileReadings(
         path=path,
@@ -145,4 +151,5 @@ def _file_readings(path: Path, recording: Recording, unit: Unit) -> FileReadings
         raw=raw,
         temperature_c=recording.temperature_c,
         n_skipped=recording.invalid + recording.repeated + recording.backward + recording.truncated,
+        unit_is_stated=unit_is_stated,
     )

@@ -8,6 +8,7 @@ from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.experiment_design import MAX_CONDITION_NUMBER, condition_number, next_direction
 from gateway.calibration.methods.norm_fit import N_PARAMETERS, fit_norm
 from gateway.calibration.methods.six_position import fit_six_positions, missing_faces
+from gateway.calibration.poses.face_angles import without_tilted_poses
 from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, angle_to_face_deg, describe_direction, find_face
 from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.poses.pose import Pose
@@ -36,8 +37,8 @@ class SixPositionPlan:
         return pose, f"{pose.face} taken" + (f" again: {count} are averaged" if count > 1 else "")
 
     def request_next(self, poses: Poses) -> RequestedPose:
-        """Request the first missing face."""
-        missing = missing_faces(poses)
+        """Request the first missing face; a pose that the others show to be tilted counts for none."""
+        missing = missing_faces(without_tilted_poses(poses))
         if not missing:
             return RequestedPose(None, None, "all six faces are taken")
         return RequestedPose(

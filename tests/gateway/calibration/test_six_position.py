@@ -9,8 +9,10 @@ import pytest
 
 from gateway.calibration.methods.calibration_fit import FitWarning, WarningKind
 from gateway.calibration.methods.face_outliers import find_changed_readings
+from gateway.calibration.methods.non_linearity import find_non_linearity
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, apply_extremes, find_extremes, fit_six_positions
-from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, find_face
+from gateway.calibration.poses.face_angles import without_tilted_poses
+from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, candidate_directions, find_face
 from gateway.calibration.poses.pose import Face, Pose
 from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array
@@ -154,8 +156,84 @@ def test_a_placement_worse_than_stated_enlarges_the_uncertainty() -> None:
 
 
 def test_poses_on_no_face_are_not_used_and_reported() -> None:
-    between = Pose((0.7, 0.7, 0.0), (1e-6, 1e-6, 1e-6), 300, None, used=False)
+    x, y, z = (GAIN @ np.array([0.6, 0.8, 0.0]) + OFFSET).tolist()
+    between = Pose((x, y, z), (1e-6, 1e-6, 1e-6), 300, None, used=False)
     fit = fit_six_positions((*place_on_faces(GAIN, OFFSET), between))
     np.testing.assert_allclose(fit.offset, OFFSET, atol=1e-9)
     assert fit.poses[-1] == between
     assert fit.warnings == (FitWarning(WarningKind.UNUSED_POSES, "1 poses lay on no face and were not used"),)
+
+
+def reading_g(pose_up: Array, quadratic_g: Array, cubic_g: Array) -> Array:
+    """Return the reading of axes with these non-linear terms at a unit vector to the vertical, g."""
+    return np.asarray(GAIN @ (pose_up + quadratic_g * pose_up**2 + cubic_g * pose_up**3) + OFFSET)
+
+
+def non_linear_session(quadratic_g: Array, cubic_g: Array, noise_u: float = 2e-5) -> tuple[Pose, ...]:
+    """Return the six faces and the twenty edges and corners of a sensor with non-linear axes and cross-axis sensitivity."""
+    random = np.random.default_rng(3)
+    poses = []
+    for up in candidate_directions():
+        x, y, z = (reading_g(up, quadratic_g, cubic_g) + noise_u * random.standard_normal(3)).tolist()
+        face = find_face(up)
+        poses.append(Pose((x, y, z), (noise_u, noise_u, noise_u), 300, face, used=face is not None))
+    return tuple(poses)
+
+
+def tilted(face: Face, angle_deg: float, axis: int) -> Pose:
+    """Return a pose that is taken for a face, and lies off it by an angle about an axis."""
+    turn = np.radians(angle_deg) * np.eye(3)[axis]
+    up = FACE_DIRECTIONS[face] * np.cos(np.radians(angle_deg)) + np.cross(turn, FACE_DIRECTIONS[face])
+    x, y, z = (GAIN @ up / np.linalg.norm(up) + OFFSET).tolist()
+    return Pose((x, y, z), (1e-6, 1e-6, 1e-6), 300, face)
+
+
+@pytest.mark.parametrize("angle_deg", [6.0, 10.0, 15.0, 20.0])
+def test_a_pose_tilted_against_its_face_is_no_face_however_near_it_is_to_one(angle_deg: float) -> None:
+    others = (tilted("+x", angle_deg, 1), tilted("-z", -angle_deg, 0), tilted("+y", angle_deg, 2))
+    fit = fit_six_positions((*others, *place_on_faces(GAIN, OFFSET)))
+    np.testing.assert_allclose(fit.offset, OFFSET, atol=1e-9)
+    np.testing.assert_allclose(fit.correction_matrix, np.linalg.inv(GAIN), atol=1e-9)
+    assert [(pose.face, pose.used) for pose in fit.poses[:3]] == [(None, False)] * 3
+    assert [pose.used for pose in fit.poses[3:]] == [True] * 6
+
+
+@pytest.mark.parametrize("face", FACES)
+def test_a_face_with_a_tilted_pose_alone_is_missing(face: Face) -> None:
+    across = 1 if face in {"+x", "-x"} else 0
+    poses = tuple(pose for pose in place_on_faces(GAIN, OFFSET) if pose.face != face)
+    with pytest.raises(NotDeterminedError, match=rf"face \{face} missing"):
+        fit_six_positions((*poses, tilted(face, 12.0, across)))
+
+
+def test_a_sensor_turned_in_its_housing_lies_on_all_faces() -> None:
+    turn = np.radians(8.0)
+    turned = GAIN @ np.array([[np.cos(turn), -np.sin(turn), 0], [np.sin(turn), np.cos(turn), 0], [0, 0, 1]])
+    fit = fit_six_positions(place_on_faces(turned, OFFSET))
+    np.testing.assert_allclose(fit.correction_matrix, np.linalg.inv(turned), atol=1e-9)
+    assert all(pose.used for pose in fit.poses)
+
+
+def test_planted_non_linearity_is_recovered_and_in_the_budget() -> None:
+    quadratic_g, cubic_g = np.array([0.006, 0.0, -0.004]), np.array([0.0, 0.005, 0.0])
+    poses = without_tilted_poses(non_linear_session(quadratic_g, cubic_g))
+    fit = fit_six_positions(poses, placement_u_deg=0.01)
+    between = tuple(pose for pose in poses if pose.face is None)
+    found = find_non_linearity(between, fit.correction_matrix, np.array(fit.offset), fit.covariance)
+    for value, u, planted in (
+        (found.quadratic_g, found.u_quadratic_g, quadratic_g),
+        (found.cubic_g, found.u_cubic_g, cubic_g),
+    ):
+        assert np.all(np.abs(value - planted) < 2 * u + 5e-4)
+    assert np.all(found.u_quadratic_g < 1e-3)
+    (warning,) = (warning for warning in fit.warnings if warning.kind is WarningKind.NON_LINEARITY)
+    assert "x quadratic +" in warning.text
+    row = next(row for row in fit.budget if row["source"] == "non-linearity")
+    assert 0.005 < row["u_g"] < 0.010
+
+
+def test_linear_axes_add_nothing_to_the_budget() -> None:
+    fit = fit_six_positions(non_linear_session(np.zeros(3), np.zeros(3)), placement_u_deg=0.02)
+    row = next(row for row in fit.budget if row["source"] == "non-linearity")
+    assert row["u_g"] == 0
+    assert [warning.kind for warning in fit.warnings] == [WarningKind.UNUSED_POSES]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from devices.block import DeviceInfo
 from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.procedures.procedure_factory import make_procedure
 from gateway.calibration.record import CalibrationRecord
@@ -22,7 +23,9 @@ from tests.benchmarks.calibration_sessions import (
     specific_force,
     split_blocks,
     to_counts,
+    unit,
 )
+from tests.recordings import write_mcap
 from tests.values import present
 
 DATA = Path(__file__).parents[2] / "data" / "calibration"
@@ -85,6 +88,50 @@ def test_offline_calibration_makes_the_record_of_a_live_session(
     output = capsys.readouterr().out
     assert f"record {record.id}" in output
     assert "standard uncertainty of a reading" in output
+
+
+def test_a_recording_of_the_gateway_gives_the_record_of_the_same_readings_as_a_table(tmp_path: Path) -> None:
+    _, counts = session("six-position")
+    device = DeviceInfo(kind="adxl355", device_id="adxl355-1d", unit="counts", odr_hz=RATE_HZ, units_per_g=256000.0)
+    half = len(counts) // 2
+    parts = [
+        write_mcap(tmp_path / "a.mcap", device, counts[:half]),
+        write_mcap(tmp_path / "b.mcap", device, counts[half:], begin_s=half / RATE_HZ),
+    ]
+    code, recorded = calibrated(tmp_path, "six-position", *parts)
+    table = write(tmp_path / "session.csv", "ax_counts,ay_counts,az_counts", counts)
+    _, tabled = calibrated(tmp_path, "six-position", table, "--units-per-g", 256000)
+    assert (code, recorded.device_id, recorded.unit) == (0, "adxl355-1d", "counts")
+    np.testing.assert_allclose(recorded.offset, tabled.offset)
+    np.testing.assert_allclose(recorded.correction_matrix, tabled.correction_matrix)
+
+
+def test_a_recording_of_another_device_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    device = DeviceInfo(kind="adxl355", device_id="adxl355-1d", unit="counts", odr_hz=RATE_HZ, units_per_g=256000.0)
+    path = write_mcap(tmp_path / "a.mcap", device, session("six-position")[1])
+    code, record = calibrate(tmp_path, "six-position", path, "--device-id", "other")
+    assert (code, record) == (2, None)
+    assert "adxl355-1d and other; give one device" in capsys.readouterr().err
+    code, _ = calibrate(tmp_path, "six-position", path, "--unit", "g")
+    assert code == 2
+    assert "leave --unit" in capsys.readouterr().err
+
+
+def test_six_faces_are_found_in_a_session_with_other_poses(tmp_path: Path) -> None:
+    """The faces, and poses 10 to 20 degrees off a face or between faces, in one session."""
+    random = np.random.default_rng(5)
+    errors = draw_errors(random)
+    others = unit(
+        np.array([[1, 0.2, 0], [-0.3, 1, 0], [0.1, 0.2, -1], [0.33, 0, -1], [1, 1, 0.3], [-1, 0.8, 1], [0, -1, 1]])
+    )
+    poses = np.vstack([others[:4], place_faces(random, 0.02), others[4:]])
+    counts = to_counts(random, ADXL355, errors, specific_force(random, poses))
+    path = write(tmp_path / "session.csv", "ax_counts,ay_counts,az_counts", counts)
+    code, record = calibrated(tmp_path, "six-position", path, "--units-per-g", 256000)
+    assert code == 0
+    assert [pose["used"] for pose in record.poses] == [False] * 4 + [True] * 6 + [False] * 3
+    np.testing.assert_allclose(np.array(record.offset) / 256000, errors.offset_g, atol=5e-4)
+    assert "non-linearity" in [row.source for row in record.budget]
 
 
 def test_an_unknown_sensitivity_is_estimated_from_the_readings(tmp_path: Path) -> None:

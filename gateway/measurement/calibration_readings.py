@@ -1,0 +1,40 @@
+"""Readings for a calibration, from any supported file: raw, as the device delivered them."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from gateway.calibration.offline.readings_file import FileReadings, TableOptions, read_file
+from gateway.errors import InputError
+from gateway.recording.join import list_recordings, read_joined_samples
+
+
+def read_calibration_readings(paths: Sequence[Path], options: TableOptions) -> list[FileReadings]:
+    """Return the readings of each `.csv`, and those of all `.mcap` files of one gateway as one file.
+
+    A folder stands for its `.mcap` files. Raises `RecordingError` or `InputError` with the file and the
+    remedy.
+    """
+    files = list_recordings(paths)
+    runs = [path for path in files if path.suffix == ".mcap"]
+    tables = [read_file(path, options) for path in files if path.suffix != ".mcap"]
+    return tables if not runs else [*tables, _read_run(runs, options)]
+
+
+def _read_run(paths: Sequence[Path], options: TableOptions) -> FileReadings:
+    if options != TableOptions():
+        raise InputError(
+            f"{paths[0]}: states its own unit, columns and times; leave --unit, --columns, --time, --rate out"
+        )
+    run = read_joined_samples(paths).whole
+    recording = run.recording()
+    return FileReadings(
+        path=paths[0],
+        unit=run.device.unit,
+        time_s=recording.time_s,
+        raw=recording.raw,
+        temperature_c=recording.temperature_c,
+        n_skipped=recording.invalid + recording.repeated + recording.backward,
+        unit_is_stated=True,
+        units_per_g=run.device.units_per_g,
+        device_id=run.device.device_id,
+    )
