@@ -17,14 +17,16 @@ from gateway.daemon.recording_worker import CalibrationChange, RecordingWorker
 from gateway.daemon.sampler import SamplerItem
 from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.daemon.worker import Worker
-from gateway.messages import ClockOffset
+from gateway.messages import Alert, ClockOffset
 from gateway.pipeline.clock_state import MessageTime
 from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import OutgoingMessage, PipelineOutput, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.topics import TOPICS
 
 log = logging.getLogger("plumbline.pipeline")
+alert_log = logging.getLogger("plumbline.alert")
 HEALTH_PERIOD_S = 1.0
 SINK_PATIENCE_S = 0.5
 """Longest wait for a sink with a full queue, where the source of the samples can wait."""
@@ -58,6 +60,7 @@ class Processor(Worker[SamplerItem]):
         self._recording = recording
         self._publisher = publisher
         self._headers = HeaderMaker()
+        self._incidents = IncidentRegister(health.boot_id)
         self._next_second_ns = 0
         self._clock_steps = 0
         self._open(info)
@@ -77,7 +80,9 @@ class Processor(Worker[SamplerItem]):
         if not self._recording.inbox.put_waiting(change, SINK_PATIENCE_S):
             log.error("the recorder is too busy: later segments do not contain %s", self.correction.text)
         drift = self._drift_store.open(self.info.device_id, self.correction)
-        self._pipeline = Pipeline(self._configuration, self.info, self.correction, self._headers, drift)
+        self._pipeline = Pipeline(
+            self._configuration, self.info, self.correction, self._headers, drift, self._incidents
+        )
         self._set_session()
 
     def _set_session(self) -> None:
@@ -146,6 +151,8 @@ class Processor(Worker[SamplerItem]):
     def _send(self, messages: Iterable[OutgoingMessage]) -> None:
         """Encode each message once and put it into the queues of its sinks; alerts go first."""
         for message in sorted(messages, key=_is_no_alert):
+            if isinstance(message.message, Alert) and message.message.change is not None:
+                _log_change(message.message)
             encoded = encode_message(message.topic, message.message, message.log_time_ns)
             topic = TOPICS[message.topic]
             if topic.published:
@@ -158,3 +165,8 @@ class Processor(Worker[SamplerItem]):
 
 def _is_no_alert(message: OutgoingMessage) -> bool:
     return message.topic != "alert"
+
+
+def _log_change(alert: Alert) -> None:
+    """Write the change of an alert to the log; those of an incident are warnings, which `--quiet` prints too."""
+    alert_log.log(logging.INFO if alert.incident is None else logging.WARNING, "%s", alert.change)

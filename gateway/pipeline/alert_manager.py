@@ -1,18 +1,18 @@
-"""The alert rules of a gateway, and the line of text that an operator reads."""
+"""The alert rules of a gateway with their states, incidents and changes."""
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from gateway.configuration.model import AlertsSection
 from gateway.messages import ActiveAlert, Level
+from gateway.pipeline.alert_text import change_text, limits_text, reading_text, refuted_text
+from gateway.pipeline.incidents import Incident, IncidentRegister
 from gateway.stages.alerts import Event, Limits, Reading, RuleState, event_between, judge, judge_alarm, overall_level
 from gateway.units import degrees
 
 LEAN_CLEAR_SHARE = 0.8
 """The lean alert clears below this share of its limit."""
-SHORTEST_LEAD_S = 0.05
-"""A peak that comes sooner is the present angle. Definition: the resolution of the text."""
 CALIBRATION = "calibration"
 """The rule of the drift monitor, which has its own hold time."""
 
@@ -26,12 +26,21 @@ class AlertChange:
     level: Level
     active: list[ActiveAlert]
     text: str
+    incident: str | None = None
+    """Id of the incident that the change belongs to."""
+    limit_deg: float | None = None
+    clear_deg: float | None = None
+    largest_deg: float | None = None
+    """Largest angle since the incident began, and the largest upper end of its interval."""
+    largest_upper_deg: float | None = None
+    line: str | None = None
+    """The change as one line; None for a heartbeat."""
 
 
 class AlertManager:
     """Holds the states of the rules."""
 
-    def __init__(self, limits: AlertsSection) -> None:
+    def __init__(self, limits: AlertsSection, incidents: IncidentRegister) -> None:
         self._limits = {
             "swing": Limits(
                 trip_rad=math.radians(limits.trip_deg),
@@ -45,6 +54,7 @@ class AlertManager:
                 hold_s=limits.hold_s,
             ),
         }
+        self._incidents = incidents
         self._states: dict[str, RuleState] = {}
         self._readings: dict[str, Reading | None] = dict.fromkeys(self._limits)
         self._why_unknown = "no reading yet"
@@ -61,95 +71,121 @@ class AlertManager:
         """Compare the reading of each rule with its limits; yield one change for each rule whose level has changed.
 
         A known reading counts, whatever the crane does; None: the angle is not known, and `why_unknown` states why.
-        `drift_alarm` is the reason why the calibration can no longer be trusted; None: there is none.
+        `drift_alarm` is the reason why the calibration can no longer be trusted; None: there is none. A first value that was only
+        an upper bound is corrected by a change of its own.
         """
         self._why_unknown = why_unknown
-        changed: list[tuple[str, Event]] = []
+        before = dict(self._states)
         for rule, limits in self._limits.items():
             reading = self._readings[rule] = readings[rule]
             # before the first value nothing is "normal"
-            before = self._states.get(rule) or RuleState("unknown", time_s)
-            value_rad = None if reading is None else reading.value_rad
-            self._states[rule] = judge(before, value_rad, limits, time_s)
-            event = event_between(before, self._states[rule])
-            if event != "standing":
-                changed.append((rule, event))
-        changed += self._judge_calibration(drift_alarm, time_s)
-        for rule, event in changed:  # after all rules are judged: each message states the levels of all of them
-            yield self._change(rule, event)
-
-    def _judge_calibration(self, drift_alarm: str | None, time_s: float) -> Iterator[tuple[str, Event]]:
+            state = before.setdefault(rule, RuleState("unknown", time_s))
+            self._states[rule] = judge(state, None if reading is None else reading.value_rad, limits, time_s)
         self._drift_alarm = drift_alarm
-        before = self._states.get(CALIBRATION) or RuleState("normal", time_s)
-        self._states[CALIBRATION] = judge_alarm(before, is_active=drift_alarm is not None, time_s=time_s)
-        event = event_between(before, self._states[CALIBRATION])
-        if event != "standing":
-            yield CALIBRATION, event
+        state = before.setdefault(CALIBRATION, RuleState("normal", time_s))
+        self._states[CALIBRATION] = judge_alarm(state, is_active=drift_alarm is not None, time_s=time_s)
+        yield from self._changes(before, time_s)
 
     def suspend(self, why: str, time_s: float) -> Iterator[AlertChange]:
         """Make every rule unknown, because no reading describes the load."""
         self._why_unknown = why
-        changed: list[tuple[str, Event]] = []
+        before = dict(self._states)
         self._drift_alarm = None
         for rule in self._limits:
             self._readings[rule] = None
-            before = self._states.get(rule)
-            if before is None or before.level != "unknown":
+            state = before.setdefault(rule, RuleState("normal", time_s))
+            if state.level != "unknown":
                 self._states[rule] = RuleState("unknown", time_s)
-                changed.append((rule, "changed"))
         if CALIBRATION in self._states and self._states[CALIBRATION].level == "warn":
             self._states[CALIBRATION] = RuleState("unknown", time_s)
-            changed.append((CALIBRATION, "changed"))
-        for rule, event in changed:
-            yield self._change(rule, event)
+        yield from self._changes(before, time_s)
 
     def heartbeat(self) -> AlertChange:
         """Return the state of all rules, without a change."""
-        return self._change(None, "standing")
+        return self._summary(None, "standing")
 
-    def _change(self, rule: str | None, event: Event) -> AlertChange:
+    def _changes(self, before: Mapping[str, RuleState], time_s: float) -> Iterator[AlertChange]:
+        """Yield the changes, after all rules are judged: each states the levels of all of them."""
+        found: list[tuple[str, Event, Incident | None]] = []
+        for rule, state in self._states.items():
+            event = event_between(before[rule], state)
+            limit_rad, _clear_rad = self._levels_rad(rule)
+            event, incident = self._incidents.update(
+                rule, event, state.level, self._readings.get(rule), limit_rad, time_s
+            )
+            if event != "standing":
+                found.append((rule, event, incident))
+        for rule, event, incident in found:
+            yield self._change(rule, event, incident, time_s)
+
+    def _change(self, rule: str, event: Event, incident: Incident | None, time_s: float) -> AlertChange:
+        """Return the change of one rule."""
+        limit_rad, clear_rad = self._levels_rad(rule)
+        known = None if incident is None or not math.isfinite(incident.known_s) else incident
+        if incident is not None and event in ("cleared", "corrected"):
+            limit_rad = incident.limit_rad
+        return replace(
+            self._summary(rule, event),
+            incident=None if incident is None else incident.id,
+            limit_deg=_rounded_degrees(limit_rad),
+            clear_deg=_rounded_degrees(clear_rad),
+            largest_deg=None if known is None else degrees(known.largest_rad),
+            largest_upper_deg=None if known is None else degrees(known.largest_upper_rad),
+            line=change_text(rule, event, self._states[rule].level, self._reason(rule), incident, time_s),
+        )
+
+    def _summary(self, rule: str | None, event: Event) -> AlertChange:
         active = [self._active(name) for name, state in self._states.items() if state.level != "normal"]
         level = overall_level([state.level for state in self._states.values()])
         text = "; ".join(alert.text for alert in active) or "all normal"
         return AlertChange(rule, event, level, active, text)
 
     def _active(self, rule: str) -> ActiveAlert:
-        if rule == CALIBRATION:
-            return self._active_calibration(self._states[rule])
-        state, limits, reading = self._states[rule], self._limits[rule], self._readings[rule]
-        limit_rad = limits.warn_rad if state.level == "warn" and limits.warn_rad is not None else limits.trip_rad
-        limit_deg, clear_deg = round(math.degrees(limit_rad), 9), round(math.degrees(limits.clear_rad), 9)
-        if state.level == "unknown":
-            text = f"{rule} unknown: {self._why_unknown}"
-        else:
-            levels = f"limit {limit_deg:.1f} deg, clears below {clear_deg:.1f} deg"
-            text = f"{rule} {state.level}: {_reading_text(reading)} ({levels})"
+        state, reading, incident = self._states[rule], self._readings.get(rule), self._incidents.get(rule)
+        limit_rad, clear_rad = self._levels_rad(rule)
         return ActiveAlert(
             rule=rule,
             level=state.level,
             since_ns=round(state.since_s * 1e9),
             value_deg=None if reading is None else degrees(reading.value_rad),
-            limit_deg=limit_deg,
-            clear_deg=clear_deg,
-            text=text,
+            limit_deg=_rounded_degrees(limit_rad),
+            clear_deg=_rounded_degrees(clear_rad),
+            estimate_deg=None if reading is None else degrees(reading.best_rad),
+            is_bound=None if reading is None else reading.is_bound(limit_rad),
+            incident=None if incident is None else incident.id,
+            text=self._state_text(rule),
         )
 
-    def _active_calibration(self, state: RuleState) -> ActiveAlert:
-        known = self._drift_alarm is not None
-        return ActiveAlert(
-            rule=CALIBRATION,
-            level=state.level,
-            since_ns=round(state.since_s * 1e9),
-            value_deg=None,
-            limit_deg=None,
-            clear_deg=None,
-            text=f"{CALIBRATION}: {self._drift_alarm}" if known else f"{CALIBRATION} unknown: {self._why_unknown}",
-        )
+    def _state_text(self, rule: str) -> str:
+        level = self._states[rule].level
+        if level == "unknown":
+            return f"{rule} unknown: {self._reason(rule)}"
+        return f"{rule}: {self._reason(rule)}" if rule == CALIBRATION else f"{rule} {level}: {self._reason(rule)}"
+
+    def _reason(self, rule: str) -> str:
+        """Return the reading of a rule with its limits, or why there is none."""
+        level, reading = self._states[rule].level, self._readings.get(rule)
+        if level == "unknown":
+            return self._why_unknown
+        if rule == CALIBRATION:
+            return self._drift_alarm or ""
+        incident = self._incidents.get(rule)
+        limit_rad, clear_rad = self._levels_rad(rule)
+        limits = limits_text(limit_rad, clear_rad)
+        if incident is not None and incident.is_refuted:
+            limits = f"{refuted_text(incident)}, clears below {math.degrees(clear_rad):.1f} deg"
+        return f"{reading_text(reading, limit_rad)} ({limits})"
+
+    def _levels_rad(self, rule: str) -> tuple[float, float]:
+        """Return the limit of a rule at its level, and its clear level; infinite for the calibration, which has none."""
+        if rule == CALIBRATION:
+            return math.inf, math.inf
+        limits = self._limits[rule]
+        if self._states[rule].level == "warn" and limits.warn_rad is not None:
+            return limits.warn_rad, limits.clear_rad
+        return limits.trip_rad, limits.clear_rad
 
 
-def _reading_text(reading: Reading | None) -> str:
-    value_deg = None if reading is None else degrees(reading.value_rad)
-    if reading is None or value_deg is None:
-        return "not known now"
-    when = "now" if reading.expected_in_s < SHORTEST_LEAD_S else f"expected in {reading.expected_in_s:.1f} s"
-    return f"up to {value_deg:.1f} deg {when}"
+def _rounded_degrees(angle_rad: float) -> float | None:
+    """Return a level in degrees as it was configured, without the last digits of the conversion; None for an infinite one."""
+    return round(math.degrees(angle_rad), 9) if math.isfinite(angle_rad) else None

@@ -56,7 +56,18 @@ def condition_message(header: Header, result: ConditionResult, correction: Corre
 def alert_message(header: Header, change: AlertChange) -> Alert:
     """Return the message of a change of a rule, or of the heartbeat."""
     return Alert(
-        **header, level=change.level, event=change.event, rule=change.rule, active=change.active, text=change.text
+        **header,
+        level=change.level,
+        event=change.event,
+        rule=change.rule,
+        incident=change.incident,
+        limit_deg=change.limit_deg,
+        clear_deg=change.clear_deg,
+        largest_deg=change.largest_deg,
+        largest_upper_deg=change.largest_upper_deg,
+        change=change.line,
+        active=change.active,
+        text=change.text,
     )
 
 

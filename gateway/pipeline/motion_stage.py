@@ -94,7 +94,7 @@ class MotionStage:
         present = self.estimate
         if present.angle_rad is None or present.u_rad is None:
             return None
-        now = Reading(present.angle_rad + NORMAL_975 * present.u_rad)
+        now = Reading(present.angle_rad + NORMAL_975 * present.u_rad, estimate_rad=present.angle_rad)
         return largest_reading(now, *map(_peak_reading, (present.next_peak, present.next_peak_if_coasting)))
 
     def lean_reading(self) -> Reading | None:
@@ -102,7 +102,7 @@ class MotionStage:
         lean_rad, u_rad = self.estimate.lean_rad, self.estimate.lean_u_rad
         if self.estimate.angle_rad is None or lean_rad is None or u_rad is None:
             return None
-        return Reading(lean_rad + NORMAL_975 * u_rad)
+        return Reading(lean_rad + NORMAL_975 * u_rad, estimate_rad=lean_rad)
 
     def motion_message(self, header: Header) -> Motion:
         """Return the motion in degrees."""
@@ -138,7 +138,7 @@ class MotionStage:
 
 
 def _peak_reading(peak: PeakEstimate | None) -> Reading | None:
-    return None if peak is None else Reading(peak.upper_rad(NORMAL_975), peak.in_s)
+    return None if peak is None else Reading(peak.upper_rad(NORMAL_975), peak.in_s, peak.angle_rad)
 
 
 def _unknown(time_s: float, why: str) -> MotionEstimate:

@@ -21,6 +21,7 @@ from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.force_stage import ForceBatch, ForceStage, split_long_block
 from gateway.pipeline.header import Header, HeaderMaker
+from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.motion_context import condition_text
 from gateway.pipeline.motion_stage import MotionStage
 from gateway.pipeline.outgoing_message import OutgoingMessage, PipelineOutput
@@ -49,8 +50,9 @@ class Pipeline:
         correction: Correction,
         headers: HeaderMaker,
         drift: DriftMonitor | None = None,
+        incidents: IncidentRegister | None = None,
     ) -> None:
-        """`drift` monitors the calibration record."""
+        """`drift` monitors the calibration record; `incidents` numbers those of a boot."""
         self._info = info
         self._full_scale = None if info.full_scale_g is None else info.full_scale_g * info.units_per_g
         self._correction = correction
@@ -61,7 +63,7 @@ class Pipeline:
         self._forces = ForceStage(correction, lowpass)
         self._motion = MotionStage(configuration, info, correction)
         self._condition_window = ConditionWindow()
-        self._alerts = AlertManager(configuration.alerts)
+        self._alerts = AlertManager(configuration.alerts, incidents or IncidentRegister())
         self._drift = drift or DriftMonitor(None)
         self._condition = NOT_JUDGED
         self._update_limiter = RateLimiter(UPDATE_PERIOD_S)
@@ -232,7 +234,8 @@ class Pipeline:
             return self._motion.lean_reading()
         lowpassed_g = self._lowpassed()
         u_rad = axial_tilt_uncertainty(lowpassed_g, self._correction.u_force_g(lowpassed_g, self._temperature_c))
-        return Reading(axial_tilt(lowpassed_g) + LEAN_COVERAGE_FACTOR * u_rad)
+        tilt_rad = axial_tilt(lowpassed_g)
+        return Reading(tilt_rad + LEAN_COVERAGE_FACTOR * u_rad, estimate_rad=tilt_rad)
 
     def _apply_limits(
         self, readings: dict[str, Reading | None], why: str, now: MessageTime

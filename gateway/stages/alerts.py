@@ -6,7 +6,8 @@ from typing import Literal
 
 from gateway.messages import Level
 
-Event = Literal["raised", "changed", "cleared", "standing"]
+Event = Literal["raised", "changed", "corrected", "cleared", "standing"]
+"""corrected: the first value of an alert was an upper bound, and the angle stayed below the limit."""
 RANK: dict[Level, int] = {"normal": 0, "unknown": 1, "warn": 2, "trip": 3}
 
 STEP_DOWN_SHARE = 0.8
@@ -33,14 +34,32 @@ class Reading:
     value_rad: float
     expected_in_s: float = 0.0
     """Time until the angle is reached: that of a coming peak, 0 for the present angle."""
+    estimate_rad: float | None = None
+    """Best estimate of the same angle; None: the value itself."""
+    present: "Reading | None" = None
+    """The reading of the present angle, where this one is that of a coming peak."""
+
+    @property
+    def best_rad(self) -> float:
+        """Best estimate of the angle."""
+        return self.value_rad if self.estimate_rad is None else self.estimate_rad
+
+    @property
+    def now(self) -> "Reading":
+        """The reading of the present angle."""
+        return self if self.present is None else self.present
+
+    def is_bound(self, limit_rad: float) -> bool:
+        """Return whether a limit is reached by a bound at most: the best estimate of the present angle is below it."""
+        return self.now.best_rad < limit_rad
 
 
 def largest_reading(present: Reading | None, *peaks: Reading | None) -> Reading | None:
     """Return the largest of the present reading and the known coming peaks; None where the present angle is not known."""
     if present is None:
         return None
-    known = [present, *(peak for peak in peaks if peak is not None)]
-    return max(known, key=lambda reading: reading.value_rad)
+    coming = [replace(peak, present=present) for peak in peaks if peak is not None]
+    return max([present, *coming], key=lambda reading: reading.value_rad)
 
 
 @dataclass(frozen=True, slots=True)

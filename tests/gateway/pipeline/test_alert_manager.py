@@ -7,7 +7,8 @@ import pytest
 from gateway.configuration.model import AlertsSection
 from gateway.messages import ActiveAlert
 from gateway.pipeline.alert_manager import AlertChange, AlertManager
-from gateway.stages.alerts import Reading
+from gateway.pipeline.incidents import CHECK_S, IncidentRegister
+from gateway.stages.alerts import Reading, largest_reading
 
 LIMITS = AlertsSection(warn_deg=4.0, trip_deg=6.0, clear_deg=3.0, hold_s=2.0, lean_trip_deg=3.0)
 STEP_S = 0.1
@@ -18,15 +19,25 @@ class Site:
     """An alert manager with the changes that it made."""
 
     def __init__(self) -> None:
-        self.manager = AlertManager(LIMITS)
+        self.register = IncidentRegister("b00t")
+        self.manager = AlertManager(LIMITS, self.register)
         self.changes: list[AlertChange] = []
         self.now_s = 100.0
 
     def feed(
-        self, swing_deg: float | None, seconds: float = STEP_S, *, in_s: float = 0.0, lean_deg: float | None = 1.0
+        self,
+        swing_deg: float | None,
+        seconds: float = STEP_S,
+        *,
+        in_s: float = 0.0,
+        now_deg: float | None = None,
+        lean_deg: float | None = 1.0,
     ) -> "Site":
-        """Judge the same readings every tenth of a second."""
+        """Judge the same readings every tenth of a second; `now_deg`: the best estimate of the present angle, +- 0.5 deg."""
         swing = None if swing_deg is None else Reading(math.radians(swing_deg), in_s)
+        if swing is not None and now_deg is not None:
+            present = Reading(math.radians(now_deg + 0.5), estimate_rad=math.radians(now_deg))
+            swing = largest_reading(present, swing)
         lean = None if lean_deg is None else Reading(math.radians(lean_deg))
         for _ in range(round(seconds / STEP_S)):
             readings = {"swing": swing, "lean": lean}
@@ -137,4 +148,101 @@ def test_a_suspension_makes_a_trip_unknown_with_a_change_and_the_next_value_deci
     site.changes += site.manager.suspend("SUSPENDED", site.now_s)
     assert site.events[before:] == [("swing", "changed", "unknown"), ("lean", "changed", "unknown")]
     site.feed(3.5)
-    assert site.events[before + 2] == ("swing", "changed", "normal")
+    assert site.events[before + 2] == ("swing", "cleared", "normal")
+
+
+def lines(site: Site, event: str) -> list[str]:
+    return [change.line or "" for change in site.changes if change.event == event]
+
+
+def test_an_incident_keeps_its_id_from_raised_to_cleared_and_the_next_one_has_another() -> None:
+    site = Site().feed(1.0).feed(4.5, 1.0).feed(7.0, 1.0).feed(3.5, 3.0).feed(2.0, 3.0).feed(7.0)
+    course = [(change.event, change.incident) for change in site.changes if change.rule == "swing"]
+    assert course == [
+        ("changed", None),
+        ("raised", "b00t-1"),
+        ("raised", "b00t-1"),
+        ("changed", "b00t-1"),
+        ("cleared", "b00t-1"),
+        ("raised", "b00t-2"),
+    ]
+    assert site.active().incident == "b00t-2"
+
+
+def test_rules_that_overlap_are_incidents_of_their_own() -> None:
+    site = Site().feed(1.0).feed(7.0, lean_deg=3.5)
+    assert [change.incident for change in site.changes if change.event == "raised"] == ["b00t-1", "b00t-2"]
+
+
+def test_a_change_states_the_limit_and_the_clear_level_of_its_rule() -> None:
+    site = Site().feed(1.0).feed(4.5).feed(7.0).feed(2.0, 3.0)
+    course = [(change.event, change.limit_deg, change.clear_deg) for change in site.changes if change.incident]
+    assert course == [("raised", 4.0, 3.0), ("raised", 6.0, 3.0), ("cleared", 6.0, 3.0)]
+    assert (site.manager.heartbeat().limit_deg, site.manager.heartbeat().line) == (None, None)
+
+
+def test_an_incident_survives_the_pipeline_that_a_recalibration_replaces() -> None:
+    site = Site().feed(7.0)
+    site.manager = AlertManager(LIMITS, site.register)
+    site.feed(1.0)
+    assert (site.changes[-2].event, site.changes[-2].incident) == ("cleared", "b00t-1")
+
+
+def test_a_raise_by_a_coming_peak_says_that_it_is_an_upper_bound() -> None:
+    site = Site().feed(1.0).feed(14.2, in_s=1.8, now_deg=4.0)
+    assert lines(site, "raised") == [
+        "swing raised to trip: up to 14.2 deg expected in 1.8 s, an upper bound, angle now 4.0 deg "
+        "(limit 6.0 deg, clears below 3.0 deg) [incident b00t-1]"
+    ]
+    assert site.active().is_bound is True
+    assert site.active().estimate_deg == pytest.approx(14.2)
+
+
+def test_a_first_bound_that_the_angle_does_not_reach_is_corrected_once() -> None:
+    site = Site().feed(1.0).feed(14.2, in_s=1.8, now_deg=4.0).feed(5.6, 1.8 + CHECK_S + 2.0, now_deg=5.1)
+    assert [change.event for change in site.changes if change.rule == "swing"] == ["changed", "raised", "corrected"]
+    assert lines(site, "corrected") == [
+        "swing trip corrected: limit 6.0 deg was not reached: largest angle 5.1 deg, at most 5.6 deg; "
+        "the first value was an upper bound [incident b00t-1]"
+    ]
+    assert site.active().text == (
+        "swing trip: up to 5.6 deg now (limit 6.0 deg was not reached: largest angle 5.1 deg, at most 5.6 deg, "
+        "clears below 3.0 deg)"
+    )
+    site.feed(1.0, 3.0, now_deg=0.5)
+    assert lines(site, "cleared")[0].startswith("swing cleared after ")
+    assert "limit 6.0 deg was not reached: largest angle 5.1 deg, at most 5.6 deg" in lines(site, "cleared")[0]
+
+
+def test_a_first_bound_that_the_angle_reaches_is_not_corrected() -> None:
+    site = Site().feed(1.0).feed(7.2, in_s=1.8, now_deg=4.0).feed(7.0, 1.0, now_deg=6.5).feed(5.0, 10.0, now_deg=4.5)
+    assert lines(site, "corrected") == []
+    site.feed(1.0, 3.0, now_deg=0.5)
+    assert "largest angle 6.5 deg, at most 7.0 deg (limit 6.0 deg)" in lines(site, "cleared")[0]
+
+
+@pytest.mark.parametrize("upper_deg", [6.0, 6.2])
+def test_a_bound_is_not_corrected_while_the_interval_of_the_angle_holds_the_limit(upper_deg: float) -> None:
+    site = Site().feed(1.0).feed(14.2, in_s=1.8, now_deg=4.0).feed(upper_deg, 1.0, now_deg=upper_deg - 0.5)
+    assert lines(site.feed(5.4, 10.0, now_deg=4.9), "corrected") == []
+
+
+def test_a_bound_is_not_corrected_where_the_angle_was_not_known_for_a_while() -> None:
+    site = Site().feed(1.0).feed(14.2, in_s=1.8, now_deg=4.0).feed(None, 2.0).feed(5.6, 10.0, now_deg=5.1)
+    assert lines(site, "corrected") == []
+    assert "largest known angle 5.1 deg" in lines(site.feed(1.0, 3.0, now_deg=0.5), "cleared")[0]
+
+
+def test_a_measured_angle_above_the_limit_is_no_bound() -> None:
+    site = Site().feed(1.0).feed(7.0, now_deg=6.5)
+    assert "upper bound" not in lines(site, "raised")[0]
+    assert site.active().is_bound is False
+
+
+def test_the_end_of_a_drift_alarm_is_a_cleared_incident_without_an_angle() -> None:
+    site = Site()
+    readings = {"swing": BELOW, "lean": BELOW}
+    list(site.manager.judge(readings, why_unknown="", time_s=1.0, drift_alarm="the norm deviates from 1 g"))
+    (cleared,) = site.manager.judge(readings, why_unknown="", time_s=9.0)
+    assert (cleared.event, cleared.incident, cleared.limit_deg) == ("cleared", "b00t-1", None)
+    assert cleared.line == "calibration cleared after 8.0 s: the cause has ended [incident b00t-1]"

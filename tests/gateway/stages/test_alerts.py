@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import pytest
 
@@ -151,7 +152,7 @@ def test_the_largest_reading_is_the_present_angle_or_a_coming_peak() -> None:
     assert largest_reading(present) == present
     assert largest_reading(present, None) == present
     assert largest_reading(present, low) == present
-    assert largest_reading(present, low, high) == high
+    assert largest_reading(present, low, high) == replace(high, present=present)
     assert largest_reading(present, Reading(0.03, 2.0)) == present
 
 

@@ -1,0 +1,95 @@
+"""Incidents: the time of a rule from raised to cleared, with an id, and the check of a first value that was an upper bound."""
+
+import math
+from dataclasses import dataclass
+
+from gateway.messages import Level
+from gateway.stages.alerts import GRACE_S, Event, Reading
+
+CHECK_S = 2.0
+"""Time after the expected peak until a bound is refuted. Basis: a third of the period of a rope of 9 m."""
+OFFLINE = "offline"
+"""The boot id of a pipeline outside a gateway."""
+
+
+@dataclass(slots=True)
+class Incident:
+    """One incident of a rule; `raised_s` and the first reading are those of its last raise to a higher level."""
+
+    id: str
+    begin_s: float
+    limit_rad: float
+    first: Reading | None
+    raised_s: float
+    largest_rad: float = 0.0
+    """Largest best estimate of the present angle since the begin."""
+    largest_upper_rad: float = 0.0
+    """Largest upper end of its 95 % interval."""
+    known_s: float = -math.inf
+    is_seen_throughout: bool = True
+    """The present angle was known all the time."""
+    is_refuted: bool = False
+    """The first reading was an upper bound, and the angle stayed below the limit."""
+
+    def add(self, reading: Reading | None, time_s: float) -> None:
+        """Take the reading of one time."""
+        if reading is None or not math.isfinite(reading.value_rad):
+            self.is_seen_throughout &= time_s - self.known_s <= GRACE_S
+            return
+        present = reading.now
+        self.known_s = time_s
+        self.largest_rad = max(self.largest_rad, present.best_rad)
+        self.largest_upper_rad = max(self.largest_upper_rad, present.value_rad)
+
+    def refutes(self, reading: Reading | None, time_s: float) -> bool:
+        """Return whether the first bound is now known to be wrong: its time has passed, and nothing reached the limit."""
+        if self.first is None or self.is_refuted or not self.first.is_bound(self.limit_rad) or reading is None:
+            return False
+        is_due = time_s >= self.raised_s + self.first.expected_in_s + CHECK_S
+        is_below = max(reading.value_rad, self.largest_upper_rad) < self.limit_rad
+        return is_due and is_below and self.is_seen_throughout
+
+
+class IncidentRegister:
+    """Numbers the incidents of a boot; it outlives the pipeline, which a recalibration replaces."""
+
+    def __init__(self, boot_id: str = OFFLINE) -> None:
+        """`boot_id` makes the numbers unique across boots."""
+        self._boot_id = boot_id
+        self._count = 0
+        self._open: dict[str, Incident] = {}
+
+    def get(self, rule: str) -> Incident | None:
+        """Return the incident of a rule; None: there is none."""
+        return self._open.get(rule)
+
+    def update(
+        self, rule: str, event: Event, level: Level, reading: Reading | None, limit_rad: float, time_s: float
+    ) -> tuple[Event, Incident | None]:
+        """Take the event of a rule and its reading; return the event as it is reported, and its incident.
+
+        A rule that returns to normal clears its incident, also from unknown. `limit_rad` is that of the present level.
+        """
+        incident = self._open.get(rule)
+        if event == "raised":
+            incident = self._raise(rule, incident, reading, limit_rad, time_s)
+        if incident is None:
+            return event, None
+        incident.add(reading, time_s)
+        if level == "normal":
+            del self._open[rule]
+            return "cleared", incident
+        if event == "standing" and incident.refutes(reading, time_s):
+            incident.is_refuted = True
+            return "corrected", incident
+        return event, incident
+
+    def _raise(
+        self, rule: str, incident: Incident | None, reading: Reading | None, limit_rad: float, time_s: float
+    ) -> Incident:
+        if incident is None:
+            self._count += 1
+            incident = Incident(f"{self._boot_id}-{self._count}", time_s, limit_rad, reading, time_s)
+            self._open[rule] = incident
+        incident.limit_rad, incident.first, incident.raised_s, incident.is_refuted = limit_rad, reading, time_s, False
+        return incident
