@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from gateway.documents.figures import Figure
 from gateway.documents.format import format_number, format_time_span
 from gateway.documents.palette import AFTER, BEFORE, SHADE
+from gateway.documents.plots import add_legend, add_panels, plot_curve, render_svg
 from gateway.twin.reconcile.output.result import Curves, Disagreement, Reconciliation
 from gateway.twin.report.data_parts import held_out_name
 from gateway.twin.report.formatting import AXES, AXIS_NAMES
 from gateway.twin.report.models import is_same_model, single_model_name
-from gateway.twin.report.plots import add_legend, add_panels, plot_curve, render_svg
 
 Array = NDArray[np.float64]
 MOST = 12

@@ -9,12 +9,12 @@ from matplotlib.figure import Figure as Canvas
 from gateway.documents.figures import Figure
 from gateway.documents.format import format_number
 from gateway.documents.palette import AFTER, INK, MEASURED
+from gateway.documents.plots import add_legend, label_decades, render_svg
 from gateway.documents.text import human_name
 from gateway.twin.reconcile.output.result import Gap, Reconciliation, Step
 from gateway.twin.report.formatting import format_noise_ratio
 from gateway.twin.report.gap_table import PartRow, part_rows
 from gateway.twin.report.models import NOMINAL, caution, final_model_name
-from gateway.twin.report.plots import add_legend, label_decades, render_svg
 from gateway.twin.report.rope_angle import MIN_TRANSVERSE_SENSITIVITY, transverse_sensitivity
 
 LABEL_IN, LABEL_LETTERS = 1.45, 22

@@ -8,12 +8,12 @@ from matplotlib.figure import Figure as Canvas
 from gateway.documents.figures import CURVE_POINTS, Figure
 from gateway.documents.format import format_time_span
 from gateway.documents.palette import AFTER, BEFORE, EVENT, INK, MEASURED
+from gateway.documents.plots import add_legend, add_panels, plot_curve, render_svg
 from gateway.documents.text import human_name, join_names
 from gateway.twin.reconcile.output.result import Curves, NamedEffect, Reconciliation
 from gateway.twin.report.data_parts import fitted_part_name, held_out_name
 from gateway.twin.report.formatting import AXES
 from gateway.twin.report.models import NOMINAL, caution, final_model_name, is_same_model, single_model_name
-from gateway.twin.report.plots import add_legend, add_panels, plot_curve, render_svg
 from gateway.twin.report.zoom_window import effects_acting_in, most_informative_window, shows_gain
 
 INSTANT = 0.01

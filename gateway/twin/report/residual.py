@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from gateway.documents.figures import Figure
 from gateway.documents.format import format_number, format_p_value
 from gateway.documents.palette import AFTER, BEFORE, INK
+from gateway.documents.plots import add_legend, add_panels, label_decades, plot_curve, render_svg
 from gateway.twin.reconcile.output.result import Curves, Peak, Reconciliation, Residual, Spectrum
 from gateway.twin.report.disagreement import residual_sigma
 from gateway.twin.report.formatting import AXES, AXIS_NAMES
 from gateway.twin.report.models import is_same_model, single_model_name
-from gateway.twin.report.plots import add_legend, add_panels, label_decades, plot_curve, render_svg
 
 Array = NDArray[np.float64]
 BANDS = 240
