@@ -12,6 +12,7 @@ ALWAYS = (
 BY_METHOD = {
     "six-position": "The residuals show inconsistent faces; the matrix absorbs a tilt of the whole table.",
     "norm-fit": "The fit determines the axes relative to each other, not relative to the housing: zeroing in place does that.",
+    "rotation": "The rig's angle is taken as true: a periodic error of the rig appears as an error of the sensor.",
     "zero": "Zeroing removes offset and mount angle together, along the rope; scale and other attitudes are the parent's.",
 }
 NO_TEMPERATURE = "The temperature was not recorded, so it is not known how far the values hold in cold or heat."

@@ -14,6 +14,7 @@ from gateway.certificate.comparison import comparison_view, differs_from_named
 from gateway.certificate.correction import correction_view, sensitivities
 from gateway.certificate.identity import hash_text, identity_facts, warnings_view
 from gateway.certificate.limits import limits
+from gateway.certificate.method_figure import method_figure_view
 from gateway.certificate.residual_plot import residual_view
 from gateway.documents.environment import render
 from gateway.documents.text import printable_text
@@ -43,6 +44,7 @@ def _render(record: CalibrationRecord, parent: CalibrationRecord | None, earlier
         correction=correction_view(record),
         budget=budget_view(record),
         residual=residual_view(record),
+        figure=method_figure_view(record),
         comparison=comparison_view(record, parent, earlier),
         limits=limits(record),
     )

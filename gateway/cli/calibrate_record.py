@@ -4,7 +4,7 @@ import argparse
 import getpass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -67,8 +67,12 @@ def finish_record(
     unit: str,
     notes: tuple[str, ...],
     parent: "CalibrationRecord | None",
+    extra: "dict[str, Any] | None" = None,
 ) -> int:
-    """Make the record of a fit, write its files and print the report; 1 if the record is not acceptable."""
+    """Make the record of a fit, write its files and print the report; 1 if the record is not acceptable.
+
+    `extra` are further fields of the record, such as those of its figure.
+    """
     from gateway import __version__
     from gateway.calibration.acceptance import judge
     from gateway.calibration.offline.report import format_report
@@ -84,6 +88,7 @@ def finish_record(
         by=arguments.by or current_user(),
         created_utc=now_utc(),
         parent=None if parent is None else parent.id,
+        **(extra or {}),
     )
     acceptance = judge(fit, parent)
     if arguments.json is not None:

@@ -15,6 +15,9 @@ PALETTE = {
     "faint": FAINT,
     "line": LINE,
     "after": AFTER,
+    "before": BEFORE,
+    "event": EVENT,
+    "measured": MEASURED,
     "alarm": ALARM,
 }
 """The colours that the style sheet uses, by the names of its custom properties."""

@@ -5,6 +5,9 @@ import numpy as np
 from gateway.calibration.acceptance import Acceptance
 from gateway.calibration.record import CalibrationRecord
 
+MOST_POSE_LINES = 40
+"""More poses, as those of a rotation, are in the record alone."""
+
 
 def format_report(record: CalibrationRecord, acceptance: Acceptance, notes: tuple[str, ...]) -> str:
     """Return the report as several lines of text."""
@@ -31,6 +34,8 @@ def format_report(record: CalibrationRecord, acceptance: Acceptance, notes: tupl
 
 
 def _pose_lines(record: CalibrationRecord) -> list[str]:
+    if len(record.poses) > MOST_POSE_LINES:
+        return [f"{len(record.poses)} poses, listed in the record"]
     lines = [f"{'pose':>4}  {'up':4} {'readings':>8}  {'mean':^38}  {'type A':>8}"]
     for number, pose in enumerate(record.poses, start=1):
         mean = " ".join(f"{value:12.6g}" for value in pose["mean"])

@@ -1,0 +1,139 @@
+"""The figure of a method, from the data in the record's field `figure`, as coordinates."""
+
+import math
+from dataclasses import dataclass
+
+from pydantic import ValidationError
+
+from gateway.calibration.record import CalibrationRecord
+from gateway.calibration.record_figure import FigureSeries, RecordFigure
+from gateway.certificate.residual_plot import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Tick
+from gateway.documents.figures import tick_step
+from gateway.documents.format import format_short
+from gateway.documents.text import printable_text
+
+MOST_POINTS = 160
+"""Points of a series that are drawn; a longer series is thinned."""
+LABEL = 60
+CAPTION = 300
+X_MARGIN, Y_MARGIN = 1.06, 1.35
+"""Half ranges of the scales relative to those of the values; the legend stands above the points, the unit below."""
+SMALLEST_SHARE, SMALLEST_HALF = 1e-6, 1e-9
+"""Least half range of a scale, relative to its values and absolute: below it the labels could not tell the ticks apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class FigurePoint:
+    """A value with its bar of ± 2 u."""
+
+    x: float
+    y: float
+    bar_top: float
+    bar_bottom: float
+    title: str
+
+
+@dataclass(frozen=True, slots=True)
+class PlottedSeries:
+    """The points of a series and its entry in the legend."""
+
+    name: str
+    points: tuple[FigurePoint, ...]
+    legend_x: float
+
+
+@dataclass(frozen=True, slots=True)
+class MethodFigureView:
+    """All coordinates of the figure; y points down."""
+
+    title: str
+    caption: str
+    x_label: str
+    y_label: str
+    x_ticks: tuple[Tick, ...]
+    y_ticks: tuple[Tick, ...]
+    bounds: tuple[float, ...]
+    series: tuple[PlottedSeries, ...]
+    width: float = WIDTH
+    height: float = HEIGHT
+    left: float = LEFT
+    right: float = RIGHT
+    top: float = TOP
+    bottom: float = BOTTOM
+
+
+@dataclass(frozen=True, slots=True)
+class _Scale:
+    """A linear scale from values to coordinates."""
+
+    centre: float
+    half: float
+    low_place: float
+    high_place: float
+
+    def place(self, value: float) -> float:
+        middle = (self.low_place + self.high_place) / 2
+        return middle + (value - self.centre) / self.half * (self.high_place - self.low_place) / 2
+
+    def ticks(self) -> tuple[Tick, ...]:
+        step = tick_step(self.half)
+        first, last = math.ceil((self.centre - self.half) / step), math.floor((self.centre + self.half) / step)
+        return tuple(
+            Tick(self.place(count * step), format_short(count * step, 6), count == 0)
+            for count in range(first, last + 1)
+        )
+
+
+def method_figure_view(record: CalibrationRecord) -> MethodFigureView | None:
+    """Return the figure of a record; None where it has none, or none that can be plotted."""
+    try:
+        figure = RecordFigure.model_validate((record.model_extra or {}).get("figure"))
+    except ValidationError:
+        return None
+    x_values = [x for series in figure.series for x in series.x]
+    y_values = [
+        y + side * 2 * u
+        for series in figure.series
+        for y, u in zip(series.y, series.u, strict=False)
+        for side in (-1, 1)
+    ]
+    if not y_values or any(not len(series.x) == len(series.y) == len(series.u) for series in figure.series):
+        return None
+    x_scale, y_scale = (
+        _scale(x_values, X_MARGIN, LEFT, RIGHT),
+        _scale([*y_values, *figure.bounds], Y_MARGIN, BOTTOM, TOP),
+    )
+    if x_scale is None or y_scale is None:
+        return None
+    return MethodFigureView(
+        title=printable_text(figure.title, LABEL),
+        caption=printable_text(figure.caption, CAPTION),
+        x_label=printable_text(figure.x_label, LABEL),
+        y_label=printable_text(figure.y_label, LABEL),
+        x_ticks=x_scale.ticks(),
+        y_ticks=y_scale.ticks(),
+        bounds=tuple(y_scale.place(height) for height in figure.bounds),
+        series=tuple(_plot(series, place, x_scale, y_scale) for place, series in enumerate(figure.series)),
+    )
+
+
+def _scale(values: list[float], margin: float, low_place: float, high_place: float) -> _Scale | None:
+    """Return a scale that shows all values with a margin; None where their range overflows."""
+    low, high = min(values), max(values)
+    half = max(margin * (high - low) / 2, SMALLEST_SHARE * max(abs(low), abs(high)), SMALLEST_HALF)
+    return _Scale((low + high) / 2, half, low_place, high_place) if math.isfinite(half) else None
+
+
+def _plot(series: FigureSeries, place: int, x_scale: _Scale, y_scale: _Scale) -> PlottedSeries:
+    every = math.ceil(len(series.x) / MOST_POINTS) or 1
+    points = tuple(
+        FigurePoint(
+            x=x_scale.place(x),
+            y=y_scale.place(y),
+            bar_top=y_scale.place(y + 2 * u),
+            bar_bottom=y_scale.place(y - 2 * u),
+            title=f"{format_short(x, 6)}: {format_short(y)}",
+        )
+        for x, y, u in list(zip(series.x, series.y, series.u, strict=True))[::every]
+    )
+    return PlottedSeries(printable_text(series.name, 24), points, LEFT + 8 + 80 * place)
