@@ -1,7 +1,8 @@
 """The messages that the pipeline emits and that are recorded, published and displayed. Angles in degrees, accelerations in g.
 
-A number that could not be computed is null, and `reasons` state why. The JSON Schemas in recordings and in the output of
-`plumbline config schema --topic` are generated from these classes. `docs/messages.md` states the rules for their versions.
+A number that could not be computed is null on the bus and left out in recordings, and `reasons` state why; a field that is left
+out reads as null. The JSON Schemas in recordings and in the output of `plumbline config schema --topic` are generated from these
+classes. `docs/messages.md` states the rules for their versions.
 """
 
 from dataclasses import dataclass
@@ -43,7 +44,7 @@ class Message:
     time_ns: Annotated[int, Field(description="UTC of the (newest) sample that the message describes, ns since 1970")]
     clock: ClockQuality
     sequence: Annotated[int, Field(description="number of the message within its topic since start, from 0")]
-    calibration_id: Annotated[str | None, Field(description="the calibration record in force; null: none")]
+    calibration_id: Annotated[str | None, Field(description="the calibration record in force; null: none")] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,11 +56,11 @@ class Samples(Message):
     ]
     period_ns: Annotated[
         float | None, Field(description="sample i is at first + round(i * period); null: see offsets_ns")
-    ]
+    ] = None
     offsets_ns: Annotated[
         list[int] | None,
         Field(description="times of the samples after the first, from the first; null where they are even"),
-    ]
+    ] = None
     unit: Literal["counts", "g"]
     packing: Annotated[
         Literal["difference", "plain"],
@@ -70,26 +71,49 @@ class Samples(Message):
     x: Readings
     y: Readings
     z: Readings
-    temperature_c: float | None
+    temperature_c: float | None = None
     lost: Annotated[int, Field(description="samples missing immediately before this block")]
     invalid: Annotated[int, Field(description="samples that arrived and could not be used")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Acceleration(Message):
+    """The specific force in the housing frame, g: mean, smallest and largest reading of each axis in an interval.
+
+    The interval ends at the message's time and lasts 0.1 s, or one block where that is longer.
+
+    Impacts and vibration show in the extremes at any rate of the samples.
+    """
+
+    x_g: Annotated[float | None, Field(description="mean; +1 g on the axis that points up at rest")] = None
+    y_g: float | None = None
+    z_g: float | None = None
+    x_min_g: float | None = None
+    x_max_g: float | None = None
+    y_min_g: float | None = None
+    y_max_g: float | None = None
+    z_min_g: float | None = None
+    z_max_g: float | None = None
+    u_g: Annotated[
+        float | None, Field(description="standard uncertainty of the calibration, of the axis with the largest one")
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tilt(Message):
     """The low-passed static tilt, valid for the newest sample's time minus the filter's delay."""
 
-    pitch_deg: Degrees | None
-    roll_deg: Degrees | None
+    pitch_deg: Degrees | None = None
+    roll_deg: Degrees | None = None
     axial_deg: Annotated[
         float | None, Field(description="angle between the housing's z axis and the vertical, degrees")
-    ]
-    u_deg: Annotated[float | None, Field(description="standard uncertainty of the axial tilt")]
+    ] = None
+    u_deg: Annotated[float | None, Field(description="standard uncertainty of the axial tilt")] = None
     direction_deg: Annotated[
         float | None, Field(description="azimuth of the rope's lean in the housing frame, from x towards y")
-    ]
-    specific_force_g: Vector | None
-    temperature_c: float | None
+    ] = None
+    specific_force_g: Vector | None = None
+    temperature_c: float | None = None
     delay_s: Annotated[float, Field(description="group delay of the low-pass filter: the age of the tilt")]
     trusted: Annotated[bool, Field(description="whether the condition allows a static tilt to be read")]
 
@@ -109,43 +133,47 @@ class Motion(Message):
     """The rope's motion at the time of the message; every u is a standard uncertainty."""
 
     state: MotionState
-    angle_deg: Annotated[float | None, Field(description="angle between rope and vertical; null: not known")]
-    u_deg: Annotated[float | None, Field(description="standard uncertainty of the angle; null where the angle is")]
+    angle_deg: Annotated[float | None, Field(description="angle between rope and vertical; null: not known")] = None
+    u_deg: Annotated[float | None, Field(description="standard uncertainty of the angle; null where the angle is")] = (
+        None
+    )
     azimuth_deg: Annotated[
         float | None,
         Field(description="side to which the load hangs, in the housing frame from x towards y, -180..180"),
-    ]
-    rate_deg_s: Annotated[float | None, Field(description="time derivative of the angle, degrees per second")]
+    ] = None
+    rate_deg_s: Annotated[float | None, Field(description="time derivative of the angle, degrees per second")] = None
     pivot_accel_m_s2: Annotated[
         HorizontalVector | None, Field(description="horizontal acceleration of the pivot: trolley, bridge or jib")
-    ]
-    pivot_accel_u_m_s2: Annotated[float | None, Field(description="of each component")]
-    hoist_m_s: Annotated[float | None, Field(description="rate of the rope's length, lowering positive, m/s")]
-    hoist_u_m_s: float | None
-    length_m: Annotated[float | None, Field(description="pivot to the load's centre")]
-    length_u_m: float | None
-    phi_max_deg: Annotated[float | None, Field(description="largest angle of the last period")]
-    phi_max_u_deg: Degrees | None
+    ] = None
+    pivot_accel_u_m_s2: Annotated[float | None, Field(description="of each component")] = None
+    hoist_m_s: Annotated[float | None, Field(description="rate of the rope's length, lowering positive, m/s")] = None
+    hoist_u_m_s: float | None = None
+    length_m: Annotated[float | None, Field(description="pivot to the load's centre")] = None
+    length_u_m: float | None = None
+    phi_max_deg: Annotated[float | None, Field(description="largest angle of the last period")] = None
+    phi_max_u_deg: Degrees | None = None
     predicted_phi_max_deg: Annotated[
         float | None, Field(description="next maximum of the angle if the pivot keeps its present acceleration")
-    ]
-    predicted_u_deg: Degrees | None
-    time_to_peak_s: Seconds | None
+    ] = None
+    predicted_u_deg: Degrees | None = None
+    time_to_peak_s: Seconds | None = None
     coasting_phi_max_deg: Annotated[
         float | None, Field(description="next maximum of the angle if the pivot's acceleration ends now")
-    ]
-    coasting_u_deg: Degrees | None
-    coasting_time_to_peak_s: Seconds | None
-    lean_deg: Annotated[float | None, Field(description="steady angle of the rope, about which the load swings")]
-    lean_u_deg: Degrees | None
-    probabilities: MotionProbabilities | None
+    ] = None
+    coasting_u_deg: Degrees | None = None
+    coasting_time_to_peak_s: Seconds | None = None
+    lean_deg: Annotated[float | None, Field(description="steady angle of the rope, about which the load swings")] = None
+    lean_u_deg: Degrees | None = None
+    probabilities: MotionProbabilities | None = None
     fast_oscillation_hz: Annotated[
         float | None,
         Field(
             description="frequency of a fast oscillation on top of the swing, such as a load under its hook; null: none"
         ),
-    ]
-    fast_oscillation_deg: Annotated[float | None, Field(description="amplitude of its share in the rope's angle")]
+    ] = None
+    fast_oscillation_deg: Annotated[float | None, Field(description="amplitude of its share in the rope's angle")] = (
+        None
+    )
     reasons: Annotated[list[str], Field(description="what acts, and why the angle is not known or is less certain")]
     text: Annotated[str, Field(description="one line for the operator; its interval is that of 95 %")]
 
@@ -154,10 +182,10 @@ class Motion(Message):
 class Formulas:
     """The four formulas for phi_max over one swing (Łuczak et al. 2022, eq. 22 to 25); docs/swing.md states their validity."""
 
-    arccos_min_az: Degrees | None
-    arcsin_max_axy: Degrees | None
-    arctan_max_axy_min_az: Degrees | None
-    arccos_max_az: Degrees | None
+    arccos_min_az: Degrees | None = None
+    arcsin_max_axy: Degrees | None = None
+    arctan_max_axy_min_az: Degrees | None = None
+    arccos_max_az: Degrees | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -166,22 +194,24 @@ class Swing(Message):
 
     swinging: Annotated[
         bool | None, Field(description="false: no swing detected, phi_max is below its upper limit; null: unknown")
-    ]
+    ] = None
     phi_max_deg: Annotated[
         float | None, Field(description="largest angle between rope and vertical over the last swing")
-    ]
-    u_deg: Annotated[float | None, Field(description="standard uncertainty; null: cannot be computed")]
-    coverage95_deg: Interval | None
-    minor_phi_max_deg: Degrees | None
+    ] = None
+    u_deg: Annotated[float | None, Field(description="standard uncertainty; null: cannot be computed")] = None
+    coverage95_deg: Interval | None = None
+    minor_phi_max_deg: Degrees | None = None
     azimuth_deg: Annotated[
         float | None, Field(description="direction of the swing's major axis in the housing frame, -90..90")
-    ]
-    lean_deg: Degrees | None
-    lean_azimuth_deg: Degrees | None
-    period_s: Seconds | None
-    predicted_phi_max_deg: Annotated[float | None, Field(description="predicted maximum of the current half swing")]
-    predicted_u_deg: Degrees | None
-    time_to_peak_s: Seconds | None
+    ] = None
+    lean_deg: Degrees | None = None
+    lean_azimuth_deg: Degrees | None = None
+    period_s: Seconds | None = None
+    predicted_phi_max_deg: Annotated[float | None, Field(description="predicted maximum of the current half swing")] = (
+        None
+    )
+    predicted_u_deg: Degrees | None = None
+    time_to_peak_s: Seconds | None = None
     formulas_deg: Formulas
     reasons: Annotated[list[str], Field(description="why a number is missing or its uncertainty is enlarged")]
 
@@ -191,12 +221,16 @@ class Condition(Message):
     """Whether the reading can be trusted."""
 
     verdict: Annotated[Verdict, Field(description="driven: the crane works or a gust pushes, and the angle is known")]
-    cause: Annotated[Cause | None, Field(description="what drives or disturbs the load; null: nothing, or not known")]
+    cause: Annotated[
+        Cause | None, Field(description="what drives or disturbs the load; null: nothing, or not known")
+    ] = None
     trusted: bool
     reasons: list[str]
     gates: Annotated[dict[str, bool], Field(description="the gates by name; true: passed")]
-    norm_g: Annotated[float | None, Field(description="magnitude of the low-passed specific force")]
-    permissible_norm_error_g: Annotated[float | None, Field(description="prediction interval dm (Łuczak n.d., eq. 14)")]
+    norm_g: Annotated[float | None, Field(description="magnitude of the low-passed specific force")] = None
+    permissible_norm_error_g: Annotated[
+        float | None, Field(description="prediction interval dm (Łuczak n.d., eq. 14)")
+    ] = None
     calibration: CalibrationStatus
     text: Annotated[
         str | None, Field(description="one line for the operator; null in recordings made before the field existed")
@@ -210,8 +244,8 @@ class ActiveAlert:
     rule: Annotated[str, Field(description="swing, lean, calibration")]
     level: Level
     since_ns: int
-    value_deg: Degrees | None
-    limit_deg: Degrees | None
+    value_deg: Degrees | None = None
+    limit_deg: Degrees | None = None
     clear_deg: Annotated[
         float | None,
         Field(description="the alert clears after the hold time below this level, degrees; null: no level"),
@@ -239,7 +273,7 @@ class Alert(Message):
         Literal["raised", "changed", "corrected", "cleared", "standing"],
         Field(description="corrected: the first value was an upper bound, and the limit was not reached"),
     ]
-    rule: Annotated[str | None, Field(description="the rule that has changed; null for a heartbeat")]
+    rule: Annotated[str | None, Field(description="the rule that has changed; null for a heartbeat")] = None
     incident: Annotated[
         str | None,
         Field(description="boot id and number of the incident that the change belongs to, from raised to cleared"),
@@ -262,22 +296,22 @@ class Health(Message):
     """The state of the gateway itself."""
 
     state: Literal["starting", "running", "recovering", "stopping"]
-    device_id: str | None
+    device_id: str | None = None
     device_kind: str
     boot_id: str
     software: str
     uptime_s: float
-    measured_rate_hz: float | None
+    measured_rate_hz: float | None = None
     samples: int
     lost: int
     invalid: int
     faults: Annotated[dict[str, int], Field(description="faults since start that did not stop the gateway, by name")]
     dropped: Annotated[dict[str, int], Field(description="items dropped by each bounded queue")]
-    recording: str | None
-    recording_error: str | None
-    disk_free_mb: float | None
-    cpu_percent: float | None
-    resident_mb: float | None
+    recording: str | None = None
+    recording_error: str | None = None
+    disk_free_mb: float | None = None
+    cpu_percent: float | None = None
+    resident_mb: float | None = None
     drift: Annotated[
         dict[str, Any] | None,
         Field(description="drift of the record in force by readings at rest; null or state no_rest: not known yet"),
@@ -288,7 +322,9 @@ class Health(Message):
 class SessionPose:
     """One pose that was taken."""
 
-    face: Annotated[str | None, Field(description="sensor axis that pointed up; null: no axis near the vertical")]
+    face: Annotated[str | None, Field(description="sensor axis that pointed up; null: no axis near the vertical")] = (
+        None
+    )
     count: int
     used: bool
 
@@ -307,15 +343,15 @@ class CalibrationSession:
     pose_fraction: Annotated[float, Field(description="progress of the current pose, 0 to 1")]
     seconds_left: Annotated[
         float | None, Field(description="seconds until the current pose is complete; null while the housing moves")
-    ]
+    ] = None
     next_face: Annotated[
         str | None, Field(description="sensor axis that should point up next; null: see next_direction")
-    ]
+    ] = None
     next_direction: Annotated[
         list[float] | None,
         Field(description="direction in the sensor's axes that should point up next; null: complete"),
-    ]
-    record_id: Annotated[str | None, Field(description="id of the new record, from the review on")]
+    ] = None
+    record_id: Annotated[str | None, Field(description="id of the new record, from the review on")] = None
     reasons: Annotated[list[str], Field(description="why the record may not be committed, or only with a reason")]
     committable: Annotated[
         bool, Field(description="whether the record in review may be committed; `reasons` state if that needs a reason")

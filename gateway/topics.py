@@ -7,6 +7,7 @@ from typing import Any
 import msgspec
 import numpy as np
 from pydantic import TypeAdapter
+from pydantic.json_schema import GenerateJsonSchema
 
 from gateway import messages
 
@@ -32,6 +33,7 @@ TOPICS: dict[str, Topic] = {
     name: Topic(name, type_, rate, logged, published, schema_name)
     for name, type_, rate, logged, published, schema_name in (
         ("samples", messages.Samples, "each block", True, True, "plumbline.Samples"),
+        ("acceleration", messages.Acceleration, "10 Hz", True, False, "plumbline.Acceleration"),
         ("tilt", messages.Tilt, "10 Hz", True, True, "plumbline.Tilt"),
         ("motion", messages.Motion, "10 Hz", True, True, "plumbline.Motion"),
         ("swing", messages.Swing, "three times a swing, or 1 Hz", True, True, "plumbline.Swing"),
@@ -61,9 +63,16 @@ def adapter(topic: str) -> TypeAdapter[Any]:
     return TypeAdapter(TOPICS[topic].type)
 
 
+class _EveryFieldRequired(GenerateJsonSchema):
+    """The schema of messages on the bus, which have every field: a number that is not known is null."""
+
+    def field_is_required(self, *_: Any, **__: Any) -> bool:
+        return True
+
+
 def json_schema(topic: str) -> dict[str, Any]:
-    """Return the JSON Schema of a topic's messages."""
-    schema = adapter(topic).json_schema(mode="serialization")
+    """Return the JSON Schema of a topic's messages on the bus."""
+    schema = adapter(topic).json_schema(mode="serialization", schema_generator=_EveryFieldRequired)
     schema["title"] = TOPICS[topic].schema_name
     return schema
 

@@ -5,12 +5,32 @@ from numpy.typing import NDArray
 
 from devices.block import DeviceInfo
 from gateway.calibration.correction import Correction
-from gateway.messages import Alert, Calibration, CalibrationSession, Condition, Tilt
+from gateway.messages import Acceleration, Alert, Calibration, CalibrationSession, Condition, Tilt
 from gateway.pipeline.alert_manager import AlertChange
 from gateway.pipeline.header import Header
 from gateway.stages.conditions.verdict import ConditionResult
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty, fused_tilt, lean_direction
 from gateway.units import degrees, finite
+
+
+def acceleration_message(header: Header, force_g: NDArray[np.float64], u_force_g: NDArray[np.float64]) -> Acceleration:
+    """Return the specific force of an interval, shape (n, 3); its uncertainty is one of the axes', shape (3,)."""
+    x_g, y_g, z_g = map(finite, force_g.mean(axis=0).tolist())
+    x_min_g, y_min_g, z_min_g = map(finite, force_g.min(axis=0).tolist())
+    x_max_g, y_max_g, z_max_g = map(finite, force_g.max(axis=0).tolist())
+    return Acceleration(
+        **header,
+        x_g=x_g,
+        y_g=y_g,
+        z_g=z_g,
+        x_min_g=x_min_g,
+        x_max_g=x_max_g,
+        y_min_g=y_min_g,
+        y_max_g=y_max_g,
+        z_min_g=z_min_g,
+        z_max_g=z_max_g,
+        u_g=finite(u_force_g.max()),
+    )
 
 
 def tilt_message(

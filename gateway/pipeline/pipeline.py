@@ -117,7 +117,10 @@ class Pipeline:
             self._temperature_c = block.temperature_c
         due = self._update_limiter.is_due(now.log_time_ns)
         if self._suspended is not None:
-            self._lowpassed_g = self._forces.take().lowpassed_g[-1]
+            batch = self._forces.take()
+            self._lowpassed_g = batch.lowpassed_g[-1]
+            if due:
+                yield self._acceleration(batch, now)
             yield from self._without_load(self._suspended, block.temperature_c, due, now)
         elif due or "fresh" in self._condition.gates:  # stale readings are judged again at once
             yield from self._update(self._forces.take(), block.temperature_c, due, now)
@@ -127,6 +130,7 @@ class Pipeline:
     ) -> Iterator[OutgoingMessage]:
         """Return what follows from all samples since the last update."""
         self._lowpassed_g = batch.lowpassed_g[-1]
+        yield self._acceleration(batch, now)
         swing_due = self._add_to_windows(batch)
         if tilt_due:
             yield self._tilt(temperature_c, now)
@@ -181,6 +185,11 @@ class Pipeline:
         changed = self._condition.reasons != (why,)
         self._condition = ConditionResult("unknown", None, False, (why,), gates, None)
         return changed
+
+    def _acceleration(self, batch: ForceBatch, now: MessageTime) -> OutgoingMessage:
+        u_force_g = self._correction.u_force_g(batch.lowpassed_g[-1], self._temperature_c)
+        message = compose.acceleration_message(self._header("acceleration", now), batch.force_g, u_force_g)
+        return OutgoingMessage("acceleration", now.log_time_ns, message)
 
     def _tilt(self, temperature_c: float | None, now: MessageTime) -> OutgoingMessage:
         trusted = self._condition.verdict in ("static", "quasi_static")

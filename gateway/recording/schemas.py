@@ -1,27 +1,28 @@
 """JSON Schemas in the form that MCAP viewers can read.
 
-Lichtblick and older Foxglove ignore a topic whose schema has a `$ref` or a property without a single `type`, which is how "a
-number or null" is written. Here references are replaced by their content, and properties that may be null move from
-`properties` into `allOf`, which these viewers ignore: every topic loads, every value can be plotted by its path, and the schema
-remains correct.
+Lichtblick and older Foxglove ignore a topic whose schema has a `$ref`, and offer no field without a single `type`, which is how
+"a number or null" is written. Recorded messages leave out what is null (`gateway.recording.encoding`). Here references are
+replaced by their content, and a field that may be left out has the type of its values and is not required: every number can be
+plotted.
 """
 
 import json
 from functools import cache
 from typing import Any
 
-from gateway.topics import TOPICS, json_schema
+from gateway.topics import TOPICS, adapter
 
 Schema = dict[str, Any]
-VIEWER_TYPES = frozenset({"boolean", "string", "number", "integer", "object", "array"})
+NULL = {"type": "null"}
 
 
 @cache
 def schema_bytes(topic: str) -> bytes:
     """Return the schema of a topic for a recording."""
-    schema = json_schema(topic)
+    schema = adapter(topic).json_schema(mode="serialization")
+    schema["title"] = TOPICS[topic].schema_name
     definitions = schema.pop("$defs", {})
-    return json.dumps(_make_viewable(_resolve_references(schema, definitions)), separators=(",", ":")).encode()
+    return json.dumps(_make_viewable(schema, definitions), separators=(",", ":")).encode()
 
 
 def logged_topics() -> list[str]:
@@ -29,38 +30,19 @@ def logged_topics() -> list[str]:
     return [topic.name for topic in TOPICS.values() if topic.logged]
 
 
-def _resolve_references(node: Any, definitions: dict[str, Schema]) -> Any:
-    """Return the schema with each `$ref` replaced by its content."""
-    if isinstance(node, list):
-        return [_resolve_references(entry, definitions) for entry in node]
-    if not isinstance(node, dict):
-        return node
-    if "$ref" in node:
-        name = node["$ref"].removeprefix("#/$defs/")
-        others = {key: value for key, value in node.items() if key != "$ref"}
-        return _resolve_references({**definitions[name], **others}, definitions)
-    return {key: _resolve_references(value, definitions) for key, value in node.items()}
-
-
-def _make_viewable(schema: Schema) -> Schema:
-    """Return the schema of an object with everything that a viewer cannot read moved into `allOf`."""
-    properties = {name: _make_property_viewable(entry) for name, entry in schema.get("properties", {}).items()}
-    plain = {name: entry for name, entry in properties.items() if _has_single_type(entry)}
-    others = {name: entry for name, entry in properties.items() if name not in plain}
-    return {**schema, "properties": plain, **({"allOf": [{"properties": others}]} if others else {})}
-
-
-def _make_property_viewable(schema: Schema) -> Schema:
-    match schema.get("type"):
-        case "object":
-            return _make_viewable(schema)
-        case "array" if schema["items"].get("type") == "object":
-            return {**schema, "items": _make_viewable(schema["items"])}
-        case _:
-            return schema
-
-
-def _has_single_type(schema: Schema) -> bool:
+def _make_viewable(schema: Schema, definitions: dict[str, Schema]) -> Schema:
+    """Return the schema without references and without the alternative null."""
+    if "$ref" in schema:
+        name = schema["$ref"].removeprefix("#/$defs/")
+        others = {key: value for key, value in schema.items() if key != "$ref"}
+        return _make_viewable({**definitions[name], **others}, definitions)
+    if NULL in schema.get("anyOf", ()):
+        (known,) = (option for option in schema["anyOf"] if option != NULL)
+        others = {key: value for key, value in schema.items() if key not in ("anyOf", "default")}
+        return _make_viewable({**known, **others}, definitions)
     if schema.get("type") == "array":
-        return schema["items"].get("type") in VIEWER_TYPES - {"array"}
-    return schema.get("type") in VIEWER_TYPES
+        return {**schema, "items": _make_viewable(schema["items"], definitions)}
+    if schema.get("type") == "object":
+        fields = schema.get("properties", {})
+        return {**schema, "properties": {name: _make_viewable(entry, definitions) for name, entry in fields.items()}}
+    return schema

@@ -12,6 +12,7 @@ from gateway.atomic_io import partial_of, sync_folder
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording import header as names
 from gateway.recording.calibration_files import AttachedFile
+from gateway.recording.encoding import encode_recorded
 from gateway.recording.header import RecordingHeader, device_metadata
 from gateway.recording.mcap_writer import McapWriter
 from gateway.recording.schemas import logged_topics, schema_bytes
@@ -111,7 +112,7 @@ class Segment:
             message.sequence & SEQUENCE_MASK,
             log_time_ns,
             message.publish_time_ns,
-            message.payload,
+            encode_recorded(message.message),
         )
 
     def add_device(self, device: DeviceInfo) -> None:

@@ -200,6 +200,21 @@ def test_headers_have_sequence_numbers_and_utc() -> None:
     np.testing.assert_array_equal(unpack(newest).raw, run.blocks[-1].raw)
 
 
+def test_the_acceleration_shows_an_impact_of_one_sample() -> None:
+    run = Run(crane()).go(3)
+    while (block := run.device.read()) is None:
+        pass
+    raw = block.raw.copy()
+    raw[4, 2] += round(0.5 * run.info.units_per_g)
+    run.feed(replace(block, raw=raw))
+    before, hit = run.out["acceleration"][-2:]
+    assert before.z_max_g == pytest.approx(1.0, abs=0.01)
+    assert hit.z_max_g == pytest.approx(1.5, abs=0.01)
+    assert hit.z_min_g == pytest.approx(1.0, abs=0.01)
+    assert hit.z_g == pytest.approx(1.05, abs=0.01)
+    assert hit.time_ns == int(block.time_ns[-1]) + CLOCK.wall_offset_ns
+
+
 def test_the_same_blocks_give_identical_messages() -> None:
     first = Run(crane(5.0)).go(20)
     again = Run(crane(5.0))

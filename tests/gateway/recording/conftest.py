@@ -96,6 +96,18 @@ def every_message(
     """One message of each topic, null wherever a number may be missing in at least one of them."""
     return {
         "samples": make_samples(),
+        "acceleration": messages.Acceleration(
+            **HEAD,
+            x_g=0.01,
+            y_g=0.0,
+            z_g=0.99,
+            x_min_g=-0.02,
+            x_max_g=0.04,
+            y_min_g=-0.01,
+            y_max_g=0.01,
+            z_min_g=0.8,
+            z_max_g=1.3,
+        ),
         "tilt": make_tilt(1.5),
         "motion": MOTION,
         "swing": make_swing(None),

@@ -17,11 +17,12 @@ from mcap.reader import make_reader
 from devices.block import DeviceInfo
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
+from gateway.recording.encoding import encode_recorded
 from gateway.recording.header import RecordingHeader
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
 from gateway.recording.writer import Recorder, RecorderError
-from gateway.topics import TOPICS, adapter, encode
+from gateway.topics import TOPICS, adapter
 from tests.gateway.recording.conftest import MakeRecorder
 
 SECOND_NS = 1_000_000_000
@@ -76,7 +77,7 @@ def test_the_mcap_reader_reads_every_topic(
             "json",
         )
         assert json.loads(schema.data)["type"] == "object"
-        assert recorded.data == encode(message)
+        assert recorded.data == encode_recorded(message)
         assert adapter(topic).validate_json(recorded.data) == message
         assert recorded.log_time == start_ns + 99
         stamp = (0, start_ns + 5) if isinstance(message, messages.Log) else (message.sequence, message.time_ns)
