@@ -21,9 +21,9 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 def run(arguments: argparse.Namespace) -> int:
     """Print the content of the recordings."""
     from gateway.cli.output import show
+    from gateway.recording.catalogue import list_recordings
     from gateway.recording.info import summarise
     from gateway.recording.info_text import info_text
-    from gateway.recording.join import list_recordings
 
     found = [summarise(path) for path in list_recordings(arguments.paths)]
     content = [info.as_json() for info in found] if len(found) > 1 else found[0].as_json()

@@ -5,7 +5,8 @@ from pathlib import Path
 
 from gateway.calibration.offline.readings_file import FileReadings, TableOptions, read_file
 from gateway.errors import InputError
-from gateway.recording.join import list_recordings, read_joined_samples
+from gateway.recording.catalogue import list_recordings
+from gateway.recording.join import read_joined_samples
 
 
 def read_calibration_readings(paths: Sequence[Path], options: TableOptions) -> list[FileReadings]:

@@ -16,8 +16,9 @@ from gateway.measurement.calibration import calibration_in_force
 from gateway.measurement.configuration import common_configuration
 from gateway.measurement.rig import Rig
 from gateway.pipeline.mounting import mounted_housing, with_sensor
+from gateway.recording.catalogue import list_recordings
 from gateway.recording.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
-from gateway.recording.join import list_recordings, read_joined_samples
+from gateway.recording.join import read_joined_samples
 from gateway.swing.rig import MountedHousing
 
 SENSOR_AXES = ((0, 1), (1, 1), (2, 1))

@@ -10,11 +10,12 @@ import numpy as np
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from devices.recording import longest_increasing_mask, typical_interval
+from gateway.recording.catalogue import open_timeline
 from gateway.recording.mcap_salvage import SalvageReport, describe_losses
 from gateway.recording.run import NoSamplesError, RecordedRun, list_changes, read_samples
+from gateway.recording.timeline import Timeline
 from gateway.recording.timestamp import iso_utc
 
-GATEWAY_KEYS = ("site", "crane", "sensor")
 FREE_DEVICE_FIELDS = frozenset({"details", "can_wait"})
 """Fields of a device that may differ between files: they do not change the meaning of a sample."""
 
@@ -31,38 +32,17 @@ class JoinedRun:
     """Incomplete files, files without samples, and gaps between files."""
 
 
-def list_recordings(paths: Sequence[Path]) -> list[Path]:
-    """Return the given files, each folder replaced by its `.mcap` files. Raises `RecordingError` for one that occurs twice."""
-    found: dict[Path, Path] = {}
-    for path in paths:
-        for file in _list_folder(path) if path.is_dir() else [path]:
-            if file.resolve() in found:
-                raise RecordingError(f"{file}: is given twice; give it once")
-            found[file.resolve()] = file
-    return list(found.values())
-
-
-def _list_folder(folder: Path) -> list[Path]:
-    try:
-        files = sorted(path for path in folder.iterdir() if path.suffix == ".mcap")
-    except OSError as error:
-        raise RecordingError(f"{folder}: cannot be read ({error.strerror})") from error
-    if not files:
-        raise RecordingError(f"{folder}: contains no .mcap file; choose another folder")
-    return files
-
-
 def read_joined_samples(paths: Sequence[Path]) -> JoinedRun:
-    """Read files of one gateway as one recording, in order of time; incomplete ones are read up to their end.
+    """Read files and folders of one gateway as one recording, in order of time; incomplete files are read up to their end.
 
     Gaps between files remain gaps in time. Raises `RecordingError` where a file cannot be read, no file has samples, the files
     are of different gateways or devices, or two of them overlap.
     """
-    runs, remarks = _read_runs(paths)
+    timeline = open_timeline(paths)
+    runs, remarks = _read_runs(timeline)
     spans_ns = {run.path: _span_ns(run) for run in runs}
     runs.sort(key=lambda run: spans_ns[run.path])
     for run in runs[1:]:
-        _check_same_gateway(runs[0], run)
         _check_same_device(runs[0], run)
     for before, after in pairwise(runs):
         _check_overlap(before, after, spans_ns[before.path], spans_ns[after.path])
@@ -73,15 +53,15 @@ def read_joined_samples(paths: Sequence[Path]) -> JoinedRun:
     return JoinedRun(_concatenate(runs), tuple(runs), tuple(remarks))
 
 
-def _read_runs(paths: Sequence[Path]) -> tuple[list[RecordedRun], list[str]]:
+def _read_runs(timeline: Timeline) -> tuple[list[RecordedRun], list[str]]:
     """Return the runs of all files with samples, and a remark on each file without."""
-    runs, remarks, failure = [], [], None
-    for path in paths:
+    runs, remarks, failure = [], list(timeline.remarks), None
+    for segment in timeline.segments:
         try:
-            runs.append(read_samples(path))
+            runs.append(read_samples(segment.path))
         except NoSamplesError as error:
             failure = error
-            remarks.append(f"{path.name}: has no samples, left out")
+            remarks.append(f"{segment.path.name}: has no samples, left out")
     if failure is not None and not runs:
         raise failure
     return runs, remarks
@@ -92,14 +72,6 @@ def _span_ns(run: RecordedRun) -> tuple[int, int]:
     time_ns = run.time_ns
     kept_ns = time_ns[longest_increasing_mask(time_ns)]
     return int(kept_ns[0]), int(kept_ns[-1])
-
-
-def _check_same_gateway(first: RecordedRun, other: RecordedRun) -> None:
-    names = ["/".join(run.origin.get(key, "?") for key in GATEWAY_KEYS) for run in (first, other)]
-    if names[0] != names[1]:
-        raise RecordingError(
-            f"{other.path}: is of gateway {names[1]}, {first.path} of {names[0]}; give the files of one gateway"
-        )
 
 
 def _check_same_device(first: RecordedRun, other: RecordedRun) -> None:

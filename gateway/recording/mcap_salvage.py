@@ -25,6 +25,8 @@ from devices.errors import RecordingError
 
 RECORD_HEAD = struct.Struct("<BQ")
 """Opcode and length before the content of each record."""
+CHUNK_TIMES = struct.Struct("<QQ")
+"""First and last time of a chunk, at the start of its content."""
 DAMAGED = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError, OverflowError)
 """Exceptions of the package for content that does not match its length; RuntimeError comes from lz4."""
 PARSERS: dict[int, Callable[[bytes], McapRecord]] = {
@@ -87,8 +89,13 @@ def open_mcap(path: Path) -> BinaryIO:
     raise RecordingError(f"{path}: is not an MCAP file; give one that the gateway wrote")
 
 
-def read_records(file: BinaryIO, losses: SalvageReport) -> Iterator[McapRecord]:
-    """Yield every complete record from here on, those in chunks one by one. Raises `OSError` of the disk."""
+def read_records(
+    file: BinaryIO, losses: SalvageReport, is_wanted: Callable[[int, int], bool] = lambda first_ns, last_ns: True
+) -> Iterator[McapRecord]:
+    """Yield every complete record from here on, those in chunks one by one. Raises `OSError` of the disk.
+
+    Chunks whose first and last time are not wanted are left out.
+    """
     size = os.fstat(file.fileno()).st_size
     checksum = zlib.crc32(MCAP0_MAGIC)
     while (frame := _next_frame(file, size)) is not None:
@@ -96,7 +103,7 @@ def read_records(file: BinaryIO, losses: SalvageReport) -> Iterator[McapRecord]:
         if opcode == Opcode.DATA_END:
             losses.altered = _promised_checksum(content) not in (0, checksum)
         checksum = zlib.crc32(content, zlib.crc32(head, checksum))
-        if opcode in PARSERS:
+        if opcode in PARSERS and (opcode != Opcode.CHUNK or _is_chunk_wanted(content, is_wanted)):
             yield from _parse(opcode, content, losses)
         if opcode == Opcode.FOOTER:
             break
@@ -114,6 +121,10 @@ def _next_frame(file: BinaryIO, size: int) -> tuple[bytes, int, bytes] | None:
             return head, opcode, file.read(length)
     file.seek(place)
     return None
+
+
+def _is_chunk_wanted(content: bytes, is_wanted: Callable[[int, int], bool]) -> bool:
+    return len(content) < CHUNK_TIMES.size or is_wanted(*CHUNK_TIMES.unpack_from(content))
 
 
 def _promised_checksum(content: bytes) -> int:

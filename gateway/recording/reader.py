@@ -32,6 +32,28 @@ class RecordedMessage:
         return self.channel.topic
 
 
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """The messages from `begin_ns` until before `end_ns` of gateway time, of some topics; None: without limit, all topics."""
+
+    begin_ns: int | None = None
+    end_ns: int | None = None
+    topics: frozenset[str] | None = None
+    """With their slash."""
+
+    def may_contain(self, first_ns: int, last_ns: int) -> bool:
+        """Return whether messages between two times may be selected."""
+        begins_in_time = self.end_ns is None or first_ns < self.end_ns
+        return begins_in_time and (self.begin_ns is None or last_ns >= self.begin_ns)
+
+    def contains(self, topic: str, time_ns: int) -> bool:
+        """Return whether a message is selected."""
+        return (self.topics is None or topic in self.topics) and self.may_contain(time_ns, time_ns)
+
+
+EVERYTHING = Selection()
+
+
 def open_recording(path: Path | str) -> "RecordingFile":
     """Open a recording, complete or not. Raises `RecordingError` where there is no MCAP file of that name."""
     path = Path(path)
@@ -51,14 +73,18 @@ class RecordingFile:
     attachments: dict[str, Attachment] = field(default_factory=dict)
     losses: SalvageReport = field(default_factory=SalvageReport)
 
-    def messages(self) -> Iterator[RecordedMessage]:
-        """Yield every readable message in the order of writing. Raises `RecordingError`."""
+    def messages(self, selection: Selection = EVERYTHING) -> Iterator[RecordedMessage]:
+        """Yield every readable message of a selection in the order of writing. Raises `RecordingError`."""
         self.losses = SalvageReport()
+
+        def is_wanted(first_ns: int, last_ns: int) -> bool:
+            return not self.channels or selection.may_contain(first_ns, last_ns)  # the first chunk has the channels
+
         with open_mcap(self.path) as file:
             try:
-                for record in read_records(file, self.losses):
+                for record in read_records(file, self.losses, is_wanted):
                     if isinstance(record, Message):
-                        yield from self._message(record)
+                        yield from self._message(record, selection)
                     else:
                         self._store(record)
             except OSError as error:
@@ -77,12 +103,12 @@ class RecordingFile:
             self.losses.unreadable_messages += 1
             return None
 
-    def _message(self, record: Message) -> Iterator[RecordedMessage]:
+    def _message(self, record: Message, selection: Selection) -> Iterator[RecordedMessage]:
         channel = self.channels.get(record.channel_id)
         if channel is None:
             self.losses.unreadable_messages += 1
-            return
-        yield RecordedMessage(channel, record.log_time, record.publish_time, record.sequence, record.data)
+        elif selection.contains(channel.topic, record.log_time):
+            yield RecordedMessage(channel, record.log_time, record.publish_time, record.sequence, record.data)
 
     def _store(self, record: object) -> None:
         match record:

@@ -13,6 +13,7 @@ from gateway.atomic_io import replace_file
 from gateway.recording.header import RECOVERED
 from gateway.recording.mcap_salvage import SalvageReport
 from gateway.recording.reader import RecordingFile, open_recording
+from gateway.recording.segment_summary import SUMMARY
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,8 @@ def _copy(source: RecordingFile, writer: Writer) -> int:
     for channel in source.channels.values():
         channels.new_id(channel)
     for attachment in source.attachments.values():
-        writer.add_attachment(**asdict(attachment))
+        if attachment.name != SUMMARY:  # it is of the whole source
+            writer.add_attachment(**asdict(attachment))
     losses = {name: json.dumps(value) for name, value in asdict(source.losses).items()}
     for name, metadata in {**source.metadata, RECOVERED: {"from": source.path.name, **losses}}.items():
         writer.add_metadata(name, metadata)

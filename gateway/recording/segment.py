@@ -16,6 +16,8 @@ from gateway.recording.encoding import encode_recorded
 from gateway.recording.header import RecordingHeader, device_metadata
 from gateway.recording.mcap_writer import McapWriter
 from gateway.recording.schemas import logged_topics, schema_bytes
+from gateway.recording.segment_summary import SUMMARY, SUMMARY_MEDIA_TYPE, encode_summary
+from gateway.recording.summary_builder import SummaryBuilder
 from gateway.topics import TOPICS
 
 SEQUENCE_MASK = 0xFFFF_FFFF
@@ -82,6 +84,7 @@ class Segment:
         """
         self.path = path
         self.start_ns = start_ns
+        self._summary = SummaryBuilder()
         partial = partial_of(path)
         self._file = SyncedFile(partial)
         try:
@@ -107,6 +110,8 @@ class Segment:
 
     def write(self, message: EncodedMessage, log_time_ns: int) -> None:
         """Add a message to the open chunk."""
+        self._summary.count(TOPICS[message.topic].path, log_time_ns, len(message.payload))
+        self._summary.add(message.message, log_time_ns)
         self._writer.add_message(
             self._channels[message.topic],
             message.sequence & SEQUENCE_MASK,
@@ -131,7 +136,10 @@ class Segment:
         self._file.sync()
 
     def close(self) -> None:
-        """Write the summary and close the file."""
+        """Write the summaries, of the recording and of the MCAP file, and close the file."""
+        self._writer.flush()
+        if (summary := self._summary.summary()) is not None:
+            self._attach([AttachedFile(SUMMARY, SUMMARY_MEDIA_TYPE, encode_summary(summary))], summary.to_ns)
         self._writer.finish()
         self._file.sync()
         self._file.close()

@@ -12,9 +12,10 @@ from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
+from gateway.recording.catalogue import NoMessageError, list_recordings
 from gateway.recording.header import RecordingHeader
-from gateway.recording.join import list_recordings, read_joined_samples
-from gateway.recording.run import NoSamplesError, read_samples
+from gateway.recording.join import read_joined_samples
+from gateway.recording.run import read_samples
 from gateway.recording.writer import Recorder
 from tests.gateway.recording.conftest import MakeRecorder
 
@@ -102,8 +103,10 @@ def test_open_segment_of_a_running_gateway_is_read(
     recorder.set_device(device, first.first_log_time_ns)
     path = recorder.start(first.first_log_time_ns)
     empty = read_joined_samples([closed, path])
-    assert empty.remarks == (f"{path.name}: has no samples, left out",)
-    with pytest.raises(NoSamplesError, match="has no samples"):
+    (remark,) = empty.remarks
+    assert remark.startswith(f"{path}: has no message; ")
+    assert remark.endswith("left out")
+    with pytest.raises(NoMessageError, match="has no message"):
         read_joined_samples([path])
     recorder.write(encode_message("samples", first, first.time_ns))
     recorder.tick(first.time_ns + 2_000_000_000)

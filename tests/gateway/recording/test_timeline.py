@@ -1,0 +1,186 @@
+"""Segments of gateways as timelines, by their indexes."""
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from devices.block import DeviceInfo
+from devices.errors import RecordingError
+from gateway import messages
+from gateway.pipeline.outgoing_message import encode_message
+from gateway.recording.catalogue import open_timeline, open_timelines
+from gateway.recording.header import RecordingHeader
+from gateway.recording.interval import RecordingInterval, parse_recording_time
+from gateway.recording.reader import EVERYTHING, Selection
+from gateway.recording.recovery import recover
+from gateway.recording.segment_index import read_index
+from gateway.recording.timeline import Timeline, summarise_segment
+from gateway.recording.writer import Recorder
+
+BLOCK_NS = 32_000_000
+"""A block of 32 samples at 1 kHz."""
+WriteRun = Callable[..., list[Path]]
+
+
+@pytest.fixture
+def write_run(
+    tmp_path: Path,
+    header: RecordingHeader,
+    device: DeviceInfo,
+    make_samples: Callable[..., messages.Samples],
+    every_message: dict[str, messages.Message | messages.Log],
+    start_ns: int,
+) -> WriteRun:
+    """Write blocks of these numbers in segments of 2 s, with a calibration, a clock each second and an alert."""
+
+    def write(numbers: range = range(200), header: RecordingHeader = header, folder: Path = tmp_path) -> list[Path]:
+        recorder = Recorder(folder, header, segment_s=2.0, fsync_s=0.1, quota_mb=100.0)
+        before = set(folder.glob("*.mcap"))
+        begin_ns = start_ns + numbers.start * BLOCK_NS
+        recorder.set_device(device, begin_ns)
+        recorder.start(begin_ns)
+        calibration, clock, alert = (every_message[name] for name in ("calibration", "clock", "alert"))
+        assert isinstance(clock, messages.ClockOffset)
+        recorder.write(encode_message("calibration", calibration, begin_ns))
+        for number in numbers:
+            block = make_samples(number, period_ns=1e6)
+            if number % 31 == 0:
+                recorder.write(encode_message("clock", replace(clock, sequence=number), block.time_ns))
+            recorder.write(encode_message("samples", block, block.time_ns))
+            if number == numbers.start + 50:
+                recorder.write(encode_message("alert", alert, block.time_ns))
+            recorder.tick(block.time_ns)
+        recorder.close()
+        return sorted(set(folder.glob("*.mcap")) - before)
+
+    return write
+
+
+def times_ns(timeline: Timeline, selection: Selection = EVERYTHING) -> Iterator[int]:
+    for message in timeline.messages(selection):
+        yield message.recorded.log_time_ns
+
+
+def test_index_of_a_closed_segment_equals_what_its_messages_say(write_run: WriteRun) -> None:
+    for path in write_run():
+        index = read_index(path)
+        read = summarise_segment(open_timeline([path]).segments[0])
+        assert index.is_closed
+        assert index.summary == read.summary
+        assert read.summary is not None
+        assert (index.from_ns, index.to_ns) == (read.summary.from_ns, read.summary.to_ns)
+        assert index.metadata["plumbline"]["crane"] == "crane-2"
+
+
+def test_index_of_an_incomplete_segment_has_its_times_and_metadata_up_to_the_end(write_run: WriteRun) -> None:
+    path = write_run()[0]
+    whole = read_index(path)
+    os.truncate(path, path.stat().st_size // 2)
+    index = read_index(path)
+    summary = summarise_segment(open_timeline([path]).segments[0]).summary
+    assert summary is not None
+    assert (index.is_closed, index.summary) == (False, None)
+    assert (index.from_ns, index.to_ns) == (summary.from_ns, summary.to_ns)
+    assert (index.from_ns, index.metadata) == (whole.from_ns, whole.metadata)
+
+
+@pytest.mark.parametrize("place", [-20, -60, -400])
+def test_damaged_summary_section_is_not_believed(write_run: WriteRun, place: int) -> None:
+    path = write_run()[0]
+    whole = read_index(path)
+    content = bytearray(path.read_bytes())
+    content[place] ^= 1
+    path.write_bytes(content)
+    index = read_index(path)
+    assert not index.is_closed
+    assert (index.from_ns, index.to_ns) == (whole.from_ns, whole.to_ns)
+
+
+def test_summary_of_another_file_is_not_believed(write_run: WriteRun, tmp_path: Path) -> None:
+    first, second, *_ = write_run()
+    mixed = bytearray(first.read_bytes())
+    count = f'"count":{read_index(first).summary.topics["/samples"].count}'.encode()  # type: ignore[union-attr]
+    place = mixed.rindex(count)
+    mixed[place : place + len(count)] = count.replace(count[-1:], b"9" if count[-1:] != b"9" else b"8")
+    (tmp_path / "mixed.mcap").write_bytes(mixed)
+    assert read_index(tmp_path / "mixed.mcap").summary is None
+    assert read_index(second).summary is not None
+
+
+def test_segments_are_one_timeline_in_which_nothing_occurs_twice(write_run: WriteRun, tmp_path: Path) -> None:
+    paths = write_run()
+    assert len(paths) == 4
+    timeline = open_timeline([tmp_path])
+    assert [segment.path for segment in timeline.segments] == paths
+    topics = [message.recorded.topic for message in timeline.messages()]
+    assert topics.count("/samples") == 200
+    assert topics.count("/clock") == 7
+    assert topics.count("/calibration") == 1
+    shuffled = open_timeline([paths[2], paths[0], paths[3], paths[1]])
+    assert list(times_ns(shuffled)) == list(times_ns(timeline))
+
+
+def test_selection_reads_the_interval_and_the_topics_that_are_wanted(write_run: WriteRun, start_ns: int) -> None:
+    timeline = open_timeline(write_run())
+    everything = [(message.recorded.topic, message.recorded.log_time_ns) for message in timeline.messages()]
+    begin_ns, end_ns = start_ns + 1_900_000_000, start_ns + 4_100_000_000
+    wanted = Selection(begin_ns, end_ns, frozenset({"/samples", "/alert"}))
+    found = [(message.recorded.topic, message.recorded.log_time_ns) for message in timeline.messages(wanted)]
+    assert found == [
+        (topic, time_ns)
+        for topic, time_ns in everything
+        if begin_ns <= time_ns < end_ns and topic in wanted.topics  # type: ignore[operator]
+    ]
+    assert len(found) > 60
+
+
+def test_interval_counts_from_the_first_sample(write_run: WriteRun, start_ns: int) -> None:
+    timeline = open_timeline(write_run())
+    span = timeline.span()
+    assert (span.first_ns, span.last_ns) == (start_ns, start_ns + 200 * BLOCK_NS - 1_000_000)
+    interval = RecordingInterval(parse_recording_time("1.5"), parse_recording_time("2"))
+    assert timeline.select(interval) == Selection(start_ns + 1_500_000_000, start_ns + 2_000_000_000)
+    last = timeline.select(RecordingInterval(last_s=1.0), ["/samples"])
+    assert last == Selection(span.last_ns - 1_000_000_000, None, frozenset({"/samples"}))
+
+
+def test_progress_reaches_the_end_and_never_goes_back(write_run: WriteRun) -> None:
+    shares: list[float] = []
+    for _ in open_timeline(write_run()).messages(report=shares.append):
+        pass
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_gateways_are_told_apart(write_run: WriteRun, header: RecordingHeader, tmp_path: Path) -> None:
+    write_run(range(10))
+    other = write_run(range(10, 20), header=replace(header, crane="crane-3"))
+    assert [timeline.gateway for timeline in open_timelines([tmp_path])] == ["yard/crane-2/hook", "yard/crane-3/hook"]
+    with pytest.raises(
+        RecordingError, match=rf"{other[0].name}: is of gateway yard/crane-3/hook, .* give the files of one"
+    ):
+        open_timeline([tmp_path])
+
+
+def test_files_of_a_folder_that_cannot_be_read_are_left_out_with_a_remark(write_run: WriteRun, tmp_path: Path) -> None:
+    paths = write_run(range(10))
+    (tmp_path / "notes.mcap").write_text("no recording")
+    timeline = open_timeline([tmp_path])
+    assert [segment.path for segment in timeline.segments] == paths
+    (remark,) = timeline.remarks
+    assert remark.startswith(f"{tmp_path / 'notes.mcap'}: is not an MCAP file")
+    with pytest.raises(RecordingError, match=r"notes\.mcap: is not an MCAP file"):
+        open_timeline([*paths, tmp_path / "notes.mcap"])
+
+
+def test_recovered_copy_takes_the_place_of_its_source(write_run: WriteRun, tmp_path: Path) -> None:
+    path = write_run(range(60))[0]
+    os.truncate(path, path.stat().st_size - 3000)
+    copy = tmp_path / "copy.mcap"
+    recover(path, copy)
+    timeline = open_timeline([tmp_path])
+    assert [segment.path for segment in timeline.segments] == [copy]
+    assert timeline.remarks == (f"{path.name}: left out, because copy.mcap has the same messages",)
