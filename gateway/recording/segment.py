@@ -110,14 +110,15 @@ class Segment:
 
     def write(self, message: EncodedMessage, log_time_ns: int) -> None:
         """Add a message to the open chunk."""
-        self._summary.count(TOPICS[message.topic].path, log_time_ns, len(message.payload))
+        payload = encode_recorded(message.message)
+        self._summary.count(TOPICS[message.topic].path, log_time_ns, len(payload))
         self._summary.add(message.message, log_time_ns)
         self._writer.add_message(
             self._channels[message.topic],
             message.sequence & SEQUENCE_MASK,
             log_time_ns,
             message.publish_time_ns,
-            encode_recorded(message.message),
+            payload,
         )
 
     def add_device(self, device: DeviceInfo) -> None:

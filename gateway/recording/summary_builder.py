@@ -11,14 +11,14 @@ from gateway.recording.segment_summary import (
     CalibrationState,
     ClockChange,
     FaultCount,
-    RecordedPeak,
     LogLine,
+    RecordedPeak,
     SegmentSummary,
     TopicCount,
     calibration_key,
 )
 
-UNUSED_TOPICS = frozenset({"tilt"})
+UNUSED_TOPICS = frozenset({"tilt", "acceleration"})
 """Topics of which only the messages are counted."""
 MOST_ENTRIES = 1000
 """Most entries of the lists of faults and of lines, so that a fault that returns every second does not fill the disk."""
