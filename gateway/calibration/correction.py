@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from devices.block import DeviceInfo
 from gateway.calibration.frame import AxesMap, housing_rotation
 from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.calibration.thermal.thermal_model import ThermalModel, thermal_model
 from gateway.calibration.uncertainty import reading_covariance
 from gateway.messages import CalibrationStatus
 from gateway.numerics.array import Array
@@ -28,6 +29,19 @@ RECORDED_NORM_ERROR_G = 0.01
 """Permissible error of |m|, g, of a recording in g that brings no calibration record."""
 K_UNCALIBRATED = 2.0
 """Coverage factor of the permissible error of |m| of an uncalibrated sensor."""
+
+
+@dataclass(frozen=True, slots=True)
+class ThermalCorrection:
+    """The thermal model of a record, with the offset to which it refers."""
+
+    model: ThermalModel
+    offset: Array
+    """Reading at zero g at the reference temperature, raw units, shape (3,)."""
+
+    def to_reference(self, raw: Array, temperature_c: Array | float) -> Array:
+        """Return the readings as the sensor would have read them at the reference temperature, shape (n, 3)."""
+        return self.model.to_reference(raw, self.offset, temperature_c)
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,15 +66,23 @@ class Correction:
     u_cross_axis: float = 0.0
     """Standard uncertainty of the cross-axis sensitivity, relative."""
     calibrated_c: tuple[float, float] | None = None
-    """Lowest and highest temperature of the calibration, °C; None: not known. Beyond them nothing corrects for temperature."""
+    """Lowest and highest temperature of the calibration, °C; None: not known. Beyond them the uncertainty grows."""
     u_zero_g_offset_g_per_k: float = 0.0
     """Standard uncertainty of the zero-g offset's temperature coefficient, g/K, on every axis."""
     u_scale_factor_per_k: float = 0.0
     """Standard uncertainty of the scale factor's temperature coefficient, 1/K, on every axis."""
+    thermal: ThermalCorrection | None = None
+    """Correction of the readings for temperature; None: the calibration has none."""
 
-    def apply(self, raw: NDArray[np.int32] | Array) -> Array:
-        """Return the specific force in the housing frame, g, shape (n, 3)."""
-        force_g: Array = raw.astype(np.float64) @ self.gain.T
+    def apply(self, raw: NDArray[np.int32] | Array, temperature_c: Array | float | None = None) -> Array:
+        """Return the specific force in the housing frame, g, shape (n, 3).
+
+        The temperature, °C, is that of all readings or of each, shape (n,), NaN where it is not known.
+        """
+        readings = raw.astype(np.float64)
+        if self.thermal is not None and temperature_c is not None:
+            readings = self.thermal.to_reference(readings, temperature_c)
+        force_g: Array = readings @ self.gain.T
         force_g += self.bias_g
         return force_g
 
@@ -70,10 +92,18 @@ class Correction:
         return np.asarray(np.hypot(u_offset_g, u_scale_factor * force_g), dtype=np.float64)
 
     def kelvin_beyond(self, temperature_c: float | None) -> int:
-        """Return the distance of a temperature from those of the calibration, whole kelvins rounded up; 0 if one is unknown."""
-        if temperature_c is None or self.calibrated_c is None:
+        """Return the distance of a temperature from those of the calibration, whole kelvins rounded up.
+
+        An unknown temperature is anywhere in the range of a thermal model, which cannot be applied; without a model it counts 0.
+        """
+        if self.calibrated_c is None:
             return 0
         low_c, high_c = self.calibrated_c
+        if temperature_c is None:
+            if self.thermal is None:
+                return 0
+            reference_c = self.thermal.model.reference_c
+            return math.ceil(max(reference_c - low_c, high_c - reference_c))
         return max(0, math.ceil(low_c - temperature_c), math.ceil(temperature_c - high_c))
 
     def widened_by(self, kelvin: float) -> "Correction":
@@ -95,6 +125,8 @@ class Correction:
         if self.calibrated_c is None or not self.kelvin_beyond(temperature_c):
             return ()
         low_c, high_c = self.calibrated_c
+        if temperature_c is None:
+            return ("widened: the temperature is not known, the thermal model is not applied",)
         return (f"widened: at {temperature_c:.0f} °C, calibrated at {low_c:.0f} to {high_c:.0f} °C",)
 
 
@@ -124,7 +156,9 @@ def _by_record(
             f"calibration {record.id} is for raw input in {record.unit}, the device delivers {info.unit}"
         )
     gain = housing_from_sensor @ np.array(record.correction_matrix)
-    return Correction(
+    u_offset_g_per_k = _rectangular_u(info.zero_g_offset_g_per_k, ZERO_G_OFFSET_LIMIT_G_PER_K)
+    u_scale_per_k = _rectangular_u(info.scale_factor_per_k, SCALE_FACTOR_LIMIT_PER_K)
+    correction = Correction(
         status=status,
         calibration_id=record.id,
         gain=gain,
@@ -136,8 +170,29 @@ def _by_record(
         record=record.model_dump(mode="json"),
         u_cross_axis=_cross_axis_u(record),
         calibrated_c=_temperature_limits_c(record),
-        u_zero_g_offset_g_per_k=_rectangular_u(info.zero_g_offset_g_per_k, ZERO_G_OFFSET_LIMIT_G_PER_K),
-        u_scale_factor_per_k=_rectangular_u(info.scale_factor_per_k, SCALE_FACTOR_LIMIT_PER_K),
+        u_zero_g_offset_g_per_k=u_offset_g_per_k,
+        u_scale_factor_per_k=u_scale_per_k,
+    )
+    model = thermal_model(record)
+    return correction if model is None else _with_thermal_model(correction, model, record, housing_from_sensor)
+
+
+def _with_thermal_model(
+    correction: Correction, model: ThermalModel, record: CalibrationRecord, housing_from_sensor: Array
+) -> Correction:
+    """Return the correction with the model, its uncertainty, and its slope as the uncertainty beyond its range."""
+    g_per_raw = np.abs(np.diag(np.array(record.correction_matrix)))
+    to_housing = np.abs(housing_from_sensor)
+    u_offset, u_scale = model.u_change()
+    slope, scale_slope = model.end_slopes()
+    return replace(
+        correction,
+        u_zero_g_offset_g=np.hypot(correction.u_zero_g_offset_g, to_housing @ (g_per_raw * u_offset)),
+        u_scale_factor=np.hypot(correction.u_scale_factor, to_housing @ u_scale),
+        calibrated_c=(model.min_c, model.max_c),
+        u_zero_g_offset_g_per_k=math.hypot(correction.u_zero_g_offset_g_per_k, float((g_per_raw * slope).max())),
+        u_scale_factor_per_k=math.hypot(correction.u_scale_factor_per_k, float(scale_slope.max())),
+        thermal=ThermalCorrection(model, np.array(record.offset, dtype=np.float64)),
     )
 
 

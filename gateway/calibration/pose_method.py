@@ -12,5 +12,7 @@ class PoseMethod(StrEnum):
 
 ZEROING = "zero"
 """Method of a record that zeroing in place has made from its parent."""
+THERMAL = "thermal"
+"""Method of a record from temperature ramps on all six faces, with a thermal model."""
 ROTATION = "rotation"
 """Method of records from a turntable, made elsewhere."""

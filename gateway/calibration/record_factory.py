@@ -46,7 +46,7 @@ def fit_as_json(fit: CalibrationFit) -> dict[str, Any]:
         "covariance": fit.covariance.tolist(),
         "prediction_interval_g": fit.prediction_interval_g,
         "temperature_c": fit.temperature_c,
-        "thermal": None,
+        "thermal": fit.thermal,
         "poses": [pose.as_json() for pose in fit.poses],
         "misalignment_deg": fit.misalignment_deg,
         "residual_rms_g": fit.residual_rms_g,

@@ -3,9 +3,13 @@
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gateway.cli.argument_types import above_zero
 from gateway.cli.calibrate_record import add_record_arguments, finish_record, read_parent_record, use_recorded_device
+
+if TYPE_CHECKING:
+    from gateway.calibration.offline.readings_file import TableOptions
 
 
 def add_pose_arguments(method: argparse.ArgumentParser) -> None:
@@ -18,6 +22,11 @@ def add_pose_arguments(method: argparse.ArgumentParser) -> None:
         help="recordings of a whole session or of one pose each: .csv, or the .mcap files of one gateway, or a folder of them",
     )
     add_record_arguments(method)
+    add_table_arguments(method)
+
+
+def add_table_arguments(method: argparse.ArgumentParser) -> None:
+    """Add the columns, the unit and the rate of tables."""
     method.add_argument(
         "--unit",
         choices=("counts", "V", "g", "m/s2"),
@@ -38,18 +47,23 @@ def add_pose_arguments(method: argparse.ArgumentParser) -> None:
     method.add_argument("--rate", type=above_zero, metavar="HZ", help="sample rate if there is no time column")
 
 
+def table_options(arguments: argparse.Namespace) -> "TableOptions":
+    """Return the options of the tables."""
+    from gateway.calibration.offline.readings_file import TableOptions
+
+    return TableOptions(arguments.unit, arguments.columns, arguments.time, arguments.rate)
+
+
 def calibrate_poses(arguments: argparse.Namespace, **stated: float | None) -> int:
     """Calibrate and print the result; 1 if the readings do not determine it or the record is not acceptable.
 
     `stated` are the uncertainties of the method that `CalibrateOptions` takes; None leaves the default.
     """
     from gateway.calibration.offline.calibrate_files import CalibrateOptions, calibrate_files
-    from gateway.calibration.offline.readings_file import TableOptions
     from gateway.calibration.record import NotDeterminedError
     from gateway.measurement.calibration_readings import read_calibration_readings
 
-    tables = TableOptions(arguments.unit, arguments.columns, arguments.time, arguments.rate)
-    files = read_calibration_readings(arguments.files, tables)
+    files = read_calibration_readings(arguments.files, table_options(arguments))
     use_recorded_device(arguments, files)
     parent = read_parent_record(arguments)
     known = {name: value for name, value in stated.items() if value is not None}

@@ -16,9 +16,11 @@ from gateway.measurement.calibration import calibration_in_force
 from gateway.measurement.configuration import common_configuration
 from gateway.measurement.rig import Rig
 from gateway.pipeline.mounting import mounted_housing, with_sensor
+from gateway.pipeline.temperature_filter import TemperatureFilter
 from gateway.recording.catalogue import list_recordings
 from gateway.recording.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
 from gateway.recording.join import read_joined_samples
+from gateway.recording.run import RecordedRun
 from gateway.swing.rig import MountedHousing
 
 SENSOR_AXES = ((0, 1), (1, 1), (2, 1))
@@ -123,7 +125,7 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
         files=tuple(part.path for part in joined.parts),
         recording=recording,
         extent=extent,
-        force_g=correction.apply(recording.raw),
+        force_g=correction.apply(recording.raw, _filtered_temperature_c(run, recording)),
         permissible_norm_error_g=correction.permissible_norm_error_g,
         calibration=correction.text,
         noise_g=run.device.noise_g,
@@ -134,6 +136,16 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
         temperature_warnings=correction.range_warnings(extreme_c),
         remarks=(*joined.remarks, *interval.describe_excess(extent), *calibration_remarks),
     )
+
+
+def _filtered_temperature_c(run: RecordedRun, recording: Recording) -> NDArray[np.float64]:
+    """Return the temperature of each sample as the gateway filters it, shape (n,), NaN before the first one."""
+    thermometer = TemperatureFilter()
+    end_ns = np.array([block.time_ns[-1] for block in run.blocks])
+    filtered_c = np.array([thermometer.update(int(block.time_ns[-1]), block.temperature_c) for block in run.blocks])
+    sample_ns = (recording.origin_ns or 0) + np.rint(recording.time_s * 1e9).astype(np.int64)
+    place = np.minimum(np.searchsorted(end_ns, sample_ns), len(end_ns) - 1)
+    return np.asarray(filtered_c[place], dtype=np.float64)
 
 
 def _extent(recording: Recording, wall_offset_ns: int) -> RecordingExtent:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from devices.block import SampleBlock
 from gateway.calibration.correction import Correction
+from gateway.pipeline.temperature_filter import TemperatureFilter
 from gateway.stages.lowpass import LowPass
 
 LONGEST_BRIDGE_S = 0.05
@@ -42,6 +43,7 @@ class ForceStage:
     def __init__(self, correction: Correction, lowpass: LowPass) -> None:
         self._correction = correction
         self._lowpass = lowpass
+        self._thermometer = TemperatureFilter()
         self._runs: list[list[SampleBlock]] = [[]]
         """The waiting blocks; every run but the first follows a gap."""
         self._origin_ns = 0
@@ -64,7 +66,7 @@ class ForceStage:
         blocks = [block for run in runs for block in run]
         time_ns = np.concatenate([block.time_ns for block in blocks])
         raw = np.concatenate([block.raw for block in blocks])
-        force_g = self._correction.apply(raw)
+        force_g = self._correction.apply(raw, self._temperatures_c(blocks))
         return ForceBatch(
             blocks=blocks,
             raw=raw,
@@ -72,6 +74,13 @@ class ForceStage:
             force_g=force_g,
             lowpassed_g=self._filter(force_g, [sum(map(len, run)) for run in runs]),
         )
+
+    def _temperatures_c(self, blocks: list[SampleBlock]) -> NDArray[np.float64] | None:
+        """Return the filtered temperature of each sample for a thermal model, shape (n,), NaN before the first one."""
+        if self._correction.thermal is None:
+            return None
+        filtered_c = [self._thermometer.update(int(block.time_ns[-1]), block.temperature_c) for block in blocks]
+        return np.repeat(np.array(filtered_c), [len(block) for block in blocks])
 
     def _filter(self, force_g: NDArray[np.float64], lengths: list[int]) -> NDArray[np.float64]:
         """Return the low-passed force of runs of samples; the filter restarts at each run but the first."""

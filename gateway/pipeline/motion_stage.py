@@ -126,7 +126,7 @@ class MotionStage:
     def _follow_temperature(self, monitor: MotionMonitor, temperature_c: float | None) -> None:
         """Widen the intervals where the temperature leaves, or returns to, that of the calibration."""
         beyond_k = self._correction.kelvin_beyond(temperature_c)
-        if temperature_c is None or self._rig is None or abs(beyond_k - self._beyond_k) <= TEMPERATURE_HYSTERESIS_K:
+        if self._rig is None or abs(beyond_k - self._beyond_k) <= TEMPERATURE_HYSTERESIS_K:
             return
         change_k = abs(beyond_k - self._beyond_k)
         self._beyond_k = beyond_k

@@ -8,7 +8,7 @@ import numpy as np
 
 from gateway.calibration.drift.change import change_from_reference, reading_error_g
 from gateway.calibration.drift.trend import Trend, fit_measurements
-from gateway.calibration.pose_method import ROTATION, PoseMethod
+from gateway.calibration.pose_method import ROTATION, THERMAL, PoseMethod
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.numerics.array import Array
 
@@ -20,7 +20,7 @@ FIRST_STEP_DAYS = 1 / 24
 """First step of a forecast, days."""
 FORECAST_STEPS = 200
 """Number of steps of a forecast, in geometric progression."""
-MEASURING_METHODS = frozenset({*(method.value for method in PoseMethod), ROTATION})
+MEASURING_METHODS = frozenset({*(method.value for method in PoseMethod), ROTATION, THERMAL})
 """Methods that measure offset and scale; the records of other methods copy those of their parent."""
 SIMILAR_TEMPERATURE_C = 5.0
 """Largest difference of the records' mean temperatures, °C, at which thermal drift is not mentioned."""

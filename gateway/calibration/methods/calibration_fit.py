@@ -73,6 +73,8 @@ class CalibrationFit:
     budget: tuple[dict[str, Any], ...]
     """Rows of the uncertainty budget (GUM): source, type (A or B), u_g, u_deg."""
     warnings: tuple[FitWarning, ...]
+    thermal: dict[str, Any] | None = None
+    """The thermal model as JSON; None: nothing corrects for temperature."""
 
 
 def assemble_fit(

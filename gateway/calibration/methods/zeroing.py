@@ -4,6 +4,8 @@ A mount angle and a zero-g offset across the rope cannot be distinguished in one
 2022, sec. 8). The turn about the rope does not show in the readings and stays.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
@@ -14,6 +16,7 @@ from gateway.calibration.poses.pose import RawReadings
 from gateway.calibration.poses.stillness import StillnessGate
 from gateway.calibration.poses.windows import Window, WindowSplitter
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
+from gateway.calibration.thermal.thermal_model import thermal_model
 from gateway.calibration.uncertainty import Contribution, prediction_interval_g, total_covariance, uncertainty_budget
 from gateway.numerics.array import Array
 
@@ -45,9 +48,10 @@ def zero_in_place(
     """Return the parent's correction with the smallest rotation in front that turns the mean to the housing's +z.
 
     `readings` of a load that hangs still, in the sensor's axes; `housing_from_sensor` as of `housing_rotation`, shape (3, 3).
-    Raises `NotDeterminedError` if they are too short or not still, `CalibrationError` if they do not agree with the parent.
+    A thermal model of the parent is applied to them and kept. Raises `NotDeterminedError` if they are too short or not still,
+    `CalibrationError` if they do not agree with the parent.
     """
-    windows = _still_windows(readings, units_per_g)
+    windows = _still_windows(_at_reference(readings, parent), units_per_g)
     counts = np.array([window.count for window in windows], dtype=np.float64)
     means = np.array([window.mean for window in windows])
     mean = counts @ means / counts.sum()
@@ -80,6 +84,7 @@ def zero_in_place(
             FitWarning(WarningKind.ZEROING, SUM_WARNING),
             FitWarning(WarningKind.ZEROING, _removed_angles_text(matrix, offset, mean, housing_from_sensor)),
         ),
+        thermal=parent.thermal,
     )
 
 
@@ -90,6 +95,14 @@ def zeroing_rotation(direction: Array) -> Array:
     return np.array(
         [[1 - x * x / (1 + z), -x * y / (1 + z), -x], [-x * y / (1 + z), 1 - y * y / (1 + z), -y], [x, y, z]]
     )
+
+
+def _at_reference(readings: RawReadings, parent: CalibrationRecord) -> RawReadings:
+    model = thermal_model(parent)
+    if model is None or readings.temperature_c is None:
+        return readings
+    offset = np.array(parent.offset, dtype=np.float64)
+    return replace(readings, raw=model.to_reference(readings.raw, offset, readings.temperature_c))
 
 
 def _still_windows(readings: RawReadings, units_per_g: float) -> list[Window]:

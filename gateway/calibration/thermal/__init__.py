@@ -1,0 +1,1 @@
+"""Thermal calibration: zero-g offset and sensitivity against temperature (Sawicki and Walendziuk 2016)."""

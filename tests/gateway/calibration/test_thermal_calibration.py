@@ -1,0 +1,154 @@
+"""Thermal calibration: published coefficients planted in ramps, their verdicts, the model and its correction."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from devices.block import DeviceInfo
+from gateway.calibration.correction import correction_for
+from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
+from gateway.calibration.record_factory import make_record
+from gateway.calibration.thermal.datasheet_limits import PARTS, judge_interval
+from gateway.calibration.thermal.ramp_calibration import ThermalCalibration, calibrate_ramps
+from gateway.errors import InputError
+from tests.gateway.calibration.thermal_sensors import SENSORS, planted, ramps
+from tests.values import present
+
+AXES = ((0, 1), (1, 1), (2, 1))
+
+
+@pytest.fixture(scope="module")
+def calibrations() -> dict[str, ThermalCalibration]:
+    random = np.random.default_rng(4)
+    return {sensor: calibrate_ramps(ramps(sensor, random), limits=PARTS[sensor]) for sensor in SENSORS}
+
+
+def make(found: ThermalCalibration) -> CalibrationRecord:
+    return make_record(
+        found.fit, device_id="part-7", unit=found.unit, software="0.1.0", by="bench",
+        created_utc="2026-11-21T10:15:00Z", parent=None,
+    )  # fmt: skip
+
+
+def device(unit: str, units_per_g: float) -> DeviceInfo:
+    assert unit == "counts"
+    return DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=20.0, units_per_g=units_per_g)
+
+
+@pytest.mark.parametrize("sensor", SENSORS)
+def test_planted_coefficients_are_recovered(calibrations: dict[str, ThermalCalibration], sensor: str) -> None:
+    zero_g, sensitivity, offset_mg, scale_percent = planted(sensor)
+    for axis, entry in enumerate(calibrations[sensor].summary):
+        for found, value in (
+            (entry.offset_mg_per_c, offset_mg[axis]),
+            (entry.sensitivity_percent_per_c, scale_percent[axis]),
+        ):
+            half = (found.ci95[1] - found.ci95[0]) / 2
+            assert abs(found.value - value) < 1.6 * half  # about 3 standard uncertainties
+            assert not found.is_quadratic
+        assert entry.offset_mg_per_c.ci95[1] - entry.offset_mg_per_c.ci95[0] < 0.05
+        assert entry.zero_g == pytest.approx(zero_g[axis], abs=5e-4 * sensitivity[axis])
+        assert entry.sensitivity == pytest.approx(sensitivity[axis], rel=5e-4)
+
+
+@pytest.mark.slow
+def test_the_intervals_hold_the_planted_coefficients_in_95_of_100_cases() -> None:
+    random = np.random.default_rng(11)
+    hits = []
+    for _ in range(25):
+        for sensor in SENSORS:
+            _, _, offset_mg, scale_percent = planted(sensor)
+            for axis, entry in enumerate(calibrate_ramps(ramps(sensor, random, duration_s=120.0)).summary):
+                for found, value in (
+                    (entry.offset_mg_per_c, offset_mg[axis]),
+                    (entry.sensitivity_percent_per_c, scale_percent[axis]),
+                ):
+                    hits.append(found.ci95[0] <= value <= found.ci95[1])
+    assert 0.92 <= np.mean(hits) <= 0.98
+
+
+def test_the_verdicts_are_those_of_the_published_tables(calibrations: dict[str, ThermalCalibration]) -> None:
+    """The z axes of two analogue parts exceed 1 mg/°C, the x axis of a third 0.4 mg/°C and 0.01 %/°C."""
+    exceeds = {
+        (sensor, entry.axis, name)
+        for sensor, found in calibrations.items()
+        for entry in found.summary
+        for name, verdict in (("offset", entry.offset_mg_per_c.verdict), ("sensitivity", entry.sensitivity_percent_per_c.verdict))
+        if verdict == "exceeds"
+    }  # fmt: skip
+    assert {("ADXL335", "z", "offset"), ("ADXL327", "z", "offset"), ("LIS344ALH", "x", "offset")} <= exceeds
+    assert ("LIS344ALH", "x", "sensitivity") in exceeds
+    assert {sensor for sensor, _, name in exceeds if name == "offset"} == {"ADXL335", "ADXL327", "LIS344ALH"}
+    assert all(entry.verdict == "within" for entry in calibrations["MPU-9255"].summary)
+
+
+def test_sensitivity_and_zero_g_at_25_c_are_judged_by_table_3(calibrations: dict[str, ThermalCalibration]) -> None:
+    for sensor in ("ADXL335", "ADXL327", "LIS344ALH"):
+        assert all(entry.sensitivity_verdict == "within" for entry in calibrations[sensor].summary)
+        assert all(entry.zero_g_verdict == "within" for entry in calibrations[sensor].summary)
+    assert calibrations["MPU-9255"].summary[0].sensitivity_verdict is None
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "limit", "verdict"),
+    [(-0.5, 0.5, 1.0, "within"), (0.9, 1.1, 1.0, "undecided"), (-1.3, -1.1, 1.0, "exceeds"), (0, 1, None, None)],
+)
+def test_an_interval_on_a_limit_is_undecided(low: float, high: float, limit: float | None, verdict: str | None) -> None:
+    assert judge_interval(low, high, limit) == verdict
+
+
+def test_a_square_is_fitted_only_where_the_data_need_it() -> None:
+    found = calibrate_ramps(ramps("ADXL335", np.random.default_rng(6), quadratic_mg=0.02))
+    assert [entry.offset_mg_per_c.is_quadratic for entry in found.summary] == [False, False, True]
+    slope = found.summary[2].offset_mg_per_c
+    expected = -3.602 + 0.02 * (found.range_c[0] + found.range_c[1] - 50)
+    assert slope.value == pytest.approx(expected, abs=0.03)
+
+
+def test_the_correction_applies_the_model_inside_the_range_and_widens_beyond() -> None:
+    random = np.random.default_rng(8)
+    record = make(calibrate_ramps(ramps("MPU-9255", random)))
+    zero_g, sensitivity, offset_mg, scale_percent = planted("MPU-9255")
+    correction = correction_for(device(record.unit, 16384.0), AXES, record)
+    for temperature_c in (5.0, 25.0, 55.0):
+        change = temperature_c - 25
+        force_g = np.array([0.1, -0.2, 0.97])
+        raw = zero_g + sensitivity * (force_g * (1 + scale_percent / 100 * change) + offset_mg / 1000 * change)
+        found_g = correction.apply(raw[None], temperature_c)[0]
+        np.testing.assert_allclose(found_g, force_g, atol=3e-4)
+    inside_g, at_80_g = correction.u_force_g(force_g, 50.0), correction.u_force_g(force_g, 80.0)
+    assert correction.kelvin_beyond(50.0) == 0
+    assert correction.kelvin_beyond(80.0) in {20, 21}
+    assert np.all(at_80_g > inside_g + 0.783e-3 * 15)
+    np.testing.assert_allclose(correction.apply(raw[None], 80.0), correction.apply(raw[None], 60.0), atol=1e-4)
+
+
+def test_an_unknown_temperature_widens_and_is_reported() -> None:
+    record = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8))))
+    correction = correction_for(device(record.unit, 16384.0), AXES, record)
+    assert correction.kelvin_beyond(None) >= 34
+    assert correction.range_warnings(None) == ("widened: the temperature is not known, the thermal model is not applied",)
+
+
+def test_a_damaged_thermal_model_is_refused() -> None:
+    record = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8))))
+    damaged = record.model_copy(update={"thermal": present(record.thermal) | {"reference_c": 99.0}})
+    with pytest.raises(CalibrationError, match="needs min_c <= reference_c"):
+        correction_for(device("counts", 16384.0), AXES, damaged)
+
+
+def test_ramps_that_do_not_determine_the_model_are_refused() -> None:
+    files = ramps("ADXL335", np.random.default_rng(2), duration_s=120.0)
+    with pytest.raises(NotDeterminedError, match=r"no ramp with -z up"):
+        calibrate_ramps(files[:5] + files[:1])
+    with pytest.raises(InputError, match=r"has no temperature"):
+        calibrate_ramps([replace(file, temperature_c=None) for file in files])
+    with pytest.raises(NotDeterminedError, match=r"needs 10 °C or more"):
+        calibrate_ramps(ramps("ADXL335", np.random.default_rng(2), duration_s=120.0, low_c=20, high_c=25))
+    moved = files[0].raw.copy()
+    moved[1200:] += 0.05
+    with pytest.raises(NotDeterminedError, match=r"the sensor was moved"):
+        calibrate_ramps([replace(files[0], raw=moved), *files[1:]])
+    with pytest.raises(InputError, match=r"--reference-c 80 lies outside"):
+        calibrate_ramps(files, reference_c=80.0)
