@@ -10,6 +10,10 @@ from gateway.cli.calibrate_poses import add_table_arguments, table_options
 from gateway.cli.calibrate_record import add_record_arguments, finish_record, read_parent_record, use_recorded_device
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gateway.calibration.offline.readings_file import FileReadings
+    from gateway.calibration.record import CalibrationRecord
     from gateway.calibration.thermal.datasheet_limits import DatasheetLimits
 
 
@@ -47,6 +51,12 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
     method.add_argument(
         "--limit-sensitivity", type=above_zero, metavar="PERCENT", help="largest change of the sensitivity, %%/°C"
     )
+    method.add_argument(
+        "--at-rest",
+        action="store_true",
+        help="learn the axis along the rope from recordings of service, at rest, for the record of --parent; nothing uses the "
+        "new record until it is put in force",
+    )
     method.set_defaults(run=_run)
 
 
@@ -54,6 +64,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from gateway.calibration.record import NotDeterminedError
     from gateway.calibration.thermal.ramp_calibration import calibrate_ramps
     from gateway.calibration.thermal.report import format_thermal
+    from gateway.calibration.thermal.thermal_figure import thermal_figure
     from gateway.cli.progress import Progress
     from gateway.measurement.calibration_readings import read_calibration_readings
 
@@ -66,6 +77,8 @@ def _run(arguments: argparse.Namespace) -> int:
             files += read_calibration_readings([path], options)
     use_recorded_device(arguments, files)
     parent = read_parent_record(arguments)
+    if arguments.at_rest:
+        return _learn_at_rest(arguments, files, parent)
     try:
         found = calibrate_ramps(
             files, units_per_g=arguments.units_per_g, reference_c=arguments.reference_c, limits=limits
@@ -73,10 +86,29 @@ def _run(arguments: argparse.Namespace) -> int:
     except NotDeterminedError as error:
         print(f"plumbline calibrate: {error}", file=sys.stderr)
         return 1
-    code = finish_record(arguments, found.fit, found.unit, (), parent)
+    figure = {"figure": thermal_figure(found).model_dump(mode="json")}
+    code = finish_record(arguments, found.fit, found.unit, (), parent, figure)
     print()
     print(format_thermal(found.summary, None if limits is None else limits.part, found.range_c, found.unit))
     return 1 if any(axis.verdict == "exceeds" for axis in found.summary) else code
+
+
+def _learn_at_rest(
+    arguments: argparse.Namespace, files: "Sequence[FileReadings]", parent: "CalibrationRecord | None"
+) -> int:
+    from gateway.calibration.record import NotDeterminedError
+    from gateway.calibration.thermal.rest_learning import learn_at_rest
+    from gateway.errors import InputError
+
+    if parent is None:
+        raise InputError("--at-rest needs --parent FILE: the record that was in force while the recordings were made")
+    try:
+        fit, found = learn_at_rest(files, parent)
+    except NotDeterminedError as error:
+        print(f"plumbline calibrate: {error}", file=sys.stderr)
+        return 1
+    note = f"{found.windows} windows at rest, {found.range_c[0]:.1f} to {found.range_c[1]:.1f} °C"
+    return finish_record(arguments, fit, parent.unit, (note, "an offer: review it, then put it in force"), parent)
 
 
 def _limits(arguments: argparse.Namespace) -> "DatasheetLimits | None":

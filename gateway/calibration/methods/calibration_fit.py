@@ -31,6 +31,8 @@ class WarningKind(StrEnum):
     """The faces were placed worse than stated."""
     SCATTER = "scatter"
     """The magnitudes scatter more than the noise explains."""
+    THERMAL = "thermal"
+    """What a thermal model was learned from."""
     UNCHECKED = "unchecked"
     """There are no more poses than unknowns."""
     UNUSED_POSES = "unused poses"

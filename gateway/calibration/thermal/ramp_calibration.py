@@ -28,8 +28,6 @@ from gateway.numerics.array import Array
 
 USUAL_REFERENCE_C = 25.0
 """Temperature at which data sheets state offset and sensitivity, °C."""
-N_POINTS = 20
-"""Number of temperatures at which the measured changes are stored."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,6 +68,7 @@ class ThermalCalibration:
     summary: tuple[AxisSummary, ...]
     range_c: tuple[float, float]
     """Range of temperature that all ramps share, °C."""
+    ramps: tuple[Ramp, ...]
 
 
 def calibrate_ramps(
@@ -107,7 +106,6 @@ def calibrate_ramps(
         max_c=high_c,
         axes={axis: _axis_model(regression) for axis, regression in zip(("x", "y", "z"), regressions, strict=True)},
         summary=[asdict(entry) for entry in summary],
-        points=_points(ramps, regressions, low_c, high_c),
     )
     poses = tuple(_pose(ramp, reference_c) for ramp in ramps)
     fit = replace(
@@ -116,7 +114,7 @@ def calibrate_ramps(
         thermal=model.model_dump(mode="json"),
         temperature_c={"mean": reference_c, "min": low_c, "max": high_c},
     )
-    return ThermalCalibration(fit, files[0].unit, summary, (low_c, high_c))
+    return ThermalCalibration(fit, files[0].unit, summary, (low_c, high_c), tuple(ramps))
 
 
 def _shared_range(ramps: Sequence[Ramp]) -> tuple[float, float]:
@@ -212,29 +210,3 @@ def _pose(ramp: Ramp, reference_c: float) -> Pose:
     ux, uy, uz = (u_unit * sigma).tolist()
     nx, ny, nz = ramp.noise.tolist()
     return Pose((x, y, z), (ux, uy, uz), ramp.count, ramp.face, temperature_c=reference_c, noise=(nx, ny, nz))
-
-
-def _points(
-    ramps: Sequence[Ramp], regressions: Sequence[AxisRegression], low_c: float, high_c: float
-) -> dict[str, list[object]]:
-    """Return the measured changes: half sums and half differences of opposite faces (Sawicki and Walendziuk 2016, eq. 8, 10)."""
-    grid_c = np.linspace(low_c, high_c, N_POINTS)
-    offset_mg, scale_percent = [], []
-    for axis, regression in enumerate(regressions):
-        up, down = (_mean_curve(_on_face(ramps, face), axis, grid_c) for face in FACES[2 * axis : 2 * axis + 2])
-        scale = regression.sensitivity[0]
-        offset_mg.append(((up + down) / 2 - regression.offset[0]) / scale * 1000)
-        scale_percent.append(((up - down) / 2 / scale - 1) * 100)
-    return {
-        "temperature_c": _rounded(grid_c, 3),
-        "offset_mg": [_rounded(values, 4) for values in offset_mg],
-        "sensitivity_percent": [_rounded(values, 6) for values in scale_percent],
-    }
-
-
-def _rounded(values: Array, decimals: int) -> list[object]:
-    return list(np.round(values, decimals).tolist())
-
-
-def _mean_curve(ramps: Sequence[Ramp], axis: int, grid_c: Array) -> Array:
-    return np.asarray(np.mean([np.interp(grid_c, ramp.temperature_c, ramp.mean[:, axis]) for ramp in ramps], axis=0))

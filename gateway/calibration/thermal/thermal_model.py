@@ -71,8 +71,6 @@ class ThermalModel(BaseModel):
     axes: dict[Literal["x", "y", "z"], AxisThermalModel]
     summary: list[dict[str, Any]] = []
     """Coefficients in mg/°C and %/°C with intervals, limits and verdicts, for readers."""
-    points: dict[str, list[Any]] = {}
-    """Measured changes against temperature, for the figure of the certificate."""
 
     @model_validator(mode="after")
     def _check_range(self) -> Self:

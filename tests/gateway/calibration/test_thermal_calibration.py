@@ -1,17 +1,28 @@
 """Thermal calibration: published coefficients planted in ramps, their verdicts, the model and its correction."""
 
+import dataclasses
+from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from devices.block import DeviceInfo
+from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import correction_for
+from gateway.calibration.methods.zeroing import zero_in_place
+from gateway.calibration.offline.readings_file import FileReadings
+from gateway.calibration.poses.pose import RawReadings
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
 from gateway.calibration.record_factory import make_record
 from gateway.calibration.thermal.datasheet_limits import PARTS, judge_interval
 from gateway.calibration.thermal.ramp_calibration import ThermalCalibration, calibrate_ramps
+from gateway.calibration.thermal.rest_learning import learn_at_rest
 from gateway.errors import InputError
+from gateway.pipeline.force_stage import ForceStage
+from gateway.pipeline.temperature_filter import TIME_CONSTANT_S
+from gateway.stages.lowpass import LowPass
 from tests.gateway.calibration.thermal_sensors import SENSORS, planted, ramps
 from tests.values import present
 
@@ -152,3 +163,79 @@ def test_ramps_that_do_not_determine_the_model_are_refused() -> None:
         calibrate_ramps([replace(files[0], raw=moved), *files[1:]])
     with pytest.raises(InputError, match=r"--reference-c 80 lies outside"):
         calibrate_ramps(files, reference_c=80.0)
+
+
+def service_recording(
+    parent: CalibrationRecord, mg_per_c: float, random: np.random.Generator, days: int = 3
+) -> FileReadings:
+    """Return a hanging housing over some short days from 10 to 28 °C, at rest for most of the time, 20 Hz."""
+    count = days * 6000
+    time_s = np.arange(count) / 20
+    temperature_c = 19 + 9 * np.sin(2 * np.pi * np.arange(count) / 6000) + 0.05 * random.standard_normal(count)
+    force_g = np.tile([0.02, -0.01, np.sqrt(1 - 0.02**2 - 0.01**2)], (count, 1))
+    swinging = (np.arange(count) % 1500) > 1200
+    force_g[swinging, 0] += 0.2 * np.sin(2 * time_s[swinging])
+    force_g[:, 2] += mg_per_c / 1000 * (temperature_c - 19)
+    force_g += 0.002 * random.standard_normal((count, 3))
+    raw = np.rint(force_g @ np.linalg.inv(parent.correction_matrix).T + parent.offset)
+    return FileReadings(Path("service.mcap"), "counts", time_s, raw, temperature_c, 0)
+
+
+def test_a_coefficient_is_learned_at_rest_along_the_rope_and_offered(
+    record: Callable[..., dict[str, Any]],
+) -> None:
+    parent = CalibrationRecord.model_validate(record())
+    fit, found = learn_at_rest([service_recording(parent, -3.6, np.random.default_rng(3))], parent)
+    assert found.axis == "z"
+    assert found.ci95[0] < -3.6 < found.ci95[1]
+    assert found.ci95[1] - found.ci95[0] < 0.2
+    assert fit.method == "thermal-rest"
+    assert fit.offset == tuple(parent.offset)
+    learned = make(ThermalCalibration(fit, "counts", (), found.range_c, ()))
+    correction = correction_for(device("counts", 1000.0), AXES, learned)
+    at_c = np.array([12.0, 26.0])
+    reference_c = present(correction.thermal).model.reference_c
+    raw = (np.array([[0, 0, 1 - 3.6e-3 * (each - reference_c)] for each in at_c])) @ np.linalg.inv(
+        parent.correction_matrix
+    ).T + parent.offset
+    np.testing.assert_allclose(correction.apply(raw, at_c), [[0, 0, 1]] * 2, atol=1e-3)
+    assert np.all(correction.u_zero_g_offset_g[:2] > 0.5e-3 * 7)  # the axes across the rope were not measured
+
+
+def test_too_little_warming_at_rest_teaches_nothing(record: Callable[..., dict[str, Any]]) -> None:
+    parent = CalibrationRecord.model_validate(record())
+    cold = service_recording(parent, -3.6, np.random.default_rng(3))
+    with pytest.raises(NotDeterminedError, match="at rest the temperature varied by"):
+        learn_at_rest([replace(cold, temperature_c=np.full(len(cold.raw), 20.0))], parent)
+
+
+def test_zeroing_applies_and_keeps_the_thermal_model() -> None:
+    parent = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8))))
+    zero_g, sensitivity, offset_mg, scale_percent = planted("MPU-9255")
+    random = np.random.default_rng(9)
+    warm_g = np.array([0.01, -0.02, 0.99975]) * (1 + scale_percent / 100 * 25) + offset_mg / 1000 * 25
+    raw = zero_g + sensitivity * (warm_g + 1e-3 * random.standard_normal((2000, 3)))
+    fit = zero_in_place(RawReadings(np.arange(2000) / 50, raw, 50.0), parent, np.eye(3), 16384.0)
+    assert fit.thermal == parent.thermal
+    removed = next(warning.text for warning in fit.warnings if warning.text.startswith("removed"))
+    pitch_deg, roll_deg = (float(word) for word in removed.split() if word[0] in "+-")
+    assert pitch_deg == pytest.approx(0.573, abs=0.01)
+    assert roll_deg == pytest.approx(-1.146, abs=0.01)
+
+
+def test_the_pipeline_corrects_each_block_by_its_filtered_temperature() -> None:
+    learned = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8))))
+    zero_g, sensitivity, offset_mg, scale_percent = planted("MPU-9255")
+    correction = correction_for(device("counts", 16384.0), AXES, learned)
+    stage = ForceStage(correction, LowPass(1.0, 2, 20.0))
+    for number in range(200):  # 200 s that warm from 25 to 45 °C
+        temperature_c = 25 + number / 10
+        change = temperature_c - 25
+        reading = zero_g + sensitivity * (np.array([0, 0, 1.0]) * (1 + scale_percent / 100 * change) + offset_mg / 1000 * change)
+        time_ns = np.arange(number * 20, number * 20 + 20) * 50_000_000
+        stage.push(SampleBlock(time_ns, np.rint(np.tile(reading, (20, 1))).astype(np.int32), temperature_c=temperature_c))
+    batch = stage.take()
+    lag_g = 0.1 * TIME_CONSTANT_S * 0.783e-3  # the filter lags by its time constant
+    assert np.max(np.abs(batch.force_g - [0, 0, 1])) < lag_g + 3e-4
+    uncorrected = dataclasses.replace(correction, thermal=None)
+    assert np.max(np.abs(uncorrected.apply(batch.raw) - [0, 0, 1])) > 0.015
