@@ -97,7 +97,7 @@ def _learn_at_rest(
     arguments: argparse.Namespace, files: "Sequence[FileReadings]", parent: "CalibrationRecord | None"
 ) -> int:
     from gateway.calibration.record import NotDeterminedError
-    from gateway.calibration.thermal.rest_learning import learn_at_rest
+    from gateway.calibration.thermal.rest_calibration import learn_at_rest
     from gateway.errors import InputError
 
     if parent is None:

@@ -1,8 +1,8 @@
 """Regression of one axis on temperature: its zero-g offset and sensitivity from ramps with the axis up and down.
 
 With the axis up a ramp reads offset + sensitivity, with the axis down offset - sensitivity (Sawicki and Walendziuk 2016, eq. 8
-and 10). Both polynomials are fitted to both ramps at once, so the ramps need not have the same temperatures. A square is kept only
-where it is significant.
+and 10). Both polynomials are fitted to both ramps at once, so the ramps need not have the same temperatures. A square is kept
+only where it is significant.
 """
 
 from collections.abc import Sequence
@@ -54,12 +54,7 @@ def _fit(
     axis: int, up: Sequence[Ramp], down: Sequence[Ramp], reference_c: float, degrees: tuple[int, int]
 ) -> AxisRegression:
     ramps = [*((ramp, 1.0) for ramp in up), *((ramp, -1.0) for ramp in down)]
-    design = np.vstack(
-        [
-            np.hstack([_powers(ramp.temperature_c - reference_c, degrees[0]), sign * _powers(ramp.temperature_c - reference_c, degrees[1])])
-            for ramp, sign in ramps
-        ]
-    )  # fmt: skip
+    design = np.vstack([_design(ramp.temperature_c - reference_c, sign, degrees) for ramp, sign in ramps])
     reading = np.concatenate([ramp.mean[:, axis] for ramp, _ in ramps])
     scale = np.abs(design).max(axis=0)  # powers of a temperature differ by orders of magnitude
     orthogonal, upper = np.linalg.qr(design / scale)
@@ -78,6 +73,10 @@ def _fit(
         freedom=max(int(freedom / correlation), 1),
         residual_rms=float(np.sqrt(np.mean(residual**2))),
     )
+
+
+def _design(from_reference_c: Array, sign: float, degrees: tuple[int, int]) -> Array:
+    return np.hstack([_powers(from_reference_c, degrees[0]), sign * _powers(from_reference_c, degrees[1])])
 
 
 def _powers(value: Array, degree: int) -> Array:

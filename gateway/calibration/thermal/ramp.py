@@ -50,7 +50,9 @@ def bin_ramp(readings: FileReadings, nominal: NominalSensitivity) -> Ramp:
     """
     path = readings.path
     if readings.temperature_c is None or np.isnan(readings.temperature_c).all():
-        raise InputError(f"{path}: has no temperature; a ramp needs the column temperature_c, or an .mcap whose device reports it")
+        raise InputError(
+            f"{path}: has no temperature; a ramp needs the column temperature_c, or an .mcap whose device reports it"
+        )
     known = ~np.isnan(readings.temperature_c)
     time_s, raw, temperature_c = readings.time_s[known], readings.raw[known], readings.temperature_c[known]
     group = np.floor((time_s - time_s[0]) / AVERAGE_S).astype(np.int64)

@@ -24,7 +24,6 @@ from gateway.calibration.thermal.datasheet_limits import (
 from gateway.calibration.thermal.ramp import Ramp, bin_ramp
 from gateway.calibration.thermal.thermal_model import AXES, AxisThermalModel, ThermalModel
 from gateway.errors import InputError
-from gateway.numerics.array import Array
 
 USUAL_REFERENCE_C = 25.0
 """Temperature at which data sheets state offset and sensitivity, °C."""
@@ -161,7 +160,9 @@ def _summarise(
     stated = limits if limits is not None and limits.unit == unit else None
     u = np.sqrt(np.diag(regression.covariance))
     zero_g_verdict = judge_value(
-        float(regression.offset[0]), float(u[0]), None if stated is None or stated.zero_g is None else stated.zero_g[axis]
+        float(regression.offset[0]),
+        float(u[0]),
+        None if stated is None or stated.zero_g is None else stated.zero_g[axis],
     )
     sensitivity_verdict = judge_value(scale, float(u[n_offset]), None if stated is None else stated.sensitivity)
     offset = _mean_slope(

@@ -8,7 +8,9 @@ from gateway.calibration.thermal.ramp_calibration import AxisSummary, MeasuredCo
 
 def format_thermal(summary: Sequence[AxisSummary], part: str | None, range_c: tuple[float, float], unit: str) -> str:
     """Return the table of the axes as several lines of text."""
-    against = "no limits given: --part, or --limit-offset and --limit-sensitivity" if part is None else f"limits of {part}"
+    against = (
+        "no limits given: --part, or --limit-offset and --limit-sensitivity" if part is None else f"limits of {part}"
+    )
     lines = [f"thermal coefficients over {range_c[0]:.1f} to {range_c[1]:.1f} °C, 95 % intervals; {against}"]
     for entry in summary:
         lines += [

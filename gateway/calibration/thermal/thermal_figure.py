@@ -24,9 +24,7 @@ def thermal_figure(found: ThermalCalibration) -> RecordFigure:
         series.append(
             FigureSeries(name=entry.axis, x=tuple(grid_c.tolist()), y=tuple(change_mg.tolist()), u=(0.0,) * N_POINTS)
         )
-    sensitivity = ", ".join(
-        f"{entry.axis} {entry.sensitivity_percent_per_c.value:+.4f}" for entry in found.summary
-    )
+    sensitivity = ", ".join(f"{entry.axis} {entry.sensitivity_percent_per_c.value:+.4f}" for entry in found.summary)
     offset = ", ".join(f"{entry.axis} {entry.offset_mg_per_c.value:+.3f}" for entry in found.summary)
     return RecordFigure(
         title="Zero-g offset against temperature",

@@ -94,7 +94,7 @@ class ThermalModel(BaseModel):
         return np.asarray(offset + (raw - offset - offset_change) / scale)
 
     def u_change(self) -> tuple[Array, Array]:
-        """Return the largest standard uncertainties within the range by axis: of the offset, raw units, and of the scale, (3,)."""
+        """Return the largest standard uncertainties in the range by axis: of the offset, raw units, and of the scale, (3,)."""
         ends_c = (self.min_c - self.reference_c, self.max_c - self.reference_c)
         found = np.array([[self.axes[axis].u_change(end_c) for end_c in ends_c] for axis in ("x", "y", "z")])
         return found[:, :, 0].max(axis=1), found[:, :, 1].max(axis=1)

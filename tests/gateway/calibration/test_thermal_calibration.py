@@ -18,7 +18,7 @@ from gateway.calibration.record import CalibrationError, CalibrationRecord, NotD
 from gateway.calibration.record_factory import make_record
 from gateway.calibration.thermal.datasheet_limits import PARTS, judge_interval
 from gateway.calibration.thermal.ramp_calibration import ThermalCalibration, calibrate_ramps
-from gateway.calibration.thermal.rest_learning import learn_at_rest
+from gateway.calibration.thermal.rest_calibration import learn_at_rest
 from gateway.errors import InputError
 from gateway.pipeline.force_stage import ForceStage
 from gateway.pipeline.temperature_filter import TIME_CONSTANT_S
@@ -139,7 +139,9 @@ def test_an_unknown_temperature_widens_and_is_reported() -> None:
     record = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8))))
     correction = correction_for(device(record.unit, 16384.0), AXES, record)
     assert correction.kelvin_beyond(None) >= 34
-    assert correction.range_warnings(None) == ("widened: the temperature is not known, the thermal model is not applied",)
+    assert correction.range_warnings(None) == (
+        "widened: the temperature is not known, the thermal model is not applied",
+    )
 
 
 def test_a_damaged_thermal_model_is_refused() -> None:
@@ -231,9 +233,13 @@ def test_the_pipeline_corrects_each_block_by_its_filtered_temperature() -> None:
     for number in range(200):  # 200 s that warm from 25 to 45 °C
         temperature_c = 25 + number / 10
         change = temperature_c - 25
-        reading = zero_g + sensitivity * (np.array([0, 0, 1.0]) * (1 + scale_percent / 100 * change) + offset_mg / 1000 * change)
+        reading = zero_g + sensitivity * (
+            np.array([0, 0, 1.0]) * (1 + scale_percent / 100 * change) + offset_mg / 1000 * change
+        )
         time_ns = np.arange(number * 20, number * 20 + 20) * 50_000_000
-        stage.push(SampleBlock(time_ns, np.rint(np.tile(reading, (20, 1))).astype(np.int32), temperature_c=temperature_c))
+        stage.push(
+            SampleBlock(time_ns, np.rint(np.tile(reading, (20, 1))).astype(np.int32), temperature_c=temperature_c)
+        )
     batch = stage.take()
     lag_g = 0.1 * TIME_CONSTANT_S * 0.783e-3  # the filter lags by its time constant
     assert np.max(np.abs(batch.force_g - [0, 0, 1])) < lag_g + 3e-4

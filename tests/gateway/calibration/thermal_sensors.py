@@ -49,6 +49,8 @@ def ramps(
         force_g = up + offset_mg / 1000 * from_reference_c + square_g + scale_percent / 100 * from_reference_c * up
         raw = zero_g + sensitivity * (force_g + NOISE_G * random.standard_normal((count, 3)))
         files.append(
-            FileReadings(Path(f"ramp{number}.csv"), unit, time_s, np.rint(raw) if unit == "counts" else raw, temperature_c, 0)
+            FileReadings(
+                Path(f"ramp{number}.csv"), unit, time_s, np.rint(raw) if unit == "counts" else raw, temperature_c, 0
+            )
         )
     return files

@@ -1,8 +1,8 @@
 """Thermal coefficient from service: the magnitude at rest on the rope against temperature.
 
-A housing that hangs at rest reads 1 g along the rope at any temperature. What changes is the sum of the offset and the scale of the
-axis along the rope; no reading at rest tells the two apart, or shows the offset of an axis across the rope. The model that is
-learned this way is offered as a new record and comes into force only by a person's decision.
+A housing that hangs at rest reads 1 g along the rope at any temperature. What changes is the sum of the offset and the scale of
+the axis along the rope; no reading at rest distinguishes the two, or shows the offset of an axis across the rope. The model that
+is learned this way is offered as a new record and comes into force only by a person's decision.
 """
 
 from collections.abc import Sequence
@@ -49,9 +49,7 @@ class RestCoefficient:
     """Number of windows at rest."""
 
 
-def learn_at_rest(
-    files: Sequence[FileReadings], parent: CalibrationRecord
-) -> tuple[CalibrationFit, RestCoefficient]:
+def learn_at_rest(files: Sequence[FileReadings], parent: CalibrationRecord) -> tuple[CalibrationFit, RestCoefficient]:
     """Return the parent's calibration with a model of the axis along the rope, and its coefficient.
 
     Raises `InputError` without temperatures, `CalibrationError` for a parent that has a model or another unit,
@@ -161,7 +159,9 @@ def _with_model(parent: CalibrationRecord, model: ThermalModel, coefficient: Res
         prediction_interval_g=float(parent.prediction_interval_g),
         poses=(),
         temperature_c={"mean": model.reference_c, "min": model.min_c, "max": model.max_c},
-        misalignment_deg={axis: [float(angle) for angle in angles] for axis, angles in (parent.misalignment_deg or {}).items()},
+        misalignment_deg={
+            axis: [float(angle) for angle in angles] for axis, angles in (parent.misalignment_deg or {}).items()
+        },
         residual_rms_g=float(parent.residual_rms_g or 0.0),
         condition_number=1.0,
         budget=tuple(entry.model_dump() for entry in parent.budget),

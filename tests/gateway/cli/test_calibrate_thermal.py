@@ -1,0 +1,82 @@
+"""`plumbline calibrate thermal`: ramps to a record with a thermal model, and what is refused."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from devices.block import DeviceInfo
+from gateway.calibration.offline.readings_file import FileReadings
+from gateway.calibration.record import CalibrationRecord
+from gateway.cli.main import main
+from tests.gateway.calibration.thermal_sensors import RATE_HZ, ramps
+from tests.recordings import write_mcap
+
+
+def write(folder: Path, files: list[FileReadings], temperature: bool = True) -> list[Path]:
+    paths = []
+    for file in files:
+        path = folder / file.path.name
+        columns = [file.time_s[:, None], file.raw]
+        names = f"time_s,ax_{file.unit.lower()},ay_{file.unit.lower()},az_{file.unit.lower()}"
+        if temperature and file.temperature_c is not None:
+            columns, names = [*columns, file.temperature_c[:, None]], f"{names},temperature_c"
+        np.savetxt(path, np.hstack(columns), delimiter=",", header=names, comments="", fmt="%.6f")
+        paths.append(path)
+    return paths
+
+
+def thermal(tmp_path: Path, *arguments: Any) -> tuple[int, CalibrationRecord | None]:
+    out = tmp_path / "record.json"
+    code = main(["calibrate", "thermal", *map(str, arguments), "--json", str(out)])
+    return code, CalibrationRecord.model_validate(json.loads(out.read_text())) if out.exists() else None
+
+
+def test_ramps_in_tables_give_a_record_a_certificate_and_verdicts(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = write(tmp_path, ramps("ADXL335", np.random.default_rng(1), duration_s=120.0))
+    page = tmp_path / "certificate.html"
+    code, record = thermal(tmp_path, *files[::-1], "--part", "adxl335", "--device-id", "d", "--html", page)
+    assert code == 1  # z exceeds the data sheet
+    assert record is not None
+    assert record.method == "thermal"
+    assert record.thermal is not None
+    assert record.thermal["reference_c"] == 25.0
+    output = capsys.readouterr().out
+    assert "limits of ADXL335" in output
+    assert "z  offset       -3.6" in output
+    assert "verdict: exceeds" in output
+    assert "Zero-g offset against temperature" in page.read_text()
+
+
+def test_recordings_of_the_gateway_are_ramps(tmp_path: Path) -> None:
+    device = DeviceInfo(kind="adxl355", device_id="part-7", unit="counts", odr_hz=RATE_HZ, units_per_g=16384.0)
+    paths = [
+        write_mcap(tmp_path / f"{number}.mcap", device, file.raw, temperature_c=file.temperature_c)
+        for number, file in enumerate(ramps("MPU-9255", np.random.default_rng(1), duration_s=120.0))
+    ]
+    code, record = thermal(tmp_path, *paths, "--limit-offset", 1.5)
+    assert code == 0
+    assert record is not None
+    assert (record.device_id, record.unit) == ("part-7", "counts")
+
+
+@pytest.mark.parametrize(
+    ("options", "temperature", "code", "text"),
+    [
+        (["--part", "ABC"], True, 2, "--part ABC is not known"),
+        ([], False, 2, "has no temperature"),
+        (["--at-rest"], True, 2, "--at-rest needs --parent"),
+    ],
+)
+def test_what_cannot_be_used_is_one_line_and_no_record(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], temperature: bool, code: int, text: str
+) -> None:
+    files = write(tmp_path, ramps("ADXL335", np.random.default_rng(1), duration_s=60.0), temperature)
+    assert thermal(tmp_path, *files, *options) == (code, None)
+    err = capsys.readouterr().err
+    assert text in err
+    assert err.count("\n") == 1
