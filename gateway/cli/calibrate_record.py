@@ -71,11 +71,26 @@ def finish_record(
 ) -> int:
     """Make the record of a fit, write its files and print the report; 1 if the record is not acceptable.
 
-    `extra` are further fields of the record, such as those of its figure.
+    `extra` are further fields of the record, such as its figure.
     """
-    from gateway import __version__
     from gateway.calibration.acceptance import judge
     from gateway.calibration.offline.report import format_report
+
+    record = write_record(arguments, fit, unit, parent, extra)
+    acceptance = judge(fit, parent)
+    print(format_report(record, acceptance, notes + identity_note(arguments.device_id)))
+    return 1 if acceptance.refused else 0
+
+
+def write_record(
+    arguments: argparse.Namespace,
+    fit: "CalibrationFit",
+    unit: str,
+    parent: "CalibrationRecord | None",
+    extra: "dict[str, Any] | None" = None,
+) -> "CalibrationRecord":
+    """Make the record of a fit and write its files; `extra` are further fields of the record."""
+    from gateway import __version__
     from gateway.calibration.record_factory import make_record
     from gateway.certificate.page import render_certificate
     from gateway.cli.output import write_json, write_text
@@ -85,18 +100,16 @@ def finish_record(
         device_id=arguments.device_id,
         unit=unit,
         software=__version__,
-        by=arguments.by or current_user(),
-        created_utc=now_utc(),
+        by=arguments.by or _user(),
+        created_utc=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
         parent=None if parent is None else parent.id,
         **(extra or {}),
     )
-    acceptance = judge(fit, parent)
     if arguments.json is not None:
         write_json(arguments.json, record.model_dump(mode="json"))
     if arguments.html is not None:
         write_text(arguments.html, render_certificate(record, parent))
-    print(format_report(record, acceptance, notes + identity_note(arguments.device_id)))
-    return 1 if acceptance.refused else 0
+    return record
 
 
 def identity_note(device_id: str) -> tuple[str, ...]:
@@ -104,14 +117,8 @@ def identity_note(device_id: str) -> tuple[str, ...]:
     return ("no --device-id: the record cannot be put in force for any sensor",) if device_id == UNIDENTIFIED else ()
 
 
-def current_user() -> str:
-    """Return the name of the person at the keyboard."""
+def _user() -> str:
     try:
         return getpass.getuser()
     except (KeyError, OSError):
         return "unknown"
-
-
-def now_utc() -> str:
-    """Return the time of a record that is made now."""
-    return datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ")

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable
 from itertools import takewhile
 
-from tests.benchmarks import calibration, chain, conditions, daemon, delay, killed_session, motion, swing
+from tests.benchmarks import calibration, chain, conditions, daemon, delay, inclinometer, killed_session, motion, swing
 
 ALL: dict[str, Callable[..., None]] = {
     "chain": chain.main,
@@ -14,6 +14,7 @@ ALL: dict[str, Callable[..., None]] = {
     "motion": motion.main,
     "conditions": conditions.main,
     "calibration": calibration.main,
+    "inclinometer": inclinometer.main,
     "killed_session": killed_session.main,
 }
 
