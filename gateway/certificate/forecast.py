@@ -2,13 +2,10 @@
 
 from collections.abc import Sequence
 
-from gateway.calibration.drift.forecast import DriftReport, analyse_drift
+from gateway.calibration.drift.forecast import SHORTEST_SPAN_DAYS, DriftReport, analyse_drift
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.documents.format import format_short
 from gateway.documents.text import printable_text
-
-SHORTEST_SPAN_DAYS = 1.0
-"""Records within a day of each other show the repeatability of the calibration and nothing about ageing."""
 
 
 def forecast(records: Sequence[CalibrationRecord]) -> DriftReport:

@@ -87,9 +87,13 @@ class _Scale:
 def method_figure_view(record: CalibrationRecord) -> MethodFigureView | None:
     """Return the figure of a record; None where it has none, or none that can be plotted."""
     try:
-        figure = RecordFigure.model_validate((record.model_extra or {}).get("figure"))
+        return figure_view(RecordFigure.model_validate((record.model_extra or {}).get("figure")))
     except ValidationError:
         return None
+
+
+def figure_view(figure: RecordFigure) -> MethodFigureView | None:
+    """Return the coordinates of a figure; None where it cannot be plotted."""
     x_values = [x for series in figure.series for x in series.x]
     y_values = [
         y + side * 2 * u

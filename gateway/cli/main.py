@@ -9,7 +9,19 @@ from devices.errors import DeviceError
 from gateway import __version__
 from gateway.errors import PlumblineError
 
-COMMANDS = ("run", "measure", "calibrate", "record", "remote", "simulate", "reconcile", "effects", "config", "doctor")
+COMMANDS = (
+    "run",
+    "measure",
+    "calibrate",
+    "record",
+    "remote",
+    "fleet",
+    "simulate",
+    "reconcile",
+    "effects",
+    "config",
+    "doctor",
+)
 BAD_INPUT = 2
 
 

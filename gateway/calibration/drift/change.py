@@ -97,7 +97,10 @@ def change_from_reference(reference: CalibrationRecord, record: CalibrationRecor
 
 
 def reading_error_g(offset_g: Array, scale: Array) -> Array:
-    """Return the largest error of a reading within 1 g from the changes of offset and scale (Łuczak et al. 2022, eq. 19), g."""
+    """Return the largest error of a reading within 1 g from the changes of offset and scale (Łuczak et al. 2022, eq. 19), g.
+
+    The source adds both with their signs. They are independent of each other, so here the magnitudes add.
+    """
     return np.asarray(np.abs(offset_g) + np.abs(scale), dtype=np.float64)
 
 

@@ -24,6 +24,8 @@ MEASURING_METHODS = frozenset({*(method.value for method in PoseMethod), ROTATIO
 """Methods that measure offset and scale; the records of other methods copy those of their parent."""
 SIMILAR_TEMPERATURE_C = 5.0
 """Largest difference of the records' mean temperatures, °C, at which thermal drift is not mentioned."""
+SHORTEST_SPAN_DAYS = 1.0
+"""Records within a day of each other show the repeatability of the calibration and nothing about ageing."""
 SECONDS_PER_DAY = 86_400.0
 
 

@@ -1,0 +1,44 @@
+"""Reads many calibration records, from files and folders that the user names."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from gateway.calibration.record import CalibrationRecord
+from gateway.errors import InputError, describe_problems
+
+
+def read_records(paths: Sequence[Path]) -> tuple[list[CalibrationRecord], tuple[str, ...]]:
+    """Return the records of files and of all `.json` files below folders, each once, and notes on files left out.
+
+    A file that is named must be a record; below a folder other files are left out with a note. Raises `InputError` for a named
+    file that is none, and where nothing is a record.
+    """
+    records: dict[str, CalibrationRecord] = {}
+    notes = []
+    for path in paths:
+        for file in sorted(path.rglob("*.json")) if path.is_dir() else [path]:
+            try:
+                record = _read_record(file)
+            except InputError as error:
+                if file == path:
+                    raise
+                notes.append(f"left out: {error}")
+            else:
+                records[record.sha256] = record
+    if not records:
+        raise InputError(
+            f"{', '.join(map(str, paths))}: contain no calibration record; name records or a store's folder"
+        )
+    return list(records.values()), tuple(notes)
+
+
+def _read_record(path: Path) -> CalibrationRecord:
+    try:
+        return CalibrationRecord.model_validate(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as a calibration record ({error}); name another file") from error
+    except ValidationError as error:
+        raise InputError(f"{path}: is no calibration record: {describe_problems(error)[0]}") from error

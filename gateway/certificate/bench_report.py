@@ -1,0 +1,46 @@
+"""The report of a measurement on the bench or over a fleet, as one self-contained HTML page: facts, tables and figures."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from gateway.calibration.record_figure import RecordFigure
+from gateway.certificate.method_figure import figure_view
+from gateway.documents.environment import render
+from gateway.documents.text import printable_text
+
+CELL = 200
+
+
+@dataclass(frozen=True, slots=True)
+class ReportTable:
+    """A table with its title."""
+
+    title: str
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    note: str = ""
+
+
+def render_bench_report(
+    title: str,
+    *,
+    facts: Sequence[tuple[str, str]] = (),
+    tables: Sequence[ReportTable] = (),
+    figures: Sequence[RecordFigure] = (),
+    warnings: Sequence[str] = (),
+) -> str:
+    """Return the page; texts of unknown origin are bounded and escaped, a figure that cannot be plotted is left out."""
+    views = [view for view in (figure_view(figure) for figure in figures) if view is not None]
+    return render(
+        "bench_report.html.j2",
+        title=printable_text(title, CELL),
+        facts=[(name, printable_text(value, CELL)) for name, value in facts],
+        tables=[_bounded(table) for table in tables],
+        figures=views,
+        warnings=[printable_text(text, CELL) for text in warnings],
+    )
+
+
+def _bounded(table: ReportTable) -> ReportTable:
+    rows = tuple(tuple(printable_text(cell, CELL) for cell in row) for row in table.rows)
+    return ReportTable(table.title, table.header, rows, table.note)

@@ -1,0 +1,20 @@
+"""`plumbline fleet`: many sensors, many gateways."""
+
+import argparse
+from importlib import import_module
+
+VERBS = ("drift",)
+"""The verbs, in the order of the help; `gateway.cli.fleet_<name>` adds its own parser."""
+
+
+def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command with its verbs."""
+    command = commands.add_parser(
+        "fleet",
+        help="many sensors and gateways: which to calibrate next, and what several measure together",
+        description="Many sensors and gateways: which to calibrate next, and what several measure together.",
+        epilog="example: plumbline fleet drift /var/lib/plumbline/calibration",
+    )
+    verbs = command.add_subparsers(dest="verb", metavar="VERB", required=True)
+    for name in VERBS:
+        import_module(f"gateway.cli.fleet_{name}").add_to(verbs)

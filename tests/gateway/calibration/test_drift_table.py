@@ -1,0 +1,185 @@
+"""Tables of drift: the published ones from the published voltages, and a fleet with the most urgent sensor first."""
+
+import json
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gateway.calibration.drift.change import reading_error_g, tilt_error_rad
+from gateway.calibration.drift.drift_table import DriftRow, drift_table
+from gateway.calibration.drift.fleet_drift import fleet_drift
+from gateway.calibration.methods.six_position import fit_six_positions
+from gateway.calibration.poses.faces import find_face
+from gateway.calibration.poses.pose import Pose
+from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.calibration.record_factory import make_record
+from gateway.cli.main import main
+from tests.gateway.calibration.test_drift_forecast import CHANGES, TABLES, diagonal_record
+from tests.values import present
+
+START = datetime(2026, 1, 1, tzinfo=UTC)
+ROUNDING_V = 0.5e-4
+"""Half of the last digit of the published voltages."""
+NOW = datetime(2026, 1, 1, tzinfo=UTC) + timedelta(days=400)
+
+
+def record_of_table(number: int) -> CalibrationRecord:
+    """Return the six-position record of Tables 1 to 5 of Łuczak et al. 2022."""
+    table = TABLES["tables_1_to_5"][number]
+    u_v = TABLES["type_A_uncertainty_V"]
+    means = [(row["U_x_V"], row["U_y_V"], row["U_z_V"]) for row in table["positions"]]
+    poses = tuple(Pose(mean, (u_v, u_v, u_v), 300, find_face((np.array(mean) - 1.5) / 0.42)) for mean in means)
+    made = START + timedelta(hours=table["hours_since_start"])
+    return make_record(
+        fit_six_positions(poses), device_id="adxl327", unit="V", software="0.1.0", by="bench",
+        created_utc=made.isoformat(), parent=None,
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def rows() -> tuple[DriftRow, ...]:
+    return drift_table([record_of_table(number) for number in (3, 0, 4, 1, 2)])
+
+
+def test_tables_6_and_7_follow_from_tables_1_to_5(rows: tuple[DriftRow, ...]) -> None:
+    assert [row.elapsed_h for row in rows] == [0, 1, 2, 4, 6]
+    for row, offset, scale in zip(rows, TABLES["table_6_offset_V"], TABLES["table_7_scale_V_per_g"], strict=True):
+        np.testing.assert_allclose(row.offset, [offset[axis] for axis in "xyz"], atol=1.01 * ROUNDING_V)
+        np.testing.assert_allclose(row.scale, [scale[axis] for axis in "xyz"], atol=1.01 * ROUNDING_V)
+
+
+def test_the_changes_in_per_cent_agree_within_the_rounding_of_the_voltages(rows: tuple[DriftRow, ...]) -> None:
+    for row, offset, scale in zip(
+        rows[1:], CHANGES["table_6_change_percent"], CHANGES["table_7_change_percent"], strict=True
+    ):
+        printed = np.array([[values[axis] for axis in "xyz"] for values in (offset, scale)])
+        found = 100 * np.array([row.offset_change, row.scale_change])
+        rounding = 0.005 + 100 * 2 * ROUNDING_V / np.array([rows[0].offset, rows[0].scale])
+        assert np.all(np.abs(found - printed) < rounding)
+    largest = 100 * np.max([np.abs(row.offset_change) for row in rows[1:]], axis=0)
+    np.testing.assert_allclose(largest, [0.02, 0.02, 0.02], atol=0.005)
+    largest = 100 * np.max([np.abs(row.scale_change) for row in rows[1:]], axis=0)
+    np.testing.assert_allclose(largest, [0.06, 0.04, 0.02], atol=0.01)
+
+
+def test_equations_19_to_21_follow_from_table_8() -> None:
+    worst = CHANGES["table_8_change_percent"][1]
+    first = record_of_table(0)
+    offset, scale = first.offset[2], 1 / first.correction_matrix[2][2]
+    error = reading_error_g(
+        np.array([worst["offset"]["z"] / 100 * offset / scale]), np.array([worst["scale"]["z"] / 100])
+    )
+    assert 100 * error[0] == pytest.approx(CHANGES["eq_19_delta_g_percent"], abs=0.0051)
+    assert np.degrees(tilt_error_rad(error))[0] == pytest.approx(CHANGES["eq_20_tilt_error_deg"], abs=0.005)
+    aged = CHANGES["eq_21"]
+    found_deg = np.degrees(tilt_error_rad(np.array([aged["delta_g_percent"] / 100])))[0]
+    assert found_deg == pytest.approx(aged["tilt_error_deg"], abs=0.005)
+
+
+def test_figure_7_and_table_8_follow_from_the_calibrations_of_48_hours() -> None:
+    first = record_of_table(0)
+    offset, scale = np.array(first.offset), 1 / np.diag(np.array(first.correction_matrix))
+    later = [
+        diagonal_record(
+            row["hours"] / 24,
+            offset * (1 + np.array([row["offset"][axis] for axis in "xyz"]) / 100),
+            scale * (1 + np.array([row["scale"][axis] for axis in "xyz"]) / 100),
+            1.7e-4,
+            1.7e-4,
+        )
+        for row in CHANGES["table_8_change_percent"]
+    ]
+    start = diagonal_record(0, offset, scale, 1.7e-4, 1.7e-4)
+    found = drift_table([start, *later])
+    for row, printed in zip(found[1:], CHANGES["table_8_change_percent"], strict=True):
+        np.testing.assert_allclose(100 * row.offset_change, [printed["offset"][axis] for axis in "xyz"], atol=1e-9)
+        np.testing.assert_allclose(100 * row.scale_change, [printed["scale"][axis] for axis in "xyz"], atol=1e-9)
+    assert np.degrees(found[2].tilt_error_rad.max()) == pytest.approx(0.43, abs=0.005)
+
+
+def sensor(device_id: str, days: list[float], mg_per_day: float) -> list[CalibrationRecord]:
+    return [
+        diagonal_record(
+            day, [0.0, 0.0, mg_per_day / 1000 * day], [1.0] * 3, 1e-4, 1e-4,
+            device_id=device_id, id=f"{device_id}-{day}", unit="g",
+        )
+        for day in days
+    ]  # fmt: skip
+
+
+def test_the_most_urgent_sensor_stands_first_with_planted_drift_and_date() -> None:
+    records = [
+        *sensor("steady", [0, 100, 200, 300], 0.0),
+        *sensor("drifting", [0, 100, 200, 300], 0.04),
+        *sensor("single", [390], 0.0),
+        *sensor("forgotten", [0], 0.0),
+    ]
+    sensors, failures = fleet_drift(records, NOW, limit_deg=0.5, interval_days=365)
+    assert failures == ()
+    assert [one.device_id for one in sensors] == ["forgotten", "drifting", "steady", "single"]
+    forgotten, drifting, steady, single = sensors
+    assert (forgotten.is_overdue, forgotten.drift_deg, forgotten.basis) == (True, None, "interval")
+    assert forgotten.due_days == pytest.approx(-35)
+    assert drifting.basis == "forecast"
+    limit_days = 1000 * np.sin(np.radians(0.5)) / 0.04
+    assert 0.5 * limit_days < (drifting.next_utc - START).days - 300 < limit_days
+    assert present(drifting.drift_deg) == pytest.approx(np.degrees(0.004), abs=2 * present(drifting.u_drift_deg))
+    assert steady.due_days == pytest.approx(265)
+    assert single.age_days == pytest.approx(10)
+    assert single.records == 1
+
+
+def test_records_that_cannot_be_judged_are_named_and_the_others_stay() -> None:
+    mixed = [*sensor("good", [0, 10], 0.0), *sensor("bad", [0], 0.0)]
+    mixed.append(diagonal_record(5, [0.0] * 3, [1.0] * 3, 1e-4, 1e-4, device_id="bad", id="bad-5", unit="V"))
+    sensors, (failure,) = fleet_drift(mixed, NOW, limit_deg=0.5)
+    assert [one.device_id for one in sensors] == ["good"]
+    assert failure.startswith("bad: ")
+    with pytest.raises(CalibrationError, match="none of 0 records"):
+        drift_table([])
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    folder = tmp_path / "store"
+    folder.mkdir()
+    for record in [record_of_table(number) for number in range(5)] + sensor("drifting", [0, 100, 200], 0.08):
+        (folder / f"{record.device_id}-{record.id}.json").write_text(json.dumps(record.model_dump(mode="json")))
+    (folder / "in_force.json").write_text("{}")
+    return folder
+
+
+def run(*arguments: Any) -> int:
+    return main(["fleet", "drift", *map(str, arguments)])
+
+
+def test_the_command_prints_a_table_and_writes_json_and_a_report(
+    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out, page = tmp_path / "drift.json", tmp_path / "drift.html"
+    assert run(store, "--on", "2026-08-01", "--json", out, "--html", page) == 0
+    output = capsys.readouterr().out.splitlines()
+    assert output[1].startswith("drifting")
+    assert "left out" in output[-1]
+    result = json.loads(out.read_text())
+    assert [one["device_id"] for one in result["sensors"]] == ["drifting", "adxl327"]
+    assert result["sensors"][1]["table"][1]["offset_change_percent"][2] == pytest.approx(-0.02, abs=0.005)
+    text = page.read_text()
+    assert "Tables 6 to 8" in text
+    assert text.count("<svg") == 2
+
+
+def test_an_overdue_sensor_is_exit_code_1_and_bad_input_2(
+    store: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(store, "--on", "2030-01-01") == 1
+    assert "OVERDUE" in capsys.readouterr().out
+    bad = tmp_path / "bad.json"
+    bad.write_text('{"format": 1}')
+    assert run(bad) == 2
+    assert "bad.json: is no calibration record" in capsys.readouterr().err
+    assert run(tmp_path / "none.json") == 2
+    assert run(store / "..", "--on", "2026-08-01") == 0
