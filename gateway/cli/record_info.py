@@ -1,19 +1,27 @@
-"""`plumbline record info`: what is in a recording."""
+"""`plumbline record info`: what is in recordings."""
 
 import argparse
 
-from gateway.cli.record_options import add_json, add_paths
+from gateway.cli.interval import interval
+from gateway.cli.record_options import add_json, add_selection
+
+EXAMPLE = """examples:
+  plumbline record info plumbline-data
+  plumbline record info plumbline-data --last 1:00:00 --local
+  plumbline record info plumbline-data/*.mcap --json -"""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the verb."""
     info = verbs.add_parser(
         "info",
-        help="print what is in a recording: times, topics, samples, losses, calibration, alerts",
-        description="Print what is in a recording: times, topics, samples, losses, calibration and alerts.",
-        epilog="example: plumbline record info plumbline-data/*.mcap --json info.json",
+        help="print what is in recordings: times, alerts, calibrations, gaps, faults, losses, topics",
+        description="Print what is in recordings: times, alerts from raised to cleared, changes of calibration and clock, gaps, "
+        "faults, losses and topics. The segments of a gateway are one timeline; several gateways are printed one by one.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_paths(info)
+    add_selection(info)
     add_json(info)
     info.set_defaults(run=run)
 
@@ -21,11 +29,16 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 def run(arguments: argparse.Namespace) -> int:
     """Print the content of the recordings."""
     from gateway.cli.output import show
-    from gateway.recording.catalogue import list_recordings
-    from gateway.recording.info import summarise
+    from gateway.cli.progress import ProgressBar
+    from gateway.recording.catalogue import open_timelines
+    from gateway.recording.info import summarise_timeline
     from gateway.recording.info_text import info_text
 
-    found = [summarise(path) for path in list_recordings(arguments.paths)]
+    chosen = interval(arguments)
+    found = []
+    for timeline in open_timelines(arguments.paths):
+        with ProgressBar(f"reading {timeline.gateway}") as bar:
+            found.append(summarise_timeline(timeline, chosen, bar.update))
     content = [info.as_json() for info in found] if len(found) > 1 else found[0].as_json()
-    show("\n\n".join(info_text(info) for info in found), content, arguments.json)
+    show("\n\n".join(info_text(info, is_local=arguments.local) for info in found), content, arguments.json)
     return 0

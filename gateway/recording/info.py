@@ -1,21 +1,51 @@
-"""The contents of a recording, for `plumbline record info`, read in one pass."""
+"""The contents of a timeline, for `plumbline record info`."""
 
-from collections import Counter
-from dataclasses import asdict, dataclass, field
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from devices.errors import RecordingError
 from gateway import messages
-from gateway.packing import unpack
 from gateway.recording import header as names
-from gateway.recording.mcap_salvage import SalvageReport
-from gateway.recording.reader import RecordedMessage, RecordingFile, open_recording
+from gateway.recording.alert_join import RecordedAlert, join_alerts, unknown_s
+from gateway.recording.catalogue import open_timelines
+from gateway.recording.gaps import RecordingGap, SampleInfo, count_samples, join_gaps
+from gateway.recording.interval import WHOLE_RECORDING, RecordingInterval
+from gateway.recording.mcap_salvage import SalvageReport, sum_losses
+from gateway.recording.reader import Selection
+from gateway.recording.segment_index import is_altered
+from gateway.recording.segment_summary import (
+    CalibrationState,
+    ClockChange,
+    FaultCount,
+    LogLine,
+    RecordedPeak,
+    SegmentSummary,
+    TopicCount,
+    calibration_key,
+)
+from gateway.recording.timeline import (
+    ReadSegment,
+    ReportProgress,
+    Timeline,
+    TimelineSegment,
+    ignore_progress,
+    summarise_segment,
+)
+from gateway.topics import TOPICS
 
-GAP_PERIODS = 1.5
-"""A longer distance between neighbouring samples, in periods, is a gap."""
+
+@dataclass(frozen=True, slots=True)
+class FileInfo:
+    """One file of the timeline."""
+
+    path: str
+    size_bytes: int
+    closed: bool
+    losses: SalvageReport
+    from_utc_ns: int
+    to_utc_ns: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,208 +56,222 @@ class TopicInfo:
     schema: str
     count: int
     rate_hz: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class SampleInfo:
-    """The samples of all blocks."""
-
-    count: int
-    rate_hz: float | None
-    lost: int
-    """Number of samples that the device or the link is known to have lost."""
-    invalid: int
-    gaps: int
-    longest_gap_s: float | None
-    missing_blocks: int
-    """Number of blocks missing by their sequence numbers."""
+    bytes: int
+    """Before compression."""
 
 
 @dataclass(frozen=True, slots=True)
 class ClockInfo:
-    """The quality of the times, by the last message of the clock."""
+    """The quality of the times."""
 
     quality: str
+    """By the last message of the clock."""
     wall_offset_s: float
     """UTC of the wall clock minus gateway time."""
     steps: int
-
-
-@dataclass(frozen=True, slots=True)
-class AlertEvent:
-    """An alert that was raised, changed or cleared."""
-
-    time_ns: int
-    event: str
-    rule: str | None
-    level: str
-    text: str
-
-
-@dataclass(frozen=True, slots=True)
-class LargestSwing:
-    """The largest swing that the gateway reported."""
-
-    time_ns: int
-    phi_max_deg: float
-    u_deg: float | None
+    changes: list[ClockChange]
+    """The first state, each change of quality, and each step."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordingInfo:
-    """The contents of a recording; None: not known."""
+    """The contents of the recordings of one gateway; None: not known. Every list is in order of time."""
 
+    gateway: str
     path: str
+    """The file, or the first and the last."""
+    files: list[FileInfo]
+    remarks: list[str]
+    """Files that were left out."""
     size_bytes: int
     closed: bool
+    """Every file was closed properly."""
     losses: SalvageReport
     from_utc_ns: int
     to_utc_ns: int
-    """First and last log time, corrected by the last known offset of the wall clock."""
     duration_s: float
     clock: ClockInfo | None
     topics: list[TopicInfo]
     samples: SampleInfo
     bytes_per_sample: float | None
-    """Size of the whole file divided by the number of samples."""
+    """Size of the files divided by the number of samples; None for a part of them."""
+    gaps: list[RecordingGap]
+    """The longest gaps of each segment, and all gaps between segments."""
     origin: dict[str, str]
+    """Of the last file, as `device`."""
     device: dict[str, str]
     calibration_id: str | None
     calibration_status: str | None
+    calibrations: list[CalibrationState]
+    """The first calibration in force, and each change of it or of a recalibration."""
     configuration: bool
-    """Whether the file contains the configuration."""
+    """Whether every file contains the configuration."""
     attachments: list[str]
     """Names of all attachments, including calibration records and certificates."""
     recovered: dict[str, str] | None
-    """The metadata that `record recover` wrote when it made this file."""
-    alerts: list[AlertEvent]
-    largest_swing: LargestSwing | None
+    """The metadata that `record recover` wrote when it made the last file that it made."""
+    alerts: list[RecordedAlert]
+    unknown_s: float
+    """Seconds in which no statement on the swing was possible."""
+    faults: list[FaultCount]
+    """Each new count of faults and of dropped items."""
+    log: list[LogLine]
+    """Warnings and errors, at most the first thousand of each segment."""
+    log_count: int
+    """Number of all of them."""
+    largest_swing: RecordedPeak | None
+    largest_angle: RecordedPeak | None
+    verdict_s: dict[str, float]
+    """Seconds of each verdict of the condition."""
 
     def as_json(self) -> dict[str, Any]:
         """Return the content of `record info --json`."""
         return {"schema_version": messages.SCHEMA_VERSION, **asdict(self)}
 
 
-def summarise(path: Path | str) -> RecordingInfo:
-    """Read a recording, complete or not. Raises `RecordingError` where it is not a recording or has no message."""
-    file = open_recording(path)
-    builder = _SummaryBuilder()
-    for recorded in file.messages():
-        builder.count(recorded)
-        content = file.decode(recorded)
-        try:
-            builder.add(content)
-        except ValueError:
-            file.losses.unreadable_messages += 1
-    if builder.from_ns is None or builder.to_ns is None:
-        raise RecordingError(f"{file.path}: has no message; the gateway was stopped before it wrote one")
-    return _build_info(file, builder, builder.from_ns, builder.to_ns)
+def summarise(path: Path) -> RecordingInfo:
+    """Return the contents of one recording, complete or not. Raises `RecordingError`."""
+    return summarise_timeline(open_timelines([path])[0])
 
 
-@dataclass(slots=True)
-class _SummaryBuilder:
-    """The contents found so far."""
-
-    from_ns: int | None = None
-    to_ns: int | None = None
-    per_topic: Counter[str] = field(default_factory=Counter)
-    blocks: list[tuple[int, int, int]] = field(default_factory=list)
-    """First time, last time and length of each sample block."""
-    sequences: list[int] = field(default_factory=list)
-    lost: int = 0
-    invalid: int = 0
-    calibration: messages.Calibration | None = None
-    clock: messages.ClockOffset | None = None
-    clock_steps: int = 0
-    alerts: list[AlertEvent] = field(default_factory=list)
-    largest_swing: LargestSwing | None = None
-
-    def count(self, recorded: RecordedMessage) -> None:
-        self.per_topic[recorded.topic] += 1
-        time_ns = recorded.log_time_ns
-        self.from_ns = time_ns if self.from_ns is None else min(self.from_ns, time_ns)
-        self.to_ns = time_ns if self.to_ns is None else max(self.to_ns, time_ns)
-
-    def add(self, content: object) -> None:
-        match content:
-            case messages.Samples():
-                self._add_samples(content)
-            case messages.Calibration():
-                self.calibration = content
-            case messages.ClockOffset():
-                self.clock = content
-                self.clock_steps += content.stepped
-            case messages.Alert() if content.event != "standing":
-                event = AlertEvent(content.time_ns, content.event, content.rule, content.level, content.text)
-                self.alerts.append(event)
-            case messages.Swing(swinging=True, phi_max_deg=float(phi_max_deg)):
-                if self.largest_swing is None or phi_max_deg > self.largest_swing.phi_max_deg:
-                    self.largest_swing = LargestSwing(content.time_ns, phi_max_deg, content.u_deg)
-            case _:
-                pass
-
-    def _add_samples(self, content: messages.Samples) -> None:
-        time_ns = unpack(content).time_ns
-        self.blocks.append((int(time_ns[0]), int(time_ns[-1]), len(time_ns)))
-        self.sequences.append(content.sequence)
-        self.lost += content.lost
-        self.invalid += content.invalid
-
-    def sample_info(self) -> SampleInfo:
-        first_ns, last_ns, length = np.array(self.blocks, dtype=np.int64).reshape(-1, 3).T
-        between_ns = first_ns[1:] - last_ns[:-1]
-        inside = length > 1
-        periods_ns = np.concatenate([(last_ns - first_ns)[inside] / (length[inside] - 1), between_ns])
-        period_ns = float(np.median(periods_ns)) if len(periods_ns) else None
-        gap_ns = between_ns[between_ns > GAP_PERIODS * period_ns] if period_ns else between_ns[:0]
-        return SampleInfo(
-            count=int(length.sum()),
-            rate_hz=1e9 / period_ns if period_ns else None,
-            lost=self.lost,
-            invalid=self.invalid,
-            gaps=len(gap_ns),
-            longest_gap_s=float(gap_ns.max()) / 1e9 if len(gap_ns) else None,
-            missing_blocks=int((np.diff(self.sequences) - 1).clip(min=0).sum()) if self.sequences else 0,
+def summarise_timeline(
+    timeline: Timeline, interval: RecordingInterval = WHOLE_RECORDING, report: ReportProgress = ignore_progress
+) -> RecordingInfo:
+    """Return the contents of an interval of a timeline. Raises `RecordingError`, and `InputError` for an impossible interval."""
+    selection = timeline.select(interval)
+    chosen = [each for each in timeline.segments if selection.may_contain(each.from_ns, each.to_ns)]
+    total, done = sum(segment.index.size_bytes for segment in chosen), 0
+    read: list[tuple[TimelineSegment, SegmentSummary]] = []
+    files: list[FileInfo] = []
+    for segment in chosen:
+        part = _read(timeline, segment, selection)
+        if part.summary is not None:
+            read.append((segment, part.summary))
+            files.append(_file_info(segment, part.summary, part.losses))
+        done += segment.index.size_bytes
+        report(done / total)
+    if not read:
+        raise RecordingError(
+            f"{timeline.name}: has no readable message in this interval; choose another, or another file"
         )
+    return _build_info(timeline, read, files, is_whole=interval == WHOLE_RECORDING)
 
 
-def _build_info(file: RecordingFile, builder: _SummaryBuilder, from_ns: int, to_ns: int) -> RecordingInfo:
-    samples = builder.sample_info()
-    size_bytes = file.path.stat().st_size
-    duration_s = (to_ns - from_ns) / 1e9
-    calibration = builder.calibration
-    offset_ns = builder.clock.wall_offset_ns if builder.clock else 0
-    return RecordingInfo(
-        path=str(file.path),
-        size_bytes=size_bytes,
-        closed=file.losses.closed,
-        losses=file.losses,
-        from_utc_ns=from_ns + offset_ns,
-        to_utc_ns=to_ns + offset_ns,
-        duration_s=duration_s,
-        clock=ClockInfo(builder.clock.clock, offset_ns / 1e9, builder.clock_steps) if builder.clock else None,
-        topics=_topics(file, builder, duration_s),
-        samples=samples,
-        bytes_per_sample=size_bytes / samples.count if samples.count else None,
-        origin=file.metadata.get(names.ORIGIN, {}),
-        device=file.metadata.get(names.DEVICE, {}),
-        calibration_id=calibration.calibration_id if calibration else None,
-        calibration_status=calibration.status if calibration else None,
-        configuration=names.CONFIGURATION in file.attachments,
-        attachments=sorted(file.attachments),
-        recovered=file.metadata.get(names.RECOVERED),
-        alerts=builder.alerts,
-        largest_swing=builder.largest_swing,
+def _read(timeline: Timeline, segment: TimelineSegment, selection: Selection) -> ReadSegment:
+    """Return the summary of the selected part of a segment, from its index where that is whole and unaltered."""
+    begins = selection.begin_ns is None or selection.begin_ns <= segment.from_ns
+    ends = selection.end_ns is None or segment.to_ns < selection.end_ns
+    if not (begins and ends):
+        return summarise_segment(segment, selection)
+    if segment.index.summary is None or is_altered(segment.path, segment.index):
+        return timeline.read_summary(segment)
+    return ReadSegment(segment.index.summary, SalvageReport(closed=True))
+
+
+def _file_info(segment: TimelineSegment, summary: SegmentSummary, losses: SalvageReport) -> FileInfo:
+    return FileInfo(
+        path=str(segment.path),
+        size_bytes=segment.index.size_bytes,
+        closed=losses.closed,
+        losses=losses,
+        from_utc_ns=summary.from_ns + summary.wall_offset_ns,
+        to_utc_ns=summary.to_ns + summary.wall_offset_ns,
     )
 
 
-def _topics(file: RecordingFile, builder: _SummaryBuilder, duration_s: float) -> list[TopicInfo]:
-    schema_of = {
-        channel.topic: file.schemas[channel.schema_id].name
-        for channel in file.channels.values()
-        if channel.schema_id in file.schemas
-    }
+def _build_info(
+    timeline: Timeline,
+    read: Sequence[tuple[TimelineSegment, SegmentSummary]],
+    files: list[FileInfo],
+    *,
+    is_whole: bool,
+) -> RecordingInfo:
+    segments, summaries = [segment for segment, _ in read], [summary for _, summary in read]
+    from_utc_ns = min(file.from_utc_ns for file in files)
+    to_utc_ns = max(file.to_utc_ns for file in files)
+    duration_s = (to_utc_ns - from_utc_ns) / 1e9
+    samples = count_samples(read)
+    size_bytes = sum(file.size_bytes for file in files)
+    calibrations = _calibration_changes(summaries)
+    metadata = [segment.index.metadata for segment in segments]
+    recovered = [content[names.RECOVERED] for content in metadata if names.RECOVERED in content]
+    return RecordingInfo(
+        gateway=timeline.gateway,
+        path=timeline.name,
+        files=files,
+        remarks=list(timeline.remarks),
+        size_bytes=size_bytes,
+        closed=all(file.closed for file in files),
+        losses=sum_losses([file.losses for file in files]),
+        from_utc_ns=from_utc_ns,
+        to_utc_ns=to_utc_ns,
+        duration_s=duration_s,
+        clock=_clock_info(summaries),
+        topics=_topic_infos(summaries, duration_s),
+        samples=samples,
+        bytes_per_sample=size_bytes / samples.count if samples.count and is_whole else None,
+        gaps=join_gaps(read),
+        origin=metadata[-1].get(names.ORIGIN, {}),
+        device=metadata[-1].get(names.DEVICE, {}),
+        calibration_id=calibrations[-1].calibration_id if calibrations else None,
+        calibration_status=calibrations[-1].status if calibrations else None,
+        calibrations=calibrations,
+        configuration=all(names.CONFIGURATION in segment.index.attachments for segment in segments),
+        attachments=sorted({name for segment in segments for name in segment.index.attachments}),
+        recovered=recovered[-1] if recovered else None,
+        alerts=join_alerts([(segment.boot_id, summary) for segment, summary in read]),
+        unknown_s=unknown_s(summaries),
+        faults=[fault for summary in summaries for fault in summary.faults],
+        log=[line for summary in summaries for line in summary.log],
+        log_count=sum(summary.log_count for summary in summaries),
+        largest_swing=_largest([summary.largest_swing for summary in summaries]),
+        largest_angle=_largest([summary.largest_angle for summary in summaries]),
+        verdict_s=_verdicts(summaries),
+    )
+
+
+def _calibration_changes(summaries: Sequence[SegmentSummary]) -> list[CalibrationState]:
+    changes: list[CalibrationState] = []
+    for state in (state for summary in summaries for state in summary.calibrations):
+        if not changes or calibration_key(changes[-1]) != calibration_key(state):
+            changes.append(state)
+    return changes
+
+
+def _clock_info(summaries: Sequence[SegmentSummary]) -> ClockInfo | None:
+    states = [state for summary in summaries for state in summary.clock]
+    if not states:
+        return None
+    changes = [state for before, state in zip([None, *states], states, strict=False) if _is_clock_change(before, state)]
+    steps = sum(state.stepped for state in changes)
+    return ClockInfo(states[-1].quality, states[-1].wall_offset_ns / 1e9, steps, changes)
+
+
+def _is_clock_change(before: ClockChange | None, state: ClockChange) -> bool:
+    """Return whether quality or offset changed; a segment repeats the last clock message of the one before."""
+    if before is None or before.quality != state.quality:
+        return True
+    return state.stepped and before.wall_offset_ns != state.wall_offset_ns
+
+
+def _topic_infos(summaries: Sequence[SegmentSummary], duration_s: float) -> list[TopicInfo]:
+    found: dict[str, TopicCount] = {}
+    for name, count in (entry for summary in summaries for entry in summary.topics.items()):
+        before = found.get(name, TopicCount(0, 0))
+        found[name] = TopicCount(before.count + count.count, before.bytes + count.bytes)
+    schemas = {topic.path: topic.schema_name for topic in TOPICS.values()}
     return [
-        TopicInfo(topic, schema_of.get(topic, ""), count, count / duration_s if duration_s else None)
-        for topic, count in sorted(builder.per_topic.items())
+        TopicInfo(name, schemas.get(name, ""), each.count, each.count / duration_s if duration_s else None, each.bytes)
+        for name, each in sorted(found.items())
     ]
+
+
+def _largest(peaks: Sequence[RecordedPeak | None]) -> RecordedPeak | None:
+    return max(filter(None, peaks), key=lambda peak: peak.phi_max_deg, default=None)
+
+
+def _verdicts(summaries: Sequence[SegmentSummary]) -> dict[str, float]:
+    total: dict[str, float] = {}
+    for verdict, seconds in (entry for summary in summaries for entry in summary.verdict_s.items()):
+        total[verdict] = total.get(verdict, 0.0) + seconds
+    return total

@@ -11,7 +11,7 @@ from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from devices.recording import longest_increasing_mask, typical_interval
 from gateway.recording.catalogue import open_timeline
-from gateway.recording.mcap_salvage import SalvageReport, describe_losses
+from gateway.recording.mcap_salvage import describe_losses, sum_losses
 from gateway.recording.run import NoSamplesError, RecordedRun, list_changes, read_samples
 from gateway.recording.timeline import Timeline
 from gateway.recording.timestamp import iso_utc
@@ -98,18 +98,8 @@ def _concatenate(runs: Sequence[RecordedRun]) -> RecordedRun:
         runs[0],
         blocks=tuple(block for run in runs for block in run.blocks),
         calibrations=list_changes(calibration for run in runs for calibration in run.calibrations),
-        losses=_sum_losses([run.losses for run in runs]),
+        losses=sum_losses([run.losses for run in runs]),
         wall_offset_ns=runs[-1].wall_offset_ns,
-    )
-
-
-def _sum_losses(losses: Sequence[SalvageReport]) -> SalvageReport:
-    return SalvageReport(
-        closed=all(each.closed for each in losses),
-        altered=any(each.altered for each in losses),
-        torn_bytes=sum(each.torn_bytes for each in losses),
-        damaged_records=sum(each.damaged_records for each in losses),
-        unreadable_messages=sum(each.unreadable_messages for each in losses),
     )
 
 

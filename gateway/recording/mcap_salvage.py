@@ -7,7 +7,7 @@ their lengths, stops at the incomplete end, skips damaged records, and counts bo
 import os
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from io import BytesIO
 from pathlib import Path
@@ -72,6 +72,17 @@ def describe_losses(report: SalvageReport) -> list[str]:
         f"{report.unreadable_messages} messages unreadable": report.unreadable_messages,
     }
     return [phrase for phrase, occurred in phrases.items() if occurred]
+
+
+def sum_losses(losses: Sequence[SalvageReport]) -> SalvageReport:
+    """Return the losses of several files together."""
+    return SalvageReport(
+        closed=all(each.closed for each in losses),
+        altered=any(each.altered for each in losses),
+        torn_bytes=sum(each.torn_bytes for each in losses),
+        damaged_records=sum(each.damaged_records for each in losses),
+        unreadable_messages=sum(each.unreadable_messages for each in losses),
+    )
 
 
 def open_mcap(path: Path) -> BinaryIO:

@@ -25,6 +25,8 @@ from gateway.recording.segment_summary import SUMMARY, SegmentSummary, decode_su
 FOOTER = struct.Struct("<BQQQI")
 """Opcode, length, start of the summary section, start of its offsets, checksum of the summary section."""
 FOOTER_LENGTH = 20
+DATA_END_LENGTH = 4
+READ_BYTES = 1 << 20
 
 
 @dataclass(slots=True)
@@ -41,6 +43,8 @@ class SegmentIndex:
     attachments: list[str] = field(default_factory=list)
     summary: SegmentSummary | None = None
     """The summary that the recorder wrote; None: the segment must be read."""
+    data_end: int = 0
+    """Place of the record at the end of the data, which has their checksum; 0: not closed."""
 
 
 def read_index(path: Path) -> SegmentIndex:
@@ -53,6 +57,19 @@ def read_index(path: Path) -> SegmentIndex:
             raise RecordingError(
                 f"{path}: {error.strerror}; copy it off this disk with `ddrescue` and try again"
             ) from error
+
+
+def is_altered(path: Path, index: SegmentIndex) -> bool:
+    """Return whether the content of a closed file does not match its checksum. Raises `RecordingError`."""
+    checksum, left = 0, index.data_end
+    with open_mcap(path) as file:
+        file.seek(0)
+        while left > 0 and (part := file.read(min(left, READ_BYTES))):
+            checksum = zlib.crc32(part, checksum)
+            left -= len(part)
+        record = file.read(RECORD_HEAD.size + DATA_END_LENGTH)
+    promised = int.from_bytes(record[RECORD_HEAD.size :], "little")
+    return record[:1] != bytes([Opcode.DATA_END]) or promised not in (0, checksum)
 
 
 def _from_summary_section(file: BinaryIO, size: int) -> SegmentIndex | None:
@@ -70,7 +87,8 @@ def _from_summary_section(file: BinaryIO, size: int) -> SegmentIndex | None:
     if checksum not in (0, zlib.crc32(footer[:-4], zlib.crc32(section))):
         return None
     try:
-        return _parse_section(file, section, SegmentIndex(size, is_closed=True))
+        index = SegmentIndex(size, is_closed=True, data_end=start - RECORD_HEAD.size - DATA_END_LENGTH)
+        return _parse_section(file, section, index)
     except DAMAGED:
         return None
 

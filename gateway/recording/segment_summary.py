@@ -32,10 +32,16 @@ class AlertState:
     log_time_ns: int
     utc_ns: int
     event: str
-    """raised, changed, cleared, or standing for the first message of a segment."""
+    """raised, changed, corrected, cleared, or standing for the first message of a segment."""
     rule: str | None
     active: list[messages.ActiveAlert]
     """The active alerts; each value is the largest one until the next change."""
+    incident: str | None = None
+    """The incident that the change belongs to."""
+    largest_deg: float | None = None
+    """Largest angle since that incident began, best estimate."""
+    largest_upper_deg: float | None = None
+    """Largest upper end of its 95 % interval."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +120,11 @@ class SegmentSummary:
     """The largest angle at any moment, by the topic `motion`."""
     verdict_s: dict[str, float]
     """Seconds of each verdict of the condition."""
+
+    @property
+    def wall_offset_ns(self) -> int:
+        """UTC of the wall clock minus gateway time, by the last message of the clock; 0 without one."""
+        return self.clock[-1].wall_offset_ns if self.clock else 0
 
     @property
     def message_count(self) -> int:

@@ -122,11 +122,21 @@ class SummaryBuilder:
     def _add_alert(self, alert: messages.Alert, log_time_ns: int) -> None:
         """Note a change with all active alerts; a heartbeat only raises the largest values of the last state."""
         if alert.event != "standing" or not self._alerts:
-            self._alerts.append(AlertState(log_time_ns, alert.time_ns, alert.event, alert.rule, alert.active))
+            state = AlertState(
+                log_time_ns=log_time_ns,
+                utc_ns=alert.time_ns,
+                event=alert.event,
+                rule=alert.rule,
+                active=alert.active,
+                incident=alert.incident,
+                largest_deg=alert.largest_deg,
+                largest_upper_deg=alert.largest_upper_deg,
+            )
+            self._alerts.append(state)
             return
-        now = {active.rule: active.value_deg for active in alert.active}
+        now = {active.rule: active for active in alert.active}
         state = self._alerts[-1]
-        largest = [replace(one, value_deg=_largest(one.value_deg, now.get(one.rule))) for one in state.active]
+        largest = [_with_largest_values(one, now.get(one.rule)) for one in state.active]
         if largest != state.active:
             self._alerts[-1] = replace(state, active=largest)
 
@@ -166,6 +176,17 @@ class SummaryBuilder:
         if len(self._log) < MOST_ENTRIES:
             utc_ns = line.timestamp.sec * 1_000_000_000 + line.timestamp.nsec
             self._log.append(LogLine(utc_ns, line.level, line.name, line.message))
+
+
+def _with_largest_values(alert: messages.ActiveAlert, now: messages.ActiveAlert | None) -> messages.ActiveAlert:
+    """Return an active alert with the larger values of two messages."""
+    if now is None:
+        return alert
+    return replace(
+        alert,
+        value_deg=_largest(alert.value_deg, now.value_deg),
+        estimate_deg=_largest(alert.estimate_deg, now.estimate_deg),
+    )
 
 
 def _largest(first: float | None, second: float | None) -> float | None:

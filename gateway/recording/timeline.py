@@ -32,6 +32,10 @@ ReportProgress = Callable[[float], None]
 """Takes the share of the work that is done, 0 to 1."""
 
 
+def ignore_progress(share: float) -> None:
+    """Report to nobody."""
+
+
 @dataclass(frozen=True, slots=True)
 class TimelineSegment:
     """One file of a timeline."""
@@ -93,6 +97,14 @@ class TimelineSpan:
         return RecordingExtent(0.0, (self.last_ns - self.first_ns) / 1e9, self.first_ns + self.wall_offset_ns)
 
 
+@dataclass(frozen=True, slots=True)
+class ReadSegment:
+    """The summary of a segment that was read, and what of it could not be read."""
+
+    summary: SegmentSummary | None
+    losses: SalvageReport
+
+
 @dataclass(slots=True)
 class Timeline:
     """The segments of one gateway in order of time."""
@@ -101,7 +113,7 @@ class Timeline:
     segments: tuple[TimelineSegment, ...]
     remarks: tuple[str, ...] = ()
     """Files that were left out, and why."""
-    _summaries: dict[Path, SegmentSummary | None] = field(default_factory=dict)
+    _read: dict[Path, ReadSegment] = field(default_factory=dict)
 
     @property
     def name(self) -> str:
@@ -115,7 +127,7 @@ class Timeline:
         return sum(segment.index.size_bytes for segment in self.segments)
 
     def messages(
-        self, selection: Selection = EVERYTHING, report: ReportProgress | None = None
+        self, selection: Selection = EVERYTHING, report: ReportProgress = ignore_progress
     ) -> Iterator[TimelineMessage]:
         """Yield the messages of a selection, segment by segment in the order of writing.
 
@@ -133,20 +145,21 @@ class Timeline:
                     if recorded.sequence <= seen.get(key, -1):
                         continue
                     seen[key] = recorded.sequence
-                if report is not None and number % MESSAGES_PER_REPORT == 0:
+                if number % MESSAGES_PER_REPORT == 0:
                     report((done + segment.index.size_bytes * _share(segment, recorded.log_time_ns)) / total)
                 yield TimelineMessage(segment, file, recorded)
             done += segment.index.size_bytes
-        if report is not None:
-            report(1.0)
+        report(1.0)
 
     def summary(self, segment: TimelineSegment) -> SegmentSummary | None:
         """Return the summary of a segment, from its index, or else by reading it; None where it has no message."""
-        if segment.index.summary is not None:
-            return segment.index.summary
-        if segment.path not in self._summaries:
-            self._summaries[segment.path] = summarise_segment(segment).summary
-        return self._summaries[segment.path]
+        return segment.index.summary or self.read_summary(segment).summary
+
+    def read_summary(self, segment: TimelineSegment) -> ReadSegment:
+        """Read a segment, unless it was read before, and return its summary and its losses. Raises `RecordingError`."""
+        if segment.path not in self._read:
+            self._read[segment.path] = summarise_segment(segment)
+        return self._read[segment.path]
 
     def span(self) -> TimelineSpan:
         """Return the times of the first and the last sample. Raises `RecordingError` without samples."""
@@ -172,14 +185,6 @@ class Timeline:
     def _samples_of(self, segment: TimelineSegment) -> SampleSummary | None:
         summary = self.summary(segment)
         return None if summary is None else summary.samples
-
-
-@dataclass(frozen=True, slots=True)
-class ReadSegment:
-    """The summary of a segment that was read, and what of it could not be read."""
-
-    summary: SegmentSummary | None
-    losses: SalvageReport
 
 
 def summarise_segment(segment: TimelineSegment, selection: Selection = EVERYTHING) -> ReadSegment:

@@ -4,7 +4,18 @@ import sys
 from collections.abc import Callable
 from itertools import takewhile
 
-from tests.benchmarks import calibration, chain, conditions, daemon, delay, inclinometer, killed_session, motion, swing
+from tests.benchmarks import (
+    calibration,
+    chain,
+    conditions,
+    daemon,
+    delay,
+    inclinometer,
+    killed_session,
+    motion,
+    record_info,
+    swing,
+)
 
 ALL: dict[str, Callable[..., None]] = {
     "chain": chain.main,
@@ -16,6 +27,7 @@ ALL: dict[str, Callable[..., None]] = {
     "calibration": calibration.main,
     "inclinometer": inclinometer.main,
     "killed_session": killed_session.main,
+    "record_info": record_info.main,
 }
 
 names = list(takewhile(lambda argument: not argument.startswith("-"), sys.argv[1:]))
@@ -23,7 +35,7 @@ options = sys.argv[1 + len(names) :]
 unknown = [name for name in names if name not in ALL]
 if unknown:
     sys.exit(f"no benchmark {', '.join(unknown)}; there are {', '.join(ALL)}")
-if options and names != ["motion"]:
-    sys.exit("only the benchmark motion has options")
+if options and names not in (["motion"], ["record_info"]):
+    sys.exit("only the benchmarks motion and record_info have options")
 for name in names or ALL:
     ALL[name](*([options] if options else []))

@@ -214,7 +214,12 @@ def _alert(event: AlertEvent) -> messages.Alert:
         text="swing 6.2 deg",
     )
     return messages.Alert(
-        **HEAD, level="trip", event=event, rule="swing", active=[standing], text=f"swing 6.2 deg ({event})"
+        **HEAD,
+        level="normal" if event == "cleared" else "trip",
+        event=event,
+        rule="swing",
+        active=[] if event == "cleared" else [standing],
+        text=f"swing 6.2 deg ({event})",
     )
 
 

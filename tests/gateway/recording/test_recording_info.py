@@ -9,8 +9,9 @@ from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.info import LargestSwing, TopicInfo, summarise
+from gateway.recording.info import TopicInfo, summarise
 from gateway.recording.info_text import info_text
+from gateway.recording.segment_summary import RecordedPeak
 from tests.gateway.recording.conftest import MakeRecorder
 
 SECOND_NS = 1_000_000_000
@@ -57,10 +58,10 @@ def test_info_states_the_whole_content_of_a_recording(recorded: Path, device: De
     assert (info.samples.lost, info.samples.gaps, info.samples.missing_blocks) == (64, 1, 2)
     assert info.samples.longest_gap_s == pytest.approx(0.065)
     swing = next(topic for topic in info.topics if topic.topic == "/swing")
-    assert swing == TopicInfo("/swing", "plumbline.Swing", 4, swing.rate_hz)
+    assert swing == TopicInfo("/swing", "plumbline.Swing", 4, swing.rate_hz, swing.bytes)
     assert swing.rate_hz == pytest.approx(4 / info.duration_s)
-    assert info.largest_swing == LargestSwing(start_ns + 1, 4.25, 0.05)
-    assert [event.event for event in info.alerts] == ["raised", "cleared"]
+    assert info.largest_swing == RecordedPeak(start_ns + 1, 4.25, 0.05)
+    assert [(alert.rule, alert.level, alert.ended) for alert in info.alerts] == [("swing", "trip", "cleared")]
     assert (info.calibration_id, info.calibration_status) == ("c-1", "calibrated")
     assert (info.origin["software"], info.device["device_id"]) == ("0.1.0", device.device_id)
     assert info.configuration
@@ -88,17 +89,18 @@ def test_text_and_json_have_the_same_content(recorded: Path) -> None:
         "calibration",
         "configuration",
         "samples",
+        "largest angle",
         "largest swing",
     ]
     text = "\n".join(lines)
     for part in (
         "closed properly",
-        "2026-01-01 00:00:02.000 UTC to 2026-01-01 00:00:12.015 UTC, 10.0 s",
+        "2026-01-01 00:00:02.000 to 2026-01-01 00:00:12.015 UTC, 10.0 s",
         "yard/crane-2/hook, software 0.1.0",
         "9952 at 1000.000 Hz, 64 lost, 0 invalid, 1 gaps (longest 0.065 s), 2 blocks missing",
         "4.250 deg (u 0.050 deg)",
-        "alerts: 2",
-        "swing 6.2 deg (raised)",
+        "alerts: 1, of them 1 trips",
+        "TRIP swing",
     ):
         assert part in text
 

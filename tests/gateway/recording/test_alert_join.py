@@ -1,0 +1,125 @@
+"""Alerts from raised to cleared, over segments."""
+
+from dataclasses import replace
+from typing import Any, Literal
+
+import pytest
+
+from gateway.messages import ActiveAlert, Level
+from gateway.recording.alert_join import join_alerts, unknown_s
+from gateway.recording.segment_summary import AlertState, SegmentSummary
+from gateway.recording.summary_builder import SummaryBuilder
+from tests.values import present
+
+SECOND_NS = 10**9
+OFFSET_NS = 7 * SECOND_NS
+"""UTC minus gateway time."""
+
+
+def active(
+    rule: str, level: Level, since_s: float, value_deg: float | None, incident: str | None = None
+) -> ActiveAlert:
+    return ActiveAlert(
+        rule=rule,
+        level=level,
+        since_ns=round(since_s * 1e9),
+        value_deg=value_deg,
+        limit_deg=6.0,
+        incident=incident,
+        text=f"{rule} {level}",
+    )
+
+
+def state(time_s: float, event: str, rule: str | None, *alerts: ActiveAlert, **values: Any) -> AlertState:
+    time_ns = round(time_s * 1e9)
+    return AlertState(time_ns, time_ns + OFFSET_NS, event, rule, list(alerts), **values)
+
+
+def summary(*states: AlertState, to_s: float = 100.0) -> SegmentSummary:
+    builder = SummaryBuilder()
+    builder.count("/alert", 0, 1)
+    return replace(present(builder.summary()), alerts=list(states), to_ns=round(to_s * 1e9))
+
+
+def utc(time_s: float) -> int:
+    return round(time_s * 1e9) + OFFSET_NS
+
+
+def test_warning_that_becomes_a_trip_is_one_alert_with_the_largest_values() -> None:
+    segment = summary(
+        state(1, "standing", None),
+        state(10, "raised", "swing", active("swing", "warn", 10, 4.5)),
+        state(12, "raised", "swing", active("swing", "trip", 12, 7.5)),
+        state(30, "changed", "swing", active("swing", "warn", 30, 4.0)),
+        state(40, "cleared", "swing", largest_deg=6.8, largest_upper_deg=7.6),
+    )
+    (alert,) = join_alerts([("boot", segment)])
+    assert (alert.level, alert.ended, alert.is_raised_before) == ("trip", "cleared", False)
+    assert (alert.from_utc_ns, alert.to_utc_ns) == (utc(10), utc(40))
+    assert (alert.largest_deg, alert.largest_upper_deg, alert.text) == (6.8, 7.6, "swing trip")
+
+
+def test_trip_that_begins_in_one_segment_and_ends_in_another_is_one() -> None:
+    trip = active("swing", "trip", 50, 7.0, "boot-1")
+    segments = [
+        summary(state(50, "raised", "swing", trip), to_s=60),
+        summary(state(61, "standing", None, replace(trip, value_deg=9.0)), to_s=120),
+        summary(state(121, "standing", None, trip), state(130, "cleared", "swing"), to_s=180),
+    ]
+    (alert,) = join_alerts([("boot", segment) for segment in segments])
+    assert (alert.from_utc_ns, alert.to_utc_ns, alert.ended) == (utc(50), utc(130), "cleared")
+    assert (alert.largest_upper_deg, alert.incident) == (9.0, "boot-1")
+    (beginning,) = join_alerts([("boot", segments[0])])
+    assert (beginning.to_utc_ns, beginning.ended) == (None, "standing")
+    (end,) = join_alerts([("boot", segments[2])])
+    assert (end.from_utc_ns, end.is_raised_before) == (utc(50), True)
+
+
+def test_rules_are_apart() -> None:
+    swing, lean = active("swing", "warn", 10, 4.5), active("lean", "trip", 20, 8.0)
+    segment = summary(
+        state(10, "raised", "swing", swing),
+        state(20, "raised", "lean", swing, lean),
+        state(30, "cleared", "swing", lean),
+        state(40, "cleared", "lean"),
+    )
+    alerts = join_alerts([("boot", segment)])
+    assert [(alert.rule, alert.from_utc_ns, alert.to_utc_ns) for alert in alerts] == [
+        ("swing", utc(10), utc(30)),
+        ("lean", utc(20), utc(40)),
+    ]
+
+
+def test_restart_of_the_gateway_ends_an_alert() -> None:
+    trip = active("swing", "trip", 50, 7.0)
+    first, second = summary(state(50, "raised", "swing", trip), to_s=60), summary(state(90, "raised", "swing", trip))
+    alerts = join_alerts([("boot", first), ("another", second)])
+    assert [alert.ended for alert in alerts] == ["gateway ended", "standing"]
+
+
+def test_another_incident_after_a_gap_is_another_alert() -> None:
+    first = summary(state(50, "raised", "swing", active("swing", "trip", 50, 7.0, "boot-1")))
+    later = summary(state(900, "standing", None, active("swing", "trip", 880, 7.5, "boot-4")))
+    alerts = join_alerts([("boot", first), ("boot", later)])
+    assert [(alert.incident, alert.ended) for alert in alerts] == [("boot-1", "not recorded"), ("boot-4", "standing")]
+
+
+@pytest.mark.parametrize(("incident", "expected"), [(None, 2), ("boot-1", 1)])
+def test_suspension_ends_an_alert_unless_its_incident_goes_on(incident: str | None, expected: int) -> None:
+    level: Literal["trip"] = "trip"
+    segment = summary(
+        state(10, "raised", "swing", active("swing", level, 10, 7.0, incident)),
+        state(20, "changed", "swing", active("swing", "unknown", 20, None, incident)),
+        state(50, "raised", "swing", active("swing", level, 50, 7.0, incident)),
+    )
+    assert len(join_alerts([("boot", segment)])) == expected
+
+
+def test_time_without_a_statement_is_added_up() -> None:
+    segment = summary(
+        state(0, "standing", None, active("swing", "unknown", 0, None)),
+        state(4, "cleared", "swing"),
+        state(90, "changed", "swing", active("swing", "unknown", 90, None)),
+        to_s=100,
+    )
+    assert unknown_s([segment, segment]) == pytest.approx(28.0)
