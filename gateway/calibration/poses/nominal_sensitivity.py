@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from devices.conversion import force_g
 from gateway.numerics.array import Array
 
 
@@ -17,4 +18,4 @@ class NominalSensitivity:
 
     def in_g(self, mean: Array | tuple[float, ...]) -> Array:
         """Return a reading in nominal g, shape (3,)."""
-        return np.asarray(np.subtract(mean, self.zero) / self.units_per_g)
+        return force_g(np.asarray(mean, dtype=np.float64), np.array(self.zero), self.units_per_g)

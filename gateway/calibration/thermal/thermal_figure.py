@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from devices.conversion import force_g, zero_g_output
 from gateway.calibration.poses.faces import FACES
 from gateway.calibration.record_figure import FigureSeries, RecordFigure
 from gateway.calibration.thermal.ramp import Ramp
@@ -20,7 +21,7 @@ def thermal_figure(found: ThermalCalibration) -> RecordFigure:
     series = []
     for axis, entry in enumerate(found.summary):
         up, down = (_mean_reading(found.ramps, face, axis, grid_c) for face in FACES[2 * axis : 2 * axis + 2])
-        change_mg = ((up + down) / 2 - entry.zero_g) / entry.sensitivity * 1000
+        change_mg = 1000 * force_g(zero_g_output(up, down), entry.zero_g, entry.sensitivity)
         series.append(
             FigureSeries(name=entry.axis, x=tuple(grid_c.tolist()), y=tuple(change_mg.tolist()), u=(0.0,) * N_POINTS)
         )
