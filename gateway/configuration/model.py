@@ -248,11 +248,25 @@ class BusSection(Section):
     tls: TlsSection = TlsSection()
 
 
+DirectionName = Annotated[str, Field(min_length=1, max_length=14, pattern=r"^[^\x00-\x1f\x7f]+$")]
+
+
+class DirectionsSection(Section):
+    """The crane's own words for the directions of the housing's axes, as the operator's page displays them."""
+
+    plus_x: DirectionName = "+x"
+    minus_x: DirectionName = "−x"
+    plus_y: DirectionName = "+y"
+    minus_y: DirectionName = "−y"
+
+
 class PageSection(Section):
     """The operator's page."""
 
     enabled: bool = True
     listen: str = Field("127.0.0.1:8321", pattern=r"^[^:\s]+:\d{1,5}$", description="address:port")
+    language: Literal["en", "de"] = "en"
+    directions: DirectionsSection = DirectionsSection()
 
     @property
     def address(self) -> tuple[str, int]:

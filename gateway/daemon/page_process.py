@@ -10,7 +10,7 @@ from gateway.configuration.model import Configuration
 from gateway.daemon.backoff import Backoff
 from gateway.errors import PlumblineError
 from gateway.page import launch
-from gateway.page.parameters import Parameters
+from gateway.page.parameters import CraneDirections, Parameters
 
 log = logging.getLogger("plumbline.page")
 PAGE_MODULES = ("starlette", "uvicorn")
@@ -68,6 +68,8 @@ def page_parameters(configuration: Configuration) -> Parameters:
         trip_deg=alerts.trip_deg,
         lean_trip_deg=alerts.lean_trip_deg,
         stale_s=alerts.stale_s,
+        language=configuration.page.language,
+        directions=CraneDirections(**configuration.page.directions.model_dump()),
         title=f"{gateway.site} / {gateway.crane} / {gateway.sensor}",
     )
 

@@ -17,6 +17,16 @@ Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CraneDirections:
+    """The crane's own words for the directions of the housing's axes."""
+
+    plus_x: str = "+x"
+    minus_x: str = "−x"
+    plus_y: str = "+y"
+    minus_y: str = "−y"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Parameters:
     """Start parameters of the page process."""
 
@@ -35,6 +45,8 @@ class Parameters:
     lean_trip_deg: Positive | None = None
     title: str = ""
     """Displayed instead of the sensor's name."""
+    language: str = "en"
+    directions: CraneDirections = CraneDirections()
 
     @property
     def place(self) -> dict[str, str]:

@@ -10,7 +10,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from gateway.calibration.alignment.assistant import AlignmentAssistant, AlignmentView
-from gateway.messages import SCHEMA_VERSION, Calibration, Message, Motion, Swing, Tilt
+from gateway.messages import SCHEMA_VERSION, Alert, Calibration, Message, Motion, Swing, Tilt
+from gateway.page.alert_log import AlertLog
 from gateway.page.history import History
 from gateway.page.inbox import Arrival
 from gateway.page.link import ALIVE, SHOWN
@@ -36,6 +37,7 @@ class PageState:
     def __init__(self, parameters: Parameters) -> None:
         self.parameters = parameters
         self.history = History()
+        self.alert_log = AlertLog()
         self.received = dict.fromkeys(SHOWN, 0)
         self.invalid = 0
         """Number of payloads that are not a valid message of their topic."""
@@ -71,6 +73,8 @@ class PageState:
             return
         self.received[topic] += 1
         before = self._latest.get(topic)
+        if isinstance(message, Alert):
+            self.alert_log.add(message)
         if isinstance(message, Tilt) and (before is None or message.time_ns != before.time_ns):
             self._alignment = self._aligning.add_tilt(message)
         if topic not in MEASURED or before is None or message.time_ns != before.time_ns:
@@ -99,6 +103,7 @@ class PageState:
         return {
             "schema_version": SCHEMA_VERSION,
             "now_s": round(now_s, 3),
+            "time_ns": max((message.time_ns for message in evidence.latest.values()), default=0),
             "gateway": evidence.gateway,
             "verdict": asdict(judged),
             "swing_known": swing is not None and is_swing_known(swing),
@@ -106,6 +111,7 @@ class PageState:
             "align": asdict(self._alignment) if self._alignment is not None and is_fresh(evidence, "tilt") else None,
             "age_s": {topic: round(age, 3) for topic, age in evidence.age_s.items()},
             "topics": evidence.latest,
+            "alert_log": {"since_ns": self.alert_log.since_ns, "alerts": self.alert_log.alerts()},
             "page": self._page(),
         }
 
@@ -135,5 +141,7 @@ class PageState:
             "trip_deg": p.trip_deg,
             "lean_trip_deg": p.lean_trip_deg,
             "stale_s": p.stale_s,
+            "language": p.language,
+            "directions": p.directions,
             "invalid": self.invalid,
         }

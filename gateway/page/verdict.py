@@ -1,4 +1,4 @@
-"""The one verdict of the page: a pure function, green only when everything is right.
+"""The one verdict of the page: a pure function, calm only when everything is right.
 
 Each problem is a finding: a word and a reason. The first word found, in the order of `STYLES`, is the verdict, and the others
 are listed as well; without a finding it is OK. Only missing data take precedence over an alarm, which is then listed.
@@ -28,13 +28,13 @@ class VerdictStyle:
 STYLES: dict[Word, VerdictStyle] = {
     "NO DATA": VerdictStyle("NO DATA", "black", "empty"),
     "STALE": VerdictStyle("STALE", "black", "hourglass"),
-    "TRIP": VerdictStyle("STOP", "red", "octagon"),
-    "WARN": VerdictStyle("WARN", "amber", "triangle"),
+    "TRIP": VerdictStyle("LIMIT", "red", "octagon"),
+    "WARN": VerdictStyle("WARNING", "amber", "triangle"),
     "SUSPENDED": VerdictStyle("SUSPENDED", "violet", "pause"),
     "UNCALIBRATED": VerdictStyle("UNCALIBRATED", "violet", "slash"),
-    "DISTURBED": VerdictStyle("DISTURBED", "violet", "zigzag"),
-    "UNKNOWN": VerdictStyle("UNKNOWN", "violet", "question"),
-    "OK": VerdictStyle("OK", "green", "circle"),
+    "DISTURBED": VerdictStyle("DISTURBED", "grey", "zigzag"),
+    "UNKNOWN": VerdictStyle("NOT KNOWN", "grey", "question"),
+    "OK": VerdictStyle("OK", "calm", "circle"),
 }
 """In the order of precedence."""
 
@@ -75,8 +75,8 @@ class PageVerdict:
     shape: str
     reasons: list[str]
     """The reasons of the verdict first, then those of the other findings."""
-    also: list[str]
-    """Labels of the other findings; UNKNOWN is listed only with an alarm."""
+    also: list[Word]
+    """Words of the other findings; UNKNOWN is listed only with an alarm."""
     sound: bool
     """Whether the value can be trusted: it is fresh, calibrated, trusted and known."""
 
@@ -100,7 +100,7 @@ def verdict(evidence: PageEvidence) -> PageVerdict:
         colour=face.colour,
         shape=face.shape,
         reasons=list(dict.fromkeys(reason for _, reason in findings if reason)),
-        also=[STYLES[word].label for word in words[1:] if word != "UNKNOWN" or words[0] in ALARMS],
+        also=[word for word in words[1:] if word != "UNKNOWN" or words[0] in ALARMS],
         sound=set(words) <= {"OK", *ALARMS},
     )
 

@@ -3,10 +3,10 @@
 import {setText} from "./facts.js";
 import {isKnown, NONE} from "./number.js";
 import {addShape} from "./svg.js";
+import {text} from "./texts.js";
 
 const MIDDLE = {pitch: -64, roll: 64};
-const NO_ADVICE = {state: "not_still", screw: null, direction: null, turns: 0, text: "no advice: no readings"};
-const WORDS = {not_still: "WAIT", too_noisy: "WAIT", turn: "TURN", aligned: "ALIGNED"};
+const WORDS = {not_still: "align_wait", too_noisy: "align_wait", aligned: "align_aligned"};
 
 export class AlignScreen {
   constructor(section) {
@@ -17,35 +17,37 @@ export class AlignScreen {
   show(view, wanted, gone) {
     this.section.hidden = !wanted;
     if (!wanted) return;
-    const advice = gone || !view ? NO_ADVICE : view.advice;
+    const none = {state: "not_still", screw: null, direction: null, turns: 0, text: text("align_no_readings")};
+    const advice = gone || !view ? none : view.advice;
     const word = document.getElementById("align-word");
     word.dataset.state = this.section.dataset.state = advice.state;
-    setText("align-word", advice.state === "turn" ? `${advice.screw} ${advice.direction}`.toUpperCase() : WORDS[advice.state]);
+    setText("align-word", text(advice.state === "turn" ? `align_${advice.screw}_${advice.direction}` : WORDS[advice.state]));
     setText("align-turns", advice.state === "turn" ? turns(advice.turns) : "");
     setText("align-pitch", angle(gone ? null : view?.pitch_deg));
     setText("align-roll", angle(gone ? null : view?.roll_deg));
-    setText("align-text", advice.state === "turn" ? "then let it hang still; if the angle grows, turn the other way" : advice.text);
+    setText("align-text", advice.state === "turn" ? text("align_then") : advice.text);
     const u = view?.u_calibration_deg;
-    setText("align-known", isKnown(u) ? `uncertainty of the vertical by the calibration: ±${(2 * u).toFixed(2)}° (95 %)` : "");
+    setText("align-known", isKnown(u) ? text("align_u", {angle: (2 * u).toFixed(2)}) : "");
     this.picture(advice);
   }
 
   // Draw only when the picture changes.
   picture({state, screw, direction}) {
-    const drawn = `${state} ${screw} ${direction}`;
+    const drawn = `${state} ${screw} ${direction} ${document.documentElement.lang}`;
     if (drawn === this.drawn) return;
     this.drawn = drawn;
     const svg = document.getElementById("screws");
     svg.replaceChildren();
     for (const name of ["pitch", "roll"]) drawScrew(svg, name, name === screw ? direction : null, state === "aligned");
-    svg.setAttribute("aria-label", screw ? `turn the ${screw} screw ${direction}` : state);
+    svg.setAttribute("aria-label", text(screw ? `align_${screw}_${direction}` : WORDS[state]));
   }
 }
 
 const angle = (value) => (isKnown(value) ? `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(2)}°` : NONE);
 
 function turns(count) {
-  return count < 0.095 ? `${Math.max(1, Math.round(360 * count))}° of a turn` : `${count.toFixed(count < 1 ? 2 : 1)} turn${count === 1 ? "" : "s"}`;
+  if (count < 0.095) return text("turn_degrees", {count: Math.max(1, Math.round(360 * count))});
+  return text(count === 1 ? "turns_one" : "turns_many", {count: count.toFixed(count < 1 ? 2 : 1)});
 }
 
 // Right-handed threads, heads towards the viewer: in is clockwise.
@@ -54,7 +56,7 @@ function drawScrew(svg, name, direction, done) {
   const css = direction ? "screw wanted" : done ? "screw done" : "screw";
   addShape(svg, "circle", {class: css, cx: x, cy: 0, r: 30});
   addShape(svg, "path", {class: "slot", d: `M${x - 18} 0H${x + 18}M${x} -18V18`});
-  addShape(svg, "text", {class: "screw-name", x, y: 78}, name);
+  addShape(svg, "text", {class: "screw-name", x, y: 78}, text(name));
   if (!direction) return;
   const way = direction === "in" ? 1 : -1; // the arc passes over the top, clockwise for in
   addShape(svg, "path", {class: "screw-arrow", d: `M${x - way * 40} 23A46 46 0 1 ${way === 1 ? 1 : 0} ${x + way * 43} 16`});

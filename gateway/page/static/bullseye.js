@@ -1,13 +1,14 @@
 // The view from above: the swing as an ellipse about the lean, and the limits as circles. The farthest point of the ellipse is
-// at phi_max, the angle from the vertical; a thin line shows the upper end of its interval, which the alerts use.
-// The static tilt is drawn only while it is valid; during a swing an accelerometer shows only a part of the angle.
+// at phi_max, the angle from the vertical; a thin line shows the upper end of its interval, which the alerts use. A dot shows where the
+// load is now. The crane's own words stand at the ends of the axes.
 
-import {isKnown} from "./number.js";
+import {degrees, directionWords, isKnown} from "./number.js";
 import {addShape} from "./svg.js";
+import {text} from "./texts.js";
 
 const RADIUS = 98;
+const NAME_RADIUS = 114;
 const TRAIL_SWINGS = 6;
-const TRAIL_TILTS = 40;
 const STEP_RAD = Math.PI / 60;
 
 const at = (deg, azimuthDeg) => {
@@ -19,7 +20,6 @@ export class Bullseye {
   constructor(svg) {
     this.svg = svg;
     this.swings = [];
-    this.tilts = [];
     this.scaleDeg = null;
     this.ground = addShape(svg, "g", {});
     this.moving = addShape(svg, "g", {});
@@ -27,42 +27,46 @@ export class Bullseye {
 
   clear() {
     this.swings = [];
-    this.tilts = [];
     this.moving.replaceChildren();
-    addShape(this.moving, "text", {class: "none", x: 0, y: -8}, "no reading");
-    this.svg.setAttribute("aria-label", "no reading");
+    addShape(this.moving, "text", {class: "none", x: 0, y: -8}, text("no_reading"));
+    this.svg.setAttribute("aria-label", text("no_reading"));
   }
 
   draw(state) {
-    const {swing, tilt} = state.topics;
+    const {swing, motion} = state.topics;
     this.setScale(state.page, swing);
-    this.remember(swing, tilt);
+    this.remember(swing);
     this.moving.replaceChildren();
-    this.drawTilts(tilt);
     this.swings.forEach((past, i) => {
       const newest = i === this.swings.length - 1;
       this.drawSwing(past, newest ? "swing" : "swing past", newest ? 1 : 0.12 + (0.3 * i) / TRAIL_SWINGS);
     });
     this.drawUpperEnd(swing);
     this.drawLean(swing);
-    if (this.moving.childElementCount === 0) addShape(this.moving, "text", {class: "none", x: 0, y: -8}, "not known");
+    this.drawLoad(motion);
+    if (this.moving.childElementCount === 0) addShape(this.moving, "text", {class: "none", x: 0, y: -8}, text("never"));
     this.svg.classList.toggle("doubtful", !state.verdict.sound);
-    this.svg.setAttribute("aria-label", describe(swing));
+    this.svg.setAttribute("aria-label", describe(swing, state.page.directions));
   }
 
   // The limits set the scale, so that the picture keeps its meaning; a larger swing enlarges it.
   setScale(page, swing) {
     const reach = Math.max(swing?.phi_max_deg ?? 0, swing?.lean_deg ?? 0, Math.min(swing?.coverage95_deg?.[1] ?? 0, 45));
     const scaleDeg = Math.max(1.25 * page.trip_deg, Math.ceil((1.05 * reach) / 5) * 5 * (reach > 1.2 * page.trip_deg));
-    if (scaleDeg === this.scaleDeg) return;
+    const drawn = JSON.stringify([scaleDeg, page.directions]);
+    if (drawn === this.drawn) return;
+    this.drawn = drawn;
     this.scaleDeg = scaleDeg;
     this.ground.replaceChildren();
     addShape(this.ground, "circle", {class: "field", r: RADIUS + 5});
     for (const [a, b] of [[-RADIUS, 0], [0, -RADIUS]]) {
       addShape(this.ground, "line", {class: "axis", x1: a, y1: b, x2: -a, y2: -b});
     }
-    addShape(this.ground, "text", {class: "axis-name", x: RADIUS - 6, y: -5}, "x");
-    addShape(this.ground, "text", {class: "axis-name", x: 9, y: -RADIUS + 10}, "y");
+    const {plus_x, minus_x, plus_y, minus_y} = page.directions;
+    for (const [name, x, y, turn] of [[plus_x, 1, 0, 90], [minus_x, -1, 0, -90], [plus_y, 0, -1, 0], [minus_y, 0, 1, 0]]) {
+      const [nameX, nameY] = [x * NAME_RADIUS, y * (NAME_RADIUS - 4)];
+      addShape(this.ground, "text", {class: "axis-name", x: nameX, y: nameY, transform: `rotate(${turn} ${nameX} ${nameY})`}, name);
+    }
     for (const [name, azimuthDeg] of [["warn", 225], ["trip", 315]]) {
       const r = page[`${name}_deg`] * this.perDeg();
       addShape(this.ground, "circle", {class: `limit ${name}`, r});
@@ -75,11 +79,9 @@ export class Bullseye {
     return RADIUS / this.scaleDeg;
   }
 
-  remember(swing, tilt) {
+  remember(swing) {
     if (!swing || !isKnown(swing.phi_max_deg) || !swing.swinging) this.swings = [];
     else if (this.swings.at(-1)?.time_ns !== swing.time_ns) this.swings = [...this.swings, swing].slice(-TRAIL_SWINGS);
-    if (!tilt?.trusted || !isKnown(tilt.axial_deg) || !isKnown(tilt.direction_deg)) this.tilts = [];
-    else if (this.tilts.at(-1)?.time_ns !== tilt.time_ns) this.tilts = [...this.tilts, tilt].slice(-TRAIL_TILTS);
   }
 
   drawSwing(swing, css, opacity) {
@@ -111,13 +113,10 @@ export class Bullseye {
     addShape(this.moving, "path", {class: "lean", d: `M${x - 7} ${y}h14M${x} ${y - 7}v14`});
   }
 
-  drawTilts(tilt) {
-    if (this.tilts.length === 0) return;
-    const points = this.tilts.map((one) => at(Math.min(one.axial_deg, this.scaleDeg) * this.perDeg(), one.direction_deg));
-    const path = points.map(({x, y}) => `${x.toFixed(1)},${y.toFixed(1)}`).join(" ");
-    addShape(this.moving, "polyline", {class: "tilt-trail", points: path});
-    const {x, y} = points.at(-1);
-    addShape(this.moving, "circle", {class: "tilt", cx: x, cy: y, r: 11});
+  drawLoad(motion) {
+    if (!isKnown(motion?.angle_deg) || !isKnown(motion?.azimuth_deg)) return;
+    const {x, y} = at(Math.min(motion.angle_deg, this.scaleDeg) * this.perDeg(), motion.azimuth_deg);
+    addShape(this.moving, "circle", {class: "load", cx: x, cy: y, r: 7});
   }
 }
 
@@ -144,9 +143,9 @@ export function semiMajorDeg(swing) {
   return (low + high) / 2;
 }
 
-function describe(swing) {
-  if (!swing || !isKnown(swing.phi_max_deg)) return "swing not known";
-  const way = isKnown(swing.azimuth_deg) ? ` along ${swing.azimuth_deg.toFixed(0)} degrees` : "";
-  const lean = isKnown(swing.lean_deg) ? `, lean ${swing.lean_deg.toFixed(1)} degrees` : "";
-  return `swing ${swing.phi_max_deg.toFixed(1)} degrees${way}${lean}`;
+function describe(swing, directions) {
+  if (!swing || !isKnown(swing.phi_max_deg)) return text("never");
+  const way = isKnown(swing.azimuth_deg) ? text("along", {direction: directionWords(swing.azimuth_deg, directions)}) : "";
+  const lean = isKnown(swing.lean_deg) ? text("lean_words", {angle: degrees(swing.lean_deg)}) : "";
+  return text("swing_words", {angle: degrees(swing.phi_max_deg)}) + way + lean;
 }

@@ -1,11 +1,12 @@
-// The rigger's screen during a recalibration: the next attitude, whether the sensor is still, and for how long. Read-only.
+// The rigger's screen during a recalibration: what to do now, the next attitude, and for how long to hold it. Read-only.
 
 import {drawBox, drawDone} from "./box.js";
 import {setText} from "./facts.js";
 import {isKnown} from "./number.js";
+import {text} from "./texts.js";
 
 const FACES = ["+x", "-x", "+y", "-y", "+z", "-z"];
-const TITLES = {collecting: "turn the sensor like this", review: "all poses are taken", rejected: "the session has ended"};
+const TITLES = {collecting: "rigger_look", review: "rigger_taken"};
 
 export class CalibrationScreen {
   constructor(section) {
@@ -16,14 +17,14 @@ export class CalibrationScreen {
   show(session, wanted, gone) {
     this.section.hidden = !wanted;
     if (!wanted) return;
-    setText("next-title", TITLES[session.phase] ?? session.phase);
+    setText("next-title", text(TITLES[session.phase] ?? "rigger_ended"));
     this.picture(session);
     setText("next-face", session.phase === "collecting" ? upText(session) : "");
     showDoing(session, gone);
     showPoses(session);
-    setText("session-text", gone ? "no contact with the gateway" : session.text);
+    setText("session-text", gone ? text("rigger_no_contact") : whatNext(session));
     showNotes(session);
-    setText("session-who", session.by ? `${session.method}, requested by ${session.by}; the old record stays in force until the commit` : "");
+    setText("session-who", session.by ? text("rigger_by", session) : "");
   }
 
   // Draw only when the picture changes.
@@ -42,25 +43,39 @@ export class CalibrationScreen {
 }
 
 function upText(session) {
-  if (session.next_face) return `${session.next_face} up`;
-  return session.next_direction ? "as in the picture" : "";
+  if (session.next_face) return text("rigger_face_up", {face: session.next_face});
+  return session.next_direction ? text("rigger_as_picture") : "";
 }
 
+function whatNext(session) {
+  if (session.phase === "collecting") return session.text;
+  return text(session.phase === "review" ? "rigger_review" : "rigger_left");
+}
+
+// "Hold still" only while a pose is being taken: a sensor that rests on a face that is already taken must be turned.
 function showDoing(session, gone) {
-  const still = document.getElementById("still");
   const collecting = session.phase === "collecting" && !gone;
-  still.dataset.state = collecting ? (session.still ? "still" : "moving") : "done";
-  setText("still", collecting ? (session.still ? "STILL" : "MOVING") : session.phase.toUpperCase());
-  const leftS = collecting ? session.seconds_left : null;
-  setText("seconds-left", isKnown(leftS) ? `hold for ${Math.ceil(leftS)} s` : "");
+  const holding = collecting && session.still && isKnown(session.seconds_left);
+  const still = document.getElementById("still");
+  still.dataset.state = collecting ? (holding ? "still" : "moving") : "done";
+  setText("still", doingText(session, collecting, holding));
+  setText("seconds-left", holding ? text("rigger_for", {seconds: Math.ceil(session.seconds_left)}) : "");
   document.getElementById("pose-bar").style.width = `${collecting ? Math.round(100 * session.pose_fraction) : 0}%`;
+}
+
+function doingText(session, collecting, holding) {
+  if (holding) return text("rigger_hold");
+  if (!collecting) return text(session.phase === "review" ? "rigger_wait" : "rigger_stopped");
+  if (session.next_face) return text("rigger_turn", {face: session.next_face.toUpperCase()});
+  return text(session.next_direction ? "rigger_turn_picture" : "rigger_wait");
 }
 
 function showPoses(session) {
   const used = session.poses.filter((pose) => pose.used);
   const byFace = session.method === "six-position";
   const taken = byFace ? FACES.filter((name) => used.some((pose) => pose.face === name)) : used;
-  setText("poses-title", `poses taken: ${taken.length} of ${byFace ? FACES.length : Math.max(session.wanted, taken.length)}`);
+  const wanted = byFace ? FACES.length : Math.max(session.wanted, taken.length);
+  setText("poses-title", text("rigger_poses", {count: taken.length, wanted}));
   const entries = byFace
     ? FACES.map((name) => [name, taken.includes(name) ? "taken" : name === session.next_face ? "wanted" : ""])
     : [];

@@ -1,40 +1,43 @@
-// The state of the measurement as a list of texts, each marked when it is bad. All texts are set as text, never as markup.
+// The state of the measurement for the service engineer, as texts, each marked when it is bad. All texts are set as text, never as markup.
 
 import {ago, count, fixed, isKnown, NONE} from "./number.js";
+import {text} from "./texts.js";
+import {timeWithZone} from "./time.js";
 
-export function setText(id, text) {
+export function setText(id, content) {
   const element = document.getElementById(id);
-  if (element.textContent !== text) element.textContent = text;
+  if (element.textContent !== content) element.textContent = content;
 }
 
-function setFact(name, text, bad = false) {
+function setFact(name, content, bad = false) {
   const row = document.getElementById(`fact-${name}`);
   const value = row.querySelector("dd");
-  if (value.textContent !== text) value.textContent = text;
+  if (value.textContent !== content) value.textContent = content;
   row.classList.toggle("bad", bad);
 }
 
-const CLOCKS = {synchronised: "synchronised", free_running: "free running", replayed: "of the recording"};
-
 export function showFacts(state, waitedS) {
-  const {tilt, swing, health, calibration, condition} = state.topics;
+  const {tilt, motion, swing, health, calibration, condition} = state.topics;
   const good = state.last_good;
   const goodAgeS = good ? good.age_s + waitedS : null;
-  setFact("good", good ? ago(goodAgeS) : "none yet", !good || goodAgeS > 5);
+  setFact("good", good ? ago(goodAgeS) : text("none_yet"), !good || goodAgeS > 5);
+  const trust = condition?.trusted ? text("trusted") : text("not_trusted");
+  setFact("condition", condition ? `${condition.verdict.replace("_", " ")}, ${trust}` : NONE, Boolean(condition) && !condition.trusted);
+  setFact("period", `${fixed(swing?.period_s, 2, "s")}, ${fixed(motion?.length_m, 2, "m")}`);
   const status = calibration?.status ?? condition?.calibration;
-  const trusted = status === "calibrated" || status === "factory";
-  setFact("calibration", status ? status.replace("_", " ") : NONE, Boolean(status) && !trusted);
-  const clock = (tilt ?? swing)?.clock;
-  setText("clock-quality", clock ? `clock, ${CLOCKS[clock] ?? clock}` : "clock");
-  setFact("clock", clock ? timeOfDay(tilt ?? swing) : NONE, clock === "free_running");
+  const calibrated = status === "calibrated" || status === "factory";
+  setFact("calibration", status ? status.replace("_", " ") : NONE, Boolean(status) && !calibrated);
+  const newest = tilt ?? swing;
+  setText("clock-quality", newest ? text(`clock_${newest.clock}`) : text("fact_clock"));
+  setFact("clock", newest ? timeWithZone(newest.time_ns) : NONE, newest?.clock === "free_running");
   if (health) showHealth(health);
 }
 
 // Without readings at rest the drift is not known; it is never shown as good.
 function driftText(drift) {
-  if (!drift || !isKnown(drift.norm_error_mg)) return "not known yet";
+  if (!drift || !isKnown(drift.norm_error_mg)) return text("never");
   const error = `${drift.norm_error_mg < 0 ? "−" : "+"}${Math.abs(drift.norm_error_mg).toFixed(1)}`;
-  return drift.state === "alarm" ? `ALARM ${error} mg` : `${error} of ±${drift.limit_mg.toFixed(1)} mg`;
+  return drift.state === "alarm" ? `ALARM ${error} mg` : `${error} / ±${drift.limit_mg.toFixed(1)} mg`;
 }
 
 function showHealth(health) {
@@ -45,10 +48,12 @@ function showHealth(health) {
   setFact("device", `${health.device_id ?? health.device_kind}${state}`, health.state !== "running");
   setFact("rate", isKnown(health.measured_rate_hz) ? fixed(health.measured_rate_hz, 1, "Hz") : NONE);
   setFact("lost", `${count(health.lost)} (${lostShare.toFixed(lostShare < 10 ? 2 : 0)} %)`, lostShare > 1);
-  const free = isKnown(health.disk_free_mb) ? `, ${fixed(health.disk_free_mb / 1000, 1, "GB")} free` : "";
-  const recording = health.recording_error ? "ERROR" : `${health.recording ? "on" : "off"}${free}`;
-  setFact("recording", recording, Boolean(health.recording_error) || !health.recording);
-  setFact("faults", faults ? `${count(faults)}: ${Object.keys(health.faults).join(", ")}` : "none");
+  setFact("recording", recordingText(health), Boolean(health.recording_error) || !health.recording);
+  setFact("faults", faults ? `${count(faults)}: ${Object.keys(health.faults).join(", ")}` : text("none"));
 }
 
-const timeOfDay = (message) => new Date(message.time_ns / 1e6).toTimeString().slice(0, 8);
+function recordingText(health) {
+  if (health.recording_error) return text("recording_error", {reason: health.recording_error});
+  const size = isKnown(health.disk_free_mb) ? text("free_space", {size: fixed(health.disk_free_mb / 1000, 1, "GB")}) : "";
+  return `${text(health.recording ? "recording_on" : "recording_off")}${size}`;
+}

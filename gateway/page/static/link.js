@@ -40,12 +40,12 @@ export class Link {
     this.handlers.state(state);
   }
 
-  // Return why the data may be out of date; null if they are not.
+  // Return why the data may be out of date, as the key of a text and seconds; null if they are not.
   complaint() {
     const silentS = nowS() - (this.arrivedS ?? this.openedS);
-    if (!this.connected) return "no connection to the gateway's page";
-    if (silentS > this.limitS) return `no data from the gateway's page for ${silentS.toFixed(0)} s`;
-    if (this.lateS > this.limitS) return `slow connection: the data are ${this.lateS.toFixed(0)} s old`;
+    if (!this.connected) return {key: "page_gone"};
+    if (silentS > this.limitS) return {key: "page_silent", seconds: silentS.toFixed(0)};
+    if (this.lateS > this.limitS) return {key: "page_slow", seconds: this.lateS.toFixed(0)};
     return null;
   }
 

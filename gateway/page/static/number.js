@@ -1,25 +1,31 @@
 // Numbers as text. Limits are rounded outwards, so that a number is never more certain than it is.
 
+import {text} from "./texts.js";
+
 export const NONE = "—";
 const known = (value) => typeof value === "number" && Number.isFinite(value);
 
 export const degrees = (value) => (known(value) ? `${value.toFixed(1)}°` : NONE);
 export const upwards = (value) => (known(value) ? `${(Math.ceil(value * 10 - 1e-6) / 10).toFixed(1)}°` : NONE);
-export const direction = (value) => (known(value) ? `${Math.round(value)}°` : NONE);
 export const fixed = (value, digits, unit) => (known(value) ? `${value.toFixed(digits)} ${unit}` : NONE);
 export const count = (value) => (known(value) ? String(value).replace(/\B(?=(\d{3})+$)/g, "\u202f") : NONE);
 export const isKnown = known;
 
 export function ago(seconds) {
   if (!known(seconds)) return NONE;
-  if (seconds < 2) return "now";
-  if (seconds < 120) return `${Math.floor(seconds)} s ago`;
-  if (seconds < 7200) return `${Math.floor(seconds / 60)} min ago`;
-  return `${Math.floor(seconds / 3600)} h ago`;
+  if (seconds < 2) return text("now_ago");
+  if (seconds < 120) return text("seconds_ago", {count: Math.floor(seconds)});
+  if (seconds < 7200) return text("minutes_ago", {count: Math.floor(seconds / 60)});
+  return text("hours_ago", {count: Math.floor(seconds / 3600)});
 }
 
-// Use the farther end of the interval, so that the interval after "±" is never too narrow.
-export function plusMinus(phi, interval) {
-  if (!interval || !interval.every(known)) return "± not known";
-  return `± ${upwards(Math.max(interval[1] - phi, phi - interval[0]))}`;
+// Return the crane's word for an azimuth: one direction, or the two that it lies between.
+export function directionWords(azimuthDeg, {plus_x, plus_y, minus_x, minus_y}) {
+  if (!known(azimuthDeg)) return "";
+  const names = [plus_x, plus_y, minus_x, minus_y];
+  const quarter = (((azimuthDeg % 360) + 360) % 360) / 90;
+  const [from, beyond] = [Math.floor(quarter), quarter % 1];
+  if (beyond < 0.25) return names[from % 4];
+  if (beyond > 0.75) return names[(from + 1) % 4];
+  return `${names[from % 4]} / ${names[(from + 1) % 4]}`;
 }

@@ -1,24 +1,41 @@
 // The page: shows what the server pushes, and whether it is up to date.
 
+import {AlertList} from "./alerts.js";
 import {AlignScreen} from "./align.js";
 import {Bullseye} from "./bullseye.js";
 import {CalibrationScreen} from "./calibration.js";
 import {setText, showFacts} from "./facts.js";
+import {Gauge} from "./gauge.js";
 import {Link, nowS} from "./link.js";
-import {degrees, direction, fixed, isKnown, NONE, plusMinus, upwards} from "./number.js";
+import {Mounting} from "./mounting.js";
+import {ago, degrees, directionWords, fixed, isKnown, NONE, upwards} from "./number.js";
+import {comingPeak, motionKey, sentence} from "./sentence.js";
+import {Sound} from "./sound.js";
+import {setLanguage, text} from "./texts.js";
+import {timeWithZone} from "./time.js";
 import {Trend} from "./trend.js";
 
-const LOST = {word: "STALE", label: "STALE", colour: "black", shape: "hourglass", sound: false};
+const LOST = {word: "STALE", colour: "black", shape: "hourglass", sound: false, reasons: []};
 const REFRESH_MS = 100;
 const TREND_S = 1;
 const GONE = new Set(["STALE", "NO DATA"]);
+const SCREENS = {"#alerts": "alerts", "#service": "service"};
+const LEAN_SIGNIFICANT = 2; // standard uncertainties from which a lean has a direction
+const MOST_REASONS = 8;
+const NORMAL_975 = 1.959964;
 
-const bullseye = new Bullseye(document.getElementById("bullseye"));
-const calibration = new CalibrationScreen(document.getElementById("calibration"));
-const align = new AlignScreen(document.getElementById("align"));
-const trend = new Trend(document.getElementById("trend"), document.getElementById("trend-labels"));
+const element = (id) => document.getElementById(id);
+const bullseye = new Bullseye(element("bullseye"));
+const gauge = new Gauge(element("gauge"));
+const calibration = new CalibrationScreen(element("calibration"));
+const align = new AlignScreen(element("align"));
+const alertList = new AlertList(element("alert-rows"));
+const mounting = new Mounting(element("mounting"));
+const sound = new Sound(element("sound"));
+const trend = new Trend(element("trend"), element("trend-labels"), element("trend-times"));
 let state = null;
 let trendS = 0;
+let announced = null;
 
 const link = new Link(
   (history) => trend.replace(history.points),
@@ -29,140 +46,150 @@ const link = new Link(
   },
 );
 
-// Return the server's verdict, or STALE or NO DATA without a connection to the server.
+// Return the server's verdict with the operator's sentence, or STALE or NO DATA without a connection to the server.
 function verdictNow() {
   const complaint = link.complaint();
-  if (complaint === null && state !== null) return state.verdict;
-  if (state === null) {
-    const reasons = [complaint ?? "waiting for the gateway's page"];
-    return {...LOST, word: "NO DATA", label: "NO DATA", shape: "empty", reasons, also: []};
-  }
+  if (complaint === null && state !== null) return {...state.verdict, sentence: sentence(state.verdict, state)};
+  const words = complaint === null ? text("starting") : text(complaint.key, {seconds: complaint.seconds});
+  if (state === null) return {...LOST, word: "NO DATA", shape: "empty", sentence: words, also: []};
   const last = state.verdict;
-  const labels = GONE.has(last.word) ? last.also : [last.label, ...last.also];
-  return {...LOST, reasons: [complaint], also: labels.filter((label) => label !== "OK")};
+  const also = (GONE.has(last.word) ? last.also : [last.word, ...last.also]).filter((word) => word !== "OK");
+  return {...LOST, sentence: words, also};
 }
 
 function show() {
   try {
+    if (state !== null) setLanguage(state.page.language);
     const verdict = verdictNow();
     showVerdict(verdict);
     if (state === null) return;
     const waitedS = nowS() - link.arrivedS;
     const gone = GONE.has(verdict.word);
-    showNotices(gone ? [] : notices(state.topics));
-    showSwing(gone ? null : state.topics.swing, verdict, waitedS);
-    showCondition(gone ? null : state.topics.condition);
+    sound.update(gone ? [] : sounding(state.topics.alert));
+    showSwing(gone ? {} : state.topics, verdict, waitedS);
     showFacts(state, waitedS);
+    showReasons(verdict, state.topics);
+    alertList.show(state.alert_log);
+    mounting.draw(state.page.directions);
     showScreens(gone);
     if (gone) bullseye.clear();
     else bullseye.draw(state);
     if (nowS() - trendS >= TREND_S) {
       trendS = nowS();
-      trend.draw(state.page);
+      trend.draw(state.page, state.time_ns + waitedS * 1e9, state.alert_log.alerts);
     }
   } catch (error) {
-    showVerdict({...LOST, label: "UNKNOWN", colour: "violet", shape: "question", reasons: [`page: ${error}`], also: []});
+    const reason = String(error);
+    showVerdict({...LOST, word: "UNKNOWN", colour: "grey", shape: "question", sentence: text("page_fault", {reason}), also: []});
     throw error;
   }
 }
 
-// A recalibration takes precedence over the alignment, and both over the swing.
+// A recalibration takes precedence over the chosen screen.
 function showScreens(gone) {
   const session = state.topics.calibration?.session;
   const recalibrated = Boolean(session?.suspended);
   const aligned = !recalibrated && window.location.hash === "#align";
+  const chosen = SCREENS[window.location.hash] ?? "swing";
   calibration.show(session, recalibrated, gone);
   align.show(state.align, aligned, gone);
-  document.querySelector("main").hidden = recalibrated || aligned;
+  for (const name of ["swing", "alerts", "service"]) {
+    element(`${name}-screen`).hidden = recalibrated || aligned || name !== chosen;
+    if (name === chosen) element(`to-${name}`).setAttribute("aria-current", "page");
+    else element(`to-${name}`).removeAttribute("aria-current");
+  }
 }
 
 function showVerdict(verdict) {
   document.body.dataset.colour = verdict.colour;
   document.body.dataset.word = verdict.word;
-  setText("word", verdict.label);
-  const gone = GONE.has(verdict.word);
-  setText("also", verdict.also.length > 0 ? `${gone ? "last known: " : "and "}${verdict.also.join(", ")}` : "");
-  setText("reasons", verdict.word === "OK" ? "fresh, trusted, calibrated" : reasonsBesideList(verdict).join("; "));
-  document.getElementById("shape").setAttribute("href", `#shape-${verdict.shape}`);
+  const word = text(`word_${verdict.word}`);
+  setText("word", word);
+  setText("sentence", verdict.sentence);
+  announce(verdict, word);
+  const words = verdict.also.map((one) => text(`word_${one}`)).join(", ");
+  setText("also", words ? text(GONE.has(verdict.word) ? "last_known" : "also", {words}) : "");
+  element("shape").setAttribute("href", `#shape-${verdict.shape}`);
   const name = state?.page.title || state?.page.sensor || "Plumbline";
   setText("title", name);
-  const title = `${verdict.label} · ${name}`;
+  const title = `${word} · ${name}`;
   if (document.title !== title) document.title = title;
   const kind = state?.topics.health?.device_kind;
   setText("source", {simulated: "SIMULATION", replay: "REPLAY"}[kind] ?? "");
+  setText("time", timeWithZone(Date.now() * 1e6));
 }
 
-// Omit the text of the alert where the list of alerts or the other reasons contain it.
-function reasonsBesideList(verdict) {
-  if (GONE.has(verdict.word)) return verdict.reasons;
-  const others = verdict.reasons.filter((reason) => reason !== state?.topics.alert?.text);
-  const listed = verdict.word === "WARN" || verdict.word === "TRIP";
-  return listed || others.length > 0 ? others : verdict.reasons;
+// Tell a screen reader when the word changes, and not when only a number does.
+function announce(verdict, word) {
+  if (verdict.word === announced) return;
+  announced = verdict.word;
+  setText("announcement", `${word}. ${verdict.sentence}`);
 }
 
-// Return the active alerts with their duration, and further notices.
-function notices({alert, health}) {
-  const active = (alert?.active ?? []).filter((one) => one.level === "warn" || one.level === "trip");
-  const texts = active.map((one) => {
-    const activeS = Math.max(Math.round((alert.time_ns - one.since_ns) / 1e9), 0);
-    return `${one.text} · ${activeS} s`;
-  });
-  if (health?.recording_error) texts.push(`not recording: ${health.recording_error}`);
-  if (health && health.state !== "running") texts.push(`gateway ${health.state}`);
-  return texts;
+// Return the identity and the level of the alarms that sound.
+function sounding(alert) {
+  return (alert?.active ?? [])
+    .filter((one) => one.level === "warn" || one.level === "trip")
+    .map((one) => ({key: one.rule, level: one.level}));
 }
 
-function showNotices(texts) {
-  const list = document.getElementById("alerts");
+function showReasons(verdict, {condition, motion, health}) {
+  const list = element("reasons");
+  const recording = health?.recording_error ? [`${text("not_recording")} ${health.recording_error}`] : [];
+  const gateway = health && health.state !== "running" ? [`gateway ${health.state}`] : [];
+  const all = [...verdict.reasons, ...(condition?.reasons ?? []), ...(motion?.reasons ?? []), ...recording, ...gateway];
+  const texts = [...new Set(all)].slice(0, MOST_REASONS);
+  if (texts.length === 0) texts.push(text("none"));
   if (texts.join("\n") === [...list.children].map((item) => item.textContent).join("\n")) return;
-  list.replaceChildren(...texts.map((text) => Object.assign(document.createElement("li"), {textContent: text})));
+  list.replaceChildren(...texts.map((content) => Object.assign(document.createElement("li"), {textContent: content})));
 }
 
-function showSwing(swing, verdict, waitedS) {
-  const known = Boolean(swing) && state.swing_known;
+// The number is the largest angle of the last period; an interval down to 0 is shown as its upper end alone.
+function showSwing({swing, motion}, verdict, waitedS) {
   document.body.classList.toggle("doubtful", !verdict.sound);
-  setText("doubt", known && !verdict.sound ? "?" : "");
-  if (!known) {
-    setText("bound", "");
-    setText("phi", NONE);
-    setText("interval", lastGood(waitedS));
-  } else if (swing.swinging) {
-    setText("bound", "");
-    setText("phi", degrees(swing.phi_max_deg));
-    setText("interval", `${plusMinus(swing.phi_max_deg, swing.coverage95_deg)} (95 %)`);
-  } else {
-    setText("bound", "≤ ");
-    setText("phi", upwards(swing.coverage95_deg[1]));
-    setText("interval", "no swing detected");
-  }
-  showTiles(swing, waitedS);
+  const value = swingValue(motion);
+  setText("bound", value.isBound ? "≤ " : "");
+  setText("phi", value.isBound ? upwards(value.highDeg) : degrees(value.phiDeg));
+  setText("interval", intervalText(value, waitedS));
+  const peak = comingPeak(motion);
+  gauge.draw(state.page, value, peak, motion?.angle_deg);
+  showTiles(swing, motion, peak, waitedS);
 }
 
-function lastGood(waitedS) {
+function swingValue(motion) {
+  if (!isKnown(motion?.phi_max_deg) || !isKnown(motion.phi_max_u_deg)) return {phiDeg: null, halfDeg: null, highDeg: null, isBound: false};
+  const halfDeg = NORMAL_975 * motion.phi_max_u_deg;
+  return {phiDeg: motion.phi_max_deg, halfDeg, highDeg: motion.phi_max_deg + halfDeg, isBound: motion.phi_max_deg <= halfDeg};
+}
+
+function intervalText(value, waitedS) {
+  if (value.phiDeg !== null) return value.isBound ? text("no_swing") : text("plus_minus", {angle: upwards(value.halfDeg)});
   const good = state.last_good;
-  if (!good || !isKnown(good.phi_max_deg)) return "not known";
-  return `not known; was ${degrees(good.phi_max_deg)} ${Math.round(good.age_s + waitedS)} s ago`;
+  if (!good || !isKnown(good.phi_max_deg)) return text("never");
+  return text("was", {angle: degrees(good.phi_max_deg), ago: ago(good.age_s + waitedS)});
 }
 
-function showTiles(swing, waitedS) {
-  const peakS = isKnown(swing?.time_to_peak_s) ? swing.time_to_peak_s - (state.age_s.swing ?? 0) - waitedS : null;
-  const coming = isKnown(swing?.predicted_phi_max_deg) && peakS !== null && peakS > 0;
-  setText("coming", coming ? degrees(swing.predicted_phi_max_deg) : NONE);
-  setText("coming-when", coming ? `in ${peakS.toFixed(1)} s` : "");
-  setText("lean", degrees(swing?.lean_deg));
-  setText("lean-direction", isKnown(swing?.lean_azimuth_deg) ? `toward ${direction(swing.lean_azimuth_deg)}` : "");
-  const limit = state.page.lean_trip_deg;
-  const beyond = isKnown(swing?.lean_deg) && isKnown(limit) && swing.lean_deg >= limit;
-  document.getElementById("lean-tile").classList.toggle("bad", beyond);
-  setText("period", fixed(swing?.period_s, 1, "s"));
-  setText("azimuth", isKnown(swing?.azimuth_deg) ? `along ${direction(swing.azimuth_deg)}` : "");
+function showTiles(swing, motion, peak, waitedS) {
+  const inS = peak === null ? -1 : peak.inS - (state.age_s.motion ?? 0) - waitedS;
+  setText("coming", inS > 0 ? degrees(peak.angleDeg) : NONE);
+  setText("coming-when", inS > 0 ? text("in_seconds", {seconds: inS.toFixed(1)}) : "");
+  element("tile-peak").classList.toggle("bad", inS > 0 && peak.angleDeg >= state.page.trip_deg);
+  const leanDeg = motion?.lean_deg ?? swing?.lean_deg;
+  const isDirected = isKnown(leanDeg) && leanDeg > LEAN_SIGNIFICANT * (motion?.lean_u_deg ?? Infinity);
+  setText("lean", degrees(leanDeg));
+  const direction = directionWords(swing?.lean_azimuth_deg, state.page.directions);
+  setText("lean-direction", isDirected && direction ? text("toward", {direction}) : "");
+  const limitDeg = state.page.lean_trip_deg;
+  element("tile-lean").classList.toggle("bad", isKnown(leanDeg) && isKnown(limitDeg) && leanDeg >= limitDeg);
+  const key = motionKey(motion);
+  setText("crane-state", text(`crane_${key}`));
+  setText("crane-value", craneValue(key, motion));
 }
 
-function showCondition(condition) {
-  setText("condition", condition ? condition.verdict.replace("_", " ") : NONE);
-  setText("trust", condition ? (condition.trusted ? "trusted" : "not trusted") : "");
-  document.getElementById("condition-tile").classList.toggle("bad", Boolean(condition) && !condition.trusted);
-  document.getElementById("condition-tile").title = condition ? condition.reasons.join("; ") : "";
+function craneValue(key, motion) {
+  if (key === "hoisting" || key === "lowering") return fixed(Math.abs(motion.hoist_m_s), 2, "m/s");
+  if (key === "driven" && motion.pivot_accel_m_s2) return fixed(Math.hypot(...motion.pivot_accel_m_s2), 2, "m/s²");
+  return "";
 }
 
 setInterval(() => {

@@ -1,15 +1,22 @@
-// The trend of the last ten minutes: the swing with its 95 % interval as a band, the limits as lines, gaps where data are missing.
+// The trend of the last ten minutes: the swing with its 95 % interval as a band, the limits as lines, the alarms as bars at the
+// bottom, and gaps where data are missing. The scale follows the limits, so that the picture keeps its meaning.
 
 import {nowS} from "./link.js";
 import {addShape} from "./svg.js";
+import {text} from "./texts.js";
+import {timeOfDay} from "./time.js";
 
 const SPAN_S = 600;
-const WIDTH = 460, HEIGHT = 104;
+const WIDTH = 1000, HEIGHT = 100;
+const TICK_S = 120;
+const BEYOND_LIMIT = 1.3;
+const STEP_DEG = 5;
 
 export class Trend {
-  constructor(svg, labels) {
+  constructor(svg, labels, times) {
     this.svg = svg;
     this.labels = labels;
+    this.times = times;
     this.points = [];
   }
 
@@ -28,18 +35,43 @@ export class Trend {
     this.points = this.points.filter((point) => point.atS >= oldest);
   }
 
-  draw({warn_deg: warnDeg, trip_deg: tripDeg}) {
-    const topDeg = Math.max(1.2 * tripDeg, ...this.points.map((point) => Math.min(point.high ?? point.phi ?? 0, 90)));
-    const x = (atS) => (WIDTH * (1 - (nowS() - atS) / SPAN_S)).toFixed(1);
+  // `timeNs` is the time of the newest data, `alerts` the list of alerts.
+  draw({warn_deg: warnDeg, trip_deg: tripDeg}, timeNs, alerts) {
+    const highestDeg = Math.max(0, ...this.points.map((point) => Math.min(point.high ?? point.phi ?? 0, 90)));
+    const topDeg = highestDeg <= BEYOND_LIMIT * tripDeg ? BEYOND_LIMIT * tripDeg : Math.ceil(highestDeg / STEP_DEG) * STEP_DEG;
+    const x = (ageS) => (WIDTH * (1 - ageS / SPAN_S)).toFixed(1);
     const y = (deg) => (HEIGHT * (1 - Math.min(deg, topDeg) / topDeg)).toFixed(1);
     this.svg.replaceChildren();
-    for (const minute of [2, 4, 6, 8]) this.path("grid", `M${(WIDTH * minute) / 10} 0V${HEIGHT}`);
-    for (const run of splitRuns(this.points)) this.drawRun(run, x, y);
+    this.drawTimes(timeNs, x);
+    for (const run of splitRuns(this.points)) this.drawRun(run, (atS) => x(nowS() - atS), y);
     this.path("limit warn", `M0 ${y(warnDeg)}H${WIDTH}`);
     this.path("limit trip", `M0 ${y(tripDeg)}H${WIDTH}`);
-    this.label("warn", `warn ${warnDeg}°`, y(warnDeg));
-    this.label("trip", `stop ${tripDeg}°`, y(tripDeg));
-    this.svg.setAttribute("aria-label", `swing of the last ten minutes, ${this.points.length} values`);
+    this.drawAlerts(alerts, timeNs, x);
+    this.label("warn", `${warnDeg}°`, y(warnDeg));
+    this.label("trip", `${tripDeg}°`, y(tripDeg));
+    this.svg.setAttribute("aria-label", text("trend_words", {count: this.points.length}));
+  }
+
+  // A line and a local time every two minutes.
+  drawTimes(timeNs, x) {
+    const timeS = timeNs / 1e9;
+    const labels = [];
+    for (let tickS = Math.floor(timeS / TICK_S) * TICK_S; tickS > timeS - SPAN_S; tickS -= TICK_S) {
+      const at = x(timeS - tickS);
+      this.path("grid", `M${at} 0V${HEIGHT}`);
+      const label = document.createElement("span");
+      label.textContent = timeOfDay(tickS * 1e9).slice(0, 5);
+      label.style.left = `${Math.min(Math.max((100 * at) / WIDTH, 3.5), 96.5)}%`;
+      labels.push(label);
+    }
+    this.times.replaceChildren(...labels);
+  }
+
+  drawAlerts(alerts, timeNs, x) {
+    for (const {level, since_ns: sinceNs, until_ns: untilNs} of alerts) {
+      const toS = (timeNs - (untilNs ?? timeNs)) / 1e9, fromS = (timeNs - sinceNs) / 1e9;
+      if (toS < SPAN_S && level !== "unknown") this.path(`alarm ${level}`, `M${x(Math.min(fromS, SPAN_S))} ${HEIGHT - 1}H${x(toS)}`);
+    }
   }
 
   drawRun(run, x, y) {
@@ -57,14 +89,14 @@ export class Trend {
   }
 
   // Labels are HTML, because text in a stretched drawing would be stretched, too.
-  label(name, text, y) {
+  label(name, content, y) {
     let element = this.labels.querySelector(`.${name}`);
     if (!element) {
       element = document.createElement("span");
       element.className = name;
       this.labels.append(element);
     }
-    element.textContent = text;
+    element.textContent = content;
     element.style.top = `${(100 * y) / HEIGHT}%`;
   }
 }

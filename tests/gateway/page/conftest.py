@@ -24,6 +24,7 @@ from gateway.messages import (
     Level,
     Message,
     Motion,
+    MotionState,
     Swing,
     Tilt,
     Verdict,
@@ -45,7 +46,11 @@ class Scene:
     def __init__(self) -> None:
         self.phi_max_deg: float | None = 2.3
         self.swinging: bool | None = True
+        self.phi_max_u_deg = 0.1
         self.coverage95_deg: list[float] | None = [2.1, 2.5]
+        self.state: MotionState = "free"
+        self.hoist_m_s = 0.0
+        self.motion_reasons: list[str] = []
         self.azimuth_deg: float | None = 35.0
         self.lean_deg = 0.8
         self.level: Level = "normal"
@@ -94,19 +99,19 @@ class Scene:
         known = high_deg is not None and low_deg is not None
         return Motion(
             **self._header(sequence, time_ns),
-            state="free" if known else "unknown",
+            state=self.state if known else "unknown",
             angle_deg=1.2 if known else None,
             u_deg=0.1 if known else None,
             azimuth_deg=self.azimuth_deg,
             rate_deg_s=0.5,
             pivot_accel_m_s2=[0.0, 0.0],
             pivot_accel_u_m_s2=0.01,
-            hoist_m_s=0.0,
+            hoist_m_s=self.hoist_m_s,
             hoist_u_m_s=0.01,
             length_m=12.0,
             length_u_m=0.1,
             phi_max_deg=self.phi_max_deg if known else None,
-            phi_max_u_deg=0.1 if known else None,
+            phi_max_u_deg=self.phi_max_u_deg if known else None,
             predicted_phi_max_deg=self.phi_max_deg,
             predicted_u_deg=0.15,
             time_to_peak_s=1.7,
@@ -118,7 +123,7 @@ class Scene:
             probabilities=None,
             fast_oscillation_hz=None,
             fast_oscillation_deg=None,
-            reasons=[],
+            reasons=self.motion_reasons,
             text="Free swing 2.3° ± 0.2°." if known else "Swing not known: too short a stretch.",
         )
 
@@ -156,7 +161,13 @@ class Scene:
 
     def alert(self, sequence: int = 0, time_ns: int = SAMPLE_TIME_NS) -> Alert:
         standing = ActiveAlert(
-            rule="swing", level=self.level, since_ns=time_ns, value_deg=6.4, limit_deg=6.0, text=self.alert_text
+            rule="swing",
+            level=self.level,
+            since_ns=time_ns,
+            value_deg=6.4,
+            limit_deg=6.0,
+            clear_deg=3.0,
+            text=self.alert_text,
         )
         return Alert(
             **self._header(sequence, time_ns),

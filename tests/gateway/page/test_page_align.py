@@ -26,9 +26,10 @@ def screen(page: PageUnderTest, browser: Browser) -> Any:
 def test_the_larger_angle_first_then_the_other_until_both_are_aligned(gateway: FakeGateway, screen: Any) -> None:
     scene = gateway.scene
     scene.condition, scene.pitch_deg, scene.roll_deg = "static", 0.4, -1.5
+    screen.locator("#to-service").click()
     screen.locator("#align-link").click()
     expect(screen.locator("#align-word")).to_have_text("ROLL IN")
-    expect(screen.locator("main")).to_be_hidden()
+    expect(screen.locator("#service-screen")).to_be_hidden()
     expect(screen.locator("#align-turns")).to_have_text("2.1 turns")
     expect(screen.locator("#align-pitch")).to_have_text("+0.40°")
     expect(screen.locator("#align-roll")).to_have_text("−1.50°")
@@ -47,11 +48,12 @@ def test_the_larger_angle_first_then_the_other_until_both_are_aligned(gateway: F
     expect(screen.locator("#align-known")).to_contain_text("±0.04°")
     expect(screen.locator("#screws .screw-arrow")).to_have_count(0)
     screen.locator("#align .go").click()
-    expect(screen.locator("main")).to_be_visible()
+    expect(screen.locator("#service-screen")).to_be_visible()
 
 
 def test_there_is_no_advice_without_a_reading_at_rest(gateway: FakeGateway, screen: Any) -> None:
     scene = gateway.scene
+    screen.locator("#to-service").click()
     screen.locator("#align-link").click()
     expect(screen.locator("#align-word")).to_have_text("WAIT")
     expect(screen.locator("#align-text")).to_contain_text("no advice while the load moves")
@@ -65,17 +67,17 @@ def test_there_is_no_advice_without_a_reading_at_rest(gateway: FakeGateway, scre
     expect(screen.locator("#align-word")).to_have_text("ROLL IN")
     gateway.speaking.clear()
     expect(screen.locator("#align-word")).to_have_text("WAIT")
-    expect(screen.locator("#align-text")).to_have_text("no advice: no readings")
+    expect(screen.locator("#align-text")).to_have_text("no readings")
     expect(screen.locator("#align-roll")).to_have_text("—")
 
 
 def test_an_unknown_drift_is_never_shown_as_good(gateway: FakeGateway, screen: Any) -> None:
     fact = screen.locator("#fact-drift")
-    expect(fact.locator("dd")).to_have_text("not known yet")
+    expect(fact.locator("dd")).to_have_text("not known")
     gateway.scene.drift = {"state": "no_rest", "norm_error_mg": None, "limit_mg": None, "reasons": []}
-    expect(fact.locator("dd")).to_have_text("not known yet")
+    expect(fact.locator("dd")).to_have_text("not known")
     gateway.scene.drift = {"state": "watching", "norm_error_mg": -1.26, "limit_mg": 5.0, "reasons": []}
-    expect(fact.locator("dd")).to_have_text("−1.3 of ±5.0 mg")
+    expect(fact.locator("dd")).to_have_text("−1.3 / ±5.0 mg")
     expect(fact).not_to_have_class("bad")
     gateway.scene.drift = {"state": "alarm", "norm_error_mg": 9.0, "limit_mg": 5.0, "reasons": ["calibrate"]}
     expect(fact.locator("dd")).to_have_text("ALARM +9.0 mg")

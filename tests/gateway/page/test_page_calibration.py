@@ -1,4 +1,4 @@
-"""The rigger's screen in a browser: which face next, still or moving, how long, what is taken; and never green."""
+"""The rigger's screen in a browser: which face next, still or moving, how long, what is taken."""
 
 import re
 from dataclasses import replace
@@ -46,17 +46,19 @@ def test_the_rigger_sees_the_next_attitude(gateway: FakeGateway, screen: Any) ->
     gateway.scene.session = COLLECTING
     expect(screen.locator("#word")).to_have_text("SUSPENDED")
     expect(screen.locator("#shape")).to_have_attribute("href", "#shape-pause")
-    expect(screen.locator("main")).to_be_hidden()
+    expect(screen.locator("#swing-screen")).to_be_hidden()
     expect(screen.locator("#next-face")).to_have_text("-x up")
-    expect(screen.locator("#still")).to_have_text("STILL")
-    expect(screen.locator("#seconds-left")).to_have_text("hold for 2 s")
+    expect(screen.locator("#still")).to_have_text("HOLD STILL")
+    expect(screen.locator("#seconds-left")).to_have_text("for 2 s")
     expect(screen.locator("#poses-title")).to_have_text("poses taken: 2 of 6")
     expect(screen.locator("#poses li.taken")).to_have_text(["+x", "-y"])
     expect(screen.locator("#poses li.wanted")).to_have_text("-x")
     assert "-x" in screen.locator("#pictogram text").all_text_contents()
     gateway.scene.session = replace(COLLECTING, still=False, seconds_left=None, text="moved too soon: not taken")
-    expect(screen.locator("#still")).to_have_text("MOVING")
+    expect(screen.locator("#still")).to_have_text("TURN TO -X")
     expect(screen.locator("#session-text")).to_have_text("moved too soon: not taken")
+    gateway.scene.session = replace(COLLECTING, seconds_left=None, pose_fraction=0.0)  # at rest on a face that is taken
+    expect(screen.locator("#still")).to_have_text("TURN TO -X")
     for width, height in SIZES:
         screen.set_viewport_size({"width": width, "height": height})
         root = "document.documentElement"
@@ -73,16 +75,17 @@ def test_review_and_end_are_shown_before_the_swing_returns(gateway: FakeGateway,
         COLLECTING, phase="review", next_face=None, next_direction=None, text="may not", reasons=[HOSTILE], still=False
     )
     gateway.scene.session = review
-    expect(screen.locator("#still")).to_have_text("REVIEW")
+    expect(screen.locator("#still")).to_have_text("WAIT")
     expect(screen.locator("#session-notes li")).to_have_text(HOSTILE)
     expect(screen.locator("#pictogram .box-done")).to_have_count(0)
     gateway.scene.session = replace(review, reasons=[])
     expect(screen.locator("#pictogram .box-done")).to_have_count(1)
-    gateway.scene.session = replace(review, phase="rejected", text="no pose was taken for 5 minutes")
-    expect(screen.locator("#still")).to_have_text("REJECTED")
+    gateway.scene.session = replace(review, phase="rejected", text="ended: plumbline remote cancel")
+    expect(screen.locator("#still")).to_have_text("ENDED")
+    expect(screen.locator("#calibration")).not_to_contain_text("plumbline")  # a rigger has no terminal
     expect(screen.locator("#word")).to_have_text("SUSPENDED")
     gateway.scene.session = replace(review, phase="committed", suspended=False)
-    expect(screen.locator("main")).to_be_visible()
+    expect(screen.locator("#swing-screen")).to_be_visible()
     expect(screen.locator("#word")).to_have_text("OK")
 
 
@@ -94,7 +97,7 @@ def test_a_norm_fit_shows_the_most_informative_direction(gateway: FakeGateway, s
     expect(screen.locator("#poses-title")).to_have_text(re.compile("2 of 12"))
     gateway.speaking.clear()
     expect(screen.locator("#word")).to_have_text("STALE")
-    expect(screen.locator("#session-text")).to_have_text("no contact with the gateway")
+    expect(screen.locator("#session-text")).to_have_text("No contact with the gateway.")
 
 
 def test_the_box_has_the_requested_attitude(screen: Any) -> None:

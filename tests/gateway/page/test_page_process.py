@@ -63,7 +63,7 @@ def test_a_page_that_starts_first_waits_for_its_gateway(
 
 
 def test_static_files_and_headers(page: PageUnderTest) -> None:
-    for path, media_type in {"/": "text/html", "/page.css": "text/css", "/page.js": "text/javascript"}.items():
+    for path, media_type in {"/": "text/html", "/base.css": "text/css", "/page.js": "text/javascript"}.items():
         with urllib.request.urlopen(page.url + path, timeout=PATIENCE_S) as response:
             assert response.headers.get_content_type() == media_type
             assert response.headers["Content-Security-Policy"] == CSP

@@ -1,4 +1,4 @@
-"""The verdict by a table: green only when everything is right, and which word goes before which."""
+"""The verdict by a table: calm only when everything is right, and which word goes before which."""
 
 import math
 from collections.abc import Callable
@@ -77,12 +77,12 @@ def test_the_verdict_follows_the_table(scene: Scene, change: Change, circumstanc
     change(scene)
     judged = verdict(evidence_of(scene, **circumstances))
     assert judged.word == word
-    assert (judged.colour == "green") == (word == "OK")
+    assert (judged.colour == "calm") == (word == "OK")
     assert bool(judged.reasons) == (word != "OK")
 
 
 @pytest.mark.parametrize("topic", USUAL_INTERVAL_S)
-def test_nothing_is_green_before_every_topic_was_received(scene: Scene, topic: str) -> None:
+def test_nothing_is_calm_before_every_topic_was_received(scene: Scene, topic: str) -> None:
     whole = evidence_of(scene)
     latest: dict[str, Message] = {name: message for name, message in whole.latest.items() if name != topic}
     judged = verdict(PageEvidence(True, latest, whole.age_s, 1.0))
@@ -99,7 +99,7 @@ def test_no_data_at_all(gateway: bool) -> None:
 def test_an_alarm_is_listed_when_its_data_are_lost(scene: Scene) -> None:
     setting(level="trip", alert_text="swing trip: up to 8.1 deg")(scene)
     judged = verdict(evidence_of(scene, tilt=3.0))
-    assert judged.also == ["STOP"]
+    assert judged.also == ["TRIP"]
     assert judged.reasons == ["no new tilt for 3 s", "swing trip: up to 8.1 deg"]
 
 
@@ -142,7 +142,7 @@ def test_a_long_rope_becomes_stale_as_well(scene: Scene) -> None:
 def test_every_verdict_has_its_own_word_and_shape() -> None:
     assert len({face.shape for face in STYLES.values()}) == len(STYLES)
     assert len({face.label for face in STYLES.values()}) == len(STYLES)
-    assert [word for word, face in STYLES.items() if face.colour == "green"] == ["OK"]
+    assert [word for word, face in STYLES.items() if face.colour == "calm"] == ["OK"]
 
 
 def test_the_verdict_depends_on_published_topics() -> None:

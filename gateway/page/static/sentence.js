@@ -1,0 +1,83 @@
+// The operator's sentence: what happens, and what to expect, in two lines at most. A pure function of the state.
+
+import {degrees, isKnown, upwards} from "./number.js";
+import {text} from "./texts.js";
+
+const ALARMS = ["trip", "warn"];
+const SOON_S = 0.05; // a peak that comes sooner is the present angle
+
+// Return the sentence of a verdict.
+export function sentence(verdict, state) {
+  const {motion, alert, calibration} = state.topics;
+  switch (verdict.word) {
+    case "TRIP": case "WARN": return alarmSentence(highest(alert), motion);
+    case "SUSPENDED": return text(isActive(calibration?.session) ? "suspended" : "suspended_after");
+    case "UNCALIBRATED": return text("uncalibrated");
+    case "DISTURBED": return text("disturbed");
+    case "UNKNOWN": return text("not_known", {reason: firstReason(verdict, motion)});
+    case "STALE": return staleSentence(state);
+    case "NO DATA": return text(state.gateway ? "starting" : "gateway_gone");
+    default: return [doing(motion), swingWords(motion)].filter(Boolean).join(" ");
+  }
+}
+
+// Return what crane and load do, as a sentence.
+export function doing(motion) {
+  const key = motionKey(motion);
+  return key === "unknown" ? "" : text(key);
+}
+
+// Return the key of what crane and load do.
+export function motionKey(motion) {
+  if (!motion) return "unknown";
+  return motion.state === "hoisting" && motion.hoist_m_s > 0 ? "lowering" : motion.state;
+}
+
+function swingWords(motion) {
+  if (!isKnown(motion?.phi_max_deg) || motion.state === "rest") return "";
+  return text("swing_is", {angle: degrees(motion.phi_max_deg)});
+}
+
+function highest(alert) {
+  const active = alert?.active ?? [];
+  for (const level of ALARMS) {
+    const found = active.find((one) => one.level === level);
+    if (found) return found;
+  }
+  return null;
+}
+
+function alarmSentence(alarm, motion) {
+  if (alarm === null) return "";
+  const limit = degrees(alarm.limit_deg), angle = upwards(alarm.value_deg);
+  const clears = isKnown(alarm.clear_deg) ? text("clears", {angle: degrees(alarm.clear_deg)}) : "";
+  if (alarm.rule === "calibration") return text("calibration_alarm");
+  if (!isKnown(alarm.value_deg)) return `${text("alarm_unknown")} ${clears}`;
+  if (alarm.rule === "lean") return `${text("lean_alarm", {angle, limit})} ${clears}`;
+  const peak = comingPeak(motion);
+  const coming = peak !== null && peak.inS > SOON_S && peak.angleDeg > (motion.phi_max_deg ?? 0);
+  const swing = text(coming ? "alarm_coming" : "alarm_now", {angle, limit});
+  return `${doing(motion)} ${swing} ${clears}`.trim();
+}
+
+// Return the larger of the two predictions of the next peak; null where it is not known.
+export function comingPeak(motion) {
+  const peaks = [
+    {angleDeg: motion?.predicted_phi_max_deg, inS: motion?.time_to_peak_s},
+    {angleDeg: motion?.coasting_phi_max_deg, inS: motion?.coasting_time_to_peak_s},
+  ].filter((peak) => isKnown(peak.angleDeg) && isKnown(peak.inS));
+  return peaks.reduce((most, peak) => (most === null || peak.angleDeg > most.angleDeg ? peak : most), null);
+}
+
+const isActive = (session) => session?.phase === "collecting" || session?.phase === "review";
+
+function firstReason(verdict, motion) {
+  const reason = motion?.state === "unknown" ? motion.reasons[0] : verdict.reasons[0];
+  return reason ?? "no reason given";
+}
+
+function staleSentence(state) {
+  if (!state.gateway) return text("gateway_gone");
+  const oldestS = Math.max(...Object.values(state.age_s), 0);
+  return text("no_new_data", {seconds: Math.round(oldestS)});
+}

@@ -1,0 +1,68 @@
+// The alarm tone: two tones for a warning, a fast series for the limit, until the operator silences it or the alarm ends.
+// A browser plays sound only after somebody has touched the page, so the button says whether the tone can be heard.
+
+import {text} from "./texts.js";
+
+const PATTERNS = {warn: {everyS: 4, tones_hz: [660, 550], lengthS: 0.25}, trip: {everyS: 1.5, tones_hz: [880, 880, 880], lengthS: 0.15}};
+const RANK = {warn: 1, trip: 2};
+const LOUDNESS = 0.35;
+const RAMP_S = 0.01; // avoids clicks
+
+export class Sound {
+  constructor(button) {
+    this.button = button;
+    this.context = null;
+    this.alarms = new Map(); // level by alert
+    this.silenced = new Map();
+    this.lastS = -Infinity;
+    button.addEventListener("click", () => this.press());
+  }
+
+  // Note the active alerts: identity and level of each.
+  update(active) {
+    this.alarms = new Map(active.map((one) => [one.key, one.level]));
+    for (const key of this.silenced.keys()) if (!this.alarms.has(key)) this.silenced.delete(key);
+    const level = this.level();
+    const audible = this.context?.state === "running";
+    this.button.dataset.state = level ? "alarm" : audible ? "on" : "off";
+    const label = level && audible ? text("silence") : audible ? text("sound_on") : text("sound_off");
+    if (this.button.textContent !== label) this.button.textContent = label;
+    if (level && audible) this.play(PATTERNS[level]);
+  }
+
+  // Return the highest level that is not silenced. A warning that becomes a trip sounds again.
+  level() {
+    let highest = null;
+    for (const [key, level] of this.alarms) {
+      const silenced = RANK[this.silenced.get(key)] ?? 0;
+      if (RANK[level] > silenced && RANK[level] > (RANK[highest] ?? 0)) highest = level;
+    }
+    return highest;
+  }
+
+  press() {
+    this.context ??= new AudioContext();
+    const audible = this.context.state === "running";
+    if (audible) this.silenced = new Map(this.alarms);
+    else this.context.resume();
+  }
+
+  play({everyS, tones_hz, lengthS}) {
+    const nowS = this.context.currentTime;
+    if (nowS - this.lastS < everyS) return;
+    this.lastS = nowS;
+    tones_hz.forEach((frequency_hz, i) => this.tone(frequency_hz, nowS + 1.4 * i * lengthS, lengthS));
+  }
+
+  tone(frequency_hz, startS, lengthS) {
+    const oscillator = new OscillatorNode(this.context, {frequency: frequency_hz, type: "square"});
+    const volume = new GainNode(this.context, {gain: 0});
+    volume.gain.setValueAtTime(0, startS);
+    volume.gain.linearRampToValueAtTime(LOUDNESS, startS + RAMP_S);
+    volume.gain.setValueAtTime(LOUDNESS, startS + lengthS - RAMP_S);
+    volume.gain.linearRampToValueAtTime(0, startS + lengthS);
+    oscillator.connect(volume).connect(this.context.destination);
+    oscillator.start(startS);
+    oscillator.stop(startS + lengthS);
+  }
+}

@@ -1,0 +1,69 @@
+"""The list of alerts of the shift: begun, raised, ended, bounded."""
+
+from typing import Any
+
+import pytest
+
+from gateway.messages import ActiveAlert, Alert, Level
+from gateway.page.alert_log import MOST_ALERTS, SHIFT_NS, AlertLog
+
+SECOND_NS = 10**9
+LIMITS_DEG: dict[Level, float] = {"warn": 4.0, "trip": 6.0}
+
+
+def _message(time_s: float, *active: tuple[str, Level, float | None], since_s: float = 0.0) -> Alert:
+    header: dict[str, Any] = {"clock": "synchronised", "sequence": 0, "calibration_id": None}
+    since_ns = round(since_s * 1e9)
+    alerts = [
+        ActiveAlert(
+            rule=rule, level=level, since_ns=since_ns, value_deg=value_deg, limit_deg=LIMITS_DEG.get(level), text=""
+        )
+        for rule, level, value_deg in active
+    ]
+    return Alert(
+        time_ns=round(time_s * 1e9), **header, level="normal", event="standing", rule=None, active=alerts, text=""
+    )
+
+
+@pytest.fixture
+def log() -> AlertLog:
+    return AlertLog()
+
+
+def test_a_warning_that_becomes_a_trip_is_one_alert_at_its_highest_level(log: AlertLog) -> None:
+    log.add(_message(10, ("swing", "warn", 4.5), since_s=9))
+    log.add(_message(12, ("swing", "trip", 6.5), since_s=12))
+    log.add(_message(15, ("swing", "trip", 7.5), since_s=12))
+    log.add(_message(20, ("swing", "warn", 4.2), since_s=20))
+    log.add(_message(25))
+    (only,) = log.alerts()
+    assert (only.level, only.largest_deg, only.limit_deg) == ("trip", 7.5, 6.0)
+    assert (only.since_ns, only.until_ns) == (9 * SECOND_NS, 25 * SECOND_NS)
+
+
+def test_two_rules_are_two_alerts(log: AlertLog) -> None:
+    log.add(_message(1, ("swing", "warn", 4.5), ("lean", "trip", 6.2)))
+    log.add(_message(2, ("lean", "trip", 6.3)))
+    assert [(alert.rule, alert.until_ns is None) for alert in log.alerts()] == [("swing", False), ("lean", True)]
+
+
+def test_an_alert_whose_value_becomes_unknown_stays_active(log: AlertLog) -> None:
+    log.add(_message(1, ("swing", "trip", 6.5)))
+    log.add(_message(2, ("swing", "unknown", None)))
+    (only,) = log.alerts()
+    assert (only.level, only.largest_deg, only.until_ns) == ("trip", 6.5, None)
+
+
+def test_an_unknown_level_alone_is_no_alert(log: AlertLog) -> None:
+    log.add(_message(1, ("swing", "unknown", None)))
+    assert log.alerts() == []
+    assert log.since_ns == SECOND_NS
+
+
+def test_number_and_age_are_bounded(log: AlertLog) -> None:
+    for i in range(2 * MOST_ALERTS):
+        log.add(_message(2 * i, ("swing", "warn", 4.5), since_s=2 * i))
+        log.add(_message(2 * i + 1))
+    assert len(log.alerts()) == MOST_ALERTS
+    log.add(_message(4 * MOST_ALERTS + SHIFT_NS / 1e9))
+    assert log.alerts() == []

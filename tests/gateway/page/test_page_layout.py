@@ -1,0 +1,164 @@
+"""The layout of every screen in every state, size and language: nothing is cut, nothing overlaps, nothing is too small."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Browser, Page, expect
+
+from gateway.messages import NO_SESSION, SessionPose
+from tests.gateway.page.conftest import FakeGateway, PageUnderTest, Scene
+
+pytestmark = pytest.mark.slow
+
+PANEL, DESKTOP, PHONE = (800, 480), (1280, 800), (390, 844)
+SMALLEST_TEXT_PX = 15.9  # 16, with a rounding error of the unit
+LANGUAGES = ("en", "de")
+INSPECTION = Path(__file__).with_name("layout.js").read_text(encoding="utf-8")
+
+
+def _trip(scene: Scene) -> None:
+    scene.level, scene.phi_max_deg, scene.coverage95_deg = "trip", 12.4, [11.8, 13.0]
+    scene.state, scene.hoist_m_s = "hoisting", -0.5
+
+
+def _trip_by_wind_uncalibrated(scene: Scene) -> None:
+    _trip(scene)
+    scene.calibration, scene.state = "uncalibrated", "wind"
+    scene.recording_error = "no space left on device; " * 4
+
+
+def _unknown(scene: Scene) -> None:
+    scene.coverage95_deg = scene.swinging = None
+    scene.motion_reasons = ["the readings of the sensor do not change on any axis"]
+
+
+def _suspended(scene: Scene) -> None:
+    pose = SessionPose(face="+x", count=300, used=True)
+    scene.session = replace(
+        NO_SESSION,
+        id="session-1",
+        phase="collecting",
+        method="six-position",
+        by="ann",
+        poses=[pose],
+        wanted=6,
+        next_face="-x",
+        next_direction=[-1.0, 0.0, 0.0],
+        suspended=True,
+        text="hold still; next: -x up; missing: -x, +y, -y, +z, -z; 1 earlier pose was not still "
+        "by the noise seen since: take it again",
+    )
+
+
+def _uncalibrated(scene: Scene) -> None:
+    scene.calibration = "uncalibrated"
+
+
+def _disturbed(scene: Scene) -> None:
+    scene.condition, scene.trusted, scene.reasons = (
+        "disturbed",
+        False,
+        ["the magnitude is not that of a hanging load"] * 3,
+    )
+
+
+STATES: dict[str, Callable[[Scene], None]] = {
+    "OK": lambda scene: None,
+    "TRIP": _trip,
+    "TRIP with other findings": _trip_by_wind_uncalibrated,
+    "UNKNOWN": _unknown,
+    "SUSPENDED": _suspended,
+    "UNCALIBRATED": _uncalibrated,
+    "DISTURBED": _disturbed,
+}
+
+
+@pytest.fixture(params=LANGUAGES)
+def language(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def page_in_language(endpoint: str, language: str) -> Any:
+    under_test = PageUnderTest(endpoint, language=language)
+    yield under_test
+    under_test.close()
+
+
+def _open(browser: Browser, url: str, size: tuple[int, int]) -> Page:
+    opened = browser.new_page(viewport={"width": size[0], "height": size[1]})
+    opened.add_init_script(INSPECTION)
+    opened.goto(url)
+    return opened
+
+
+@pytest.mark.parametrize("state", STATES)
+def test_no_text_is_cut_in_any_state(
+    gateway: FakeGateway, page_in_language: PageUnderTest, browser: Browser, state: str, language: str
+) -> None:
+    STATES[state](gateway.scene)
+    window = _open(browser, page_in_language.url, PANEL)
+    expect(window.locator("body")).to_have_attribute("data-word", state.split(maxsplit=1)[0])
+    expect(window.locator("html")).to_have_attribute("lang", language)
+    for size in (PANEL, DESKTOP, PHONE):
+        window.set_viewport_size({"width": size[0], "height": size[1]})
+        for screen in ("", "#alerts", "#service"):
+            window.goto(page_in_language.url + "/" + screen)
+            window.wait_for_timeout(250)
+            assert window.evaluate("layout.cut()") == [], (size, screen)
+            scrolls = size == PHONE or screen == "#service"  # a phone and the service screen scroll
+            assert window.evaluate("(acrossOnly) => layout.outside(acrossOnly)", scrolls) == [], (size, screen)
+    window.close()
+
+
+def test_no_text_of_the_panel_is_smaller_than_16_px(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    _trip(gateway.scene)
+    window = _open(browser, page.url, PANEL)
+    expect(window.locator("#word")).to_have_text("LIMIT")
+    for screen in ("", "#alerts", "#service"):
+        window.goto(page.url + "/" + screen)
+        window.wait_for_timeout(250)
+        assert window.evaluate("(px) => layout.small(px)", SMALLEST_TEXT_PX) == []
+
+
+def test_nothing_moves_when_the_state_changes(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+    window = _open(browser, page.url, PANEL)
+    expect(window.locator("#word")).to_have_text("OK")
+    before = window.evaluate("layout.boxes()")
+    for change, word in ((_trip_by_wind_uncalibrated, "LIMIT"), (_unknown, "LIMIT")):
+        change(gateway.scene)
+        expect(window.locator("#word")).to_have_text(word)
+        window.wait_for_timeout(300)
+        assert window.evaluate("layout.boxes()") == before
+
+
+@pytest.mark.parametrize("state", ["OK", "TRIP", "SUSPENDED"])
+def test_axe_finds_nothing_on_any_screen(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser, state: str
+) -> None:
+    STATES[state](gateway.scene)
+    window = _open(browser, page.url, DESKTOP)
+    expect(window.locator("body")).to_have_attribute("data-word", state)
+    for screen in ("", "#alerts", "#service", "#align"):
+        window.goto(page.url + "/" + screen)
+        window.wait_for_timeout(250)
+        found = Axe().run(window)
+        assert found.violations_count == 0, found.generate_report()
+
+
+def test_every_language_has_the_same_texts(page: PageUnderTest, browser: Browser) -> None:
+    window = _open(browser, page.url, PANEL)
+    tables = window.evaluate("import('/texts.js').then((texts) => texts.tables())")
+    assert set(tables) == set(LANGUAGES)
+    english = tables["en"]
+    for table in tables.values():
+        assert set(table) == set(english)
+        for key, text in table.items():
+            assert sorted(re.findall(r"\{\w+\}", text)) == sorted(re.findall(r"\{\w+\}", english[key])), key
