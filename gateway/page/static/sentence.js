@@ -56,7 +56,7 @@ function alarmSentence(alarm, motion) {
   if (alarm.rule === "lean") return `${text("lean_alarm", {angle, limit})} ${clears}`;
   const peak = comingPeak(motion);
   const coming = peak !== null && peak.inS > SOON_S && peak.angleDeg > (motion.phi_max_deg ?? 0);
-  const swing = text(coming ? "alarm_coming" : "alarm_now", {angle, limit});
+  const swing = coming ? text("alarm_coming", {angle: upwards(peak.angleDeg), limit}) : text("alarm_now", {angle, limit});
   return `${doing(motion)} ${swing} ${clears}`.trim();
 }
 
