@@ -46,11 +46,12 @@ def interval(arguments: argparse.Namespace) -> "RecordingInterval":
     from gateway.recording.interval import RecordingInterval
 
     is_local = getattr(arguments, "local", False)
-    begin, end = (_in_zone(time, is_local) for time in (arguments.from_time, arguments.to_time))
+    begin, end = (in_zone(time, is_local) for time in (arguments.from_time, arguments.to_time))
     return RecordingInterval(begin, end, last_s=arguments.last_s)
 
 
-def _in_zone(time: "RecordingTime | None", is_local: bool) -> "RecordingTime | None":
+def in_zone(time: "RecordingTime | None", is_local: bool) -> "RecordingTime | None":
+    """Return a time of the options, read in this computer's time zone with `--local`."""
     from gateway.recording.interval import parse_recording_time
 
     return None if time is None else parse_recording_time(time.text, is_local=is_local)

@@ -1,0 +1,89 @@
+"""The events of an incident in order of time: alerts, condition, calibration, clock, gateway, gaps and the lines of the log."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from gateway.documents.text import as_sentence, human_name, printable_text
+from gateway.incident.course import Course, StateCourse
+from gateway.incident.evidence import IncidentEvidence
+from gateway.incident.times import ReportClock
+
+ALERT = "alert"
+MOST_EVENTS = 120
+LONGEST_TEXT = 260
+SHORTEST_STATE_S = 1.0
+"""A condition that lasted shorter is left out."""
+
+
+@dataclass(frozen=True, slots=True)
+class EventRow:
+    """A row of the table."""
+
+    utc: str
+    local: str
+    kind: str
+    text: str
+    is_alert: bool
+
+
+@dataclass(frozen=True, slots=True)
+class EventTable:
+    """The rows, and how many did not fit."""
+
+    rows: tuple[EventRow, ...]
+    hidden: int
+    zone: str
+
+
+def event_table(evidence: IncidentEvidence) -> EventTable:
+    """Return the events; those of the alerts are always shown."""
+    course, clock = evidence.course, ReportClock(evidence.course)
+    found = sorted(_events(evidence, course), key=lambda event: event[0])
+    inside = [event for event in found if course.begin_s <= event[0] <= course.end_s]
+    alerts = sum(kind == ALERT for _, kind, _ in inside)
+    room = max(0, MOST_EVENTS - alerts)
+    shown = []
+    for event in inside:
+        room -= event[1] != ALERT
+        if event[1] == ALERT or room >= 0:
+            shown.append(_row(clock, *event))
+    return EventTable(tuple(shown), len(inside) - len(shown), clock.zone(course.begin_s))
+
+
+def _row(clock: ReportClock, time_s: float, kind: str, text: str) -> EventRow:
+    return EventRow(
+        utc=clock.time(time_s),
+        local=clock.time(time_s, is_local=True),
+        kind=kind,
+        text=printable_text(text, LONGEST_TEXT),
+        is_alert=kind == ALERT,
+    )
+
+
+def _events(evidence: IncidentEvidence, course: Course) -> Iterator[tuple[float, str, str]]:
+    """Yield (time, kind, text)."""
+    incidents = [evidence.window.incident, *evidence.window.others]
+    told = set()
+    for incident in incidents:
+        for change in () if incident is None else incident.changes:
+            told.add(change.text)
+            yield (change.time_ns - course.origin_ns) / 1e9, ALERT, as_sentence(change.text)
+    yield from _state_events("condition", course.condition, course)
+    yield from _state_events("gateway", course.health, course)
+    yield from _state_events("clock", course.clock, course)
+    for time_s in course.clock_steps_s:
+        yield time_s, "clock", "The wall clock stepped."
+    for index, (time_s, calibration) in enumerate(course.calibrations):
+        verb = "Calibration in force" if index == 0 else "Another calibration in force"
+        yield max(time_s, course.begin_s), "calibration", f"{verb}: {calibration.text}."
+    for gap in course.samples.gaps:
+        yield gap.begin_s, "samples", f"No samples for {gap.end_s - gap.begin_s:.3f} s."
+    for line in course.log:
+        if line.text not in told:
+            yield line.time_s, "log", line.text
+
+
+def _state_events(kind: str, states: StateCourse, course: Course) -> Iterator[tuple[float, str, str]]:
+    for begin_s, end_s, state in states.spans(course.end_s):
+        if end_s - begin_s >= SHORTEST_STATE_S:
+            yield max(begin_s, course.begin_s), kind, as_sentence(f"{human_name(state)} for {end_s - begin_s:.1f} s")

@@ -1,0 +1,116 @@
+"""The evidence of an incident: its course, and the files that it is from."""
+
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+from devices.errors import RecordingError
+from gateway.incident.course import Course
+from gateway.incident.course_builder import TOPICS, CourseBuilder
+from gateway.incident.cut import CutWriter
+from gateway.incident.selection import IncidentWindow
+from gateway.recording import header as names
+from gateway.recording.mcap_salvage import describe_losses
+from gateway.recording.reader import RecordingFile, Selection
+from gateway.recording.timeline import REPEATED_TOPICS, ReportProgress, Timeline, ignore_progress
+from gateway.recording.timestamp import iso_utc
+
+LEAD_NS = 15_000_000_000
+"""Calibration and clock are read from so long before the begin: each is recorded more often than that."""
+
+
+@dataclass(frozen=True, slots=True)
+class SourceFile:
+    """A file of which the report is made."""
+
+    path: Path
+    size_bytes: int
+    sha256: str
+    from_ns: int
+    to_ns: int
+    software: str
+    boot_id: str
+    losses: tuple[str, ...]
+    """What could not be read of it in this time; empty for a complete file."""
+
+
+@dataclass(frozen=True, slots=True)
+class IncidentEvidence:
+    """Everything that a report states."""
+
+    gateway: str
+    """Site, crane and sensor."""
+    window: IncidentWindow
+    course: Course
+    sources: tuple[SourceFile, ...]
+    device: dict[str, str]
+    configuration_toml: str | None
+    certificates: dict[str, bytes]
+    """The certificates of the calibration records, by their names as attachments."""
+    remarks: tuple[str, ...]
+
+
+def read_evidence(
+    timeline: Timeline, window: IncidentWindow, cut: CutWriter, report: ReportProgress = ignore_progress
+) -> IncidentEvidence:
+    """Read the time of a report once, and copy it to `cut`. Raises `RecordingError`, also where it has no samples."""
+    builder = CourseBuilder(window.origin_ns)
+    files: dict[Path, RecordingFile] = {}
+    for message in timeline.messages(Selection(window.begin_ns - LEAD_NS, window.end_ns + 1), report):
+        files[message.segment.path] = message.file
+        recorded = message.recorded
+        if recorded.log_time_ns < window.begin_ns and recorded.topic not in REPEATED_TOPICS:
+            continue
+        cut.add(message.file, recorded)
+        if recorded.topic in TOPICS:
+            builder.add(recorded.log_time_ns, message.decode())
+    course = builder.course(window.begin_ns, window.end_ns)
+    if not course.samples.count:
+        raise RecordingError(f"{timeline.name}: has no samples in this time; choose another")
+    for file in files.values():
+        cut.add_parts(file)
+    _finish(cut, timeline, window, course, list(files))
+    newest = list(files.values())[-1]
+    configuration = newest.attachments.get(names.CONFIGURATION)
+    attachments = {name: each for file in files.values() for name, each in file.attachments.items()}
+    return IncidentEvidence(
+        gateway=timeline.gateway,
+        window=window,
+        course=course,
+        sources=tuple(_source(timeline, path, file) for path, file in files.items()),
+        device=newest.metadata.get(names.DEVICE, {}),
+        configuration_toml=None if configuration is None else configuration.data.decode(errors="replace"),
+        certificates={
+            name: each.data for name, each in attachments.items() if each.media_type == names.CERTIFICATE_MEDIA_TYPE
+        },
+        remarks=timeline.remarks,
+    )
+
+
+def _finish(cut: CutWriter, timeline: Timeline, window: IncidentWindow, course: Course, paths: list[Path]) -> None:
+    incident = window.incident
+    cut.finish(
+        {
+            "from": iso_utc(course.utc_ns(course.begin_s)),
+            "to": iso_utc(course.utc_ns(course.end_s)),
+            "gateway": timeline.gateway,
+            "sources": ", ".join(path.name for path in paths),
+            **({} if incident is None else {"incident": incident.id}),
+        }
+    )
+
+
+def _source(timeline: Timeline, path: Path, file: RecordingFile) -> SourceFile:
+    segment = next(each for each in timeline.segments if each.path == path)
+    with path.open("rb") as content:
+        digest = hashlib.file_digest(content, "sha256").hexdigest()
+    return SourceFile(
+        path=path,
+        size_bytes=segment.index.size_bytes,
+        sha256=digest,
+        from_ns=segment.from_ns,
+        to_ns=segment.to_ns,
+        software=segment.origin.get("software", "unknown"),
+        boot_id=segment.boot_id,
+        losses=tuple(describe_losses(file.losses)),
+    )

@@ -1,0 +1,150 @@
+"""The numbers of an incident, from its course."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from gateway.incident.alert_incidents import AlertIncident
+from gateway.incident.course import Course
+from gateway.incident.course_builder import TRUSTED
+from gateway.numerics.array import Array
+from gateway.numerics.stats import NORMAL_975
+
+CAUSE_BEFORE_S = 20.0
+"""What moved within this time before the peak is stated as what went before it. Basis: three periods of a rope of 10 m."""
+MOVES = ("driven", "hoisting", "wind")
+SHORTEST_MOVE_S = 0.5
+"""A shorter state is left out of the sentences. Basis: five updates."""
+
+
+@dataclass(frozen=True, slots=True)
+class PeakAngle:
+    """The largest angle between rope and vertical, with its standard uncertainty."""
+
+    time_s: float
+    angle_deg: float
+    u_deg: float
+    azimuth_deg: float | None
+
+    @property
+    def interval_deg(self) -> tuple[float, float]:
+        """Coverage interval of 95 %."""
+        half_deg = NORMAL_975 * self.u_deg
+        return max(0.0, self.angle_deg - half_deg), self.angle_deg + half_deg
+
+
+@dataclass(frozen=True, slots=True)
+class CraneMove:
+    """A time in which the pivot or the winch moved, or a gust pushed."""
+
+    state: str
+    begin_s: float
+    end_s: float
+    pivot_m_s2: float | None
+    """Largest horizontal acceleration of the pivot."""
+    hoist_m_s: float | None
+    """Largest rate of the rope's length, lowering positive."""
+
+
+@dataclass(frozen=True, slots=True)
+class ForceExtremes:
+    """The smallest and largest specific force of each axis, shape (3,)."""
+
+    low_g: Array
+    high_g: Array
+
+
+@dataclass(frozen=True, slots=True)
+class IncidentFacts:
+    """The numbers of the summary; seconds are those of the course."""
+
+    raised_s: float | None
+    cleared_s: float | None
+    peak: PeakAngle | None
+    reached_s: float | None
+    """First time at which the best estimate of the angle reached the limit."""
+    moves: tuple[CraneMove, ...]
+    """In the CAUSE_BEFORE_S before the peak."""
+    lean_deg: float | None
+    """At the peak."""
+    length_m: float | None
+    force: ForceExtremes | None
+    trusted_share: float | None
+    known_share: float | None
+    """Share of the messages of the motion that know the angle."""
+
+
+def incident_facts(course: Course, incident: AlertIncident | None) -> IncidentFacts:
+    """Return the numbers of an incident, or of the whole course where there is none."""
+    raised_s = None if incident is None else (incident.raised_ns - course.origin_ns) / 1e9
+    cleared_ns = None if incident is None else incident.cleared_ns
+    cleared_s = None if cleared_ns is None else (cleared_ns - course.origin_ns) / 1e9
+    begin_s = course.begin_s if raised_s is None else raised_s
+    end_s = course.end_s if cleared_s is None else cleared_s
+    limit_deg = None if incident is None else incident.highest.limit_deg
+    peak = _peak(course, begin_s, end_s)
+    motion = course.motion
+    at_peak = None if peak is None else int(np.argmin(np.abs(motion.time_s - peak.time_s)))
+    return IncidentFacts(
+        raised_s=raised_s,
+        cleared_s=cleared_s,
+        peak=peak,
+        reached_s=None if limit_deg is None else _first_at(motion.time_s, motion.angle_deg, limit_deg, begin_s, end_s),
+        moves=() if peak is None else _moves(course, peak.time_s),
+        lean_deg=None if at_peak is None else _finite(motion.lean_deg[at_peak]),
+        length_m=None if at_peak is None else _finite(motion.length_m[at_peak]),
+        force=_extremes(course, begin_s, end_s),
+        trusted_share=course.trusted.share_of(TRUSTED, course.end_s),
+        known_share=float(np.isfinite(motion.angle_deg).mean()) if len(motion.time_s) else None,
+    )
+
+
+def _peak(course: Course, begin_s: float, end_s: float) -> PeakAngle | None:
+    motion = course.motion
+    inside = (motion.time_s >= begin_s) & (motion.time_s <= end_s) & np.isfinite(motion.angle_deg + motion.u_deg)
+    if not inside.any():
+        return None
+    index = int(np.argmax(np.where(inside, motion.angle_deg, -np.inf)))
+    return PeakAngle(
+        time_s=float(motion.time_s[index]),
+        angle_deg=float(motion.angle_deg[index]),
+        u_deg=float(motion.u_deg[index]),
+        azimuth_deg=_finite(motion.azimuth_deg[index]),
+    )
+
+
+def _first_at(time_s: Array, values: Array, limit: float, begin_s: float, end_s: float) -> float | None:
+    reached = np.flatnonzero((time_s >= begin_s) & (time_s <= end_s) & (values >= limit))
+    return float(time_s[reached[0]]) if len(reached) else None
+
+
+def _moves(course: Course, peak_s: float) -> tuple[CraneMove, ...]:
+    """Return what moved before the peak, in order of time."""
+    motion = course.motion
+    found = []
+    for from_s, to_s, state in motion.states.spans(course.end_s):
+        begin_s, end_s = max(from_s, peak_s - CAUSE_BEFORE_S), min(to_s, peak_s)
+        if state in MOVES and end_s - begin_s >= SHORTEST_MOVE_S:
+            inside = (motion.time_s >= begin_s) & (motion.time_s <= end_s)
+            pivot_m_s2 = np.hypot(*motion.pivot_m_s2[inside].T)
+            hoist_m_s = motion.hoist_m_s[inside]
+            found.append(CraneMove(state, begin_s, end_s, _largest(pivot_m_s2), _largest(hoist_m_s)))
+    return tuple(found)
+
+
+def _largest(values: Array) -> float | None:
+    """Return the value of the largest magnitude; None where none is known."""
+    known = values[np.isfinite(values)]
+    return float(known[np.argmax(np.abs(known))]) if len(known) else None
+
+
+def _extremes(course: Course, begin_s: float, end_s: float) -> ForceExtremes | None:
+    time_s, force_g = course.acceleration.time_s, course.acceleration.force_g
+    inside = (time_s >= begin_s) & (time_s <= end_s)
+    if not inside.any() or not np.isfinite(force_g[inside]).all():
+        return None
+    return ForceExtremes(force_g[inside].min(axis=0), force_g[inside].max(axis=0))
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None

@@ -1,0 +1,90 @@
+"""The folder of an incident report: complete, or not there at all."""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from gateway.errors import InputError
+from gateway.incident.cut import CutWriter
+from gateway.incident.evidence import read_evidence
+from gateway.incident.facts import incident_facts
+from gateway.incident.facts_json import facts_json
+from gateway.incident.page import CauseAnalysis, Verification, render_page
+from gateway.incident.selection import IncidentWindow
+from gateway.incident.summary import summary_sentences
+from gateway.recording.timeline import ReportProgress, Timeline, ignore_progress
+
+PAGE, CUT, FACTS = "incident.html", "incident.mcap", "incident.json"
+
+AnalyseCause = Callable[[Path], CauseAnalysis]
+"""Takes the recording that was cut out, and writes its own report beside it."""
+
+
+@dataclass(frozen=True, slots=True)
+class IncidentReport:
+    """The report that was written."""
+
+    folder: Path
+    sentences: tuple[str, ...]
+    """The summary."""
+    content: dict[str, Any]
+    """The numbers, as in the file FACTS."""
+
+
+def write_report(
+    timeline: Timeline,
+    window: IncidentWindow,
+    folder: Path,
+    *,
+    verification: Verification,
+    computed: Mapping[str, str],
+    analyse: AnalyseCause | None = None,
+    report: ReportProgress = ignore_progress,
+) -> IncidentReport:
+    """Write the page, its numbers as JSON, the recording that was cut out, and the certificates, into a new folder.
+
+    `computed` states when and how the report was made. Raises `RecordingError`, and `InputError` where the folder exists or
+    cannot be written; nothing is left behind then.
+    """
+    try:
+        with _new_folder(folder) as partial:
+            with (partial / CUT).open("wb") as stream:
+                evidence = read_evidence(timeline, window, CutWriter(stream), report)
+            facts = incident_facts(evidence.course, window.incident)
+            page = render_page(
+                evidence,
+                facts,
+                verification=verification,
+                cause=None if analyse is None else analyse(partial / CUT),
+                cut=(("File", CUT), ("SHA-256", hashlib.sha256((partial / CUT).read_bytes()).hexdigest())),
+                computed=tuple(computed.items()),
+            )
+            (partial / PAGE).write_text(page, encoding="utf-8")
+            content = facts_json(evidence, facts, verification)
+            (partial / FACTS).write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+            for name, certificate in evidence.certificates.items():
+                (partial / Path(name).name).write_bytes(certificate)
+    except OSError as error:
+        raise InputError(f"{folder}: cannot be written ({error.strerror}); choose another --out") from error
+    return IncidentReport(folder, summary_sentences(evidence.course, window.incident, facts), content)
+
+
+@contextmanager
+def _new_folder(folder: Path) -> Iterator[Path]:
+    """Yield a hidden folder that becomes `folder` at the end of the block; after an error nothing is left."""
+    if folder.exists():
+        raise InputError(f"{folder}: exists; choose another --out, so that no earlier report is lost")
+    partial = folder.with_name(f".{folder.name}.partial")
+    shutil.rmtree(partial, ignore_errors=True)
+    partial.mkdir(parents=True)
+    try:
+        yield partial
+        partial.rename(folder)
+    except BaseException:
+        shutil.rmtree(partial, ignore_errors=True)
+        raise

@@ -1,0 +1,48 @@
+"""Time axes of figures: ticks at round times of UTC, and the local time above them."""
+
+import math
+
+from matplotlib.axes import Axes
+from matplotlib.ticker import FixedLocator, FuncFormatter
+
+from gateway.incident.times import ReportClock
+
+STEPS_S = (0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400)
+MOST_TICKS = 8
+EDGE_SHARE = 0.03
+"""Share of the axis before its end without a tick: half a label."""
+
+
+def tick_times(clock: ReportClock, begin_s: float, end_s: float) -> list[float]:
+    """Return times of the course at which UTC is a round time, at most MOST_TICKS."""
+    step_s = next((step for step in STEPS_S if (end_s - begin_s) / step <= MOST_TICKS), STEPS_S[-1])
+    step_ns, begin_ns = round(step_s * 1e9), clock.course.utc_ns(begin_s)
+    first_s = begin_s + (-begin_ns % step_ns) / 1e9
+    last_s = end_s - EDGE_SHARE * (end_s - begin_s)
+    return [first_s + number * step_s for number in range(math.floor((last_s - first_s) / step_s) + 1)]
+
+
+def label_times(axes: Axes, clock: ReportClock, begin_s: float, end_s: float) -> None:
+    """Put UTC below the axes."""
+    axes.set_xlim(begin_s, end_s)
+    axes.xaxis.set_major_locator(FixedLocator(tick_times(clock, begin_s, end_s)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda time_s, _place: _label(clock, time_s, end_s - begin_s)))
+    axes.set_xlabel(f"UTC, {clock.date((begin_s + end_s) / 2)}")
+
+
+def label_local_times(axes: Axes, clock: ReportClock, begin_s: float, end_s: float) -> None:
+    """Put the local time above the axes where it differs from UTC."""
+    if clock.moment(begin_s).utcoffset() == clock.moment(begin_s, is_local=True).utcoffset():
+        return
+    above = axes.secondary_xaxis("top")
+    above.xaxis.set_major_locator(FixedLocator(tick_times(clock, begin_s, end_s)))
+    above.xaxis.set_major_formatter(
+        FuncFormatter(lambda time_s, _place: _label(clock, time_s, end_s - begin_s, is_local=True))
+    )
+    above.set_xlabel(f"local time, {clock.zone(begin_s)}, {clock.date((begin_s + end_s) / 2, is_local=True)}")
+
+
+def _label(clock: ReportClock, time_s: float, span_s: float, *, is_local: bool = False) -> str:
+    if span_s < MOST_TICKS:
+        return clock.time(round(time_s, 3), is_local=is_local)
+    return f"{clock.moment(round(time_s, 3), is_local=is_local):%H:%M:%S}"

@@ -1,0 +1,192 @@
+"""The timeline: angle with its interval, pivot, hoist, lean, and the states of alerts, condition, gateway and clock."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+
+from gateway.documents.figures import Figure
+from gateway.documents.palette import AFTER, ALARM, BEFORE, EVENT, FAINT, INK, LINE, MEASURED
+from gateway.documents.plots import WIDTH_IN, plot_curve, render_svg
+from gateway.incident.alert_incidents import AlertIncident
+from gateway.incident.course import Course
+from gateway.incident.course_builder import TRUSTED
+from gateway.incident.facts import IncidentFacts
+from gateway.incident.time_axis import label_local_times, label_times
+from gateway.incident.times import ReportClock
+from gateway.numerics.array import Array
+from gateway.numerics.stats import NORMAL_975
+
+HEIGHT_IN = 8.4
+PANELS = (3.4, 1.5, 1.2, 1.2, 2.6)
+"""Relative heights: angle, pivot, hoist, lean, states."""
+COLOURS = {
+    "trip": ALARM,
+    "warn": "#e69f00",
+    "normal": LINE,
+    "driven": "#56b4e9",
+    "hoisting": "#009e73",
+    "wind": "#cc79a7",
+    "swinging": LINE,
+    "static": LINE,
+    "quasi_static": LINE,
+    "rest": LINE,
+    "free": LINE,
+    "disturbed": BEFORE,
+    "running": LINE,
+    "synchronised": LINE,
+    TRUSTED: LINE,
+}
+"""Other states, such as unknown, are white with a frame. Okabe and Ito 2008."""
+DARK = frozenset({"trip", "disturbed"})
+CHARACTER_SHARE = 0.0105
+"""Width of a character as a share of the panel's width."""
+NOT_TRUSTED = "not trusted"
+HALF_HEIGHT = 0.36
+LEAST_ANGLE_DEG, LEAST_HOIST_M_S = 0.5, 0.1
+"""Reach of a scale at least; a wide interval of a moment does not stretch it."""
+
+
+def timeline_figure(course: Course, incident: AlertIncident | None, facts: IncidentFacts) -> Figure:
+    """Return the figure."""
+    clock = ReportClock(course)
+
+    def draw(canvas: Canvas) -> None:
+        margins = {"left": 0.15, "right": 0.985, "bottom": 0.06, "top": 0.94, "hspace": 0.12}
+        panels = canvas.subplots(len(PANELS), 1, sharex=True, gridspec_kw={"height_ratios": PANELS, **margins})
+        _draw_angle(panels[0], course, incident, facts)
+        _draw_motion(panels[1:4], course)
+        _draw_states(panels[4], course)
+        for axes in panels:
+            _mark_gaps(axes, course)
+            _mark_incident(axes, facts)
+        label_times(panels[-1], clock, course.begin_s, course.end_s)
+        label_local_times(panels[0], clock, course.begin_s, course.end_s)
+        canvas.align_ylabels(panels[:4])
+
+    label = "Timeline of angle, pivot acceleration, hoisting, lean and states; the tables and sentences state the same"
+    return Figure(
+        svg=render_svg("timeline", label, HEIGHT_IN, draw, WIDTH_IN),
+        caption="Angle between rope and vertical, limits dashed; acceleration of the rope's upper end along x and y of the "
+        "housing; rate of the rope's length, lowering positive; lean of the rope; states. Shaded: intervals of 95 %. Vertical "
+        "lines: begin and end of the incident (solid), largest angle (dotted). Hatched: no samples.",
+    )
+
+
+def _draw_angle(axes: Axes, course: Course, incident: AlertIncident | None, facts: IncidentFacts) -> None:
+    motion = course.motion
+    _draw_band(axes, motion.time_s, motion.angle_deg, motion.u_deg)
+    axes.set_ylabel("angle, °")
+    limit_deg = 0.0 if incident is None else incident.highest.limit_deg or 0.0
+    axes.set_ylim(0, max(LEAST_ANGLE_DEG, 1.15 * max(limit_deg, _largest(motion.angle_deg))))
+    if incident is None or incident.rule != "swing":
+        return
+    levels: dict[str, float | None] = {
+        each.level: each.limit_deg for each in incident.changes if each.level != "normal"
+    }
+    levels["clears below"] = incident.highest.clear_deg
+    for name, level_deg in levels.items():
+        if level_deg is not None:
+            colour = ALARM if name == "trip" else FAINT
+            axes.axhline(level_deg, color=colour, linewidth=0.8, linestyle=(0, (5, 3)))
+            axes.annotate(
+                f"{name} {level_deg:.1f}°",
+                (0.998, level_deg),
+                xycoords=("axes fraction", "data"),
+                ha="right",
+                va="bottom",
+                fontsize=7.5,
+                color=colour,
+            )
+    if facts.peak is not None:
+        axes.plot(facts.peak.time_s, facts.peak.angle_deg, "o", color=EVENT, markersize=4)
+        axes.annotate(
+            f"{facts.peak.angle_deg:.2f}°",
+            (facts.peak.time_s, facts.peak.angle_deg),
+            xytext=(5, 3),
+            textcoords="offset points",
+            color=EVENT,
+        )
+
+
+def _largest(values: Array) -> float:
+    return float(np.nanmax(np.abs(values))) if np.isfinite(values).any() else 0.0
+
+
+def _draw_motion(panels: Sequence[Axes], course: Course) -> None:
+    motion = course.motion
+    pivot, hoist, lean = panels
+    for column, (name, colour) in enumerate((("x", AFTER), ("y", BEFORE))):
+        plot_curve(pivot, motion.time_s, motion.pivot_m_s2[:, column], colour, name)
+    pivot.set_ylabel("pivot, m/s²")
+    pivot.legend(loc="upper right", ncols=2, handlelength=1.2)
+    _draw_band(hoist, motion.time_s, motion.hoist_m_s, motion.hoist_u_m_s)
+    hoist.set_ylabel("hoist, m/s")
+    reach_m_s = max(LEAST_HOIST_M_S, 1.3 * _largest(motion.hoist_m_s))
+    hoist.set_ylim(-reach_m_s, reach_m_s)
+    for axes in (pivot, hoist):
+        axes.axhline(0, color=FAINT, linewidth=0.5)
+    _draw_band(lean, motion.time_s, motion.lean_deg, motion.lean_u_deg)
+    lean.set_ylabel("lean, °")
+    lean.set_ylim(bottom=0)
+
+
+def _draw_band(axes: Axes, time_s: Array, values: Array, u_values: Array) -> None:
+    """Draw a curve with its interval of 95 %."""
+    half = NORMAL_975 * u_values
+    axes.fill_between(time_s, values - half, values + half, color=AFTER, alpha=0.22, linewidth=0)
+    plot_curve(axes, time_s, values, AFTER)
+
+
+def _draw_states(axes: Axes, course: Course) -> None:
+    rows = [
+        *((f"{rule} alert", states.spans(course.end_s)) for rule, states in course.alert_levels.items()),
+        ("motion", course.motion.states.spans(course.end_s)),
+        ("condition", course.condition.spans(course.end_s)),
+        ("reading", [(a, b, s if s == TRUSTED else NOT_TRUSTED) for a, b, s in course.trusted.spans(course.end_s)]),
+        ("gateway", course.health.spans(course.end_s)),
+        ("clock", course.clock.spans(course.end_s)),
+    ]
+    span_s = course.end_s - course.begin_s
+    for row, (_, spans) in enumerate(rows):
+        for from_s, to_s, state in spans:
+            begin_s, end_s = max(from_s, course.begin_s), min(to_s, course.end_s)
+            if end_s <= begin_s:
+                continue
+            colour = COLOURS.get(state, "white")
+            axes.broken_barh(
+                [(begin_s, end_s - begin_s)],
+                (row - HALF_HEIGHT, 2 * HALF_HEIGHT),
+                facecolor=colour,
+                edgecolor=MEASURED if colour == "white" else "none",
+                linewidth=0.5,
+            )
+            text = state.replace("_", " ")
+            if len(text) * CHARACTER_SHARE < (end_s - begin_s) / span_s:
+                axes.text(
+                    (begin_s + end_s) / 2,
+                    row,
+                    text,
+                    ha="center",
+                    va="center_baseline",
+                    fontsize=7,
+                    color="white" if state in DARK else INK,
+                    clip_on=True,
+                )
+    axes.set_yticks(range(len(rows)), [name for name, _ in rows])
+    axes.set_ylim(len(rows) - 0.5, -0.5)
+    axes.grid(visible=False)
+
+
+def _mark_incident(axes: Axes, facts: IncidentFacts) -> None:
+    for time_s in (facts.raised_s, facts.cleared_s):
+        if time_s is not None:
+            axes.axvline(time_s, color=INK, linewidth=0.9)
+    if facts.peak is not None:
+        axes.axvline(facts.peak.time_s, color=EVENT, linewidth=0.9, linestyle=":")
+
+
+def _mark_gaps(axes: Axes, course: Course) -> None:
+    for gap in course.samples.gaps:
+        axes.axvspan(gap.begin_s, gap.end_s, facecolor="none", edgecolor=FAINT, hatch="////", linewidth=0)

@@ -1,0 +1,161 @@
+"""The report of an incident over recordings of a simulated crane: its sentences hold the numbers of the recording."""
+
+import json
+import re
+from html import unescape
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from gateway.errors import InputError
+from gateway.incident.selection import IncidentChoice
+from gateway.messages import Calibration, Motion, Samples
+from gateway.packing import unpack
+from gateway.recording.catalogue import open_timeline
+from gateway.recording.interval import parse_recording_time
+from gateway.recording.run import read_samples
+from gateway.recording.timestamp import iso_utc
+from tests.gateway.incident.conftest import MakeReport
+from tests.gateway.incident.recorded_crane import BOOT_ID, LIMITS, SEGMENT_S, START_S, RecordedCrane
+from tests.values import present
+
+pytestmark = pytest.mark.slow
+
+
+def text_of(page: Path) -> str:
+    without_style = re.sub(r"(?s)<style.*?</style>", "", page.read_text())
+    return re.sub(r"\s+", " ", unescape(re.sub(r"<[^>]+>", " ", without_style)))
+
+
+def test_the_sentences_state_the_numbers_of_the_recording(recorded: RecordedCrane, make_report: MakeReport) -> None:
+    report = make_report([recorded.folder])
+    text = " ".join(report.sentences)
+    tripped = next(change for change in recorded.changes if change.event == "raised" and change.limit_deg == 5.0)
+    cleared = recorded.changes[-1]
+    largest = recorded.largest
+    assert cleared.event == "cleared"
+    assert f"raised to trip (limit {LIMITS['trip_deg']:.1f}°) at {when(tripped.time_ns)} UTC" in text
+    assert f"It cleared at {when(cleared.time_ns)} UTC" in text
+    assert f"was {present(largest.angle_deg):.2f}°" in text
+    assert f"at {when(largest.time_ns)} UTC" in text
+    low_deg, high_deg = (present(largest.angle_deg) + sign * 1.96 * present(largest.u_deg) for sign in (-1, 1))
+    assert f"({low_deg:.2f}° to {high_deg:.2f}° at 95 %)" in text
+    (value_deg,) = {active.value_deg for active in tripped.active}
+    assert f"The {present(value_deg):.1f}° that raised it were an upper bound" in text
+    assert "trolley, bridge or jib accelerated" in text
+    assert text in text_of(report.folder / "incident.html")
+
+
+def when(time_ns: int) -> str:
+    return iso_utc(time_ns)[:-3].replace("T", " ")
+
+
+def test_the_incident_begins_in_one_file_and_ends_in_another(recorded: RecordedCrane, make_report: MakeReport) -> None:
+    report = make_report([recorded.folder])
+    content = json.loads((report.folder / "incident.json").read_text())
+    begin_s, end_s = (seconds_of_day(content["utc"][name]) for name in ("raised", "cleared"))
+    assert begin_s // SEGMENT_S != end_s // SEGMENT_S
+    assert content["incident"] == f"{BOOT_ID}-1"
+    assert [source["file"] for source in content["sources"]] == [path.name for path in recorded.files]
+    assert content["samples"]["gaps"] == 0
+
+
+def seconds_of_day(utc: str) -> float:
+    return float(utc[17:-1]) + 60 * float(utc[14:16])
+
+
+def test_the_move_before_the_peak_is_the_trolley(recorded: RecordedCrane, make_report: MakeReport) -> None:
+    content = json.loads((make_report([recorded.folder]).folder / "incident.json").read_text())
+    (move,) = content["moves"]
+    assert move["state"] == "driven"
+    assert seconds_of_day(move["from"]) == pytest.approx(START_S, abs=1.0)
+
+
+def test_the_recording_that_was_cut_out_has_every_message_of_its_time(
+    recorded: RecordedCrane, make_report: MakeReport
+) -> None:
+    report = make_report([recorded.folder], margin_s=3.0)
+    path = report.folder / "incident.mcap"
+    with path.open("rb") as stream:
+        reader = make_reader(stream)
+        found = [(channel.topic, message.log_time) for _, channel, message in reader.iter_messages()]
+        assert {each.name for each in reader.iter_attachments()} >= {"configuration.toml"}
+    samples = sorted(time for topic, time in found if topic == "/samples")
+    raised_ns, cleared_ns = (message_time(recorded, place) for place in (0, -1))
+    assert samples[0] >= raised_ns - 3.0e9 > samples[0] - 0.2e9
+    assert samples[-1] <= cleared_ns + 3.0e9 < samples[-1] + 0.2e9
+    sent = [each for each in recorded.messages if samples[0] <= each.log_time_ns <= samples[-1]]
+    for topic in ("samples", "motion", "alert", "log"):
+        times = sorted(time for name, time in found if name == f"/{topic}")
+        assert times == sorted(each.log_time_ns for each in sent if each.topic == topic), topic
+    blocks = [unpack(each.message) for each in sent if isinstance(each.message, Samples)]
+    run = read_samples(path)
+    assert np.array_equal(np.concatenate([block.raw for block in blocks]), np.concatenate([b.raw for b in run.blocks]))
+    assert run.configuration_toml is not None
+    assert isinstance(run.calibrations[0].message, Calibration)
+
+
+def message_time(recorded: RecordedCrane, place: int) -> int:
+    changes = [each for each in recorded.messages if each.message in recorded.changes]
+    return changes[place].log_time_ns
+
+
+def test_a_report_of_the_cut_out_recording_is_the_same(
+    recorded: RecordedCrane, make_report: MakeReport, tmp_path: Path
+) -> None:
+    first = make_report([recorded.folder])
+    first.folder.rename(tmp_path / "first")
+    again = make_report([tmp_path / "first" / "incident.mcap"])
+    assert again.sentences == first.sentences
+
+
+def test_live_and_torn_recordings_are_reported_up_to_their_end(
+    recorded: RecordedCrane, make_report: MakeReport, tmp_path: Path
+) -> None:
+    folder = tmp_path / "torn"
+    folder.mkdir()
+    for path in recorded.files[:3]:
+        (folder / path.name).write_bytes(path.read_bytes())
+    last = folder / recorded.files[2].name
+    last.write_bytes(last.read_bytes()[: last.stat().st_size // 2])
+    report = make_report([folder])
+    assert "The recordings end before the alert cleared." in report.sentences
+    assert "not closed" in text_of(report.folder / "incident.html")
+    assert report.content["peak"]["angle_deg"] == pytest.approx(recorded.largest.angle_deg)
+
+
+def test_a_time_is_reported_around_which_nothing_was_raised(recorded: RecordedCrane, make_report: MakeReport) -> None:
+    report = make_report([recorded.folder], IncidentChoice(around=parse_recording_time("40")), margin_s=3.0)
+    assert report.content["incident"] is None
+    assert report.sentences[0].startswith("No alert was raised in this time")
+
+
+@pytest.mark.parametrize("time", ["10", "20", "29"])
+def test_the_incident_around_a_time_is_found(recorded: RecordedCrane, make_report: MakeReport, time: str) -> None:
+    report = make_report([recorded.folder], IncidentChoice(around=parse_recording_time(time)), margin_s=1.0)
+    assert report.content["incident"] == f"{BOOT_ID}-1"
+
+
+def test_a_number_that_no_incident_has_is_refused(recorded: RecordedCrane, make_report: MakeReport) -> None:
+    with pytest.raises(InputError, match=r"--alert 2: .* has 1, numbered from 1"):
+        make_report([recorded.folder], IncidentChoice(number=2))
+
+
+def test_the_page_asks_the_network_for_nothing_and_a_second_report_replaces_none(
+    recorded: RecordedCrane, make_report: MakeReport
+) -> None:
+    report = make_report([recorded.folder])
+    page = (report.folder / "incident.html").read_text()
+    assert "default-src 'none'" in page
+    assert not re.search(r'(src|href)="https?:', page)
+    with pytest.raises(InputError, match="exists; choose another --out"):
+        make_report([recorded.folder])
+
+
+def test_the_largest_angle_is_that_of_the_messages(recorded: RecordedCrane, make_report: MakeReport) -> None:
+    peak = make_report([recorded.folder]).content["peak"]
+    motions = [each.message for each in recorded.messages if isinstance(each.message, Motion)]
+    assert peak["angle_deg"] == max(present(each.angle_deg) for each in motions if each.angle_deg is not None)
+    assert open_timeline([recorded.folder]).span().wall_offset_ns == 250_000_000
