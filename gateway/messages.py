@@ -78,9 +78,7 @@ class Samples(Message):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Acceleration(Message):
-    """The specific force in the housing frame, g: mean, smallest and largest reading of each axis in an interval.
-
-    The interval ends at the message's time and lasts 0.1 s, or one block where that is longer.
+    """The specific force in the housing frame, g: mean, smallest and largest reading of each axis since the message before.
 
     Impacts and vibration show in the extremes at any rate of the samples.
     """

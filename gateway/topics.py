@@ -33,7 +33,7 @@ TOPICS: dict[str, Topic] = {
     name: Topic(name, type_, rate, logged, published, schema_name)
     for name, type_, rate, logged, published, schema_name in (
         ("samples", messages.Samples, "each block", True, True, "plumbline.Samples"),
-        ("acceleration", messages.Acceleration, "10 Hz", True, False, "plumbline.Acceleration"),
+        ("acceleration", messages.Acceleration, "5 Hz", True, False, "plumbline.Acceleration"),
         ("tilt", messages.Tilt, "10 Hz", True, True, "plumbline.Tilt"),
         ("motion", messages.Motion, "10 Hz", True, True, "plumbline.Motion"),
         ("swing", messages.Swing, "three times a swing, or 1 Hz", True, True, "plumbline.Swing"),

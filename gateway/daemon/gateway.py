@@ -15,6 +15,7 @@ from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.calibration_provider import CalibrationProvider
+from gateway.daemon.compaction_worker import CompactionWorker
 from gateway.daemon.counters import SampleCounters
 from gateway.daemon.device_factory import make_device
 from gateway.daemon.drift_state_store import DriftStateStore
@@ -88,7 +89,8 @@ class Gateway:
             undo.callback(session.close)
             self._page = PageProcess(configuration) if configuration.page.enabled else None
             undo.pop_all()
-        self._recording = RecordingWorker(recorder, clock.now_ns)
+        self._compaction = CompactionWorker()
+        self._recording = RecordingWorker(recorder, clock.now_ns, self._compaction.inbox.put)
         log.addHandler(RecordingHandler(lambda line: self._record_line(line, clock.now_ns())))
         self._publisher = Publisher(session, section.key)
         wall_clock = WallClockMonitor(clock)
@@ -150,7 +152,7 @@ class Gateway:
     @property
     def threads(self) -> tuple[threading.Thread, ...]:
         """The threads in the order of the data flow."""
-        return self._sampler, self.processor, self._recording, self._rpc, self._publisher
+        return self._sampler, self.processor, self._recording, self._compaction, self._rpc, self._publisher
 
     def run(self, stopping: threading.Event, duration_s: float | None = None) -> str | None:
         """Sample until `stopping` is set or the duration or the recording has ended; return the name of a failed thread."""
@@ -184,7 +186,7 @@ class Gateway:
         patience_s = DRAIN_S if self._sampler.ended.is_set() else JOIN_S
         self._sampler.stop()
         self._sampler.join(JOIN_S)
-        for worker in (self.processor, self._recording, self._rpc, self._publisher):
+        for worker in (self.processor, self._recording, self._compaction, self._rpc, self._publisher):
             worker.finish()
             worker.join(patience_s)
         if self._page is not None:

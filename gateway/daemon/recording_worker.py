@@ -31,8 +31,10 @@ RecordingItem = EncodedMessage | DeviceInfo | CalibrationChange
 class RecordingWorker(Worker[RecordingItem]):
     """Owns the recorder, which was started before, until its end."""
 
-    def __init__(self, recorder: Recorder, now_ns: Callable[[], int]) -> None:
+    def __init__(self, recorder: Recorder, now_ns: Callable[[], int], compact: Callable[[Path], object]) -> None:
+        """`compact` is called with each segment that has ended; it must not wait."""
         super().__init__("recorder", BoundedQueue(INBOX))
+        self._compact = compact
         self._recorder = recorder
         self._now_ns = now_ns
         self._retry_at_ns = 0
@@ -70,6 +72,7 @@ class RecordingWorker(Worker[RecordingItem]):
         except ValueError as error:
             log.error("%s", error)  # the host's clock is before 1970
             self.unwritable += 1
+        self._pass_ended_segments()
 
     def idle(self) -> None:
         """Write the buffered messages to the disk in time."""
@@ -78,6 +81,7 @@ class RecordingWorker(Worker[RecordingItem]):
                 self._recorder.tick(self._now_ns())
         except RecorderError as error:
             self._fail(error)
+        self._pass_ended_segments()
 
     def close(self) -> None:
         """Close the file."""
@@ -85,6 +89,11 @@ class RecordingWorker(Worker[RecordingItem]):
             self._recorder.close()
         except RecorderError as error:
             self._fail(error)
+        self._pass_ended_segments()
+
+    def _pass_ended_segments(self) -> None:
+        for path in self._recorder.take_uncompacted():
+            self._compact(path)
 
     def _fail(self, error: RecorderError) -> None:
         self.samples_lost += error.lost_samples

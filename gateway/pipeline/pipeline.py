@@ -37,6 +37,7 @@ LEAN_COVERAGE_FACTOR = 2
 """The upper limit of the lean, from the static tilt, is this many standard uncertainties above it."""
 UPDATE_PERIOD_S, CONDITION_PERIOD_S, HEARTBEAT_PERIOD_S, CALIBRATION_PERIOD_S = 0.1, 0.5, 1.0, 10.0
 """The period of the updates, with a tilt message each, divides the others."""
+ACCELERATION_PERIOD_S = 0.2
 NOT_JUDGED = ConditionResult("unknown", None, False, ("no reading yet",), {}, None)
 
 
@@ -70,6 +71,9 @@ class Pipeline:
         self._condition_limiter = RateLimiter(CONDITION_PERIOD_S)
         self._heartbeat_limiter = RateLimiter(HEARTBEAT_PERIOD_S)
         self._calibration_limiter = RateLimiter(CALIBRATION_PERIOD_S)
+        self._acceleration_limiter = RateLimiter(ACCELERATION_PERIOD_S)
+        self._recent_g: list[NDArray[np.float64]] = []
+        """Specific force since the last acceleration message."""
         self._lowpassed_g: NDArray[np.float64] | None = None
         self._temperature_c: float | None = None
         """The newest known temperature: a sensor may report it less often than its samples."""
@@ -119,8 +123,7 @@ class Pipeline:
         if self._suspended is not None:
             batch = self._forces.take()
             self._lowpassed_g = batch.lowpassed_g[-1]
-            if due:
-                yield self._acceleration(batch, now)
+            yield from self._acceleration(batch, now)
             yield from self._without_load(self._suspended, block.temperature_c, due, now)
         elif due or "fresh" in self._condition.gates:  # stale readings are judged again at once
             yield from self._update(self._forces.take(), block.temperature_c, due, now)
@@ -130,7 +133,7 @@ class Pipeline:
     ) -> Iterator[OutgoingMessage]:
         """Return what follows from all samples since the last update."""
         self._lowpassed_g = batch.lowpassed_g[-1]
-        yield self._acceleration(batch, now)
+        yield from self._acceleration(batch, now)
         swing_due = self._add_to_windows(batch)
         if tilt_due:
             yield self._tilt(temperature_c, now)
@@ -186,10 +189,15 @@ class Pipeline:
         self._condition = ConditionResult("unknown", None, False, (why,), gates, None)
         return changed
 
-    def _acceleration(self, batch: ForceBatch, now: MessageTime) -> OutgoingMessage:
+    def _acceleration(self, batch: ForceBatch, now: MessageTime) -> Iterator[OutgoingMessage]:
+        """Return the specific force since the message before, at its rate."""
+        self._recent_g.append(batch.force_g)
+        if not self._acceleration_limiter.is_due(now.log_time_ns):
+            return
+        force_g, self._recent_g = np.concatenate(self._recent_g), []
         u_force_g = self._correction.u_force_g(batch.lowpassed_g[-1], self._temperature_c)
-        message = compose.acceleration_message(self._header("acceleration", now), batch.force_g, u_force_g)
-        return OutgoingMessage("acceleration", now.log_time_ns, message)
+        message = compose.acceleration_message(self._header("acceleration", now), force_g, u_force_g)
+        yield OutgoingMessage("acceleration", now.log_time_ns, message)
 
     def _tilt(self, temperature_c: float | None, now: MessageTime) -> OutgoingMessage:
         trusted = self._condition.verdict in ("static", "quasi_static")

@@ -1,4 +1,9 @@
-"""Encoding of recorded messages as JSON: what is not known is left out, so that viewers find plain numbers only."""
+"""Encoding of recorded messages as JSON, without what is not known and with the digits that the numbers justify.
+
+A field that is null is left out, so that viewers find plain numbers only. Each unit has a resolution well below the smallest
+uncertainty of what is measured in it; an uncertainty keeps two significant digits, so that it never becomes zero. Samples,
+from which every result can be computed again, and calibration records are exact.
+"""
 
 from dataclasses import fields, is_dataclass
 from functools import cache
@@ -8,8 +13,29 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from gateway.messages import Log, Message
+from gateway.messages import Calibration, CalibrationSession, Log, Message, Samples
 
+EXACT = (Samples, Calibration, CalibrationSession)
+DECIMALS = {
+    "_deg": 3,
+    "_deg_s": 2,
+    "_m_s2": 4,
+    "_m_s": 4,
+    "_m": 3,
+    "_s": 3,
+    "_g": 5,
+    "_hz": 4,
+    "_c": 2,
+    "_mb": 1,
+    "azimuth_deg": 1,
+    "direction_deg": 1,
+    "time_to_peak_s": 2,
+}
+"""Decimals by the end of a field's name, mostly its unit; the longest one decides."""
+OTHER_DECIMALS = 3
+"""Of probabilities and shares."""
+UNCERTAINTY_DIGITS = 2
+"""Significant digits (GUM 7.2.6)."""
 _ENCODER = msgspec.json.Encoder()
 
 
@@ -21,25 +47,42 @@ def encode_recorded(message: Message | Log) -> bytes:
 def _known(record: Any) -> dict[str, Any]:
     """Return the fields of a message, or of a part of one, that have a value."""
     content = {}
-    for name in _field_names(record.__class__):
-        value = _plain(getattr(record, name))
+    for name, decimals in _fields(record.__class__):
+        value = _plain(getattr(record, name), decimals)
         if value is not None:
             content[name] = value
     return content
 
 
-def _plain(value: Any) -> Any:
+def _plain(value: Any, decimals: int | None) -> Any:
     """Return a value as JSON takes it; None for a number, or a list with one, that is not finite."""
     if isinstance(value, np.generic):
         value = value.item()
     if isinstance(value, float):
-        return value if isfinite(value) else None
+        return _rounded(value, decimals) if isfinite(value) else None
     if isinstance(value, list) and value and not isinstance(value[0], int | str):
-        entries = [_plain(entry) for entry in value]
+        entries = [_plain(entry, decimals) for entry in value]
         return None if None in entries else entries
     return _known(value) if is_dataclass(value) else value
 
 
+def _rounded(value: float, decimals: int | None) -> float:
+    if decimals is None:
+        return value
+    if decimals < 0:
+        return float(f"{value:.{-decimals}g}")
+    return round(value, decimals) + 0.0  # no -0.0
+
+
 @cache
-def _field_names(type_: type) -> tuple[str, ...]:
-    return tuple(field.name for field in fields(type_))
+def _fields(type_: type) -> tuple[tuple[str, int | None], ...]:
+    """Return the names of a type's fields with their decimals; negative: significant digits; None: exact."""
+    exact = issubclass(type_, EXACT)
+    return tuple((field.name, None if exact else _decimals(field.name)) for field in fields(type_))
+
+
+def _decimals(name: str) -> int:
+    if name.startswith("u_") or "_u_" in name:
+        return -UNCERTAINTY_DIGITS
+    units = [unit for unit in DECIMALS if name.endswith(unit)]
+    return DECIMALS[max(units, key=len)] if units else OTHER_DECIMALS

@@ -33,8 +33,8 @@ from mcap.writer import MCAP0_MAGIC
 
 CHUNK_BYTES = 1024 * 1024
 """A chunk ends when it is longer than this."""
-ZSTD_LEVEL = 1
-"""Half the time of the default level, for chunks of the same size."""
+CHUNKS_WITH_DEFINITIONS = 2
+"""So many chunks at the beginning have all schemas and channels: one of them may be damaged."""
 MESSAGE = struct.Struct("<BQHIQQ")
 """Opcode, length, channel, sequence, log time, publish time."""
 MESSAGE_FIELDS_BYTES = MESSAGE.size - 9
@@ -44,6 +44,12 @@ INDEX = struct.Struct("<BQHI")
 FOOTER = struct.Struct("<BQQQ")
 """Opcode, length, start of the summary and of the summary offsets: what the summary's checksum contains of the footer."""
 FOOTER_BYTES = 20
+
+
+FAST = zstandard.ZstdCompressionParameters.from_level(1)
+"""For chunks of a second, which a higher level does not make smaller."""
+DENSE = zstandard.ZstdCompressionParameters.from_level(9, source_size=CHUNK_BYTES, min_match=7)
+"""For long chunks. Shorter matches are coincidences in the digits of noise, and cost more than the digits."""
 
 
 class ByteSink(Protocol):
@@ -61,9 +67,9 @@ class ByteSink(Protocol):
 class McapWriter:
     """Writes one MCAP file. A chunk is in the sink after `flush`."""
 
-    def __init__(self, sink: ByteSink) -> None:
+    def __init__(self, sink: ByteSink, compression: zstandard.ZstdCompressionParameters = FAST) -> None:
         self._sink = sink
-        self._compressor = zstandard.ZstdCompressor(level=ZSTD_LEVEL)
+        self._compressor = zstandard.ZstdCompressor(compression_params=compression)
         self._crc = 0
         """Checksum of the data section."""
         self._chunk = bytearray()
@@ -89,13 +95,15 @@ class McapWriter:
         self._chunk += _serialise(schema)
         return schema.id
 
-    def register_channel(self, topic: str, message_encoding: str, schema_id: int) -> int:
+    def register_channel(
+        self, topic: str, message_encoding: str, schema_id: int, metadata: Mapping[str, str] | None = None
+    ) -> int:
         """Add a channel to the open chunk; return its id."""
         channel = Channel(
             id=len(self._channels) + 1,
             topic=topic,
             message_encoding=message_encoding,
-            metadata={},
+            metadata=dict(metadata or {}),
             schema_id=schema_id,
         )
         self._channels.append(channel)
@@ -171,6 +179,8 @@ class McapWriter:
             uncompressed_size=chunk.uncompressed_size,
         )
         self._chunk_indexes.append(index)
+        if len(self._chunk_indexes) < CHUNKS_WITH_DEFINITIONS:
+            self._chunk += _serialise(*self._schemas, *self._channels)
 
     def finish(self) -> None:
         """Write the summary and the footer."""

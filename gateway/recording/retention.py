@@ -8,6 +8,7 @@ from pathlib import Path
 
 BYTES_PER_MB = 1_000_000
 MARKER = ".event"
+UNCOMPACTED = ".live"
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -55,8 +56,12 @@ class SegmentNames:
                     )
         return sorted(found)
 
+    def list_uncompacted(self, data_dir: Path) -> list[Path]:
+        """Return the segments that a former run began and did not compact, oldest first. Raises `OSError`."""
+        return [segment.path for segment in self.list_segments(data_dir) if uncompacted_marker(segment.path).exists()]
+
     def remove_unfinished(self, data_dir: Path) -> None:
-        """Delete segments that a killed gateway had begun and in which nothing was recorded. Raises `OSError`."""
+        """Delete what a killed gateway had begun: segments in which nothing was recorded, and copies. Raises `OSError`."""
         pattern = re.compile(rf"\.{self._pattern}\.part")
         for path in data_dir.iterdir():
             if pattern.fullmatch(path.name):
@@ -76,6 +81,11 @@ def marker_path(path: Path) -> Path:
     return path.with_name(path.name + MARKER)
 
 
+def uncompacted_marker(path: Path) -> Path:
+    """Return the path of the empty file that marks a segment whose chunks are short, see `gateway.recording.compaction`."""
+    return path.with_name(path.name + UNCOMPACTED)
+
+
 class Retention:
     """Deletes closed segments beyond the quota, oldest first and those with events last; touches no other file."""
 
@@ -88,7 +98,6 @@ class Retention:
 
     def rescan(self) -> None:
         """Find the segments, while none of them is open. Raises `OSError`."""
-        self._names.remove_unfinished(self._data_dir)
         self._closed = self._names.list_segments(self._data_dir)
 
     def enforce(self, open_bytes: int) -> list[Path]:
@@ -103,6 +112,7 @@ class Retention:
             try:
                 oldest.path.unlink(missing_ok=True)
                 marker_path(oldest.path).unlink(missing_ok=True)
+                uncompacted_marker(oldest.path).unlink(missing_ok=True)
             except OSError:
                 self.undeletable += 1
                 continue

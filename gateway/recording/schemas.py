@@ -20,9 +20,9 @@ NULL = {"type": "null"}
 def schema_bytes(topic: str) -> bytes:
     """Return the schema of a topic for a recording."""
     schema = adapter(topic).json_schema(mode="serialization")
-    schema["title"] = TOPICS[topic].schema_name
     definitions = schema.pop("$defs", {})
-    return json.dumps(_make_viewable(schema, definitions), separators=(",", ":")).encode()
+    viewable = {"title": TOPICS[topic].schema_name, **_make_viewable(schema, definitions)}
+    return json.dumps(viewable, separators=(",", ":")).encode()
 
 
 def logged_topics() -> list[str]:
@@ -31,7 +31,8 @@ def logged_topics() -> list[str]:
 
 
 def _make_viewable(schema: Schema, definitions: dict[str, Schema]) -> Schema:
-    """Return the schema without references and without the alternative null."""
+    """Return the schema without references, without the alternative null, and without titles, which repeat the names."""
+    schema = {key: value for key, value in schema.items() if key != "title" or isinstance(value, dict)}
     if "$ref" in schema:
         name = schema["$ref"].removeprefix("#/$defs/")
         others = {key: value for key, value in schema.items() if key != "$ref"}

@@ -15,6 +15,7 @@ from gateway.recording.calibration_files import AttachedFile
 from gateway.recording.encoding import encode_recorded
 from gateway.recording.header import RecordingHeader, device_metadata
 from gateway.recording.mcap_writer import McapWriter
+from gateway.recording.retention import uncompacted_marker
 from gateway.recording.schemas import logged_topics, schema_bytes
 from gateway.recording.segment_summary import SUMMARY, SUMMARY_MEDIA_TYPE, encode_summary
 from gateway.recording.summary_builder import SummaryBuilder
@@ -94,6 +95,7 @@ class Segment:
             for message in repeated:
                 self.write(message, start_ns)
             self.sync()
+            uncompacted_marker(path).touch()
             partial.rename(path)
             sync_folder(path.parent)
         except OSError:
@@ -101,6 +103,7 @@ class Segment:
             with suppress(OSError):
                 partial.unlink(missing_ok=True)
                 path.unlink(missing_ok=True)
+                uncompacted_marker(path).unlink(missing_ok=True)
             raise
 
     @property

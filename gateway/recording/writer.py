@@ -19,6 +19,8 @@ from gateway.recording.segment import Segment
 
 REPEATED_TOPICS = ("calibration", "clock")
 """Repeated at the start of each segment, so that a segment can be read without the one before."""
+RECORDED_EVERY = {"tilt": 5}
+"""Of these topics, one message in so many: the low-pass of the tilt leaves nothing that is faster than 2 Hz."""
 SEGMENTS_IN_QUOTA = 4
 """A segment ends before it exceeds this part of the quota, because the open segment is never deleted."""
 REMEDIES = {
@@ -75,6 +77,8 @@ class Recorder:
         self._calibration: CalibrationFiles | None = None
         self._unsynced_messages = 0
         self._unsynced_samples = 0
+        self._uncompacted: list[Path] | None = None
+        """Ended segments with short chunks; None: those of former runs have not been looked for."""
 
     @property
     def path(self) -> Path | None:
@@ -86,11 +90,19 @@ class Recorder:
         """How often a segment beyond the quota could not be deleted."""
         return self._retention.undeletable
 
+    def take_uncompacted(self) -> list[Path]:
+        """Return the segments that have ended since the last call, those of former runs first; `compact` shall rewrite them."""
+        ended, self._uncompacted = self._uncompacted or [], []
+        return ended
+
     def start(self, now_ns: int) -> Path:
         """Begin a segment, after ending the open one, and return its path. Raises `RecorderError`."""
         self.close()
         try:
             self._data_dir.mkdir(parents=True, exist_ok=True)
+            if self._uncompacted is None:
+                self._names.remove_unfinished(self._data_dir)
+                self._uncompacted = self._names.list_uncompacted(self._data_dir)
             self._retention.rescan()
             self._segment = self._new_segment(now_ns)
             if self._events is not None:
@@ -136,6 +148,8 @@ class Recorder:
         topic, message, log_time_ns = encoded.topic, encoded.message, encoded.log_time_ns
         if not 0 <= log_time_ns <= LARGEST_TIME_NS or not 0 <= encoded.publish_time_ns <= LARGEST_TIME_NS:
             raise ValueError(f"/{topic}: times {log_time_ns} and {encoded.publish_time_ns} ns are not after 1970")
+        if encoded.sequence % RECORDED_EVERY.get(topic, 1):
+            return
         if topic in REPEATED_TOPICS:
             self._repeated[topic] = encoded
         samples = len(message.x) if isinstance(message, Samples) else 0
@@ -174,8 +188,7 @@ class Recorder:
             self._segment.close()
         except OSError as error:
             raise self._stop(error) from error
-        self._segment = None
-        self._unsynced_messages = self._unsynced_samples = 0
+        self._end_segment()
 
     def _new_segment(self, now_ns: int) -> Segment:
         repeated = [self._repeated[topic] for topic in REPEATED_TOPICS if topic in self._repeated]
@@ -197,6 +210,11 @@ class Recorder:
         stopped = RecorderError(text, self._unsynced_messages, self._unsynced_samples)
         if self._segment is not None:
             self._segment.abandon()
+        self._end_segment()
+        return stopped
+
+    def _end_segment(self) -> None:
+        if self._segment is not None and self._uncompacted is not None:
+            self._uncompacted.append(self._segment.path)
         self._segment = None
         self._unsynced_messages = self._unsynced_samples = 0
-        return stopped

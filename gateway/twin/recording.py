@@ -16,6 +16,7 @@ from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.pipeline.pipeline import Pipeline
+from gateway.recording.compaction import compact
 from gateway.recording.header import RecordingHeader
 from gateway.recording.writer import Recorder
 from gateway.topics import TOPICS
@@ -58,6 +59,7 @@ def write_mcap(path: Path, rig: TwinRig, simulated: Simulated, seed: int) -> Non
             segment = recorder.start(START_NS)
             _record(recorder, configuration, _device(simulated, seed), simulated)
             recorder.close()
+            compact(segment)
             segment.replace(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from error

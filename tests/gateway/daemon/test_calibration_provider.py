@@ -183,8 +183,11 @@ class FullDisk(Recorder):
     def set_calibration(self, _files: CalibrationFiles | None, _now_ns: int) -> None:
         raise RecorderError("full", 3, 40)
 
+    def take_uncompacted(self) -> list[Path]:
+        return []
+
 
 def test_a_record_that_cannot_be_written_stops_the_recording() -> None:
-    worker = RecordingWorker(FullDisk(), lambda: 0)
+    worker = RecordingWorker(FullDisk(), lambda: 0, print)
     worker.handle(CalibrationChange(None))
     assert (worker.error, worker.samples_lost) == ("full", 40)

@@ -13,7 +13,7 @@ from gateway.recording.writer import Recorder
 
 START_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""
-HEAD: dict[str, Any] = {"time_ns": START_NS, "clock": "synchronised", "sequence": 7, "calibration_id": "c-1"}
+HEAD: dict[str, Any] = {"time_ns": START_NS, "clock": "synchronised", "sequence": 5, "calibration_id": "c-1"}
 COUNTS_PER_G = 256_000.0
 
 MOTION = messages.Motion(

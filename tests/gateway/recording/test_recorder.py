@@ -158,7 +158,7 @@ def test_a_kill_at_the_start_of_a_segment_leaves_no_recording(
     (partial,) = names(tmp_path)
     path = make_recorder().start(start_ns)  # the next one, within the same second
     assert partial == f".{path.name}.part"
-    assert names(tmp_path) == [path.name]
+    assert names(tmp_path) == [path.name, f"{path.name}.live"]
     assert list(open_recording(path).messages()) == []
 
 

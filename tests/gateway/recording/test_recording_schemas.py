@@ -142,6 +142,46 @@ def test_a_number_that_is_not_finite_is_left_out(every_message: dict[str, messag
     assert not {"angle_deg", "pivot_accel_m_s2"} & set(json.loads(encode_recorded(broken)))
 
 
+def test_recorded_numbers_have_the_digits_that_their_unit_justifies() -> None:
+    motion = messages.Motion(
+        time_ns=1_700_000_000_123_456_789,
+        clock="synchronised",
+        sequence=1,
+        state="free",
+        angle_deg=3.14159265,
+        u_deg=0.031415926,
+        azimuth_deg=-0.01,
+        rate_deg_s=-2.71828,
+        hoist_u_m_s=0.00000314159,
+        pivot_accel_m_s2=[0.123456, -0.00000012],
+        reasons=[],
+        text="",
+    )
+    recorded = json.loads(encode_recorded(motion))
+    del recorded["schema_version"], recorded["clock"], recorded["reasons"], recorded["text"], recorded["state"]
+    assert recorded == {
+        "time_ns": 1_700_000_000_123_456_789,
+        "sequence": 1,
+        "angle_deg": 3.142,
+        "u_deg": 0.031,
+        "azimuth_deg": 0.0,
+        "rate_deg_s": -2.72,
+        "hoist_u_m_s": 3.1e-6,
+        "pivot_accel_m_s2": [0.1235, 0.0],
+    }
+    assert b"-0.0" not in encode_recorded(motion)
+
+
+def test_samples_and_calibrations_are_recorded_exactly(
+    every_message: dict[str, messages.Message | messages.Log],
+) -> None:
+    samples = every_message["samples"]
+    assert isinstance(samples, messages.Samples)
+    exact = replace(samples, unit="g", packing="plain", x=[0.123456789012345], period_ns=1000000.0312345)
+    assert json.loads(encode_recorded(exact))["x"] == [0.123456789012345]
+    assert json.loads(encode_recorded(exact))["period_ns"] == 1000000.0312345
+
+
 @pytest.mark.parametrize("topic", logged_topics())
 def test_on_the_bus_every_field_is_sent_and_required(
     every_message: dict[str, messages.Message | messages.Log], topic: str
