@@ -90,7 +90,7 @@ def history(
         rate_rad_s=still,
         pivot_acceleration_m_s2=np.stack([acceleration_m_s2 * driven, still], axis=1),
         pivot_acceleration_u_m_s2=still + 0.01,
-        hoist_m_s=0.2 * hoisting,
+        hoist_m_s=0.2 * hoisting.astype(np.float64),
         hoist_u_m_s=still + 0.01,
         length_m=still + LENGTH_M,
         length_u_m=still + 0.01,
