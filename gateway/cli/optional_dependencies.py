@@ -9,15 +9,20 @@ OF_THE_TWIN = ("casadi", "matplotlib", "scipy")
 
 def require_twin() -> None:
     """Raise `InputError` where the twin's libraries are missing."""
-    _require(OF_THE_TWIN)
+    _require(OF_THE_TWIN, "twin")
 
 
 def require_plots() -> None:
     """Raise `InputError` where the library of the figures is missing."""
-    _require(("matplotlib",))
+    _require(("matplotlib",), "twin")
 
 
-def _require(names: tuple[str, ...]) -> None:
-    missing = [name for name in names if importlib.util.find_spec(name) is None]
+def require_parquet() -> None:
+    """Raise `InputError` where the library for Parquet files is missing."""
+    _require(("pyarrow",), "parquet")
+
+
+def _require(libraries: tuple[str, ...], extra: str) -> None:
+    missing = [name for name in libraries if importlib.util.find_spec(name) is None]
     if missing:
-        raise InputError(f"{' and '.join(missing)} not installed; try pip install 'plumbline-gateway[twin]'")
+        raise InputError(f"{' and '.join(missing)} not installed; try pip install 'plumbline-gateway[{extra}]'")

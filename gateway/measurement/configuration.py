@@ -1,11 +1,10 @@
 """The configuration that the files of a recording have in common."""
 
-import tomllib
 from collections.abc import Sequence
 
 from devices.errors import RecordingError
-from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
+from gateway.recording.correction import parse_configuration
 from gateway.recording.run import RecordedRun
 
 
@@ -41,7 +40,4 @@ def _settings(configuration: Configuration | None, *, same_rig: bool) -> dict[st
 def _configuration(run: RecordedRun) -> Configuration | None:
     if run.configuration_toml is None:
         return None
-    try:
-        return validate(tomllib.loads(run.configuration_toml), f"{run.path}: its configuration")
-    except tomllib.TOMLDecodeError as error:
-        raise RecordingError(f"{run.path}: its configuration is not TOML: {error}") from error
+    return parse_configuration(run.configuration_toml, str(run.path))

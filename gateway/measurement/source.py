@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from devices.recording import Recording
 from devices.table import read_table
-from gateway.calibration.correction import Correction, correction_for
-from gateway.calibration.store import parse_record
+from gateway.calibration.correction import Correction
 from gateway.errors import InputError
 from gateway.measurement.calibration import calibration_in_force
 from gateway.measurement.configuration import common_configuration
@@ -18,13 +17,11 @@ from gateway.measurement.rig import Rig
 from gateway.pipeline.mounting import mounted_housing, with_sensor
 from gateway.pipeline.temperature_filter import TemperatureFilter
 from gateway.recording.catalogue import list_recordings
+from gateway.recording.correction import SENSOR_AXES, correction_of
 from gateway.recording.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
 from gateway.recording.join import read_joined_samples
 from gateway.recording.run import RecordedRun
 from gateway.swing.rig import MountedHousing
-
-SENSOR_AXES = ((0, 1), (1, 1), (2, 1))
-"""Axes map of a housing whose axes are those of the sensor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,11 +110,8 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
     extent = _extent(whole, run.wall_offset_ns)
     recording = _cut(whole, interval, extent)
     calibration, calibration_remarks = calibration_in_force(run, recording)
-    stored = None  # `run.device` contains the factory record
-    if calibration is not None and calibration.status == "calibrated":
-        stored = parse_record(calibration.record, run.device.device_id, str(run.path))
     axes = SENSOR_AXES if configuration is None else configuration.device.axes
-    correction = correction_for(run.device, axes, stored)
+    correction = correction_of(calibration, run.device, axes, str(run.path))
     extreme_c = _extreme_temperature_c(recording, correction)
     widened = correction.widened_by(correction.kelvin_beyond(extreme_c))
     bandwidth_hz = run.device.bandwidth_hz

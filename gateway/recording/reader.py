@@ -9,7 +9,9 @@ from mcap.records import Attachment, Channel, Header, Message, Metadata, Schema
 from mcap.well_known import MessageEncoding
 from pydantic import ValidationError
 
+from devices.block import DeviceInfo
 from devices.errors import RecordingError
+from gateway.recording.header import DEVICE, device_from_metadata
 from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
 from gateway.topics import TOPICS, adapter
 
@@ -102,6 +104,18 @@ class RecordingFile:
         except ValidationError:
             self.losses.unreadable_messages += 1
             return None
+
+    def device(self) -> DeviceInfo:
+        """Return the device, known when its first sample has been read. Raises `RecordingError` where it is not described."""
+        metadata = self.metadata.get(DEVICE)
+        if metadata is None:
+            raise RecordingError(
+                f"{self.path}: has samples but no metadata 'device', which describes them; record it with the gateway"
+            )
+        try:
+            return device_from_metadata(metadata)
+        except ValueError as error:
+            raise RecordingError(f"{self.path}: {error}; it was written by another version") from error
 
     def _message(self, record: Message, selection: Selection) -> Iterator[RecordedMessage]:
         channel = self.channels.get(record.channel_id)

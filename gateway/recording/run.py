@@ -13,7 +13,6 @@ from devices.recording import Recording, longest_increasing_mask, missing_before
 from gateway import messages
 from gateway.packing import unpack
 from gateway.recording import header as names
-from gateway.recording.header import device_from_metadata
 from gateway.recording.mcap_salvage import SalvageReport
 from gateway.recording.reader import RecordingFile, open_recording
 
@@ -108,7 +107,7 @@ def read_samples(path: Path | str) -> RecordedRun:
             wall_offset_ns = content.wall_offset_ns
     if not blocks:
         raise _missing_samples_error(file)
-    device = _device(file)
+    device = file.device()
     if units != {device.unit}:
         raise RecordingError(
             f"{file.path}: samples in {' and '.join(sorted(units))} from a device in {device.unit}; it cannot be replayed"
@@ -145,18 +144,6 @@ def _add_block(file: RecordingFile, blocks: list[SampleBlock], samples: messages
 def _content(calibration: CalibrationInForce) -> tuple[object, ...]:
     message = calibration.message
     return message.calibration_id, message.status, message.record, message.in_force
-
-
-def _device(file: RecordingFile) -> DeviceInfo:
-    metadata = file.metadata.get(names.DEVICE)
-    if metadata is None:
-        raise RecordingError(
-            f"{file.path}: has samples but no metadata 'device', which describes them; record it with the gateway"
-        )
-    try:
-        return device_from_metadata(metadata)
-    except ValueError as error:
-        raise RecordingError(f"{file.path}: {error}; it was written by another version") from error
 
 
 def _missing_samples_error(file: RecordingFile) -> RecordingError:

@@ -25,7 +25,7 @@ GATEWAY_KEYS = ("site", "crane", "sensor")
 REPEATED_TOPICS = frozenset({"/calibration", "/clock"})
 """Topics whose last message is repeated at the start of the next segment."""
 SUMMARISED_TOPICS = frozenset(topic.path for topic in TOPICS.values() if topic.name not in UNUSED_TOPICS)
-MESSAGES_PER_REPORT = 500
+MESSAGES_PER_REPORT = 20
 """Progress is reported once in so many messages."""
 
 ReportProgress = Callable[[float], None]

@@ -1,0 +1,36 @@
+"""The correction that was in force in a recording: by its device, its axes and its calibration messages."""
+
+import tomllib
+from dataclasses import replace
+
+from devices.block import DeviceInfo
+from devices.errors import RecordingError
+from gateway.calibration.correction import Correction, correction_for
+from gateway.calibration.frame import AxesMap
+from gateway.calibration.store import parse_record
+from gateway.configuration.loading import validate
+from gateway.configuration.model import Configuration
+from gateway.messages import Calibration
+
+SENSOR_AXES: AxesMap = ((0, 1), (1, 1), (2, 1))
+"""Axes map of a housing whose axes are those of the sensor."""
+
+
+def correction_of(message: Calibration | None, device: DeviceInfo, axes: AxesMap, place: str) -> Correction:
+    """Return the correction of a calibration message; `place` is that of its record, for errors.
+
+    A factory record is in `device`. Raises `CalibrationError` for a damaged record.
+    """
+    if message is not None and message.status == "calibrated":
+        return correction_for(device, axes, parse_record(message.record, device.device_id, place))
+    if message is not None and message.status == "uncalibrated":
+        device = replace(device, factory_calibration=None)  # the gateway did not use the factory's either
+    return correction_for(device, axes, None)
+
+
+def parse_configuration(toml: str, place: str) -> Configuration:
+    """Return the configuration of a recording. Raises `RecordingError`, and `ConfigurationError` where it is not valid."""
+    try:
+        return validate(tomllib.loads(toml), f"{place}: its configuration")
+    except tomllib.TOMLDecodeError as error:
+        raise RecordingError(f"{place}: its configuration is not TOML: {error}") from error

@@ -1,0 +1,116 @@
+"""A recording of the simulated crane by the gateway's own pipeline and recorder, as fast as it is computed."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from devices.block import DeviceInfo, SampleBlock
+from devices.clock import HostClock
+from devices.simulated.device import SimulatedCrane
+from gateway import __version__
+from gateway.calibration.correction import correction_for
+from gateway.configuration.loading import validate
+from gateway.configuration.model import Configuration
+from gateway.configuration.render import to_toml
+from gateway.messages import ClockOffset
+from gateway.packing import pack
+from gateway.pipeline.clock_state import ClockState, MessageTime
+from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.outgoing_message import OutgoingMessage, encode_message
+from gateway.pipeline.pipeline import Pipeline
+from gateway.recording.header import RecordingHeader
+from gateway.recording.writer import Recorder
+
+START_NS = 1_767_225_600_000_000_000
+"""2026-01-01 00:00:00 UTC."""
+BOOT_ID = "b00t"
+CLOCK = ClockState("synchronised", 250_000_000)
+SECOND_NS = 1_000_000_000
+
+
+class SleeplessClock(HostClock):
+    """Time that passes as fast as it is slept."""
+
+    def __init__(self) -> None:
+        self.now = START_NS
+
+    def now_ns(self) -> int:
+        return self.now
+
+    def sleep_s(self, seconds: float) -> None:
+        self.now += max(0, round(seconds * 1e9))
+
+
+@dataclass
+class RecordedCrane:
+    """A crane whose samples are recorded second by second."""
+
+    folder: Path
+    segment_s: float = 20.0
+    settings: Mapping[str, Any] | None = None
+
+    def __post_init__(self) -> None:
+        self.configuration: Configuration = validate(
+            {
+                "device": {"odr_hz": 100},
+                "rope": {"length_m": 12.0},
+                "housing": {"position_m": 9.0},
+                "alerts": {"trip_deg": 4.0, "warn_deg": 3.0, "clear_deg": 2.0},
+                **(self.settings or {}),
+            },
+            "test",
+        )
+        self.device = SimulatedCrane(
+            odr_hz=100, block_samples=10, length_m=12.0, position_m=9.0, clock=SleeplessClock()
+        )
+        self.info: DeviceInfo = self.device.open()
+        section = self.configuration.gateway
+        header = RecordingHeader(
+            __version__, section.site, section.crane, section.sensor, BOOT_ID, to_toml(self.configuration)
+        )
+        self.recorder = Recorder(self.folder, header, segment_s=self.segment_s, fsync_s=1.0, quota_mb=1000.0)
+        self.headers = HeaderMaker()
+        self.pipeline = self.make_pipeline()
+        self.recorder.set_device(self.info, START_NS)
+        self.recorder.start(START_NS)
+        self.next_second_ns = START_NS
+
+    def make_pipeline(self) -> Pipeline:
+        correction = correction_for(self.info, self.configuration.device.axes, None)
+        return Pipeline(self.configuration, self.info, correction, self.headers)
+
+    def record(self, seconds: float) -> None:
+        """Record so many seconds; clock messages come once a second."""
+        count = 0
+        while count < seconds * self.info.odr_hz:
+            block = self.device.read()
+            if not isinstance(block, SampleBlock):
+                continue
+            count += len(block)
+            self.process(block)
+
+    def process(self, block: SampleBlock) -> None:
+        """Record a block and what follows from it."""
+        for message in self.pipeline.process(block, CLOCK).messages:
+            self.write(message)
+        now_ns = int(block.time_ns[-1])
+        if now_ns >= self.next_second_ns:
+            self.next_second_ns = now_ns + SECOND_NS
+            head = self.headers.make("clock", MessageTime(now_ns, CLOCK), None)
+            clock = ClockOffset(**head, log_time_ns=now_ns, wall_offset_ns=CLOCK.wall_offset_ns, stepped=False)
+            self.write(OutgoingMessage("clock", now_ns, clock))
+        self.recorder.tick(now_ns)
+
+    def samples_message(self, block: SampleBlock) -> OutgoingMessage:
+        """Return the message of a block without anything that follows from it."""
+        now = MessageTime(int(block.time_ns[-1]), CLOCK)
+        return OutgoingMessage("samples", now.log_time_ns, pack(block, **self.headers.make("samples", now, None)))
+
+    def write(self, message: OutgoingMessage) -> None:
+        self.recorder.write(encode_message(message.topic, message.message, message.log_time_ns))
+
+    def close(self) -> Path:
+        """End the recording; return its folder."""
+        self.recorder.close()
+        return self.folder
