@@ -3,15 +3,23 @@
 import argparse
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from gateway.cli.argument_types import whole_number
 from gateway.cli.effect_files import add_effects_from, load_user_effects
 from gateway.cli.plan import add_plan_arguments, run_plan, wants_plan
 from gateway.cli.reconcile_files import check_outputs, output_texts
 
+if TYPE_CHECKING:
+    from gateway.measurement.source import Source
+    from gateway.twin.model import TwinRig
+    from gateway.twin.reconcile.data.crane_inputs import CraneInputs
+    from gateway.twin.reconcile.data.data_checks import CheckedRecording
+
 EXAMPLE = """examples:
   plumbline reconcile log.csv --rig rig.toml --held-out second.csv --json result.json --report report.html
   plumbline reconcile recording.mcap --write-model model.toml
+  plumbline reconcile work.csv --rig rig.toml --inputs estimated
   plumbline reconcile log.csv --rig rig.toml --effects-from my_effects.py
   plumbline reconcile --plan rig.toml --effects steady_wind,axis_offset"""
 
@@ -42,6 +50,13 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     )
     command.add_argument(
         "--write-model", type=Path, metavar="FILE.toml", help="write the rig with the effects that were found"
+    )
+    command.add_argument(
+        "--inputs",
+        choices=("auto", "estimated", "none"),
+        default="auto",
+        help="drives and hoists of the crane: estimated from the recordings and known to the model; none: they are effects to be "
+        "found; auto (the default): estimated for an .mcap, none for a .csv",
     )
     command.add_argument("--seed", type=whole_number, default=0, metavar="N", help="seed of the block bootstrap (0)")
     add_effects_from(command)
@@ -75,10 +90,20 @@ def run(arguments: argparse.Namespace) -> int:
     source = read_source([arguments.log], rig)
     model = model_from_recording(source) if rig is None else model_of(rig, str(arguments.rig))
     log = check_recording(source, model.rig)
-    second = None if arguments.held_out is None else check_recording(read_source([arguments.held_out], rig), model.rig)
+    second_source = None if arguments.held_out is None else read_source([arguments.held_out], rig)
+    second = None if second_source is None else check_recording(second_source, model.rig)
     try:
         with Progress() as progress:
-            result = reconcile(model, log, second, seed=arguments.seed, tick=progress.tick)
+            progress.tick("inputs of the crane")
+            result = reconcile(
+                model,
+                log,
+                second,
+                inputs=_inputs(arguments.inputs, source, log, model.rig),
+                held_out_inputs=_inputs(arguments.inputs, second_source, second, model.rig, "held_out_"),
+                seed=arguments.seed,
+                tick=progress.tick,
+            )
             runtime_s = time.monotonic() - begin_s
             progress.tick("report")
             texts = output_texts(arguments, result, runtime_s)
@@ -91,6 +116,18 @@ def run(arguments: argparse.Namespace) -> int:
         write_text(path, text)
     print(to_text(result))
     return 1 if result.verdict in ("unmodelled", "data_unusable") else 0
+
+
+def _inputs(
+    choice: str, source: "Source | None", checked: "CheckedRecording | None", rig: "TwinRig", prefix: str = ""
+) -> "CraneInputs":
+    """Return what the crane did in a recording; nothing where that is not asked for, or the recording cannot be used."""
+    from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, estimate_inputs
+
+    if source is None or checked is None or checked.observations is None:
+        return NO_INPUTS
+    is_wanted = choice == "estimated" or (choice == "auto" and source.files[0].suffix == ".mcap")
+    return estimate_inputs(source, rig, prefix) if is_wanted else NO_INPUTS
 
 
 def _check_files(arguments: argparse.Namespace) -> None:

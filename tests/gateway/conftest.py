@@ -10,6 +10,7 @@ from devices.block import SampleBlock
 from gateway import messages
 from gateway.calibration.record import content_hash
 from gateway.packing import pack
+from tests.gateway.recorded_crane import RecordedCrane, record_crane
 
 START_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""
@@ -81,3 +82,8 @@ def record() -> Callable[..., dict[str, Any]]:
         return content | {"sha256": content_hash(content)}
 
     return make
+
+
+@pytest.fixture(scope="session")
+def recorded(tmp_path_factory: pytest.TempPathFactory) -> RecordedCrane:
+    return record_crane(tmp_path_factory.mktemp("recorded"))

@@ -49,7 +49,7 @@ class ModelStructure(Enum):
 class Effect:
     """Base class of all effects."""
 
-    name: ClassVar[str]
+    name: str
     equation: ClassVar[str]
     """The equation as the report prints it."""
     explains: ClassVar[str]
@@ -58,7 +58,7 @@ class Effect:
     """The source of the equation: authors, year and equation, a standard, or the physical law."""
     enters: ClassVar[str]
     """The part of the model that the effect changes: force on the load, pivot, rope, structure, housing, sensor or clock."""
-    parameters: ClassVar[tuple[Parameter, ...]]
+    parameters: tuple[Parameter, ...]
     discriminating_experiment: ClassVar[str] = "record for longer and from a wider swing"
     """The measurement or manoeuvre that separates the effect from others with the same signature."""
 
@@ -76,7 +76,7 @@ class Effect:
     """The structure that the effect gives to the model; effects with different structures exclude each other."""
     world_directed: ClassVar[bool] = False
     """The effect has a direction in the world, so that the heading of the housing matters."""
-    changes_length: ClassVar[bool] = False
+    changes_length: bool = False
     """The rope has another length after the event."""
     instantaneous: ClassVar[bool] = False
     """The event has no duration."""

@@ -10,13 +10,15 @@ from gateway.twin.effects.clock import ClockDrift, SampleLoss
 from gateway.twin.effects.sensor_output import Quantization
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
-from gateway.twin.reconcile.data.data_checks import CheckedRecording
+from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, registered
+from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_of_rest
 from gateway.twin.reconcile.data.recordings import Recordings, split_recordings
 from gateway.twin.reconcile.decision.evidence import gather_evidence
 from gateway.twin.reconcile.decision.identifiability import FittedRecording, indistinguishable_from
 from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates, rivals_of
 from gateway.twin.reconcile.decision.verdict import decide
 from gateway.twin.reconcile.fit.fit_context import is_world_directed
+from gateway.twin.reconcile.known_model import KnownModel
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.output.result_builder import SearchOutcome, build_result, unusable_result
 from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
@@ -68,48 +70,71 @@ def reconcile(
     log: CheckedRecording,
     held_out: CheckedRecording | None,
     *,
+    inputs: CraneInputs = NO_INPUTS,
+    held_out_inputs: CraneInputs = NO_INPUTS,
     seed: int = 0,
     tick: Progress = lambda _stage: None,
 ) -> Reconciliation:
-    """Find what the model lacks; `tick` is called with the stage at each step of a fit."""
+    """Find what the model lacks; `tick` is called with the stage at each step of a fit.
+
+    `inputs` and `held_out_inputs`: what the crane did in the log and in a second recording, which is then part of the model.
+    """
     fault = log.fault or (None if held_out is None or held_out.fault is None else f"held-out: {held_out.fault}")
     if fault is not None or log.observations is None:
         return unusable_result(model, log, fault or "no samples")
-    recordings = split_recordings(log.observations, None if held_out is None else held_out.observations)
+    second = None if held_out is None else held_out.observations
+    known = KnownModel(model, inputs, inputs if second is None else held_out_inputs)
+    recordings = split_recordings(
+        inputs.leave_out(log.observations), None if second is None else held_out_inputs.leave_out(second)
+    )
+    fault = find_lack_of_rest(model.rig, recordings.log, recordings.held_out)
+    if fault is not None:
+        return unusable_result(model, log, fault)
+    with registered(inputs, held_out_inputs):
+        return _reconcile(known, recordings, log, seed, tick)
+
+
+def _reconcile(
+    known: KnownModel, recordings: Recordings, log: CheckedRecording, seed: int, tick: Progress
+) -> Reconciliation:
     recordings, detected = detect_in_samples(recordings)
     random = np.random.default_rng(seed)
     tick("baseline")
-    run = _search(model, recordings, detected, Budget(), tick)
+    run = _search(known, recordings, detected, Budget(), tick)
     if run is None:
-        return unusable_result(model, log, "the nominal model cannot be fitted")
+        return unusable_result(known.model, log, "the nominal model cannot be fitted")
     tick("validation")
     run = _accept(run, random)
     table, best = extend_by_validation(run.table, run.context, run.best, run.validator, random)
     run = replace(run, table=table.start_round(), best=best)
-    outcome = _decide(model, run, random)
+    outcome = _decide(known, run, random)
     return build_result(outcome, log.counts, random)
 
 
-def _search(model: Model, recordings: Recordings, detected: Values, budget: Budget, tick: Progress) -> SearchRun | None:
+def _search(
+    known: KnownModel, recordings: Recordings, detected: Values, budget: Budget, tick: Progress
+) -> SearchRun | None:
     """Search for missing effects; once more at true times where samples turn out to be lost."""
-    run = _begin(model, recordings, detected, budget, tick)
+    run = _begin(known, recordings, detected, budget, tick)
     if run is None:
         return None
     suspect = _clock_hypothesis(run)
     if suspect is not None and not run.table.is_explained and not has_event(run.table, run.context):
-        retimed = _search_at_true_times(model, run, suspect, detected, tick)
+        retimed = _search_at_true_times(known, run, suspect, detected, tick)
         if retimed is not None:
             return retimed
     run = _finish(run)
     if _clock_rate_is_suspect(run) and not has_event(run.table, run.context):
-        return _search_at_true_times(model, run, run.best, detected, tick) or run
+        return _search_at_true_times(known, run, run.best, detected, tick) or run
     return run
 
 
-def _begin(model: Model, recordings: Recordings, detected: Values, budget: Budget, tick: Progress) -> SearchRun | None:
+def _begin(
+    known: KnownModel, recordings: Recordings, detected: Values, budget: Budget, tick: Progress
+) -> SearchRun | None:
     """Fit the nominal model, the baseline and the persistent effects; None where the nominal model cannot be fitted."""
-    context = make_context(model, recordings.log, budget, lambda: tick("search"))
-    validator = Validator(model.rig, model.effects, recordings.selection)
+    context = make_context(known.of_log, recordings.log, budget, lambda: tick("search"))
+    validator = Validator(known.model.rig, known.held_out_effects, recordings.selection)
     table = context.fit(CandidateTable(recordings.log), {})
     nominal = table.get({})
     if nominal is None:
@@ -141,11 +166,11 @@ def _clock_rate_is_suspect(run: SearchRun) -> bool:
     if run.lost_fraction is not None or ClockDrift.name not in run.best.values:
         return False
     selection = run.validator.selection
-    return run.best.has_unexplained_residual or has_excess(selection, run.validator.evaluate(run.best.values).fit)
+    return run.best.has_unexplained_residual or has_excess(selection, run.validator.evaluate(run.best).fit)
 
 
 def _search_at_true_times(
-    model: Model, run: SearchRun, suspect: CandidateFit, detected: Values, tick: Progress
+    known: KnownModel, run: SearchRun, suspect: CandidateFit, detected: Values, tick: Progress
 ) -> SearchRun | None:
     """Search once more with the time stamps corrected for lost samples; None where no samples were lost."""
     setting, recordings = run.context.setting, run.recordings
@@ -154,8 +179,8 @@ def _search_at_true_times(
         return None
     held_out = retime_validation(setting, lost, recordings.held_out)
     recordings = replace(recordings, log=lost.time_warp.retimed(recordings.log), held_out=held_out)
-    known = {name: run.context.baseline_effects[name] for name in detected}
-    again = _begin(model, recordings, known, run.context.budget, tick)
+    baseline = {name: run.context.baseline_effects[name] for name in detected}
+    again = _begin(known, recordings, baseline, run.context.budget, tick)
     if again is None:
         return None
     again = replace(again, nominal=run.nominal, lost_fraction=lost.time_warp.fraction)
@@ -193,7 +218,7 @@ def _exceeds_quantisation(run: SearchRun) -> bool:
     return gain > MIN_REPEATED_GAIN * (base.reduced_chi2 - best.reduced_chi2)
 
 
-def _decide(model: Model, run: SearchRun, random: np.random.Generator) -> SearchOutcome:
+def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> SearchOutcome:
     """Rank the sets near the best by all evidence and decide between them."""
     context, table, validator = run.context, run.table, run.validator
     pairs = indistinguishable_pairs(context.signatures(run.base).of)
@@ -212,7 +237,7 @@ def _decide(model: Model, run: SearchRun, random: np.random.Generator) -> Search
     )
     decision = decide(evidence, run.recordings.log, lambda name: _indistinguishable(run, best, name))
     return SearchOutcome(
-        model=model,
+        model=known.model,
         recordings=run.recordings,
         context=context,
         table=table,
@@ -222,6 +247,8 @@ def _decide(model: Model, run: SearchRun, random: np.random.Generator) -> Search
         ranked=ranked,
         decision=decision,
         lost_fraction=run.lost_fraction,
+        inputs=known.inputs.found,
+        held_out_inputs=() if run.recordings.last_third else known.held_out_inputs.found,
     )
 
 
@@ -244,16 +271,19 @@ def _indistinguishable(run: SearchRun, best: RankedCandidate, name: str) -> tupl
     recordings = (
         FittedRecording(
             setting.log,
+            {**setting.model_effects, **best.candidate.crane_inputs},
             best.candidate.fit.values[:n],
             heading_is_fitted=False,
             excess_chi2=excess_chi2(setting.log, best.candidate.fit),
         ),
         FittedRecording(
             run.validator.selection,
+            run.validator.effects_of(best.candidate),
             best.validation.fit.values[:n],
             heading_is_fitted=is_world_directed({*best.names, *setting.model_effects}),
             excess_chi2=excess_chi2(run.validator.selection, best.validation.fit),
         ),
     )
-    model = {**setting.model_effects, **best.candidate.values}
+    model = {name: each for name, each in setting.model_effects.items() if name not in setting.crane_inputs}
+    model |= best.candidate.values
     return indistinguishable_from(setting.rig, model, name, scorable_effects(setting), recordings)

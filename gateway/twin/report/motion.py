@@ -7,9 +7,10 @@ from matplotlib.figure import Figure as Canvas
 
 from gateway.documents.figures import CURVE_POINTS, Figure
 from gateway.documents.format import format_time_span
-from gateway.documents.palette import AFTER, BEFORE, EVENT, INK, MEASURED
+from gateway.documents.palette import AFTER, BEFORE, EVENT, INK, LINE, MEASURED
 from gateway.documents.plots import add_legend, add_panels, plot_curve, render_svg
 from gateway.documents.text import human_name, join_names
+from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.result import Curves, NamedEffect, Reconciliation
 from gateway.twin.report.data_parts import fitted_part_name, held_out_name
 from gateway.twin.report.formatting import AXES
@@ -31,6 +32,8 @@ class PlotWindow:
     from_s: float
     to_s: float
     acting: tuple[NamedEffect, ...]
+    inputs: tuple[EstimatedInput, ...]
+    """When the crane worked, where that is taken as known."""
     box_s: tuple[float, float] | None
     """The window of the next figure."""
 
@@ -78,17 +81,24 @@ def _figures(result: Reconciliation, curves: Curves, name: str, what: str) -> tu
     from_s, to_s = most_informative_window(result, curves)
     acting, names = effects_acting_in(result, curves), (final_model_name(result), single_model_name(result))
     marked = f" Purple: when {join_names([effect.name for effect in acting])} acted." if acting else ""
+    inputs = result.inputs if name == "log" or result.held_out_is_last_third else result.held_out_inputs
+    if any(_overlaps(each, first_s, last_s) for each in inputs):
+        marked += " Grey: the crane worked, as estimated from the recording; these samples were not fitted."
     span, zoom_span = format_time_span(first_s, last_s), format_time_span(from_s, to_s)
     return (
         Figure(
-            _svg(f"{name}-whole", PlotWindow(curves, *names, first_s, last_s, acting, (from_s, to_s))),
+            _svg(f"{name}-whole", PlotWindow(curves, *names, first_s, last_s, acting, inputs, (from_s, to_s))),
             f"The {what}, {span}. The box marks the window shown below.{marked}",
         ),
         Figure(
-            _svg(f"{name}-zoom", PlotWindow(curves, *names, from_s, to_s, acting, None)),
+            _svg(f"{name}-zoom", PlotWindow(curves, *names, from_s, to_s, acting, inputs, None)),
             f"{zoom_span}: {_reason(result, curves)}.{marked}",
         ),
     )
+
+
+def _overlaps(one: EstimatedInput, from_s: float, to_s: float) -> bool:
+    return one.from_s < to_s and one.to_s > from_s
 
 
 def _reason(result: Reconciliation, curves: Curves) -> str:
@@ -129,7 +139,12 @@ def _draw(canvas: Canvas, window: PlotWindow) -> None:
 
 
 def _mark(axes: Axes, window: PlotWindow) -> None:
-    """Mark when events acted, and the window of the next figure."""
+    """Mark when the crane worked, when events acted, and the window of the next figure."""
+    for one in window.inputs:
+        if _overlaps(one, window.from_s, window.to_s):
+            axes.axvspan(
+                max(one.from_s, window.from_s), min(one.to_s, window.to_s), facecolor=LINE, alpha=0.5, linewidth=0
+            )
     for effect in window.acting:
         assert effect.when_s is not None
         from_s, to_s = effect.when_s

@@ -1,4 +1,4 @@
-"""A recorded crane, made once, and the reports of it."""
+"""Reports of a recorded crane."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,15 +9,9 @@ from gateway.incident.folder import IncidentReport, write_report
 from gateway.incident.page import NOT_VERIFIED
 from gateway.incident.selection import IncidentChoice, choose_window, read_incidents
 from gateway.recording.catalogue import open_timeline
-from tests.gateway.incident.recorded_crane import RecordedCrane, record_crane
 
 MARGIN_S = 15.0
 MakeReport = Callable[..., IncidentReport]
-
-
-@pytest.fixture(scope="session")
-def recorded(tmp_path_factory: pytest.TempPathFactory) -> RecordedCrane:
-    return record_crane(tmp_path_factory.mktemp("recorded"))
 
 
 @pytest.fixture

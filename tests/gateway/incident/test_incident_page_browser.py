@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Browser
 
 from tests.gateway.incident.conftest import MakeReport
-from tests.gateway.incident.recorded_crane import RecordedCrane
+from tests.gateway.recorded_crane import RecordedCrane
 
 pytestmark = pytest.mark.slow
 

@@ -96,6 +96,18 @@ def check_recording(source: Source, twin: TwinRig) -> CheckedRecording:
     return CheckedRecording(observations, None, counts, recording.time_s)
 
 
+def find_lack_of_rest(twin: TwinRig, *parts: Observations) -> str | None:
+    """Return why parts of the data cannot be used in which the crane works nearly all the time; None where they can."""
+    for part in parts:
+        resting_s = float(part.used.mean()) * part.duration_s
+        if resting_s < MIN_PERIODS * twin.small_swing_period_s:
+            return (
+                f"the crane works: it rests for {resting_s:.3g} s of {part.duration_s:.3g} s; record a swing of at least "
+                f"{3 * twin.small_swing_period_s:.0f} s with the crane at rest"
+            )
+    return None
+
+
 def find_fault(time_s: Array, force_g: Array, twin: TwinRig) -> str | None:
     """Return why a recording cannot be used, and what would be usable; None where it can."""
     if len(time_s) < MIN_SAMPLES:

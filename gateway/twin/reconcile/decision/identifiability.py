@@ -37,6 +37,8 @@ class FittedRecording:
     """A recording and the initial motion that a model has on it."""
 
     observations: Observations
+    model_effects: EffectValues
+    """Effects that the model has on this recording; the inputs of the crane are its own."""
     initial: Array
     """Initial state, heading included, shape (initial states,)."""
     heading_is_fitted: bool
@@ -66,7 +68,7 @@ def contribution_angles(
     """
     tried = [other for other in others if other not in model and EFFECTS[other].is_scored]
     simulator = Simulator(rig, sorted({*model, *tried}))
-    columns = np.concatenate([_project_recording(simulator, model, each) for each in recordings])
+    columns = np.concatenate([_project_recording(simulator, rig, model, each) for each in recordings])
     specs = simulator.parameters
     kept = [i for i, spec in enumerate(specs) if spec.effect in model and spec.effect != name and not spec.refitted]
     basis = orthonormal(columns[:, kept])
@@ -83,17 +85,24 @@ def contribution_angles(
     return size, angles_rad
 
 
-def _project_recording(simulator: Simulator, model: EffectValues, recording: FittedRecording) -> Array:
-    """Sensitivities in sigma of one recording, its own nuisances projected out, shape (3 n, values)."""
+def _project_recording(simulator: Simulator, rig: TwinRig, model: EffectValues, recording: FittedRecording) -> Array:
+    """Sensitivities in sigma of one recording by the simulator's values, its own nuisances projected out, shape (3 n, values)."""
     o = recording.observations
-    at = simulator.values(recording.initial, model)
+    acting = {
+        name: EFFECTS[name].shift_start(values, o.offset_s) if name not in model else values
+        for name, values in {**recording.model_effects, **model}.items()
+    }
+    own = Simulator(rig, sorted({*simulator.effect_names, *acting}))
+    at = own.values(recording.initial, acting)
     weight = (o.used[:, None] / o.noise_g)[:, :, None]
-    found = simulator.linearise(at, o.time_s, o.temperature_c).jacobian * weight
-    flat = found.reshape(-1, len(simulator.parameters))
-    nuisances = [i for i, spec in enumerate(simulator.parameters) if spec.refitted]
+    found = own.linearise(at, o.time_s, o.temperature_c).jacobian * weight
+    flat = found.reshape(-1, len(own.parameters))
+    nuisances = [i for i, spec in enumerate(own.parameters) if spec.refitted]
     if not recording.heading_is_fitted:
         nuisances.remove(HEADING)
     basis = orthonormal(flat[:, nuisances])
+    place_of = {spec.label: i for i, spec in enumerate(own.parameters)}
+    flat = flat[:, [place_of[spec.label] for spec in simulator.parameters]]
     projected: Array = flat - basis @ (basis.T @ flat)
     return projected
 

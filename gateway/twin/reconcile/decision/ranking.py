@@ -51,7 +51,7 @@ def rank_candidates(
     ]
 
     def ranked(fit: CandidateFit) -> RankedCandidate:
-        return RankedCandidate(fit, validator.evaluate(fit.values), table.bic(fit), 0.0)
+        return RankedCandidate(fit, validator.evaluate(fit), table.bic(fit), 0.0)
 
     found = [ranked(fit) for fit in [best, *near[: MAX_VALIDATED - 1]]]
     evidence = {each.names: each.bic + each.validation.fit.chi2 / table.noise_inflation for each in found}

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.crane_input import CraneInput
 from gateway.twin.effects.guess_context import EventWindow, GuessContext
 from gateway.twin.effects.parameter import ParameterKind
 from gateway.twin.effects.pulse_shape import SHARPEST
@@ -45,6 +46,18 @@ def is_world_directed(names: Iterable[str]) -> bool:
     return any(EFFECTS[name].world_directed for name in names)
 
 
+def refitted_parameters(simulator: Simulator, values: EffectValues, duration_s: float) -> NDArray[np.bool_]:
+    """Return which values belong to a recording of this duration; those of a crane's input only where it acts in it."""
+    refitted = np.array([each.refitted for each in simulator.parameters])
+    for name in simulator.effect_names:
+        effect = EFFECTS[name]
+        if isinstance(effect, CraneInput):
+            from_s, to_s = effect.interval_s(values[name])
+            if to_s <= 0 or from_s >= duration_s:
+                refitted &= np.array([each.effect != name for each in simulator.parameters])
+    return refitted
+
+
 @dataclass(frozen=True, slots=True)
 class FitContext:
     """The rig, the effects that its model already has, the recording, and who is informed of progress."""
@@ -58,6 +71,11 @@ class FitContext:
     def large_amplitude(self) -> bool:
         """Whether only the right model follows the recording as one trajectory."""
         return self.log.has_large_amplitude
+
+    @property
+    def crane_inputs(self) -> tuple[str, ...]:
+        """Names of the inputs of the crane that are known."""
+        return tuple(name for name in self.model_effects if isinstance(EFFECTS[name], CraneInput))
 
     def simulator(self, names: frozenset[str] | tuple[str, ...]) -> Simulator:
         """Return the simulator of the model's effects and these."""
@@ -139,7 +157,8 @@ class FitContext:
 
         The edges of a pulse that is a step stay so: when they are determines the fit, not their shape.
         """
-        free = np.array([each.refitted or each.effect in values for each in simulator.parameters])
+        free = refitted_parameters(simulator, {**self.model_effects, **values}, self.log.duration_s)
+        free |= np.array([each.effect in values for each in simulator.parameters])
         free[HEADING] = False
         for i, parameter in enumerate(simulator.parameters):
             value = values.get(parameter.effect, {}).get(parameter.parameter)

@@ -15,7 +15,12 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.condensing import CondensedSystem, condense
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS, NormalEquations
-from gateway.twin.reconcile.fit.reparameterised_simulator import ReparameterisedSimulator, reparameterise
+from gateway.twin.reconcile.fit.reparameterised_simulator import (
+    NO_LIMITS,
+    Limits,
+    ReparameterisedSimulator,
+    reparameterise,
+)
 from gateway.twin.simulator.compiled_model import IntegrationError
 from gateway.twin.simulator.simulator import Simulator
 
@@ -56,13 +61,14 @@ def fit_model(
     iterations: int = FIT_ITERATIONS,
     tick: Callable[[], None] = lambda: None,
     give_up_above: float = np.inf,
+    limits: Limits = NO_LIMITS,
 ) -> Fit:
     """Fit the free ones of all values (values,), from initial states (segments, states) and effect values (k,).
 
     The segments begin at `first_samples`. `tick` is called before each simulation. The fit is abandoned when at its pace it
     would not come below the chi-square `give_up_above`. Raises `IntegrationError` where the initial guess cannot be simulated.
     """
-    problem = _ShootingProblem(reparameterise(simulator, free), observations, free, tick)
+    problem = _ShootingProblem(reparameterise(simulator, free, limits), observations, free, tick)
     event_times = np.array([parameter.is_event_time for parameter in simulator.parameters])
     settling = SETTLING_ITERATIONS if (event_times & free).any() else 0
     current = problem.linearise(initial_states, problem.simulator.to_fitted(effect_values), first_samples)

@@ -1,7 +1,8 @@
 """A simulator in the coordinates of a fit."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,16 +12,21 @@ from gateway.twin.reconcile.fit.reparameterisation import InverseCutoffs, Repara
 from gateway.twin.simulator.simulator import SegmentBatch, Simulator
 
 Array = NDArray[np.float64]
+Limits = Mapping[str, tuple[float, float]]
+"""Lower and upper bounds of effect values by label, where a recording sets narrower ones than the effect."""
+NO_LIMITS: Limits = MappingProxyType({})
 
 
 class ReparameterisedSimulator:
     """A simulator with changes of coordinates for its effect values; the initial state stays as it is."""
 
-    def __init__(self, simulator: Simulator, changes: Sequence[Reparameterisation]) -> None:
-        """No two changes are of the same effect value."""
+    def __init__(self, simulator: Simulator, changes: Sequence[Reparameterisation], limits: Limits) -> None:
+        """No two changes are of the same effect value; `limits` replace the bounds of effect values that have no change."""
         self.simulator, self._changes = simulator, tuple(changes)
         lower = np.array([parameter.lower for parameter in simulator.effect_parameters])
         upper = np.array([parameter.upper for parameter in simulator.effect_parameters])
+        for i, parameter in enumerate(simulator.effect_parameters):
+            lower[i], upper[i] = limits.get(parameter.label, (lower[i], upper[i]))
         for change in changes:
             lower, upper = change.fitted_bounds(lower, upper)
         initial = simulator.parameters[: simulator.n_initial_states]
@@ -85,7 +91,9 @@ class ReparameterisedSimulator:
         return by_values
 
 
-def reparameterise(simulator: Simulator, free: NDArray[np.bool_]) -> ReparameterisedSimulator:
+def reparameterise(
+    simulator: Simulator, free: NDArray[np.bool_], limits: Limits = NO_LIMITS
+) -> ReparameterisedSimulator:
     """Return the simulator in the coordinates that suit the free ones of its values (values,)."""
     free_effect_values = [
         (i, parameter)
@@ -98,4 +106,4 @@ def reparameterise(simulator: Simulator, free: NDArray[np.bool_]) -> Reparameter
         changes.append(InverseCutoffs(cutoffs))
     if any(parameter.label == HOOK_MASS_RATIO for _, parameter in free_effect_values):
         changes.append(ModalParameterisation(simulator.rig, simulator.effect_parameters))
-    return ReparameterisedSimulator(simulator, changes)
+    return ReparameterisedSimulator(simulator, changes, limits)

@@ -9,6 +9,7 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
+from gateway.twin.reconcile.fit.reparameterised_simulator import NO_LIMITS, Limits
 from gateway.twin.reconcile.fit.windowed_fit import fit_windows
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
@@ -30,6 +31,7 @@ def fit_trajectory(
     iterations: int,
     tick: Callable[[], None] = lambda: None,
     give_up_above: float = np.inf,
+    limits: Limits = NO_LIMITS,
 ) -> Fit:
     """Fit as `fit_model` does; a large swing first in windows.
 
@@ -37,7 +39,16 @@ def fit_trajectory(
     """
     if not observations.has_large_amplitude:
         return fit_model(
-            simulator, observations, initial_states, effect_values, free, first_samples, iterations, tick, give_up_above
+            simulator,
+            observations,
+            initial_states,
+            effect_values,
+            free,
+            first_samples,
+            iterations,
+            tick,
+            give_up_above,
+            limits,
         )
     free_effects = free[simulator.n_initial_states :]
     initial_states, effect_values, _ = fit_windows(

@@ -12,10 +12,11 @@ from gateway.twin.effects.parameter import Value
 from gateway.twin.effects.sensor import Vibration
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.fit.fit_context import is_world_directed, segment_bounds
+from gateway.twin.reconcile.fit.fit_context import is_world_directed, refitted_parameters, segment_bounds
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical, segment_initial_conditions
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
+from gateway.twin.reconcile.fit.reparameterised_simulator import NO_LIMITS, Limits
 from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
@@ -46,11 +47,15 @@ class ValidationFit:
 
 
 def evaluate_on_validation(
-    rig: TwinRig, values: EffectValues, held_out: Observations, iterations: int = VALIDATION_ITERATIONS
+    rig: TwinRig,
+    values: EffectValues,
+    held_out: Observations,
+    iterations: int = VALIDATION_ITERATIONS,
+    limits: Limits = NO_LIMITS,
 ) -> ValidationFit:
     """Fit initial conditions and phases, and the heading where an effect has a direction in the world.
 
-    Times of events are shifted where the recording is a slice of another.
+    Times of events are shifted where the recording is a slice of another. Parameters with `limits` are fitted between them.
     """
     values = {name: EFFECTS[name].shift_start(parameters, held_out.offset_s) for name, parameters in values.items()}
     if Vibration.name in values:
@@ -58,13 +63,16 @@ def evaluate_on_validation(
         values = {**values, Vibration.name: {**values[Vibration.name], "phase_rad": phase_rad}}
     simulator = Simulator(rig, sorted(values))
     n_states = simulator.n_initial_states
-    free = np.array([parameter.refitted for parameter in simulator.parameters])
+    free = refitted_parameters(simulator, values, held_out.duration_s)
+    free |= np.array([parameter.label in limits for parameter in simulator.parameters])
     free[HEADING] = is_world_directed(values)
     effect_values = simulator.values([], values)[n_states:]
     first_samples = segment_bounds(rig, values, held_out)
     best: Fit | None = None
     for initial_states in _initial_guesses(simulator, held_out, effect_values, first_samples, free):
-        fit = fit_trajectory(simulator, held_out, initial_states, effect_values, free, first_samples, iterations)
+        fit = fit_trajectory(
+            simulator, held_out, initial_states, effect_values, free, first_samples, iterations, limits=limits
+        )
         if best is None or fit.chi2 < best.chi2:
             best = fit
         if best.chi2 < EXPLAINED_REDUCED_CHI2 * held_out.n_values:
@@ -72,7 +80,7 @@ def evaluate_on_validation(
     assert best is not None
     if best.chi2 > EXPLAINED_REDUCED_CHI2 * held_out.n_values:
         initial_state = best.values[None, :n_states]
-        best = fit_model(simulator, held_out, initial_state, effect_values, free, [0], FINAL_ITERATIONS)
+        best = fit_model(simulator, held_out, initial_state, effect_values, free, [0], FINAL_ITERATIONS, limits=limits)
     refitted = tuple(each.label for each, is_free in zip(simulator.parameters, free, strict=True) if is_free)
     return ValidationFit(best, best.chi2 / held_out.n_values, refitted)
 

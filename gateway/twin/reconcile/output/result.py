@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects.parameter import Value
 from gateway.twin.model import TwinRig
+from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 
 Array = NDArray[np.float64]
 Verdict = Literal["data_unusable", "none_missing", "named", "one_of", "named_with_remainder", "unmodelled"]
@@ -246,3 +247,7 @@ class Reconciliation:
     """Samples read, used, lone spikes, lost, repeated, invalid."""
     model: Mapping[str, Mapping[str, Value]]
     """`[model.*]` of the final model, those that the rig had before included."""
+    inputs: tuple[EstimatedInput, ...] = ()
+    """What the crane did in the log, where that is taken as known."""
+    held_out_inputs: tuple[EstimatedInput, ...] = ()
+    """The same in a second recording; empty where the end of the log is held out."""

@@ -2,12 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.numerics.runs import true_runs
 from gateway.numerics.stats import NORMAL_975
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.clock import SampleLoss
@@ -15,16 +13,17 @@ from gateway.twin.effects.parameter import Parameter, Value
 from gateway.twin.effects.sensor_output import Quantization
 from gateway.twin.model import Model
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
+from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.data.recordings import BLOCK_S, Recordings, selection_part, test_part
+from gateway.twin.reconcile.data.recordings import Recordings, selection_part, test_part
 from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN, RankedCandidate
 from gateway.twin.reconcile.decision.verdict import Decision
 from gateway.twin.reconcile.fit.validation import block_bootstrap_gain, evaluate_on_validation
+from gateway.twin.reconcile.output.data_parts import list_data_parts
 from gateway.twin.reconcile.output.result import (
     Candidate,
     Curves,
-    DataPart,
     Estimate,
     Gap,
     NamedEffect,
@@ -64,6 +63,9 @@ class SearchOutcome:
     decision: Decision
     lost_fraction: float | None
     """Share of the samples that is missing without a trace in the time stamps."""
+    inputs: tuple[EstimatedInput, ...]
+    held_out_inputs: tuple[EstimatedInput, ...]
+    """What the crane did in the log, and in a second recording."""
 
 
 def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.random.Generator) -> Reconciliation:
@@ -75,7 +77,7 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
         verdict=decision.verdict,
         reason=decision.text,
         reason_code=decision.reason.name.lower(),
-        parts=_parts(recordings),
+        parts=list_data_parts(recordings),
         rig=found.model.rig,
         effects=tuple(
             _sample_loss(found) if name == SampleLoss.name else _named(name, final, found) for name in decision.named
@@ -97,6 +99,8 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
         refitted_on_held_out=final.validation.refitted_parameters,
         counts=counts,
         model=_final_model(found),
+        inputs=found.inputs,
+        held_out_inputs=found.held_out_inputs,
     )
 
 
@@ -129,31 +133,6 @@ def unusable_result(model: Model, log: CheckedRecording, fault: str) -> Reconcil
     )
 
 
-def _parts(recordings: Recordings) -> tuple[DataPart, ...]:
-    """What each part of the data served; times count from the first sample of the recording as given."""
-    log, held_out = recordings.log, recordings.held_out_as_stamped
-    recording: Literal["log", "held_out"] = "log" if recordings.last_third else "held_out"
-    fit = DataPart("fit", "log", ((0.0, log.duration_s),), int(log.used.sum()))
-    selection, test = selection_part(held_out), test_part(held_out)
-    return (
-        fit,
-        DataPart("selection", recording, _blocks_s(selection), int(selection.used.sum())),
-        DataPart("test", recording, _blocks_s(test), int(test.used.sum())),
-    )
-
-
-def _blocks_s(part: Observations) -> tuple[tuple[float, float], ...]:
-    runs = true_runs(part.used)
-    merged: list[tuple[float, float]] = []
-    for first, stop in runs:
-        from_s, to_s = (float(part.time_s[i] + part.offset_s) for i in (first, stop - 1))
-        if merged and from_s - merged[-1][1] < BLOCK_S / 2:  # a spike left out does not end a block
-            merged[-1] = (merged[-1][0], to_s)
-        else:
-            merged.append((from_s, to_s))
-    return tuple(merged)
-
-
 def _discriminating_experiments(candidates: Sequence[str]) -> str | None:
     """The measurements or manoeuvres that would separate the candidates."""
     return "; ".join(dict.fromkeys(EFFECTS[name].discriminating_experiment for name in candidates)) or None
@@ -183,7 +162,12 @@ def _held_out_curves(found: SearchOutcome) -> Curves:
     """The held-out recording as stamped: which samples are lost there cannot be predicted."""
     final, as_stamped = found.decision.model, found.recordings.held_out_as_stamped
     selection = selection_part(as_stamped)
-    before = evaluate_on_validation(found.model.rig, found.model.effects, selection)
+    before = evaluate_on_validation(
+        found.model.rig,
+        found.validator.effects_of(found.nominal),
+        selection,
+        limits=found.validator.limits_of(found.nominal),
+    )
     after = final.validation
     if found.lost_fraction is not None:
         after = evaluate_on_validation(found.model.rig, _final_model(found), selection)
@@ -266,7 +250,7 @@ def _steps(found: SearchOutcome) -> tuple[Step, ...]:
     """The moves of the search, each with its gap on the selection part."""
     steps = []
     for move in found.table.moves:
-        validation = found.validator.evaluate(found.table.fits[move.names].values)
+        validation = found.validator.evaluate(found.table.fits[move.names])
         added, dropped, names = (tuple(sorted(each)) for each in (move.added, move.dropped, move.names))
         steps.append(Step(added, dropped, names, move.reduced_chi2, validation.reduced_chi2, move.bic))
     return tuple(steps)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.result import Estimate, Gap, NamedEffect, Reconciliation
 
 SCHEMA_VERSION = 2
@@ -54,6 +55,10 @@ def to_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
             }
             for c in result.ranking
         ],
+        "inputs": [
+            *(_input(each, "log") for each in result.inputs),
+            *(_input(each, "held_out") for each in result.held_out_inputs),
+        ],
         "samples": dict(result.counts),
         "runtime_s": runtime_s,
     }
@@ -64,6 +69,17 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
         "name": effect.name,
         "parameters": {name: _estimate(estimate) for name, estimate in effect.parameters.items()},
         "when_s": None if effect.when_s is None else list(effect.when_s),
+    }
+
+
+def _input(found: EstimatedInput, recording: str) -> dict[str, Any]:
+    return {
+        "kind": found.kind,
+        "recording": recording,
+        "from_s": found.from_s,
+        "to_s": found.to_s,
+        "peak": found.peak,
+        "unit": found.unit,
     }
 
 

@@ -1,7 +1,10 @@
 """The answer for a terminal."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.result import Estimate, Gap, Reconciliation
 
 VERDICT_SENTENCES = {
@@ -31,6 +34,8 @@ def to_text(result: Reconciliation) -> str:
         lines += [f"    {name} = {_estimate(estimate)}" for name, estimate in effect.parameters.items()]
     if result.split_by is not None:
         lines.append(f"to decide    {result.split_by}")
+    if result.inputs:
+        lines.append(f"inputs       {_inputs(result.inputs)}")
     if result.gap is not None:
         lines.append(f"gap          {_gap(result.gap)}")
     if result.verdict in ("unmodelled", "named_with_remainder") and result.residual is not None:
@@ -38,6 +43,13 @@ def to_text(result: Reconciliation) -> str:
             f"residual     {p.amplitude_g * 1e3:.3g} mg at {p.hz:.4g} Hz on {p.axis}" for p in result.residual.peaks
         ]
     return "\n".join(lines)
+
+
+def _inputs(found: Sequence[EstimatedInput]) -> str:
+    kinds = (("drive", "drives"), ("hoist", "hoists"))
+    counts = [(sum(each.kind == kind for each in found), kind, plural) for kind, plural in kinds]
+    text = " and ".join(f"{count} {kind if count == 1 else plural}" for count, kind, plural in counts if count)
+    return f"{text} of the crane, as estimated from the recording; their samples are not fitted"
 
 
 def _estimate(estimate: Estimate) -> str:

@@ -68,7 +68,7 @@ def _add_machine_line(
     found = table.get({*other.values, Vibration.name})
     if found is None or other.fit.chi2 - found.fit.chi2 < MIN_VARIANCE_SHARE * log.n_values:
         return table, context
-    without, with_line = (validator.evaluate(each.values).reduced_chi2 for each in (other, found))
+    without, with_line = (validator.evaluate(each).reduced_chi2 for each in (other, found))
     if without - with_line < MIN_REPEATED_GAIN * (other.reduced_chi2 - found.reduced_chi2):
         return table, context
     if other.names != base.names:

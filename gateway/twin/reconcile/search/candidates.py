@@ -7,12 +7,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.crane_input import LENGTH_CORRECTION
 from gateway.twin.effects.parameter import Value
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.fit_result import Fit
+from gateway.twin.reconcile.fit.reparameterised_simulator import NO_LIMITS, Limits
 from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
 from gateway.twin.reconcile.residual.residual_tests import warrants_another_effect
+from gateway.twin.simulator.simulator import Simulator
 
 Values = Mapping[str, Mapping[str, Value]]
 EVENT_MARGIN_S = 1.0
@@ -21,6 +24,8 @@ MIN_VARIANCE_SHARE = 0.002
 """Share of the noise's variance that an effect must take off the residual to be named: below it no operator would care."""
 MIN_SCORE_STATISTIC = 25.0
 """Chi-square over the noise inflation that an effect must take off: 1 in 100,000 for four parameters, times the family."""
+LENGTH_SIGMAS = 4.0
+"""Standard deviations within which a rope's length after a hoist is fitted again on the held-out end of the log."""
 SCORE_PENALTY_PER_PARAMETER = 0.1
 """Relative increase of `MIN_SCORE_STATISTIC` with each further parameter, as the chi-square quantile grows."""
 
@@ -37,6 +42,10 @@ class CandidateFit:
     """Of the effects, and of the further initial states of their structure."""
     has_unexplained_residual: bool
     """The residual is larger than noise, or has lines in it: the search should continue."""
+    crane_inputs: Values = field(default_factory=dict)
+    """The inputs of the crane with their corrections, which belong to the recording."""
+    length_limits: Limits = field(default_factory=dict)
+    """Bounds that the log sets to corrections of the rope's length, which last beyond it."""
 
     @property
     def names(self) -> frozenset[str]:
@@ -139,7 +148,27 @@ def make_candidate(setting: FitContext, values: Values, fit: Fit) -> CandidateFi
     n_parameters = sum(spec.effect in values for spec in simulator.parameters)
     n_parameters += simulator.n_initial_states - setting.simulator(()).n_initial_states
     unexplained = warrants_another_effect(setting.log, fit)
-    return CandidateFit(fitted, fit, fit.chi2 / setting.log.n_values, n_parameters, unexplained)
+    inputs = {name: model[name] for name in setting.crane_inputs}
+    limits = _length_limits(simulator, fit)
+    return CandidateFit(fitted, fit, fit.chi2 / setting.log.n_values, n_parameters, unexplained, inputs, limits)
+
+
+def _length_limits(simulator: Simulator, fit: Fit) -> Limits:
+    """Return the bounds of the fitted corrections of the rope's length by their labels."""
+    chosen = [
+        (i, spec) for i, spec in enumerate(simulator.parameters) if fit.free[i] and spec.parameter == LENGTH_CORRECTION
+    ]
+    if not chosen:
+        return NO_LIMITS
+    sigma = np.zeros(len(fit.values))
+    sigma[fit.free] = np.sqrt(np.maximum(np.diag(fit.covariance()), 0.0))
+    return {
+        spec.label: (
+            max(spec.lower, float(fit.values[i] - LENGTH_SIGMAS * sigma[i])),
+            min(spec.upper, float(fit.values[i] + LENGTH_SIGMAS * sigma[i])),
+        )
+        for i, spec in chosen
+    }
 
 
 def _is_inside_recording(name: str, values: Mapping[str, Value], duration_s: float) -> bool:

@@ -97,7 +97,12 @@ class SearchContext:
         return self._signatures[parent.names]
 
     def changepoints(self, parent: CandidateFit, *, length: bool) -> EventWindow | None:
-        """Interval between the motion before an event and the one after it; with `length` the rope may change in it."""
+        """Interval between the motion before an event and the one after it; with `length` the rope may change in it.
+
+        None beside known inputs of the crane: a motion extrapolated over an input that is not fitted is no evidence.
+        """
+        if self.setting.crane_inputs:
+            return None
         key = (parent.names, length)
         if key not in self._changepoints:
             self._changepoints[key] = locate_changepoint(self.setting, parent.values, length=length)

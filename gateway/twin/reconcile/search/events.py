@@ -39,7 +39,12 @@ EDGES = (0.1, 0.5)
 
 
 def has_event(table: CandidateTable, context: SearchContext) -> bool:
-    """Whether the log is one motion before an event and another after it; no clock error and no lost sample does that."""
+    """Whether the log is one motion before an event and another after it; no clock error and no lost sample does that.
+
+    Beside known inputs of the crane this is taken to be so.
+    """
+    if context.setting.crane_inputs:
+        return True
     base, n_values = baseline_of(table, context), context.setting.log.n_values
     between = context.changepoints(base, length=True)
     if between is not None and between.remaining_chi2 < (1 + MAX_EVENT_EXCESS) * n_values:
@@ -82,7 +87,7 @@ def fit_events_in_windows(table: CandidateTable, context: SearchContext, parent:
             continue
         guess_context = setting.guess_context(log.force_g - parent.fit.force_g, windows, between)
         starts = context.segment_starts(parent)
-        for name in EFFECTS.choose(transient=True, changes_length=changes_length):
+        for name in EFFECTS.choose(transient=True, found_before_search=False, changes_length=changes_length):
             guesses = EFFECTS[name].initial_guesses(guess_context)
             table = context.fit_first_that_explains(table, parent.values, name, guesses, starts)
     return table
@@ -117,9 +122,9 @@ def needs_more(fit: CandidateFit, context: SearchContext) -> bool:
 def _prefixes(table: CandidateTable, context: SearchContext) -> list[ConsistentPrefix]:
     """Prefixes with a persistent effect that shows before an event; none where an event alone explains the log."""
     base = baseline_of(table, context)
-    if context.setting.large_amplitude or table.is_explained or _event_alone_suffices(context, base):
+    if context.setting.large_amplitude or context.setting.crane_inputs or table.is_explained:
         return []
-    return context.prefixes(base)
+    return [] if _event_alone_suffices(context, base) else context.prefixes(base)
 
 
 def _event_alone_suffices(context: SearchContext, base: CandidateFit) -> bool:
@@ -140,7 +145,7 @@ def _fit_events_after(table: CandidateTable, context: SearchContext, prefix: Con
         # A change of length that gains nothing is none.
         enough = between.remaining_chi2 - MIN_VARIANCE_SHARE * log.n_values
         guess_context = setting.guess_context(log.force_g - prefix.fit.force_g, (), between)
-        names = EFFECTS.choose(transient=True, changes_length=changes_length)
+        names = EFFECTS.choose(transient=True, found_before_search=False, changes_length=changes_length)
         for name in sorted(names, key=lambda name: not EFFECTS[name].instantaneous):
             guesses = EFFECTS[name].initial_guesses(guess_context)
             table = context.fit_first_that_explains(table, prefix.values, name, guesses, starts)

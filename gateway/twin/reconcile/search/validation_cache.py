@@ -6,7 +6,9 @@ from dataclasses import dataclass, field
 from gateway.twin.effects.parameter import Value
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.fit.reparameterised_simulator import Limits
 from gateway.twin.reconcile.fit.validation import ValidationFit, evaluate_on_validation
+from gateway.twin.reconcile.search.candidates import CandidateFit
 
 Key = tuple[tuple[str, tuple[tuple[str, Value], ...]], ...]
 
@@ -21,13 +23,29 @@ class Validator:
     selection: Observations
     _known: dict[Key, ValidationFit] = field(default_factory=dict)
 
-    def evaluate(self, values: EffectValues) -> ValidationFit:
+    def evaluate(self, candidate: CandidateFit) -> ValidationFit:
         """Fit initial motion, phases and heading under a set of effects; everything else stays as it is."""
-        chosen = {**self.model_effects, **values}
+        chosen = self.effects_of(candidate)
         key = _key(chosen)
         if key not in self._known:
-            self._known[key] = evaluate_on_validation(self.rig, chosen, self.selection)
+            self._known[key] = evaluate_on_validation(
+                self.rig, chosen, self.selection, limits=self.limits_of(candidate)
+            )
         return self._known[key]
+
+    def limits_of(self, candidate: CandidateFit) -> Limits:
+        """Return the bounds of the rope's length, where a hoist in the log has changed it."""
+        return {
+            label: each for label, each in candidate.length_limits.items() if label.split(".")[0] in self.model_effects
+        }
+
+    def effects_of(self, candidate: CandidateFit) -> EffectValues:
+        """Return all effects of a model on the recording.
+
+        Inputs of the crane that acted earlier in the same recording keep their corrections from the log.
+        """
+        inputs = {name: each for name, each in candidate.crane_inputs.items() if name in self.model_effects}
+        return {**self.model_effects, **inputs, **candidate.values}
 
 
 def _key(values: EffectValues) -> Key:

@@ -29,10 +29,10 @@ def extend_by_validation(
     setting, selection = context.setting, validator.selection
     if best.has_unexplained_residual or setting.large_amplitude:
         return table, best
-    before = validator.evaluate(best.values)
+    before = validator.evaluate(best)
     if not has_excess(selection, before.fit):
         return table, best
-    there = replace(setting, log=selection)
+    there = replace(setting, log=selection, model_effects=validator.model_effects)
     scored = compute_signatures(there, before.fit, best.values, scorable_effects(there))
     found, closest = best, before
     for name in sorted(scored.of, key=lambda each: -scored.predicted_chi2_drop(each))[:MAX_CANDIDATES]:
@@ -41,7 +41,7 @@ def extend_by_validation(
         candidate = table.get(values)
         if candidate is None or candidate.has_unexplained_residual:
             continue
-        after = validator.evaluate(candidate.values)
+        after = validator.evaluate(candidate)
         if after.fit.chi2 < closest.fit.chi2:
             found, closest = candidate, after
     is_closed = not has_excess(selection, closest.fit) and improves(before, closest, validator, random)
