@@ -1,4 +1,4 @@
-"""The errors that a person reads: one line with the place and the remedy, exit code 2."""
+"""The errors that a person reads: one line with the place and the remedy, and an exit code."""
 
 from typing import TYPE_CHECKING
 
@@ -8,6 +8,8 @@ if TYPE_CHECKING:
 
 class PlumblineError(Exception):
     """An error that the user can remedy; the text states what, where and how, in one line."""
+
+    exit_code = 2
 
 
 class InputError(PlumblineError, ValueError):

@@ -19,6 +19,12 @@ class BusError(PlumblineError):
     """The bus cannot be opened; the text names the endpoint and the remedy in one line."""
 
 
+class UnreachableError(BusError):
+    """Nobody answers at an endpoint of the right form: the command was right, and the answer is no."""
+
+    exit_code = 1
+
+
 def session_settings(
     mode: str,
     connect: Sequence[str],
@@ -61,12 +67,17 @@ def open_session(
     tls: dict[str, Path] | None = None,
     connect_timeout_ms: int = FOREVER,
 ) -> zenoh.Session:
-    """Open a session. Raises `BusError` for an endpoint that cannot be used, or if nobody answers within the timeout."""
+    """Open a session. Raises `BusError` for an endpoint that cannot be used, `UnreachableError` without an answer in time."""
     config = session_settings(mode, connect, listen, tls, connect_timeout_ms)
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
-        raise BusError(_describe(connect, listen, error)) from error
+        kind = UnreachableError if not listen and _is_unanswered(str(error)) else BusError
+        raise kind(_describe(connect, listen, error)) from error
+
+
+def _is_unanswered(text: str) -> bool:
+    return "Timeout" in text or "Unable to connect" in text
 
 
 def _describe(connect: Sequence[str], listen: Sequence[str], error: zenoh.ZError) -> str:
@@ -81,6 +92,6 @@ def _explain(text: str) -> str:
         return "this machine has no such address; correct bus.listen"
     if "Endpoints must be of the form" in text:
         return "is not an endpoint; an endpoint has the form tcp/10.0.0.5:7447"
-    if "Timeout" in text or "Unable to connect" in text:
+    if _is_unanswered(text):
         return "nobody answers there; is the gateway running, and its bus.listen the same?"
     return text.split(" at ", 1)[0].strip().rstrip(".")

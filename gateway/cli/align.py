@@ -5,6 +5,7 @@ import sys
 import time
 from typing import TYPE_CHECKING, TextIO
 
+from gateway.cli.address import connect_endpoint
 from gateway.cli.argument_types import above_zero
 
 if TYPE_CHECKING:
@@ -58,7 +59,7 @@ def _align(arguments: argparse.Namespace) -> int:
         pitch_sign=-1 if "pitch" in arguments.reversed else 1,
         roll_sign=-1 if "roll" in arguments.reversed else 1,
     )
-    client = GatewayClient(arguments.connect, arguments.gateway)
+    client = GatewayClient(connect_endpoint(arguments), arguments.gateway)
     try:
         return show_advice(client, screws, sys.stdout)
     finally:

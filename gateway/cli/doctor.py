@@ -12,20 +12,29 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     command = commands.add_parser(
         "doctor",
         help="find what is wrong on this machine, and how to correct it",
-        description="Check everything that `plumbline run` needs. Exit code 0: it can run; 1: something must be corrected first.",
+        description="Check everything that `plumbline run` needs, or ask the gateway that runs how it does. "
+        "Exit code 0: all well; 1: something must be corrected.",
         epilog="example: plumbline doctor --config adxl355.toml",
     )
-    command.add_argument("--config", type=Path, metavar="FILE", help="configuration (default: a simulated crane)")
+    command.add_argument(
+        "--config", type=Path, metavar="FILE", help="configuration (default: the installed one, or a simulated crane)"
+    )
     command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the result of each check; return 1 if one failed."""
+    from gateway.configuration.installed import SETTINGS, is_installed, load_installed
     from gateway.configuration.loading import load
     from gateway.daemon.doctor import examine
 
     bad = False
-    for result in examine(load(arguments.config)):
+    installed = is_installed() and arguments.config in (None, SETTINGS)
+    configuration = load_installed() if installed else load(arguments.config)
+    print(
+        f"{MARKS['good']} {'settings':<12} {SETTINGS if installed else arguments.config or 'embedded default: a simulated crane'}"
+    )
+    for result in examine(configuration):
         print(f"{MARKS[result.grade]} {result.place:<12} {result.text}")
         sys.stdout.flush()
         bad |= result.grade == "bad"

@@ -46,7 +46,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code: int = chosen.run(chosen)
     except (PlumblineError, DeviceError) as error:
         print(f"plumbline {chosen.command}: {error}", file=sys.stderr)
-        return BAD_INPUT
+        return error.exit_code if isinstance(error, PlumblineError) else BAD_INPUT
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output has ended
         return BAD_INPUT

@@ -3,6 +3,8 @@
 import argparse
 import sys
 
+from gateway.cli.address import add_address, connect_endpoint
+
 
 def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command with its verbs."""
@@ -28,22 +30,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     watch.add_argument("--count", type=int, metavar="N", help="stop after N messages")
     status = remote_status.add_to(verbs)
     for verb in (status, watch, *remote_session.add_to(verbs), align.add_to(verbs), remote_fetch.add_to(verbs)):
-        _add_address(verb)
-
-
-def _add_address(verb: argparse.ArgumentParser) -> None:
-    verb.add_argument(
-        "--gateway",
-        default="plumbline/v1/*/*/*",
-        metavar="KEY",
-        help="plumbline/v1/<site>/<crane>/<sensor> (default: every gateway on the bus)",
-    )
-    verb.add_argument(
-        "--connect",
-        default="tcp/127.0.0.1:7447",
-        metavar="ENDPOINT",
-        help="address of the gateway or router (default %(default)s)",
-    )
+        add_address(verb)
 
 
 def _watch(arguments: argparse.Namespace) -> int:
@@ -58,7 +45,7 @@ def _watch(arguments: argparse.Namespace) -> int:
     if unknown := [topic for topic in topics if topic not in TOPICS]:
         raise InputError(f"no topic {', '.join(unknown)}; the topics are {', '.join(TOPICS)}")
     samples: BoundedQueue[zenoh.Sample] = BoundedQueue(10_000)
-    with open_client_session(arguments.connect) as session:
+    with open_client_session(connect_endpoint(arguments)) as session:
         subscribers = [session.declare_subscriber(f"{arguments.gateway}/{topic}", samples.put) for topic in topics]
         seen = 0
         while arguments.count is None or seen < arguments.count:

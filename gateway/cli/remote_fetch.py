@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.address import connect_endpoint
 from gateway.cli.output import write_text
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argp
 def _fetch(arguments: argparse.Namespace) -> int:
     from gateway.bus.client import GatewayClient
 
-    client = GatewayClient(arguments.connect, arguments.gateway)
+    client = GatewayClient(connect_endpoint(arguments), arguments.gateway)
     try:
         listed = fetch_request(client, {}, PATIENCE_S)
         records, damaged = fetch_records(client, listed, PATIENCE_S)

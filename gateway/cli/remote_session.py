@@ -6,6 +6,7 @@ import uuid
 from typing import TYPE_CHECKING, Any
 
 from gateway.calibration.pose_method import PoseMethod
+from gateway.cli.address import connect_endpoint
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
@@ -121,4 +122,4 @@ def _client(arguments: argparse.Namespace) -> "GatewayClient":
 
     if not arguments.by and not getattr(arguments, "follow", False):
         raise InputError("--by NAME is required: your name, for the record, its history and the audit")
-    return GatewayClient(arguments.connect, arguments.gateway)
+    return GatewayClient(connect_endpoint(arguments), arguments.gateway)

@@ -4,6 +4,8 @@ import argparse
 import json
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.address import connect_endpoint
+
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
 
@@ -28,13 +30,14 @@ def _status(arguments: argparse.Namespace) -> int:
     from gateway.bus.client import open_client_session, query_status
     from gateway.errors import InputError
 
-    with open_client_session(arguments.connect) as session:
+    connect = connect_endpoint(arguments)
+    with open_client_session(connect) as session:
         gateways = query_status(session, arguments.gateway)
     if not gateways:
-        raise InputError(f"no gateway {arguments.gateway} answers at {arguments.connect}")
+        raise InputError(f"no gateway {arguments.gateway} answers at {connect}")
     for key, topics in gateways.items():
         rest = describe_rest_drift(topics.get("health"), topics.get("calibration"))
-        topics["drift"] = {"at_rest": rest, "by_records": _forecast_text(arguments.connect, key)}
+        topics["drift"] = {"at_rest": rest, "by_records": _forecast_text(connect, key)}
     print(json.dumps(gateways, indent=1))
     return 0
 

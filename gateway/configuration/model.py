@@ -247,6 +247,12 @@ class BusSection(Section):
     )
     tls: TlsSection = TlsSection()
 
+    @property
+    def local_endpoints(self) -> list[str]:
+        """The endpoints at which a process of this machine reaches the gateway or its router."""
+        listening = [endpoint.replace("0.0.0.0", "127.0.0.1") for endpoint in self.listen]
+        return listening or list(self.connect)
+
 
 DirectionName = Annotated[str, Field(min_length=1, max_length=14, pattern=r"^[^\x00-\x1f\x7f]+$")]
 

@@ -1,12 +1,12 @@
 """The checks of `plumbline doctor`: everything that `run` needs, one result for each."""
 
 import importlib.util
+import os
 import socket
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from getpass import getuser
 from pathlib import Path
-from typing import Literal
 
 from devices.clock import HostClock
 from devices.errors import DeviceError
@@ -14,41 +14,48 @@ from gateway.bus.session import open_session
 from gateway.calibration.correction import correction_for
 from gateway.calibration.store import find_record_in_force
 from gateway.configuration.model import Configuration
+from gateway.daemon.check_result import CheckResult
 from gateway.daemon.device_factory import make_device
-from gateway.daemon.instance import InstanceLock
+from gateway.daemon.doctor_running import examine_running
+from gateway.daemon.instance import is_in_use
 from gateway.daemon.page_process import PAGE_MODULES
 from gateway.daemon.resources import disk_free_mb
 from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.errors import PlumblineError
 
-Grade = Literal["good", "note", "bad"]
 LOW_DISK_MB = 500.0
 
 
-@dataclass(frozen=True, slots=True)
-class CheckResult:
-    """The result of one check."""
-
-    grade: Grade
-    place: str
-    text: str
-
-
 def examine(configuration: Configuration) -> Iterator[CheckResult]:
-    """Check everything that `run` needs; yields each result at once."""
+    """Check everything that `run` needs; yields each result at once. A gateway that runs is asked how it does instead."""
     version = ".".join(map(str, sys.version_info[:3]))
     yield CheckResult("good" if sys.version_info >= (3, 11) else "bad", "python", version)
-    for check in (_data_folder, _device, _bus, _page, _clock, _housing):
+    if is_in_use(configuration.gateway.data_dir):
+        yield from examine_running(configuration)
+        checks = [_disk, _clock, _housing]
+    else:
+        checks = [_data_folder, _device, _bus, _page, _clock, _housing]
+    for check in checks:
         yield from check(configuration)
 
 
 def _data_folder(configuration: Configuration) -> Iterator[CheckResult]:
     folder = configuration.gateway.data_dir
-    try:
-        InstanceLock(folder).release()
-    except PlumblineError as error:
-        yield CheckResult("bad", "data", str(error))
+    if not folder.exists():
+        parent = next(above for above in folder.absolute().parents if above.exists())
+        if os.access(parent, os.W_OK):
+            yield CheckResult("good", "data", f"{folder}: is made at the first start")
+        else:
+            yield CheckResult("bad", "data", f"{folder}: cannot be made in {parent}; choose another gateway.data_dir")
         return
+    if not os.access(folder, os.W_OK | os.X_OK):
+        yield CheckResult("bad", "data", f"{folder}: {getuser()} may not write there; run as the gateway's user")
+        return
+    yield from _disk(configuration)
+
+
+def _disk(configuration: Configuration) -> Iterator[CheckResult]:
+    folder = configuration.gateway.data_dir
     free_mb = disk_free_mb(folder) or 0.0
     enough = free_mb > LOW_DISK_MB
     quota = configuration.recorder.quota_mb

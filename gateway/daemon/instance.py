@@ -6,9 +6,23 @@ from pathlib import Path
 
 from gateway.errors import PlumblineError
 
+LOCK_NAME = ".lock"
+
 
 class InstanceError(PlumblineError):
     """The data folder cannot be used; the text states the reason in one line."""
+
+
+def is_in_use(data_dir: Path) -> bool:
+    """Return whether a gateway runs with a data folder, without changing anything; True where only the gateway may know."""
+    try:
+        with (data_dir / LOCK_NAME).open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except (BlockingIOError, PermissionError):
+        return True
+    except OSError:
+        return False
+    return False
 
 
 class InstanceLock:
@@ -16,7 +30,7 @@ class InstanceLock:
 
     def __init__(self, data_dir: Path) -> None:
         """Create the folder if necessary and lock it. Raises `InstanceError`."""
-        path = data_dir / ".lock"
+        path = data_dir / LOCK_NAME
         try:
             data_dir.mkdir(parents=True, exist_ok=True)
             self._file = path.open("a+", encoding="ascii")

@@ -63,7 +63,7 @@ def page_parameters(configuration: Configuration) -> Parameters:
     gateway, alerts = configuration.gateway, configuration.alerts
     return Parameters(
         key=gateway.key,
-        connect=connect_endpoints(configuration),
+        connect=configuration.bus.local_endpoints,
         warn_deg=alerts.warn_deg,
         trip_deg=alerts.trip_deg,
         lean_trip_deg=alerts.lean_trip_deg,
@@ -72,12 +72,6 @@ def page_parameters(configuration: Configuration) -> Parameters:
         directions=CraneDirections(**configuration.page.directions.model_dump()),
         title=f"{gateway.site} / {gateway.crane} / {gateway.sensor}",
     )
-
-
-def connect_endpoints(configuration: Configuration) -> list[str]:
-    """Return the endpoints at which a process of this machine reaches the gateway's bus."""
-    listening = [endpoint.replace("0.0.0.0", "127.0.0.1") for endpoint in configuration.bus.listen]
-    return listening or list(configuration.bus.connect)
 
 
 def _bind(host: str, port: int) -> socket.socket:

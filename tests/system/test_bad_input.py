@@ -98,7 +98,6 @@ CLI_REFUSED = {
     "rig of nothing": (["measure", "README.md", "--rig", "none.toml"], "none.toml"),
     "check of nothing": (["config", "check", "none.toml"], "none.toml"),
     "unknown topic": (["config", "schema", "--topic", "nope"], "no topic 'nope'"),
-    "no gateway": (["remote", "status", "--connect", "tcp/127.0.0.1:1"], "nobody answers"),
 }
 
 
@@ -109,6 +108,12 @@ def test_commands_refuse_bad_input_in_one_line(plumbline: Plumbline, case: str) 
     done = plumbline(*arguments)
     assert done.returncode == 2
     assert expected in one_line(done.stderr)
+
+
+def test_a_gateway_that_cannot_be_reached_is_no_usage_error(plumbline: Plumbline) -> None:
+    done = plumbline("remote", "status", "--connect", "tcp/127.0.0.1:1")
+    assert done.returncode == 1
+    assert "nobody answers" in one_line(done.stderr)
 
 
 def test_usage_errors_have_exit_code_two(plumbline: Plumbline) -> None:

@@ -1,0 +1,35 @@
+"""The options that name a gateway on the bus, shared by all commands that talk to one."""
+
+import argparse
+import os
+
+VARIABLE = "PLUMBLINE_CONNECT"
+FALLBACK = "tcp/127.0.0.1:7447"
+
+
+def add_address(verb: argparse.ArgumentParser) -> None:
+    """Add `--gateway` and `--connect`."""
+    verb.add_argument(
+        "--gateway",
+        default="plumbline/v1/*/*/*",
+        metavar="KEY",
+        help="plumbline/v1/<site>/<crane>/<sensor> (default: every gateway on the bus)",
+    )
+    verb.add_argument(
+        "--connect",
+        metavar="ENDPOINT",
+        help=f"address of the gateway or router (default: ${VARIABLE}, the installed configuration, or {FALLBACK})",
+    )
+
+
+def connect_endpoint(arguments: argparse.Namespace) -> str:
+    """Return the endpoint to connect to. Raises `ConfigurationError` for an installed configuration that cannot be read."""
+    if arguments.connect is not None:
+        return str(arguments.connect)
+    if VARIABLE in os.environ:
+        return os.environ[VARIABLE]
+    from gateway.configuration.installed import is_installed, load_installed
+
+    if not is_installed():
+        return FALLBACK
+    return [*load_installed().bus.local_endpoints, FALLBACK][0]

@@ -1,0 +1,47 @@
+"""`plumbline doctor` beside nothing, beside a gateway that runs, and beside one that does not answer."""
+
+import json
+from pathlib import Path
+
+from tests.system.conftest import JoinBus, Plumbline, StartGateway
+
+
+def _config(folder: Path, data_dir: Path, endpoint: str) -> Path:
+    path = folder / "doctor.toml"
+    path.write_text(
+        f"[gateway]\ndata_dir = {json.dumps(str(data_dir))}\n[bus]\nlisten = [{json.dumps(endpoint)}]\n[page]\nenabled = false\n"
+    )
+    return path
+
+
+def test_doctor_reports_the_state_of_a_running_gateway(
+    start_gateway: StartGateway, join_bus: JoinBus, plumbline: Plumbline, tmp_path: Path
+) -> None:
+    gateway = start_gateway()
+    join_bus(gateway.endpoint).wait_for("health", lambda health: health["measured_rate_hz"] is not None)
+    config = _config(tmp_path, gateway.data_dir, gateway.endpoint)
+    done = plumbline("doctor", "--config", config)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "ok   gateway      has been running for" in done.stdout
+    assert "ok   recording" in done.stdout
+    assert "BAD" not in done.stdout
+    gateway.process.kill()
+    gateway.wait()
+    assert "has been running" not in plumbline("doctor", "--config", config).stdout
+
+
+def test_doctor_states_that_a_running_gateway_does_not_answer(
+    start_gateway: StartGateway, join_bus: JoinBus, plumbline: Plumbline, tmp_path: Path
+) -> None:
+    gateway = start_gateway()
+    join_bus(gateway.endpoint).wait_for("health")
+    done = plumbline("doctor", "--config", _config(tmp_path, gateway.data_dir, "tcp/127.0.0.1:1"))
+    assert done.returncode == 1
+    assert "BAD  gateway      does not answer" in done.stdout
+
+
+def test_doctor_makes_no_folder(plumbline: Plumbline, tmp_path: Path) -> None:
+    data_dir = tmp_path / "yard" / "data"
+    done = plumbline("doctor", "--config", _config(tmp_path, data_dir, "tcp/127.0.0.1:0"))
+    assert "is made at the first start" in done.stdout
+    assert not data_dir.parent.exists()
