@@ -128,7 +128,7 @@ fi
 
 config=${1:-$installed}
 [ -e "$config" ] || [ -n "${1:-}" ] ||
-    fail "name a configuration: $0 CONFIG.toml; config/ has examples, and \`plumbline setup\` asks for what it needs"
+    fail "name a configuration: $0 CONFIG.toml; config/ has examples"
 [ -r "$config" ] || fail "$config: no such configuration; config/ has examples"
 check_root_and_python
 

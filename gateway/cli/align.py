@@ -5,8 +5,8 @@ import sys
 import time
 from typing import TYPE_CHECKING, TextIO
 
-from gateway.cli.address import connect_endpoint
 from gateway.cli.argument_types import above_zero
+from gateway.cli.bus_link import connect_endpoint
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient

@@ -24,8 +24,8 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the result of each check; return 1 if one failed."""
-    from gateway.configuration.installed import SETTINGS, is_installed, load_installed
     from gateway.configuration.loading import load
+    from gateway.configuration.service_configuration import SETTINGS, is_installed, load_installed
     from gateway.daemon.doctor import examine
 
     bad = False

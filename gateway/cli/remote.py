@@ -3,7 +3,7 @@
 import argparse
 import sys
 
-from gateway.cli.address import add_address, connect_endpoint
+from gateway.cli.bus_link import add_address, connect_endpoint
 
 
 def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

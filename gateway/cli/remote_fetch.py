@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.address import connect_endpoint
+from gateway.cli.bus_link import connect_endpoint
 from gateway.cli.output import write_text
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ import uuid
 from typing import TYPE_CHECKING, Any
 
 from gateway.calibration.pose_method import PoseMethod
-from gateway.cli.address import connect_endpoint
+from gateway.cli.bus_link import connect_endpoint
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient

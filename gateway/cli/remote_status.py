@@ -4,7 +4,7 @@ import argparse
 import json
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.address import connect_endpoint
+from gateway.cli.bus_link import connect_endpoint
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient

@@ -16,10 +16,10 @@ from gateway.calibration.store import find_record_in_force
 from gateway.configuration.model import Configuration
 from gateway.daemon.check_result import CheckResult
 from gateway.daemon.device_factory import make_device
-from gateway.daemon.doctor_running import examine_running
 from gateway.daemon.instance import is_in_use
 from gateway.daemon.page_process import PAGE_MODULES
 from gateway.daemon.resources import disk_free_mb
+from gateway.daemon.service_check import examine_running
 from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.errors import PlumblineError
 

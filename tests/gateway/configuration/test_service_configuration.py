@@ -4,30 +4,30 @@ from pathlib import Path
 
 import pytest
 
-from gateway.configuration import installed
+from gateway.configuration import service_configuration
 
 
 @pytest.fixture
 def etc(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(installed, "SETTINGS", tmp_path / "plumbline.toml")
-    monkeypatch.setattr(installed, "SERVICE_ENVIRONMENT", tmp_path / "service.env")
+    monkeypatch.setattr(service_configuration, "SETTINGS", tmp_path / "plumbline.toml")
+    monkeypatch.setattr(service_configuration, "SERVICE_ENVIRONMENT", tmp_path / "service.env")
     return tmp_path
 
 
 def test_a_machine_without_an_installation_is_noticed(etc: Path) -> None:
-    assert not installed.is_installed()
+    assert not service_configuration.is_installed()
 
 
 def test_the_environment_of_the_service_overrides_the_file(etc: Path) -> None:
     (etc / "plumbline.toml").write_text('[gateway]\ndata_dir = "elsewhere"\ncrane = "crane-7"\n')
     (etc / "service.env").write_text("# a comment\n\nPLUMBLINE_GATEWAY__DATA_DIR=/var/lib/plumbline\n")
-    configuration = installed.load_installed({})
-    assert installed.is_installed()
+    configuration = service_configuration.load_installed({})
+    assert service_configuration.is_installed()
     assert configuration.gateway.data_dir == Path("/var/lib/plumbline")
     assert configuration.gateway.crane == "crane-7"
 
 
 def test_the_shipped_environment_names_the_data_folder(etc: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shipped = Path(__file__).parents[3] / "deploy" / "service.env"
-    monkeypatch.setattr(installed, "SERVICE_ENVIRONMENT", shipped)
-    assert installed.service_environment() == {"PLUMBLINE_GATEWAY__DATA_DIR": "/var/lib/plumbline"}
+    monkeypatch.setattr(service_configuration, "SERVICE_ENVIRONMENT", shipped)
+    assert service_configuration.service_environment() == {"PLUMBLINE_GATEWAY__DATA_DIR": "/var/lib/plumbline"}

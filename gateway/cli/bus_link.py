@@ -28,7 +28,7 @@ def connect_endpoint(arguments: argparse.Namespace) -> str:
         return str(arguments.connect)
     if VARIABLE in os.environ:
         return os.environ[VARIABLE]
-    from gateway.configuration.installed import is_installed, load_installed
+    from gateway.configuration.service_configuration import is_installed, load_installed
 
     if not is_installed():
         return FALLBACK
