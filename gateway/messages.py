@@ -256,6 +256,13 @@ class ActiveAlert:
         Field(description="value_deg is an upper bound: the best estimate of the present angle is below limit_deg"),
     ] = None
     incident: Annotated[str | None, Field(description="id from raised to cleared; null: no incident")] = None
+    largest_deg: Annotated[
+        float | None,
+        Field(description="largest angle since the incident began, best estimate, degrees; no coming peak"),
+    ] = None
+    largest_upper_deg: Annotated[
+        float | None, Field(description="largest upper end of its 95 % interval since the incident began, degrees")
+    ] = None
     text: str
 
 

@@ -121,7 +121,7 @@ class AlertManager:
     def _change(self, rule: str, event: Event, incident: Incident | None, time_s: float) -> AlertChange:
         """Return the change of one rule."""
         limit_rad, clear_rad = self._levels_rad(rule)
-        known = None if incident is None or not math.isfinite(incident.known_s) else incident
+        largest_deg, largest_upper_deg = _largest_deg(incident)
         if incident is not None and event in ("cleared", "corrected"):
             limit_rad = incident.limit_rad
         return replace(
@@ -129,8 +129,8 @@ class AlertManager:
             incident=None if incident is None else incident.id,
             limit_deg=_rounded_degrees(limit_rad),
             clear_deg=_rounded_degrees(clear_rad),
-            largest_deg=None if known is None else degrees(known.largest_rad),
-            largest_upper_deg=None if known is None else degrees(known.largest_upper_rad),
+            largest_deg=largest_deg,
+            largest_upper_deg=largest_upper_deg,
             line=change_text(rule, event, self._states[rule].level, self._reason(rule), incident, time_s),
         )
 
@@ -143,6 +143,7 @@ class AlertManager:
     def _active(self, rule: str) -> ActiveAlert:
         state, reading, incident = self._states[rule], self._readings.get(rule), self._incidents.get(rule)
         limit_rad, clear_rad = self._levels_rad(rule)
+        largest_deg, largest_upper_deg = _largest_deg(incident)
         return ActiveAlert(
             rule=rule,
             level=state.level,
@@ -153,6 +154,8 @@ class AlertManager:
             estimate_deg=None if reading is None else degrees(reading.best_rad),
             is_bound=None if reading is None else reading.is_bound(limit_rad),
             incident=None if incident is None else incident.id,
+            largest_deg=largest_deg,
+            largest_upper_deg=largest_upper_deg,
             text=self._state_text(rule),
         )
 
@@ -184,6 +187,13 @@ class AlertManager:
         if self._states[rule].level == "warn" and limits.warn_rad is not None:
             return limits.warn_rad, limits.clear_rad
         return limits.trip_rad, limits.clear_rad
+
+
+def _largest_deg(incident: Incident | None) -> tuple[float | None, float | None]:
+    """Return the largest angle of an incident and the largest upper end of its interval; None where no angle was known."""
+    if incident is None or not math.isfinite(incident.known_s):
+        return None, None
+    return degrees(incident.largest_rad), degrees(incident.largest_upper_rad)
 
 
 def _rounded_degrees(angle_rad: float) -> float | None:

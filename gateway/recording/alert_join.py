@@ -95,8 +95,8 @@ class _Tracker:
             period = replace(period, level="trip", limit_deg=alert.limit_deg, text=alert.text)
         self.open[rule] = replace(
             period,
-            largest_deg=_largest(period.largest_deg, alert.estimate_deg),
-            largest_upper_deg=_largest(period.largest_upper_deg, alert.value_deg),
+            largest_deg=_largest(period.largest_deg, alert.largest_deg),
+            largest_upper_deg=_largest(period.largest_upper_deg, alert.largest_upper_deg),
             is_corrected=period.is_corrected or (state.event == "corrected" and state.rule == rule),
         )
 

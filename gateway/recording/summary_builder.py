@@ -186,6 +186,8 @@ def _with_largest_values(alert: messages.ActiveAlert, now: messages.ActiveAlert 
         alert,
         value_deg=_largest(alert.value_deg, now.value_deg),
         estimate_deg=_largest(alert.estimate_deg, now.estimate_deg),
+        largest_deg=_largest(alert.largest_deg, now.largest_deg),
+        largest_upper_deg=_largest(alert.largest_upper_deg, now.largest_upper_deg),
     )
 
 

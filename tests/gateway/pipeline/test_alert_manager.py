@@ -246,3 +246,9 @@ def test_the_end_of_a_drift_alarm_is_a_cleared_incident_without_an_angle() -> No
     (cleared,) = site.manager.judge(readings, why_unknown="", time_s=9.0)
     assert (cleared.event, cleared.incident, cleared.limit_deg) == ("cleared", "b00t-1", None)
     assert cleared.line == "calibration cleared after 8.0 s: the cause has ended [incident b00t-1]"
+
+
+def test_the_largest_angle_of_a_standing_alert_holds_no_coming_peak() -> None:
+    site = Site().feed(1.0).feed(14.2, 1.0, in_s=1.8, now_deg=4.0)
+    assert site.active().largest_deg == pytest.approx(4.0)
+    assert site.active().largest_upper_deg == pytest.approx(4.5)

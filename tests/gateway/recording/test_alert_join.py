@@ -63,7 +63,7 @@ def test_trip_that_begins_in_one_segment_and_ends_in_another_is_one() -> None:
     trip = active("swing", "trip", 50, 7.0, "boot-1")
     segments = [
         summary(state(50, "raised", "swing", trip), to_s=60),
-        summary(state(61, "standing", None, replace(trip, value_deg=9.0)), to_s=120),
+        summary(state(61, "standing", None, replace(trip, value_deg=12.0, largest_upper_deg=9.0)), to_s=120),
         summary(state(121, "standing", None, trip), state(130, "cleared", "swing"), to_s=180),
     ]
     (alert,) = join_alerts([("boot", segment) for segment in segments])
