@@ -5,6 +5,7 @@ import sys
 import time
 from typing import TYPE_CHECKING, TextIO
 
+from gateway.cli.alignment_unit import add_unit_arguments, aligning_unit
 from gateway.cli.argument_types import above_zero
 from gateway.cli.bus_link import connect_endpoint
 
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
     from gateway.calibration.alignment.assistant import AlignmentView
     from gateway.calibration.alignment.screw_advice import ScrewAdvice, ScrewMechanics
+    from gateway.calibration.alignment.turn_assistant import TurnAssistant
 
 SILENCE_S = 1.5
 """Time without a tilt, s, after which the link is opened again; tilts arrive ten times per second."""
@@ -45,6 +47,16 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argp
         default=[],
         help="turning this screw in decreases its angle; may be repeated",
     )
+    verb.add_argument(
+        "--on-shaft",
+        action="store_true",
+        help="align the sensor in its housing instead: turn it slowly about a horizontal shaft along one axis; shows the "
+        "peak-to-peak of the last turn, its floor, and which aligning screw to turn, until the axis is aligned",
+    )
+    verb.add_argument(
+        "--axis", choices=tuple("xyz"), help="on a shaft: the sensor's axis along it (default: it is found)"
+    )
+    add_unit_arguments(verb)
     verb.set_defaults(run=_align)
     return verb
 
@@ -53,6 +65,8 @@ def _align(arguments: argparse.Namespace) -> int:
     from gateway.bus.client import GatewayClient
     from gateway.calibration.alignment.screw_advice import ScrewMechanics
 
+    if arguments.on_shaft:
+        return _align_on_shaft(arguments)
     screws = ScrewMechanics(
         lead_m=arguments.lead_mm / 1000,
         lever_m=arguments.lever_mm / 1000,
@@ -64,6 +78,54 @@ def _align(arguments: argparse.Namespace) -> int:
         return show_advice(client, screws, sys.stdout)
     finally:
         client.close()
+
+
+def _align_on_shaft(arguments: argparse.Namespace) -> int:
+    from gateway.bus.client import GatewayClient
+    from gateway.calibration.alignment.turn_assistant import TurnAssistant
+
+    axis = None if arguments.axis is None else "xyz".index(arguments.axis)
+    client = GatewayClient(arguments.connect, arguments.gateway)
+    try:
+        return show_turns(client, TurnAssistant(aligning_unit(arguments), axis), sys.stdout)
+    finally:
+        client.close()
+
+
+def show_turns(client: "GatewayClient", assistant: "TurnAssistant", out: TextIO) -> int:
+    """Show the read-out of the turns until the axis is aligned, or as far as its screws reach; wait if the link is lost."""
+    import zenoh
+
+    from gateway.calibration.alignment.turn_assistant import format_errors, format_turn
+    from gateway.cli.status_line import StatusLine
+    from gateway.daemon.bounded_queue import BoundedQueue
+    from gateway.topics import adapter
+
+    tilts: BoundedQueue[zenoh.Sample] = BoundedQueue(MAX_QUEUED_TILTS)
+    in_force = ((client.status() or {}).get("calibration") or {}).get("in_force") or {}
+    assistant.set_gain(in_force.get("gain_g_per_unit"))
+    client.subscribe("tilt", tilts.put)
+    line, n_shown = StatusLine(out), 0
+    while True:
+        if (sample := tilts.get(SILENCE_S)) is None:
+            line.update(SILENCE_TEXT, SILENCE_TEXT)
+            if client.reconnect():
+                client.subscribe("tilt", tilts.put)
+            else:
+                time.sleep(SILENCE_S)
+            continue
+        view = assistant.add_tilt(adapter("tilt").validate_json(sample.payload.to_bytes()))
+        if view is None:
+            text = "turn the sensor about a horizontal shaft; it hangs, or lies still"
+            line.update(text, text)
+        elif view.n_turns > n_shown and view.advice is not None:
+            n_shown = view.n_turns
+            line.commit(format_turn(view))
+            if view.advice.state in ("aligned", "converged"):
+                line.commit(format_errors(view))
+                return 0
+        else:
+            line.update(format_turn(view), f"turn {view.n_turns + 1}")
 
 
 def show_advice(client: "GatewayClient", screws: "ScrewMechanics", out: TextIO) -> int:

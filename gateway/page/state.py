@@ -10,6 +10,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from gateway.calibration.alignment.assistant import AlignmentAssistant, AlignmentView
+from gateway.calibration.alignment.turn_assistant import TurnAssistant, format_errors, format_turn
+from gateway.calibration.alignment.turn_monitor import TurnView
 from gateway.messages import SCHEMA_VERSION, Alert, Calibration, Message, Motion, Swing, Tilt
 from gateway.page.alert_log import AlertLog
 from gateway.page.history import History
@@ -47,6 +49,8 @@ class PageState:
         self._last_sound: LastSoundSwing | None = None
         self._aligning = AlignmentAssistant()
         self._alignment: AlignmentView | None = None
+        self._turning = TurnAssistant()
+        self._turn: TurnView | None = None
 
     def receive(self, batch: Mapping[str, Arrival]) -> None:
         """Take the payloads of the inbox."""
@@ -77,6 +81,9 @@ class PageState:
             self.alert_log.add(message)
         if isinstance(message, Tilt) and (before is None or message.time_ns != before.time_ns):
             self._alignment = self._aligning.add_tilt(message)
+            self._turn = self._turning.add_tilt(message)
+        if isinstance(message, Calibration):
+            self._turning.set_gain(message.in_force.get("gain_g_per_unit"))
         if topic not in MEASURED or before is None or message.time_ns != before.time_ns:
             self._newest_s[topic] = arrival.at_s
         self._latest[topic] = message
@@ -109,6 +116,9 @@ class PageState:
             "swing_known": swing is not None and is_swing_known(swing),
             "last_good": self._last_sound_now(now_s),
             "align": asdict(self._alignment) if self._alignment is not None and is_fresh(evidence, "tilt") else None,
+            "align_turn": None
+            if self._turn is None or not is_fresh(evidence, "tilt")
+            else {**asdict(self._turn), "text": format_turn(self._turn), "errors": format_errors(self._turn)},
             "age_s": {topic: round(age, 3) for topic, age in evidence.age_s.items()},
             "topics": evidence.latest,
             "alert_log": {"since_ns": self.alert_log.since_ns, "alerts": self.alert_log.alerts()},

@@ -14,7 +14,7 @@ export class AlignScreen {
     this.drawn = "";
   }
 
-  show(view, wanted, gone) {
+  show(view, turn, wanted, gone) {
     this.section.hidden = !wanted;
     if (!wanted) return;
     const none = {state: "not_still", screw: null, direction: null, turns: 0, text: text("align_no_readings")};
@@ -28,6 +28,7 @@ export class AlignScreen {
     setText("align-text", advice.state === "turn" ? text("align_then") : advice.text);
     const u = view?.u_calibration_deg;
     setText("align-known", isKnown(u) ? text("align_u", {angle: (2 * u).toFixed(2)}) : "");
+    setText("align-shaft", gone || !turn ? "" : turn.turn ? `${turn.text}; ${turn.errors}` : turn.text);
     this.picture(advice);
   }
 

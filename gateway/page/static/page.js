@@ -92,7 +92,7 @@ function showScreens(gone) {
   const aligned = !recalibrated && window.location.hash === "#align";
   const chosen = SCREENS[window.location.hash] ?? "swing";
   calibration.show(session, recalibrated, gone);
-  align.show(state.align, aligned, gone);
+  align.show(state.align, state.align_turn, aligned, gone);
   for (const name of ["swing", "alerts", "service"]) {
     element(`${name}-screen`).hidden = recalibrated || aligned || name !== chosen;
     if (name === chosen) element(`to-${name}`).setAttribute("aria-current", "page");

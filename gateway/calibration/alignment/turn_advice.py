@@ -1,0 +1,130 @@
+"""Advice on the aligning screws of the unit in a housing, after a turn (Łuczak et al. 2022, sec. 2.2 and 3).
+
+Screw 4 of the source turns the unit about x, screw 5 about y, screw 3 about z. The x axis is aligned by screws 3 and 5, then the
+y axis by screw 4 alone; the z axis follows from both. A unit of its own for each axis (Zams and Łuczak 2024) has two screws.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from gateway.calibration.alignment.alignment_errors import (
+    HOUSING_DEVIATION_RAD,
+    alignment_precision_error_rad,
+    total_alignment_error_rad,
+)
+from gateway.calibration.alignment.screw_advice import TOLERANCE_RAD
+from gateway.calibration.alignment.turn import Turn
+
+AXES = "xyz"
+SHARED_SCREWS: dict[str, tuple[str, ...]] = {"x": ("y", "z"), "y": ("x",), "z": ()}
+"""Axes about which the one unit is turned to align an axis."""
+OWN_SCREWS: dict[str, tuple[str, ...]] = {"x": ("y", "z"), "y": ("x", "z"), "z": ("x", "y")}
+"""The same for a unit of its own for each axis."""
+SCREW_NUMBERS = {"x": 4, "y": 5, "z": 3}
+"""Number of the screw in the source, by the axis about which it turns the unit."""
+K_SHOWN = 3.0
+"""Standard uncertainties by which a tilt must exceed zero to be worth turning a screw."""
+K_ALIGNED = 2.0
+"""Standard uncertainties that must stay within the tolerance as well."""
+
+
+@dataclass(frozen=True, slots=True)
+class AligningUnit:
+    """Screws of an aligning unit."""
+
+    lead_m: float = 0.5e-3
+    """Advance per turn, m; that of an M3 screw."""
+    lever_m: float = 10e-3
+    """Distance from the axis of rotation to the screw, m."""
+    reversed_axes: frozenset[str] = frozenset()
+    """Axes whose screw turns the unit in the negative sense when screwed in."""
+    screws: dict[str, tuple[str, ...]] = field(default_factory=lambda: SHARED_SCREWS)
+
+
+@dataclass(frozen=True, slots=True)
+class TurnAdvice:
+    """What to do after a turn."""
+
+    state: Literal["adjust", "aligned", "converged", "at_floor"]
+    """`converged`: aligned as far as the screws of this axis reach; `at_floor`: noise hides what is left."""
+    screw_axis: str | None
+    """Axis about which the screw to be turned turns the unit."""
+    direction: Literal["in", "out"] | None
+    turns: float
+    """Number of turns of the screw."""
+    precision_error_rad: float
+    """APE: the larger of the remaining variation and its floor (eq. 1)."""
+    total_error_rad: float
+    """TAE: with the housing's deviation of perpendicularity (eq. 2)."""
+    text: str
+
+
+def advise_after_turn(
+    turn: Turn,
+    before: Turn | None = None,
+    unit: AligningUnit | None = None,
+    *,
+    tolerance_rad: float = TOLERANCE_RAD,
+    housing_deviation_rad: float = HOUSING_DEVIATION_RAD,
+) -> TurnAdvice:
+    """Return what to do; `before` is the turn before, which shows whether the last adjustment went the wrong way."""
+    unit = unit or AligningUnit()
+    name = AXES[turn.axis]
+    precision_rad = alignment_precision_error_rad(max(turn.peak_to_peak_g, turn.floor_g) / 2)
+    total_rad = total_alignment_error_rad(precision_rad, housing_deviation_rad)
+    needed = _rotations(turn)
+    allowed = {axis: needed[axis] for axis in unit.screws[name]}
+    if not allowed:
+        text = f"{name} has no screw of its own: its alignment follows from the other axes"
+        return TurnAdvice("converged", None, None, 0.0, precision_rad, total_rad, text)
+    screw = max(allowed, key=lambda axis: abs(allowed[axis]))
+    angle_rad = allowed[screw]
+    if abs(angle_rad) + K_ALIGNED * turn.u_rad <= tolerance_rad:
+        return _finished(turn, allowed, needed, tolerance_rad, precision_rad, total_rad)
+    if abs(angle_rad) <= K_SHOWN * turn.u_rad:
+        text = f"at the floor: no tilt beyond u = {math.degrees(turn.u_rad):.3f} deg shows; average longer, or turn more slowly"
+        return TurnAdvice("at_floor", None, None, 0.0, precision_rad, total_rad, text)
+    sign = -1 if screw in unit.reversed_axes else 1
+    direction: Literal["in", "out"] = "in" if sign * angle_rad > 0 else "out"
+    turns = math.tan(abs(angle_rad)) * unit.lever_m / unit.lead_m
+    text = (
+        f"turn screw {SCREW_NUMBERS[screw]} (about {screw}) {direction} by {turns:.2f} turns: "
+        f"{name} is off by {math.degrees(abs(angle_rad)):.3f} deg about {screw}{_worse(turn, before, screw)}"
+    )
+    return TurnAdvice("adjust", screw, direction, turns, precision_rad, total_rad, text)
+
+
+def _rotations(turn: Turn) -> dict[str, float]:
+    """Return the rotation of the unit about each axis that makes the sensitive axis parallel to the shaft, rad."""
+    rotation = -np.cross(np.eye(3)[turn.axis], turn.towards)
+    return {axis: float(value) for axis, value in zip(AXES, rotation, strict=True)}
+
+
+def _worse(turn: Turn, before: Turn | None, screw: str) -> str:
+    if before is None or before.axis != turn.axis:
+        return ""
+    is_larger = abs(_rotations(turn)[screw]) > abs(_rotations(before)[screw]) + K_SHOWN * turn.u_rad
+    return f"; it was less before: if you turned this screw, it is --reversed {screw}" if is_larger else ""
+
+
+def _finished(
+    turn: Turn,
+    allowed: dict[str, float],
+    needed: dict[str, float],
+    tolerance_rad: float,
+    precision_rad: float,
+    total_rad: float,
+) -> TurnAdvice:
+    """Return that the screws have nothing left to do, with what no screw of this axis corrects."""
+    rest_rad = max((abs(angle) for axis, angle in needed.items() if axis not in allowed), default=0.0)
+    if rest_rad + K_ALIGNED * turn.u_rad <= tolerance_rad:
+        text = f"aligned within {math.degrees(tolerance_rad):.3f} deg"
+        return TurnAdvice("aligned", None, None, 0.0, precision_rad, total_rad, text)
+    text = (
+        f"converged: {math.degrees(rest_rad):.3f} deg remain that no screw of {AXES[turn.axis]} corrects; "
+        "the axes are not perpendicular"
+    )
+    return TurnAdvice("converged", None, None, 0.0, precision_rad, total_rad, text)
