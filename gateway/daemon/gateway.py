@@ -47,7 +47,7 @@ JOIN_S = 0.8
 SWITCH_S = 0.0005
 """Longest wait of a thread for the interpreter. The usual 5 ms of a swing fit would delay an alert."""
 DRAIN_S = 60.0
-"""Longest wait for the processing of a recording that was replayed faster than it is processed."""
+"""Longest wait for the processing of a recording that was replayed faster than it is processed, and for the last compaction."""
 
 
 class Gateway:
@@ -171,7 +171,7 @@ class Gateway:
                 break
             stopping.wait(remaining_s)
             failed = next((t.name for t in self.threads if not t.is_alive() and not self._sampler.ended.is_set()), None)
-        self.stop()
+        self.stop(hurried=stopping.is_set())
         return failed
 
     @property
@@ -179,8 +179,11 @@ class Gateway:
         """Number of samples that arrived and are not on the disk, as far as they were counted."""
         return self._recording.samples_lost + self._sampler.lost_in_queue
 
-    def stop(self) -> None:
-        """Write the queued samples to the disk, then release everything; within two seconds of a signal."""
+    def stop(self, *, hurried: bool = True) -> None:
+        """Write the queued samples to the disk, then release everything; within two seconds where it is hurried, by a signal.
+
+        A segment that is not compacted in time stays readable as it is, until the next start compacts it.
+        """
         self._notifier.send("STOPPING=1")
         self._health.stopping = True
         patience_s = DRAIN_S if self._sampler.ended.is_set() else JOIN_S
@@ -188,7 +191,7 @@ class Gateway:
         self._sampler.join(JOIN_S)
         for worker in (self.processor, self._recording, self._compaction, self._rpc, self._publisher):
             worker.finish()
-            worker.join(patience_s)
+            worker.join(patience_s if hurried or worker is not self._compaction else DRAIN_S)
         if self._page is not None:
             self._page.stop()
         self._lock.release()

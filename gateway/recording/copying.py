@@ -27,15 +27,19 @@ class RecordCopier:
             self._add(record)
 
     def _add(self, record: McapRecord) -> None:
-        self._start(record)
         match record:
-            case Message():
-                self._add_message(record)
             case Schema():
                 self._schemas.setdefault(record.id, record)
+                return
             case Channel():
                 self._channels.setdefault(record.id, record)
                 self._channel_id(record)
+                return
+            case _:
+                self._start(record)
+        match record:
+            case Message():
+                self._add_message(record)
             case Metadata():
                 self._writer.add_metadata(record.name, record.metadata)
             case Attachment():

@@ -22,9 +22,10 @@ from mcap.stream_reader import breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
+from gateway.recording.mcap_frames import RECORD_HEAD, find_chunk, next_frame
 
-RECORD_HEAD = struct.Struct("<BQ")
-"""Opcode and length before the content of each record."""
+FOOTER = struct.Struct("<BQQQI")
+"""Opcode, length, start of the summary, start of its offsets, checksum of the summary."""
 CHUNK_TIMES = struct.Struct("<QQ")
 """First and last time of a chunk, at the start of its content."""
 DAMAGED = (McapError, ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError, OverflowError)
@@ -109,7 +110,11 @@ def read_records(
     """
     size = os.fstat(file.fileno()).st_size
     checksum = zlib.crc32(MCAP0_MAGIC)
-    while (frame := _next_frame(file, size)) is not None:
+    yield from _definitions_of_summary(file, size)
+    while (frame := next_frame(file, size)) is not None or find_chunk(file, size):
+        if frame is None:
+            losses.damaged_records += 1
+            continue
         head, opcode, content = frame
         if opcode == Opcode.DATA_END:
             losses.altered = _promised_checksum(content) not in (0, checksum)
@@ -122,16 +127,27 @@ def read_records(
     losses.torn_bytes = 0 if losses.closed else size - file.tell()
 
 
-def _next_frame(file: BinaryIO, size: int) -> tuple[bytes, int, bytes] | None:
-    """Return head, opcode and content of the next record; None, at an unchanged position, if it is incomplete."""
+def _definitions_of_summary(file: BinaryIO, size: int) -> Iterator[McapRecord]:
+    """Yield the schemas and channels at the end of a closed file: the chunks that have them too may be damaged."""
     place = file.tell()
-    head = file.read(RECORD_HEAD.size)
-    if len(head) == RECORD_HEAD.size:
-        opcode, length = RECORD_HEAD.unpack(head)
-        if opcode != 0 and length <= size - file.tell():  # 0 is not an opcode: some file systems leave zeros
-            return head, opcode, file.read(length)
+    file.seek(max(0, size - FOOTER.size - len(MCAP0_MAGIC)))
+    end = file.read()
+    if end.endswith(MCAP0_MAGIC) and len(end) > len(MCAP0_MAGIC):
+        opcode, length, start, _, checksum = FOOTER.unpack(end[: FOOTER.size])
+        if (opcode, length) == (Opcode.FOOTER, FOOTER.size - RECORD_HEAD.size) and 0 < start < size:
+            file.seek(start)
+            section = file.read(size - len(end) - start)
+            if checksum == zlib.crc32(end[: FOOTER.size - 4], zlib.crc32(section)):
+                yield from _definitions(section)
     file.seek(place)
-    return None
+
+
+def _definitions(section: bytes) -> Iterator[McapRecord]:
+    stream = BytesIO(section)
+    while (frame := next_frame(stream, len(section))) is not None:
+        _, opcode, content = frame
+        if opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            yield PARSERS[opcode](content)
 
 
 def _is_chunk_wanted(content: bytes, is_wanted: Callable[[int, int], bool]) -> bool:

@@ -96,7 +96,7 @@ class Segment:
                 self.write(message, start_ns)
             self.sync()
             uncompacted_marker(path).touch()
-            partial.rename(path)
+            partial.replace(path)
             sync_folder(path.parent)
         except OSError:
             self.abandon()

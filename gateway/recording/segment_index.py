@@ -19,7 +19,8 @@ from mcap.records import Attachment, AttachmentIndex, Metadata, MetadataIndex, S
 from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
-from gateway.recording.mcap_salvage import CHUNK_TIMES, DAMAGED, RECORD_HEAD, open_mcap
+from gateway.recording.mcap_frames import RECORD_HEAD
+from gateway.recording.mcap_salvage import CHUNK_TIMES, DAMAGED, open_mcap
 from gateway.recording.segment_summary import SUMMARY, SegmentSummary, decode_summary
 
 FOOTER = struct.Struct("<BQQQI")
