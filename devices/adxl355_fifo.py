@@ -22,7 +22,7 @@ SEGMENTS = re.compile(rb"(?P<whole>(?:xoo)+)|(?P<tail>xo?\Z)|(?P<broken>[xo]o*)"
 
 
 @dataclass(frozen=True, slots=True)
-class SampleRun:
+class EntryRun:
     """Complete consecutive samples from the FIFO."""
 
     entries: bytes
@@ -34,26 +34,26 @@ class SampleRun:
         return len(self.entries) // SAMPLE_BYTES
 
 
-def split_entries(entries: bytes) -> tuple[list[SampleRun], bytes]:
+def split_entries(entries: bytes) -> tuple[list[EntryRun], bytes]:
     """Return the complete samples, and the entries of an incomplete last sample.
 
     Empty entries are removed; a sample that lacks entries is skipped up to the next x entry.
     """
     marks = entries[2::ENTRY_BYTES].translate(MARKS)
     if ALIGNED.startswith(marks) and len(entries) % SAMPLE_BYTES == 0:
-        return [SampleRun(entries, 0)] if entries else [], b""
+        return [EntryRun(entries, 0)] if entries else [], b""
     filled = b"".join(entries[3 * i : 3 * i + 3] for i, mark in enumerate(marks) if mark != EMPTY)
     runs, tail, lost = [], b"", 0
     for stretch in SEGMENTS.finditer(filled[2::ENTRY_BYTES].translate(MARKS)):
         part = filled[3 * stretch.start() : 3 * stretch.end()]
         if stretch["whole"]:
-            runs.append(SampleRun(part, lost))
+            runs.append(EntryRun(part, lost))
             lost = 0
         elif stretch["tail"]:
             tail = part
         else:
             lost += 1
-    return ([*runs, SampleRun(b"", lost)] if lost else runs), tail
+    return ([*runs, EntryRun(b"", lost)] if lost else runs), tail
 
 
 def decode_counts(entries: bytes) -> NDArray[np.int32]:

@@ -8,7 +8,7 @@ from gateway.configuration.loading import load
 from gateway.configuration.model import Configuration
 
 FOLDER = Path(__file__).parents[1] / "config"
-KINDS = {"simulated.toml": "simulated", "adxl355.toml": "adxl355", "witmotion.toml": "witmotion"}
+KINDS = {f"{kind}.toml": kind for kind in ("simulated", "adxl345", "adxl355", "adxl357", "witmotion")}
 
 
 def test_there_are_no_others() -> None:

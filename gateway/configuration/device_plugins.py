@@ -7,7 +7,7 @@ from typing import Any
 
 from devices.clock import Clock
 from devices.device import Device
-from gateway.configuration.model import DeviceSection
+from gateway.configuration.device_section import DeviceSection
 from gateway.errors import PlumblineError
 
 GROUP = "plumbline.devices"

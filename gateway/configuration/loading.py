@@ -10,7 +10,8 @@ from typing import Any, get_args
 from pydantic import BaseModel, ValidationError, create_model
 
 from gateway.configuration.device_plugins import PluginError, load_plugin, plugin_names
-from gateway.configuration.model import DEVICE_KINDS, AnyDevice, Configuration
+from gateway.configuration.device_sections import DEVICE_KINDS, AnyDevice
+from gateway.configuration.model import Configuration
 from gateway.errors import InputError
 
 ENVIRONMENT_PREFIX = "PLUMBLINE_"

@@ -1,23 +1,16 @@
 """The sections of the configuration: keys, units, defaults and limits."""
 
 from pathlib import Path
-from typing import Annotated, Literal, Self, get_args
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
+from pydantic import Field, model_validator
 
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2, normal_gravity_m_s2
-
-KEY_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
-
+from gateway.configuration.device_sections import AnyDevice, SimulatedDevice
+from gateway.configuration.section import KEY_PATTERN, Section
 
 SIMULATED_RHO = 0.75
 """Position of a simulated housing without a configured position, as a share of the rope's length."""
-
-
-class Section(BaseModel):
-    """A table of the file. Unknown keys are refused, and values do not change."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class GatewaySection(Section):
@@ -32,100 +25,6 @@ class GatewaySection(Section):
     def key(self) -> str:
         """Prefix of every key on the bus."""
         return f"plumbline/v1/{self.site}/{self.crane}/{self.sensor}"
-
-
-class DeviceSection(Section):
-    """The keys that every kind of device has."""
-
-    kind: str
-    axes_map: str = Field("x,y,z", description="sensor axes that are the housing's x, y and z, e.g. '-y,x,z'")
-    block_samples: int | None = Field(
-        None, ge=1, le=1024, description="samples per block; default: those of 0.1 s, at most 32"
-    )
-    serial: str | None = Field(
-        None, pattern=KEY_PATTERN, description="label on the housing, for sensors without a serial number"
-    )
-
-    @field_validator("axes_map")
-    @classmethod
-    def _check_handedness(cls, text: str) -> str:
-        axes = [axis.strip() for axis in text.split(",")]
-        if sorted(axis.lstrip("+-") for axis in axes) != ["x", "y", "z"]:
-            raise ValueError(f"axes_map {text!r} must name x, y and z once each, such as '-y,x,z'")
-        if _determinant(axes) < 0:
-            raise ValueError(f"axes_map {text!r} is left-handed (a mirror image); turn one sign")
-        return ",".join(axes)
-
-    @property
-    def axes(self) -> tuple[tuple[int, int], ...]:
-        """(sensor axis index, sign) of each housing axis."""
-        return tuple(("xyz".index(axis[-1]), -1 if axis.startswith("-") else 1) for axis in self.axes_map.split(","))
-
-
-def _determinant(axes: list[str]) -> int:
-    order = ["xyz".index(axis[-1]) for axis in axes]
-    even = order in ([0, 1, 2], [1, 2, 0], [2, 0, 1])
-    negative = sum(axis.startswith("-") for axis in axes) % 2
-    return (1 if even else -1) * (-1 if negative else 1)
-
-
-class SimulatedDevice(DeviceSection):
-    """A simulated crane, so that the gateway runs on any computer."""
-
-    kind: Literal["simulated"] = "simulated"
-    odr_hz: float = Field(125.0, gt=0, le=4000, description="output data rate")
-    range_g: float = Field(2.0, gt=0, description="full scale")
-    seed: int = Field(1, ge=0, description="seed of the crane's moves, the wind and the noise")
-
-
-class ReplayDevice(DeviceSection):
-    """A recording that is processed again by the same pipeline."""
-
-    kind: Literal["replay"]
-    path: Path = Field(description=".csv or .mcap")
-    speed: float = Field(1.0, ge=0, description="multiple of real time; 0: as fast as possible")
-    time_column: str | None = Field(None, description="foreign text: name or 1-based number of the column of seconds")
-    axis_columns: list[str] | None = Field(
-        None, min_length=3, max_length=3, description="foreign text: names or numbers of the x, y, z columns"
-    )
-    unit: Literal["g", "m/s2", "counts"] | None = Field(None, description="foreign text: unit of the axes")
-    units_per_g: float | None = Field(None, gt=0, description="foreign text in counts: counts per g")
-    rate_hz: float | None = Field(None, gt=0, description="foreign text without a column of seconds: sample rate")
-
-
-class Adxl355Device(DeviceSection):
-    """Analog Devices ADXL355 over I2C."""
-
-    kind: Literal["adxl355"]
-    bus: int = Field(1, ge=0, description="N of /dev/i2c-N")
-    address: int = Field(0x1D, description="0x1D, or 0x53 with the ASEL pin high")
-    odr_hz: float = Field(125.0, description="output data rate: 4000 Hz halved up to ten times")
-    range_g: Literal[2, 4, 8] = Field(2, description="full scale")
-
-    @field_validator("odr_hz")
-    @classmethod
-    def _check_rate(cls, odr_hz: float) -> float:
-        rates = [4000.0 / (1 << k) for k in range(11)]
-        nearest = min(rates, key=lambda rate: abs(rate - odr_hz))
-        if abs(nearest - odr_hz) > 1e-3 * nearest:
-            raise ValueError(f"the ADXL355 has no rate of {odr_hz:g} Hz; nearest is {nearest:g}")
-        return nearest
-
-
-class WitMotionDevice(DeviceSection):
-    """WitMotion sensor or radio receiver on a serial port."""
-
-    kind: Literal["witmotion"]
-    port: str = Field(description="such as /dev/serial/by-id/...")
-    baud: int = Field(115200, gt=0, description="as set in the sensor")
-    odr_hz: float = Field(100.0, gt=0, le=1000, description="as set in the sensor")
-
-
-AnyDevice = Annotated[
-    SimulatedDevice | ReplayDevice | Adxl355Device | WitMotionDevice,
-    Field(discriminator="kind", description="the source of the samples"),
-]
-DEVICE_KINDS = tuple(get_args(device.model_fields["kind"].annotation)[0] for device in get_args(get_args(AnyDevice)[0]))
 
 
 class RopeSection(Section):

@@ -2,7 +2,8 @@
 
 import tomli_w
 
-from gateway.configuration.model import Configuration, Section
+from gateway.configuration.model import Configuration
+from gateway.configuration.section import Section
 
 
 def to_toml(configuration: Configuration) -> str:

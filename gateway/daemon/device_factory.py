@@ -6,14 +6,10 @@ from devices.clock import Clock
 from devices.device import Device
 from devices.errors import DeviceError
 from gateway.configuration.device_plugins import PluginError, load_plugin
-from gateway.configuration.model import (
-    Adxl355Device,
-    Configuration,
-    DeviceSection,
-    ReplayDevice,
-    SimulatedDevice,
-    WitMotionDevice,
-)
+from gateway.configuration.device_section import DeviceSection
+from gateway.configuration.device_sections import ReplayDevice, SimulatedDevice, WitMotionDevice
+from gateway.configuration.i2c_devices import I2cDevice
+from gateway.configuration.model import Configuration
 
 BLOCK_S = 0.1
 """Length of a block where it is not configured."""
@@ -36,8 +32,8 @@ def make_device(configuration: Configuration, clock: Clock) -> Device:
         match device:
             case SimulatedDevice():
                 return _make_simulated(configuration, device, n, clock)
-            case Adxl355Device():
-                return _make_adxl355(device, n, clock)
+            case I2cDevice():
+                return _make_i2c(device, n, clock)
             case WitMotionDevice():
                 return _make_witmotion(device, n, clock)
             case ReplayDevice():
@@ -66,16 +62,16 @@ def _make_simulated(configuration: Configuration, device: SimulatedDevice, block
     )
 
 
-def _make_adxl355(device: Adxl355Device, block: int, clock: Clock) -> Device:
-    from devices.adxl355 import Adxl355
+def _make_i2c(device: I2cDevice, block: int, clock: Clock) -> Device:
+    from devices.chips import CHIPS
+    from devices.fifo_accelerometer import FifoAccelerometer
 
-    return Adxl355(
+    return FifoAccelerometer(
+        CHIPS[device.kind](device.odr_hz, device.range_g),
         bus=device.bus,
         address=device.address,
-        odr_hz=device.odr_hz,
-        range_g=device.range_g,
-        block_samples=block,
         clock=clock,
+        block_samples=block,
         serial=device.serial,
     )
 

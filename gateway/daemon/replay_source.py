@@ -8,7 +8,7 @@ from devices.clock import Clock
 from devices.errors import RecordingError
 from devices.replay import Replay, table_info
 from devices.table import NATIVE, TableLayout, read_table
-from gateway.configuration.model import ReplayDevice
+from gateway.configuration.device_sections import ReplayDevice
 from gateway.recording.run import read_samples
 
 

@@ -7,7 +7,9 @@ from numpy.typing import NDArray
 
 from devices.adxl355 import Adxl355
 from devices.block import DeviceInfo, SampleBlock
-from tests.devices.adxl355_chip import START_NS, Adxl355Chip, FakeClock
+from devices.fifo_accelerometer import FifoAccelerometer
+from tests.devices.adxl355_chip import Adxl355Chip
+from tests.devices.i2c_chip import START_NS, FakeClock
 
 RANGE, POWER_CTL, FIFO_DATA, STATUS, LEVEL = 0x2C, 0x2D, 0x11, 0x04, 0x05
 
@@ -29,12 +31,11 @@ class Rig:
         self.clock = FakeClock(oversleep_s)
         self.chip = Adxl355Chip(self.clock, **chip)
         self.opened_bus: int | None = None
-        self.device = Adxl355(
+        self.device = FifoAccelerometer(
+            Adxl355(odr_hz, range_g),
             1,
             0x1D,
             clock=self.clock,
-            odr_hz=odr_hz,
-            range_g=range_g,
             block_samples=block_samples,
             serial=serial,
             open_bus=self.open_bus,

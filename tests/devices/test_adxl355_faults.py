@@ -30,9 +30,9 @@ def test_missing_entries_lose_one_sample(rig: Callable[..., Rig], entries: int) 
     made.open()
     made.read_s(20)
     made.chip.run_s(0.05)
-    made.chip.drop_entries(entries)
+    made.chip.drop_places(entries)
     made.read_s(20)
-    assert made.device.faults["misaligned"] == 1
+    assert made.device.faults["broken_samples"] == 1
     assert made.lost == 1
     assert made.samples + 1 == len(made.chip.made_ns) - len(made.chip.fifo) // 3
     assert np.abs(made.error_ms()[made.made_at_s() > 10]).max() < 1  # none is mixed of two

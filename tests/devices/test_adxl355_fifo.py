@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from devices.adxl355 import temperature_c
-from devices.adxl355_fifo import SampleRun, decode_counts, split_entries
+from devices.adxl355_fifo import EntryRun, decode_counts, split_entries
 
 COUNTS = st.integers(-(1 << 19), (1 << 19) - 1)
 
@@ -54,7 +54,7 @@ def test_alignment_is_found_again_at_the_x_marker(before: bytes, lost: int, afte
 
 def test_an_incomplete_end_is_counted_with_the_next_samples() -> None:
     runs, tail = split_entries(sample(1, 2, 3) + entry(4))
-    assert runs == [SampleRun(sample(1, 2, 3), 0), SampleRun(b"", 1)]
+    assert runs == [EntryRun(sample(1, 2, 3), 0), EntryRun(b"", 1)]
     assert tail == b""
 
 

@@ -14,7 +14,7 @@ from devices.errors import (
     TransferError,
 )
 from devices.i2c import ATTEMPTS, I2cPart
-from tests.devices.adxl355_chip import FakeClock
+from tests.devices.i2c_chip import FakeClock
 
 ADDRESS = 0x1D
 

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 from devices.adxl355 import Adxl355
+from devices.fifo_accelerometer import FifoAccelerometer
 from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from gateway.calibration.correction import correction_for
@@ -21,7 +22,8 @@ from gateway.messages import Condition, Swing
 from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
-from tests.devices.adxl355_chip import Adxl355Chip, FakeClock, Signal
+from tests.devices.adxl355_chip import Adxl355Chip
+from tests.devices.i2c_chip import FakeClock, Signal
 from tests.system.conftest import JoinBus, StartGateway
 from tests.values import present
 from tests.waiting import wait_until
@@ -57,7 +59,7 @@ def test_adxl355_from_the_bus_to_the_swing(rate_error: float) -> None:
     """A chip that runs 3 % fast still gives the right swing and period: times come from the host's clock."""
     clock = FakeClock(0.0005)
     chip = Adxl355Chip(clock, swinging_signal(60.0), rate_error=rate_error)
-    device = Adxl355(1, 0x1D, clock=clock, odr_hz=125.0, block_samples=8, open_bus=lambda _: chip)
+    device = FifoAccelerometer(Adxl355(125.0), 1, 0x1D, clock=clock, block_samples=8, open_bus=lambda _: chip)
     info = device.open()
     table = {
         "device": {"kind": "adxl355"},

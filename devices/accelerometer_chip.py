@@ -1,0 +1,125 @@
+"""The protocol of an accelerometer chip with registers and a FIFO on an I2C bus: registers and decoding only.
+
+`devices.fifo_accelerometer` does what all of them share: opening, reading in time, sample times, checks and counting of faults.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.clock import Clock
+from devices.i2c import I2cPart
+from devices.identity import Identity
+
+
+class Setting(NamedTuple):
+    """A register of the configuration and its value."""
+
+    register: int
+    name: str
+    value: int
+
+
+@dataclass(frozen=True, slots=True)
+class ChipProperties:
+    """Nominal properties of a chip at its rate and range; see `devices.block.DeviceInfo`."""
+
+    odr_hz: float
+    units_per_g: float
+    full_scale_g: float
+    noise_g: float
+    zero_g_offset_g: float
+    zero_g_offset_g_per_k: float
+    scale_factor_per_k: float
+    bandwidth_hz: float | None
+    longest_block: int
+    """Largest number of samples that a read waits for: half of the FIFO, so that the rest remains free for a late host."""
+
+
+@dataclass(frozen=True, slots=True)
+class FifoLevel:
+    """The contents of a FIFO at one reading of its status."""
+
+    samples: int
+    """Number of complete samples that can be read."""
+    size: int
+    """Amount to read, in the unit of the chip: samples, entries or bytes."""
+    lost_at_least: int | None = None
+    """After an overrun: least number of samples that were overwritten."""
+
+
+@dataclass(frozen=True, slots=True)
+class SampleRun:
+    """Complete consecutive samples from a FIFO."""
+
+    raw: NDArray[np.int32]
+    """Counts, shape (n, 3)."""
+    lost: int = 0
+    """Number of samples before them that arrived broken."""
+    gyro_rad_s: NDArray[np.float64] | None = None
+    """Angular rates, shape (n, 3), rad/s; None without a gyroscope."""
+
+    def __len__(self) -> int:
+        return len(self.raw)
+
+
+class ImplausibleStatusError(Exception):
+    """A status has bits that the chip cannot set: a disturbed transfer, a bus that reads 0xFF, or a lost configuration."""
+
+
+class LostAlignmentError(Exception):
+    """The bytes of a FIFO do not begin with a sample. The chip has discarded them."""
+
+
+class AccelerometerChip(Protocol):
+    """A chip at one rate and range. Every method may raise `TransferError`."""
+
+    identity: Identity
+    properties: ChipProperties
+    configuration: Sequence[Setting]
+    """In the order of writing; the last one starts the chip. A register that occurs twice must keep its last value."""
+
+    def identify(self, part: I2cPart) -> str:
+        """Return the revision, or an empty text. Raises `IdentityError` for another part."""
+        ...
+
+    def reset(self, part: I2cPart, clock: Clock) -> None:
+        """Restore the defaults, and wait until the chip is ready."""
+        ...
+
+    def fifo_level(self, part: I2cPart) -> FifoLevel:
+        """Return the contents of the FIFO. Raises `ImplausibleStatusError`."""
+        ...
+
+    def read_fifo(self, part: I2cPart, size: int) -> list[SampleRun]:
+        """Read as much as `FifoLevel.size` says. Raises `LostAlignmentError`."""
+        ...
+
+    def forget_partial(self) -> None:
+        """Discard a part of a sample that was read, because the rest of it is lost."""
+        ...
+
+    def temperature_c(self, part: I2cPart) -> float | None:
+        """Return the temperature; None where the chip has no sensor for it, or its reading changes all the time."""
+        ...
+
+
+def nearest_rate(name: str, rates_hz: Mapping[float, int], odr_hz: float) -> float:
+    """Return the rate of a chip that equals `odr_hz` within 0.1 %. Raises `ValueError` with all rates if there is none."""
+    rate_hz = min(rates_hz, key=lambda rate_hz: abs(rate_hz - odr_hz))
+    if not math.isclose(rate_hz, odr_hz, rel_tol=1e-3):
+        rates = ", ".join(f"{rate_hz:g}" for rate_hz in rates_hz)
+        raise ValueError(f"the {name} has no output data rate of {odr_hz:g} Hz; it has {rates}")
+    return rate_hz
+
+
+def known_range(name: str, ranges_g: Mapping[int, object], range_g: float) -> int:
+    """Return the range as a whole number. Raises `ValueError` with all ranges if the chip does not have it."""
+    if range_g not in ranges_g:
+        *others, last = (str(known) for known in ranges_g)
+        raise ValueError(f"the {name} has no range of {range_g:g} g; it has {', '.join(others)} and {last}")
+    return int(range_g)

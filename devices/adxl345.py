@@ -1,0 +1,111 @@
+"""Analog Devices ADXL345: 13-bit triaxial MEMS accelerometer, its registers and decoding.
+
+Registers and tables by the data sheet Rev. G, sections "Register map", "Register definitions" and "FIFO", and Table 1.
+"""
+
+import math
+from collections.abc import Sequence
+
+from devices.accelerometer_chip import (
+    ChipProperties,
+    FifoLevel,
+    ImplausibleStatusError,
+    SampleRun,
+    Setting,
+    known_range,
+    nearest_rate,
+)
+from devices.clock import Clock
+from devices.i2c import I2cPart
+from devices.identity import IDENTITIES, identify
+from devices.sample_words import SAMPLE_BYTES, decode_samples
+
+OFSX, ACT_INACT_CTL, TAP_AXES = 0x1E, 0x27, 0x2A
+BW_RATE, POWER_CTL, INT_ENABLE, INT_SOURCE, DATA_FORMAT = 0x2C, 0x2D, 0x2E, 0x30, 0x31
+DATAX0, FIFO_CTL, FIFO_STATUS = 0x32, 0x38, 0x39
+STANDBY, MEASURE = 0x00, 0x08
+FULL_RES = 0x08
+"""256 LSB/g at every range; the range then limits the number of bits."""
+BYPASS, STREAM = 0x00, 0x80
+OVERRUN = 0x01
+ENTRIES, UNUSED = 0x3F, 0x40
+FIFO_SAMPLES = 32
+
+RATE_CODES = {3200.0 / (1 << (15 - code)): code for code in range(0xD, 0x5, -1)}
+"""From 800 Hz, the fastest for an I2C bus of 400 kHz (section "I2C"), to 6.25 Hz."""
+RANGE_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
+UNITS_PER_G = 256.0
+NOISE_LSB = 1.1
+"""At 100 Hz, of the z axis, the noisiest."""
+ZERO_G_OFFSET_G, ZERO_G_OFFSET_G_PER_K, SCALE_FACTOR_PER_K = 0.25, 1.2e-3, 1e-4
+"""Of the z axis, which has the wider limits."""
+
+
+class Adxl345:
+    """An ADXL345. It has neither a reset nor a temperature sensor, so every register that matters is written."""
+
+    def __init__(self, odr_hz: float = 100.0, range_g: float = 2) -> None:
+        """Raises `ValueError` for a rate or a range that the part does not have over I2C."""
+        rate_hz = nearest_rate("ADXL345", RATE_CODES, odr_hz)
+        full_scale_g = known_range("ADXL345", RANGE_CODES, range_g)
+        self.identity = IDENTITIES["ADXL345"]
+        self.properties = ChipProperties(
+            odr_hz=rate_hz,
+            units_per_g=UNITS_PER_G,
+            full_scale_g=float(full_scale_g),
+            noise_g=NOISE_LSB / UNITS_PER_G * math.sqrt(rate_hz / 100),
+            zero_g_offset_g=ZERO_G_OFFSET_G,
+            zero_g_offset_g_per_k=ZERO_G_OFFSET_G_PER_K,
+            scale_factor_per_k=SCALE_FACTOR_PER_K,
+            bandwidth_hz=None,  # half of the rate
+            longest_block=FIFO_SAMPLES // 2,
+        )
+        self.configuration: Sequence[Setting] = (
+            Setting(POWER_CTL, "POWER_CTL", STANDBY),
+            *(Setting(OFSX + axis, f"OFS{'XYZ'[axis]}", 0) for axis in range(3)),
+            Setting(ACT_INACT_CTL, "ACT_INACT_CTL", 0),
+            Setting(TAP_AXES, "TAP_AXES", 0),
+            Setting(INT_ENABLE, "INT_ENABLE", 0),
+            Setting(BW_RATE, "BW_RATE", RATE_CODES[rate_hz]),
+            Setting(DATA_FORMAT, "DATA_FORMAT", FULL_RES | RANGE_CODES[full_scale_g]),
+            Setting(FIFO_CTL, "FIFO_CTL", BYPASS),  # empties the FIFO
+            Setting(FIFO_CTL, "FIFO_CTL", STREAM),
+            Setting(POWER_CTL, "POWER_CTL", MEASURE),
+        )
+
+    def identify(self, part: I2cPart) -> str:
+        """Check the identity; the part has no revision. Raises `IdentityError`."""
+        identify(part, self.identity)
+        return ""
+
+    def reset(self, part: I2cPart, clock: Clock) -> None:
+        """Do nothing: there is no reset command."""
+
+    def fifo_level(self, part: I2cPart) -> FifoLevel:
+        """Return the number of samples. The overrun bit is cleared when samples are read.
+
+        An empty FIFO can be read, too. The smaller of two readings protects against one that is too high.
+        """
+        overrun = part.read(INT_SOURCE, 1)[0] & OVERRUN
+        first, second = (part.read(FIFO_STATUS, 1)[0] for _ in range(2))
+        samples = min(first & ENTRIES, second & ENTRIES)
+        if (first | second) & UNUSED or samples > FIFO_SAMPLES:
+            raise ImplausibleStatusError
+        if overrun:
+            return FifoLevel(samples, samples, lost_at_least=1)
+        # A full FIFO may overrun between this reading and the first sample; then the bit is cleared unseen.
+        return FifoLevel(samples, samples, lost_at_least=0 if samples == FIFO_SAMPLES else None)
+
+    def read_fifo(self, part: I2cPart, size: int) -> list[SampleRun]:
+        """Read samples one by one: a longer burst does not advance the FIFO (section "FIFO", "Retrieving data").
+
+        They are separate transfers, because the I2C controller of a Pi allows one read in each.
+        """
+        return decode_samples(b"".join(part.read(DATAX0, SAMPLE_BYTES, consuming=True) for _ in range(size)))
+
+    def forget_partial(self) -> None:
+        """Do nothing: samples are read whole."""
+
+    def temperature_c(self, part: I2cPart) -> float | None:
+        """Return None: the part has no temperature sensor."""
+        return None

@@ -1,0 +1,14 @@
+"""The accelerometer chips by the kind that a configuration names."""
+
+from collections.abc import Callable
+
+from devices.accelerometer_chip import AccelerometerChip
+from devices.adxl345 import Adxl345
+from devices.adxl355 import ADXL357, Adxl355
+
+CHIPS: dict[str, Callable[[float, float], AccelerometerChip]] = {
+    "adxl345": Adxl345,
+    "adxl355": Adxl355,
+    "adxl357": lambda odr_hz, range_g: Adxl355(odr_hz, range_g, ADXL357),
+}
+"""Each takes the output data rate in Hz and the range in g, and raises `ValueError` for one that the chip does not have."""

@@ -1,0 +1,49 @@
+"""The section `[device]` of each kind of device."""
+
+from pathlib import Path
+from typing import Annotated, Literal, get_args
+
+from pydantic import Field
+
+from gateway.configuration.device_section import DeviceSection
+from gateway.configuration.i2c_devices import Adxl345Device, Adxl355Device, Adxl357Device
+
+
+class SimulatedDevice(DeviceSection):
+    """A simulated crane, so that the gateway runs on any computer."""
+
+    kind: Literal["simulated"] = "simulated"
+    odr_hz: float = Field(125.0, gt=0, le=4000, description="output data rate")
+    range_g: float = Field(2.0, gt=0, description="full scale")
+    seed: int = Field(1, ge=0, description="seed of the crane's moves, the wind and the noise")
+
+
+class ReplayDevice(DeviceSection):
+    """A recording that is processed again by the same pipeline."""
+
+    kind: Literal["replay"]
+    path: Path = Field(description=".csv or .mcap")
+    speed: float = Field(1.0, ge=0, description="multiple of real time; 0: as fast as possible")
+    time_column: str | None = Field(None, description="foreign text: name or 1-based number of the column of seconds")
+    axis_columns: list[str] | None = Field(
+        None, min_length=3, max_length=3, description="foreign text: names or numbers of the x, y, z columns"
+    )
+    unit: Literal["g", "m/s2", "counts"] | None = Field(None, description="foreign text: unit of the axes")
+    units_per_g: float | None = Field(None, gt=0, description="foreign text in counts: counts per g")
+    rate_hz: float | None = Field(None, gt=0, description="foreign text without a column of seconds: sample rate")
+
+
+class WitMotionDevice(DeviceSection):
+    """WitMotion sensor or radio receiver on a serial port."""
+
+    kind: Literal["witmotion"]
+    port: str = Field(description="such as /dev/serial/by-id/...")
+    baud: int = Field(115200, gt=0, description="as set in the sensor")
+    odr_hz: float = Field(100.0, gt=0, le=1000, description="as set in the sensor")
+
+
+AnyDevice = Annotated[
+    SimulatedDevice | ReplayDevice | Adxl355Device | Adxl357Device | Adxl345Device | WitMotionDevice,
+    Field(discriminator="kind", description="the source of the samples"),
+]
+DEVICE_KINDS = tuple(get_args(device.model_fields["kind"].annotation)[0] for device in get_args(get_args(AnyDevice)[0]))

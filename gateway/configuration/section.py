@@ -1,0 +1,11 @@
+"""What every section of the configuration has in common."""
+
+from pydantic import BaseModel, ConfigDict
+
+KEY_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9_.-]*$"
+
+
+class Section(BaseModel):
+    """A table of the file. Unknown keys are refused, and values do not change."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
