@@ -13,8 +13,9 @@ from gateway.motion.binning import ForceBin
 from gateway.motion.fast_oscillation import FastOscillation
 from gateway.motion.filter_run import FilterRun
 from gateway.motion.hypotheses import INITIAL_WEIGHTS
+from gateway.motion.initial_state import Constants
 from gateway.motion.mixing import Mixture
-from gateway.motion.motion_filter import LINE_WALK, Constants, MotionFilter
+from gateway.motion.motion_filter import LINE_WALK, MotionFilter
 from gateway.motion.motion_tracker import MotionTracker
 from gateway.motion.rope_model import RopeModel
 from gateway.motion.state_vector import (

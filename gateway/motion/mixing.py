@@ -13,8 +13,8 @@ from gateway.motion.hypotheses import N_HYPOTHESES, Transition
 from gateway.motion.state_vector import N_STATES
 from gateway.numerics.array import Array
 
-NEGLIGIBLE = 1e-7
-"""Probability that a transition must carry to be followed. Basis: what it carries is far below every reported probability."""
+ANY_VALUE = 1e3
+"""Standard deviation by which a state that ends from any value tells nothing about what it leaves behind."""
 SMALLEST_WEIGHT = 1e-200
 """Keeps weights positive; a hypothesis revives by transitions from the others alone."""
 
@@ -29,67 +29,104 @@ class Mixture:
 
 
 class Exchange:
-    """The transitions of a filter."""
+    """The transitions of a filter.
+
+    A state that begins to act only gets variance, so that these transitions carry the mixture's own Gaussians. Only where states
+    end, a transition has a Gaussian of its own.
+    """
 
     def __init__(self, transitions: tuple[Transition, ...]) -> None:
-        self._transitions = transitions
-        self._sources = np.array([t.source for t in transitions])
-        self._targets = np.array([t.target for t in transitions])
-        self._rates_1_s = np.array([t.rate_1_s for t in transitions])
-        self._opened = np.array([t.opened for t in transitions])
-        self._kept = np.ones((len(transitions), N_STATES))
-        for kept, transition in zip(self._kept, transitions, strict=True):
-            kept[list(transition.zeroed)] = 0.0
+        beginning = [t for t in transitions if not t.zeroed]
+        self._endings = tuple(_Ending.of(group) for group in _by_zeroed_states(transitions))
+        ending = [t for group in _by_zeroed_states(transitions) for t in group]
+        ordered = [*beginning, *ending]
+        self._rates_1_s = np.array([t.rate_1_s for t in ordered])
+        self._sources = np.array([t.source for t in ordered])
+        self._ending_sources = np.array([t.source for t in ending])
+        self._n_beginning, self._n_components = len(beginning), N_HYPOTHESES + len(ending)
+        self._opened = np.array([t.opened for t in beginning])
+        self._opened_target = np.zeros((N_HYPOTHESES, len(beginning)))
+        self._opened_target[[t.target for t in beginning], np.arange(len(beginning))] = 1.0
+        targets = np.array([*range(N_HYPOTHESES), *(t.target for t in ordered)])
+        components = [*range(N_HYPOTHESES), *(t.source for t in beginning), *range(N_HYPOTHESES, self._n_components)]
+        self._place = targets * self._n_components + np.array(components)
+        """Of each weight in the matrix of targets and components: those that stay, then those carried."""
 
     def after(self, mixture: Mixture, time_s: float) -> Mixture:
         """Return the mixture after the transitions of a time step."""
-        carried = -np.expm1(-self._rates_1_s * time_s) * mixture.weight[self._sources]
-        followed = np.flatnonzero(carried > NEGLIGIBLE)
-        carried, sources = carried[followed], self._sources[followed]
-        states, covariances = mixture.state[sources], mixture.covariance[sources]
-        for i, index in enumerate(followed):
-            transition = self._transitions[index]
-            if transition.tolerance is not None:
-                states[i], covariances[i], share = _condition_on_zero(states[i], covariances[i], transition)
-                carried[i] *= share
-        kept = self._kept[followed]
-        states *= kept
-        covariances *= kept[:, :, None] * kept[:, None, :]
-        covariances.reshape(len(followed), -1)[:, :: N_STATES + 1] += self._opened[followed]
-        leaving = np.bincount(sources, carried, minlength=N_HYPOTHESES)
+        states = np.concatenate([mixture.state, mixture.state[self._ending_sources]])
+        covariances = np.concatenate([mixture.covariance, mixture.covariance[self._ending_sources]])
+        carried = -np.expm1(-time_s * self._rates_1_s) * mixture.weight[self._sources]
+        begin = N_HYPOTHESES
+        for ending in self._endings:
+            these = slice(begin, begin + len(ending.variance))
+            transition = these.start - N_HYPOTHESES + self._n_beginning
+            carried[transition : transition + len(ending.variance)] *= ending.condition(
+                states[these], covariances[these]
+            )
+            begin = these.stop
+        leaving = np.bincount(self._sources, carried, minlength=N_HYPOTHESES)
         stay = np.maximum(mixture.weight - leaving, SMALLEST_WEIGHT)
-        return _merge(
-            np.concatenate([_ALL, self._targets[followed]]),
-            np.concatenate([stay, carried]),
-            np.concatenate([mixture.state, states]),
-            np.concatenate([mixture.covariance, covariances]),
-        )
+        all_weights = np.concatenate([stay, carried])
+        counted = np.bincount(self._place, all_weights, minlength=N_HYPOTHESES * self._n_components)
+        shares: Array = counted.astype(np.float64).reshape(N_HYPOTHESES, -1)
+        weight = shares.sum(axis=1)
+        shares /= weight[:, None]
+        state, covariance = _moments(shares, states, covariances)
+        opened = self._opened_target @ (carried[: self._n_beginning, None] * self._opened)
+        covariance.reshape(N_HYPOTHESES, -1)[:, :: N_STATES + 1] += opened / weight[:, None]
+        return Mixture(state, covariance, weight / weight.sum())
 
 
-_ALL = np.arange(N_HYPOTHESES)
+@dataclass(frozen=True, slots=True)
+class _Ending:
+    """Transitions after which the same states are zero."""
+
+    zeroed: slice
+    variance: Array
+    """Of their deviation from zero at the end, shape (transitions, zeroed states)."""
+    counts_spread: bool
+
+    @classmethod
+    def of(cls, transitions: list[Transition]) -> "_Ending":
+        zeroed = transitions[0].zeroed
+        tolerance = [t.tolerance or (ANY_VALUE,) * len(zeroed) for t in transitions]
+        return cls(slice(zeroed[0], zeroed[-1] + 1), np.square(tolerance), transitions[0].counts_spread)
+
+    def condition(self, states: Array, covariances: Array) -> Array:
+        """Condition Gaussians on zero, in place; return how well that agrees with what was known of them, 0 to 1.
+
+        `states`, `covariances`: shapes (transitions, N_STATES) and (transitions, N_STATES, N_STATES).
+        """
+        zeroed = self.zeroed
+        rows, values = covariances[:, zeroed], states[:, zeroed]
+        spread = rows[:, :, zeroed] + self.variance[:, :, None] * np.eye(self.variance.shape[1])
+        inverse: Array = np.asarray(np.linalg.inv(spread), dtype=np.float64)
+        gain = inverse @ rows
+        share: Array = np.exp(-0.5 * np.vecdot(values, np.matvec(inverse, values)))
+        if self.counts_spread:
+            share *= np.sqrt(self.variance.prod(axis=1) / np.linalg.det(spread))
+        states -= np.vecmat(values, gain)
+        covariances -= rows.transpose(0, 2, 1) @ gain
+        states[:, zeroed] = covariances[:, zeroed] = covariances[:, :, zeroed] = 0.0
+        return share
 
 
-def _condition_on_zero(state: Array, covariance: Array, transition: Transition) -> tuple[Array, Array, float]:
-    """Return the state given that what ends is zero, and how well that agrees with what is known of it, 0 to 1."""
-    zeroed, variance = list(transition.zeroed), np.square(transition.tolerance or ())
-    rows = covariance[zeroed]
-    spread = rows[:, zeroed] + np.diag(variance)
-    solved = np.linalg.solve(spread, np.column_stack([rows, state[zeroed]]))
-    gain, weighted = solved[:, :-1], solved[:, -1]
-    share = float(np.exp(-0.5 * state[zeroed] @ weighted))
-    if transition.counts_spread:
-        share *= float(np.sqrt(variance.prod() / np.linalg.det(spread)))
-    return state - gain.T @ state[zeroed], covariance - gain.T @ rows, share
+def _by_zeroed_states(transitions: tuple[Transition, ...]) -> list[list[Transition]]:
+    groups: dict[tuple[int, ...], list[Transition]] = {}
+    for transition in transitions:
+        if transition.zeroed:
+            groups.setdefault(transition.zeroed, []).append(transition)
+    return list(groups.values())
 
 
-def _merge(targets: Array, weights: Array, states: Array, covariances: Array) -> Mixture:
-    """Return one Gaussian per hypothesis with the moments of the mixture that reaches it."""
-    selection = np.zeros((N_HYPOTHESES, len(targets)))
-    selection[targets, np.arange(len(targets))] = weights
-    weight = selection.sum(axis=1)
-    selection /= weight[:, None]
-    state = selection @ states
-    deviation = states - state[targets]
-    second_moment = covariances + deviation[:, :, None] * deviation[:, None, :]
-    covariance = (selection @ second_moment.reshape(len(targets), -1)).reshape(-1, N_STATES, N_STATES)
-    return Mixture(state, covariance, weight / weight.sum())
+def _moments(shares: Array, states: Array, covariances: Array) -> tuple[Array, Array]:
+    """Return mean and covariance of mixtures of the same Gaussians.
+
+    `shares`, shape (m, k): of each Gaussian in each mixture; `states`, shape (k, n); `covariances`, shape (k, n, n).
+    """
+    state = shares @ states
+    deviation = states - state[:, None]
+    covariance = (shares @ covariances.reshape(len(covariances), -1)).reshape(len(shares), N_STATES, N_STATES)
+    covariance += (deviation * shares[:, :, None]).transpose(0, 2, 1) @ deviation
+    return state, covariance

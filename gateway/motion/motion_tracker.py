@@ -10,7 +10,8 @@ from gateway.motion.estimate import FastOscillationShare, MotionEstimate, Motion
 from gateway.motion.fast_oscillation import FastOscillationDetector
 from gateway.motion.filter_run import FilterRun
 from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING, PIVOT_SIGN
-from gateway.motion.motion_filter import Constants, MotionFilter
+from gateway.motion.initial_state import Constants
+from gateway.motion.motion_filter import MotionFilter
 from gateway.motion.peaks import SwingPhase, ellipse, next_peak
 from gateway.motion.rope_model import RopeModel
 from gateway.motion.state_vector import GRAVITY, HOIST_SPEED, INPUT, LINE, LINE_RATE, LN_LENGTH, RATE, SIDE_FORCE

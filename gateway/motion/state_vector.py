@@ -1,7 +1,7 @@
 """The state vector of the motion filter, in the frame of the housing.
 
 A pair is the two components across the rope. Forces are per unit weight (1 is g). The rope's direction n points from pivot to
-load.
+load. States that change by the equations of motion come first, so that a prediction leaves the others alone.
 """
 
 GRAVITY = slice(0, 2)
@@ -14,29 +14,33 @@ INPUT_RATE = slice(6, 8)
 """Its time derivative, 1/s."""
 SIDE_FORCE = slice(8, 10)
 """Steady horizontal force on the load per weight, as of a constant wind; it makes the rope lean."""
-OFFSET = slice(10, 12)
-"""Constant part of the transverse reading: zero-g offset plus MOUNT, g."""
-MOUNT = slice(12, 14)
-"""Tilt of the housing's z axis against the rope, rad."""
-AXIAL_OFFSET = 14
-"""Constant part of the axial reading: zero-g offset and scale error, g."""
-LN_LENGTH = 15
-"""ln(L/m)."""
-HOIST_SPEED = 16
-"""L', lowering positive, m/s."""
-HOIST_ACCELERATION = 17
-"""L'', m/s^2."""
-DAMPING = 18
-"""Viscous damping rate c, 1/s."""
-PLACE = 19
-"""Distance of the housing from the end of the rope from which it is stated: load or pivot, m."""
-PIVOT_VELOCITY = slice(20, 22)
+PIVOT_VELOCITY = slice(10, 12)
 """Horizontal velocity of the pivot since the crane last rested, m/s."""
-LINE = slice(22, 24)
-"""Force of a fast oscillation on the load (a load that swings under its hook, a rope that vibrates) per weight."""
-LINE_RATE = slice(24, 26)
-"""Its time derivative, 1/s."""
-SPIN = 26
+SPIN = 12
 """Rate at which the housing turns about the rope, 1/s; everything but OFFSET and MOUNT turns the other way in its frame."""
+LN_LENGTH = 13
+"""ln(L/m)."""
+HOIST_SPEED = 14
+"""L', lowering positive, m/s."""
+HOIST_ACCELERATION = 15
+"""L'', m/s^2."""
+OFFSET = slice(16, 18)
+"""Constant part of the transverse reading: zero-g offset plus MOUNT, g."""
+MOUNT = slice(18, 20)
+"""Tilt of the housing's z axis against the rope, rad."""
+AXIAL_OFFSET = 20
+"""Constant part of the axial reading: zero-g offset and scale error, g."""
+DAMPING = 21
+"""Viscous damping rate c, 1/s."""
+PLACE = 22
+"""Distance of the housing from the end of the rope from which it is stated: load or pivot, m."""
+LINE = slice(23, 25)
+"""Force of a fast oscillation on the load (a load that swings under its hook, a rope that vibrates) per weight."""
+LINE_RATE = slice(25, 27)
+"""Its time derivative, 1/s."""
 N_STATES = 27
 """Definition."""
+TURNING = slice(0, 12)
+"""Pairs that keep their direction in the world while the housing turns."""
+MOVING = slice(0, 15)
+"""States that change by the equations of motion; without a fast oscillation all others are constant or walk randomly."""

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.motion.motion_filter import Constants
+from gateway.motion.initial_state import Constants
 from gateway.numerics.array import Array
 from gateway.swing.rig import MountedHousing
 from tests.working_crane.__main__ import make

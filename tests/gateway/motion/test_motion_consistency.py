@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from gateway.motion.hypotheses import N_HYPOTHESES, MotionHypothesis
-from gateway.motion.motion_filter import Constants, MotionFilter
+from gateway.motion.initial_state import Constants
+from gateway.motion.motion_filter import MotionFilter
 from gateway.motion.rope_model import RopeModel
 from gateway.motion.state_vector import GRAVITY, RATE
 from gateway.numerics.array import Array

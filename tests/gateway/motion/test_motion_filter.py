@@ -9,7 +9,8 @@ import pytest
 from devices.simulated.schedule import Event, Gust, Hoist, TrolleyMove
 from gateway.motion.binning import Binning
 from gateway.motion.filter_run import FilterRun
-from gateway.motion.motion_filter import Constants, MotionFilter
+from gateway.motion.initial_state import Constants
+from gateway.motion.motion_filter import MotionFilter
 from gateway.motion.rope_model import RopeModel
 from gateway.numerics.array import Array
 from tests.gateway.motion.conftest import GRAVITY_M_S2, Recording, follow, new_tracker, normalised_errors, swing

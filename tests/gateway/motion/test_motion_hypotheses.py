@@ -16,8 +16,9 @@ from gateway.motion.hypotheses import (
     MotionHypothesis,
     transitions,
 )
+from gateway.motion.initial_state import Constants
 from gateway.motion.mixing import Exchange
-from gateway.motion.motion_filter import Constants, MotionFilter
+from gateway.motion.motion_filter import MotionFilter
 from gateway.motion.rope_model import RopeModel
 from gateway.motion.state_vector import HOIST_SPEED, INPUT
 from tests.gateway.motion.conftest import GRAVITY_M_S2, Recording, follow, holds, swing

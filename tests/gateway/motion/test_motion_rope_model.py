@@ -8,7 +8,8 @@ import pytest
 from devices.pendulum import pendulum
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from gateway.motion.hypotheses import N_HYPOTHESES, MotionHypothesis
-from gateway.motion.motion_filter import Constants, MotionFilter
+from gateway.motion.initial_state import Constants
+from gateway.motion.motion_filter import MotionFilter
 from gateway.motion.rope_model import RopeModel
 from gateway.motion.state_vector import (
     AXIAL_OFFSET,
