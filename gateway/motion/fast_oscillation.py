@@ -23,6 +23,9 @@ SIGNIFICANCE = 25.0
 """Power of a line over the median of the spectrum. Basis: chance exceeds it once in 1e6 spectra of 100 frequencies."""
 KEEP_SIGNIFICANCE = 8.0
 """The same for a line that is already known."""
+SMALLEST_AMPLITUDE_G, KEEP_AMPLITUDE_G = 3e-4, 1.5e-4
+"""Amplitude from which on a line counts, and while it is known. Basis: at four times the swing's frequency it changes the rope's
+angle by less than 0.01 degrees; the bins' noise covers it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,11 +77,12 @@ class FastOscillationDetector:
         peak = int(masked.argmax())
         floor = float(np.median(line_power[allowed]))
         is_local = 0 < peak < len(rate) - 1 and line_power[peak] >= max(line_power[peak - 1], line_power[peak + 1])
-        needed = SIGNIFICANCE if self.found is None else KEEP_SIGNIFICANCE
-        if not is_local or line_power[peak] < needed * floor:
+        needed, smallest_g = (
+            (SIGNIFICANCE, SMALLEST_AMPLITUDE_G) if self.found is None else (KEEP_SIGNIFICANCE, KEEP_AMPLITUDE_G)
+        )
+        amplitude_g = float(2 * np.sqrt(line_power[peak]) / n)
+        if not is_local or line_power[peak] < needed * floor or amplitude_g < smallest_g:
             return None
         left, middle, right = np.log(line_power[peak - 1 : peak + 2] + 1e-300)
         shift = 0.5 * (left - right) / (left - 2 * middle + right)
-        return FastOscillation(
-            float(rate[peak] + shift * (rate[1] - rate[0])), float(2 * np.sqrt(line_power[peak]) / n)
-        )
+        return FastOscillation(float(rate[peak] + shift * (rate[1] - rate[0])), amplitude_g)

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gateway.motion.rope_model import pair_diagonal
+from gateway.motion.rope_model import set_pair_diagonal
 from gateway.motion.state_vector import LINE, LINE_RATE, RATE
 from gateway.numerics.array import Array
 
@@ -42,12 +42,12 @@ def add_line(x: Array, before: Array, transition: Array, k: Array, omega: float,
 
     `before`: the states at the beginning of the step, shape (m, n); `k`: g/L, shape (m,); `omega`: its angular frequency.
     """
-    sine, cosine = np.sin(omega * time_s), np.cos(omega * time_s)
+    sine, cosine = float(np.sin(omega * time_s)), float(np.cos(omega * time_s))
     force, force_rate = before[:, LINE], before[:, LINE_RATE]
-    by_force, by_force_rate = (k * sine / omega)[:, None], (k * (1 - cosine) / omega**2)[:, None]
+    by_force, by_force_rate = k * (sine / omega), k * ((1 - cosine) / omega**2)
     x[:, LINE] = cosine * force + sine / omega * force_rate
     x[:, LINE_RATE] = -omega * sine * force + cosine * force_rate
-    x[:, RATE] += by_force * force + by_force_rate * force_rate
+    x[:, RATE] += by_force[:, None] * force + by_force_rate[:, None] * force_rate
     for rows, columns, factor in (
         (LINE, LINE, cosine),
         (LINE_RATE, LINE_RATE, cosine),
@@ -56,4 +56,4 @@ def add_line(x: Array, before: Array, transition: Array, k: Array, omega: float,
         (RATE, LINE, by_force),
         (RATE, LINE_RATE, by_force_rate),
     ):
-        pair_diagonal(transition, rows, columns)[:] = factor
+        set_pair_diagonal(transition, rows, columns, (factor, factor))
