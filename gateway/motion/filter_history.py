@@ -57,13 +57,6 @@ CONSTANTS = [
     *(AXIAL_OFFSET, DAMPING, PLACE),
 ]
 """States that change little in a recording."""
-ACTING = [
-    *(state for pair in (INPUT, INPUT_RATE) for state in range(pair.start, pair.stop)),
-    *(HOIST_SPEED, HOIST_ACCELERATION),
-]
-"""States that a hypothesis has or has not."""
-FORGOTTEN = 1e-60
-"""Weight below which a hypothesis is not revived by transitions."""
 KEPT_CONSTANTS = [KEPT.index(state) for state in CONSTANTS]
 KEPT_SHARE = 1 / 16
 """Share of its information with which a run that turns begins again: standard deviations are four times as large."""
@@ -121,31 +114,11 @@ class _KeptFilter(MotionFilter):
 
     def __init__(self, model: RopeModel, constants: Constants, change: Callable[[Mixture], Mixture]) -> None:
         super().__init__(model, constants)
-        self._prior = self.mixture
         self.mixture = self.predicted = change(self.mixture)
 
     def predict(self, time_s: float) -> None:
-        self.mixture = _revive(self.mixture, self._prior)
         super().predict(time_s)
         self.predicted = self.mixture
-
-
-def _revive(mixture: Mixture, prior: Mixture) -> Mixture:
-    """Return the mixture in which a forgotten hypothesis follows the most probable one, with the prior of what it lets act.
-
-    Left alone, its motion would leave the domain of the equations.
-    """
-    forgotten = mixture.weight < FORGOTTEN
-    if not forgotten.any():
-        return mixture
-    best = mixture.weight.argmax()
-    state, covariance = mixture.state.copy(), mixture.covariance.copy()
-    state[forgotten], covariance[forgotten] = mixture.state[best], mixture.covariance[best]
-    rows = np.flatnonzero(forgotten)[:, None]
-    state[rows, ACTING] = prior.state[rows, ACTING]
-    covariance[rows, ACTING], covariance[rows, :, ACTING] = 0.0, 0.0
-    covariance[rows, ACTING, ACTING] = prior.covariance[rows, ACTING, ACTING]
-    return Mixture(state, covariance, mixture.weight)
 
 
 class _KeptRun(FilterRun):

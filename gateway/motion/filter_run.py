@@ -1,13 +1,12 @@
 """A motion filter fed with bins: predictions between them, their noise, and the evidence for the filter's account of them."""
 
+import math
 from collections import deque
-
-import numpy as np
 
 from gateway.motion.bin_noise import BinNoise
 from gateway.motion.binning import ForceBin
 from gateway.motion.fast_oscillation import FastOscillation
-from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING, PIVOT_SIGN, MotionHypothesis
+from gateway.motion.hypotheses import PIVOT_SIGN, MotionHypothesis, probabilities
 from gateway.motion.motion_filter import EXPECTED_SQUARED, MotionFilter
 from gateway.motion.state_vector import HOIST_SPEED, INPUT, LINE, PIVOT_VELOCITY
 from gateway.numerics.array import Array
@@ -91,14 +90,14 @@ class FilterRun:
     def _acts(self) -> bool:
         """Return whether a drive or a gust goes on, or a hoist without speed."""
         mixture = self.filter.mixture
-        speed_m_s = float(mixture.weight @ mixture.state[:, HOIST_SPEED])
-        idle_hoist = mixture.weight[IS_HOISTING].sum() > 0.5 and abs(speed_m_s) < SLOW_HOIST_M_S
-        return bool(idle_hoist or mixture.weight[IS_DRIVEN | IS_GUST].sum() > 0.5)
+        driven, gust, hoisting = probabilities(mixture.weight)
+        idle_hoist = hoisting > 0.5 and abs(float(mixture.weight @ mixture.state[:, HOIST_SPEED])) < SLOW_HOIST_M_S
+        return idle_hoist or driven + gust > 0.5
 
     @property
     def is_broken(self) -> bool:
         """The account has lost its numbers; it must be made anew."""
-        return not np.isfinite(self.filter.mixture.weight).all()
+        return not math.isfinite(float(self.filter.mixture.weight.sum()))
 
     @property
     def is_locked(self) -> bool:
@@ -109,13 +108,13 @@ class FilterRun:
     def is_doubtful(self) -> bool:
         """The account does not explain the readings, or only by what no crane does."""
         mixture = self.filter.mixture
-        speed_m_s = mixture.weight @ mixture.state[:, PIVOT_VELOCITY]
-        pivot_g = (mixture.weight * PIVOT_SIGN) @ mixture.state[:, INPUT]
+        velocity_m_s = (mixture.weight @ mixture.state[:, PIVOT_VELOCITY]).tolist()
+        pivot_g = ((mixture.weight * PIVOT_SIGN) @ mixture.state[:, INPUT]).tolist()
         return (
             self._mean_squared > POOR_SQUARED
             or self._doubtful_s > LONGEST_ACT_S
-            or float(np.hypot(*speed_m_s)) > IMPLAUSIBLE_SPEED_M_S
-            or float(np.hypot(*pivot_g)) > IMPLAUSIBLE_ACCELERATION_G
+            or math.hypot(*velocity_m_s) > IMPLAUSIBLE_SPEED_M_S
+            or math.hypot(*pivot_g) > IMPLAUSIBLE_ACCELERATION_G
         )
 
     @property
@@ -125,8 +124,8 @@ class FilterRun:
 
     def _stated_g(self, count: int) -> float:
         if self._noise_g is None:
-            return 0.0 if self._noise.is_known else UNKNOWN_NOISE_G / float(np.sqrt(count))
-        return self._noise_g / float(np.sqrt(count))
+            return 0.0 if self._noise.is_known else UNKNOWN_NOISE_G / math.sqrt(count)
+        return self._noise_g / math.sqrt(count)
 
     def _without_line(self, force_g: Array) -> Array:
         if self.filter.line_rate_1_s is None:

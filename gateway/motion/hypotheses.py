@@ -42,6 +42,7 @@ PIVOT_SIGN = IS_DRIVEN.astype(float)
 """1 where the input is an acceleration of the pivot."""
 LOAD_SIGN = IS_GUST.astype(float) - PIVOT_SIGN
 """Sign with which the input acts on the load's swing: an acceleration of the pivot acts like a force against it."""
+_KINDS = np.column_stack([IS_DRIVEN, IS_GUST, IS_HOISTING]).astype(float)
 INITIAL_WEIGHTS = np.array([0.75, 0.10, 0.05, 0.06, 0.03, 0.01])
 """Basis: a gateway is switched on more often while the crane rests than while it works; any of them is overruled in seconds."""
 
@@ -92,6 +93,12 @@ class Transition:
     """The change happens where those states are already zero within these standard deviations; None: from any value."""
     counts_spread: bool = False
     """A state of which little is known is improbably zero: a hoist that may run at any speed has not ended."""
+
+
+def probabilities(weight: Array) -> tuple[float, float, float]:
+    """Return how probably the pivot accelerates, a gust pushes the load, and the rope's length changes."""
+    driven, gust, hoisting = (weight @ _KINDS).tolist()
+    return driven, gust, hoisting
 
 
 def transitions() -> tuple[Transition, ...]:

@@ -10,13 +10,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.motion.hypotheses import N_HYPOTHESES, Transition
-from gateway.motion.state_vector import N_STATES
+from gateway.motion.state_vector import HOIST_ACCELERATION, HOIST_SPEED, INPUT, INPUT_RATE, N_STATES
 from gateway.numerics.array import Array
 
 ANY_VALUE = 1e3
 """Standard deviation by which a state that ends from any value tells nothing about what it leaves behind."""
 SMALLEST_WEIGHT = 1e-200
 """Keeps weights positive; a hypothesis revives by transitions from the others alone."""
+FORGOTTEN = 1e-60
+"""Weight below which a hypothesis is not revived by transitions."""
+ACTING = [*range(INPUT.start, INPUT_RATE.stop), HOIST_SPEED, HOIST_ACCELERATION]
+"""States that a hypothesis has or has not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,6 +30,24 @@ class Mixture:
     state: Array
     covariance: Array
     weight: Array
+
+
+def revive(mixture: Mixture, prior: Mixture) -> Mixture:
+    """Return the mixture in which a forgotten hypothesis follows the most probable one, with the prior of what it lets act.
+
+    Left alone, its motion would leave the domain of the equations.
+    """
+    forgotten = mixture.weight < FORGOTTEN
+    if not forgotten.any():
+        return mixture
+    best = mixture.weight.argmax()
+    state, covariance = mixture.state.copy(), mixture.covariance.copy()
+    state[forgotten], covariance[forgotten] = mixture.state[best], mixture.covariance[best]
+    rows = np.flatnonzero(forgotten)[:, None]
+    state[rows, ACTING] = prior.state[rows, ACTING]
+    covariance[rows, ACTING], covariance[rows, :, ACTING] = 0.0, 0.0
+    covariance[rows, ACTING, ACTING] = prior.covariance[rows, ACTING, ACTING]
+    return Mixture(state, covariance, mixture.weight)
 
 
 class Exchange:

@@ -3,6 +3,8 @@
 It is bounded in memory and in cost per update, and it never starts anew because of what the crane does.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from gateway.motion.hypotheses import (
@@ -20,7 +22,7 @@ from gateway.motion.hypotheses import (
 )
 from gateway.motion.initial_state import Constants, initial_mixture
 from gateway.motion.innovation import Innovation
-from gateway.motion.mixing import SMALLEST_WEIGHT, Exchange, Mixture
+from gateway.motion.mixing import SMALLEST_WEIGHT, Exchange, Mixture, revive
 from gateway.motion.prediction import add_line, advance_covariance, taylor_step
 from gateway.motion.rope_model import RopeModel, axial_curvature
 from gateway.motion.state_vector import (
@@ -85,7 +87,7 @@ class MotionFilter:
         self.model = model
         self._exchange = Exchange(transitions())
         self._noise = _process_noise()
-        self.mixture = initial_mixture(model.gravity_m_s2, constants)
+        self._prior = self.mixture = initial_mixture(model.gravity_m_s2, constants)
         self.line_rate_1_s: float | None = None
         """Angular frequency of a fast oscillation that is part of the state; None: there is none."""
         self._step_s = 0.0
@@ -99,7 +101,7 @@ class MotionFilter:
     def predict(self, time_s: float) -> None:
         """Advance the motion by a time without a reading."""
         self._step_s = time_s
-        mixture = self._exchange.after(self.mixture, time_s)
+        mixture = self._exchange.after(revive(self.mixture, self._prior), time_s)
         x, covariance = mixture.state, mixture.covariance
         rate, jacobian = self.model.rate(x)
         k = self.model.gravity_m_s2 * np.exp(-x[:, LN_LENGTH])
@@ -120,7 +122,17 @@ class MotionFilter:
         self.mixture = mixture
 
     def update(self, reading_g: Array, sigma_g: Array) -> bool:
-        """Take the mean reading of a bin, shape (3,), with its standard deviation; return whether it was an outlier."""
+        """Take the mean reading of a bin, shape (3,), with its standard deviation; return whether it was an outlier.
+
+        Where rounding has made a covariance impossible, the weights become NaN.
+        """
+        try:
+            return self._update(reading_g, sigma_g)
+        except np.linalg.LinAlgError:
+            self.mixture = replace(self.mixture, weight=np.full(N_HYPOTHESES, np.nan))
+            return True
+
+    def _update(self, reading_g: Array, sigma_g: Array) -> bool:
         x, covariance, weight = self.mixture.state, self.mixture.covariance, self.mixture.weight
         expected, jacobian, place_s2 = self.model.reading(x)
         bias, curvature = axial_curvature(covariance, place_s2)

@@ -1,5 +1,6 @@
 """The motion of a live stream with what makes it unknown: faults of the sensor, lasting clipping, too wide an interval."""
 
+import math
 from collections import deque
 from dataclasses import replace
 
@@ -62,7 +63,7 @@ class MotionMonitor:
     def estimate(self, now_s: float) -> MotionEstimate:
         """Return the motion at a time not before the newest sample; call it once per update."""
         estimate = self._tracker.estimate(now_s, self._faults.free_swing_length_m)
-        if estimate.u_rad is None and estimate.length_m is not None and not np.isfinite(estimate.length_m):
+        if estimate.u_rad is None and estimate.length_m is not None and not math.isfinite(estimate.length_m):
             self._tracker = self._new_tracker()
         self._count_outliers(now_s)
         if (why := self._why_unknown(now_s)) is not None:
@@ -72,7 +73,7 @@ class MotionMonitor:
             return replace(estimate, reasons=(*(estimate.reasons or (why,)), *self._warnings))
         contradiction_u = self._faults.contradiction_u_rel
         parts = (max(self._rig.scale_u), _attenuation(self._rig, estimate.period_s), self._faults.undecided_u_rel)
-        widened = _with_relative_uncertainty(estimate, float(np.linalg.norm(parts)), contradiction_u)
+        widened = _with_relative_uncertainty(estimate, math.hypot(*parts), contradiction_u)
         contradicting = (CONTRADICTION,) if contradiction_u > 0 else ()
         return replace(widened, reasons=(*estimate.reasons, *contradicting, *self._warnings))
 
@@ -119,7 +120,7 @@ def _with_relative_uncertainty(estimate: MotionEstimate, u_rel: float, u_rel_of_
     added_rad = u_rel_of_largest * (estimate.angle_rad if estimate.last_peak is None else estimate.last_peak.angle_rad)
     return replace(
         estimate,
-        u_rad=float(np.linalg.norm([estimate.u_rad, u_rel * estimate.angle_rad, added_rad])),
+        u_rad=math.hypot(estimate.u_rad, u_rel * estimate.angle_rad, added_rad),
         next_peak=_widened(estimate.next_peak, u_rel, added_rad),
         next_peak_if_coasting=_widened(estimate.next_peak_if_coasting, u_rel, added_rad),
         last_peak=_widened(estimate.last_peak, u_rel, added_rad),
@@ -129,4 +130,4 @@ def _with_relative_uncertainty(estimate: MotionEstimate, u_rel: float, u_rel_of_
 def _widened(peak: PeakEstimate | None, u_rel: float, added_rad: float) -> PeakEstimate | None:
     if peak is None:
         return None
-    return replace(peak, u_rad=float(np.linalg.norm([peak.u_rad, u_rel * peak.angle_rad, added_rad])))
+    return replace(peak, u_rad=math.hypot(peak.u_rad, u_rel * peak.angle_rad, added_rad))

@@ -1,5 +1,7 @@
 """The motion of a live stream: blocks of samples in, an estimate at any time out; pure and deterministic."""
 
+import cmath
+import math
 from collections import deque
 from dataclasses import replace
 
@@ -9,12 +11,23 @@ from gateway.motion.binning import Binning, ForceBin
 from gateway.motion.estimate import FastOscillationShare, MotionEstimate, MotionState, PeakEstimate
 from gateway.motion.fast_oscillation import FastOscillationDetector
 from gateway.motion.filter_run import FilterRun
-from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING, PIVOT_SIGN
+from gateway.motion.hypotheses import LOAD_SIGN, probabilities
 from gateway.motion.initial_state import Constants
+from gateway.motion.moments import mixture_moments
 from gateway.motion.motion_filter import MotionFilter
 from gateway.motion.peaks import SwingPhase, ellipse, next_peak
 from gateway.motion.rope_model import RopeModel
-from gateway.motion.state_vector import GRAVITY, HOIST_SPEED, INPUT, LINE, LINE_RATE, LN_LENGTH, RATE, SIDE_FORCE
+from gateway.motion.state_vector import (
+    DAMPING,
+    GRAVITY,
+    HOIST_SPEED,
+    INPUT,
+    LINE,
+    LINE_RATE,
+    LN_LENGTH,
+    RATE,
+    SIDE_FORCE,
+)
 from gateway.numerics.array import Array
 from gateway.swing.rig import MountedHousing
 
@@ -156,86 +169,70 @@ class MotionTracker:
         """Return the motion at a time not before the newest bin; call it at most once per published message."""
         if self._run.newest_s is None:
             return MotionEstimate(time_s=now_s, state="unknown", reasons=("no reading yet",))
-        x, p = self._moments()
         ahead_s = now_s - self._run.newest_s
         if ahead_s > LONGEST_AHEAD_S or self._run.is_broken:
             return MotionEstimate(time_s=now_s, state="unknown", reasons=("no reading that can be used",))
-        rate, _ = self._rates()
-        w_mean = x[2:4] + ahead_s * rate
-        u = x[:2] - ahead_s * (x[2:4] + 0.5 * ahead_s * rate)
-        return self._describe(now_s, u, w_mean, x, p)
+        mean, covariance = mixture_moments(self._run.filter.mixture)
+        return self._describe(now_s, ahead_s, mean, covariance)
 
-    def _rates(self) -> tuple[Array, Array]:
-        mixture = self._run.filter.mixture
-        rate, jacobian = self._run.filter.model.rate(mixture.state)
-        return mixture.weight @ rate[:, RATE], jacobian
+    def _describe(self, now_s: float, ahead_s: float, mean: Array, covariance: Array) -> MotionEstimate:
+        mixture, g = self._run.filter.mixture, self._rig.gravity_m_s2
+        x, sigma = mean.tolist(), np.sqrt(np.diagonal(covariance)).tolist()
+        u, w, side, pivot = (complex(*x[pair]) for pair in (GRAVITY, RATE, SIDE_FORCE, INPUT))
+        length_m = math.exp(x[LN_LENGTH])
+        rate_1_s = math.sqrt(g / length_m)
+        pushing = complex(*((mixture.weight * LOAD_SIGN) @ mixture.state[:, INPUT]).tolist())
+        damping_1_s = x[DAMPING] + 2 * x[HOIST_SPEED] / length_m
+        acceleration = rate_1_s**2 * (u + side + pushing) - damping_1_s * w
+        u -= ahead_s * (w + 0.5 * ahead_s * acceleration)
+        w += ahead_s * acceleration
 
-    def _moments(self) -> tuple[Array, Array]:
-        """Return mean and covariance of u, w, side force, pivot's acceleration, hoist speed and ln L, shapes (10,), (10, 10)."""
-        mixture = self._run.filter.mixture
-        chosen = mixture.state[:, _REPORTED].copy()
-        chosen[:, 6:8] *= PIVOT_SIGN[:, None]
-        covariance = mixture.covariance[:, _REPORTED][:, :, _REPORTED].copy()
-        covariance[:, 6:8] *= PIVOT_SIGN[:, None, None]
-        covariance[:, :, 6:8] *= PIVOT_SIGN[:, None, None]
-        mean = mixture.weight @ chosen
-        deviation = chosen - mean
-        spread = (mixture.weight[:, None] * deviation).T @ deviation
-        return mean, np.tensordot(mixture.weight, covariance, 1) + spread
-
-    def _describe(self, now_s: float, u: Array, w: Array, x: Array, p: Array) -> MotionEstimate:
-        weight = self._run.filter.mixture.weight
-        sine = min(float(np.hypot(*u)), 1.0)
-        angle_rad = float(np.arcsin(sine))
-        towards = u / max(sine, 1e-9)
-        along, total = float(towards @ p[:2, :2] @ towards), float(np.trace(p[:2, :2]))
+        sine = min(abs(u), 1.0)
+        angle_rad, towards = math.asin(sine), u / max(sine, 1e-9)
+        along = _variance_along(covariance[GRAVITY, GRAVITY].tolist(), towards)
+        total = sigma[0] ** 2 + sigma[1] ** 2
         share = sine**2 / (sine**2 + total)
-        u_rad = float(np.sqrt(share * along + (1 - share) * total))
-        length_m = float(np.exp(x[9]))
-        rate_1_s = float(np.sqrt(self._rig.gravity_m_s2 / length_m))
-        phase = SwingPhase(np.concatenate([u, w, x[4:8]]), p[:8, :8], rate_1_s)
-        centre = -x[4:6]
-        major, minor, direction = ellipse(u - centre, -w / rate_1_s)
-        self._remember(now_s, angle_rad, u_rad, 2 * np.pi / rate_1_s)
+        u_rad = math.sqrt(share * along + (1 - share) * total)
+        major, minor, direction = ellipse(u + side, -w / rate_1_s)
+        self._remember(now_s, angle_rad, u_rad, 2 * math.pi / rate_1_s)
         is_known = u_rad < LARGEST_U_RAD
-        lean = float(np.hypot(*centre))
+        start = np.array([part for pair in (u, w, side, pivot) for part in (pair.real, pair.imag)])
+        phase = SwingPhase(start, covariance[_PHASE_STATES], rate_1_s)
         return MotionEstimate(
             time_s=now_s,
-            state=self._state(major, p, x) if is_known else "unknown",
+            state=self._state(major, math.sqrt(total), x[HOIST_SPEED], sigma[HOIST_SPEED]) if is_known else "unknown",
             angle_rad=angle_rad if is_known else None,
             u_rad=u_rad if is_known else None,
-            azimuth_rad=float(np.arctan2(-u[1], -u[0])) if is_known else None,
-            rate_rad_s=-float(towards @ w) if is_known else None,
-            pivot_acceleration_m_s2=(float(x[6]) * self._rig.gravity_m_s2, float(x[7]) * self._rig.gravity_m_s2),
-            pivot_acceleration_u_m_s2=float(np.sqrt(0.5 * np.trace(p[6:8, 6:8]))) * self._rig.gravity_m_s2,
-            hoist_m_s=float(x[8]),
-            hoist_u_m_s=float(np.sqrt(p[8, 8])),
-            probabilities=tuple(float(value) for value in weight),
+            azimuth_rad=cmath.phase(-u) if is_known else None,
+            rate_rad_s=-(towards * w.conjugate()).real if is_known else None,
+            pivot_acceleration_m_s2=(pivot.real * g, pivot.imag * g),
+            pivot_acceleration_u_m_s2=math.hypot(*sigma[INPUT]) / math.sqrt(2) * g,
+            hoist_m_s=x[HOIST_SPEED],
+            hoist_u_m_s=sigma[HOIST_SPEED],
+            probabilities=tuple(mixture.weight.tolist()),
             next_peak=next_peak(phase, is_driven=True) if is_known else None,
             next_peak_if_coasting=next_peak(phase, is_driven=False) if is_known else None,
             last_peak=self._last_peak(now_s) if is_known else None,
-            amplitude_rad=2 * float(np.arcsin(min(major / 2, 1.0))),
-            minor_amplitude_rad=2 * float(np.arcsin(min(minor / 2, 1.0))),
+            amplitude_rad=2 * math.asin(min(major / 2, 1.0)),
+            minor_amplitude_rad=2 * math.asin(min(minor / 2, 1.0)),
             major_azimuth_rad=direction,
-            lean_rad=float(np.arcsin(min(lean, 1.0))),
-            lean_u_rad=float(np.sqrt(0.5 * np.trace(p[4:6, 4:6]))),
-            lean_azimuth_rad=float(np.arctan2(-centre[1], -centre[0])),
-            period_s=2 * np.pi / rate_1_s,
+            lean_rad=math.asin(min(abs(side), 1.0)),
+            lean_u_rad=math.hypot(*sigma[SIDE_FORCE]) / math.sqrt(2),
+            lean_azimuth_rad=cmath.phase(side),
+            period_s=2 * math.pi / rate_1_s,
             length_m=length_m,
-            length_u_m=length_m * float(np.sqrt(p[9, 9])),
-            fast_oscillation=self._fast_oscillation(rate_1_s),
+            length_u_m=length_m * sigma[LN_LENGTH],
+            fast_oscillation=self._fast_oscillation(rate_1_s, x),
         )
 
-    def _state(self, amplitude: float, p: Array, x: Array) -> MotionState:
-        weight = self._run.filter.mixture.weight
-        hoists = abs(x[8]) > max(SIGNIFICANT * float(np.sqrt(p[8, 8])), SLOWEST_HOIST_M_S)
-        if weight[IS_DRIVEN].sum() > LIKELY:
+    def _state(self, amplitude: float, u_amplitude: float, speed_m_s: float, speed_u_m_s: float) -> MotionState:
+        driven, gust, hoisting = probabilities(self._run.filter.mixture.weight)
+        if driven > LIKELY:
             return "driven"
-        if weight[IS_HOISTING].sum() > LIKELY and hoists:
+        if hoisting > LIKELY and abs(speed_m_s) > max(SIGNIFICANT * speed_u_m_s, SLOWEST_HOIST_M_S):
             return "hoisting"
-        if weight[IS_GUST].sum() > LIKELY:
+        if gust > LIKELY:
             return "wind"
-        u_amplitude = float(np.sqrt(np.trace(p[:2, :2])))
         return "rest" if amplitude < max(REST_RAD, SIGNIFICANT * u_amplitude) else "free"
 
     def _remember(self, now_s: float, angle_rad: float, u_rad: float, period_s: float) -> None:
@@ -247,20 +244,25 @@ class MotionTracker:
         time_s, angle_rad, u_rad = max(self._angles, key=lambda one: one[1])
         return PeakEstimate(angle_rad=angle_rad, u_rad=u_rad, in_s=time_s - now_s)
 
-    def _fast_oscillation(self, rate_1_s: float) -> FastOscillationShare | None:
+    def _fast_oscillation(self, rate_1_s: float, x: list[float]) -> FastOscillationShare | None:
         omega = self._run.filter.line_rate_1_s
         if omega is None:
             return None
-        mixture = self._run.filter.mixture
-        force, force_rate = mixture.weight @ mixture.state[:, LINE], mixture.weight @ mixture.state[:, LINE_RATE]
-        amplitude, _, _ = ellipse(force, force_rate / omega)
-        length_m = float(np.exp(mixture.weight @ mixture.state[:, LN_LENGTH]))
+        amplitude, _, _ = ellipse(complex(*x[LINE]), complex(*x[LINE_RATE]) / omega)
+        length_m = math.exp(x[LN_LENGTH])
         share = self._rig.position_at(length_m) / length_m
         return FastOscillationShare(
-            frequency_hz=omega / (2 * np.pi),
+            frequency_hz=omega / (2 * math.pi),
             reading_g=share * amplitude,
             angle_rad=amplitude * (rate_1_s / omega) ** 2,
         )
+
+
+def _variance_along(covariance: list[list[float]], direction: complex) -> float:
+    """Return the variance of a pair along a direction of length 0 or 1."""
+    (xx, xy), (_, yy) = covariance
+    x, y = direction.real, direction.imag
+    return xx * x * x + 2 * xy * x * y + yy * y * y
 
 
 def _constants(rig: MountedHousing, mount_u_rad: float) -> Constants:
@@ -276,11 +278,4 @@ def _constants(rig: MountedHousing, mount_u_rad: float) -> Constants:
     )
 
 
-_REPORTED = [
-    *range(GRAVITY.start, GRAVITY.stop),
-    *range(RATE.start, RATE.stop),
-    *range(SIDE_FORCE.start, SIDE_FORCE.stop),
-    *range(INPUT.start, INPUT.stop),
-    HOIST_SPEED,
-    LN_LENGTH,
-]
+_PHASE_STATES = np.ix_(*2 * ([i for pair in (GRAVITY, RATE, SIDE_FORCE, INPUT) for i in range(pair.start, pair.stop)],))

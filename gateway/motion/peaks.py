@@ -4,6 +4,8 @@ In the chord coordinate 2 sin(phi/2) a planar swing of any size conserves s^2 + 
 oscillation.
 """
 
+import cmath
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,35 +34,32 @@ def next_peak(phase: SwingPhase, *, is_driven: bool) -> PeakEstimate:
 
     `is_driven`: the pivot keeps its acceleration; else it coasts from now on.
     """
-    u, w, side, pivot = phase.mean.reshape(4, 2)
+    u, w, side, pivot = (complex(x, y) for x, y in phase.mean.reshape(4, 2).tolist())
     driven = float(is_driven)
     centre = driven * pivot - side
-    cosine, sine = _COSINE, _SINE / phase.rate_1_s
-    chord = u / np.sqrt(0.5 * (1 + np.sqrt(max(1 - float(u @ u), 0.0))))
-    path = centre + np.multiply.outer(cosine, chord - centre) - np.multiply.outer(sine, w)
-    squared = (path * path).sum(axis=1)
-    at = int(squared.argmax())
-    size = float(np.sqrt(squared[at]))
-    direction = path[at] / max(size, 1e-9)
-    factors = np.array([cosine[at], -sine[at], cosine[at] - 1, driven * (1 - cosine[at])])
-    gradient = np.multiply.outer(factors, direction).ravel()
+    chord = u / math.sqrt(0.5 * (1 + math.sqrt(max(1 - abs(u) ** 2, 0.0))))
+    path = centre + (chord - centre) * _COSINE - (w / phase.rate_1_s) * _SINE
+    at = int(np.abs(path).argmax())
+    peak, cosine, sine = complex(path[at]), float(_COSINE[at]), float(_SINE[at]) / phase.rate_1_s
+    size = abs(peak)
+    direction = peak / max(size, 1e-9)
+    factors = (cosine, -sine, cosine - 1, driven * (1 - cosine))
+    gradient = np.array([factor * part for factor in factors for part in (direction.real, direction.imag)])
     variance = float(gradient @ phase.covariance @ gradient)
     return PeakEstimate(
-        angle_rad=2 * float(np.arcsin(min(size / 2, 1.0))),
-        u_rad=float(np.sqrt(max(variance, 0.0))),
+        angle_rad=2 * math.asin(min(size / 2, 1.0)),
+        u_rad=math.sqrt(max(variance, 0.0)),
         in_s=float(_ANGLE[at]) / phase.rate_1_s,
     )
 
 
-def ellipse(chord: Array, rate_over_frequency: Array) -> tuple[float, float, float]:
+def ellipse(chord: complex, rate_over_frequency: complex) -> tuple[float, float, float]:
     """Return semi-major axis, semi-minor axis and the major axis's direction of a harmonic motion in a plane.
 
-    `chord`: displacement from the centre, `rate_over_frequency`: its rate over the angular frequency; both of shape (2,).
+    `chord`: displacement from the centre, x + iy; `rate_over_frequency`: its rate over the angular frequency.
     """
-    first, second = complex(*chord), complex(*rate_over_frequency)
-    right, left = abs(first - 1j * second) / 2, abs(first + 1j * second) / 2
-    direction = 0.5 * float(np.angle((first - 1j * second) * (first + 1j * second)))
-    return right + left, abs(right - left), direction
+    right, left = chord - 1j * rate_over_frequency, chord + 1j * rate_over_frequency
+    return (abs(right) + abs(left)) / 2, abs(abs(right) - abs(left)) / 2, 0.5 * cmath.phase(right * left)
 
 
 _ANGLE = np.linspace(0.0, np.pi, N_PHASES)

@@ -56,4 +56,4 @@ def add_line(x: Array, before: Array, transition: Array, k: Array, omega: float,
         (RATE, LINE, by_force),
         (RATE, LINE_RATE, by_force_rate),
     ):
-        set_pair_diagonal(transition, rows, columns, (factor, factor))
+        set_pair_diagonal(transition, rows, columns, np.full((2, len(x)), factor))

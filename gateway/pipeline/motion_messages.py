@@ -7,7 +7,7 @@ import numpy as np
 from gateway.messages import Formulas, Motion, MotionProbabilities, Swing
 from gateway.motion.description import engineer_reasons, operator_text
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
-from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING
+from gateway.motion.hypotheses import probabilities
 from gateway.motion.motion_tracker import REST_RAD, SIGNIFICANT
 from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.header import Header
@@ -105,8 +105,7 @@ def _coverage95_deg(peak: PeakEstimate) -> list[float]:
 def _probabilities(values: tuple[float, ...]) -> MotionProbabilities | None:
     if not values:
         return None
-    weight = np.array(values)
-    driven, wind, hoisting = (float(weight[chosen].sum()) for chosen in (IS_DRIVEN, IS_GUST, IS_HOISTING))
+    driven, wind, hoisting = probabilities(np.array(values))
     return MotionProbabilities(free=max(0.0, 1 - driven - wind), driven=driven, wind=wind, hoisting=hoisting)
 
 

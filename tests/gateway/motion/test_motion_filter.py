@@ -210,3 +210,30 @@ def test_nothing_is_known_before_the_first_bin() -> None:
 
 def test_empty_block_completes_no_bin(free_swing: Recording) -> None:
     assert not new_tracker(free_swing.rig).update(np.zeros(0), np.zeros((0, 3)))
+
+
+def test_filter_that_has_lost_its_numbers_begins_anew(free_swing: Recording) -> None:
+    tracker = new_tracker(free_swing.rig)
+    half = len(free_swing.time_s) // 2
+    tracker.update(free_swing.time_s[:half], free_swing.force_g[:half])
+    tracker._run.filter.mixture.covariance[:] *= -1e3
+
+    tracker.update(free_swing.time_s[half : half + 5], free_swing.force_g[half : half + 5])
+    lost = tracker.estimate(float(free_swing.time_s[half + 4]))
+    tracker.update(free_swing.time_s[half + 5 :], free_swing.force_g[half + 5 :])
+    found = tracker.estimate(float(free_swing.time_s[-1]))
+
+    assert (lost.state, lost.angle_rad) == ("unknown", None)
+    assert abs(normalised_errors(free_swing, [found])[0]) < 4
+
+
+def test_hypothesis_that_is_long_excluded_stays_in_the_domain() -> None:
+    """A drive of ten metres excludes gust and hoist so clearly that no transition revives them."""
+    recording = swing(duration_s=30.0, amplitude_deg=2.0, noise_g=2e-5, events=[TrolleyMove(5.0, 10.0, 8.0, 2.0, 0.5)])
+    run = new_run()
+
+    for one in Binning(BIN_S).add(recording.time_s, recording.force_g):
+        run.take(one)
+        mixture = run.filter.mixture
+        assert np.abs(mixture.state - mixture.state[mixture.weight.argmax()]).max() < 3
+        assert np.linalg.eigvalsh(mixture.covariance).min() > -1e-12

@@ -135,7 +135,7 @@ def test_ellipse_of_a_harmonic_motion_is_the_planted_one(seed: int) -> None:
     place = turn * complex(major * np.cos(angle), turning * minor * np.sin(angle))
     rate = turn * complex(-major * np.sin(angle), turning * minor * np.cos(angle))
 
-    found = ellipse(np.array([place.real, place.imag]), np.array([rate.real, rate.imag]))
+    found = ellipse(place, rate)
 
     assert found[:2] == pytest.approx((major, minor), abs=1e-12)
     assert np.angle(np.exp(2j * (found[2] - direction))) == pytest.approx(0.0, abs=1e-9)
