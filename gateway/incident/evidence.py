@@ -1,6 +1,7 @@
 """The evidence of an incident: its course, and the files that it is from."""
 
 import hashlib
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,6 +16,8 @@ from gateway.recording.reader import RecordingFile, Selection
 from gateway.recording.timeline import REPEATED_TOPICS, ReportProgress, Timeline, ignore_progress
 from gateway.recording.timestamp import iso_utc
 
+CERTIFICATE_NAME = re.compile(names.CERTIFICATE.format(id=r"[A-Za-z0-9._-]+"))
+"""Names of certificates: no attachment of another name is written beside the report."""
 LEAD_NS = 15_000_000_000
 """Calibration and clock are read from so long before the begin: each is recorded more often than that."""
 
@@ -80,9 +83,7 @@ def read_evidence(
         sources=tuple(_source(timeline, path, file) for path, file in files.items()),
         device=newest.metadata.get(names.DEVICE, {}),
         configuration_toml=None if configuration is None else configuration.data.decode(errors="replace"),
-        certificates={
-            name: each.data for name, each in attachments.items() if each.media_type == names.CERTIFICATE_MEDIA_TYPE
-        },
+        certificates={name: each.data for name, each in attachments.items() if CERTIFICATE_NAME.fullmatch(name)},
         remarks=timeline.remarks,
     )
 

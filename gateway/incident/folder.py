@@ -79,9 +79,11 @@ def _new_folder(folder: Path) -> Iterator[Path]:
     """Yield a hidden folder that becomes `folder` at the end of the block; after an error nothing is left."""
     if folder.exists():
         raise InputError(f"{folder}: exists; choose another --out, so that no earlier report is lost")
+    if not folder.absolute().parent.is_dir():
+        raise InputError(f"{folder}: there is no folder {folder.parent}; make it, or choose another --out")
     partial = folder.with_name(f".{folder.name}.partial")
     shutil.rmtree(partial, ignore_errors=True)
-    partial.mkdir(parents=True)
+    partial.mkdir()
     try:
         yield partial
         partial.rename(folder)

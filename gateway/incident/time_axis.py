@@ -9,6 +9,7 @@ from gateway.incident.times import ReportClock
 
 STEPS_S = (0.1, 0.2, 0.5, 1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400)
 MOST_TICKS = 8
+TICK_ERROR_S = 1e-3
 EDGE_SHARE = 0.03
 """Share of the axis before its end without a tick: half a label."""
 
@@ -26,7 +27,7 @@ def label_times(axes: Axes, clock: ReportClock, begin_s: float, end_s: float) ->
     """Put UTC below the axes."""
     axes.set_xlim(begin_s, end_s)
     axes.xaxis.set_major_locator(FixedLocator(tick_times(clock, begin_s, end_s)))
-    axes.xaxis.set_major_formatter(FuncFormatter(lambda time_s, _place: _label(clock, time_s, end_s - begin_s)))
+    axes.xaxis.set_major_formatter(FuncFormatter(lambda time_s, _place: tick_label(clock, time_s, end_s - begin_s)))
     axes.set_xlabel(f"UTC, {clock.date((begin_s + end_s) / 2)}")
 
 
@@ -37,12 +38,14 @@ def label_local_times(axes: Axes, clock: ReportClock, begin_s: float, end_s: flo
     above = axes.secondary_xaxis("top")
     above.xaxis.set_major_locator(FixedLocator(tick_times(clock, begin_s, end_s)))
     above.xaxis.set_major_formatter(
-        FuncFormatter(lambda time_s, _place: _label(clock, time_s, end_s - begin_s, is_local=True))
+        FuncFormatter(lambda time_s, _place: tick_label(clock, time_s, end_s - begin_s, is_local=True))
     )
     above.set_xlabel(f"local time, {clock.zone(begin_s)}, {clock.date((begin_s + end_s) / 2, is_local=True)}")
 
 
-def _label(clock: ReportClock, time_s: float, span_s: float, *, is_local: bool = False) -> str:
+def tick_label(clock: ReportClock, time_s: float, span_s: float, *, is_local: bool = False) -> str:
+    """Return the time of a tick on an axis of `span_s`."""
+    tick_s = time_s + TICK_ERROR_S  # a tick a nanosecond early has the label of its round time
     if span_s < MOST_TICKS:
-        return clock.time(round(time_s, 3), is_local=is_local)
-    return f"{clock.moment(round(time_s, 3), is_local=is_local):%H:%M:%S}"
+        return clock.time(tick_s, is_local=is_local)
+    return f"{clock.moment(tick_s, is_local=is_local):%H:%M:%S}"

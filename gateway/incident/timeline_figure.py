@@ -10,7 +10,7 @@ from gateway.documents.figures import Figure
 from gateway.documents.palette import AFTER, ALARM, BEFORE, EVENT, FAINT, INK, LINE, MEASURED
 from gateway.documents.plots import WIDTH_IN, plot_curve, render_svg
 from gateway.incident.alert_incidents import AlertIncident
-from gateway.incident.course import Course
+from gateway.incident.course import Course, StateCourse
 from gateway.incident.course_builder import TRUSTED
 from gateway.incident.facts import IncidentFacts
 from gateway.incident.time_axis import label_local_times, label_times
@@ -140,43 +140,53 @@ def _draw_band(axes: Axes, time_s: Array, values: Array, u_values: Array) -> Non
 
 
 def _draw_states(axes: Axes, course: Course) -> None:
+    reading = StateCourse(
+        course.trusted.time_s, tuple(state if state == TRUSTED else NOT_TRUSTED for state in course.trusted.state)
+    )
     rows = [
-        *((f"{rule} alert", states.spans(course.end_s)) for rule, states in course.alert_levels.items()),
-        ("motion", course.motion.states.spans(course.end_s)),
-        ("condition", course.condition.spans(course.end_s)),
-        ("reading", [(a, b, s if s == TRUSTED else NOT_TRUSTED) for a, b, s in course.trusted.spans(course.end_s)]),
-        ("gateway", course.health.spans(course.end_s)),
-        ("clock", course.clock.spans(course.end_s)),
+        *((f"{rule} alert", states) for rule, states in course.alert_levels.items()),
+        ("motion", course.motion.states),
+        ("condition", course.condition),
+        ("reading", reading),
+        ("gateway", course.health),
+        ("clock", course.clock),
     ]
-    span_s = course.end_s - course.begin_s
-    for row, (_, spans) in enumerate(rows):
-        for from_s, to_s, state in spans:
+    for row, (_, states) in enumerate(rows):
+        bars: dict[str, list[tuple[float, float]]] = {}
+        for from_s, to_s, state in states.spans(course.end_s):
             begin_s, end_s = max(from_s, course.begin_s), min(to_s, course.end_s)
-            if end_s <= begin_s:
-                continue
-            colour = COLOURS.get(state, "white")
-            axes.broken_barh(
-                [(begin_s, end_s - begin_s)],
-                (row - HALF_HEIGHT, 2 * HALF_HEIGHT),
-                facecolor=colour,
-                edgecolor=MEASURED if colour == "white" else "none",
-                linewidth=0.5,
-            )
-            text = state.replace("_", " ")
-            if len(text) * CHARACTER_SHARE < (end_s - begin_s) / span_s:
-                axes.text(
-                    (begin_s + end_s) / 2,
-                    row,
-                    text,
-                    ha="center",
-                    va="center_baseline",
-                    fontsize=7,
-                    color="white" if state in DARK else INK,
-                    clip_on=True,
-                )
+            if end_s > begin_s:
+                bars.setdefault(state, []).append((begin_s, end_s - begin_s))
+        for state, spans in bars.items():
+            _draw_bars(axes, row, state, spans, course.end_s - course.begin_s)
     axes.set_yticks(range(len(rows)), [name for name, _ in rows])
     axes.set_ylim(len(rows) - 0.5, -0.5)
     axes.grid(visible=False)
+
+
+def _draw_bars(axes: Axes, row: int, state: str, spans: Sequence[tuple[float, float]], length_s: float) -> None:
+    """Draw a state in its row at all its times, (begin, length) each, with its name where it fits."""
+    colour = COLOURS.get(state, "white")
+    axes.broken_barh(
+        spans,
+        (row - HALF_HEIGHT, 2 * HALF_HEIGHT),
+        facecolor=colour,
+        edgecolor=MEASURED if colour == "white" else "none",
+        linewidth=0.5,
+    )
+    text = state.replace("_", " ")
+    for begin_s, span_s in spans:
+        if len(text) * CHARACTER_SHARE < span_s / length_s:
+            axes.text(
+                begin_s + span_s / 2,
+                row,
+                text,
+                ha="center",
+                va="center_baseline",
+                fontsize=7,
+                color="white" if state in DARK else INK,
+                clip_on=True,
+            )
 
 
 def _mark_incident(axes: Axes, facts: IncidentFacts) -> None:

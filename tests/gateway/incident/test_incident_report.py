@@ -10,11 +10,15 @@ import pytest
 from mcap.reader import make_reader
 
 from gateway.errors import InputError
-from gateway.incident.selection import IncidentChoice
+from gateway.incident.cut import CutWriter
+from gateway.incident.folder import write_report
+from gateway.incident.page import NOT_VERIFIED
+from gateway.incident.selection import IncidentChoice, choose_window, read_incidents
 from gateway.messages import Calibration, Motion, Samples
 from gateway.packing import unpack
 from gateway.recording.catalogue import open_timeline
 from gateway.recording.interval import parse_recording_time
+from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
 from gateway.recording.timestamp import iso_utc
 from tests.gateway.incident.conftest import MakeReport
@@ -163,3 +167,29 @@ def test_the_largest_angle_is_that_of_the_messages(recorded: RecordedCrane, make
     largest_deg = max(present(each.angle_deg) for each in motions if each.angle_deg is not None)
     assert peak["angle_deg"] == pytest.approx(largest_deg, abs=RECORDED_DEG)
     assert open_timeline([recorded.folder]).span().wall_offset_ns == 250_000_000
+
+
+def test_a_recording_of_samples_alone_is_reported_without_an_angle(
+    recorded: RecordedCrane, make_report: MakeReport, tmp_path: Path
+) -> None:
+    source, path = recorded.files[0], tmp_path / "samples.mcap"
+    kept = {"/samples", "/clock", "/calibration"}
+    with path.open("wb") as target:
+        file = open_recording(source)
+        writer = CutWriter(target)
+        for message in file.messages():
+            if message.topic in kept:
+                writer.add(file, message)
+        writer.add_parts(file)
+        writer.finish({})
+    report = make_report([path], IncidentChoice(around=parse_recording_time("5")))
+    assert "The angle was not known at any time of it." in report.sentences
+    assert report.content["specific_force_g"] is not None
+
+
+def test_no_folder_is_left_where_its_parent_is_missing(recorded: RecordedCrane, tmp_path: Path) -> None:
+    timeline = open_timeline([recorded.folder])
+    window = choose_window(timeline, read_incidents(timeline), IncidentChoice(), 1.0)
+    with pytest.raises(InputError, match="there is no folder"):
+        write_report(timeline, window, tmp_path / "a" / "b", verification=NOT_VERIFIED, computed={})
+    assert list(tmp_path.iterdir()) == []

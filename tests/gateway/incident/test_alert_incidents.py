@@ -1,0 +1,88 @@
+"""Incidents from the messages of alerts: with ids, without them, and raised before the recordings begin."""
+
+from typing import Literal
+
+from gateway.incident.alert_incidents import STANDING, find_incidents
+from gateway.messages import ActiveAlert, Alert, Level
+
+Event = Literal["raised", "changed", "corrected", "cleared", "standing"]
+
+
+def active(rule: str, level: Level, incident: str | None) -> ActiveAlert:
+    limit_deg = 6.0 if level == "trip" else 4.0
+    return ActiveAlert(
+        rule=rule,
+        level=level,
+        since_ns=0,
+        limit_deg=limit_deg,
+        clear_deg=3.0,
+        incident=incident,
+        text=f"{rule} {level}",
+    )
+
+
+def alert(event: Event, rule: str | None, *standing: ActiveAlert, incident: str | None = None) -> Alert:
+    return Alert(
+        time_ns=0,
+        clock="synchronised",
+        sequence=0,
+        level="normal",
+        event=event,
+        rule=rule,
+        incident=incident,
+        active=list(standing),
+        text="",
+    )
+
+
+def test_changes_are_joined_by_their_id_and_numbered_in_order_of_time() -> None:
+    swing, lean = active("swing", "trip", "b-1"), active("lean", "trip", "b-2")
+    first, second = find_incidents(
+        [
+            (10, alert("raised", "swing", swing, incident="b-1")),
+            (20, alert("raised", "lean", swing, lean, incident="b-2")),
+            (30, alert("standing", None, swing, lean)),
+            (40, alert("cleared", "swing", lean, incident="b-1")),
+        ]
+    )
+    assert (first.number, first.id, first.rule, first.raised_ns, first.cleared_ns) == (1, "b-1", "swing", 10, 40)
+    assert (second.number, second.id, second.rule, second.raised_ns, second.cleared_ns) == (2, "b-2", "lean", 20, None)
+
+
+def test_the_highest_change_is_the_first_one_at_the_highest_level() -> None:
+    (found,) = find_incidents(
+        [
+            (10, alert("raised", "swing", active("swing", "warn", "b-1"), incident="b-1")),
+            (20, alert("raised", "swing", active("swing", "trip", "b-1"), incident="b-1")),
+            (30, alert("changed", "swing", active("swing", "warn", "b-1"), incident="b-1")),
+            (40, alert("cleared", "swing", incident="b-1")),
+        ]
+    )
+    assert (found.level, found.highest.time_ns, found.highest.limit_deg) == ("trip", 20, 6.0)
+
+
+def test_an_alert_that_stands_when_the_recordings_begin_is_an_incident() -> None:
+    standing = active("swing", "trip", "b-7")
+    (found,) = find_incidents(
+        [(10, alert("standing", None, standing)), (20, alert("cleared", "swing", incident="b-7"))]
+    )
+    assert [change.event for change in found.changes] == [STANDING, "cleared"]
+    assert (found.level, found.highest.limit_deg) == ("trip", 6.0)
+
+
+def test_changes_without_an_incident_are_none() -> None:
+    assert find_incidents([(10, alert("changed", "swing")), (20, alert("standing", None))]) == []
+
+
+def test_old_recordings_without_ids_are_joined_by_rule() -> None:
+    trip = active("swing", "trip", None)
+    first, second = find_incidents(
+        [
+            (10, alert("raised", "swing", trip)),
+            (20, alert("cleared", "swing")),
+            (30, alert("changed", "swing")),
+            (40, alert("raised", "swing", trip)),
+        ]
+    )
+    assert (first.raised_ns, first.cleared_ns) == (10, 20)
+    assert (second.raised_ns, second.cleared_ns) == (40, None)
