@@ -13,7 +13,7 @@ from gateway.measurement.motion import (
 from gateway.measurement.source import Source
 from gateway.measurement.swing import estimate_source_swing
 from gateway.stages.lowpass import LowPass
-from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt, plain_tilt
+from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt, plain_tilt, roll_about_x
 from gateway.swing.estimate import SwingEstimate
 
 HIGHEST_CUTOFF = 0.4
@@ -31,7 +31,9 @@ class Measurement:
     """One entry for each of `swing.swings`."""
     tilt: TiltAngles
     arctangent_tilt: TiltAngles
-    """By the arctangent alone (Zams and Łuczak 2024, eq. 6 and 7)."""
+    """By the arctangent alone (Łuczak n.d., eq. 3 and 4)."""
+    roll_gamma_rad: float
+    """Roll about the housing's x axis (Zams and Łuczak 2024, eq. 7)."""
     axial_rad: float
     conditions: ConditionSummary
     motion: RecordingMotion | None
@@ -58,6 +60,7 @@ def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2, with_moti
         formulas_by_swing=formulas.each_swing(),
         tilt=fused_tilt(mean_g),
         arctangent_tilt=plain_tilt(mean_g),
+        roll_gamma_rad=roll_about_x(mean_g),
         axial_rad=axial_tilt(mean_g),
         conditions=summarise_conditions(source),
         motion=motion,

@@ -39,6 +39,7 @@ def as_json(source: Source, found: Measurement) -> dict[str, Any]:
             "axial_deg": degrees(found.axial_rad),
             "plain_pitch_deg": degrees(found.arctangent_tilt.pitch_rad),
             "plain_roll_deg": degrees(found.arctangent_tilt.roll_rad),
+            "roll_gamma_deg": degrees(found.roll_gamma_rad),
         },
         "conditions": {
             "verdict": found.conditions.verdict,

@@ -44,9 +44,28 @@ def _fused_angle(along: float, across: float, mz: float, critical_value: float) 
 
 
 def plain_tilt(force: Array) -> TiltAngles:
-    """Return pitch and roll by the arctangent (Zams and Łuczak 2024, eq. 6 and 7), within +-pi/2."""
+    """Return pitch alpha and roll beta by the arctangent, within +-pi/2 (Łuczak n.d., eq. 3 and 4; Zhu et al. 2020, eq. 1, 2).
+
+    Beta is the angle of the y axis to the level. The roll gamma about the x axis differs from it where there is pitch: see
+    `roll_about_x`.
+    """
     fx, fy, fz = force.tolist()
     return TiltAngles(pitch_rad=math.atan2(fx, math.hypot(fy, fz)), roll_rad=math.atan2(fy, math.hypot(fx, fz)))
+
+
+def roll_about_x(force: Array) -> float:
+    """Return the roll gamma about the x axis, -pi to pi (Łuczak n.d., eq. 7; Zams and Łuczak 2024, eq. 7, with the quadrant).
+
+    NaN where x is vertical, which leaves no roll.
+    """
+    _, fy, fz = force.tolist()
+    return math.atan2(fy, fz) if fy or fz else math.nan
+
+
+def roll_from_angles(beta_rad: float, alpha_rad: float) -> float:
+    """Return the roll gamma within +-pi/2 from beta and pitch (Łuczak n.d., eq. 8); NaN where pitch leaves no roll."""
+    ratio = math.sin(beta_rad) / math.cos(alpha_rad) if math.cos(alpha_rad) else math.inf
+    return math.asin(max(-1.0, min(1.0, ratio))) if math.isfinite(ratio) else math.nan
 
 
 def axial_tilt(force: Array) -> float:

@@ -14,6 +14,8 @@ from gateway.stages.tilt import (
     fused_tilt,
     lean_direction,
     plain_tilt,
+    roll_about_x,
+    roll_from_angles,
 )
 
 turns = st.floats(-179.9, 179.9)
@@ -86,6 +88,21 @@ def test_plain_and_axial_tilt_agree_with_geometry(tilt_rad: float, azimuth_rad: 
     plain = plain_tilt(force)
     assert math.sin(plain.pitch_rad) == pytest.approx(force[0], abs=1e-9)
     assert math.sin(plain.roll_rad) == pytest.approx(force[1], abs=1e-9)
+
+
+@given(st.floats(-1.5, 1.5), st.floats(-math.pi + 1e-6, math.pi))
+def test_the_roll_about_x_is_that_of_the_housing(pitch_rad: float, roll_rad: float) -> None:
+    force = np.array(
+        [math.sin(pitch_rad), math.cos(pitch_rad) * math.sin(roll_rad), math.cos(pitch_rad) * math.cos(roll_rad)]
+    )
+    assert roll_about_x(force) == pytest.approx(roll_rad, abs=1e-9)
+    if abs(roll_rad) < 1.5:
+        plain = plain_tilt(force)
+        assert roll_from_angles(plain.roll_rad, plain.pitch_rad) == pytest.approx(roll_rad, abs=1e-6)
+
+
+def test_a_vertical_x_axis_leaves_no_roll() -> None:
+    assert math.isnan(roll_about_x(np.array([1.0, 0.0, 0.0])))
 
 
 def test_the_lean_direction_points_to_the_load() -> None:
