@@ -394,7 +394,11 @@ class Calibration(Message):
     device_id: str
     record: Annotated[dict[str, Any], Field(description="the calibration record; empty where there is none")]
     in_force: Annotated[
-        dict[str, Any], Field(description="specific_force_g = gain_g_per_unit @ raw + bias_g, in the housing frame")
+        dict[str, Any],
+        Field(
+            description="specific_force_g = gain_g_per_unit @ raw + bias_g, in the housing frame; where the record has a thermal "
+            "model, raw is first brought to its reference temperature"
+        ),
     ]
     text: str
     session: CalibrationSession = NO_SESSION

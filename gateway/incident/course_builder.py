@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from gateway.calibration.thermal.thermal_model import raw_at_reference
 from gateway.incident.course import (
     Course,
     ForceCourse,
@@ -17,6 +18,7 @@ from gateway.incident.course import (
 from gateway.messages import Alert, Calibration, ClockOffset, Condition, Health, Log, Motion, Samples
 from gateway.numerics.array import Array
 from gateway.packing import unpack
+from gateway.pipeline.temperature_filter import TemperatureFilter
 
 TOPICS = frozenset({"/samples", "/motion", "/condition", "/alert", "/health", "/calibration", "/clock", "/log"})
 """The topics of which a course is made."""
@@ -34,8 +36,9 @@ class CourseBuilder:
     origin_ns: int
     _motion: list[list[float]] = field(default_factory=list)
     _motion_state: list[str] = field(default_factory=list)
-    _blocks: list[tuple[Array, Array]] = field(default_factory=list)
-    """Times and readings of each block, as they were delivered."""
+    _blocks: list[tuple[Array, Array, float]] = field(default_factory=list)
+    """Times, readings and temperature, °C, of each block, as they were delivered."""
+    _thermometer: TemperatureFilter = field(default_factory=TemperatureFilter)
     _lost: int = 0
     _invalid: int = 0
     _states: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
@@ -110,7 +113,8 @@ class CourseBuilder:
             block = unpack(content)
         except ValueError:
             return  # the reader of the recording counts what it cannot decode
-        self._blocks.append(((block.time_ns - self.origin_ns) / 1e9, block.raw.astype(np.float64)))
+        temperature_c = self._thermometer.update(int(block.time_ns[-1]), block.temperature_c)
+        self._blocks.append(((block.time_ns - self.origin_ns) / 1e9, block.raw.astype(np.float64), temperature_c))
         self._lost += block.lost
         self._invalid += block.invalid
 
@@ -143,13 +147,14 @@ class CourseBuilder:
         rate_hz = 1 / period_s if period_s > 0 else None
         return ForceCourse(time_s, force_g), SampleCounts(len(time_s), rate_hz, self._lost, self._invalid, gaps)
 
-    def _force_g(self, time_s: Array, raw: Array) -> Array:
+    def _force_g(self, time_s: Array, raw: Array, temperature_c: float) -> Array:
         """Return a block as specific force by the calibration in force at its first sample; NaN without one."""
         before = [calibration for since_s, calibration in self._calibrations if since_s <= time_s[0]]
         known = before[-1:] or [calibration for _, calibration in self._calibrations[:1]]
         if not known or "gain_g_per_unit" not in known[0].in_force:
             return np.full_like(raw, np.nan)
         in_force = known[0].in_force
+        raw = raw_at_reference(raw, known[0].record, temperature_c)
         force_g: Array = raw @ np.array(in_force["gain_g_per_unit"]).T + np.array(in_force["bias_g"])
         return force_g
 

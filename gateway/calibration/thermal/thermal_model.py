@@ -6,6 +6,7 @@ for each axis of the sensor, with polynomials in T - reference without a constan
 its ends.
 """
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
 import numpy as np
@@ -108,14 +109,29 @@ class ThermalModel(BaseModel):
 
 def thermal_model(record: CalibrationRecord) -> ThermalModel | None:
     """Return the thermal model of a record, None if it has none. Raises `CalibrationError` for one that cannot be used."""
-    if record.thermal is None:
+    return _parse(record.thermal, record.id)
+
+
+def raw_at_reference(raw: Array, record: Mapping[str, Any], temperature_c: float) -> Array:
+    """Return readings, (n, 3), as at the reference temperature of a record as JSON; as they are without a thermal model.
+
+    An unknown temperature is NaN. Raises `CalibrationError` for a model that cannot be used.
+    """
+    model = _parse(record.get("thermal"), str(record.get("id")))
+    return (
+        raw if model is None else model.to_reference(raw, np.array(record["offset"], dtype=np.float64), temperature_c)
+    )
+
+
+def _parse(content: Mapping[str, Any] | None, record_id: str) -> ThermalModel | None:
+    if content is None:
         return None
     try:
-        return ThermalModel.model_validate(record.thermal)
+        return ThermalModel.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(map(str, ("thermal", *first["loc"])))
-        raise CalibrationError(f"calibration {record.id}: {place}: {first['msg']}; calibrate again") from error
+        raise CalibrationError(f"calibration {record_id}: {place}: {first['msg']}; calibrate again") from error
 
 
 def _powers(count: int, value: float) -> Array:
