@@ -1,7 +1,7 @@
 """The incidents in a recording, from the messages of its alerts."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from gateway.messages import ActiveAlert, Alert, Level
 
@@ -36,6 +36,8 @@ class AlertIncident:
     id: str
     rule: str
     changes: tuple[IncidentChange, ...]
+    last_ns: int
+    """Gateway time of the last message in which it stood, or of its end."""
 
     @property
     def raised_ns(self) -> int:
@@ -44,7 +46,7 @@ class AlertIncident:
 
     @property
     def cleared_ns(self) -> int | None:
-        """Gateway time of its end; None where the recordings end before."""
+        """Gateway time of its end; None where the recordings have none: they end, or the gateway was stopped."""
         return self.changes[-1].time_ns if self.changes[-1].event == "cleared" else None
 
     @property
@@ -58,38 +60,60 @@ class AlertIncident:
         return self.highest.level
 
 
+@dataclass(slots=True)
+class _IncidentDraft:
+    """An incident whose messages are still being read."""
+
+    rule: str
+    changes: list[IncidentChange]
+    last_ns: int
+
+
+@dataclass(slots=True)
+class _IncidentReader:
+    """Joins the messages of alerts to incidents."""
+
+    drafts: dict[str, _IncidentDraft] = field(default_factory=dict)
+    open_names: dict[str, str] = field(default_factory=dict)
+    """Names of incidents without an id, by rule: of recordings made before incidents had one."""
+
+    def add(self, time_ns: int, alert: Alert) -> None:
+        """Take a message."""
+        for active in alert.active:
+            name = active.incident or self.open_names.get(active.rule)
+            if name in self.drafts:
+                self.drafts[name].last_ns = time_ns
+            elif name is not None and active.rule != alert.rule:  # raised before the recordings
+                self.drafts[name] = _IncidentDraft(active.rule, [_change(time_ns, alert, active)], time_ns)
+        if alert.rule is None or alert.event == "standing":
+            return
+        name = alert.incident or self._name(alert, alert.rule)
+        if name is not None:
+            draft = self.drafts.setdefault(name, _IncidentDraft(alert.rule, [], time_ns))
+            active_now = next((each for each in alert.active if each.rule == alert.rule), None)
+            draft.changes.append(_change(time_ns, alert, active_now))
+            draft.last_ns = time_ns
+
+    def _name(self, alert: Alert, rule: str) -> str | None:
+        """Return a name for the incident of a message without an id; None where it belongs to none."""
+        if alert.event == "raised":
+            self.open_names.setdefault(rule, f"{rule} {len(self.drafts) + 1}")
+        return self.open_names.pop(rule, None) if alert.event == "cleared" else self.open_names.get(rule)
+
+
 def find_incidents(alerts: Iterable[tuple[int, Alert]]) -> list[AlertIncident]:
     """Return the incidents of alert messages with their gateway times, in order of time.
 
     Recordings made before incidents had an id are joined by rule, from raised to cleared.
     """
-    found: dict[str, tuple[str, list[IncidentChange]]] = {}
-    unnamed: dict[str, str] = {}
+    reader = _IncidentReader()
     for time_ns, alert in alerts:
-        for active in alert.active:
-            if active.incident is not None and active.incident not in found and active.rule != alert.rule:
-                found[active.incident] = (
-                    active.rule,
-                    [_change(time_ns, alert, active)],
-                )  # raised before the recordings
-        if alert.rule is None or alert.event == "standing":
-            continue
-        name = alert.incident or _unnamed(alert, unnamed, len(found))
-        if name is not None:
-            active_now = next((each for each in alert.active if each.rule == alert.rule), None)
-            found.setdefault(name, (alert.rule, []))[1].append(_change(time_ns, alert, active_now))
-    ordered = sorted(found.items(), key=lambda item: item[1][1][0].time_ns)
+        reader.add(time_ns, alert)
+    ordered = sorted(reader.drafts.items(), key=lambda item: item[1].changes[0].time_ns)
     return [
-        AlertIncident(number, name, rule, tuple(changes)) for number, (name, (rule, changes)) in enumerate(ordered, 1)
+        AlertIncident(number, name, draft.rule, tuple(draft.changes), draft.last_ns)
+        for number, (name, draft) in enumerate(ordered, 1)
     ]
-
-
-def _unnamed(alert: Alert, open_names: dict[str, str], count: int) -> str | None:
-    """Return a name for the incident of a message without an id; None where it belongs to none."""
-    rule = alert.rule or ""
-    if alert.event == "raised" and rule not in open_names:
-        open_names[rule] = f"{rule} {count + 1}"
-    return open_names.pop(rule, None) if alert.event == "cleared" else open_names.get(rule)
 
 
 def _change(time_ns: int, alert: Alert, active: ActiveAlert | None) -> IncidentChange:

@@ -111,6 +111,10 @@ class Course:
     calibrations: tuple[tuple[float, Calibration], ...]
     """The calibration in force at the begin, and each later one, with its time."""
     log: tuple[TimedText, ...]
+    sessions: tuple[TimedText, ...]
+    """The changes of recalibrations, with the person who asked for each."""
+    faults: tuple[TimedText, ...]
+    """Faults of the gateway and dropped items, when their number had grown."""
     last_health: Health | None
 
     @property

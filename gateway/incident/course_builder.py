@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from gateway.calibration.thermal.thermal_model import raw_at_reference
+from gateway.documents.text import human_name
 from gateway.incident.course import (
     Course,
     ForceCourse,
@@ -15,7 +16,18 @@ from gateway.incident.course import (
     TimedText,
     TimeGap,
 )
-from gateway.messages import Alert, Calibration, ClockOffset, Condition, Health, Log, Motion, Samples
+from gateway.messages import (
+    NO_SESSION,
+    Alert,
+    Calibration,
+    CalibrationSession,
+    ClockOffset,
+    Condition,
+    Health,
+    Log,
+    Motion,
+    Samples,
+)
 from gateway.numerics.array import Array
 from gateway.packing import unpack
 from gateway.pipeline.temperature_filter import TemperatureFilter
@@ -46,6 +58,9 @@ class CourseBuilder:
     _calibrations: list[tuple[float, Calibration]] = field(default_factory=list)
     _log: list[TimedText] = field(default_factory=list)
     _health: Health | None = None
+    _session: CalibrationSession = NO_SESSION
+    _sessions: list[TimedText] = field(default_factory=list)
+    _faults: list[TimedText] = field(default_factory=list)
 
     def add(self, time_ns: int, content: object) -> None:
         """Take the content of a message with its gateway time."""
@@ -58,6 +73,7 @@ class CourseBuilder:
             case Calibration():
                 if not self._calibrations or _in_force(self._calibrations[-1][1]) != _in_force(content):
                     self._calibrations.append((time_s, content))
+                self._add_session(time_s, content.session)
             case Log():
                 self._log.append(TimedText(time_s, content.message))
             case _:
@@ -84,6 +100,8 @@ class CourseBuilder:
             clock_steps_s=tuple(time_s for time_s, clock in self._clock if clock.stepped),
             calibrations=tuple(self._calibrations),
             log=tuple(self._log),
+            sessions=tuple(self._sessions),
+            faults=tuple(self._faults),
             last_health=self._health,
         )
 
@@ -97,13 +115,26 @@ class CourseBuilder:
                 for rule in LEVEL_RULES:
                     self._add_state(rule, time_s, levels.get(rule, "normal"))
             case Health():
-                self._health = content
+                self._add_faults(time_s, content)
                 self._add_state("health", time_s, content.state)
             case ClockOffset():
                 self._clock.append((time_s, content))
                 self._add_state("clock", time_s, content.clock)
             case _:
                 pass
+
+    def _add_session(self, time_s: float, session: CalibrationSession) -> None:
+        if (session.id, session.phase) != (self._session.id, self._session.phase):
+            by = f" by {session.by}" if session.by else ""
+            self._sessions.append(TimedText(time_s, f"Recalibration {session.phase}{by}. {session.text}"))
+        self._session = session
+
+    def _add_faults(self, time_s: float, health: Health) -> None:
+        before = _fault_counts(health if self._health is None else self._health)
+        for name, count in _fault_counts(health).items():
+            if (more := count - before.get(name, 0)) > 0:
+                self._faults.append(TimedText(time_s, f"{name}: {more} more"))
+        self._health = health
 
     def _add_state(self, name: str, time_s: float, state: str) -> None:
         self._states.setdefault(name, []).append((time_s, state))
@@ -166,6 +197,11 @@ class CourseBuilder:
 
 def _in_force(calibration: Calibration) -> tuple[object, ...]:
     return calibration.calibration_id, calibration.status, calibration.in_force
+
+
+def _fault_counts(health: Health) -> dict[str, int]:
+    dropped = {f"dropped by the {name}": count for name, count in health.dropped.items()}
+    return {human_name(name): count for name, count in health.faults.items()} | dropped
 
 
 def _state_course(rows: list[tuple[float, str]]) -> StateCourse:

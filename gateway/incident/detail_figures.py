@@ -51,8 +51,7 @@ def acceleration_figure(course: Course, facts: IncidentFacts) -> Figure | None:
 
 def spectrum_figure(course: Course, facts: IncidentFacts) -> Figure | None:
     """Return the amplitude spectrum of the incident; None for too few samples or too many missing."""
-    begin_s = course.begin_s if facts.raised_s is None else facts.raised_s
-    end_s = course.end_s if facts.cleared_s is None else facts.cleared_s
+    begin_s, end_s = facts.begin_s, facts.end_s
     part = _between(course.acceleration, begin_s, end_s)
     spectrum = _amplitude_spectrum(part)
     if spectrum is None:
@@ -83,8 +82,7 @@ def spectrum_figure(course: Course, facts: IncidentFacts) -> Figure | None:
 def direction_figure(course: Course, facts: IncidentFacts) -> Figure | None:
     """Return angle and azimuth of the rope as a polar plot; None where they are not known."""
     motion = course.motion
-    begin_s = course.begin_s if facts.raised_s is None else facts.raised_s
-    end_s = course.end_s if facts.cleared_s is None else facts.cleared_s
+    begin_s, end_s = facts.begin_s, facts.end_s
     inside = (motion.time_s >= begin_s) & (motion.time_s <= end_s) & np.isfinite(motion.angle_deg + motion.azimuth_deg)
     if np.count_nonzero(inside) < 2:
         return None

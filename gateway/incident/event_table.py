@@ -76,6 +76,8 @@ def _events(evidence: IncidentEvidence, course: Course) -> Iterator[tuple[float,
     for index, (time_s, calibration) in enumerate(course.calibrations):
         verb = "Calibration in force" if index == 0 else "Another calibration in force"
         yield max(time_s, course.begin_s), "calibration", f"{verb}: {calibration.text}."
+    for kind, texts in (("calibration", course.sessions), ("gateway", course.faults)):
+        yield from ((each.time_s, kind, as_sentence(each.text)) for each in texts)
     for gap in course.samples.gaps:
         yield gap.begin_s, "samples", f"No samples for {gap.end_s - gap.begin_s:.3f} s."
     for line in course.log:

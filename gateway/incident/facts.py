@@ -58,6 +58,10 @@ class ForceExtremes:
 class IncidentFacts:
     """The numbers of the summary; seconds are those of the course."""
 
+    begin_s: float
+    """Begin of the incident, or of the course where there is none."""
+    end_s: float
+    """Last time at which the alert is known to have stood, or the end of the course."""
     raised_s: float | None
     cleared_s: float | None
     peak: PeakAngle | None
@@ -79,13 +83,15 @@ def incident_facts(course: Course, incident: AlertIncident | None) -> IncidentFa
     raised_s = None if incident is None else (incident.raised_ns - course.origin_ns) / 1e9
     cleared_ns = None if incident is None else incident.cleared_ns
     cleared_s = None if cleared_ns is None else (cleared_ns - course.origin_ns) / 1e9
-    begin_s = course.begin_s if raised_s is None else raised_s
-    end_s = course.end_s if cleared_s is None else cleared_s
+    begin_s = course.begin_s if raised_s is None else max(raised_s, course.begin_s)
+    end_s = course.end_s if incident is None else min((incident.last_ns - course.origin_ns) / 1e9, course.end_s)
     limit_deg = None if incident is None else incident.highest.limit_deg
     peak = _peak(course, begin_s, end_s)
     motion = course.motion
     at_peak = None if peak is None else int(np.argmin(np.abs(motion.time_s - peak.time_s)))
     return IncidentFacts(
+        begin_s=begin_s,
+        end_s=end_s,
         raised_s=raised_s,
         cleared_s=cleared_s,
         peak=peak,

@@ -52,6 +52,7 @@ class CalibrationView:
     facts: Pairs
     unit: str
     """Of the raw samples."""
+    has_thermal_model: bool
     rows: tuple[tuple[str, ...], ...]
     """Gains and bias of each axis of the housing."""
     certificate: str
@@ -164,6 +165,7 @@ def _calibration(evidence: IncidentEvidence, calibration: Calibration) -> Calibr
     return CalibrationView(
         facts=tuple((key, printable_text(value, 300)) for key, value in facts),
         unit=str(in_force.get("unit", "unit")),
+        has_thermal_model=bool(record.get("thermal")),
         rows=tuple((axis, *(format_short(each, 6) for each in (*gain, bias))) for axis, gain, bias in rows),
         certificate=evidence.certificates.get(name, b"").decode(errors="replace"),
         certificate_name=name,

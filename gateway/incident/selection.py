@@ -8,6 +8,7 @@ from gateway.incident.alert_incidents import AlertIncident, find_incidents
 from gateway.messages import Alert
 from gateway.recording.interval import RecordingInterval, RecordingTime
 from gateway.recording.reader import Selection, open_recording
+from gateway.recording.segment_summary import AlertState
 from gateway.recording.timeline import ReportProgress, Timeline, TimelineSpan, ignore_progress
 
 ALERTS = frozenset({"/alert"})
@@ -63,8 +64,7 @@ def choose_window(
         found = _window(span, incidents, _worst(_within(incidents, begin_ns, end_ns)), begin_ns, end_ns)
         return found if found.incident is not None else _window(span, incidents, None, begin_ns, end_ns, around_ns)
     incident = _chosen(timeline, incidents, choice)
-    end_ns = span.last_ns if incident.cleared_ns is None else incident.cleared_ns
-    return _window(span, incidents, incident, incident.raised_ns - margin_ns, end_ns + margin_ns)
+    return _window(span, incidents, incident, incident.raised_ns - margin_ns, incident.last_ns + margin_ns)
 
 
 def _chosen(timeline: Timeline, incidents: Sequence[AlertIncident], choice: IncidentChoice) -> AlertIncident:
@@ -94,11 +94,7 @@ def _window(
 
 
 def _within(incidents: Sequence[AlertIncident], begin_ns: int, end_ns: int) -> list[AlertIncident]:
-    return [
-        each
-        for each in incidents
-        if each.raised_ns <= end_ns and (each.cleared_ns is None or each.cleared_ns >= begin_ns)
-    ]
+    return [each for each in incidents if each.raised_ns <= end_ns and each.last_ns >= begin_ns]
 
 
 def _worst(incidents: Sequence[AlertIncident]) -> AlertIncident | None:
@@ -108,11 +104,11 @@ def _worst(incidents: Sequence[AlertIncident]) -> AlertIncident | None:
 
 
 def _read_alerts(timeline: Timeline, report: ReportProgress) -> Iterator[tuple[int, Alert]]:
-    """Yield the messages of changes; segments whose summary has none are left out."""
+    """Yield the messages of alerts; segments in which none stood and nothing changed, by their summaries, are left out."""
     done, total = 0, max(timeline.size_bytes, 1)
     for segment in timeline.segments:
         summary = segment.index.summary
-        if summary is None or any(state.event != "standing" for state in summary.alerts):
+        if summary is None or any(map(_is_eventful, summary.alerts)):
             file = open_recording(segment.path)
             for recorded in file.messages(Selection(topics=ALERTS)):
                 content = file.decode(recorded)
@@ -120,3 +116,7 @@ def _read_alerts(timeline: Timeline, report: ReportProgress) -> Iterator[tuple[i
                     yield recorded.log_time_ns, content
         done += segment.index.size_bytes
         report(done / total)
+
+
+def _is_eventful(state: AlertState) -> bool:
+    return state.event != "standing" or any(active.level in ("warn", "trip") for active in state.active)

@@ -8,6 +8,8 @@ from gateway.incident.course import Course
 from gateway.incident.facts import CraneMove, IncidentFacts, PeakAngle
 from gateway.incident.times import ReportClock
 
+LATE_S = 5.0
+"""An alert is stated each second; after a longer silence the gateway has ended."""
 LEVELS = {"warn": "warning", "trip": "trip"}
 CLOCKS = {
     "synchronised": "The gateway's clock was synchronised.",
@@ -25,7 +27,7 @@ def summary_sentences(course: Course, incident: AlertIncident | None, facts: Inc
             _what_was_raised(course, clock, incident, facts),
             _how_large(clock, incident, facts),
             _what_went_before(clock, facts),
-            _when_it_ended(clock, incident, facts),
+            _when_it_ended(course, clock, incident, facts),
             _how_good(course, facts),
         )
         for sentence in part
@@ -98,11 +100,14 @@ def _move_text(move: CraneMove) -> str:
             return "a gust pushed the load"
 
 
-def _when_it_ended(clock: ReportClock, incident: AlertIncident | None, facts: IncidentFacts) -> Iterator[str]:
+def _when_it_ended(
+    course: Course, clock: ReportClock, incident: AlertIncident | None, facts: IncidentFacts
+) -> Iterator[str]:
     if incident is None or facts.raised_s is None:
         return
     if facts.cleared_s is None:
-        yield "The recordings end before the alert cleared."
+        ended = "the gateway was stopped or restarted" if course.end_s - facts.end_s > LATE_S else "they end"
+        yield f"The recordings state no end of it: it stood at {clock.both(facts.end_s)}, after which {ended}."
     else:
         yield f"It cleared at {clock.both(facts.cleared_s)}, {facts.cleared_s - facts.raised_s:.1f} s after it began."
     yield "The recordings do not state who acknowledged it."

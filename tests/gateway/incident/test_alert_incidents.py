@@ -70,6 +70,19 @@ def test_an_alert_that_stands_when_the_recordings_begin_is_an_incident() -> None
     assert (found.level, found.highest.limit_deg) == ("trip", 6.0)
 
 
+def test_an_incident_without_an_end_stood_until_its_last_message() -> None:
+    standing = active("swing", "trip", "b-1")
+    first, second = find_incidents(
+        [
+            (10, alert("raised", "swing", standing, incident="b-1")),
+            (20, alert("standing", None, standing)),
+            (99, alert("raised", "swing", active("swing", "trip", "c-1"), incident="c-1")),  # after a restart
+        ]
+    )
+    assert (first.cleared_ns, first.last_ns) == (None, 20)
+    assert second.raised_ns == 99
+
+
 def test_changes_without_an_incident_are_none() -> None:
     assert find_incidents([(10, alert("changed", "swing")), (20, alert("standing", None))]) == []
 

@@ -1,0 +1,122 @@
+"""The course of an incident from single messages: gaps, recalibrations, faults and steps of the clock."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gateway.incident.course_builder import CourseBuilder
+from gateway.messages import NO_SESSION, Calibration, ClockOffset, Health, Samples
+
+ORIGIN_NS = 1_767_225_600_000_000_000
+HEAD: dict[str, Any] = {"time_ns": ORIGIN_NS, "clock": "synchronised", "sequence": 0}
+
+
+def calibration(gain: float = 0.5, **session: Any) -> Calibration:
+    in_force = {"gain_g_per_unit": (gain * np.eye(3)).tolist(), "bias_g": [0.0, 0.0, 1.0], "unit": "counts"}
+    return Calibration(
+        **HEAD,
+        status="calibrated",
+        device_id="part-7",
+        record={},
+        in_force=in_force,
+        text="calibrated",
+        session=replace(NO_SESSION, **session),
+    )
+
+
+def samples(first_s: float, lost: int = 0) -> Samples:
+    """Ten samples at 10 Hz of (2, 4, 6) counts."""
+    return Samples(
+        **HEAD,
+        first_log_time_ns=ORIGIN_NS + round(first_s * 1e9),
+        period_ns=1e8,
+        unit="counts",
+        packing="plain",
+        x=[2] * 10,
+        y=[4] * 10,
+        z=[6] * 10,
+        lost=lost,
+        invalid=0,
+    )
+
+
+def health(**changes: Any) -> Health:
+    common: dict[str, Any] = {
+        "state": "running",
+        "device_kind": "adxl355",
+        "boot_id": "b00t",
+        "software": "0.1.0",
+        "uptime_s": 1.0,
+        "samples": 10,
+        "lost": 0,
+        "invalid": 0,
+        "faults": {},
+        "dropped": {},
+    }
+    return Health(**HEAD, **(common | changes))
+
+
+def built(*messages: tuple[float, object]) -> CourseBuilder:
+    builder = CourseBuilder(ORIGIN_NS)
+    for time_s, message in messages:
+        builder.add(ORIGIN_NS + round(time_s * 1e9), message)
+    return builder
+
+
+def test_samples_become_acceleration_by_the_calibration_in_force_at_their_time() -> None:
+    course = built((0.0, calibration(0.5)), (0.9, samples(0.0)), (1.0, calibration(0.25)), (1.9, samples(1.0))).course(
+        ORIGIN_NS, ORIGIN_NS + 2_000_000_000
+    )
+    assert course.acceleration.force_g[0] == pytest.approx([1.0, 2.0, 4.0])
+    assert course.acceleration.force_g[-1] == pytest.approx([0.5, 1.0, 2.5])
+    assert course.acceleration.time_s == pytest.approx(np.arange(20) / 10)
+    assert len(course.calibrations) == 2
+
+
+def test_a_missing_block_is_a_gap() -> None:
+    course = built((0.9, samples(0.0)), (2.9, samples(2.0, lost=10))).course(ORIGIN_NS, ORIGIN_NS + 3_000_000_000)
+    (gap,) = course.samples.gaps
+    assert (gap.begin_s, gap.end_s) == pytest.approx((0.9, 2.0))
+    assert (course.samples.count, course.samples.lost) == (20, 10)
+    assert course.samples.rate_hz == pytest.approx(10.0)
+
+
+def test_without_a_calibration_the_acceleration_is_not_known() -> None:
+    course = built((0.9, samples(0.0))).course(ORIGIN_NS, ORIGIN_NS + 1_000_000_000)
+    assert np.isnan(course.acceleration.force_g).all()
+
+
+def test_each_step_of_a_recalibration_is_stated_once_with_its_person() -> None:
+    course = built(
+        (0.0, calibration()),
+        (1.0, calibration(id="s1", phase="collecting", by="Ann", text="Turn the housing.")),
+        (2.0, calibration(id="s1", phase="collecting", by="Ann", text="Turn the housing.")),
+        (3.0, calibration(id="s1", phase="committed", by="Ann", text="Done.")),
+    ).course(ORIGIN_NS, ORIGIN_NS + 4_000_000_000)
+    assert [(each.time_s, each.text) for each in course.sessions] == [
+        (1.0, "Recalibration collecting by Ann. Turn the housing."),
+        (3.0, "Recalibration committed by Ann. Done."),
+    ]
+
+
+def test_faults_are_stated_when_their_number_grows() -> None:
+    course = built(
+        (0.0, health(faults={"i2c_bus_error": 5})),
+        (1.0, health(faults={"i2c_bus_error": 7}, dropped={"bus": 0})),
+        (2.0, health(faults={"i2c_bus_error": 7}, dropped={"bus": 3})),
+    ).course(ORIGIN_NS, ORIGIN_NS + 3_000_000_000)
+    assert [(each.time_s, each.text) for each in course.faults] == [
+        (1.0, "i2c bus error: 2 more"),
+        (2.0, "dropped by the bus: 3 more"),
+    ]
+
+
+def test_the_offset_of_utc_is_that_before_the_origin_and_steps_are_kept() -> None:
+    course = built(
+        (-2.0, ClockOffset(**HEAD, log_time_ns=0, wall_offset_ns=500_000_000, stepped=False)),
+        (1.0, ClockOffset(**HEAD, log_time_ns=0, wall_offset_ns=9_000_000_000, stepped=True)),
+    ).course(ORIGIN_NS, ORIGIN_NS + 2_000_000_000)
+    assert course.utc_ns(1.0) == ORIGIN_NS + 1_500_000_000
+    assert course.clock_steps_s == (1.0,)
