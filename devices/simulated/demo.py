@@ -30,8 +30,17 @@ LOWERED_SHARE = 0.25
 """Change of the rope's length by a hoist; unit 1."""
 
 
-def demo_crane(seed: int, length_m: float, position_m: float, gravity_m_s2: float = STANDARD_GRAVITY_M_S2) -> Crane:
-    """Make a crane that swings calmly from the start, exceeds 6 degrees after half a minute, and calms down."""
+def demo_crane(
+    seed: int,
+    length_m: float,
+    position_m: float,
+    gravity_m_s2: float = STANDARD_GRAVITY_M_S2,
+    rest_s: float = 0.0,
+) -> Crane:
+    """Make a crane that swings calmly from the start, exceeds 6 degrees after half a minute, and calms down.
+
+    With `rest_s` the load first hangs still for that time, and gusts then begin the calm swing.
+    """
     random = np.random.default_rng([seed, 0])
     azimuth_rad = random.uniform(-np.pi, np.pi)
     tilt_x_rad, tilt_y_rad = CALM_SWING_RAD * np.cos(azimuth_rad), CALM_SWING_RAD * np.sin(azimuth_rad)
@@ -39,22 +48,25 @@ def demo_crane(seed: int, length_m: float, position_m: float, gravity_m_s2: floa
         length_m=length_m,
         position_m=position_m,
         gravity_m_s2=gravity_m_s2,
-        events=demo_events(random, length_m, azimuth_rad, gravity_m_s2),
-        motion=start_motion(tilt_x_rad, tilt_y_rad, 0.0, 0.0),
+        events=demo_events(random, length_m, azimuth_rad, gravity_m_s2, rest_s),
+        motion=None if rest_s > 0 else start_motion(tilt_x_rad, tilt_y_rad, 0.0, 0.0),
         damping_ratio=DAMPING_RATIO,
     )
 
 
 def demo_events(
-    random: np.random.Generator, length_m: float, azimuth_rad: float, gravity_m_s2: float
+    random: np.random.Generator, length_m: float, azimuth_rad: float, gravity_m_s2: float, rest_s: float = 0.0
 ) -> Iterator[Event]:
-    """Yield events without end, in the order of their starts, for a load let go at rest toward `azimuth_rad`.
+    """Yield events without end, in the order of their starts, for a load let go toward `azimuth_rad`, or at rest for `rest_s`.
 
     Two gusts at the end of a round, a period apart, leave the calm swing of the next, so that errors do not add up.
     """
     period_s = small_swing_period_s(length_m, gravity_m_s2)
     gust_m_s2 = CALM_SWING_RAD / 2 * GUST_PEAK * gravity_m_s2 / (2 * np.pi * GUST_EFFECT)
     turn_s = 0.0  # a time at which the swing is at its end toward azimuth_rad
+    if rest_s > 0:
+        yield from _two_gusts(rest_s, period_s, gust_m_s2, azimuth_rad)
+        turn_s = rest_s + 1.75 * period_s
     while True:
         calm_periods = np.ceil(CALM_S / period_s + 0.25)  # a gust ends a quarter of a period after turn_s
         move_s = turn_s + calm_periods * period_s
@@ -63,9 +75,14 @@ def demo_events(
         yield from _hoists(move_s + 5 * period_s, period_s, LOWERED_SHARE * length_m)
         gust_s = move_s + 10 * period_s
         azimuth_rad += random.choice([np.pi / 2, np.pi, -np.pi / 2])
-        yield Gust(gust_s, period_s, gust_m_s2, azimuth_rad, "Gust of wind")
-        yield Gust(gust_s + period_s, period_s, gust_m_s2, azimuth_rad, "Another gust")
+        yield from _two_gusts(gust_s, period_s, gust_m_s2, azimuth_rad)
         turn_s = gust_s + 1.75 * period_s
+
+
+def _two_gusts(start_s: float, period_s: float, gust_m_s2: float, azimuth_rad: float) -> Iterator[Event]:
+    """Yield two gusts a period apart, which leave the calm swing of a load that hung still."""
+    yield Gust(start_s, period_s, gust_m_s2, azimuth_rad, "Gust of wind")
+    yield Gust(start_s + period_s, period_s, gust_m_s2, azimuth_rad, "Another gust")
 
 
 def _hasty_and_catching_moves(

@@ -2,7 +2,7 @@
 
 import logging
 from collections import Counter, deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
 
 import numpy as np
@@ -24,6 +24,7 @@ from devices.simulated.accelerometer import (
 from devices.simulated.crane import Crane, GroundTruth
 from devices.simulated.demo import demo_crane
 from devices.simulated.factory import factory_calibration
+from devices.simulated.rigger import Rigger
 
 log = logging.getLogger("plumbline.device")
 LONGEST_WAIT_S: Final = 0.5
@@ -31,6 +32,8 @@ LONGEST_LAG_S: Final = 1.0
 """After a longer delay (the host was suspended or overloaded) the device skips to the present, like a FIFO that overflows."""
 LONGEST_CATCH_UP_S: Final = 30.0
 """Longest time by which the crane advances when samples are skipped; it stands still during the rest of the absence."""
+REST_S: Final = 90.0
+"""Time for which the load hangs still after the housing was hung back: long enough to zero the mount."""
 AHEAD_S: Final = 0.25
 """Readings are computed for this long at once, for any length of the blocks, because numpy's cost is per call."""
 
@@ -58,7 +61,10 @@ class SimulatedCrane:
                 f"odr_hz {odr_hz:g}, range_g {range_g:g} and block_samples {block_samples} must all be positive"
             )
         self.crane = crane or demo_crane(seed, length_m, position_m, gravity_m_s2)
-        part_random, ambient_random, factory_random, self._noise = np.random.default_rng([seed, 1]).spawn(4)
+        self._seed, self._place_m = seed, (length_m, position_m)
+        part_random, ambient_random, factory_random, self._noise, self._rigger_random = np.random.default_rng(
+            [seed, 1]
+        ).spawn(5)
         self.ambient = typical_ambient(ambient_random)
         self.part = Accelerometer(errors or typical_errors(part_random, self.ambient.mean_c), odr_hz, range_g)
         self._device_id = f"simulated-{seed}"
@@ -74,6 +80,9 @@ class SimulatedCrane:
         self._opened_ns: int | None = None
         self._newest_ns: int | None = None
         self._crane_start_ns = 0
+        self._rigger: Rigger | None = None
+        self._orders: deque[NDArray[np.float64] | None] = deque()
+        """Directions to turn the housing to; None: hang it back on the rope."""
 
     def open(self) -> DeviceInfo:
         """Start a new grid of sample times now; never fails."""
@@ -124,6 +133,14 @@ class SimulatedCrane:
         self._opened_ns = None
         self._ready.clear()
 
+    def turn_housing(self, up: Sequence[float]) -> None:
+        """Take the housing off the rope and turn it so that a direction (3,) of the sensor points up. Called by any thread."""
+        self._orders.append(self.part.errors.sensor_from_housing.T @ np.asarray(up, dtype=float))
+
+    def hang_housing(self) -> None:
+        """Hang the housing back on the rope: the load hangs still for `REST_S`, then swings again. Called by any thread."""
+        self._orders.append(None)
+
     @property
     def faults(self) -> Mapping[str, int]:
         """`overrun`: how many times samples were skipped because nobody read them in time."""
@@ -136,9 +153,8 @@ class SimulatedCrane:
     def _simulate(self, opened_ns: int) -> Iterator[SampleBlock]:
         index = self._next + np.arange(self._blocks_at_once * self._block_samples)
         time_ns = opened_ns + np.rint(index * self._period_ns).astype(np.int64)
-        time_s = (time_ns - self._crane_start_ns) / 1e9
-        temperature_c = self.ambient.temperature_c(time_s)
-        force_g = self.crane.specific_force_m_s2(time_s) / self.crane.gravity_m_s2
+        temperature_c = self.ambient.temperature_c((time_ns - self._crane_start_ns) / 1e9)
+        force_g = self._specific_force_g(time_ns)
         raw = self.part.counts(force_g, temperature_c, self._noise)
         self._newest_ns = int(time_ns[-1])
         for first in range(0, len(index), self._block_samples):
@@ -146,9 +162,29 @@ class SimulatedCrane:
             yield SampleBlock(time_ns[block], raw[block], round(float(temperature_c[block][-1]), 2), self._lost)
             self._lost = 0
 
+    def _specific_force_g(self, time_ns: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the specific force at the housing, on the rope or in the rigger's hands."""
+        while self._orders:
+            self._obey(self._orders.popleft(), int(time_ns[0]))
+        time_s = (time_ns - self._crane_start_ns) / 1e9
+        if self._rigger is not None:
+            return self._rigger.specific_force_g(time_s)
+        return self.crane.specific_force_m_s2(time_s) / self.crane.gravity_m_s2
+
+    def _obey(self, up: NDArray[np.float64] | None, now_ns: int) -> None:
+        if up is not None:
+            self._rigger = self._rigger or Rigger(self._rigger_random)
+            self._rigger.turn(up, (now_ns - self._crane_start_ns) / 1e9)
+        elif self._rigger is not None:
+            self._rigger = None
+            self.crane = demo_crane(self._seed, *self._place_m, self.crane.gravity_m_s2, rest_s=REST_S)
+            self._crane_start_ns = now_ns
+
     def _log_captions(self, block: SampleBlock) -> None:
         """Log what the crane begins to do within a block."""
         last_s = (int(block.time_ns[-1]) - self._crane_start_ns) / 1e9
+        if self._rigger is not None:
+            return
         for caption in self.crane.captions(last_s - self._block_samples * self._period_ns / 1e9, last_s):
             log.info("simulated crane: %s", caption)
 

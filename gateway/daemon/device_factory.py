@@ -10,6 +10,7 @@ from gateway.configuration.device_section import DeviceSection
 from gateway.configuration.device_sections import ReplayDevice, SimulatedDevice, WitMotionDevice
 from gateway.configuration.i2c_devices import I2cDevice
 from gateway.configuration.model import Configuration
+from gateway.daemon.simulated_rigger import SimulatedRigger
 
 BLOCK_S = 0.1
 """Length of a block where it is not configured."""
@@ -42,6 +43,15 @@ def make_device(configuration: Configuration, clock: Clock) -> Device:
                 return load_plugin(device.kind).make(device, n, clock)
     except (ValueError, PluginError) as error:
         raise DeviceError(f"device: {error}") from error
+
+
+def make_rigger(configuration: Configuration, device: Device) -> SimulatedRigger | None:
+    """Return the rigger of the simulated crane; None where a person turns the housing."""
+    if configuration.device.kind != "simulated":
+        return None
+    from devices.simulated.device import SimulatedCrane
+
+    return SimulatedRigger(device) if isinstance(device, SimulatedCrane) else None
 
 
 def _make_simulated(configuration: Configuration, device: SimulatedDevice, block: int, clock: Clock) -> Device:

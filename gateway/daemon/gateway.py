@@ -17,7 +17,7 @@ from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.calibration_provider import CalibrationProvider
 from gateway.daemon.compaction_worker import CompactionWorker
 from gateway.daemon.counters import SampleCounters
-from gateway.daemon.device_factory import make_device
+from gateway.daemon.device_factory import make_device, make_rigger
 from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.health import HealthReporter
 from gateway.daemon.instance import InstanceLock
@@ -127,6 +127,7 @@ class Gateway:
             recalibration,
             self._recording,
             self._publisher,
+            make_rigger(configuration, device),
         )
 
     def _record_line(self, line: Log, now_ns: int) -> None:

@@ -15,6 +15,7 @@ from gateway.daemon.publisher import Publisher
 from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.recording_worker import CalibrationChange, RecordingWorker
 from gateway.daemon.sampler import SamplerItem
+from gateway.daemon.simulated_rigger import SimulatedRigger
 from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.daemon.worker import Worker
 from gateway.messages import Alert, ClockOffset
@@ -48,6 +49,7 @@ class Processor(Worker[SamplerItem]):
         recalibration: RecalibrationService,
         recording: RecordingWorker,
         publisher: Publisher,
+        rigger: SimulatedRigger | None,
     ) -> None:
         super().__init__("processor", inbox)
         self._configuration = configuration
@@ -59,6 +61,7 @@ class Processor(Worker[SamplerItem]):
         self._recalibration = recalibration
         self._recording = recording
         self._publisher = publisher
+        self._rigger = rigger
         self._headers = HeaderMaker()
         self._incidents = IncidentRegister(health.boot_id)
         self._next_second_ns = 0
@@ -87,6 +90,8 @@ class Processor(Worker[SamplerItem]):
 
     def _set_session(self) -> None:
         self._pipeline.set_session(self._recalibration.session, self._recalibration.suspended)
+        if self._rigger is not None:
+            self._rigger.follow(self._recalibration.session)
 
     def handle(self, item: SamplerItem) -> None:
         """Process a block, or open the pipeline again for a device that came back as another one."""

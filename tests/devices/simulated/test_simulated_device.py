@@ -10,22 +10,9 @@ from devices.errors import DeviceError
 from devices.simulated.accelerometer import no_errors
 from devices.simulated.crane import Crane
 from devices.simulated.device import SimulatedCrane
+from tests.devices.simulated.fake_clock import START_NS, FakeClock
 
-START_NS = 1_760_000_000_123_456_789
 SECOND_NS = 1_000_000_000
-
-
-class FakeClock:
-    """Time that passes only in sleep."""
-
-    def __init__(self) -> None:
-        self.ns = START_NS
-
-    def now_ns(self) -> int:
-        return self.ns
-
-    def sleep_s(self, seconds: float) -> None:
-        self.ns += max(0, round(seconds * 1e9))
 
 
 def simulated(clock: FakeClock, odr_hz: float = 125.0, block_samples: int = 5, **more: object) -> SimulatedCrane:
