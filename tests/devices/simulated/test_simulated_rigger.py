@@ -50,9 +50,10 @@ def test_the_load_hangs_still_after_the_housing_was_hung_back() -> None:
 
 
 def _read(crane: SimulatedCrane, duration_s: float) -> NDArray[np.float64]:
-    blocks = []
-    while sum(map(len, blocks)) < duration_s * crane.part.odr_hz:
+    blocks: list[NDArray[np.float64]] = []
+    wanted = duration_s * crane.part.odr_hz
+    while sum(len(raw) for raw in blocks) < wanted:
         block = crane.read()
         if block is not None:
-            blocks.append(block.raw)
-    return np.concatenate(blocks).astype(float)
+            blocks.append(block.raw.astype(np.float64))
+    return np.concatenate(blocks)
