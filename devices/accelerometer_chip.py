@@ -15,6 +15,8 @@ from devices.clock import Clock
 from devices.i2c import I2cPart
 from devices.identity import Identity
 
+MAX_LISTED_RATES = 16
+
 
 class Setting(NamedTuple):
     """A register of the configuration and its value."""
@@ -78,7 +80,9 @@ class LostAlignmentError(Exception):
 class AccelerometerChip(Protocol):
     """A chip at one rate and range. Every method may raise `TransferError`."""
 
-    identity: Identity
+    kind: str
+    """As the configuration names it."""
+    identities: tuple[Identity, ...]
     properties: ChipProperties
     configuration: Sequence[Setting]
     """In the order of writing; the last one starts the chip. A register that occurs twice must keep its last value."""
@@ -112,8 +116,9 @@ def nearest_rate(name: str, rates_hz: Mapping[float, int], odr_hz: float) -> flo
     """Return the rate of a chip that equals `odr_hz` within 0.1 %. Raises `ValueError` with all rates if there is none."""
     rate_hz = min(rates_hz, key=lambda rate_hz: abs(rate_hz - odr_hz))
     if not math.isclose(rate_hz, odr_hz, rel_tol=1e-3):
-        rates = ", ".join(f"{rate_hz:g}" for rate_hz in rates_hz)
-        raise ValueError(f"the {name} has no output data rate of {odr_hz:g} Hz; it has {rates}")
+        few = len(rates_hz) <= MAX_LISTED_RATES
+        known = "it has " + ", ".join(f"{rate:g}" for rate in rates_hz) if few else f"nearest is {rate_hz:g}"
+        raise ValueError(f"the {name} has no output data rate of {odr_hz:g} Hz; {known}")
     return rate_hz
 
 

@@ -17,7 +17,7 @@ from devices.accelerometer_chip import (
 )
 from devices.clock import Clock
 from devices.i2c import I2cPart
-from devices.identity import IDENTITIES, identify
+from devices.identity import IDENTITIES, Identity, identify
 from devices.sample_words import SAMPLE_BYTES, decode_samples
 
 OFSX, ACT_INACT_CTL, TAP_AXES = 0x1E, 0x27, 0x2A
@@ -48,7 +48,8 @@ class Adxl345:
         """Raises `ValueError` for a rate or a range that the part does not have over I2C."""
         rate_hz = nearest_rate("ADXL345", RATE_CODES, odr_hz)
         full_scale_g = known_range("ADXL345", RANGE_CODES, range_g)
-        self.identity = IDENTITIES["ADXL345"]
+        self.kind = "adxl345"
+        self.identities: tuple[Identity, ...] = (IDENTITIES["ADXL345"],)
         self.properties = ChipProperties(
             odr_hz=rate_hz,
             units_per_g=UNITS_PER_G,
@@ -75,7 +76,7 @@ class Adxl345:
 
     def identify(self, part: I2cPart) -> str:
         """Check the identity; the part has no revision. Raises `IdentityError`."""
-        identify(part, self.identity)
+        identify(part, *self.identities)
         return ""
 
     def reset(self, part: I2cPart, clock: Clock) -> None:

@@ -83,8 +83,8 @@ class Adxl355:
         rate_hz = nearest_rate(name, RATE_CODES, odr_hz)
         full_scale_g = known_range(name, variant.units_per_g, range_g)
         range_code = list(variant.units_per_g).index(full_scale_g) + 1
-        known = IDENTITIES["ADXL355"]
-        self.identity = Identity(name, known.addresses, known.register, known.value)
+        self.kind = name.lower()
+        self.identities: tuple[Identity, ...] = (IDENTITIES["ADXL355"],)
         self.properties = ChipProperties(
             odr_hz=rate_hz,
             units_per_g=variant.units_per_g[full_scale_g],
@@ -107,7 +107,7 @@ class Adxl355:
 
     def identify(self, part: I2cPart) -> str:
         """Return the revision. Raises `IdentityError`."""
-        identify(part, self.identity)
+        identify(part, *self.identities)
         return f"{part.read(REVID, 1)[0]:02x}"
 
     def reset(self, part: I2cPart, clock: Clock) -> None:

@@ -23,6 +23,8 @@ class SampleBlock:
     """Samples known to be missing immediately before this block (overrun, sequence gap, radio loss)."""
     invalid: int = 0
     """Samples that arrived and could not be used (bad checksum, NaN, repeated or backward time)."""
+    gyro_rad_s: NDArray[np.float64] | None = None
+    """Angular rates in the sensor's own axes, shape (n, 3), rad/s; None without a gyroscope."""
 
     def __len__(self) -> int:
         return len(self.time_ns)

@@ -124,7 +124,7 @@ class FifoAccelerometer:
         self._last_received_ns = self._check_due_ns = self._clock.now_ns()
 
     def _info(self, revision: str) -> DeviceInfo:
-        kind, properties = self._chip.identity.name.lower(), self._chip.properties
+        kind, properties = self._chip.kind, self._chip.properties
         place = f"i2c{self._bus}-{self._address:02x}"
         number = self._serial or "-".join(filter(None, (revision, place)))
         details = {"bus": f"/dev/i2c-{self._bus}", "address": f"{self._address:#04x}"}
@@ -232,7 +232,7 @@ class FifoAccelerometer:
             time_ns = self._sample_clock.stamp(len(run), read_ns, lost=run.lost, behind=behind)
             if len(run):
                 lost = self._lost_before(int(time_ns[0]))
-                yield SampleBlock(time_ns, run.raw, self._temperature_c, lost)
+                yield SampleBlock(time_ns, run.raw, self._temperature_c, lost, gyro_rad_s=run.gyro_rad_s)
                 self._last_ns, self._lost, self._lost_at_least = int(time_ns[-1]), 0, None
 
     def _reset_sample_index(self, at_least: int) -> None:

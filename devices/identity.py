@@ -24,23 +24,38 @@ IDENTITIES = {
     identity.name: identity
     for identity in (
         Identity("ADXL355", (0x1D, 0x53), 0x00, b"\xad\x1d\xed"),  # Rev. D, "Register map"; DEVID_AD, DEVID_MST, PARTID
-        Identity("ADXL345", (0x53, 0x1D), 0x00, b"\xe5"),  # Rev. G, register 0x00, DEVID; I2C: ALT ADDRESS pin
+        Identity("ADXL359", (0x1D, 0x53), 0x00, b"\xad\x1d\xe9"),  # the same registers; Linux driver adxl355
+        Identity("ADXL345", (0x53, 0x1D), 0x00, b"\xe5"),  # Rev. G, register 0x00, DEVID; pin ALT ADDRESS
+        Identity("LIS3DH", (0x18, 0x19), 0x0F, b"\x33"),  # Rev. 2, section 8.6, WHO_AM_I; pin SA0
+        Identity("LIS2DW12", (0x18, 0x19), 0x0F, b"\x44"),  # Rev. 8, section 8.3, WHO_AM_I; pin SA0
+        Identity("MPU-9250", (0x68, 0x69), 0x75, b"\x71"),  # RM-MPU-9250A-00 Rev. 1.6, section 4.38, WHOAMI; pin AD0
+        Identity("MPU-9255", (0x68, 0x69), 0x75, b"\x73"),  # RM-MPU-9255 Rev. 1.0, WHOAMI
+        Identity("MPU-6050", (0x68, 0x69), 0x75, b"\x68"),  # RM-MPU-6000A-00 Rev. 4.2, section 4.32, WHO_AM_I
+        Identity("MPU-6500", (0x68, 0x69), 0x75, b"\x70"),  # the accelerometer and gyroscope of the MPU-9250
     )
 }
 """By name. An ADXL357 has the identity of an ADXL355 (data sheet Rev. C, PARTID 0xED)."""
 
 
-def identify(part: I2cPart, expected: Identity) -> None:
-    """Read the identity registers. Raises `IdentityError`, which names the part that is found, and `TransferError`."""
-    found = part.read(expected.register, len(expected.value))
-    if found == expected.value:
-        return
-    other = next((known for known in IDENTITIES.values() if _has(part, known)), None)
+def identify(part: I2cPart, *expected: Identity) -> Identity:
+    """Return which of several identities with one register the part has.
+
+    Raises `IdentityError`, which names the part that is found, and `TransferError`.
+    """
+    found = part.read(expected[0].register, len(expected[0].value))
+    for identity in expected:
+        if found == identity.value:
+            return identity
+    other = find_identity(part)
+    names = " or ".join(f"{known.name} ({known.value.hex(' ').upper()})" for known in expected)
     raise IdentityError(
-        f"{part}: identity reads {found.hex(' ').upper()}, an {expected.name} has {expected.value.hex(' ').upper()};"
+        f"{part}: identity reads {found.hex(' ').upper()}, expected is an {names};"
         f" this is {'another part' if other is None else f'an {other.name}'}, name its kind or the right address"
     )
 
 
-def _has(part: I2cPart, identity: Identity) -> bool:
-    return part.read(identity.register, len(identity.value)) == identity.value
+def find_identity(part: I2cPart) -> Identity | None:
+    """Return the identity of whatever part is there; None for an unknown one. Raises `TransferError`."""
+    return next(
+        (known for known in IDENTITIES.values() if part.read(known.register, len(known.value)) == known.value), None
+    )

@@ -6,7 +6,15 @@ from typing import Annotated, Literal, get_args
 from pydantic import Field
 
 from gateway.configuration.device_section import DeviceSection
-from gateway.configuration.i2c_devices import Adxl345Device, Adxl355Device, Adxl357Device
+from gateway.configuration.i2c_devices import (
+    Adxl345Device,
+    Adxl355Device,
+    Adxl357Device,
+    Lis2dw12Device,
+    Lis3dhDevice,
+    Mpu6050Device,
+    Mpu9250Device,
+)
 
 
 class SimulatedDevice(DeviceSection):
@@ -43,7 +51,16 @@ class WitMotionDevice(DeviceSection):
 
 
 AnyDevice = Annotated[
-    SimulatedDevice | ReplayDevice | Adxl355Device | Adxl357Device | Adxl345Device | WitMotionDevice,
+    SimulatedDevice
+    | ReplayDevice
+    | Adxl355Device
+    | Adxl357Device
+    | Adxl345Device
+    | Lis3dhDevice
+    | Lis2dw12Device
+    | Mpu9250Device
+    | Mpu6050Device
+    | WitMotionDevice,
     Field(discriminator="kind", description="the source of the samples"),
 ]
 DEVICE_KINDS = tuple(get_args(device.model_fields["kind"].annotation)[0] for device in get_args(get_args(AnyDevice)[0]))

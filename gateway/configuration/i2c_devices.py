@@ -61,3 +61,51 @@ class Adxl345Device(I2cDevice):
     address: int = Field(0x53, description="0x53, or 0x1D with the ALT ADDRESS pin high")
     odr_hz: float = Field(100.0, description="output data rate: 800 Hz halved up to seven times")
     range_g: Literal[2, 4, 8, 16] = Field(2, description="full scale")
+
+
+class Lis3dhDevice(I2cDevice):
+    """STMicroelectronics LIS3DH over I2C."""
+
+    part: ClassVar[str] = "LIS3DH"
+    rates_hz: ClassVar[tuple[float, ...]] = (1.0, 10.0, 25.0, 50.0, 100.0, 200.0, 400.0, 1344.0)
+
+    kind: Literal["lis3dh"]
+    address: int = Field(0x18, description="0x18, or 0x19 with the SA0 pin high")
+    odr_hz: float = Field(100.0, description="output data rate: 1, 10, 25, 50, 100, 200, 400 or 1344 Hz")
+    range_g: Literal[2, 4, 8, 16] = Field(2, description="full scale")
+
+
+class Lis2dw12Device(I2cDevice):
+    """STMicroelectronics LIS2DW12 over I2C."""
+
+    part: ClassVar[str] = "LIS2DW12"
+    rates_hz: ClassVar[tuple[float, ...]] = tuple(1600.0 / (1 << k) for k in range(8))
+
+    kind: Literal["lis2dw12"]
+    address: int = Field(0x18, description="0x18, or 0x19 with the SA0 pin high")
+    odr_hz: float = Field(100.0, description="output data rate: 1600 Hz halved up to seven times")
+    range_g: Literal[2, 4, 8, 16] = Field(2, description="full scale")
+
+
+class Mpu9250Device(I2cDevice):
+    """InvenSense MPU-9250, MPU-9255 or MPU-6500 over I2C."""
+
+    part: ClassVar[str] = "MPU-9250"
+    rates_hz: ClassVar[tuple[float, ...]] = tuple(1000.0 / (1 + divider) for divider in range(256))
+
+    kind: Literal["mpu9250"]
+    address: int = Field(0x68, description="0x68, or 0x69 with the AD0 pin high")
+    odr_hz: float = Field(100.0, description="output data rate: 1000 Hz divided by 1 to 256")
+    range_g: Literal[2, 4, 8, 16] = Field(2, description="full scale")
+
+
+class Mpu6050Device(I2cDevice):
+    """InvenSense MPU-6050 over I2C."""
+
+    part: ClassVar[str] = "MPU-6050"
+    rates_hz: ClassVar[tuple[float, ...]] = Mpu9250Device.rates_hz
+
+    kind: Literal["mpu6050"]
+    address: int = Field(0x68, description="0x68, or 0x69 with the AD0 pin high")
+    odr_hz: float = Field(100.0, description="output data rate: 1000 Hz divided by 1 to 256")
+    range_g: Literal[2, 4, 8, 16] = Field(2, description="full scale")

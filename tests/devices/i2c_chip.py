@@ -67,6 +67,8 @@ class I2cChip(ABC):
     fifo_places: int
     places_per_sample = 1
     fifo_register: int
+    temperature_c = 25.0
+    rates_deg_s = (0.0, 0.0, 0.0)
 
     def __init__(
         self,

@@ -84,7 +84,10 @@ def test_rates_and_ranges_that_the_part_does_not_have_are_refused(
 def test_another_part_at_the_address_is_named(rig: Callable[..., Rig]) -> None:
     made = rig()
     made.chip.registers.update({0x00: 0xE5, 0x01: 0x00, 0x02: 0x00})
-    with pytest.raises(IdentityError, match=r"^I2C bus 1 address 0x1d: identity reads E5 00 00, .* this is an ADXL345"):
+    with pytest.raises(
+        IdentityError,
+        match=r"^I2C bus 1 address 0x1d: identity reads E5 00 00, .*; this is an ADXL345",
+    ):
         made.open()
     assert made.chip.closed
 
