@@ -163,7 +163,7 @@ class Mpu9250:
         known = int(np.median(words[:, 3])) if self._temperature is None else self._temperature
         if np.abs(words[:, 3] - known).max() > TEMPERATURE_SLIP:
             raise LostAlignmentError
-        return [SampleRun(words[:, :3], gyro_rad_s=words[:, 4:] * RAD_S_PER_UNIT)]
+        return [SampleRun(words[:, :3], gyro_rad_s=words[:, 4:].astype(np.float64) * RAD_S_PER_UNIT)]
 
     def forget_partial(self) -> None:
         """Empty the FIFO before it is read again: an interrupted burst has left it out of step."""
