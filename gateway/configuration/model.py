@@ -119,6 +119,10 @@ class RecorderSection(Section):
     fsync_s: float = Field(1.0, gt=0, le=60, description="interval of syncs: the most that a power failure costs")
     pre_event_s: float = Field(60.0, ge=0, description="files up to this long before an alert are deleted last")
     post_event_s: float = Field(120.0, ge=0, description="files up to this long after an alert are deleted last")
+    key: Path | None = Field(
+        None,
+        description="Ed25519 key in PEM that signs the recordings; default: data_dir/signing-key.pem, made at first start",
+    )
 
 
 class TlsSection(Section):

@@ -7,6 +7,7 @@ from pathlib import Path
 from devices.errors import RecordingError
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.worker import Worker
+from gateway.recording.chain import SegmentChain
 from gateway.recording.compaction import CompactionError, compact
 from gateway.recording.mcap_salvage import describe_losses
 from gateway.recording.retention import uncompacted_marker
@@ -18,13 +19,14 @@ INBOX = 4096
 class CompactionWorker(Worker[Path]):
     """Rewrites one segment after the other, beside the recording."""
 
-    def __init__(self) -> None:
+    def __init__(self, chain: SegmentChain) -> None:
         super().__init__("compaction", BoundedQueue(INBOX))
+        self._chain = chain
 
     def handle(self, item: Path) -> None:
         """Rewrite a segment; it stays as it is where that fails."""
         try:
-            losses = compact(item)
+            losses = compact(item, self._chain)
         except FileNotFoundError:
             log.info("%s: was deleted before its compaction", item)
         except CompactionError as error:

@@ -34,8 +34,17 @@ from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.messages import Log
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recalibration.recalibration import Recalibration
+from gateway.recording.chain import SegmentChain
 from gateway.recording.events import AlertEventIndex
 from gateway.recording.header import RecordingHeader
+from gateway.recording.signing_key import (
+    KEY_NAME,
+    MISSING_EXTRA,
+    KeyFileError,
+    SigningKey,
+    fingerprint,
+    load_or_create_key,
+)
 from gateway.recording.writer import Recorder
 
 log = logging.getLogger("plumbline")
@@ -67,6 +76,8 @@ class Gateway:
             device = make_device(configuration, clock)
             info = device.open()
             undo.callback(device.close)
+            self._key, self._key_error = _load_key(configuration)
+            chain = SegmentChain(section.data_dir, section.key, self._key)
             recorder = Recorder(
                 section.data_dir,
                 RecordingHeader(
@@ -81,6 +92,7 @@ class Gateway:
                 fsync_s=configuration.recorder.fsync_s,
                 quota_mb=configuration.recorder.quota_mb,
                 events=AlertEventIndex(configuration.recorder.pre_event_s, configuration.recorder.post_event_s),
+                chain=chain,
             )
             self.recording_path = recorder.start(clock.now_ns())
             undo.callback(recorder.close)
@@ -89,7 +101,7 @@ class Gateway:
             undo.callback(session.close)
             self._page = PageProcess(configuration) if configuration.page.enabled else None
             undo.pop_all()
-        self._compaction = CompactionWorker()
+        self._compaction = CompactionWorker(chain)
         self._recording = RecordingWorker(recorder, clock.now_ns, self._compaction.inbox.put)
         log.addHandler(RecordingHandler(lambda line: self._record_line(line, clock.now_ns())))
         self._publisher = Publisher(session, section.key)
@@ -145,10 +157,16 @@ class Gateway:
                 f"{self.processor.info.odr_hz:g} Hz; calibration {self.processor.correction.text}",
                 f"  page       {page}",
                 f"  recording  {self.recording_path}",
+                f"  signed     {self._describe_key()}",
                 f"  bus        {key}/** at {bus}",
                 "  log        standard error, and /log in the recording",
             )
         )
+
+    def _describe_key(self) -> str:
+        if self._key is None:
+            return f"no, chained by hashes only: {self._key_error}"
+        return f"public key {self._key.public_hex}, fingerprint {fingerprint(self._key.public_hex)}"
 
     @property
     def threads(self) -> tuple[threading.Thread, ...]:
@@ -197,3 +215,14 @@ class Gateway:
             self._page.stop()
         self._lock.release()
         self._notifier.close()
+
+
+def _load_key(configuration: Configuration) -> tuple[SigningKey | None, str]:
+    """Return the key of the recordings, or the reason why there is none: the gateway works without it."""
+    path = configuration.recorder.key or configuration.gateway.data_dir / KEY_NAME
+    try:
+        key = load_or_create_key(path)
+    except KeyFileError as error:
+        log.error("recordings are not signed: %s", error)
+        return None, str(error)
+    return key, MISSING_EXTRA

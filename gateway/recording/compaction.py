@@ -11,13 +11,15 @@ import struct
 from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
+from typing import BinaryIO
 
 from mcap.records import Attachment, Channel, McapRecord, Message
 
 from devices.errors import RecordingError
 from gateway.atomic_io import partial_of, replace_file
+from gateway.recording.chain import SIGNATURE, SegmentChain
 from gateway.recording.copying import RecordCopier
-from gateway.recording.header import REPAIRED
+from gateway.recording.header import ORIGIN, REPAIRED, SEGMENT
 from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
 from gateway.recording.mcap_writer import DENSE, McapWriter
 from gateway.recording.retention import uncompacted_marker
@@ -29,15 +31,18 @@ class CompactionError(RecordingError):
     """A segment stays as it is: a part of it is damaged, or its copy was not the same."""
 
 
-def compact(path: Path) -> SalvageReport:
+def compact(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
     """Rewrite an ended segment; return what an interruption has cost of it. Raises `RecordingError` and `OSError`.
 
-    A damaged segment is not rewritten, since more of it might be readable by other means.
+    With a chain, the new file ends with its final signature. A damaged segment is not rewritten, since more of it might be
+    readable by other means.
     """
     losses = SalvageReport()
+    signature: dict[str, str] = {}
     with replace_file(path) as descriptor:
         with os.fdopen(descriptor, "wb", closefd=False) as file:
-            writer = McapWriter(file, DENSE)
+            sink = HashingFile(file)
+            writer = McapWriter(sink, DENSE)
             copier = RecordCopier(writer, losses)
             before = ContentDigest()
             with open_mcap(path) as source:
@@ -48,13 +53,50 @@ def compact(path: Path) -> SalvageReport:
                 )
             if not losses.closed:
                 writer.add_metadata(REPAIRED, {name: json.dumps(value) for name, value in asdict(losses).items()})
+            segment = int(copier.metadata.get(ORIGIN, {}).get(SEGMENT, 0))
+            if chain is not None and segment:
+                writer.flush()
+                signature = chain.final(
+                    segment=segment,
+                    name=path.name,
+                    n_bytes=sink.tell(),
+                    sha256=sink.sha256,
+                    from_ns=copier.from_ns,
+                    to_ns=copier.to_ns,
+                    repaired=not losses.closed,
+                )
+                writer.add_metadata(SIGNATURE, signature)
             writer.finish()
         if _digest(partial_of(path)) != before.value:
             raise CompactionError(
                 f"{path}: stays as it is, because its copy was not the same; check the memory and the disk"
             )
+    if chain is not None and signature:
+        chain.commit(segment, signature)
     uncompacted_marker(path).unlink(missing_ok=True)
     return losses
+
+
+class HashingFile:
+    """A file with the SHA-256 of what was written to it."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._hash = hashlib.sha256()
+
+    @property
+    def sha256(self) -> str:
+        """Hash so far, in hexadecimal digits."""
+        return self._hash.hexdigest()
+
+    def write(self, data: bytes) -> int:
+        """Append data."""
+        self._hash.update(data)
+        return self._file.write(data)
+
+    def tell(self) -> int:
+        """Return the number of bytes so far."""
+        return self._file.tell()
 
 
 def _digest(path: Path) -> bytes:

@@ -4,8 +4,11 @@ from collections.abc import Iterable
 
 from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
 
+from gateway.recording.chain import SIGNATURE
 from gateway.recording.mcap_salvage import SalvageReport
 from gateway.recording.mcap_writer import McapWriter
+
+LARGEST_NS = 2**63 - 1
 
 
 class RecordCopier:
@@ -14,12 +17,15 @@ class RecordCopier:
     def __init__(self, writer: McapWriter, losses: SalvageReport) -> None:
         self._writer = writer
         self._losses = losses
+        self.metadata: dict[str, dict[str, str]] = {}
         self._schemas: dict[int, Schema] = {}
         self._channels: dict[int, Channel] = {}
         self._schema_ids: dict[int, int] = {0: 0}
         self._channel_ids: dict[int, int] = {}
         self._started = False
         self.messages = 0
+        self.from_ns, self.to_ns = LARGEST_NS, 0
+        """Gateway times of the first and the last message."""
 
     def copy(self, records: Iterable[McapRecord]) -> None:
         """Copy records; messages without a channel are counted as unreadable."""
@@ -40,7 +46,8 @@ class RecordCopier:
         match record:
             case Message():
                 self._add_message(record)
-            case Metadata():
+            case Metadata() if record.name != SIGNATURE:  # which is of the source's bytes
+                self.metadata[record.name] = record.metadata
                 self._writer.add_metadata(record.name, record.metadata)
             case Attachment():
                 self._writer.add_attachment(
@@ -68,6 +75,8 @@ class RecordCopier:
             self._channel_id(channel), message.sequence, message.log_time, message.publish_time, message.data
         )
         self.messages += 1
+        self.from_ns = min(self.from_ns, message.log_time)
+        self.to_ns = max(self.to_ns, message.log_time)
 
     def _channel_id(self, channel: Channel) -> int:
         if channel.id not in self._channel_ids:

@@ -1,6 +1,7 @@
 """The names of segments, and the deletion of segments beyond the quota."""
 
 import re
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -89,7 +90,15 @@ def uncompacted_marker(path: Path) -> Path:
 class Retention:
     """Deletes closed segments beyond the quota, oldest first and those with events last; touches no other file."""
 
-    def __init__(self, names: SegmentNames, data_dir: Path, quota_mb: float) -> None:
+    def __init__(
+        self,
+        names: SegmentNames,
+        data_dir: Path,
+        quota_mb: float,
+        before_deletion: Callable[[Path], None] = lambda path: None,
+    ) -> None:
+        """`before_deletion` is called with each segment that is to be deleted, and may raise `OSError`."""
+        self._before_deletion = before_deletion
         self._names = names
         self._data_dir = data_dir
         self._quota_bytes = quota_mb * BYTES_PER_MB
@@ -110,6 +119,7 @@ class Retention:
         while self._closed and total_bytes > self._quota_bytes:
             oldest = self._closed.pop(0)
             try:
+                self._before_deletion(oldest.path)
                 oldest.path.unlink(missing_ok=True)
                 marker_path(oldest.path).unlink(missing_ok=True)
                 uncompacted_marker(oldest.path).unlink(missing_ok=True)

@@ -1,5 +1,6 @@
 """One MCAP file that is being written; everything up to the last `sync` survives."""
 
+import hashlib
 import os
 from collections.abc import Iterable
 from contextlib import suppress
@@ -12,6 +13,7 @@ from gateway.atomic_io import partial_of, sync_folder
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording import header as names
 from gateway.recording.calibration_files import AttachedFile
+from gateway.recording.chain import SIGNATURE, SegmentChain
 from gateway.recording.encoding import encode_recorded
 from gateway.recording.header import RecordingHeader, device_metadata
 from gateway.recording.mcap_writer import McapWriter
@@ -21,6 +23,8 @@ from gateway.recording.segment_summary import SUMMARY, SUMMARY_MEDIA_TYPE, encod
 from gateway.recording.summary_builder import SummaryBuilder
 from gateway.topics import TOPICS
 
+CHECKPOINT_NS = 10_000_000_000
+"""Distance of the signatures in a segment that is being written."""
 SEQUENCE_MASK = 0xFFFF_FFFF
 """MCAP's sequence numbers have 32 bits."""
 
@@ -37,11 +41,18 @@ class SyncedFile:
         self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o644)
         self._size = 0
         self._held = bytearray()
+        self._hash = hashlib.sha256()
 
     def write(self, data: bytes) -> int:
         """Append data, which are written at the next sync."""
         self._held += data
+        self._hash.update(data)
         return len(data)
+
+    @property
+    def sha256(self) -> str:
+        """Hash of all data, in hexadecimal digits."""
+        return self._hash.hexdigest()
 
     def tell(self) -> int:
         """Return the number of bytes, including those that are not written yet."""
@@ -78,6 +89,7 @@ class Segment:
         start_ns: int,
         repeated: Iterable[EncodedMessage],
         files: Iterable[AttachedFile] = (),
+        chain: SegmentChain | None = None,
     ) -> None:
         """Create the file with everything that makes it complete, including `repeated` messages and `files`, or no file at all.
 
@@ -86,6 +98,9 @@ class Segment:
         self.path = path
         self.start_ns = start_ns
         self._summary = SummaryBuilder()
+        self._chain = chain
+        self._number = 0 if chain is None else chain.begin_segment()
+        self._newest_ns = self._signed_ns = start_ns
         partial = partial_of(path)
         self._file = SyncedFile(partial)
         try:
@@ -114,6 +129,7 @@ class Segment:
     def write(self, message: EncodedMessage, log_time_ns: int) -> None:
         """Add a message to the open chunk."""
         payload = encode_recorded(message.message)
+        self._newest_ns = max(self._newest_ns, log_time_ns)
         self._summary.count(TOPICS[message.topic].path, log_time_ns, len(payload))
         self._summary.add(message.message, log_time_ns)
         self._writer.add_message(
@@ -135,8 +151,10 @@ class Segment:
         self._file.sync()
 
     def sync(self) -> None:
-        """Close the chunk and write it to the disk."""
+        """Close the chunk and write it to the disk, with a checkpoint where one is due."""
         self._writer.flush()
+        if self._newest_ns - self._signed_ns >= CHECKPOINT_NS:
+            self._sign()
         self._file.sync()
 
     def close(self) -> None:
@@ -144,6 +162,7 @@ class Segment:
         self._writer.flush()
         if (summary := self._summary.summary()) is not None:
             self._attach([AttachedFile(SUMMARY, SUMMARY_MEDIA_TYPE, encode_summary(summary))], summary.to_ns)
+        self._sign()
         self._writer.finish()
         self._file.sync()
         self._file.close()
@@ -155,12 +174,28 @@ class Segment:
 
     def _begin(self, header: RecordingHeader, device: DeviceInfo | None) -> dict[str, int]:
         self._writer.start(profile=names.PROFILE, library=header.library)
-        self._writer.add_metadata(names.ORIGIN, header.origin())
+        number = {names.SEGMENT: str(self._number)} if self._number else {}
+        self._writer.add_metadata(names.ORIGIN, {**header.origin(), **number})
         configuration = header.configuration_toml.encode()
         self._attach([AttachedFile(names.CONFIGURATION, names.CONFIGURATION_MEDIA_TYPE, configuration)], self.start_ns)
         if device is not None:
             self.add_device(device)
         return {topic: self._register(topic) for topic in logged_topics()}
+
+    def _sign(self) -> None:
+        """Add the signature of everything before."""
+        if self._chain is None:
+            return
+        signature = self._chain.checkpoint(
+            segment=self._number,
+            name=self.path.name,
+            n_bytes=self._file.tell(),
+            sha256=self._file.sha256,
+            from_ns=self.start_ns,
+            to_ns=self._newest_ns,
+        )
+        self._writer.add_metadata(SIGNATURE, signature)
+        self._signed_ns = self._newest_ns
 
     def _attach(self, files: Iterable[AttachedFile], now_ns: int) -> None:
         for file in files:

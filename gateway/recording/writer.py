@@ -5,17 +5,21 @@ SIGKILL or a power failure costs at most `fsync_s` and the time between two tick
 """
 
 import errno
+from contextlib import suppress
 from pathlib import Path
 
 from devices.block import DeviceInfo
+from devices.errors import RecordingError
 from gateway.errors import PlumblineError
 from gateway.messages import Alert, Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.calibration_files import AttachedFile, CalibrationFiles
+from gateway.recording.chain import SegmentChain
 from gateway.recording.events import AlertEventIndex
-from gateway.recording.header import RecordingHeader
+from gateway.recording.header import ORIGIN, SEGMENT, RecordingHeader
 from gateway.recording.retention import BYTES_PER_MB, Retention, SegmentNames
 from gateway.recording.segment import Segment
+from gateway.recording.segment_index import read_index
 
 REPEATED_TOPICS = ("calibration", "clock")
 """Repeated at the start of each segment, so that a segment can be read without the one before."""
@@ -60,13 +64,18 @@ class Recorder:
         fsync_s: float,
         quota_mb: float,
         events: AlertEventIndex | None = None,
+        chain: SegmentChain | None = None,
     ) -> None:
-        """`events` records which segments contain alerts; without it the quota treats all segments alike."""
+        """`events` records which segments contain alerts; without it the quota treats all segments alike.
+
+        `chain` numbers and signs the segments.
+        """
+        self._chain = chain
         self._data_dir = data_dir
         self._header = header
         self._names = SegmentNames(header.site, header.crane, header.sensor)
         self._events = events
-        self._retention = Retention(self._names, data_dir, quota_mb)
+        self._retention = Retention(self._names, data_dir, quota_mb, self._note_deletion)
         self._segment_ns = round(segment_s * 1e9)
         self._fsync_ns = round(fsync_s * 1e9)
         self._largest_segment_bytes = quota_mb * BYTES_PER_MB / SEGMENTS_IN_QUOTA
@@ -193,7 +202,15 @@ class Recorder:
     def _new_segment(self, now_ns: int) -> Segment:
         repeated = [self._repeated[topic] for topic in REPEATED_TOPICS if topic in self._repeated]
         path = self._names.unused_path(self._data_dir, now_ns)
-        return Segment(path, self._header, self._device, now_ns, repeated, self._attached_files())
+        return Segment(path, self._header, self._device, now_ns, repeated, self._attached_files(), self._chain)
+
+    def _note_deletion(self, path: Path) -> None:
+        """Note in the chain that the quota deletes a segment. Raises `OSError`."""
+        if self._chain is not None:
+            with suppress(RecordingError):  # a damaged one has no number
+                number = read_index(path).metadata.get(ORIGIN, {}).get(SEGMENT)
+                if number is not None:
+                    self._chain.note_deleted(int(number))
 
     def _attached_files(self) -> tuple[AttachedFile, ...]:
         """Return the attachments for the calibration in force, none if it belongs to another device."""

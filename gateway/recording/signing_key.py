@@ -1,0 +1,129 @@
+"""The gateway's Ed25519 key (RFC 8032), with which recordings are signed, and the check of its signatures.
+
+The package `cryptography` is an extra: without it recordings are chained by hashes and not signed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gateway.atomic_io import make_folder, partial_of, sync_folder
+from gateway.errors import PlumblineError
+
+if TYPE_CHECKING:
+    from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
+
+KEY_NAME = "signing-key.pem"
+PUBLIC_SUFFIX = ".pub"
+MISSING_EXTRA = "the package cryptography is not installed; `pip install 'plumbline-gateway[signing]'`"
+
+
+class KeyFileError(PlumblineError):
+    """A key cannot be read or made; the text names the file and the remedy."""
+
+
+class SigningKey:
+    """The private half of the key."""
+
+    def __init__(self, private: Ed25519PrivateKey) -> None:
+        self._private = private
+        self.public_hex = private.public_key().public_bytes_raw().hex()
+
+    def sign(self, text: str) -> str:
+        """Return the signature of a text, in hexadecimal digits."""
+        return self._private.sign(text.encode()).hex()
+
+
+def fingerprint(public_hex: str) -> str:
+    """Return the first 64 bits of a public key's SHA-256, in groups of four digits, for people to compare."""
+    digest = hashlib.sha256(bytes.fromhex(public_hex)).hexdigest()[:16]
+    return "-".join(digest[i : i + 4] for i in range(0, 16, 4))
+
+
+def load_or_create_key(path: Path) -> SigningKey | None:
+    """Return the key of a file, which is made with mode 0600 where there is none; None without the extra `signing`.
+
+    The public half stands beside it, in a file that ends with `.pub`. Raises `KeyFileError`.
+    """
+    try:
+        from cryptography.hazmat.primitives import serialization  # noqa: PLC0415  (an extra)
+        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey  # noqa: PLC0415
+    except ImportError:
+        return None
+    try:
+        if not path.exists():
+            private = Ed25519PrivateKey.generate()
+            pem = private.private_bytes(
+                serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+            )
+            _write_new(path, pem, 0o600)
+        loaded = serialization.load_pem_private_key(path.read_bytes(), password=None)
+        if not isinstance(loaded, Ed25519PrivateKey):
+            raise KeyFileError(f"{path}: is not an Ed25519 key; give one in PEM, or move it away so that one is made")
+        key = SigningKey(loaded)
+        public = path.with_name(path.name + PUBLIC_SUFFIX)
+        if not public.exists():
+            _write_new(public, f"{key.public_hex}\n".encode(), 0o644)
+    except OSError as error:
+        raise KeyFileError(
+            f"{path}: {error.strerror or error}; set recorder.key to a path that this user may write"
+        ) from error
+    except ValueError as error:
+        raise KeyFileError(
+            f"{path}: is not an unencrypted private key in PEM; move it away so that one is made"
+        ) from error
+    return key
+
+
+def read_public_key(text: str) -> str:
+    """Return a public key in hexadecimal digits, given so or as the name of a `.pub` file. Raises `KeyFileError`."""
+    with suppress(ValueError):
+        if len(bytes.fromhex(text)) == 32:
+            return text.lower()
+    path = Path(text)
+    try:
+        content = path.read_text(encoding="utf-8").strip()
+        if len(bytes.fromhex(content)) == 32:
+            return content.lower()
+    except OSError as error:
+        raise KeyFileError(
+            f"--key {text}: {(error.strerror or str(error)).lower()}; give the gateway's {KEY_NAME}.pub"
+        ) from error
+    except ValueError:
+        pass
+    raise KeyFileError(f"--key {text}: is not a public key of 64 hexadecimal digits; give the gateway's {KEY_NAME}.pub")
+
+
+def is_valid(public_hex: str, text: str, signature_hex: str) -> bool:
+    """Return whether a signature belongs to a text and a public key. Raises `KeyFileError` without the extra `signing`."""
+    try:
+        from cryptography.exceptions import InvalidSignature  # noqa: PLC0415  (an extra)
+        from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PublicKey  # noqa: PLC0415
+    except ImportError as error:
+        raise KeyFileError(f"signatures cannot be checked: {MISSING_EXTRA}") from error
+    try:
+        Ed25519PublicKey.from_public_bytes(bytes.fromhex(public_hex)).verify(
+            bytes.fromhex(signature_hex), text.encode()
+        )
+    except (InvalidSignature, ValueError):
+        return False
+    return True
+
+
+def _write_new(path: Path, content: bytes, mode: int) -> None:
+    """Write a new file with this mode from its first byte on. Raises `OSError`."""
+    make_folder(path.parent)
+    partial = partial_of(path)
+    partial.unlink(missing_ok=True)
+    descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+    try:
+        os.write(descriptor, content)
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+    partial.replace(path)
+    sync_folder(path.parent)

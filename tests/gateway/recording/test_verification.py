@@ -1,0 +1,234 @@
+"""Proof: what was changed, removed, exchanged, cut off, forged or back-dated is named; what the gateway wrote is genuine."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mcap.reader import make_reader
+
+from devices.block import DeviceInfo
+from gateway import messages
+from gateway.cli.main import main
+from gateway.pipeline.outgoing_message import encode_message
+from gateway.recording.chain import SegmentChain
+from gateway.recording.chain_verification import ChainVerification, verify_chain
+from gateway.recording.compaction import compact
+from gateway.recording.header import RecordingHeader
+from gateway.recording.signing_key import KeyFileError, fingerprint, load_or_create_key, read_public_key
+from gateway.recording.verification import verify_file
+from gateway.recording.writer import Recorder
+
+SECOND_NS = 1_000_000_000
+Record = Callable[..., list[Path]]
+
+
+@pytest.fixture
+def record(
+    make_samples: Callable[..., messages.Samples], device: DeviceInfo, header: RecordingHeader, tmp_path: Path
+) -> Record:
+    """Record segments of half a minute; without compaction the last one stays as it was written."""
+
+    def run(
+        start_ns: int,
+        folder: Path = tmp_path / "data",
+        segments: int = 3,
+        quota_mb: float = 100.0,
+        compacted: bool = True,
+        closed: bool = True,
+    ) -> list[Path]:
+        chain = SegmentChain(folder, "yard/crane-2/hook", load_or_create_key(folder / "signing-key.pem"))
+        recorder = Recorder(folder, header, segment_s=30, fsync_s=1.0, quota_mb=quota_mb, chain=chain)
+        recorder.set_device(device, start_ns)
+        recorder.start(start_ns)
+        for number in range(segments * 30 - 1):
+            now_ns = start_ns + number * SECOND_NS
+            recorder.write(encode_message("samples", make_samples(number), now_ns))
+            recorder.tick(now_ns)
+            for path in recorder.take_uncompacted():
+                compact(path, chain)
+        if closed:
+            recorder.close()
+        for path in recorder.take_uncompacted() if compacted else ():
+            compact(path, chain)
+        return sorted(folder.glob("*.mcap"))
+
+    return run
+
+
+@pytest.fixture
+def segments(record: Record, start_ns: int) -> list[Path]:
+    return record(start_ns)
+
+
+def verify(paths: list[Path], key: str | None = None, folders: tuple[Path, ...] = ()) -> ChainVerification:
+    return verify_chain([verify_file(path, key) for path in paths], folders)
+
+
+def problems(found: ChainVerification) -> list[str]:
+    return [text for file in found.files for text in file.problems] + list(found.problems)
+
+
+def key_of(folder: Path) -> str:
+    return read_public_key(str(folder / "signing-key.pem.pub"))
+
+
+def test_what_the_gateway_wrote_is_genuine_and_read_by_the_public_reader(segments: list[Path]) -> None:
+    found = verify(segments, key_of(segments[0].parent), (segments[0].parent,))
+    assert problems(found) == []
+    assert [(file.segment, file.is_final) for file in found.files] == [(1, True), (2, True), (3, True)]
+    with segments[1].open("rb") as file:
+        records = {record.name: record.metadata for record in make_reader(file, validate_crcs=True).iter_metadata()}
+    assert key_of(segments[0].parent) in records["signature"]["statement"]
+
+
+def test_the_key_is_made_once_and_readable_by_its_owner_alone(segments: list[Path]) -> None:
+    path = segments[0].parent / "signing-key.pem"
+    assert path.stat().st_mode & 0o777 == 0o600
+    key = load_or_create_key(path)
+    assert key is not None
+    assert key.public_hex == key_of(path.parent)
+    assert len(fingerprint(key.public_hex)) == 19
+
+
+@pytest.mark.parametrize("share", [0.05, 0.5, 0.9])
+def test_a_flipped_bit_is_named(segments: list[Path], share: float) -> None:
+    content = bytearray(segments[1].read_bytes())
+    content[int(share * len(content))] ^= 1
+    segments[1].write_bytes(content)
+    found = verify(segments)
+    assert not found.is_genuine
+    assert any("ALTERED" in text for text in found.files[1].problems)
+    assert found.files[0].problems == []
+
+
+def test_every_flipped_bit_of_a_file_is_found(record: Record, start_ns: int, tmp_path: Path) -> None:
+    (path,) = record(start_ns, segments=1)
+    whole = path.read_bytes()
+    changed = tmp_path / "changed.mcap"
+    for place in range(8, len(whole), 251):
+        content = bytearray(whole)
+        content[place] ^= 1 << (place % 8)
+        changed.write_bytes(content)
+        assert not verify([changed]).is_genuine, place
+
+
+def test_a_removed_segment_is_named(segments: list[Path]) -> None:
+    assert problems(verify([segments[0], segments[2]])) == [
+        "REMOVED: segment 2 is missing; the quota has deleted none above 0"
+    ]
+
+
+def test_a_removed_newest_segment_is_named(segments: list[Path]) -> None:
+    folder = segments[0].parent
+    segments[2].unlink()
+    assert problems(verify(segments[:2], folders=(folder,))) == [
+        f"REMOVED: segment 3 is missing at the end of {folder}"
+    ]
+
+
+def test_exchanged_segments_are_named(segments: list[Path]) -> None:
+    first, second = (path.read_bytes() for path in segments[:2])
+    segments[0].write_bytes(second)
+    segments[1].write_bytes(first)
+    assert any(text.startswith("EXCHANGED") for text in problems(verify(segments)))
+
+
+def test_a_segment_of_another_chain_is_named(
+    record: Record, segments: list[Path], start_ns: int, tmp_path: Path
+) -> None:
+    folder = tmp_path / "other"
+    folder.mkdir()
+    shutil.copy(segments[0].parent / "signing-key.pem", folder)
+    others = record(start_ns + 5 * SECOND_NS, folder=folder)
+    shutil.copy(others[1], segments[1])
+    assert any("does not follow this" in text for text in problems(verify(segments)))
+
+
+@pytest.mark.parametrize("cut", [1, 100, 30_000])
+def test_a_cut_tail_is_named(segments: list[Path], cut: int) -> None:
+    segments[2].write_bytes(segments[2].read_bytes()[:-cut])
+    assert any(text.startswith(("CUT", "ALTERED")) for text in verify(segments).files[2].problems)
+
+
+def test_a_forged_key_is_named(record: Record, segments: list[Path], start_ns: int, tmp_path: Path) -> None:
+    forged = record(start_ns, folder=tmp_path / "forged")
+    assert problems(verify(forged)) == []
+    key = key_of(segments[0].parent)
+    assert all("WRONG KEY" in file.problems[0] for file in verify(forged, key).files)
+
+
+def test_a_signature_that_was_moved_to_another_statement_is_named(segments: list[Path]) -> None:
+    content = segments[0].read_bytes()
+    segments[0].write_bytes(content.replace(b'"repaired":false', b'"repaired":true '))
+    assert any(text.startswith("FORGED") for text in problems(verify(segments)))
+
+
+def test_a_clock_that_was_set_back_is_named(record: Record, segments: list[Path], start_ns: int) -> None:
+    later = record(start_ns - 3600 * SECOND_NS, segments=1)
+    found = verify(later)
+    assert any("CLOCK SET BACK by 3688" in text for text in problems(found))
+
+
+def test_a_live_file_is_verified_up_to_its_last_signature(record: Record, start_ns: int) -> None:
+    (path,) = record(start_ns, segments=1, compacted=False, closed=False)
+    found = verify([path])
+    assert problems(found) == []
+    statement = found.files[0].statement
+    assert statement is not None
+    assert statement.kind == "checkpoint"
+    assert statement.to_ns == start_ns + 20 * SECOND_NS
+    assert "bytes at its end are not signed" in found.files[0].remarks[0]
+    content = bytearray(path.read_bytes())
+    content[statement.bytes - 200] ^= 1
+    path.write_bytes(content)
+    assert "ALTERED" in problems(verify([path]))[0]
+
+
+def test_a_repaired_segment_says_so(record: Record, start_ns: int, tmp_path: Path) -> None:
+    folder = tmp_path / "data"
+    record(start_ns, segments=1, compacted=False, closed=False)
+    paths = record(start_ns + 60 * SECOND_NS, segments=1)
+    found = verify(paths, folders=(folder,))
+    assert problems(found) == []
+    assert any("repaired" in text for text in found.files[0].remarks)
+
+
+def test_segments_that_the_quota_deleted_are_no_difference(record: Record, start_ns: int) -> None:
+    paths = record(start_ns, segments=8, quota_mb=0.2)
+    assert 1 < len(paths) < 8
+    found = verify(paths)
+    assert problems(found) == []
+    assert found.files[0].segment != 1
+
+
+def test_without_the_package_segments_are_chained_and_not_signed(
+    record: Record, start_ns: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tests.gateway.recording.test_verification.load_or_create_key", lambda path: None)
+    paths = record(start_ns)
+    found = verify(paths)
+    assert problems(found) == []
+    assert all("not signed, chained by hashes only" in file.remarks for file in found.files)
+    assert "WRONG KEY: not signed" in problems(verify(paths, "0" * 64))[0]
+
+
+def test_the_command_names_the_difference_and_exits_with_one(
+    segments: list[Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = segments[0].parent
+    key = str(folder / "signing-key.pem.pub")
+    assert main(["record", "verify", str(folder), "--key", key]) == 0
+    assert "genuine: nothing differs" in capsys.readouterr().out
+    segments[1].unlink()
+    assert main(["record", "verify", str(folder), "--key", key]) == 1
+    assert "REMOVED: segment 2" in capsys.readouterr().out
+    assert main(["record", "verify", str(folder), "--key", "nonsense"]) == 2
+    assert "--key nonsense" in capsys.readouterr().err
+
+
+def test_a_file_that_is_no_key_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    path = tmp_path / "signing-key.pem"
+    path.write_text("no key")
+    with pytest.raises(KeyFileError, match="is not an unencrypted private key"):
+        load_or_create_key(path)
