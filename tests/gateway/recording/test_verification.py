@@ -170,6 +170,13 @@ def test_a_clock_that_was_set_back_is_named(record: Record, segments: list[Path]
     assert any("CLOCK SET BACK by 3688" in text for text in problems(found))
 
 
+def test_samples_that_come_after_the_health_of_the_segment_before_are_no_difference(
+    record: Record, start_ns: int
+) -> None:
+    record(start_ns, segments=1)
+    assert problems(verify(record(start_ns + 27 * SECOND_NS + 500_000_000, segments=1))) == []
+
+
 def test_a_live_file_is_verified_up_to_its_last_signature(record: Record, start_ns: int) -> None:
     (path,) = record(start_ns, segments=1, compacted=False, closed=False)
     found = verify([path])
