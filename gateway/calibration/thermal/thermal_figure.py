@@ -9,6 +9,7 @@ from gateway.calibration.poses.faces import FACES
 from gateway.calibration.record_figure import FigureSeries, RecordFigure
 from gateway.calibration.thermal.ramp import Ramp
 from gateway.calibration.thermal.ramp_calibration import ThermalCalibration
+from gateway.documents.format import format_fixed
 from gateway.numerics.array import Array
 
 N_POINTS = 20
@@ -25,14 +26,18 @@ def thermal_figure(found: ThermalCalibration) -> RecordFigure:
         series.append(
             FigureSeries(name=entry.axis, x=tuple(grid_c.tolist()), y=tuple(change_mg.tolist()), u=(0.0,) * N_POINTS)
         )
-    sensitivity = ", ".join(f"{entry.axis} {entry.sensitivity_percent_per_c.value:+.4f}" for entry in found.summary)
-    offset = ", ".join(f"{entry.axis} {entry.offset_mg_per_c.value:+.3f}" for entry in found.summary)
+    offset = ", ".join(f"{entry.axis} {format_fixed(entry.offset_mg_per_c.value, 3)}" for entry in found.summary)
+    sensitivity = ", ".join(
+        f"{entry.axis} {format_fixed(entry.sensitivity_percent_per_c.value, 4)}" for entry in found.summary
+    )
+    verdicts = ", ".join(f"{entry.axis} {entry.verdict}" for entry in found.summary if entry.verdict is not None)
     return RecordFigure(
         title="Zero-g offset against temperature",
         x_label="temperature / °C",
         y_label="change of the offset / mg",
         series=tuple(series),
-        caption=f"Mean slopes: offset {offset} mg/°C; sensitivity {sensitivity} %/°C. The gateway corrects for both.",
+        caption=f"Mean slopes: offset {offset} mg/°C; sensitivity {sensitivity} %/°C. The gateway corrects for both."
+        + (f" Against the data sheet: {verdicts}." if verdicts else ""),
     )
 
 

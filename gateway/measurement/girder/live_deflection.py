@@ -22,7 +22,7 @@ AVERAGE_S = 1.0
 MAX_TILTS = 64
 """Largest number of tilts of an average, which bounds memory."""
 MIN_TILTS = 5
-MAX_APART_S = 0.5
+MAX_APART_S = 1.0
 """Largest difference between the newest tilts of both ends, s; beyond it one of them is stale, or the clocks differ."""
 
 
