@@ -30,16 +30,32 @@ def tick_step(half_range: float) -> float:
 
 
 def decimate_curve(time_s: Array, values: Array, points: int = CURVE_POINTS) -> tuple[Array, Array]:
-    """Return a curve (n,) with fewer points that looks the same: minimum and maximum of each interval, in order of time."""
+    """Return a curve (n,) with fewer points that looks the same: minimum and maximum of each interval, in order of time.
+
+    Where a value is NaN, so is one of the interval, so that a gap remains.
+    """
     if len(time_s) <= points:
         return time_s, values
     edges = np.linspace(0, len(time_s), points // 2 + 1).astype(int)
-    kept = [
-        first + np.unique([values[first:last].argmin(), values[first:last].argmax()])
-        for first, last in itertools.pairwise(edges)
-    ]
-    places = np.concatenate(kept)
+    places = np.concatenate([first + _extreme_places(values[first:last]) for first, last in itertools.pairwise(edges)])
     return time_s[places], values[places]
+
+
+def decimate_band(time_s: Array, low: Array, high: Array, points: int = CURVE_POINTS) -> tuple[Array, Array, Array]:
+    """Return a band (n,) with fewer points that covers the same: the lowest and the highest value of each interval."""
+    if len(time_s) <= points:
+        return time_s, low, high
+    starts = np.linspace(0, len(time_s), points, endpoint=False).astype(int)
+    return time_s[starts], np.fmin.reduceat(low, starts), np.fmax.reduceat(high, starts)
+
+
+def _extreme_places(values: Array) -> NDArray[np.intp]:
+    """Return the places of minimum, maximum and the first NaN."""
+    unknown = np.isnan(values)
+    if not unknown.any():
+        return np.unique([values.argmin(), values.argmax()])
+    extremes = [] if unknown.all() else [int(np.nanargmin(values)), int(np.nanargmax(values))]
+    return np.unique([int(unknown.argmax()), *extremes])
 
 
 def inline_svg(svg: str, name: str, label: str) -> str:

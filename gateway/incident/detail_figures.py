@@ -16,6 +16,9 @@ AROUND_PEAK_S = 5.0
 MOST_POINTS = 4000
 """Of each axis around the peak: every sample up to 400 Hz."""
 AXES = (("x", AFTER), ("y", BEFORE), ("z", "#009e73"))
+STEP_PARTS = 10
+"""Points of the polar plot from one message to the next."""
+SPECTRUM_BINS = 900
 FEWEST_SAMPLES = 64
 MOST_MISSING_SHARE = 0.05
 LOWEST_SHOWN_MG = 0.001
@@ -131,12 +134,19 @@ def _amplitude_spectrum(part: ForceCourse) -> tuple[Array, Array] | None:
     window = np.hanning(len(even_s))[:, None]
     amplitude_g = 2 * np.abs(np.fft.rfft(even_g * window, axis=0)) / window.sum()
     frequency_hz = np.asarray(np.fft.rfftfreq(len(even_s), period_s), dtype=np.float64)
-    return frequency_hz[1:], np.asarray(1000 * amplitude_g[1:], dtype=np.float64)
+    return _logarithmic_bins(frequency_hz[1:], np.asarray(1000 * amplitude_g[1:], dtype=np.float64))
+
+
+def _logarithmic_bins(frequency_hz: Array, amplitude: Array) -> tuple[Array, Array]:
+    """Return the largest amplitude of each bin of a logarithmic scale, at the bin's lowest frequency."""
+    starts = np.unique(np.geomspace(1, len(frequency_hz), SPECTRUM_BINS).astype(int)) - 1
+    return frequency_hz[starts], np.maximum.reduceat(amplitude, starts)
 
 
 def _through_the_middle(azimuth_rad: Array, angle_deg: Array) -> tuple[Array, Array]:
     """Return a curve in polar coordinates whose jumps of the azimuth go straight across and not around the middle."""
     x, y = angle_deg * np.cos(azimuth_rad), angle_deg * np.sin(azimuth_rad)
-    steps = np.arange(0, len(x) - 1 + 0.1, 0.1)
+    parts = max(1, min(STEP_PARTS, MOST_POINTS // len(x)))
+    steps = np.linspace(0, len(x) - 1, parts * (len(x) - 1) + 1)
     fine_x, fine_y = np.interp(steps, np.arange(len(x)), x), np.interp(steps, np.arange(len(y)), y)
     return np.unwrap(np.arctan2(fine_y, fine_x)), np.hypot(fine_x, fine_y)

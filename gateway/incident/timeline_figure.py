@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
-from gateway.documents.figures import Figure
+from gateway.documents.figures import Figure, decimate_band
 from gateway.documents.palette import AFTER, ALARM, BEFORE, EVENT, FAINT, INK, LINE, MEASURED
 from gateway.documents.plots import WIDTH_IN, plot_curve, render_svg
 from gateway.incident.alert_incidents import AlertIncident
@@ -135,7 +135,7 @@ def _draw_motion(panels: Sequence[Axes], course: Course) -> None:
 def _draw_band(axes: Axes, time_s: Array, values: Array, u_values: Array) -> None:
     """Draw a curve with its interval of 95 %."""
     half = NORMAL_975 * u_values
-    axes.fill_between(time_s, values - half, values + half, color=AFTER, alpha=0.22, linewidth=0)
+    axes.fill_between(*decimate_band(time_s, values - half, values + half), color=AFTER, alpha=0.22, linewidth=0)
     plot_curve(axes, time_s, values, AFTER)
 
 

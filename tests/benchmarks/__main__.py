@@ -10,6 +10,7 @@ from tests.benchmarks import (
     conditions,
     daemon,
     delay,
+    incident,
     inclinometer,
     killed_session,
     motion,
@@ -28,6 +29,7 @@ ALL: dict[str, Callable[..., None]] = {
     "inclinometer": inclinometer.main,
     "killed_session": killed_session.main,
     "record_info": record_info.main,
+    "incident": incident.main,
 }
 
 names = list(takewhile(lambda argument: not argument.startswith("-"), sys.argv[1:]))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.documents.figures import decimate_curve, inline_svg, tick_step
+from gateway.documents.figures import decimate_band, decimate_curve, inline_svg, tick_step
 
 
 def test_decimated_curve_keeps_every_extreme_and_the_order_of_time() -> None:
@@ -16,6 +16,25 @@ def test_decimated_curve_keeps_every_extreme_and_the_order_of_time() -> None:
     assert (np.diff(thin_s) > 0).all()
     assert {9.0, -9.0} <= set(thin)
     assert np.array_equal(decimate_curve(time_s[:150], values[:150], 200)[1], values[:150])
+
+
+def test_decimated_curve_keeps_gaps_and_the_extremes_beside_them() -> None:
+    time_s, values = np.arange(10_000) / 100, np.zeros(10_000)
+    values[5_000:5_003] = [9.0, np.nan, -9.0]
+    thin = decimate_curve(time_s, values, 200)[1]
+    assert np.isnan(thin).sum() == 1
+    assert {9.0, -9.0} <= set(thin)
+    assert np.isnan(decimate_curve(time_s, np.full(10_000, np.nan), 200)[1]).all()
+
+
+def test_decimated_band_covers_every_value() -> None:
+    time_s = np.arange(10_000) / 100
+    low, high = np.sin(time_s), np.sin(time_s) + 1
+    low[3_210], high[6_543] = -7.0, 8.0
+    thin_s, thin_low, thin_high = decimate_band(time_s, low, high, 100)
+    assert len(thin_s) == 100
+    assert (thin_low.min(), thin_high.max()) == (-7.0, 8.0)
+    assert np.array_equal(decimate_band(time_s[:50], low[:50], high[:50], 100)[1], low[:50])
 
 
 @pytest.mark.parametrize(("half_range", "step"), [(4.5, 2.0), (1.0, 0.5), (0.34, 0.1), (70.0, 50.0), (0.0035, 0.002)])
