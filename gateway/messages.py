@@ -405,6 +405,15 @@ class Calibration(Message):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Mark(Message):
+    """A mark that a person set in the recording; the time around it is kept like that around an alert."""
+
+    id: Annotated[str, Field(description="id of the request")]
+    by: Annotated[str, Field(description="who set it, as stated in the request")]
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ClockOffset(Message):
     """The offset of the wall clock from gateway time, which never steps."""
 

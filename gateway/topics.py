@@ -48,6 +48,7 @@ TOPICS: dict[str, Topic] = {
             True,
             "plumbline.Calibration",
         ),
+        ("mark", messages.Mark, "as set", True, True, "plumbline.Mark"),
         ("clock", messages.ClockOffset, "1 Hz", True, False, "plumbline.Clock"),
         ("log", messages.Log, "as written", True, False, "foxglove.Log"),
     )

@@ -41,8 +41,16 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> list
     commit.add_argument("--record", metavar="ID", help="id of the record (default: the one in review)")
     rollback = _verb(verbs, "rollback", "Put an earlier record in force again.", _rollback, "--by ann")
     rollback.add_argument("--to", metavar="ID", help="id of the record (default: the parent of the present one)")
+    mark = _verb(
+        verbs,
+        "mark",
+        "Write a mark into the recording. The quota deletes the time around it last.",
+        _mark,
+        '"sling slipped" --by ann',
+    )
+    mark.add_argument("text", metavar="TEXT", help="one line")
     _verb(verbs, "cancel", "End the session; the old record stays in force.", _cancel, "--by ann")
-    return [verbs.choices[name] for name in ("recalibrate", "zero", "commit", "rollback", "cancel")]
+    return [verbs.choices[name] for name in ("recalibrate", "zero", "commit", "rollback", "mark", "cancel")]
 
 
 def _verb(
@@ -86,6 +94,10 @@ def _commit(arguments: argparse.Namespace) -> int:
 
 def _rollback(arguments: argparse.Namespace) -> int:
     return _run_request(arguments, "rollback", {"to": arguments.to})
+
+
+def _mark(arguments: argparse.Namespace) -> int:
+    return _run_request(arguments, "mark", {"text": arguments.text})
 
 
 def _cancel(arguments: argparse.Namespace) -> int:

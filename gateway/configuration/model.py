@@ -117,8 +117,10 @@ class RecorderSection(Section):
     segment_s: float = Field(600.0, ge=1, le=86400, description="length of a file")
     quota_mb: float = Field(16000.0, gt=0, description="total size beyond which the oldest closed files are deleted")
     fsync_s: float = Field(1.0, gt=0, le=60, description="interval of syncs: the most that a power failure costs")
-    pre_event_s: float = Field(60.0, ge=0, description="files up to this long before an alert are deleted last")
-    post_event_s: float = Field(120.0, ge=0, description="files up to this long after an alert are deleted last")
+    pre_event_s: float = Field(
+        60.0, ge=0, description="time before an alert, recalibration, fault or mark that is deleted last"
+    )
+    post_event_s: float = Field(120.0, ge=0, description="time after such an event that is deleted last")
     key: Path | None = Field(
         None,
         description="Ed25519 key in PEM that signs the recordings; default: data_dir/signing-key.pem, made at first start",

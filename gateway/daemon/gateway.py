@@ -22,6 +22,7 @@ from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.health import HealthReporter
 from gateway.daemon.instance import InstanceLock
 from gateway.daemon.logs import RecordingHandler
+from gateway.daemon.mark_service import MarkService
 from gateway.daemon.notify import ServiceNotifier
 from gateway.daemon.page_process import PageProcess
 from gateway.daemon.processor import Processor
@@ -32,10 +33,10 @@ from gateway.daemon.rpc_server import RpcServer
 from gateway.daemon.sampler import Sampler, SamplerItem
 from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.messages import Log
-from gateway.pipeline.outgoing_message import encode_message
+from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recording.chain import SegmentChain
-from gateway.recording.events import AlertEventIndex
+from gateway.recording.events import EventIndex
 from gateway.recording.header import RecordingHeader
 from gateway.recording.signing_key import (
     KEY_NAME,
@@ -91,7 +92,7 @@ class Gateway:
                 segment_s=configuration.recorder.segment_s,
                 fsync_s=configuration.recorder.fsync_s,
                 quota_mb=configuration.recorder.quota_mb,
-                events=AlertEventIndex(configuration.recorder.pre_event_s, configuration.recorder.post_event_s),
+                events=EventIndex(configuration.recorder.pre_event_s, configuration.recorder.post_event_s),
                 chain=chain,
             )
             self.recording_path = recorder.start(clock.now_ns())
@@ -110,7 +111,8 @@ class Gateway:
         recalibration = RecalibrationService(
             Recalibration(section.data_dir, axes, software=__version__, log_line=log.warning), wall_clock
         )
-        self._rpc = RpcServer(session, section.key, self._publisher.latest, recalibration)
+        marks = MarkService(wall_clock, self._send_mark)
+        self._rpc = RpcServer(session, section.key, self._publisher.latest, recalibration, marks)
         drift_store = DriftStateStore(section.data_dir)
         blocks: BoundedQueue[SamplerItem] = BoundedQueue(BLOCKS)
         counters = SampleCounters()
@@ -145,6 +147,11 @@ class Gateway:
     def _record_line(self, line: Log, now_ns: int) -> None:
         """Record a line of the log. Called by any thread."""
         self._recording.inbox.put(encode_message("log", line, now_ns))
+
+    def _send_mark(self, mark: EncodedMessage) -> bool:
+        """Record a mark and publish it; return whether it is recorded. Called by the thread of the remote calls."""
+        self._publisher.inbox.put(mark)
+        return self._recording.inbox.put(mark)
 
     def describe(self) -> str:
         """Return the addresses of page, recording, bus and log, as text for the person who started the gateway."""

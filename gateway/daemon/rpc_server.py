@@ -11,6 +11,7 @@ import zenoh
 from pydantic_core import to_json
 
 from gateway.daemon.bounded_queue import BoundedQueue
+from gateway.daemon.mark_service import MarkService
 from gateway.daemon.recalibration_service import PendingRequest, RecalibrationService
 from gateway.daemon.worker import Worker
 from gateway.recalibration.journal import RequestAnswer
@@ -57,8 +58,10 @@ class RpcServer(Worker[RpcItem]):
         key: str,
         latest: Callable[[], dict[str, bytes]],
         recalibration: RecalibrationService,
+        marks: MarkService,
     ) -> None:
         """`latest` returns the last message of each topic, for the status."""
+        self._marks = marks
         super().__init__("rpc", BoundedQueue(INBOX))
         self._key = key
         self._latest = latest
@@ -66,7 +69,7 @@ class RpcServer(Worker[RpcItem]):
         # The session may not be used inside its callbacks: they only put what comes into the inbox.
         self._queryables = [
             session.declare_queryable(f"{key}/rpc/{verb}", partial(self._receive_query, verb))
-            for verb in ("status", *VERBS, "fetch")
+            for verb in ("status", *VERBS, "fetch", "mark")
         ]
         self._load = session.declare_subscriber(f"{key}/load", self._receive_load_signal)
 
@@ -98,6 +101,9 @@ class RpcServer(Worker[RpcItem]):
             self._refuse(query, why)
             return
         payload = b"" if query.query.payload is None else query.query.payload.to_bytes()
+        if query.verb == "mark":
+            self._answer(query, self._marks.answer(payload))
+            return
         request = PendingRequest(query.verb, payload, lambda answer: self.inbox.put(Reply(query, answer)))
         if not self._recalibration.submit(request):
             self._refuse(query, "busy: too many requests are waiting")
@@ -106,7 +112,7 @@ class RpcServer(Worker[RpcItem]):
         payload = query.query.payload
         if payload is not None and len(payload) > MAX_PAYLOAD_BYTES:
             return f"a request of {len(payload)} bytes; {MAX_PAYLOAD_BYTES} is the most"
-        if query.verb in VERBS and str(query.query.key_expr) != f"{self._key}/rpc/{query.verb}":
+        if query.verb in (*VERBS, "mark") and str(query.query.key_expr) != f"{self._key}/rpc/{query.verb}":
             return f"{query.query.key_expr} may mean several gateways; ask one: {self._key}"
         return None
 

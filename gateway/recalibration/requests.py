@@ -40,6 +40,12 @@ class Recalibrate(Request):
     """Confirmation that the housing has been taken off the rope."""
 
 
+class SetMark(Request):
+    """Write a mark into the recording."""
+
+    text: str = Field(min_length=1, max_length=500, pattern=ONE_LINE_PATTERN)
+
+
 class Zero(Request):
     """Remove the mount's two angles while the load hangs still."""
 
@@ -91,6 +97,11 @@ VERBS: dict[str, type[Request]] = {
 def parse_request(verb: str, payload: bytes) -> Request:
     """Return the request in a payload. Raises `RequestError`."""
     return _parse(VERBS[verb], payload)
+
+
+def parse_mark(payload: bytes) -> SetMark:
+    """Return the request for a mark in a payload. Raises `RequestError`."""
+    return _parse(SetMark, payload)
 
 
 def parse_fetch(payload: bytes) -> Fetch:

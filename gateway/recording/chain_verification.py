@@ -11,7 +11,6 @@ from gateway.recording.signing_key import fingerprint
 from gateway.recording.timestamp import iso_utc
 from gateway.recording.verification import FileVerification
 
-
 LATEST_NS = 2_000_000_000
 """Samples may be recorded so much later than messages about the gateway itself, so that neighbouring segments overlap."""
 

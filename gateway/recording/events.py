@@ -1,14 +1,39 @@
-"""The index of the segments that contain an alert or the time around one, which the quota deletes last."""
+"""Events, such as alerts and marks, and the index of the segments around them, which the quota deletes last."""
 
 from collections import deque
 from pathlib import Path
 
+from gateway.messages import Alert, Calibration, Health, Log, Mark, Message
 from gateway.recording.retention import marker_path
 
 MOST_REMEMBERED = 128
 
 
-class AlertEventIndex:
+class EventDetector:
+    """Tells which messages are events: alerts, changes of the calibration, new faults, marks."""
+
+    def __init__(self) -> None:
+        self._calibration: tuple[str | None, str] | None = None
+        self._faults: int | None = None
+
+    def is_event(self, message: Message | Log) -> bool:
+        """Return whether a message is an event; to be called with every message, in their order."""
+        match message:
+            case Mark():
+                return True
+            case Alert():
+                return message.event in ("raised", "changed")
+            case Calibration():
+                before, self._calibration = self._calibration, (message.calibration_id, message.session.phase)
+                return before is not None and before != self._calibration
+            case Health():
+                faults, self._faults = self._faults, sum(message.faults.values()) + (message.state == "recovering")
+                return faults is not None and self._faults > faults
+            case _:
+                return False
+
+
+class EventIndex:
     """Marks segments by an empty file next to them, which survives a restart."""
 
     def __init__(self, pre_event_s: float, post_event_s: float) -> None:
@@ -27,7 +52,7 @@ class AlertEventIndex:
             marker_path(path).touch()
 
     def add_event(self, now_ns: int) -> None:
-        """Note an alert: mark the open segment, those that ended shortly before, and those that begin shortly after.
+        """Note an event: mark the open segment, those that ended shortly before, and those that begin shortly after.
 
         Raises `OSError`.
         """

@@ -11,11 +11,11 @@ from pathlib import Path
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway.errors import PlumblineError
-from gateway.messages import Alert, Samples
+from gateway.messages import Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.calibration_files import AttachedFile, CalibrationFiles
 from gateway.recording.chain import SegmentChain
-from gateway.recording.events import AlertEventIndex
+from gateway.recording.events import EventDetector, EventIndex
 from gateway.recording.header import ORIGIN, SEGMENT, RecordingHeader
 from gateway.recording.retention import BYTES_PER_MB, Retention, SegmentNames
 from gateway.recording.segment import Segment
@@ -63,10 +63,10 @@ class Recorder:
         segment_s: float,
         fsync_s: float,
         quota_mb: float,
-        events: AlertEventIndex | None = None,
+        events: EventIndex | None = None,
         chain: SegmentChain | None = None,
     ) -> None:
-        """`events` records which segments contain alerts; without it the quota treats all segments alike.
+        """`events` records which segments contain events; without it the quota treats all segments alike.
 
         `chain` numbers and signs the segments.
         """
@@ -75,6 +75,7 @@ class Recorder:
         self._header = header
         self._names = SegmentNames(header.site, header.crane, header.sensor)
         self._events = events
+        self._detector = EventDetector()
         self._retention = Retention(self._names, data_dir, quota_mb, self._note_deletion)
         self._segment_ns = round(segment_s * 1e9)
         self._fsync_ns = round(fsync_s * 1e9)
@@ -168,7 +169,7 @@ class Recorder:
         self._unsynced_samples += samples
         try:
             self._segment.write(encoded, log_time_ns)
-            if self._events is not None and isinstance(message, Alert) and message.event == "raised":
+            if self._detector.is_event(message) and self._events is not None:
                 self._events.add_event(log_time_ns)
         except OSError as error:
             raise self._stop(error) from error

@@ -85,7 +85,7 @@ def test_numbers_that_are_not_finite_become_null_in_an_event() -> None:
 
 
 def test_the_page_subscribes_to_all_published_topics_except_samples() -> None:
-    assert SHOWN == ("tilt", "motion", "swing", "condition", "alert", "health", "calibration")
+    assert SHOWN == ("tilt", "motion", "swing", "condition", "alert", "health", "calibration", "mark")
 
 
 def _evidence(scene: Scene, **ages_s: float) -> PageEvidence:

@@ -144,6 +144,7 @@ def every_message(
             resident_mb=44.0,
         ),
         "calibration": make_calibration("c-1"),
+        "mark": messages.Mark(**HEAD, id="cli-12345678", by="ann", text="Größe"),
         "clock": messages.ClockOffset(**HEAD, log_time_ns=START_NS, wall_offset_ns=-1500, stepped=False),
         "log": messages.Log(
             timestamp=messages.FoxgloveTime(sec=START_NS // 10**9, nsec=5), level=2, message="Größe", name="plumbline"

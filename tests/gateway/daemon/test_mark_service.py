@@ -1,0 +1,70 @@
+"""Marks: written once, refused when they are no line of text, and kept by the quota."""
+
+import json
+from pathlib import Path
+
+from devices.clock import HostClock
+from gateway.daemon.mark_service import MarkService
+from gateway.daemon.wall_clock import WallClockMonitor
+from gateway.messages import Mark
+from gateway.pipeline.outgoing_message import EncodedMessage
+from gateway.recording.events import EventIndex
+from gateway.recording.header import RecordingHeader
+from gateway.recording.reader import open_recording
+from gateway.recording.retention import marker_path
+from gateway.recording.writer import Recorder
+
+REQUEST = {"id": "cli-12345678", "by": "ann", "text": "sling slipped, größte Last"}
+
+
+class Sink:
+    """The queue of the recorder."""
+
+    def __init__(self, room: bool = True) -> None:
+        self.messages: list[EncodedMessage] = []
+        self._room = room
+
+    def send(self, message: EncodedMessage) -> bool:
+        self.messages.append(message)
+        return self._room
+
+
+def service(sink: Sink) -> MarkService:
+    return MarkService(WallClockMonitor(HostClock()), sink.send)
+
+
+def test_a_mark_is_written_once_however_often_its_request_arrives() -> None:
+    sink = Sink()
+    marks = service(sink)
+    answers = [marks.answer(json.dumps(REQUEST).encode()) for _ in range(3)]
+    assert [answer.accepted for answer in answers] == [True] * 3
+    (sent,) = sink.messages
+    assert isinstance(sent.message, Mark)
+    assert (sent.topic, sent.message.by, sent.message.text) == ("mark", "ann", REQUEST["text"])
+
+
+def test_a_mark_that_is_no_line_of_text_is_refused() -> None:
+    sink = Sink()
+    for change in ({"text": ""}, {"text": "two\nlines"}, {"by": ""}, {"id": "x"}, {"more": 1}):
+        answer = service(sink).answer(json.dumps({**REQUEST, **change}).encode())
+        assert not answer.accepted
+        assert next(iter(change)) in answer.text
+    assert sink.messages == []
+
+
+def test_a_mark_that_is_not_recorded_is_not_confirmed() -> None:
+    marks = service(Sink(room=False))
+    assert not marks.answer(json.dumps(REQUEST).encode()).accepted
+
+
+def test_a_mark_is_in_the_recording_and_protects_its_segment(tmp_path: Path) -> None:
+    sink = Sink()
+    service(sink).answer(json.dumps(REQUEST).encode())
+    header = RecordingHeader("0.1.0", "yard", "crane", "hook", "boot", "")
+    recorder = Recorder(tmp_path, header, segment_s=60, fsync_s=1, quota_mb=10, events=EventIndex(60, 60))
+    path = recorder.start(sink.messages[0].log_time_ns)
+    recorder.write(sink.messages[0])
+    recorder.close()
+    file = open_recording(path)
+    assert [file.decode(message).text for message in file.messages()] == [REQUEST["text"]]
+    assert marker_path(path).exists()
