@@ -78,10 +78,11 @@ def _rounded(value: float, decimals: int | None) -> float:
 def _fields(type_: type) -> tuple[tuple[str, int | None], ...]:
     """Return the names of a type's fields with their decimals; negative: significant digits; None: exact."""
     exact = issubclass(type_, EXACT)
-    return tuple((field.name, None if exact else _decimals(field.name)) for field in fields(type_))
+    return tuple((field.name, None if exact else decimals_of(field.name)) for field in fields(type_))
 
 
-def _decimals(name: str) -> int:
+def decimals_of(name: str) -> int:
+    """Return the number of decimals of a field, or of significant digits as a negative number."""
     if name.startswith("u_") or "_u_" in name:
         return -UNCERTAINTY_DIGITS
     units = [unit for unit in DECIMALS if name.endswith(unit)]

@@ -14,6 +14,7 @@ from gateway.configuration.render import to_toml
 from gateway.errors import InputError
 from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.compaction import compact
@@ -30,6 +31,7 @@ BLOCK_SAMPLES = 32
 ONE_SEGMENT_S, QUOTA_MB = 1e7, 1e6
 """Limits of the recorder that are never reached, so that it writes one file."""
 CLOCK = ClockState("replayed", 0)
+BOOT_ID = "simulated"
 
 
 def as_csv(simulated: Simulated) -> str:
@@ -50,7 +52,7 @@ def write_mcap(path: Path, rig: TwinRig, simulated: Simulated, seed: int) -> Non
         site=configuration.gateway.site,
         crane=configuration.gateway.crane,
         sensor=configuration.gateway.sensor,
-        boot_id="simulated",
+        boot_id=BOOT_ID,
         configuration_toml=to_toml(configuration),
     )
     try:
@@ -67,7 +69,8 @@ def write_mcap(path: Path, rig: TwinRig, simulated: Simulated, seed: int) -> Non
 
 def _record(recorder: Recorder, configuration: Configuration, device: DeviceInfo, simulated: Simulated) -> None:
     recorder.set_device(device, START_NS)
-    pipeline = Pipeline(configuration, device, correction_for(device, configuration.device.axes, None), HeaderMaker())
+    correction = correction_for(device, configuration.device.axes, None)
+    pipeline = Pipeline(configuration, device, correction, HeaderMaker(), incidents=IncidentRegister(BOOT_ID))
     time_ns = START_NS + np.rint(simulated.time_s * 1e9).astype(np.int64)
     for first in range(0, len(time_ns), BLOCK_SAMPLES):
         part = slice(first, first + BLOCK_SAMPLES)

@@ -21,7 +21,7 @@ def read_records(paths: Sequence[Path]) -> tuple[list[CalibrationRecord], tuple[
     for path in paths:
         for file in sorted(path.rglob("*.json")) if path.is_dir() else [path]:
             try:
-                record = _read_record(file)
+                record = read_record(file)
             except InputError as error:
                 if file == path:
                     raise
@@ -35,7 +35,8 @@ def read_records(paths: Sequence[Path]) -> tuple[list[CalibrationRecord], tuple[
     return list(records.values()), tuple(notes)
 
 
-def _read_record(path: Path) -> CalibrationRecord:
+def read_record(path: Path) -> CalibrationRecord:
+    """Return the record of a file. Raises `InputError` where it is none."""
     try:
         return CalibrationRecord.model_validate(json.loads(path.read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:

@@ -9,14 +9,17 @@ from devices.block import DeviceInfo, SampleBlock
 from devices.clock import HostClock
 from devices.simulated.device import SimulatedCrane
 from gateway import __version__
-from gateway.calibration.correction import correction_for
+from gateway.calibration.correction import Correction, correction_for
+from gateway.calibration.drift.rest_monitor import RestDriftMonitor
 from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
 from gateway.messages import ClockOffset
 from gateway.packing import pack
 from gateway.pipeline.clock_state import ClockState, MessageTime
+from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import OutgoingMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.header import RecordingHeader
@@ -71,14 +74,19 @@ class RecordedCrane:
         )
         self.recorder = Recorder(self.folder, header, segment_s=self.segment_s, fsync_s=1.0, quota_mb=1000.0)
         self.headers = HeaderMaker()
+        self.incidents = IncidentRegister(BOOT_ID)
         self.pipeline = self.make_pipeline()
         self.recorder.set_device(self.info, START_NS)
         self.recorder.start(START_NS)
-        self.next_second_ns = START_NS
+        self.next_second_ns = self.newest_ns = START_NS
 
     def make_pipeline(self) -> Pipeline:
         correction = correction_for(self.info, self.configuration.device.axes, None)
-        return Pipeline(self.configuration, self.info, correction, self.headers)
+        drift = self.new_drift(correction)
+        return Pipeline(self.configuration, self.info, correction, self.headers, drift, self.incidents)
+
+    def new_drift(self, correction: Correction) -> DriftMonitor:
+        return DriftMonitor(None if correction.record is None else RestDriftMonitor(correction))
 
     def record(self, seconds: float) -> None:
         """Record so many seconds; clock messages come once a second."""
@@ -94,7 +102,7 @@ class RecordedCrane:
         """Record a block and what follows from it."""
         for message in self.pipeline.process(block, CLOCK).messages:
             self.write(message)
-        now_ns = int(block.time_ns[-1])
+        now_ns = self.newest_ns = int(block.time_ns[-1])
         if now_ns >= self.next_second_ns:
             self.next_second_ns = now_ns + SECOND_NS
             head = self.headers.make("clock", MessageTime(now_ns, CLOCK), None)

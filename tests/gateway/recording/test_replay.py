@@ -1,0 +1,235 @@
+"""Results computed again from the samples of a recording, and compared with the recorded ones."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gateway.calibration.correction import correction_for
+from gateway.calibration.record import CalibrationRecord, content_hash
+from gateway.cli.main import main
+from gateway.configuration.render import to_toml
+from gateway.messages import NO_SESSION, Motion
+from gateway.pipeline.clock_state import MessageTime
+from gateway.pipeline.outgoing_message import OutgoingMessage
+from gateway.pipeline.pipeline import Pipeline
+from gateway.recording import replay_result
+from gateway.recording.replay_steps import RECOMPUTED
+from tests.gateway.recording.recorded_crane import CLOCK, RecordedCrane
+
+SUSPENSION = "SUSPENDED: the sensor is being recalibrated (six_position, by ann)"
+
+
+@pytest.fixture(scope="module")
+def crane(tmp_path_factory: pytest.TempPathFactory) -> RecordedCrane:
+    """35 s of the simulated crane in two segments, with an alert."""
+    crane = RecordedCrane(tmp_path_factory.mktemp("data"))
+    crane.record(35)
+    crane.close()
+    return crane
+
+
+def replay(folder: Path, capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple[int, dict[str, Any]]:
+    """Exit code and JSON."""
+    capsys.readouterr()
+    code = main(["record", "replay", str(folder), "--json", "-", *map(str, arguments)])
+    return code, json.loads(capsys.readouterr().out)
+
+
+def test_results_are_the_same_to_the_byte(crane: RecordedCrane, capsys: pytest.CaptureFixture[str]) -> None:
+    code, result = replay(crane.folder, capsys)
+    assert (code, result["equal"], result["notes"], result["differing"]) == (0, True, [], {})
+    assert set(result["compared"]) == {f"/{name}" for name in RECOMPUTED}
+    assert result["compared"]["/motion"] == result["compared"]["/samples"] == 350
+    assert main(["record", "replay", str(crane.folder)]) == 0
+    assert "0 differ (byte for byte)" in capsys.readouterr().out
+
+
+def test_part_is_compared_after_the_run_was_replayed_from_its_beginning(
+    crane: RecordedCrane, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code, result = replay(crane.folder, capsys, "--from", "25", "--to", "30")
+    assert (code, result["notes"]) == (0, [])
+    assert result["compared"]["/motion"] == 50
+
+
+class ForgingCrane(RecordedCrane):
+    """Writes another angle in one message."""
+
+    def write(self, message: OutgoingMessage) -> None:
+        content = message.message
+        if isinstance(content, Motion) and content.sequence == 120:
+            message = replace(message, message=replace(content, angle_deg=(content.angle_deg or 0.0) + 0.002))
+        super().write(message)
+
+
+def test_first_difference_names_topic_time_field_and_values(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    forged = ForgingCrane(tmp_path)
+    forged.record(15)
+    forged.close()
+    code, result = replay(tmp_path, capsys)
+    assert code == 1
+    assert result["differing"] == {"/motion": 1}
+    first = result["first_difference"]
+    assert (first["topic"], first["field"]) == ("/motion", "angle_deg")
+    assert first["recorded"] == pytest.approx(first["recomputed"] + 0.002, abs=1e-9)
+    assert first["utc_ns"] - first["log_time_ns"] == CLOCK.wall_offset_ns
+    assert main(["record", "replay", str(tmp_path)]) == 1
+    assert "first difference: /motion at 2026-01-01 00:00:12.3" in capsys.readouterr().out
+
+
+def test_message_that_was_left_out_is_a_difference(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    class ForgetfulCrane(RecordedCrane):
+        def write(self, message: OutgoingMessage) -> None:
+            if not (message.topic == "condition" and message.message.sequence == 11):  # type: ignore[union-attr]
+                super().write(message)
+
+    crane = ForgetfulCrane(tmp_path)
+    crane.record(10)
+    crane.close()
+    code, result = replay(tmp_path, capsys)
+    assert (code, result["differing"]) == (1, {"/condition": 1})
+    assert (result["first_difference"]["recorded"], result["first_difference"]["recomputed"]) == (
+        "(none)",
+        "recomputed",
+    )
+
+
+def test_time_without_samples_is_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    crane = RecordedCrane(tmp_path)
+    crane.record(12)
+    newest_ns = crane.next_second_ns
+    for number in range(30):
+        for message in crane.pipeline.idle(newest_ns + number * 130_000_000, CLOCK).messages:
+            crane.write(message)
+    crane.device.read()
+    crane.record(8)
+    crane.close()
+    code, result = replay(tmp_path, capsys)
+    assert (code, result["differing"]) == (0, {})
+
+
+def recalibrated(crane: RecordedCrane) -> None:
+    """Recalibrate as the gateway does: a session suspends the alerts, and a commit begins a new pipeline."""
+    crane.record(12)
+    collecting = replace(NO_SESSION, id="r-1", phase="collecting", method="six_position", by="ann", suspended=True)
+    for number in range(6):
+        crane.pipeline.set_session(replace(collecting, text=f"pose {number}"), SUSPENSION)
+        announce(crane)
+        crane.record(0.5)
+    record = new_record(crane)
+    correction = correction_for(crane.info, crane.configuration.device.axes, record)
+    crane.pipeline = Pipeline(
+        crane.configuration, crane.info, correction, crane.headers, crane.new_drift(correction), crane.incidents
+    )
+    crane.pipeline.set_session(replace(NO_SESSION, id="r-1", phase="committed", text="committed"), None)
+    announce(crane)
+    crane.record(15)
+    crane.close()
+
+
+def announce(crane: RecordedCrane) -> None:
+    crane.write(crane.pipeline.calibration_message(MessageTime(crane.newest_ns, CLOCK)))
+
+
+def new_record(crane: RecordedCrane) -> CalibrationRecord:
+    content = {**(crane.info.factory_calibration or {}), "id": "site-2", "method": "six_position"}
+    content["offset"] = [value + 100.0 for value in content["offset"]]
+    return CalibrationRecord.model_validate({**content, "sha256": content_hash(content)})
+
+
+def test_recalibration_within_the_recording_is_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    crane = RecordedCrane(tmp_path)
+    recalibrated(crane)
+    code, result = replay(tmp_path, capsys)
+    assert (code, result["differing"]) == (0, {})
+    verdicts = {row["quantity"]: row["recorded"] for row in result["table"]}
+    assert "unknown" in verdicts
+
+
+def test_another_configuration_tells_what_it_would_have_said(
+    crane: RecordedCrane, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    same, other = tmp_path / "same.toml", tmp_path / "other.toml"
+    same.write_text(to_toml(crane.configuration))
+    other.write_text(to_toml(crane.configuration).replace("trip_deg = 4.0", "trip_deg = 40.0"))
+    code, result = replay(crane.folder, capsys, "--config", same)
+    assert (code, result["mode"], result["equal"]) == (0, "other", True)
+    code, result = replay(crane.folder, capsys, "--config", other)
+    (alert,) = (row for row in result["table"] if row["quantity"] == "swing alert")
+    assert (code, alert["differs"]) == (1, True)
+    assert alert["recorded"].startswith("trip at 2026-01-01 00:00:")
+    assert alert["recomputed"].startswith("warn at 2026-01-01 00:00:")
+
+
+def test_another_calibration_tells_what_it_would_have_said(
+    crane: RecordedCrane, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "record.json"
+    content = json.loads(new_record(crane).model_dump_json())
+    content["correction_matrix"] = (1.1 * np.array(content["correction_matrix"])).tolist()
+    del content["sha256"]
+    path.write_text(json.dumps({**content, "sha256": content_hash(content)}))
+    code, result = replay(crane.folder, capsys, "--calibration", path)
+    assert (code, result["mode"]) == (1, "other")
+    assert {row["quantity"] for row in result["table"] if row["differs"]} & {
+        "swing alert",
+        "swing unknown",
+        "largest angle",
+    }
+
+
+def test_recording_of_another_version_is_compared_within_a_tolerance(
+    crane: RecordedCrane, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(replay_result, "__version__", "9.9.9")
+    code, result = replay(crane.folder, capsys)
+    assert code == 0
+    assert result["notes"] == [
+        "recorded with software 0.1.0, here 9.9.9: compared within two units of the last recorded digit, without texts"
+    ]
+
+
+@pytest.mark.slow
+def test_part_without_the_start_of_its_run_is_compared_after_a_warm_up(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    crane = RecordedCrane(tmp_path)
+    crane.record(45)
+    crane.close()
+    sorted(tmp_path.glob("*.mcap"))[0].unlink()
+    monkeypatch.setattr(replay_result, "WARM_UP_NS", 15 * 10**9)
+    code, result = replay(tmp_path, capsys)
+    assert (code, result["differing"]) == (0, {})
+    (note,) = result["notes"]
+    assert note.startswith("201 blocks of the run are not in these files: compared from 2026-01-01T00:00:35")
+    assert set(result["compared"]) == {"/acceleration", "/tilt"}
+    assert 15 < result["compared"]["/tilt"] < 25
+    assert {"largest angle", "swing unknown"} <= {row["quantity"] for row in result["table"]}
+
+
+def test_bad_input_is_one_line(crane: RecordedCrane, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "notes.json").write_text("[]")
+    for arguments, text in (
+        (["--calibration", tmp_path / "notes.json"], "notes.json: is no calibration record"),
+        (["--config", tmp_path / "none.toml"], "none.toml: "),
+        (["--warm-up", "10"], "--warm-up: is for a part of the recording; give --from or --last too"),
+    ):
+        assert main(["record", "replay", str(crane.folder), *map(str, arguments)]) == 2
+        error = capsys.readouterr().err
+        assert text in error
+        assert error.count("\n") == 1
+
+
+def test_session_without_a_suspension_is_an_input(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    crane = RecordedCrane(tmp_path)
+    crane.record(3)
+    crane.pipeline.set_session(replace(NO_SESSION, id="r-9", phase="rejected", text="timed out"), None)
+    announce(crane)
+    crane.record(9)
+    crane.close()
+    code, result = replay(tmp_path, capsys)
+    assert (code, result["differing"]) == (0, {})
