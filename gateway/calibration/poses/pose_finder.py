@@ -26,8 +26,10 @@ SHIFT_LIMIT_G = 0.002
 """Smallest change of the mean, g, that can be another attitude: 0.1 degrees."""
 K_SHIFT = 6.0
 """Standard deviations of the noise that a change of the mean must exceed as well, to be another attitude."""
-MIN_TURN_G = 0.25
-"""Least difference between two readings of two different poses, g: 15 degrees; zero-g offsets cancel in the difference."""
+MIN_TURN_G = 0.087
+"""Least difference between two readings of two poses, g; zero-g offsets cancel in it. 5 degrees: a sensor that was tilted so far
+against a face and is then laid down on it has taken another pose (`face_angles.MAX_FACE_ANGLE_DEG`).
+"""
 SETTLING_WINDOWS = 1
 """Number of windows that are discarded at the start of a rest: the end of the movement."""
 PLACE_SENSOR = "lay the sensor down and let it rest"

@@ -12,10 +12,11 @@ from gateway.calibration.poses.face_angles import without_tilted_poses
 from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, angle_to_face_deg, describe_direction, find_face
 from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.poses.pose import Pose
-from gateway.calibration.poses.pose_finder import MIN_TURN_G
 from gateway.calibration.procedures.pose_procedure import Poses, RequestedPose
 from gateway.calibration.record import CalibrationRecord
 
+MIN_DIFFERENCE_G = 0.25
+"""Least difference between the readings of two poses of a norm fit, g: 15 degrees."""
 NORM_FIT_POSES = N_PARAMETERS + 3
 """Number of poses that the norm fit asks for: three more than unknowns, so that the fit is checked."""
 
@@ -62,7 +63,7 @@ class NormFitPlan:
 
     def accept(self, pose: Pose, earlier: Poses) -> tuple[Pose | None, str]:
         """Refuse a pose within 15 degrees of an earlier one; zero-g offsets cancel in the difference of two readings."""
-        min_difference = MIN_TURN_G * self._nominal.units_per_g
+        min_difference = MIN_DIFFERENCE_G * self._nominal.units_per_g
         for number, one in enumerate(earlier, start=1):
             if np.linalg.norm(np.subtract(pose.mean, one.mean)) < min_difference:
                 return None, f"too near pose {number}: adds nothing, not used; turn it further"

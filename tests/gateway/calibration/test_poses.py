@@ -86,6 +86,15 @@ def test_faces_are_found_in_any_order() -> None:
     assert all(pose.count >= READINGS_PER_POSE for pose in progress.poses)
 
 
+def test_a_face_that_is_laid_down_after_a_tilted_pose_is_taken_and_the_tilted_one_is_not_used() -> None:
+    tilt = np.radians(12.0)
+    tilted = np.tile([np.cos(tilt), np.sin(tilt), 0.0], (400, 1))
+    others = rest_on_faces(["-x", "+y", "-y", "+z", "-z"])
+    fit = feed("six-position", make_readings(np.vstack([tilted, resting("+x", 4.0), others]), noise_g=1e-4)).finish()
+    assert [(pose.face, pose.used) for pose in fit.poses[:2]] == [(None, False), ("+x", True)]
+    np.testing.assert_allclose(fit.correction_matrix, np.eye(3), atol=1e-4)
+
+
 def test_a_missing_face_is_requested() -> None:
     progress = feed("six-position", make_readings(rest_on_faces(["+x", "-x", "+y"]))).progress()
     assert not progress.complete
