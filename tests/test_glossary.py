@@ -47,12 +47,12 @@ COMMON_WORDS = words(
     """
     angle application argument array backoff bounded buffer builder cache change check CLI client command config configuration
     context counter daemon data dependency description detail doctor document drawing environment error export factory figures
-    file finder first folder follow format formatting function handler history hub inbox info input instance interrupt JSON launch
-    limiter link loading log main make manager markup MCAP mean method metric nominal notify option optional outgoing output
-    packing page palette plot plugin port pre procedure process processor progress provider publisher queue rate reader reference
-    registry remaining render report resource result RPC run sampler schema serial serialisation server service shape size source
-    state status step store stretch style table text timestamp type unit vector view word worker writer zoom ADXL355 I2C WitMotion
-    chip identity section ADXL345 ADS1115 LIS2DW12 LIS3DH MPU9250
+    file finder first folder follow format formatting function handler history hub inbox info input instance interrupt JSON
+    launch limiter link loading log main make manager markup MCAP mean method metric nominal notify option optional outgoing
+    output packing page palette PDF plot plugin port pre procedure process processor progress provider publisher queue rate
+    reader reference registry remaining render report resource result RPC run sampler schema serial serialisation server
+    service shape size source state status step store stretch style table text timestamp type unit vector view word worker
+    writer zoom ADXL355 I2C WitMotion chip identity section ADXL345 ADS1115 LIS2DW12 LIS3DH MPU9250
     """
 )
 """Words of computing and everyday English, and names of parts; every other word of a module name is a term of the glossary."""

@@ -3,7 +3,7 @@
 import argparse
 from importlib import import_module
 
-METHODS = ("six_position", "norm_fit", "rotation", "single_parameter", "thermal", "align")
+METHODS = ("six_position", "norm_fit", "rotation", "single_parameter", "laser", "thermal", "align")
 """The methods, in the order of the help; `gateway.cli.calibrate_<name>` adds its own parser."""
 
 

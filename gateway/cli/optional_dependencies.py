@@ -22,6 +22,11 @@ def require_parquet() -> None:
     _require(("pyarrow",), "parquet")
 
 
+def require_laser() -> None:
+    """Raise `InputError` where the libraries for photographs and the printable board are missing."""
+    _require(("cv2", "fpdf"), "laser")
+
+
 def _require(libraries: tuple[str, ...], extra: str) -> None:
     missing = [name for name in libraries if importlib.util.find_spec(name) is None]
     if missing:

@@ -40,8 +40,13 @@ def _encode(content: object) -> str:
 
 def write_text(path: Path, text: str) -> None:
     """Write a text file in one step. Raises `InputError` where it cannot be written."""
+    write_bytes(path, text.encode())
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file in one step. Raises `InputError` where it cannot be written."""
     try:
-        with replace_file(path) as descriptor, os.fdopen(descriptor, "w", encoding="utf-8", closefd=False) as file:
-            file.write(text)
+        with replace_file(path) as descriptor, os.fdopen(descriptor, "wb", closefd=False) as file:
+            file.write(content)
     except OSError as error:
         raise InputError(f"{path}: cannot be written ({error.strerror}); choose another place") from error

@@ -19,17 +19,21 @@ def read_header(path: Path) -> list[str]:
     return rows[0]
 
 
-def read_columns(path: Path, required: tuple[str, ...], optional: tuple[str, ...] = ()) -> dict[str, Array]:
+def read_columns(
+    path: Path, required: tuple[str, ...], optional: tuple[str, ...] = (), labels: tuple[str, ...] = ()
+) -> dict[str, Array]:
     """Return the columns of a CSV file by name, each of shape (n,), n at least 1; an optional one may be missing.
+
+    Columns in `labels` may have any text and are not returned.
 
     Raises `InputError` that names file, line and remedy for a missing or unknown column and for a cell that is no finite number.
     """
     names, *rows = _read_rows(path)
-    _check_names(path, names, required, optional)
+    _check_names(path, names, required, (*optional, *labels))
     if not rows:
         raise InputError(f"{path}: no rows below the header; each measurement is one row")
-    values = [_parse_row(path, number, names, row) for number, row in enumerate(rows, start=2)]
-    return dict(zip(names, np.array(values).T, strict=True))
+    values = [_parse_row(path, number, names, row, labels) for number, row in enumerate(rows, start=2)]
+    return dict(zip([name for name in names if name not in labels], np.array(values).T, strict=True))
 
 
 def _read_rows(path: Path) -> list[list[str]]:
@@ -61,11 +65,13 @@ def _check_names(path: Path, names: list[str], required: tuple[str, ...], option
             raise InputError(f"{path}: line 1: column {name} occurs {names.count(name)} times; keep one")
 
 
-def _parse_row(path: Path, number: int, names: list[str], row: list[str]) -> list[float]:
+def _parse_row(path: Path, number: int, names: list[str], row: list[str], labels: tuple[str, ...]) -> list[float]:
     if len(row) != len(names):
         raise InputError(f"{path}: line {number}: {len(row)} cells, the header has {len(names)}; complete the row")
     values = []
     for name, cell in zip(names, row, strict=True):
+        if name in labels:
+            continue
         try:
             value = float(cell)
         except ValueError:

@@ -1,7 +1,7 @@
 """Reads pairs of laser displacement and raw angle, and raw angles to correct.
 
-Pairs: `displacement_mm`, `raw_angle_deg`, optionally `u_displacement_mm`. Each file is one session: its zero is that of all its
-rows. Angles: `raw_angle_deg`, relative to any zero.
+Pairs: `displacement_mm`, `raw_angle_deg`, optionally `u_displacement_mm`, and `photograph`, which may be any text. Each file is
+one session: its zero is that of all its rows. Angles: `raw_angle_deg`, relative to any zero.
 """
 
 from pathlib import Path
@@ -20,7 +20,7 @@ def read_pairs(paths: list[Path], u_displacement_m: float) -> DisplacementPairs:
     """Return the pairs of all files; `u_displacement_m` counts where a file has no column for it."""
     displacement, u_displacement, angle, session = [], [], [], []
     for number, path in enumerate(paths):
-        columns = read_columns(path, PAIR_COLUMNS, ("u_displacement_mm",))
+        columns = read_columns(path, PAIR_COLUMNS, ("u_displacement_mm",), labels=("photograph",))
         rows = len(columns["displacement_mm"])
         u_mm = columns.get("u_displacement_mm", np.full(rows, 1000 * u_displacement_m))
         if np.any(u_mm <= 0):

@@ -1,0 +1,68 @@
+"""A photograph with what was found drawn into it: dots with their places on the lattice, spot, zero, segments."""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.calibration.laser.displacement import Displacement, MeasuredPhotograph
+from gateway.numerics.array import Array
+
+DOT_COLOUR, UNUSED_COLOUR, SPOT_COLOUR, LINE_COLOUR = (0, 200, 0), (0, 140, 255), (255, 0, 255), (255, 120, 0)
+"""Blue, green, red."""
+SHIFT_BITS = 4
+"""Fractional bits of coordinates: marks are drawn to a sixteenth of a pixel."""
+
+
+def draw_overlay(measured: MeasuredPhotograph, zero: MeasuredPhotograph, displacement: Displacement) -> bytes:
+    """Return a PNG of the photograph with the marks."""
+    picture = measured.photograph.bgr.copy()
+    width = max(1, round(max(picture.shape) / 1200))
+    for place, index, used in zip(measured.dots_px, measured.index, measured.board_map.used, strict=True):
+        colour = DOT_COLOUR if used else UNUSED_COLOUR
+        _cross(picture, place, 6 * width, colour, width)
+        _text(picture, f"{index[0]},{index[1]}", place + 5 * width, 0.35 * width, colour, width)
+    start = measured.board_map.to_pixel(_lattice(zero, measured))
+    cv2.line(picture, _fixed(start), _fixed(measured.spot.centre_px), LINE_COLOUR, width, cv2.LINE_AA, SHIFT_BITS)
+    _cross(picture, start, 9 * width, LINE_COLOUR, width)
+    spot = measured.spot
+    axes = np.rint(2 * np.array(spot.sigma_px) * (1 << SHIFT_BITS)).astype(int)
+    cv2.ellipse(
+        picture,
+        _fixed(spot.centre_px),
+        (int(axes[0]), int(axes[1])),
+        float(np.degrees(spot.axis_rad)),
+        0,
+        360,
+        SPOT_COLOUR,
+        width,
+        cv2.LINE_AA,
+        SHIFT_BITS,
+    )
+    _cross(picture, spot.centre_px, 9 * width, SPOT_COLOUR, width)
+    text = f"d = {1000 * displacement.d_m:.3f} mm, u = {1000 * displacement.u_d_m:.3f} mm"
+    _text(picture, text, np.array([10.0, 24.0]) * width, 0.7 * width, SPOT_COLOUR, 2 * width)
+    return bytes(cv2.imencode(".png", picture)[1])
+
+
+def _lattice(zero: MeasuredPhotograph, measured: MeasuredPhotograph) -> Array:
+    """Return the zero's spot in the lattice coordinates of a photograph."""
+    board = measured.board
+    return np.asarray(zero.spot_m / board.pitch_m + (np.array([board.columns, board.rows]) - 1) / 2)
+
+
+def _fixed(place: Array) -> tuple[int, int]:
+    x, y = np.rint(place * (1 << SHIFT_BITS)).astype(int).tolist()
+    return x, y
+
+
+def _cross(picture: NDArray[np.uint8], place: Array, reach: int, colour: tuple[int, int, int], width: int) -> None:
+    for step in (np.array([reach, 0]), np.array([0, reach])):
+        cv2.line(picture, _fixed(place - step), _fixed(place + step), colour, width, cv2.LINE_AA, SHIFT_BITS)
+
+
+def _text(
+    picture: NDArray[np.uint8], text: str, place: Array, size: float, colour: tuple[int, int, int], width: int
+) -> None:
+    x, y = np.rint(place).astype(int).tolist()
+    cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, (255, 255, 255), 3 * width, cv2.LINE_AA)
+    cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, size, colour, width, cv2.LINE_AA)
