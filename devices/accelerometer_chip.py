@@ -49,7 +49,9 @@ class FifoLevel:
     samples: int
     """Number of complete samples that can be read."""
     size: int
-    """Amount to read, in the unit of the chip: samples, entries or bytes."""
+    """Amount to read, in the unit of the chip: samples or entries."""
+    read_ns: int
+    """Gateway time at which these samples were seen."""
     lost_at_least: int | None = None
     """After an overrun: least number of samples that were overwritten."""
 
@@ -95,7 +97,7 @@ class AccelerometerChip(Protocol):
         """Restore the defaults, and wait until the chip is ready."""
         ...
 
-    def fifo_level(self, part: I2cPart) -> FifoLevel:
+    def fifo_level(self, part: I2cPart, clock: Clock) -> FifoLevel:
         """Return the contents of the FIFO. Raises `ImplausibleStatusError`."""
         ...
 

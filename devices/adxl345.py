@@ -82,20 +82,21 @@ class Adxl345:
     def reset(self, part: I2cPart, clock: Clock) -> None:
         """Do nothing: there is no reset command."""
 
-    def fifo_level(self, part: I2cPart) -> FifoLevel:
+    def fifo_level(self, part: I2cPart, clock: Clock) -> FifoLevel:
         """Return the number of samples. The overrun bit is cleared when samples are read.
 
         An empty FIFO can be read, too. The smaller of two readings protects against one that is too high.
         """
+        first, read_ns = part.read(FIFO_STATUS, 1)[0], clock.now_ns()
+        second = part.read(FIFO_STATUS, 1)[0]
         overrun = part.read(INT_SOURCE, 1)[0] & OVERRUN
-        first, second = (part.read(FIFO_STATUS, 1)[0] for _ in range(2))
         samples = min(first & ENTRIES, second & ENTRIES)
         if (first | second) & UNUSED or samples > FIFO_SAMPLES:
             raise ImplausibleStatusError
         if overrun:
-            return FifoLevel(samples, samples, lost_at_least=1)
+            return FifoLevel(samples, samples, read_ns, lost_at_least=1)
         # A full FIFO may overrun between this reading and the first sample; then the bit is cleared unseen.
-        return FifoLevel(samples, samples, lost_at_least=0 if samples == FIFO_SAMPLES else None)
+        return FifoLevel(samples, samples, read_ns, lost_at_least=0 if samples == FIFO_SAMPLES else None)
 
     def read_fifo(self, part: I2cPart, size: int) -> list[SampleRun]:
         """Read samples one by one: a longer burst does not advance the FIFO (section "FIFO", "Retrieving data").

@@ -121,14 +121,15 @@ class Adxl355:
                     return
         raise TransferError(f"{part}: still busy {RESET_NS / 1e9:g} s after reset; power-cycle the sensor")
 
-    def fifo_level(self, part: I2cPart) -> FifoLevel:
+    def fifo_level(self, part: I2cPart, clock: Clock) -> FifoLevel:
         """Return the level of the FIFO in axis entries. Reading the status clears the overrun bit."""
         status, entries = part.read(STATUS, 2)
+        read_ns = clock.now_ns()
         if status & (NVM_BUSY | STATUS_UNUSED) or entries > FIFO_ENTRIES + ENTRIES_MARGIN:
             raise ImplausibleStatusError
         if status & OVERRUN:
-            return FifoLevel(entries // 3, entries, lost_at_least=1)
-        return FifoLevel((len(self._tail) // ENTRY_BYTES + entries) // 3, entries)
+            return FifoLevel(entries // 3, entries, read_ns, lost_at_least=1)
+        return FifoLevel((len(self._tail) // ENTRY_BYTES + entries) // 3, entries, read_ns)
 
     def read_fifo(self, part: I2cPart, size: int) -> list[SampleRun]:
         """Read axis entries; an incomplete last sample is kept for the next call."""

@@ -5,7 +5,6 @@ Such a part has neither a serial number nor a readable clock; `devices.sample_cl
 
 from collections import Counter, deque
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from smbus2 import SMBus
 
@@ -31,15 +30,6 @@ PROBE_LOOKS = 8
 SETTLED_RATE_U = 1e-4
 """The moment of sampling is searched for at every read until the rate has this relative uncertainty."""
 BURST_FAILURES = 3
-EMPTY = FifoLevel(0, 0)
-
-
-@dataclass(frozen=True, slots=True)
-class _Level:
-    """The contents of the FIFO at a time."""
-
-    fifo: FifoLevel
-    read_ns: int
 
 
 class FifoAccelerometer:
@@ -170,7 +160,7 @@ class FifoAccelerometer:
         elif level.read_ns - self._last_received_ns > SILENCE_NS:
             raise TransferError(f"{self._part}: no samples for {SILENCE_NS / 1e9:g} s; power-cycle the sensor")
 
-    def _await_level(self, deadline_ns: int, early_ns: int) -> _Level:
+    def _await_level(self, deadline_ns: int, early_ns: int) -> FifoLevel:
         """Sleep until the samples of a block are due, and poll until they are there.
 
         A host that always reads when it expects a sample cannot detect that the sample was there before. From time to time it
@@ -182,7 +172,7 @@ class FifoAccelerometer:
             wake_ns = soonest_ns if due_ns is None else max(soonest_ns, due_ns - early_ns)
             self._clock.sleep_s((min(wake_ns, deadline_ns) - now_ns) / 1e9)
             level = self._poll()
-            samples = level.fifo.samples
+            samples = level.samples
             now_ns = level.read_ns
             if samples >= self._block_samples or now_ns >= deadline_ns:
                 return level
@@ -190,26 +180,25 @@ class FifoAccelerometer:
                 self._sample_clock.stamp(0, now_ns, behind=samples)
             soonest_ns = now_ns + self._probe_ns // PROBE_LOOKS
 
-    def _poll(self) -> _Level:
+    def _poll(self) -> FifoLevel:
         """Read the level of the FIFO."""
         try:
-            level = self._chip.fifo_level(self._part)
+            level = self._chip.fifo_level(self._part, self._clock)
         except ImplausibleStatusError:
             self._faults["nonsense_status"] += 1
             self._verify()
-            return _Level(EMPTY, self._clock.now_ns())
-        read_ns = self._clock.now_ns()
+            return FifoLevel(0, 0, self._clock.now_ns())
         if level.lost_at_least is not None:
             self._faults["overrun"] += 1
             self._reset_sample_index(level.lost_at_least)
-        return _Level(level, read_ns)
+        return level
 
-    def _drain_fifo(self, level: _Level) -> list[SampleBlock]:
+    def _drain_fifo(self, level: FifoLevel) -> list[SampleBlock]:
         """Read the FIFO. After a burst that was interrupted, the number of removed samples is unknown."""
-        if not level.fifo.size:
+        if not level.size:
             return []
         try:
-            runs = self._chip.read_fifo(self._part, level.fifo.size)
+            runs = self._chip.read_fifo(self._part, level.size)
         except TransferError:
             self._burst_failures += 1
             if self._burst_failures == BURST_FAILURES:

@@ -106,9 +106,9 @@ class I2cPart:
         self._transfer(i2c_msg.write(self._address, (register,)), answer, repeatable=not consuming)
         return bytes(answer)
 
-    def write(self, register: int, value: int) -> None:
-        """Write one register. Raises `TransferError`."""
-        self._transfer(i2c_msg.write(self._address, (register, value)))
+    def write(self, register: int, *values: int) -> None:
+        """Write one or more bytes from a register on. Raises `TransferError`."""
+        self._transfer(i2c_msg.write(self._address, (register, *values)))
 
     def write_checked(self, register: int, value: int, name: str) -> None:
         """Write one register and read it back. Raises `ConfigurationReadBackError`, `TransferError`."""

@@ -87,16 +87,17 @@ class Lis2dw12:
                 return
         raise TransferError(f"{part}: still busy {RESET_POLLS * RESET_POLL_S:g} s after reset; power-cycle the sensor")
 
-    def fifo_level(self, part: I2cPart) -> FifoLevel:
+    def fifo_level(self, part: I2cPart, clock: Clock) -> FifoLevel:
         """Return the number of samples.
 
         An empty FIFO can be read, too. The smaller of two readings protects against one that is too high.
         """
-        first, second = (part.read(FIFO_SAMPLES, 1)[0] for _ in range(2))
+        first, read_ns = part.read(FIFO_SAMPLES, 1)[0], clock.now_ns()
+        second = part.read(FIFO_SAMPLES, 1)[0]
         samples = min(first & UNREAD, second & UNREAD)
         if samples > FIFO_SIZE:
             raise ImplausibleStatusError
-        return FifoLevel(samples, samples, lost_at_least=1 if first & second & OVERRUN else None)
+        return FifoLevel(samples, samples, read_ns, lost_at_least=1 if first & second & OVERRUN else None)
 
     def read_fifo(self, part: I2cPart, size: int) -> list[SampleRun]:
         """Read samples in one burst: after OUT_Z_H the address returns to OUT_X_L (section 5.3)."""

@@ -84,19 +84,20 @@ class Lis3dh:
         part.write(CTRL_REG5, BOOT)
         clock.sleep_s(BOOT_S)
 
-    def fifo_level(self, part: I2cPart) -> FifoLevel:
+    def fifo_level(self, part: I2cPart, clock: Clock) -> FifoLevel:
         """Return the number of samples.
 
         An empty FIFO can be read, too. The smaller of two readings protects against one that is too high. With the overrun bit
         the FIFO is full; the number that it has overwritten, maybe none, follows from the sample times.
         """
-        first, second = (part.read(FIFO_SRC_REG, 1)[0] for _ in range(2))
+        first, read_ns = part.read(FIFO_SRC_REG, 1)[0], clock.now_ns()
+        second = part.read(FIFO_SRC_REG, 1)[0]
         if any(status & EMPTY and status & (UNREAD | OVERRUN) for status in (first, second)):
             raise ImplausibleStatusError
         if first & second & OVERRUN:
-            return FifoLevel(FIFO_SAMPLES, FIFO_SAMPLES, lost_at_least=0)
+            return FifoLevel(FIFO_SAMPLES, FIFO_SAMPLES, read_ns, lost_at_least=0)
         samples = min(first & UNREAD, second & UNREAD)
-        return FifoLevel(samples, samples)
+        return FifoLevel(samples, samples, read_ns)
 
     def read_fifo(self, part: I2cPart, size: int) -> list[SampleRun]:
         """Read samples in one burst: after OUT_Z_H the address returns to OUT_X_L (section 5.1.5)."""

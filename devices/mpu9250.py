@@ -138,7 +138,7 @@ class Mpu9250:
         part.write(PWR_MGMT_1, DEVICE_RESET)
         clock.sleep_s(RESET_S)
 
-    def fifo_level(self, part: I2cPart) -> FifoLevel:
+    def fifo_level(self, part: I2cPart, clock: Clock) -> FifoLevel:
         """Return the number of bytes; the smaller of two readings protects against one that is too high.
 
         After an overflow the bytes are out of step, so the FIFO is emptied at the next call.
@@ -146,15 +146,17 @@ class Mpu9250:
         if self._out_of_step:
             part.write(USER_CTRL, FIFO_ENABLED | FIFO_RESET)
             self._out_of_step = False
-            return FifoLevel(0, 0)
+            return FifoLevel(0, 0, clock.now_ns())
+        first, read_ns = part.read(FIFO_COUNTH, 2), clock.now_ns()
+        second = part.read(FIFO_COUNTH, 2)
         overflow = part.read(INT_STATUS, 1)[0] & FIFO_OVERFLOW
-        count = min(int.from_bytes(part.read(FIFO_COUNTH, 2), "big") for _ in range(2))
+        count = min(int.from_bytes(first, "big"), int.from_bytes(second, "big"))
         if count > self._variant.fifo_bytes:
             raise ImplausibleStatusError
         if overflow or count > self._variant.fifo_bytes - SAMPLE_BYTES:
-            return FifoLevel(0, 0, lost_at_least=1)
+            return FifoLevel(0, 0, read_ns, lost_at_least=1)
         samples = count // SAMPLE_BYTES
-        return FifoLevel(samples, samples)
+        return FifoLevel(samples, samples, read_ns)
 
     def read_fifo(self, part: I2cPart, size: int) -> list[SampleRun]:
         """Read samples in one burst. Their temperatures show whether the bytes are in step."""

@@ -8,7 +8,7 @@ from gateway.configuration.loading import load
 from gateway.configuration.model import Configuration
 
 FOLDER = Path(__file__).parents[1] / "config"
-CHIPS = ("adxl345", "adxl355", "adxl357", "lis2dw12", "lis3dh", "mpu6050", "mpu9250")
+CHIPS = ("ads1115", "adxl345", "adxl355", "adxl357", "lis2dw12", "lis3dh", "mpu6050", "mpu9250")
 KINDS = {f"{kind}.toml": kind for kind in ("simulated", "witmotion", *CHIPS)}
 
 

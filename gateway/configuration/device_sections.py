@@ -7,6 +7,7 @@ from pydantic import Field
 
 from gateway.configuration.device_section import DeviceSection
 from gateway.configuration.i2c_devices import (
+    Ads1115Device,
     Adxl345Device,
     Adxl355Device,
     Adxl357Device,
@@ -60,6 +61,7 @@ AnyDevice = Annotated[
     | Lis2dw12Device
     | Mpu9250Device
     | Mpu6050Device
+    | Ads1115Device
     | WitMotionDevice,
     Field(discriminator="kind", description="the source of the samples"),
 ]

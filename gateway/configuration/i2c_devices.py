@@ -7,15 +7,20 @@ from pydantic import Field, field_validator
 from gateway.configuration.device_section import DeviceSection
 
 
-class I2cDevice(DeviceSection):
-    """The keys of every accelerometer on an I2C bus."""
-
-    part: ClassVar[str]
-    rates_hz: ClassVar[tuple[float, ...]]
+class I2cSection(DeviceSection):
+    """The keys of every device on an I2C bus."""
 
     bus: int = Field(1, ge=0, description="N of /dev/i2c-N")
     address: int
     odr_hz: float
+
+
+class I2cDevice(I2cSection):
+    """The keys of every accelerometer chip on an I2C bus."""
+
+    part: ClassVar[str]
+    rates_hz: ClassVar[tuple[float, ...]]
+
     range_g: int
 
     @field_validator("odr_hz", check_fields=False)
@@ -109,3 +114,12 @@ class Mpu6050Device(I2cDevice):
     address: int = Field(0x68, description="0x68, or 0x69 with the AD0 pin high")
     odr_hz: float = Field(100.0, description="output data rate: 1000 Hz divided by 1 to 256")
     range_g: Literal[2, 4, 8, 16] = Field(2, description="full scale")
+
+
+class Ads1115Device(I2cSection):
+    """An analogue accelerometer behind a Texas Instruments ADS1115: x, y, z and its supply at inputs 0 to 3."""
+
+    kind: Literal["ads1115"]
+    address: int = Field(0x48, description="0x48 to 0x4B, by the ADDR pin")
+    sensor: Literal["ADXL335", "ADXL327", "LIS344ALH"] = Field("ADXL335", description="the analogue accelerometer")
+    odr_hz: float = Field(100.0, gt=0, le=125, description="samples per second of all three axes")

@@ -8,7 +8,7 @@ from devices.errors import DeviceError
 from gateway.configuration.device_plugins import PluginError, load_plugin
 from gateway.configuration.device_section import DeviceSection
 from gateway.configuration.device_sections import ReplayDevice, SimulatedDevice, WitMotionDevice
-from gateway.configuration.i2c_devices import I2cDevice
+from gateway.configuration.i2c_devices import Ads1115Device, I2cDevice
 from gateway.configuration.model import Configuration
 from gateway.daemon.simulated_rigger import SimulatedRigger
 
@@ -35,6 +35,8 @@ def make_device(configuration: Configuration, clock: Clock) -> Device:
                 return _make_simulated(configuration, device, n, clock)
             case I2cDevice():
                 return _make_i2c(device, n, clock)
+            case Ads1115Device():
+                return _make_ads1115(device, n, clock)
             case WitMotionDevice():
                 return _make_witmotion(device, n, clock)
             case ReplayDevice():
@@ -81,6 +83,21 @@ def _make_i2c(device: I2cDevice, block: int, clock: Clock) -> Device:
         bus=device.bus,
         address=device.address,
         clock=clock,
+        block_samples=block,
+        serial=device.serial,
+    )
+
+
+def _make_ads1115(device: Ads1115Device, block: int, clock: Clock) -> Device:
+    from devices.analogue_accelerometer import AnalogueAccelerometer
+    from devices.analogue_parts import ANALOGUE_PARTS
+
+    return AnalogueAccelerometer(
+        ANALOGUE_PARTS[device.sensor],
+        bus=device.bus,
+        address=device.address,
+        clock=clock,
+        odr_hz=device.odr_hz,
         block_samples=block,
         serial=device.serial,
     )

@@ -13,7 +13,7 @@ from devices.errors import DeviceError
 from gateway.bus.session import open_session
 from gateway.calibration.correction import correction_for
 from gateway.calibration.store import find_record_in_force
-from gateway.configuration.i2c_devices import I2cDevice
+from gateway.configuration.i2c_devices import I2cSection
 from gateway.configuration.model import Configuration
 from gateway.daemon.check_result import CheckResult
 from gateway.daemon.device_factory import make_device
@@ -68,7 +68,7 @@ def _disk(configuration: Configuration) -> Iterator[CheckResult]:
 
 
 def _device(configuration: Configuration) -> Iterator[CheckResult]:
-    if isinstance(configuration.device, I2cDevice) and not list(Path("/dev").glob("i2c-*")):
+    if isinstance(configuration.device, I2cSection) and not list(Path("/dev").glob("i2c-*")):
         yield CheckResult("bad", "device", "this machine has no I2C bus; on a Pi: raspi-config, Interface Options, I2C")
     try:
         device = make_device(configuration, HostClock())
