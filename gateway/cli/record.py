@@ -3,7 +3,7 @@
 import argparse
 from importlib import import_module
 
-VERBS = ("info", "verify", "recover", "export", "replay", "incident")
+VERBS = ("info", "verify", "recover", "export", "replay", "play", "incident")
 """In the order of the help; the verb `info` is in `gateway.cli.record_info`."""
 
 
