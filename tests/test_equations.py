@@ -11,7 +11,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "equations.md"
 NUMBERS = {
     "Łuczak et al. 2022": range(1, 26),
     "Łuczak n.d.": range(1, 37),
-    "Zhu et al. 2020": [*range(1, 14), *range(19, 27)],  # 14 to 18 are those of the photographs of a laser spot
+    "Zhu et al. 2020": range(1, 27),
     "Zams and Łuczak 2024": range(1, 9),
     "Sawicki and Walendziuk 2016": range(1, 11),
 }
