@@ -7,9 +7,12 @@ from pathlib import Path
 
 from devices.block import DeviceInfo
 from gateway.daemon.bounded_queue import BoundedQueue
+from gateway.daemon.compaction_worker import RewriteRequest
 from gateway.daemon.worker import Worker
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.calibration_files import CalibrationFiles
+from gateway.recording.compaction import compact
+from gateway.recording.trimming import trim
 from gateway.recording.writer import Recorder, RecorderError
 
 log = logging.getLogger("plumbline.recorder")
@@ -31,10 +34,12 @@ RecordingItem = EncodedMessage | DeviceInfo | CalibrationChange
 class RecordingWorker(Worker[RecordingItem]):
     """Owns the recorder, which was started before, until its end."""
 
-    def __init__(self, recorder: Recorder, now_ns: Callable[[], int], compact: Callable[[Path], object]) -> None:
-        """`compact` is called with each segment that has ended; it must not wait."""
+    def __init__(
+        self, recorder: Recorder, now_ns: Callable[[], int], rewrite: Callable[[RewriteRequest], object]
+    ) -> None:
+        """`rewrite` is called with each segment that is to be compacted or trimmed; it must not wait."""
         super().__init__("recorder", BoundedQueue(INBOX))
-        self._compact = compact
+        self._rewrite = rewrite
         self._recorder = recorder
         self._now_ns = now_ns
         self._retry_at_ns = 0
@@ -93,7 +98,9 @@ class RecordingWorker(Worker[RecordingItem]):
 
     def _pass_ended_segments(self) -> None:
         for path in self._recorder.take_uncompacted():
-            self._compact(path)
+            self._rewrite(RewriteRequest(path, compact))
+        for path in self._recorder.take_segments_to_trim():
+            self._rewrite(RewriteRequest(path, trim))
 
     def _fail(self, error: RecorderError) -> None:
         self.samples_lost += error.lost_samples

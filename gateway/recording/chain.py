@@ -7,7 +7,7 @@ it. Both are metadata records named `signature`.
 import hashlib
 import json
 import threading
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -47,6 +47,8 @@ class Statement:
     """Gateway times of the first and the last message."""
     repaired: bool = False
     """The segment had ended in a kill or a power failure."""
+    replaces_sha256: str = ""
+    """Hash of the statement about the whole segment, where this file has the time around its events only."""
     public_key: str = ""
     """Empty: not signed."""
 
@@ -111,9 +113,29 @@ class SegmentChain:
         with self._lock:
             return self._sign(self._statement("final", segment, name, n_bytes, sha256, from_ns, to_ns, repaired))
 
-    def commit(self, segment: int, signature: dict[str, str]) -> None:
-        """Make a final statement the one that the next statements follow. Raises `OSError`."""
+    def trimmed(self, text: str, *, n_bytes: int, sha256: str, from_ns: int, to_ns: int) -> dict[str, str]:
+        """Return the final signature of a part of a segment, about which a statement was made as a whole."""
+        whole = parse_statement(text)
+        if whole is None:
+            raise ValueError("the statement about the whole segment cannot be read")
         with self._lock:
+            part = replace(
+                whole,
+                bytes=n_bytes,
+                sha256=sha256,
+                from_ns=from_ns,
+                to_ns=to_ns,
+                deleted_up_to=self._state.deleted_up_to,
+                replaces_sha256=hash_of(text),
+                public_key="" if self._key is None else self._key.public_hex,
+            )
+            return self._sign(part)
+
+    def commit(self, segment: int, signature: dict[str, str]) -> None:
+        """Make a final statement the one that the next statements follow, if it is of the newest segment. Raises `OSError`."""
+        with self._lock:
+            if segment < self._state.final_segment:
+                return
             self._state.final_segment, self._state.final_sha256 = segment, hash_of(signature["statement"])
             self._save()
 

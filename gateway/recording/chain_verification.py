@@ -82,7 +82,7 @@ def _between(before: FileVerification, first: Statement, after: FileVerification
     if second.gateway != first.gateway:
         problems.append(f"{after.path.name}: is of {second.gateway}, {before.path.name} of {first.gateway}")
     follows = second.previous_segment == first.segment and before.is_final
-    if follows and second.previous_sha256 != hash_of(before.statement_text):
+    if follows and second.previous_sha256 not in (hash_of(before.statement_text), first.replaces_sha256):
         problems.append(f"EXCHANGED: {after.path.name} does not follow this {before.path.name}, but another one")
     if second.from_ns < first.to_ns - LATEST_NS and after.segment != before.segment:
         back_s = (first.to_ns - second.from_ns) / 1e9

@@ -20,9 +20,9 @@ from gateway.atomic_io import partial_of, replace_file
 from gateway.recording.chain import SIGNATURE, SegmentChain
 from gateway.recording.copying import RecordCopier
 from gateway.recording.header import ORIGIN, REPAIRED, SEGMENT
+from gateway.recording.markers import uncompacted_marker
 from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
 from gateway.recording.mcap_writer import DENSE, McapWriter
-from gateway.recording.retention import uncompacted_marker
 
 TIMES = struct.Struct("<IQQ")
 

@@ -4,7 +4,7 @@ from collections import deque
 from pathlib import Path
 
 from gateway.messages import Alert, Calibration, Health, Log, Mark, Message
-from gateway.recording.retention import marker_path
+from gateway.recording.markers import Stretch, append_stretch
 
 MOST_REMEMBERED = 128
 
@@ -34,12 +34,12 @@ class EventDetector:
 
 
 class EventIndex:
-    """Marks segments by an empty file next to them, which survives a restart."""
+    """Notes the time around events in a small file next to each segment, its marker, which survives a restart."""
 
     def __init__(self, pre_event_s: float, post_event_s: float) -> None:
         self._pre_ns = round(pre_event_s * 1e9)
         self._post_ns = round(post_event_s * 1e9)
-        self._until_ns = 0
+        self._newest: Stretch | None = None
         self._open: Path | None = None
         self._ended: deque[tuple[Path, int]] = deque(maxlen=MOST_REMEMBERED)
 
@@ -48,15 +48,15 @@ class EventIndex:
         if self._open is not None:
             self._ended.append((self._open, now_ns))
         self._open = path
-        if now_ns < self._until_ns:
-            marker_path(path).touch()
+        if self._newest is not None and now_ns < self._newest.to_ns:
+            append_stretch(path, self._newest)
 
     def add_event(self, now_ns: int) -> None:
-        """Note an event: mark the open segment, those that ended shortly before, and those that begin shortly after.
+        """Note an event for the open segment, those that ended shortly before, and those that begin shortly after.
 
         Raises `OSError`.
         """
-        self._until_ns = now_ns + self._post_ns
-        recent = [path for path, ended_ns in self._ended if ended_ns >= now_ns - self._pre_ns and path.exists()]
+        stretch = self._newest = Stretch(now_ns - self._pre_ns, now_ns + self._post_ns)
+        recent = [path for path, ended_ns in self._ended if ended_ns >= stretch.from_ns and path.exists()]
         for path in [*recent, *([self._open] if self._open is not None else [])]:
-            marker_path(path).touch()
+            append_stretch(path, stretch)

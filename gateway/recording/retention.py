@@ -5,20 +5,30 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from enum import IntEnum
 from pathlib import Path
 
+from gateway.recording.markers import is_trimmed, marker_path, uncompacted_marker
+
 BYTES_PER_MB = 1_000_000
-MARKER = ".event"
-UNCOMPACTED = ".live"
+
+
+class Protection(IntEnum):
+    """What the quota does with a segment, in this order."""
+
+    NONE = 0
+    """Nothing happened in it or shortly before or after: it is deleted first."""
+    EVENT = 1
+    """It is trimmed to the time around its events."""
+    TRIMMED = 2
+    """It is deleted last."""
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class ClosedSegment:
-    """A segment that is not open. Segments sort in the order of deletion: without events before those with events, oldest
-    first."""
+    """A segment that is not open. Segments sort in the order in which the quota takes their bytes, oldest first."""
 
-    has_event: bool
-    """An alert was raised in it or shortly before or after."""
+    protection: Protection
     utc: str
     copy: int
     path: Path
@@ -52,9 +62,7 @@ class SegmentNames:
             if match:
                 with suppress(FileNotFoundError):
                     size_bytes = path.stat().st_size
-                    found.append(
-                        ClosedSegment(marker_path(path).exists(), match[1], int(match[2] or 0), path, size_bytes)
-                    )
+                    found.append(ClosedSegment(_protection(path), match[1], int(match[2] or 0), path, size_bytes))
         return sorted(found)
 
     def list_uncompacted(self, data_dir: Path) -> list[Path]:
@@ -77,18 +85,18 @@ class SegmentNames:
         return f"{self.site}-{self.crane}-{self.sensor}"
 
 
-def marker_path(path: Path) -> Path:
-    """Return the path of the empty file that marks a segment with an event."""
-    return path.with_name(path.name + MARKER)
-
-
-def uncompacted_marker(path: Path) -> Path:
-    """Return the path of the empty file that marks a segment whose chunks are short, see `gateway.recording.compaction`."""
-    return path.with_name(path.name + UNCOMPACTED)
+def _protection(path: Path) -> Protection:
+    if not marker_path(path).exists():
+        return Protection.NONE
+    return Protection.TRIMMED if is_trimmed(path) else Protection.EVENT
 
 
 class Retention:
-    """Deletes closed segments beyond the quota, oldest first and those with events last; touches no other file."""
+    """Deletes closed segments beyond the quota, oldest first, and touches no other file.
+
+    Where only segments with events are left, it asks for the oldest one to be trimmed to the time around them. When all are
+    trimmed, or cannot be, the oldest one is deleted.
+    """
 
     def __init__(
         self,
@@ -103,11 +111,18 @@ class Retention:
         self._data_dir = data_dir
         self._quota_bytes = quota_mb * BYTES_PER_MB
         self._closed: list[ClosedSegment] = []
+        self._asked: set[Path] = set()
+        self._to_trim: list[Path] = []
         self.undeletable = 0
 
     def rescan(self) -> None:
         """Find the segments, while none of them is open. Raises `OSError`."""
         self._closed = self._names.list_segments(self._data_dir)
+
+    def take_segments_to_trim(self) -> list[Path]:
+        """Return the segments that shall be trimmed since the last call; their sizes count again after a `rescan`."""
+        taken, self._to_trim = self._to_trim, []
+        return taken
 
     def enforce(self, open_bytes: int) -> list[Path]:
         """Delete segments until all together are within the quota; return the deleted paths.
@@ -118,6 +133,10 @@ class Retention:
         total_bytes = open_bytes + sum(segment.size_bytes for segment in self._closed)
         while self._closed and total_bytes > self._quota_bytes:
             oldest = self._closed.pop(0)
+            if oldest.protection is Protection.EVENT and oldest.path not in self._asked:
+                self._asked.add(oldest.path)
+                self._to_trim.append(oldest.path)
+                break  # what that makes free is not known yet
             try:
                 self._before_deletion(oldest.path)
                 oldest.path.unlink(missing_ok=True)

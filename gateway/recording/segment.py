@@ -16,8 +16,8 @@ from gateway.recording.calibration_files import AttachedFile
 from gateway.recording.chain import SIGNATURE, SegmentChain
 from gateway.recording.encoding import encode_recorded
 from gateway.recording.header import RecordingHeader, device_metadata
+from gateway.recording.markers import uncompacted_marker
 from gateway.recording.mcap_writer import McapWriter
-from gateway.recording.retention import uncompacted_marker
 from gateway.recording.schemas import logged_topics, schema_bytes
 from gateway.recording.segment_summary import SUMMARY, SUMMARY_MEDIA_TYPE, encode_summary
 from gateway.recording.summary_builder import SummaryBuilder

@@ -175,6 +175,8 @@ class _FileCheck:
             self._describe_open_end()
         if found.statement is not None and not found.statement.public_key:
             found.remarks.append("not signed, chained by hashes only")
+        if found.statement is not None and found.statement.replaces_sha256:
+            found.remarks.append("trimmed by the quota to the time around events")
         if found.statement is not None and found.statement.repaired:
             found.remarks.append("was cut off by a kill or a power failure, and repaired and signed at the next start")
 

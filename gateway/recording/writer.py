@@ -105,6 +105,10 @@ class Recorder:
         ended, self._uncompacted = self._uncompacted or [], []
         return ended
 
+    def take_segments_to_trim(self) -> list[Path]:
+        """Return the segments of which the quota leaves only the time around events; `trim` shall rewrite them."""
+        return self._retention.take_segments_to_trim()
+
     def start(self, now_ns: int) -> Path:
         """Begin a segment, after ending the open one, and return its path. Raises `RecorderError`."""
         self.close()

@@ -186,6 +186,9 @@ class FullDisk(Recorder):
     def take_uncompacted(self) -> list[Path]:
         return []
 
+    def take_segments_to_trim(self) -> list[Path]:
+        return []
+
 
 def test_a_record_that_cannot_be_written_stops_the_recording() -> None:
     worker = RecordingWorker(FullDisk(), lambda: 0, print)

@@ -10,8 +10,8 @@ from gateway.messages import Mark
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.events import EventIndex
 from gateway.recording.header import RecordingHeader
+from gateway.recording.markers import marker_path
 from gateway.recording.reader import open_recording
-from gateway.recording.retention import marker_path
 from gateway.recording.writer import Recorder
 
 REQUEST = {"id": "cli-12345678", "by": "ann", "text": "sling slipped, größte Last"}

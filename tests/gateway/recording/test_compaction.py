@@ -13,9 +13,9 @@ from gateway.packing import pack
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.compaction import CompactionError, compact
 from gateway.recording.copying import RecordCopier
+from gateway.recording.markers import uncompacted_marker
 from gateway.recording.reader import RecordedMessage, open_recording
 from gateway.recording.recovery import recover, recovered_path
-from gateway.recording.retention import uncompacted_marker
 from tests.gateway.recording.conftest import MakeRecorder
 
 NOISE_COUNTS, BLOCK, SECONDS = 143, 32, 30

@@ -7,7 +7,8 @@ import pytest
 
 from gateway.messages import Alert, Calibration, Health, Mark
 from gateway.recording.events import EventDetector, EventIndex
-from gateway.recording.retention import Retention, SegmentNames, marker_path
+from gateway.recording.markers import Stretch, append_stretch, marker_path, note_trimmed, read_stretches
+from gateway.recording.retention import Retention, SegmentNames
 
 NAMES = SegmentNames("yard", "crane-2", "hook")
 SECOND_NS = 1_000_000_000
@@ -34,11 +35,42 @@ def test_segments_near_an_event_are_marked(segments: list[Path]) -> None:
     assert [marker_path(path).exists() for path in segments] == [False, True, True, True, False, False]
 
 
-def test_segments_without_events_are_deleted_first(tmp_path: Path, segments: list[Path]) -> None:
+def test_segments_without_events_are_deleted_first_then_those_with_events_are_trimmed(
+    tmp_path: Path, segments: list[Path]
+) -> None:
     retention = Retention(NAMES, tmp_path, quota_mb=0.0025)  # room for two and a half
     retention.rescan()
-    assert retention.enforce(0) == [segments[i] for i in (0, 4, 5, 1)]
-    assert sorted(tmp_path.iterdir()) == sorted([*segments[2:4], *(marker_path(path) for path in segments[2:4])])
+    assert retention.enforce(0) == [segments[i] for i in (0, 4, 5)]
+    assert retention.take_segments_to_trim() == [segments[1]]
+    assert retention.take_segments_to_trim() == []
+    assert sorted(tmp_path.iterdir()) == sorted([*segments[1:4], *(marker_path(path) for path in segments[1:4])])
+
+
+def test_a_segment_that_could_not_be_trimmed_is_deleted_in_its_turn(tmp_path: Path, segments: list[Path]) -> None:
+    retention = Retention(NAMES, tmp_path, quota_mb=0.0025)
+    retention.rescan()
+    retention.enforce(0)
+    retention.rescan()
+    assert retention.enforce(0) == [segments[1]]
+
+
+def test_trimmed_segments_are_deleted_last(tmp_path: Path, segments: list[Path]) -> None:
+    note_trimmed(segments[1])
+    retention = Retention(NAMES, tmp_path, quota_mb=0.0015)
+    retention.rescan()
+    assert [segment.path for segment in NAMES.list_segments(tmp_path)] == [segments[i] for i in (0, 4, 5, 2, 3, 1)]
+
+
+def test_the_marker_states_the_time_around_its_events(segments: list[Path]) -> None:
+    event_ns = START_NS + 150 * SECOND_NS
+    stretch = Stretch(event_ns - 40 * SECOND_NS, event_ns + 40 * SECOND_NS)
+    assert [read_stretches(path) for path in segments[1:4]] == [[stretch]] * 3
+
+
+def test_stretches_that_overlap_are_one(segments: list[Path]) -> None:
+    for from_s, to_s in ((5, 9), (1, 3), (2, 6)):
+        append_stretch(segments[0], Stretch(from_s, to_s))
+    assert read_stretches(segments[0]) == [Stretch(1, 9)]
 
 
 HEAD: dict[str, Any] = {"time_ns": START_NS, "clock": "synchronised", "sequence": 0, "calibration_id": "c-1"}

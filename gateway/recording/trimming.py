@@ -1,0 +1,72 @@
+"""Trimming: of a segment that the quota would take, the time around its events is kept."""
+
+import json
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+from mcap.records import Attachment, Channel, McapRecord, Message
+
+from gateway.atomic_io import replace_file
+from gateway.recording.chain import SIGNATURE, SegmentChain
+from gateway.recording.compaction import CompactionError, HashingFile
+from gateway.recording.copying import RecordCopier
+from gateway.recording.header import TRIMMED
+from gateway.recording.markers import Stretch, note_trimmed, read_stretches
+from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
+from gateway.recording.mcap_writer import DENSE, McapWriter
+from gateway.recording.segment_index import read_index
+from gateway.recording.segment_summary import SUMMARY
+
+ALWAYS_KEPT = frozenset({"/calibration", "/clock", "/mark"})
+BLOCK_NS = 1_000_000_000
+"""A block of samples has the time of its newest one: whole blocks are kept where they may begin in the stretch."""
+
+
+def trim(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
+    """Keep of a closed segment what is around its events. Raises `RecordingError` and `OSError`; the segment then stays."""
+    stretches = read_stretches(path)
+    size_bytes = path.stat().st_size
+    losses = SalvageReport()
+    signature: dict[str, str] = {}
+    statement = read_index(path).metadata.get(SIGNATURE, {}).get("statement")
+    with replace_file(path) as descriptor, os.fdopen(descriptor, "wb", closefd=False) as file:
+        sink = HashingFile(file)
+        writer = McapWriter(sink, DENSE)
+        copier = RecordCopier(writer, losses)
+        with open_mcap(path) as source:
+            copier.copy(_select(read_records(source, losses), stretches))
+        if losses != SalvageReport(closed=True) or not copier.messages:
+            raise CompactionError(f"{path}: is incomplete or damaged, and is not trimmed")
+        kept = json.dumps([asdict(stretch) for stretch in stretches])
+        writer.add_metadata(TRIMMED, {"stretches": kept, "whole_bytes": str(size_bytes)})
+        if chain is not None and statement is not None:
+            writer.flush()
+            signature = chain.trimmed(
+                statement, n_bytes=sink.tell(), sha256=sink.sha256, from_ns=copier.from_ns, to_ns=copier.to_ns
+            )
+            writer.add_metadata(SIGNATURE, signature)
+        writer.finish()
+    if chain is not None and signature:
+        chain.commit(json.loads(signature["statement"])["segment"], signature)
+    note_trimmed(path)
+    return losses
+
+
+def _select(records: Iterable[McapRecord], stretches: Sequence[Stretch]) -> Iterator[McapRecord]:
+    """Yield the records of the stretches, and those without which a segment is not complete in itself."""
+    topics: dict[int, str] = {}
+    for record in records:
+        match record:
+            case Message():
+                around = any(each.from_ns <= record.log_time <= each.to_ns + BLOCK_NS for each in stretches)
+                if around or topics.get(record.channel_id) in ALWAYS_KEPT:
+                    yield record
+            case Attachment() if record.name == SUMMARY:  # it is of the whole segment
+                continue
+            case Channel():
+                topics[record.id] = record.topic
+                yield record
+            case _:
+                yield record
