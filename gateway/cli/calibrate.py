@@ -11,8 +11,9 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     """Add the command."""
     command = commands.add_parser(
         "calibrate",
-        help="make a calibration record from recordings",
-        description="Finds the resting poses in recordings and makes a calibration record, with the code of a live session.",
+        help="calibrate or align a sensor from recordings",
+        description="Calibrates or aligns a sensor from recordings, by one of several methods; most of them make a calibration "
+        "record.",
         epilog="example: plumbline calibrate six-position faces.csv --device-id adxl355-1d-0042 --json record.json",
     )
     methods = command.add_subparsers(dest="method", metavar="METHOD", required=True)

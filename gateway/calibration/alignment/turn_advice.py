@@ -56,7 +56,7 @@ class TurnAdvice:
     turns: float
     """Number of turns of the screw."""
     precision_error_rad: float
-    """APE: the larger of the remaining variation and its floor (eq. 1)."""
+    """APE by the largest of the remaining variation, its floor and the fitted tilt (eq. 1)."""
     total_error_rad: float
     """TAE: with the housing's deviation of perpendicularity (eq. 2)."""
     text: str
@@ -73,7 +73,8 @@ def advise_after_turn(
     """Return what to do; `before` is the turn before, which shows whether the last adjustment went the wrong way."""
     unit = unit or AligningUnit()
     name = AXES[turn.axis]
-    precision_rad = alignment_precision_error_rad(max(turn.peak_to_peak_g, turn.floor_g) / 2)
+    variation_g = max(turn.peak_to_peak_g / 2, turn.floor_g / 2, math.sin(turn.misalignment_rad))
+    precision_rad = alignment_precision_error_rad(variation_g)
     total_rad = total_alignment_error_rad(precision_rad, housing_deviation_rad)
     needed = _rotations(turn)
     allowed = {axis: needed[axis] for axis in unit.screws[name]}

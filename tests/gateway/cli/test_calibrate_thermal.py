@@ -10,9 +10,13 @@ import pytest
 from devices.block import DeviceInfo
 from gateway.calibration.offline.readings_file import FileReadings
 from gateway.calibration.record import CalibrationRecord
+from gateway.calibration.record_factory import make_record
+from gateway.calibration.thermal.ramp_calibration import calibrate_ramps
 from gateway.cli.main import main
-from tests.gateway.calibration.thermal_sensors import RATE_HZ, ramps
+from gateway.measurement.source import read_source
+from tests.gateway.calibration.thermal_sensors import RATE_HZ, planted, ramps
 from tests.recordings import write_mcap
+from tests.values import present
 
 
 def write(folder: Path, files: list[FileReadings], temperature: bool = True) -> list[Path]:
@@ -82,3 +86,24 @@ def test_what_cannot_be_used_is_one_line_and_no_record(
     err = capsys.readouterr().err
     assert text in err
     assert err.count("\n") == 1
+
+
+def test_measure_applies_the_thermal_model_of_a_recording(tmp_path: Path) -> None:
+    found = calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8), duration_s=120.0))
+    record = make_record(
+        found.fit, device_id="part-7", unit="counts", software="0.1.0", by="bench",
+        created_utc="2026-11-21T10:15:00Z", parent=None,
+    )  # fmt: skip
+    device = DeviceInfo(
+        kind="mpu9250", device_id="part-7", unit="counts", odr_hz=RATE_HZ, units_per_g=16384.0,
+        factory_calibration=record.model_dump(mode="json"),
+    )  # fmt: skip
+    zero_g, sensitivity, offset_mg, scale_percent = planted("MPU-9255")
+    force_g = np.array([0.02, -0.01, 1.0])
+    raw = zero_g + sensitivity * (force_g * (1 + scale_percent / 100 * 30) + offset_mg / 1000 * 30)
+    path = write_mcap(tmp_path / "warm.mcap", device, np.tile(raw, (1200, 1)), temperature_c=np.full(1200, 55.0))
+    np.testing.assert_allclose(read_source([path]).force_g.mean(axis=0), force_g, atol=5e-4)
+    cold = write_mcap(tmp_path / "unknown.mcap", device, np.tile(raw, (1200, 1)))
+    source = read_source([cold])
+    assert source.temperature_warnings == ("widened: the temperature is not known, the thermal model is not applied",)
+    assert present(source.correction).u_zero_g_offset_g[0] > 0.02

@@ -1,14 +1,19 @@
 """What the page process keeps: latest messages, ages, history, last good value."""
 
+import math
+from dataclasses import replace
+
 import pytest
 from pydantic_core import from_json, to_json
 
+from gateway.messages import Calibration, Tilt
 from gateway.page.history import MOST_POINTS, SPAN_S, History
 from gateway.page.inbox import Arrival
 from gateway.page.link import ALIVE
 from gateway.page.parameters import Parameters
 from gateway.page.state import PageState
 from gateway.topics import TOPIC_OF, encode
+from tests.gateway.calibration.test_turn_alignment import turning
 from tests.gateway.page.conftest import Scene
 
 KEY = "plumbline/v1/north-yard/crane-3/hook"
@@ -124,3 +129,25 @@ def test_history_is_bounded_by_time_and_number(scene: Scene) -> None:
     kept = history.rows(since=0, now_s=MOST_POINTS / 10 + SPAN_S - 1.0)
     assert kept[0][1] == pytest.approx(SPAN_S)
     assert len(kept) == 41
+
+
+def test_a_sensor_that_turns_on_a_shaft_shows_its_last_turn(state: PageState, scene: Scene) -> None:
+    tell(state, scene, 10.0)
+    assert state.snapshot(10.0)["align_turn"] is None
+    gain = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+    for message in scene.messages(1, 10_100 * MS_NS):
+        if isinstance(message, Calibration):
+            state.receive({"calibration": Arrival(encode(replace(message, in_force={"gain_g_per_unit": gain})), 10.1)})
+    for number, (x, y, z) in enumerate(turning(0, (0, 0, 0.8), offset_g=(0.0, 0.0, 0.0)).tolist()):
+        at_s = 11.0 + number / 10
+        tilt = Tilt(
+            time_ns=round(at_s * 1e9), clock="synchronised", sequence=number, calibration_id=None,
+            axial_deg=math.degrees(math.acos(max(-1.0, min(1.0, z)))), specific_force_g=[x, y, z], delay_s=0.2,
+            trusted=False,
+        )  # fmt: skip
+        state.receive({"tilt": Arrival(encode(tilt), at_s)})
+    shown = from_json(to_json(state.snapshot(at_s)))["align_turn"]
+    assert shown["n_turns"] == 1
+    assert shown["advice"]["screw_axis"] == "y"
+    assert "turn screw 5 (about y)" in shown["text"]
+    assert shown["errors"].startswith("APE 0.8")
