@@ -62,6 +62,11 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         action="store_true",
         help="also fit a simulation of the crane, which names what moved the load; takes minutes",
     )
+    incident.add_argument(
+        "--key",
+        metavar="PUBLIC",
+        help="the gateway's public key, for the verification: 64 hexadecimal digits, or the file signing-key.pem.pub",
+    )
     add_json(incident)
     incident.set_defaults(run=run)
 
@@ -133,8 +138,10 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     from gateway.cli.output import show
     from gateway.cli.progress import ProgressBar
     from gateway.incident.folder import PAGE, write_report
-    from gateway.incident.page import NOT_VERIFIED
+    from gateway.incident.verdict import judge_recordings
+    from gateway.recording.signing_key import read_public_key
 
+    key = None if arguments.key is None else read_public_key(arguments.key)
     made = datetime.now(tz=UTC)
     origin = datetime.fromtimestamp((window.origin_ns + timeline.span().wall_offset_ns) / 1e9, tz=UTC)
     folder = arguments.out or Path(f"incident-{origin:%Y%m%dT%H%M%SZ}")
@@ -143,7 +150,7 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
             timeline,
             window,
             folder,
-            verification=NOT_VERIFIED,
+            verify=lambda paths: judge_recordings(paths, key),
             computed={
                 "Made by": f"plumbline {__version__}",
                 "Made at": f"{made:%Y-%m-%d %H:%M:%S} UTC",

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from gateway.calibration.thermal.thermal_model import raw_at_reference
 from gateway.documents.text import human_name
 from gateway.incident.course import (
     Course,
@@ -26,16 +25,13 @@ from gateway.messages import (
     Health,
     Log,
     Motion,
-    Samples,
 )
 from gateway.numerics.array import Array
-from gateway.packing import unpack
-from gateway.pipeline.temperature_filter import TemperatureFilter
+from gateway.recording.sample_reader import CalibratedBlock
+from gateway.recording.sample_summary import GAP_PERIODS
 
-TOPICS = frozenset({"/samples", "/motion", "/condition", "/alert", "/health", "/calibration", "/clock", "/log"})
-"""The topics of which a course is made."""
-GAP_PERIODS = 1.5
-"""A longer distance between neighbouring samples, in periods, is a gap."""
+TOPICS = frozenset({"/motion", "/condition", "/alert", "/health", "/calibration", "/clock", "/log"})
+"""The topics of which a course is made, beside the samples."""
 LEVEL_RULES = ("swing", "lean", "calibration")
 MOTION_NUMBERS = ("angle_deg", "u_deg", "azimuth_deg", "hoist_m_s", "hoist_u_m_s", "length_m", "lean_deg", "lean_u_deg")
 TRUSTED = "trusted"
@@ -48,9 +44,8 @@ class CourseBuilder:
     origin_ns: int
     _motion: list[list[float]] = field(default_factory=list)
     _motion_state: list[str] = field(default_factory=list)
-    _blocks: list[tuple[Array, Array, float]] = field(default_factory=list)
-    """Times, readings and temperature, °C, of each block, as they were delivered."""
-    _thermometer: TemperatureFilter = field(default_factory=TemperatureFilter)
+    _blocks: list[tuple[Array, Array]] = field(default_factory=list)
+    """Times and specific force of each block."""
     _lost: int = 0
     _invalid: int = 0
     _states: dict[str, list[tuple[float, str]]] = field(default_factory=dict)
@@ -62,12 +57,16 @@ class CourseBuilder:
     _sessions: list[TimedText] = field(default_factory=list)
     _faults: list[TimedText] = field(default_factory=list)
 
+    def add_block(self, block: CalibratedBlock) -> None:
+        """Take a block of samples."""
+        self._blocks.append(((block.block.time_ns - self.origin_ns) / 1e9, block.force_g))
+        self._lost += block.block.lost
+        self._invalid += block.block.invalid
+
     def add(self, time_ns: int, content: object) -> None:
         """Take the content of a message with its gateway time."""
         time_s = (time_ns - self.origin_ns) / 1e9
         match content:
-            case Samples():
-                self._add_samples(content)
             case Motion():
                 self._add_motion(time_s, content)
             case Calibration():
@@ -139,16 +138,6 @@ class CourseBuilder:
     def _add_state(self, name: str, time_s: float, state: str) -> None:
         self._states.setdefault(name, []).append((time_s, state))
 
-    def _add_samples(self, content: Samples) -> None:
-        try:
-            block = unpack(content)
-        except ValueError:
-            return  # the reader of the recording counts what it cannot decode
-        temperature_c = self._thermometer.update(int(block.time_ns[-1]), block.temperature_c)
-        self._blocks.append(((block.time_ns - self.origin_ns) / 1e9, block.raw.astype(np.float64), temperature_c))
-        self._lost += block.lost
-        self._invalid += block.invalid
-
     def _add_motion(self, time_s: float, motion: Motion) -> None:
         pivot_m_s2 = motion.pivot_accel_m_s2 or [np.nan, np.nan]
         numbers: list[Any] = [getattr(motion, name) for name in MOTION_NUMBERS]
@@ -168,7 +157,7 @@ class CourseBuilder:
             empty = ForceCourse(np.zeros(0), np.zeros((0, 3)))
             return empty, SampleCounts(0, None, self._lost, self._invalid, ())
         time_s = np.concatenate([block[0] for block in self._blocks])
-        force_g = np.concatenate([self._force_g(*block) for block in self._blocks])
+        force_g = np.concatenate([block[1] for block in self._blocks])
         order = np.argsort(time_s, kind="stable")
         time_s, force_g = time_s[order], force_g[order]
         steps_s = np.diff(time_s)
@@ -177,17 +166,6 @@ class CourseBuilder:
         gaps = tuple(TimeGap(float(time_s[index]), float(time_s[index + 1])) for index in late)
         rate_hz = 1 / period_s if period_s > 0 else None
         return ForceCourse(time_s, force_g), SampleCounts(len(time_s), rate_hz, self._lost, self._invalid, gaps)
-
-    def _force_g(self, time_s: Array, raw: Array, temperature_c: float) -> Array:
-        """Return a block as specific force by the calibration in force at its first sample; NaN without one."""
-        before = [calibration for since_s, calibration in self._calibrations if since_s <= time_s[0]]
-        known = before[-1:] or [calibration for _, calibration in self._calibrations[:1]]
-        if not known or "gain_g_per_unit" not in known[0].in_force:
-            return np.full_like(raw, np.nan)
-        in_force = known[0].in_force
-        raw = raw_at_reference(raw, known[0].record, temperature_c)
-        force_g: Array = raw @ np.array(in_force["gain_g_per_unit"]).T + np.array(in_force["bias_g"])
-        return force_g
 
     def _wall_offset_ns(self) -> int:
         before = [clock for time_s, clock in self._clock if time_s <= 0]

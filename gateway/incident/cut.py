@@ -9,8 +9,10 @@ from mcap.records import Attachment, Channel, Schema
 from mcap.writer import Writer
 
 from gateway import __version__
-from gateway.recording.header import PROFILE
+from gateway.recording.chain import SIGNATURE
+from gateway.recording.header import PROFILE, SEGMENT
 from gateway.recording.reader import RecordedMessage, RecordingFile
+from gateway.recording.segment_summary import SUMMARY
 
 CUT = "cut"
 """Name of the metadata record on what was cut out."""
@@ -42,9 +44,15 @@ class CutWriter:
         )
 
     def add_parts(self, file: RecordingFile) -> None:
-        """Copy metadata and attachments of a file that has been read; those of later files replace earlier ones."""
-        self._metadata |= file.metadata
-        self._attachments |= file.attachments
+        """Copy metadata and attachments of a file that has been read; those of later files replace earlier ones.
+
+        Signature, number and summary of a segment are of the whole of it, and stay out.
+        """
+        metadata = {name: content for name, content in file.metadata.items() if name != SIGNATURE}
+        self._metadata |= {
+            name: {key: value for key, value in content.items() if key != SEGMENT} for name, content in metadata.items()
+        }
+        self._attachments |= {name: each for name, each in file.attachments.items() if name != SUMMARY}
 
     def finish(self, about: Mapping[str, str]) -> None:
         """Write metadata and attachments, and `about` as the metadata record CUT, and close the file."""

@@ -13,11 +13,13 @@ from gateway.incident.selection import IncidentWindow
 from gateway.recording import header as names
 from gateway.recording.mcap_salvage import describe_losses
 from gateway.recording.reader import RecordingFile, Selection
-from gateway.recording.timeline import REPEATED_TOPICS, ReportProgress, Timeline, ignore_progress
+from gateway.recording.sample_reader import NEEDED_TOPICS, CalibratedReader
+from gateway.recording.timeline import REPEATED_TOPICS, ReportProgress, Timeline, TimelineSegment, ignore_progress
 from gateway.recording.timestamp import iso_utc
 
 CERTIFICATE_NAME = re.compile(names.CERTIFICATE.format(id=r"[A-Za-z0-9._-]+"))
 """Names of certificates: no attachment of another name is written beside the report."""
+NOTHING_READ = "no message of this time could be read"
 LEAD_NS = 15_000_000_000
 """Calibration and clock are read from so long before the begin: each is recorded more often than that."""
 
@@ -56,10 +58,15 @@ class IncidentEvidence:
 def read_evidence(
     timeline: Timeline, window: IncidentWindow, cut: CutWriter, report: ReportProgress = ignore_progress
 ) -> IncidentEvidence:
-    """Read the time of a report once, and copy it to `cut`. Raises `RecordingError`, also where it has no samples."""
+    """Read the time of a report once, and copy it to `cut`.
+
+    Raises `RecordingError`, also where it has no samples, and `CalibrationError` for a damaged record.
+    """
     builder = CourseBuilder(window.origin_ns)
+    samples = CalibratedReader(timeline, Selection(window.begin_ns, window.end_ns + 1))
     files: dict[Path, RecordingFile] = {}
-    for message in timeline.messages(Selection(window.begin_ns - LEAD_NS, window.end_ns + 1), report):
+    wanted = Selection(window.begin_ns - LEAD_NS, window.end_ns + 1)
+    for message in timeline.messages(wanted, report):
         files[message.segment.path] = message.file
         recorded = message.recorded
         if recorded.log_time_ns < window.begin_ns and recorded.topic not in REPEATED_TOPICS:
@@ -67,6 +74,8 @@ def read_evidence(
         cut.add(message.file, recorded)
         if recorded.topic in TOPICS:
             builder.add(recorded.log_time_ns, message.decode())
+        if recorded.topic in NEEDED_TOPICS and (block := samples.add(message)) is not None:
+            builder.add_block(block)
     course = builder.course(window.begin_ns, window.end_ns)
     if not course.samples.count:
         raise RecordingError(f"{timeline.name}: has no samples in this time; choose another")
@@ -80,11 +89,15 @@ def read_evidence(
         gateway=timeline.gateway,
         window=window,
         course=course,
-        sources=tuple(_source(timeline, path, file) for path, file in files.items()),
+        sources=tuple(
+            _source(segment, files.get(segment.path))
+            for segment in timeline.segments
+            if wanted.may_contain(segment.from_ns, segment.to_ns)
+        ),
         device=newest.metadata.get(names.DEVICE, {}),
         configuration_toml=None if configuration is None else configuration.data.decode(errors="replace"),
         certificates={name: each.data for name, each in attachments.items() if CERTIFICATE_NAME.fullmatch(name)},
-        remarks=timeline.remarks,
+        remarks=(*timeline.remarks, *samples.remarks()),
     )
 
 
@@ -101,17 +114,17 @@ def _finish(cut: CutWriter, timeline: Timeline, window: IncidentWindow, course: 
     )
 
 
-def _source(timeline: Timeline, path: Path, file: RecordingFile) -> SourceFile:
-    segment = next(each for each in timeline.segments if each.path == path)
-    with path.open("rb") as content:
+def _source(segment: TimelineSegment, file: RecordingFile | None) -> SourceFile:
+    """Return a file with its hash; `file` is None where no message of it could be read."""
+    with segment.path.open("rb") as content:
         digest = hashlib.file_digest(content, "sha256").hexdigest()
     return SourceFile(
-        path=path,
+        path=segment.path,
         size_bytes=segment.index.size_bytes,
         sha256=digest,
         from_ns=segment.from_ns,
         to_ns=segment.to_ns,
         software=segment.origin.get("software", "unknown"),
         boot_id=segment.boot_id,
-        losses=tuple(describe_losses(file.losses)),
+        losses=(NOTHING_READ,) if file is None else tuple(describe_losses(file.losses)),
     )

@@ -4,12 +4,12 @@ from typing import Any
 
 from gateway.incident.evidence import IncidentEvidence
 from gateway.incident.facts import IncidentFacts, PeakAngle
-from gateway.incident.page import Verification
+from gateway.incident.verdict import RecordVerdict
 from gateway.messages import SCHEMA_VERSION
 from gateway.recording.timestamp import iso_utc
 
 
-def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: Verification) -> dict[str, Any]:
+def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: RecordVerdict) -> dict[str, Any]:
     """Return what the page states, for programs; null: not known."""
     course, incident = evidence.course, evidence.window.incident
     utc = {
@@ -59,7 +59,11 @@ def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: V
             "gaps": len(course.samples.gaps),
         },
         "calibration_ids": [calibration.calibration_id for _, calibration in course.calibrations],
-        "verification": verification.label,
+        "verification": {
+            "verdict": verification.kind,
+            "text": verification.label,
+            "remarks": list(verification.sentences),
+        },
         "sources": [{"file": source.path.name, "sha256": source.sha256} for source in evidence.sources],
     }
 

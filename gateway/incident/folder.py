@@ -3,7 +3,7 @@
 import hashlib
 import json
 import shutil
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,13 +14,16 @@ from gateway.incident.cut import CutWriter
 from gateway.incident.evidence import read_evidence
 from gateway.incident.facts import incident_facts
 from gateway.incident.facts_json import facts_json
-from gateway.incident.page import CauseAnalysis, Verification, render_page
+from gateway.incident.page import CauseAnalysis, render_page
 from gateway.incident.selection import IncidentWindow
 from gateway.incident.summary import summary_sentences
+from gateway.incident.verdict import RecordVerdict
 from gateway.recording.timeline import ReportProgress, Timeline, ignore_progress
 
 PAGE, CUT, FACTS = "incident.html", "incident.mcap", "incident.json"
 
+Verify = Callable[[Sequence[Path]], RecordVerdict]
+"""Takes the files of which the report is made."""
 AnalyseCause = Callable[[Path], CauseAnalysis]
 """Takes the recording that was cut out, and writes its own report beside it."""
 
@@ -41,7 +44,7 @@ def write_report(
     window: IncidentWindow,
     folder: Path,
     *,
-    verification: Verification,
+    verify: Verify,
     computed: Mapping[str, str],
     analyse: AnalyseCause | None = None,
     report: ReportProgress = ignore_progress,
@@ -55,6 +58,7 @@ def write_report(
         with _new_folder(folder) as partial:
             with (partial / CUT).open("wb") as stream:
                 evidence = read_evidence(timeline, window, CutWriter(stream), report)
+            verification = verify([source.path for source in evidence.sources])
             facts = incident_facts(evidence.course, window.incident)
             page = render_page(
                 evidence,

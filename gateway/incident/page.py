@@ -13,27 +13,13 @@ from gateway.incident.facts import IncidentFacts
 from gateway.incident.summary import summary_sentences
 from gateway.incident.timeline_figure import timeline_figure
 from gateway.incident.times import ReportClock
+from gateway.incident.verdict import RecordVerdict
 from gateway.messages import Calibration, Health
 from gateway.recording.timestamp import iso_utc
 
 LABELS = {"trip": ("Trip", "trip"), "warn": ("Warning", "warning")}
 NO_ALERT = ("No alert", "none")
 Pairs = tuple[tuple[str, str], ...]
-
-
-@dataclass(frozen=True, slots=True)
-class Verification:
-    """The result of the check of the recordings' hashes and signatures."""
-
-    label: str
-    kind: str
-    """`good`, `bad` or `open`: selects the colour."""
-    sentences: tuple[str, ...]
-
-
-NOT_VERIFIED = Verification(
-    "Not verified", "open", ("The hashes and signatures of the recordings were not checked for this report.",)
-)
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +49,7 @@ def render_page(
     evidence: IncidentEvidence,
     facts: IncidentFacts,
     *,
-    verification: Verification,
+    verification: RecordVerdict,
     cause: CauseAnalysis | None,
     cut: Pairs,
     computed: Pairs,

@@ -20,7 +20,10 @@ from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import OutgoingMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.calibration_files import calibration_files
+from gateway.recording.chain import SegmentChain
+from gateway.recording.compaction import compact
 from gateway.recording.header import RecordingHeader
+from gateway.recording.signing_key import load_or_create_key
 from gateway.recording.writer import Recorder
 from tests.gateway.pipeline.test_pipeline import Clock
 
@@ -30,6 +33,8 @@ START_S = 6.0
 SEGMENT_S = 10.0
 WALL_OFFSET_NS = 250_000_000
 BOOT_ID = "b00t"
+COMPACTED = 2
+"""The first files are compacted, the others as they were written."""
 LIMITS = {"warn_deg": 3.0, "trip_deg": 5.0, "clear_deg": 2.0, "hold_s": 2.0}
 
 
@@ -74,6 +79,7 @@ def record_crane(folder: Path, seconds: float = 45.0) -> RecordedCrane:
         },
         "test",
     )
+    chain = SegmentChain(folder, "yard/crane-2/hook", load_or_create_key(folder / "signing-key.pem"))
     correction = correction_for(info, configuration.device.axes, None)
     headers = HeaderMaker()
     pipeline = Pipeline(configuration, info, correction, headers, incidents=IncidentRegister(BOOT_ID))
@@ -90,6 +96,7 @@ def record_crane(folder: Path, seconds: float = 45.0) -> RecordedCrane:
         segment_s=SEGMENT_S,
         fsync_s=1.0,
         quota_mb=1000.0,
+        chain=chain,
     )
     recorder.start(clock.now_ns())
     recorder.set_device(info, clock.now_ns())
@@ -117,6 +124,8 @@ def record_crane(folder: Path, seconds: float = 45.0) -> RecordedCrane:
         sent += made
         recorder.tick(now.log_time_ns)
     recorder.close()
+    for path in recorder.take_uncompacted()[:COMPACTED]:
+        compact(path, chain)
     return RecordedCrane(folder, sent)
 
 

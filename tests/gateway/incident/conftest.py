@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from gateway.incident.folder import IncidentReport, write_report
-from gateway.incident.page import NOT_VERIFIED
 from gateway.incident.selection import IncidentChoice, choose_window, read_incidents
+from gateway.incident.verdict import judge_recordings
 from gateway.recording.catalogue import open_timeline
 
 MARGIN_S = 15.0
@@ -16,11 +16,17 @@ MakeReport = Callable[..., IncidentReport]
 
 @pytest.fixture
 def make_report(tmp_path: Path) -> MakeReport:
-    def make(paths: list[Path], choice: IncidentChoice | None = None, margin_s: float = MARGIN_S) -> IncidentReport:
+    def make(
+        paths: list[Path], choice: IncidentChoice | None = None, margin_s: float = MARGIN_S, key: str | None = None
+    ) -> IncidentReport:
         timeline = open_timeline(paths)
         window = choose_window(timeline, read_incidents(timeline), choice or IncidentChoice(), margin_s)
         return write_report(
-            timeline, window, tmp_path / "report", verification=NOT_VERIFIED, computed={"Made by": "a test"}
+            timeline,
+            window,
+            tmp_path / "report",
+            verify=lambda sources: judge_recordings(sources, key),
+            computed={"Made by": "a test"},
         )
 
     return make

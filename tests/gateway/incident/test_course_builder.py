@@ -1,13 +1,19 @@
 """The course of an incident from single messages: gaps, recalibrations, faults and steps of the clock."""
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+from devices.block import DeviceInfo, SampleBlock
+from gateway.calibration.correction import correction_for
 from gateway.incident.course_builder import CourseBuilder
-from gateway.messages import NO_SESSION, Calibration, ClockOffset, Health, Samples
+from gateway.messages import NO_SESSION, Calibration, ClockOffset, Health
+from gateway.recording.sample_reader import CalibratedBlock
+from gateway.recording.segment_index import SegmentIndex
+from gateway.recording.timeline import TimelineSegment
 
 ORIGIN_NS = 1_767_225_600_000_000_000
 HEAD: dict[str, Any] = {"time_ns": ORIGIN_NS, "clock": "synchronised", "sequence": 0}
@@ -26,20 +32,14 @@ def calibration(gain: float = 0.5, **session: Any) -> Calibration:
     )
 
 
-def samples(first_s: float, lost: int = 0) -> Samples:
-    """Ten samples at 10 Hz of (2, 4, 6) counts."""
-    return Samples(
-        **HEAD,
-        first_log_time_ns=ORIGIN_NS + round(first_s * 1e9),
-        period_ns=1e8,
-        unit="counts",
-        packing="plain",
-        x=[2] * 10,
-        y=[4] * 10,
-        z=[6] * 10,
-        lost=lost,
-        invalid=0,
-    )
+def block(first_s: float, lost: int = 0) -> CalibratedBlock:
+    """Ten samples at 10 Hz."""
+    time_ns = ORIGIN_NS + np.rint((first_s + np.arange(10) / 10) * 1e9).astype(np.int64)
+    samples = SampleBlock(time_ns=time_ns, raw=np.zeros((10, 3), dtype=np.int32), lost=lost)
+    info = DeviceInfo(kind="adxl355", device_id="part-7", unit="counts", odr_hz=10.0, units_per_g=256e3)
+    correction = correction_for(info, ((0, 1), (1, 1), (2, 1)), None)
+    index = SegmentIndex(0, is_closed=True)
+    return CalibratedBlock(TimelineSegment(Path("one.mcap"), index), samples, np.full((10, 3), first_s), correction, 0)
 
 
 def health(**changes: Any) -> Health:
@@ -65,27 +65,16 @@ def built(*messages: tuple[float, object]) -> CourseBuilder:
     return builder
 
 
-def test_samples_become_acceleration_by_the_calibration_in_force_at_their_time() -> None:
-    course = built((0.0, calibration(0.5)), (0.9, samples(0.0)), (1.0, calibration(0.25)), (1.9, samples(1.0))).course(
-        ORIGIN_NS, ORIGIN_NS + 2_000_000_000
-    )
-    assert course.acceleration.force_g[0] == pytest.approx([1.0, 2.0, 4.0])
-    assert course.acceleration.force_g[-1] == pytest.approx([0.5, 1.0, 2.5])
-    assert course.acceleration.time_s == pytest.approx(np.arange(20) / 10)
-    assert len(course.calibrations) == 2
-
-
 def test_a_missing_block_is_a_gap() -> None:
-    course = built((0.9, samples(0.0)), (2.9, samples(2.0, lost=10))).course(ORIGIN_NS, ORIGIN_NS + 3_000_000_000)
+    builder = CourseBuilder(ORIGIN_NS)
+    builder.add_block(block(0.0))
+    builder.add_block(block(2.0, lost=10))
+    course = builder.course(ORIGIN_NS, ORIGIN_NS + 3_000_000_000)
     (gap,) = course.samples.gaps
     assert (gap.begin_s, gap.end_s) == pytest.approx((0.9, 2.0))
     assert (course.samples.count, course.samples.lost) == (20, 10)
     assert course.samples.rate_hz == pytest.approx(10.0)
-
-
-def test_without_a_calibration_the_acceleration_is_not_known() -> None:
-    course = built((0.9, samples(0.0))).course(ORIGIN_NS, ORIGIN_NS + 1_000_000_000)
-    assert np.isnan(course.acceleration.force_g).all()
+    assert course.acceleration.force_g[:, 0] == pytest.approx([0.0] * 10 + [2.0] * 10)
 
 
 def test_each_step_of_a_recalibration_is_stated_once_with_its_person() -> None:

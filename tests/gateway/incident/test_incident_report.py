@@ -12,14 +12,15 @@ from mcap.reader import make_reader
 from gateway.errors import InputError
 from gateway.incident.cut import CutWriter
 from gateway.incident.folder import write_report
-from gateway.incident.page import NOT_VERIFIED
 from gateway.incident.selection import IncidentChoice, choose_window, read_incidents
+from gateway.incident.verdict import judge_recordings
 from gateway.messages import Calibration, Motion, Samples
 from gateway.packing import unpack
 from gateway.recording.catalogue import open_timeline
 from gateway.recording.interval import parse_recording_time
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
+from gateway.recording.signing_key import fingerprint, read_public_key
 from gateway.recording.timestamp import iso_utc
 from tests.gateway.incident.conftest import MakeReport
 from tests.gateway.recorded_crane import BOOT_ID, LIMITS, SEGMENT_S, START_S, RecordedCrane
@@ -191,5 +192,42 @@ def test_no_folder_is_left_where_its_parent_is_missing(recorded: RecordedCrane, 
     timeline = open_timeline([recorded.folder])
     window = choose_window(timeline, read_incidents(timeline), IncidentChoice(), 1.0)
     with pytest.raises(InputError, match="there is no folder"):
-        write_report(timeline, window, tmp_path / "a" / "b", verification=NOT_VERIFIED, computed={})
+        write_report(
+            timeline, window, tmp_path / "a" / "b", verify=lambda sources: judge_recordings(sources, None), computed={}
+        )
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_report_of_signed_recordings_states_that_they_are_genuine(
+    recorded: RecordedCrane, make_report: MakeReport
+) -> None:
+    key = read_public_key(str(recorded.folder / "signing-key.pem.pub"))
+    report = make_report([recorded.folder], key=key)
+    assert report.content["verification"]["verdict"] == "genuine"
+    assert f"the gateway signed, key {fingerprint(key)}" in text_of(report.folder / "incident.html")
+
+
+def test_without_the_key_nothing_is_called_genuine(recorded: RecordedCrane, make_report: MakeReport) -> None:
+    verification = make_report([recorded.folder]).content["verification"]
+    assert verification["verdict"] == "open"
+    assert "stands in the recordings themselves" in verification["remarks"][0]
+
+
+def test_a_changed_sample_is_stated(recorded: RecordedCrane, make_report: MakeReport, tmp_path: Path) -> None:
+    folder = tmp_path / "changed"
+    folder.mkdir()
+    for path in recorded.files:
+        content = bytearray(path.read_bytes())
+        if path == recorded.files[1]:
+            content[len(content) // 2] ^= 1
+        (folder / path.name).write_bytes(content)
+    report = make_report([folder])
+    assert report.content["verification"]["verdict"] == "differs"
+    assert "DIFFERS FROM WHAT THE GATEWAY SIGNED" in text_of(report.folder / "incident.html")
+    assert "ALTERED" in text_of(report.folder / "incident.html")
+
+
+def test_the_recording_that_was_cut_out_claims_no_signature(recorded: RecordedCrane, make_report: MakeReport) -> None:
+    report = make_report([recorded.folder])
+    verdict = judge_recordings([report.folder / "incident.mcap"], None)
+    assert (verdict.kind, verdict.label) == ("open", "Not signed")
