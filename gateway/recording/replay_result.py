@@ -65,7 +65,11 @@ class ReplayRun:
         record: CalibrationRecord | None = None,
         warm_up_s: float | None = None,
     ) -> None:
-        """`warm_up_s`: begin this long before the interval in place of the beginning of the run. Raises `InputError`."""
+        """`warm_up_s`: begin this long before the interval in place of the beginning of the run.
+
+        Raises `InputError` for an impossible interval, `RecordingError` where there are no samples.
+        """
+        timeline.span()
         self._timeline = timeline
         self._selection = timeline.select(interval)
         if warm_up_s is not None and self._selection.begin_ns is None:
