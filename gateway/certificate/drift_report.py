@@ -8,6 +8,7 @@ from gateway.calibration.drift.fleet_drift import SensorDrift
 from gateway.calibration.record_figure import FigureSeries, RecordFigure
 from gateway.certificate.bench_report import ReportTable, render_bench_report
 from gateway.documents.format import UNKNOWN, format_fixed, format_number, format_with_uncertainty
+from gateway.numerics.array import Array
 
 MOST_SENSORS = 20
 """Sensors whose calibrations are shown one by one, the most urgent ones."""
@@ -29,7 +30,7 @@ def render_drift_report(sensors: Sequence[SensorDrift], on: str, limit_deg: floa
             ReportTable("Sensors, the most urgent first", SENSOR_HEADER, tuple(_sensor_row(one) for one in sensors)),
             *(_change_table(sensor) for sensor in shown if len(sensor.table) > 1),
         ),
-        figures=[_figure(sensor) for sensor in shown if len(sensor.table) > 1],
+        figures=[figure for sensor in shown if len(sensor.table) > 1 for figure in _figures(sensor)],
         warnings=warnings,
     )
 
@@ -87,21 +88,41 @@ def _numbers(values: Sequence[float]) -> list[str]:
     return [format_number(float(value), 5) for value in values]
 
 
-def _figure(sensor: SensorDrift) -> RecordFigure:
+def _figures(sensor: SensorDrift) -> tuple[RecordFigure, RecordFigure]:
+    """Return offset and scale factor over time (Łuczak et al. 2022, Figure 7)."""
+    device = sensor.device_id[:80]
+    return (
+        _figure(
+            sensor,
+            f"{device}: offset",
+            "change of the offset / mg",
+            [(1000 * row.offset_change_g, 1000 * row.u_offset_change_g) for row in sensor.table],
+        ),
+        _figure(
+            sensor,
+            f"{device}: scale factor",
+            "change of the scale factor / %",
+            [(100 * row.scale_change, 100 * row.u_scale_change) for row in sensor.table],
+        ),
+    )
+
+
+def _figure(sensor: SensorDrift, title: str, y_label: str, values: Sequence[tuple[Array, Array]]) -> RecordFigure:
+    """Return the figure of values with standard uncertainties, each of shape (3,) per calibration."""
     days = tuple(row.elapsed_h / HOURS_PER_DAY for row in sensor.table)
     series = tuple(
         FigureSeries(
             name=axis,
             x=days,
-            y=tuple(1000 * float(row.offset_change_g[place]) for row in sensor.table),
-            u=tuple(1000 * float(row.u_offset_change_g[place]) for row in sensor.table),
+            y=tuple(float(value[place]) for value, _ in values),
+            u=tuple(float(u_value[place]) for _, u_value in values),
         )
         for place, axis in enumerate("xyz")
     )
     return RecordFigure(
-        title=f"{sensor.device_id[:80]}: offset",
+        title=title,
         x_label="time since the first calibration / d",
-        y_label="change of the offset / mg",
+        y_label=y_label,
         series=series,
         caption="Bars: ± 2 u of both records. Compare Łuczak et al. 2022, Figure 7.",
     )

@@ -35,6 +35,8 @@ class DriftRow:
     """Change of the zero-g offset, g."""
     u_offset_change_g: Array
     """Standard uncertainty of `offset_change_g`, g."""
+    u_scale_change: Array
+    """Standard uncertainty of `scale_change`."""
 
 
 def drift_table(records: Sequence[CalibrationRecord]) -> tuple[DriftRow, ...]:
@@ -67,4 +69,5 @@ def _row(first: CalibrationRecord, record: CalibrationRecord) -> DriftRow:
         tilt_error_rad=tilt_error_rad(error_g),
         offset_change_g=change.offset_g,
         u_offset_change_g=change.u_offset_g,
+        u_scale_change=change.u_scale,
     )

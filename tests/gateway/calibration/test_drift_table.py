@@ -169,7 +169,7 @@ def test_the_command_prints_a_table_and_writes_json_and_a_report(
     assert result["sensors"][1]["table"][1]["offset_change_percent"][2] == pytest.approx(-0.02, abs=0.005)
     text = page.read_text()
     assert "Tables 6 to 8" in text
-    assert text.count("<svg") == 2
+    assert text.count("<svg") == 4  # offset and scale factor of two sensors
 
 
 def test_an_overdue_sensor_is_exit_code_1_and_bad_input_2(
