@@ -113,6 +113,8 @@ class Course:
     log: tuple[TimedText, ...]
     sessions: tuple[TimedText, ...]
     """The changes of recalibrations, with the person who asked for each."""
+    marks: tuple[TimedText, ...]
+    """What persons noted, with their names."""
     faults: tuple[TimedText, ...]
     """Faults of the gateway and dropped items, when their number had grown."""
     last_health: Health | None

@@ -24,13 +24,14 @@ from gateway.messages import (
     Condition,
     Health,
     Log,
+    Mark,
     Motion,
 )
 from gateway.numerics.array import Array
 from gateway.recording.sample_reader import CalibratedBlock
 from gateway.recording.sample_summary import GAP_PERIODS
 
-TOPICS = frozenset({"/motion", "/condition", "/alert", "/health", "/calibration", "/clock", "/log"})
+TOPICS = frozenset({"/motion", "/condition", "/alert", "/health", "/calibration", "/mark", "/clock", "/log"})
 """The topics of which a course is made, beside the samples."""
 LEVEL_RULES = ("swing", "lean", "calibration")
 MOTION_NUMBERS = ("angle_deg", "u_deg", "azimuth_deg", "hoist_m_s", "hoist_u_m_s", "length_m", "lean_deg", "lean_u_deg")
@@ -55,6 +56,7 @@ class CourseBuilder:
     _health: Health | None = None
     _session: CalibrationSession = NO_SESSION
     _sessions: list[TimedText] = field(default_factory=list)
+    _marks: list[TimedText] = field(default_factory=list)
     _faults: list[TimedText] = field(default_factory=list)
 
     def add_block(self, block: CalibratedBlock) -> None:
@@ -73,6 +75,8 @@ class CourseBuilder:
                 if not self._calibrations or _in_force(self._calibrations[-1][1]) != _in_force(content):
                     self._calibrations.append((time_s, content))
                 self._add_session(time_s, content.session)
+            case Mark():
+                self._marks.append(TimedText(time_s, f"{content.by or 'an unnamed person'}: {content.text}"))
             case Log():
                 self._log.append(TimedText(time_s, content.message))
             case _:
@@ -100,6 +104,7 @@ class CourseBuilder:
             calibrations=tuple(self._calibrations),
             log=tuple(self._log),
             sessions=tuple(self._sessions),
+            marks=tuple(self._marks),
             faults=tuple(self._faults),
             last_health=self._health,
         )

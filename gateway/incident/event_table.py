@@ -8,7 +8,8 @@ from gateway.incident.course import Course, StateCourse
 from gateway.incident.evidence import IncidentEvidence
 from gateway.incident.times import ReportClock
 
-ALERT = "alert"
+ALERT, MARK = "alert", "mark"
+ALWAYS_SHOWN = (ALERT, MARK)
 MOST_EVENTS = 120
 LONGEST_TEXT = 260
 SHORTEST_STATE_S = 1.0
@@ -36,16 +37,15 @@ class EventTable:
 
 
 def event_table(evidence: IncidentEvidence) -> EventTable:
-    """Return the events; those of the alerts are always shown."""
+    """Return the events; alerts and marks are always shown."""
     course, clock = evidence.course, ReportClock(evidence.course)
     found = sorted(_events(evidence, course), key=lambda event: event[0])
     inside = [event for event in found if course.begin_s <= event[0] <= course.end_s]
-    alerts = sum(kind == ALERT for _, kind, _ in inside)
-    room = max(0, MOST_EVENTS - alerts)
+    room = max(0, MOST_EVENTS - sum(kind in ALWAYS_SHOWN for _, kind, _ in inside))
     shown = []
     for event in inside:
-        room -= event[1] != ALERT
-        if event[1] == ALERT or room >= 0:
+        room -= event[1] not in ALWAYS_SHOWN
+        if event[1] in ALWAYS_SHOWN or room >= 0:
             shown.append(_row(clock, *event))
     return EventTable(tuple(shown), len(inside) - len(shown), clock.zone(course.begin_s))
 
@@ -76,7 +76,7 @@ def _events(evidence: IncidentEvidence, course: Course) -> Iterator[tuple[float,
     for index, (time_s, calibration) in enumerate(course.calibrations):
         verb = "Calibration in force" if index == 0 else "Another calibration in force"
         yield max(time_s, course.begin_s), "calibration", f"{verb}: {calibration.text}."
-    for kind, texts in (("calibration", course.sessions), ("gateway", course.faults)):
+    for kind, texts in ((MARK, course.marks), ("calibration", course.sessions), ("gateway", course.faults)):
         yield from ((each.time_s, kind, as_sentence(each.text)) for each in texts)
     for gap in course.samples.gaps:
         yield gap.begin_s, "samples", f"No samples for {gap.end_s - gap.begin_s:.3f} s."

@@ -8,6 +8,8 @@ from gateway.incident.course import Course
 from gateway.incident.facts import CraneMove, IncidentFacts, PeakAngle
 from gateway.incident.times import ReportClock
 
+MOST_MARKS = 3
+"""Of the summary; the events have all of them."""
 LATE_S = 5.0
 """An alert is stated each second; after a longer silence the gateway has ended."""
 LEVELS = {"warn": "warning", "trip": "trip"}
@@ -111,6 +113,8 @@ def _when_it_ended(
     else:
         yield f"It cleared at {clock.both(facts.cleared_s)}, {facts.cleared_s - facts.raised_s:.1f} s after it began."
     yield "The recordings do not state who acknowledged it."
+    for mark in course.marks[:MOST_MARKS]:
+        yield f"Mark at {clock.both(mark.time_s)}, by {mark.text}."
 
 
 def _how_good(course: Course, facts: IncidentFacts) -> Iterator[str]:

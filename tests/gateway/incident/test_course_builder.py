@@ -10,7 +10,10 @@ import pytest
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import correction_for
 from gateway.incident.course_builder import CourseBuilder
-from gateway.messages import NO_SESSION, Calibration, ClockOffset, Health
+from gateway.incident.event_table import MOST_EVENTS, event_table
+from gateway.incident.evidence import IncidentEvidence
+from gateway.incident.selection import IncidentWindow
+from gateway.messages import NO_SESSION, Calibration, ClockOffset, FoxgloveTime, Health, Log, Mark
 from gateway.recording.sample_reader import CalibratedBlock
 from gateway.recording.segment_index import SegmentIndex
 from gateway.recording.timeline import TimelineSegment
@@ -109,3 +112,22 @@ def test_the_offset_of_utc_is_that_before_the_origin_and_steps_are_kept() -> Non
     ).course(ORIGIN_NS, ORIGIN_NS + 2_000_000_000)
     assert course.utc_ns(1.0) == ORIGIN_NS + 1_500_000_000
     assert course.clock_steps_s == (1.0,)
+
+
+def test_a_mark_is_stated_with_the_person_who_set_it() -> None:
+    course = built((1.0, Mark(**HEAD, id="m1", by="Ann", text="load set down"))).course(ORIGIN_NS, ORIGIN_NS + 10**9)
+    assert [each.text for each in course.marks] == ["Ann: load set down"]
+
+
+def test_alerts_and_marks_stand_among_the_events_however_many_others_there_are() -> None:
+    builder = CourseBuilder(ORIGIN_NS)
+    for second in range(300):
+        line = Log(timestamp=FoxgloveTime(sec=0, nsec=0), level=2, message=f"line {second}", name="test")
+        builder.add(ORIGIN_NS + second * 10**9, line)
+    builder.add(ORIGIN_NS + 299 * 10**9, Mark(**HEAD, id="m1", by="Ann", text="load set down"))
+    end_ns = ORIGIN_NS + 300 * 10**9
+    window = IncidentWindow(ORIGIN_NS, end_ns, ORIGIN_NS, None, ())
+    evidence = IncidentEvidence("yard", window, builder.course(ORIGIN_NS, end_ns), (), {}, None, {}, ())
+    table = event_table(evidence)
+    assert (len(table.rows), table.hidden) == (MOST_EVENTS, 301 - MOST_EVENTS)
+    assert (table.rows[-1].kind, table.rows[-1].text) == ("mark", "Ann: load set down.")
