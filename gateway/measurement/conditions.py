@@ -1,13 +1,11 @@
 """The conditions of a recording, judged window by window with the motion filter and the gates of the live pipeline."""
 
-import math
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.configuration.model import ALIGNED_MOUNT_U_DEG
 from gateway.measurement.source import Source
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.pipeline.motion_context import motion_context
@@ -77,6 +75,4 @@ def _judge_windows(source: Source) -> Iterator[ConditionResult]:
 def _motion_monitor(source: Source, noise_g: float | None) -> MotionMonitor | None:
     if source.housing is None:
         return None
-    cross_axis_u = 0.0 if source.correction is None else source.correction.u_cross_axis
-    mount_u_rad = math.hypot(math.radians(ALIGNED_MOUNT_U_DEG), cross_axis_u)
-    return MotionMonitor(source.housing, mount_u_rad=mount_u_rad, noise_g=noise_g)
+    return MotionMonitor(source.housing, mount_u_rad=source.mount_u_rad, noise_g=noise_g)

@@ -18,8 +18,6 @@ from gateway.swing.estimate import SwingEstimate
 from gateway.swing.estimation.make_estimate import NO_MOTION
 from gateway.swing.rig import MountedHousing
 
-MOUNT_U_RAD = math.radians(0.06)
-"""Standard uncertainty of the angle between the housing's z axis and the rope after zeroing in place."""
 WORKING: frozenset[MotionState] = frozenset({"driven", "hoisting", "wind"})
 """States that no free swing explains."""
 MOVING: frozenset[MotionState] = frozenset({"driven", "hoisting"})
@@ -75,7 +73,7 @@ def estimate_source_motion(source: Source, swing: SwingEstimate) -> RecordingMot
         source.recording.time_s,
         source.force_g,
         housing,
-        math.hypot(MOUNT_U_RAD, 0.0 if source.correction is None else source.correction.u_cross_axis),
+        source.mount_u_rad,
         None if source.noise_g is None else float(np.min(source.noise_g)),
         is_clipped,
     )

@@ -1,5 +1,6 @@
 """A recording, from any supported file, as specific force in the housing frame."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 from devices.recording import Recording
 from devices.table import read_table
 from gateway.calibration.correction import Correction
+from gateway.configuration.model import ALIGNED_MOUNT_U_DEG
 from gateway.errors import InputError
 from gateway.measurement.calibration import calibration_in_force
 from gateway.measurement.configuration import common_configuration
@@ -46,10 +48,18 @@ class Source:
     """Correction applied to the readings, its uncertainty widened for the recording's temperatures; None: none was applied."""
     bandwidth_hz: float | None = None
     """Bandwidth of the low-pass inside the sensor."""
+    mount_u_deg: float = ALIGNED_MOUNT_U_DEG
+    """Standard uncertainty of the angle between the housing's z axis and the rope, as configured."""
     temperature_warnings: tuple[str, ...] = ()
     """Temperatures outside those of the calibration, which widen the uncertainty."""
     remarks: tuple[str, ...] = ()
     """Incomplete files, gaps between files, limits outside the recording, a change of calibration."""
+
+    @property
+    def mount_u_rad(self) -> float:
+        """Standard uncertainty of the angle between the sensor's z axis and the rope."""
+        cross_axis_u = 0.0 if self.correction is None else self.correction.u_cross_axis
+        return math.hypot(math.radians(self.mount_u_deg), cross_axis_u)
 
     @property
     def name(self) -> str:
@@ -127,6 +137,7 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
         housing=None if configuration is None else mounted_housing(configuration, widened, bandwidth_hz),
         correction=widened,
         bandwidth_hz=bandwidth_hz,
+        mount_u_deg=ALIGNED_MOUNT_U_DEG if configuration is None else configuration.housing.mount_u_deg,
         temperature_warnings=correction.range_warnings(extreme_c),
         remarks=(*joined.remarks, *interval.describe_excess(extent), *calibration_remarks),
     )
