@@ -58,6 +58,9 @@ CONSTANTS = [
 ]
 """States that change little in a recording."""
 KEPT_CONSTANTS = [KEPT.index(state) for state in CONSTANTS]
+SIDE_FORCE_WALK = 2e-4
+"""Random walk of the steady side force per weight over a whole recording, 1/sqrt(s). Basis: a wind that leans the load by 0.1
+degrees in a minute. Two directions that take a changing force for constant both take its lean for a tilt of the mount."""
 KEPT_SHARE = 1 / 16
 """Share of its information with which a run that turns begins again: standard deviations are four times as large."""
 
@@ -114,6 +117,7 @@ class _KeptFilter(MotionFilter):
 
     def __init__(self, model: RopeModel, constants: Constants, change: Callable[[Mixture], Mixture]) -> None:
         super().__init__(model, constants)
+        self._noise[:, SIDE_FORCE] = SIDE_FORCE_WALK**2
         self.mixture = self.predicted = change(self.mixture)
 
     def predict(self, time_s: float) -> None:
@@ -133,11 +137,13 @@ class _KeptRun(FilterRun):
     ) -> None:
         super().__init__(motion_filter, bin_s, noise_g)
         self.kept: list[Mixture] = []
+        self.log_evidence: list[float] = []
         self._kept_filter, self._choose = motion_filter, choose
 
     def take(self, one: ForceBin) -> None:
         super().take(one)
         self.kept.append(self._choose(self._kept_filter))
+        self.log_evidence.append(self.filter.log_evidence if one.is_usable else 0.0)
 
 
 class FilterHistory(MotionTracker):
@@ -163,6 +169,8 @@ class FilterHistory(MotionTracker):
         super().__init__(rig, mount_u_rad=mount_u_rad, noise_g=noise_g)
         self.mixtures: list[Mixture] = []
         """Kept states at each bin taken."""
+        self.log_evidence: list[float] = []
+        """Logarithm of the probability density of each bin taken, given those before it in the direction of the run."""
         if turned is not None:
             self._continue(turned)
 
@@ -188,9 +196,11 @@ class FilterHistory(MotionTracker):
         if not isinstance(run, _KeptRun):
             raise TypeError("a run without history")
         if run is not before:
-            del self.mixtures[len(self.mixtures) + 1 - len(run.kept) :]
+            replaced = slice(len(self.mixtures) + 1 - len(run.kept), None)
+            del self.mixtures[replaced], self.log_evidence[replaced]
         self.mixtures += run.kept
-        run.kept = []
+        self.log_evidence += run.log_evidence
+        run.kept, run.log_evidence = [], []
 
     def _continue(self, turned: "FilterHistory") -> None:
         before, first = turned._run.filter, self._run.filter

@@ -29,7 +29,7 @@ from gateway.motion.motion_tracker import (
     SLOWEST_HOIST_M_S,
 )
 from gateway.motion.recording_bins import bin_recording
-from gateway.motion.two_filter import combine
+from gateway.motion.two_filter import combine, evidence_gain
 from gateway.numerics.array import Array
 from gateway.swing.model.sensor_lowpass import delay_s
 from gateway.swing.rig import MountedHousing
@@ -39,7 +39,7 @@ LONGEST_GAP_PERIODS = 8.0
 BLOCK_BINS, LOOKAHEAD_BINS = 3000, 900
 """Bins that are smoothed at once, and later ones from which the backward run begins. Basis: bounds the memory; what comes more
 than some periods later tells nothing about the motion."""
-SETTLING_BINS = 900
+SETTLING_BINS = 300
 """First bins that are run through forward and backward before the smoothing."""
 COMBINED_BINS = 200
 """Bins whose forward and backward states are combined at once. Basis: bounds the memory."""
@@ -86,7 +86,7 @@ class _Smoother:
             if taken - done == BLOCK_BINS + LOOKAHEAD_BINS or taken == len(bins):
                 end = taken if taken == len(bins) else done + BLOCK_BINS
                 histories.append(self._smooth_block(bins[done:taken], end - done, done))
-                del self._forward.mixtures[: end - done]
+                del self._forward.mixtures[: end - done], self._forward.log_evidence[: end - done]
                 done = end
         return histories
 
@@ -112,6 +112,7 @@ class _Smoother:
             backward.take(one)
         time_s = np.array([one.time_s for one in bins])
         later = backward.mixtures[::-1]
+        gain = evidence_gain(np.array(self._forward.log_evidence), np.array(backward.log_evidence[::-1]))
         histories = []
         for begin in range(0, count, COMBINED_BINS):
             end = min(begin + COMBINED_BINS, count)
@@ -122,6 +123,7 @@ class _Smoother:
                 self._forward.prior(),
                 bins_before + place + 1,
                 len(bins) - place,
+                gain[begin:end],
             )
             histories.append(_describe(time_s[begin:end], series, self._rig))
         return MotionHistory.join(histories)

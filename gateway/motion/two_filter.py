@@ -19,6 +19,10 @@ UNINFORMATIVE = 0.9
 """Variance after whitening from which on a direction counts as not measured."""
 LOST = 1e-3
 """Probability that one of the directions follows a wrong motion, so that the other one alone is right."""
+NEAR_BINS = 100
+"""Bins before and after one whose evidence says which of the directions follows a wrong motion: ten seconds."""
+LARGEST_GAIN = 5.0
+"""Difference of the log evidence that one bin may make: an outlier decides nothing."""
 CONSTANTS_U_FACTOR = 1.25
 """Factor of the uncertainty that the constants leave. Basis: errors of the equations are not white, so that the filter takes its
 constants for better known than they are."""
@@ -36,12 +40,28 @@ class _Joined:
     """Normalised squared difference of the directions over its expectation, shape (n, m)."""
 
 
+def evidence_gain(forward: Array, backward: Array) -> Array:
+    """Return the log evidence of the bins near each one by the forward run over that by the backward run, shapes (n,)."""
+    difference = np.clip(np.nan_to_num(forward - backward), -LARGEST_GAIN, LARGEST_GAIN)
+    total = np.concatenate([[0.0], np.cumsum(difference)])
+    place = np.arange(len(difference))
+    first, stop = np.maximum(place - NEAR_BINS, 0), np.minimum(place + NEAR_BINS + 1, len(difference))
+    gain: Array = total[stop] - total[first]
+    return gain
+
+
 def combine(
-    forward: MixtureSeries, backward: MixtureSeries, prior: Mixture, bins_before: Array, bins_after: Array
+    forward: MixtureSeries,
+    backward: MixtureSeries,
+    prior: Mixture,
+    bins_before: Array,
+    bins_after: Array,
+    gain: Array,
 ) -> MixtureSeries:
     """Return the mixtures given all bins.
 
-    `prior`: before any bin; `bins_before`, `bins_after`: positive, shape (n,): bins from which the series are made.
+    `prior`: before any bin; `bins_before`, `bins_after`: positive, shape (n,): bins from which the series are made; `gain`: log
+    evidence of the forward series over the backward one near each bin, shape (n,).
     """
     whitening = Whitening.of(prior)
     joined = _join(
@@ -50,12 +70,12 @@ def combine(
     covariance = _widen_constants(joined.covariance * np.maximum(joined.disagreement, 1.0)[..., None, None])
     both = MixtureSeries(*whitening.restore(joined.state, covariance), np.zeros_like(forward.weight))
     log_first, log_later = np.log(forward.weight), np.log(backward.weight)
-    share = bins_before**2 / (bins_before**2 + bins_after**2)
+    log_odds = 2 * np.log(bins_before / bins_after) + gain
     log_weights = np.array(
         [
             log_first + log_later - np.log(prior.weight) + TEMPERING * joined.log_evidence,
-            log_first + np.log(LOST * share)[:, None],
-            log_later + np.log(LOST * (1 - share))[:, None],
+            log_first + np.log(LOST) - np.logaddexp(0.0, -log_odds)[:, None],
+            log_later + np.log(LOST) - np.logaddexp(0.0, log_odds)[:, None],
         ]
     )
     return _merge(log_weights, both, forward, backward)

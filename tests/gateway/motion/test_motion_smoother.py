@@ -15,7 +15,7 @@ from gateway.motion.recording_bins import bin_recording
 from gateway.motion.rope_model import RopeModel
 from gateway.motion.smoother import smooth_motion
 from gateway.motion.state_vector import GRAVITY, HOIST_SPEED, LN_LENGTH, N_STATES, PLACE, RATE
-from gateway.motion.two_filter import combine
+from gateway.motion.two_filter import LARGEST_GAIN, NEAR_BINS, combine, evidence_gain
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from tests.gateway.motion.conftest import GRAVITY_M_S2, Recording, follow, swing
@@ -126,7 +126,7 @@ def test_two_directions_count_what_was_known_before_once() -> None:
     prior = gaussian(1.0, 4.0)
     variance = 1 / (1 / 4 + 1 / 2)
     first, later = (gaussian(variance * (1 / 4 + value / 2), variance) for value in (1.5, 2.5))
-    found = combine(series(first), series(later), prior, np.ones(1), np.ones(1))
+    found = combine(series(first), series(later), prior, np.ones(1), np.ones(1), np.zeros(1))
     expected = 1 / (1 / 4 + 1 / 2 + 1 / 2)
     angle = KEPT.index(GRAVITY.start)
     assert found.covariance[0, :, angle, angle] == pytest.approx(expected, rel=0.01)
@@ -135,7 +135,7 @@ def test_two_directions_count_what_was_known_before_once() -> None:
 
 def test_a_direction_that_knows_nothing_changes_nothing() -> None:
     prior, first = gaussian(0.0, 1.0), gaussian(0.3, 0.01)
-    found = combine(series(first), series(prior), prior, np.full(1, 100.0), np.ones(1))
+    found = combine(series(first), series(prior), prior, np.full(1, 100.0), np.ones(1), np.zeros(1))
     angle = KEPT.index(GRAVITY.start)
     assert found.state[0] == pytest.approx(first.state, abs=1e-3)
     assert found.covariance[0, :, angle, angle] == pytest.approx(0.01, rel=0.02)
@@ -143,9 +143,31 @@ def test_a_direction_that_knows_nothing_changes_nothing() -> None:
 
 def test_directions_that_contradict_each_other_widen_the_interval() -> None:
     prior, first, later = gaussian(0.0, 1.0), gaussian(-0.3, 0.001), gaussian(0.3, 0.001)
-    found = combine(series(first), series(later), prior, np.ones(1), np.ones(1))
+    found = combine(series(first), series(later), prior, np.ones(1), np.ones(1), np.zeros(1))
     angle = KEPT.index(GRAVITY.start)
     assert np.sqrt(found.covariance[0, :, angle, angle]).min() > 0.2
+
+
+@pytest.mark.parametrize(("gain", "expected"), [(30.0, -0.3), (-30.0, 0.3)])
+def test_of_directions_that_contradict_each_other_the_one_with_the_better_evidence_is_right(
+    gain: float, expected: float
+) -> None:
+    prior, first, later = gaussian(0.0, 1.0), gaussian(-0.3, 0.001), gaussian(0.3, 0.001)
+    found = combine(series(first), series(later), prior, np.ones(1), np.ones(1), np.full(1, gain))
+    angle = KEPT.index(GRAVITY.start)
+    assert found.state[0, :, angle] == pytest.approx(expected, abs=0.01)
+    assert np.sqrt(found.covariance[0, :, angle, angle]).max() < 0.05
+
+
+def test_the_evidence_near_a_bin_counts_and_an_outlier_decides_nothing() -> None:
+    forward, backward = np.zeros(1000), np.zeros(1000)
+    forward[500:] = 0.1
+    forward[300] = 1e6
+    gain = evidence_gain(forward, backward)
+    assert gain[100] == 0.0
+    assert gain[300] == LARGEST_GAIN
+    assert gain[700] == pytest.approx(0.1 * (2 * NEAR_BINS + 1))
+    assert gain[-1] == pytest.approx(0.1 * (NEAR_BINS + 1))
 
 
 def test_the_smoothed_angle_of_a_free_swing_is_better_than_the_live_one(free_swing: Recording) -> None:
