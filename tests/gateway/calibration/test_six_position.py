@@ -217,15 +217,16 @@ def test_a_sensor_turned_in_its_housing_lies_on_all_faces() -> None:
 def test_planted_non_linearity_is_recovered_and_in_the_budget() -> None:
     quadratic_g, cubic_g = np.array([0.006, 0.0, -0.004]), np.array([0.0, 0.005, 0.0])
     poses = without_tilted_poses(non_linear_session(quadratic_g, cubic_g))
-    fit = fit_six_positions(poses, placement_u_deg=0.01)
     between = tuple(pose for pose in poses if pose.face is None)
-    found = find_non_linearity(between, fit.correction_matrix, np.array(fit.offset), fit.covariance)
+    faces = fit_six_positions(tuple(pose for pose in poses if pose.face is not None), placement_u_deg=0.01)
+    found = find_non_linearity(between, faces.correction_matrix, np.array(faces.offset), faces.covariance)
     for value, u, planted in (
         (found.quadratic_g, found.u_quadratic_g, quadratic_g),
         (found.cubic_g, found.u_cubic_g, cubic_g),
     ):
-        assert np.all(np.abs(value - planted) < 2 * u + 5e-4)
+        assert np.all(np.abs(value - planted) < 3 * u)
     assert np.all(found.u_quadratic_g < 1e-3)
+    fit = fit_six_positions(poses, placement_u_deg=0.01)
     (warning,) = (warning for warning in fit.warnings if warning.kind is WarningKind.NON_LINEARITY)
     assert "x quadratic +" in warning.text
     row = next(row for row in fit.budget if row["source"] == "non-linearity")
