@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -71,6 +71,27 @@ class SampleRun:
         return len(self.raw)
 
 
+AxisLimits = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
+
+
+@dataclass(frozen=True, slots=True)
+class SelfTest:
+    """How a chip deflects its mass by itself, and by how much its output must change."""
+
+    register: int
+    """A register of the configuration."""
+    on_bits: int
+    limits_g: Callable[[I2cPart], AxisLimits]
+    """Smallest and largest change of x, y and z, g; a chip may contain its own."""
+    odr_hz: float
+    range_g: float
+    off_bits: int = 0
+    either_sign: bool = False
+    """Whether the limits are of the magnitude of the change."""
+    confirmed: bool = True
+    """Whether two independent sources state the limits; a result beyond others is a warning."""
+
+
 class ImplausibleStatusError(Exception):
     """A status has bits that the chip cannot set: a disturbed transfer, a bus that reads 0xFF, or a lost configuration."""
 
@@ -86,7 +107,8 @@ class AccelerometerChip(Protocol):
     """As the configuration names it."""
     identities: tuple[Identity, ...]
     properties: ChipProperties
-    configuration: Sequence[Setting]
+    self_test: SelfTest | None
+    configuration: tuple[Setting, ...]
     """In the order of writing; the last one starts the chip. A register that occurs twice must keep its last value."""
 
     def identify(self, part: I2cPart) -> str:

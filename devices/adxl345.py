@@ -4,13 +4,13 @@ Registers and tables by the data sheet Rev. G, sections "Register map", "Registe
 """
 
 import math
-from collections.abc import Sequence
 
 from devices.accelerometer_chip import (
     ChipProperties,
     FifoLevel,
     ImplausibleStatusError,
     SampleRun,
+    SelfTest,
     Setting,
     known_range,
     nearest_rate,
@@ -30,6 +30,11 @@ BYPASS, STREAM = 0x00, 0x80
 OVERRUN = 0x01
 ENTRIES, UNUSED = 0x3F, 0x40
 FIFO_SAMPLES = 32
+
+SELF_TEST_FORCE = 0x80
+SELF_TEST_LIMITS_G = ((0.2, 4.43), (-4.43, -0.2), (0.3, 5.75))
+"""Of DATA_FORMAT. At 2.5 V the limits are 0.2 to 2.1 g, and 0.3 to 3.4 g along z; at 3.6 V the upper ones are 2.11 times, along z
+1.69 times as large (Tables 1 and 14)."""
 
 RATE_CODES = {3200.0 / (1 << (15 - code)): code for code in range(0xD, 0x5, -1)}
 """From 800 Hz, the fastest for an I2C bus of 400 kHz (section "I2C"), to 6.25 Hz."""
@@ -61,7 +66,15 @@ class Adxl345:
             bandwidth_hz=None,  # half of the rate
             longest_block=FIFO_SAMPLES // 2,
         )
-        self.configuration: Sequence[Setting] = (
+        self.self_test: SelfTest | None = SelfTest(
+            DATA_FORMAT,
+            SELF_TEST_FORCE,
+            lambda _: SELF_TEST_LIMITS_G,
+            odr_hz=100.0,
+            range_g=16,
+            confirmed=False,
+        )
+        self.configuration: tuple[Setting, ...] = (
             Setting(POWER_CTL, "POWER_CTL", STANDBY),
             *(Setting(OFSX + axis, f"OFS{'XYZ'[axis]}", 0) for axis in range(3)),
             Setting(ACT_INACT_CTL, "ACT_INACT_CTL", 0),

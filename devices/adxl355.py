@@ -5,7 +5,6 @@ descriptions".
 """
 
 import math
-from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 
@@ -14,6 +13,7 @@ from devices.accelerometer_chip import (
     FifoLevel,
     ImplausibleStatusError,
     SampleRun,
+    SelfTest,
     Setting,
     known_range,
     nearest_rate,
@@ -25,7 +25,7 @@ from devices.i2c import I2cPart
 from devices.identity import IDENTITIES, Identity, identify
 
 REVID, STATUS, TEMP2, FIFO_DATA = 0x03, 0x04, 0x06, 0x11
-FILTER, RANGE, POWER_CTL, RESET = 0x28, 0x2C, 0x2D, 0x2F
+FILTER, RANGE, POWER_CTL, SELF_TEST, RESET = 0x28, 0x2C, 0x2D, 0x2E, 0x2F
 RESET_CODE = 0x52
 STANDBY, MEASURE = 0x01, 0x00
 RANGE_HIGH_SPEED = 0x80
@@ -40,6 +40,8 @@ ENTRIES_MARGIN = 3
 """The FIFO level may exceed the FIFO's size by this many entries; a higher one is a transfer error."""
 RESET_NS, RESET_POLL_S = 200_000_000, 0.002
 TEMPERATURE_READS = 4
+SELF_TEST_MODE, SELF_TEST_FORCE = 0x01, 0x02
+SELF_TEST_LIMITS_G = ((0.1, 0.6), (0.1, 0.6), (0.5, 3.0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +55,20 @@ class Variant:
     zero_g_offset_g_per_k: float
     temperature_25_c: int
     """Reading at 25 °C."""
+    self_test: SelfTest | None
 
 
-ADXL355 = Variant({2: 256000.0, 4: 128000.0, 8: 64000.0}, 22.5e-6, 0.075, 0.15e-3, 1885)
-ADXL357 = Variant({10: 51200.0, 20: 25600.0, 40: 12800.0}, 75e-6, 0.375, 0.75e-3, 1852)
+SELF_TEST_355 = SelfTest(
+    SELF_TEST,
+    off_bits=SELF_TEST_MODE,
+    on_bits=SELF_TEST_MODE | SELF_TEST_FORCE,
+    limits_g=lambda _: SELF_TEST_LIMITS_G,
+    odr_hz=125.0,
+    range_g=8,
+    either_sign=True,
+)
+ADXL355 = Variant({2: 256000.0, 4: 128000.0, 8: 64000.0}, 22.5e-6, 0.075, 0.15e-3, 1885, SELF_TEST_355)
+ADXL357 = Variant({10: 51200.0, 20: 25600.0, 40: 12800.0}, 75e-6, 0.375, 0.75e-3, 1852, None)
 SCALE_FACTOR_PER_K = 1e-4
 
 
@@ -96,10 +108,12 @@ class Adxl355:
             bandwidth_hz=rate_hz / 4,
             longest_block=LONGEST_BLOCK,
         )
-        self.configuration: Sequence[Setting] = (
+        self.self_test = variant.self_test
+        self.configuration: tuple[Setting, ...] = (
             Setting(POWER_CTL, "POWER_CTL", STANDBY),
             Setting(RANGE, "RANGE", RANGE_HIGH_SPEED | range_code),
             Setting(FILTER, "FILTER", RATE_CODES[rate_hz]),
+            Setting(SELF_TEST, "SELF_TEST", 0),
             Setting(POWER_CTL, "POWER_CTL", MEASURE),
         )
         self._temperature_25_c = variant.temperature_25_c

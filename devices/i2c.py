@@ -62,7 +62,7 @@ class I2cPart:
         if address not in ADDRESSES:
             raise ValueError(f"address {address:#04x} is not a 7-bit I2C address; give one of 0x08 to 0x77")
         self._number = bus
-        self._address = address
+        self.address = address
         self._clock = clock
         self._open_bus = open_bus
         self._bus: Bus | None = None
@@ -70,7 +70,7 @@ class I2cPart:
         """Failed transfers by name, including those that succeeded at a further attempt."""
 
     def __str__(self) -> str:
-        return f"I2C bus {self._number} address {self._address:#04x}"
+        return f"I2C bus {self._number} address {self.address:#04x}"
 
     def open(self) -> None:
         """Open the bus, without any access to the part. Raises `DeviceNotFoundError`, `DeviceAccessError`."""
@@ -102,13 +102,13 @@ class I2cPart:
         `consuming`: reading removes the bytes from the part (a FIFO). Such a read is repeated only when the part did not
         acknowledge, that is before its first byte.
         """
-        answer = i2c_msg.read(self._address, length)
-        self._transfer(i2c_msg.write(self._address, (register,)), answer, repeatable=not consuming)
+        answer = i2c_msg.read(self.address, length)
+        self._transfer(i2c_msg.write(self.address, (register,)), answer, repeatable=not consuming)
         return bytes(answer)
 
     def write(self, register: int, *values: int) -> None:
         """Write one or more bytes from a register on. Raises `TransferError`."""
-        self._transfer(i2c_msg.write(self._address, (register, *values)))
+        self._transfer(i2c_msg.write(self.address, (register, *values)))
 
     def write_checked(self, register: int, value: int, name: str) -> None:
         """Write one register and read it back. Raises `ConfigurationReadBackError`, `TransferError`."""

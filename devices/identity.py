@@ -31,6 +31,7 @@ IDENTITIES = {
         Identity("MPU-9250", (0x68, 0x69), 0x75, b"\x71"),  # RM-MPU-9250A-00 Rev. 1.6, section 4.38, WHOAMI; pin AD0
         Identity("MPU-9255", (0x68, 0x69), 0x75, b"\x73"),  # RM-MPU-9255 Rev. 1.0, WHOAMI
         Identity("MPU-6050", (0x68, 0x69), 0x75, b"\x68"),  # RM-MPU-6000A-00 Rev. 4.2, section 4.32, WHO_AM_I
+        Identity("ADS1115", (0x48, 0x49, 0x4A, 0x4B), 0x03, b"\x7f\xff"),  # SBAS444D: it has none; default of Hi_thresh
         Identity("MPU-6500", (0x68, 0x69), 0x75, b"\x70"),  # the accelerometer and gyroscope of the MPU-9250
     )
 }
@@ -56,6 +57,5 @@ def identify(part: I2cPart, *expected: Identity) -> Identity:
 
 def find_identity(part: I2cPart) -> Identity | None:
     """Return the identity of whatever part is there; None for an unknown one. Raises `TransferError`."""
-    return next(
-        (known for known in IDENTITIES.values() if part.read(known.register, len(known.value)) == known.value), None
-    )
+    possible = (identity for identity in IDENTITIES.values() if part.address in identity.addresses)
+    return next((known for known in possible if part.read(known.register, len(known.value)) == known.value), None)

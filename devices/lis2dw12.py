@@ -4,13 +4,13 @@ Registers and tables by the data sheet DS11811 Rev. 8, sections 2 (Tables 3 and 
 """
 
 import math
-from collections.abc import Sequence
 
 from devices.accelerometer_chip import (
     ChipProperties,
     FifoLevel,
     ImplausibleStatusError,
     SampleRun,
+    SelfTest,
     Setting,
     known_range,
     nearest_rate,
@@ -31,6 +31,10 @@ OVERRUN, UNREAD = 0x40, 0x3F
 FIFO_SIZE = 32
 UNUSED_BITS = 2
 RESET_POLLS, RESET_POLL_S = 20, 0.005
+
+SELF_TEST_FORCE = 0x40
+SELF_TEST_LIMITS_G = ((0.07, 1.5),) * 3
+"""Of CTRL3, at 50 Hz and 4 g (Table 3)."""
 
 RATE_CODES = {1600.0: 9, 800.0: 8, 400.0: 7, 200.0: 6, 100.0: 5, 50.0: 4, 25.0: 3, 12.5: 2}
 """Section 8.4, CTRL1, in high-performance mode."""
@@ -63,7 +67,16 @@ class Lis2dw12:
             bandwidth_hz=None,  # half of the rate
             longest_block=FIFO_SIZE // 2,
         )
-        self.configuration: Sequence[Setting] = (
+        self.self_test: SelfTest | None = SelfTest(
+            CTRL3,
+            SELF_TEST_FORCE,
+            lambda _: SELF_TEST_LIMITS_G,
+            odr_hz=50.0,
+            range_g=4,
+            either_sign=True,
+            confirmed=False,
+        )
+        self.configuration: tuple[Setting, ...] = (
             Setting(CTRL1, "CTRL1", POWER_DOWN),
             Setting(CTRL2, "CTRL2", BLOCK_DATA_UPDATE | AUTO_INCREMENT),
             Setting(CTRL3, "CTRL3", 0),

@@ -5,13 +5,13 @@ register address with `AUTO_INCREMENT` is followed by the next ones in a burst (
 """
 
 import math
-from collections.abc import Sequence
 
 from devices.accelerometer_chip import (
     ChipProperties,
     FifoLevel,
     ImplausibleStatusError,
     SampleRun,
+    SelfTest,
     Setting,
     known_range,
     nearest_rate,
@@ -32,6 +32,10 @@ OVERRUN, EMPTY, UNREAD = 0x40, 0x20, 0x1F
 FIFO_SAMPLES = 32
 UNUSED_BITS = 4
 BOOT_S = 0.005
+
+SELF_TEST_FORCE = 0x02
+SELF_TEST_LIMITS_G = ((0.068, 1.44),) * 3
+"""Of CTRL_REG4, at 50 Hz and 2 g. 17 to 360 digits of 4 mg (Table 4)."""
 
 RATE_CODES = {1344.0: 9, 400.0: 7, 200.0: 6, 100.0: 5, 50.0: 4, 25.0: 3, 10.0: 2, 1.0: 1}
 """Table 31, in high-resolution mode."""
@@ -63,7 +67,10 @@ class Lis3dh:
             bandwidth_hz=bandwidth_hz,
             longest_block=FIFO_SAMPLES // 2,
         )
-        self.configuration: Sequence[Setting] = (
+        self.self_test: SelfTest | None = SelfTest(
+            CTRL_REG4, SELF_TEST_FORCE, lambda _: SELF_TEST_LIMITS_G, odr_hz=50.0, range_g=2, either_sign=True
+        )
+        self.configuration: tuple[Setting, ...] = (
             Setting(CTRL_REG1, "CTRL_REG1", POWER_DOWN),
             Setting(CTRL_REG2, "CTRL_REG2", 0),  # no high-pass filter
             Setting(CTRL_REG3, "CTRL_REG3", 0),

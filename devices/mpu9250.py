@@ -5,17 +5,18 @@ specifications PS-MPU-9250A-01 Rev. 1.1 and PS-MPU-6000A-00 Rev. 3.4, Tables 1 a
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from devices.accelerometer_chip import (
+    AxisLimits,
     ChipProperties,
     FifoLevel,
     ImplausibleStatusError,
     LostAlignmentError,
     SampleRun,
+    SelfTest,
     Setting,
     known_range,
     nearest_rate,
@@ -43,6 +44,27 @@ RAD_S_PER_UNIT = math.radians(250.0) / 32768
 """At the smallest range of the gyroscope, 250 deg/s."""
 TEMPERATURE_SLIP = 512
 """A larger difference (1.5 K) between a temperature in the FIFO and the last one means bytes that are out of step."""
+
+
+SELF_TEST_FORCE = 0xE0
+SELF_TEST_X_ACCEL = 0x0D
+SELF_TEST_WITHOUT_TRIM_G = (0.225, 0.675)
+
+
+def self_test_limits_g(part: I2cPart) -> AxisLimits:
+    """Return half and one and a half times the response at the factory, 2620 x 1.01^(code - 1) at a range of 2 g.
+
+    A code of 0 means that none was stored. Source: section 4.1 of the register map and AN-MPU-9250A-03.
+    """
+    x, y, z = (_limits_by_code(code) for code in part.read(SELF_TEST_X_ACCEL, 3))
+    return x, y, z
+
+
+def _limits_by_code(code: int) -> tuple[float, float]:
+    if not code:
+        return SELF_TEST_WITHOUT_TRIM_G
+    factory_g = 2620.0 * 1.01 ** (code - 1) / UNITS_PER_G_2
+    return 0.5 * factory_g, 1.5 * factory_g
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +135,13 @@ class Mpu9250:
             longest_block=variant.fifo_bytes // SAMPLE_BYTES // 2,
         )
         second = (Setting(ACCEL_CONFIG_2, "ACCEL_CONFIG_2", filter_code),) if variant.has_accel_config_2 else ()
-        self.configuration: Sequence[Setting] = (
+        has_test = variant.has_accel_config_2  # that of the MPU-6050 has another formula
+        self.self_test = (
+            SelfTest(ACCEL_CONFIG, SELF_TEST_FORCE, self_test_limits_g, odr_hz=200.0, range_g=2, either_sign=True)
+            if has_test
+            else None
+        )
+        self.configuration: tuple[Setting, ...] = (
             Setting(PWR_MGMT_1, "PWR_MGMT_1", BEST_CLOCK),
             Setting(PWR_MGMT_2, "PWR_MGMT_2", 0),
             Setting(SMPLRT_DIV, "SMPLRT_DIV", RATE_CODES[rate_hz]),

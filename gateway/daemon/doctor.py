@@ -16,6 +16,7 @@ from gateway.calibration.store import find_record_in_force
 from gateway.configuration.i2c_devices import I2cSection
 from gateway.configuration.model import Configuration
 from gateway.daemon.check_result import CheckResult
+from gateway.daemon.device_check import examine_device
 from gateway.daemon.device_factory import make_device
 from gateway.daemon.instance import is_in_use
 from gateway.daemon.page_process import PAGE_MODULES
@@ -38,6 +39,14 @@ def examine(configuration: Configuration) -> Iterator[CheckResult]:
         checks = [_data_folder, _device, _bus, _page, _clock, _housing]
     for check in checks:
         yield from check(configuration)
+
+
+def examine_sensor(configuration: Configuration) -> Iterator[CheckResult]:
+    """Examine the sensor alone, which no gateway may use meanwhile; yields each result at once."""
+    if is_in_use(configuration.gateway.data_dir):
+        yield CheckResult("bad", "device", "a gateway is using the sensor; stop it first (systemctl stop plumbline)")
+        return
+    yield from examine_device(configuration, make_device, HostClock())
 
 
 def _data_folder(configuration: Configuration) -> Iterator[CheckResult]:

@@ -22,6 +22,10 @@ class Adxl345Chip(I2cChip):
         return 3200 * 2.0 ** ((self.registers[0x2C] & 0x0F) - 15) * (1 + self.rate_error)
 
     @property
+    def deflected(self) -> bool:
+        return bool(self.registers[0x31] & 0x80)
+
+    @property
     def running(self) -> bool:
         return bool(self.registers[0x2D] & 0x08)
 

@@ -5,7 +5,18 @@ from typing import Any, ClassVar
 from tests.devices.i2c_chip import FakeClock, I2cChip, Signal, level, to_counts
 
 EMPTY_LOCATION = bytes([0, 0, 0b10])
-POWER_ON = {0x00: 0xAD, 0x01: 0x1D, 0x02: 0xED, 0x28: 0x00, 0x29: 0x60, 0x2A: 0x00, 0x2B: 0x00, 0x2C: 0x81, 0x2D: 0x01}
+POWER_ON = {
+    0x00: 0xAD,
+    0x01: 0x1D,
+    0x02: 0xED,
+    0x28: 0x00,
+    0x29: 0x60,
+    0x2A: 0x00,
+    0x2B: 0x00,
+    0x2C: 0x81,
+    0x2D: 0x01,
+    0x2E: 0x00,
+}
 STANDBY_ONLY = range(0x1E, 0x2D)  # offsets, activity, filter, FIFO, interrupts, synchronisation, range
 LSB_PER_G = {1: 256000, 2: 128000, 3: 64000}
 
@@ -43,6 +54,10 @@ class Adxl355Chip(I2cChip):
         return 4000.0 / (1 << min(self.registers[0x28] & 0x0F, 10)) * (1 + self.rate_error)
 
     @property
+    def deflected(self) -> bool:
+        return self.registers[0x2E] & 3 == 3
+
+    @property
     def running(self) -> bool:
         return not self.registers[0x2D] & 1
 
@@ -62,7 +77,7 @@ class Adxl355Chip(I2cChip):
         if register == 0x2F and value == 0x52:
             self.brown_out()
             self._busy_until_ns = self.clock.now_ns() + round(self.busy_s * 1e9)
-        elif register == 0x2D or (register in STANDBY_ONLY and not self.running):
+        elif register in {0x2D, 0x2E} or (register in STANDBY_ONLY and not self.running):
             self.registers[register] = value
 
     def read_burst(self, length: int) -> bytes:

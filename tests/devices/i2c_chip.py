@@ -69,6 +69,8 @@ class I2cChip(ABC):
     fifo_register: int
     temperature_c = 25.0
     rates_deg_s = (0.0, 0.0, 0.0)
+    self_test_g = (0.3, -0.3, 1.0)
+    """Deflection of the mass by the self-test."""
 
     def __init__(
         self,
@@ -160,6 +162,11 @@ class I2cChip(ABC):
         """A sample found the FIFO full; the oldest one goes."""
         self.drop_places(self.places_per_sample)
         self.overwritten += 1
+
+    @property
+    def deflected(self) -> bool:
+        """Whether the self-test deflects the mass."""
+        return False
 
     @property
     def busy(self) -> bool:
@@ -255,7 +262,8 @@ class I2cChip(ABC):
     def _make_sample(self, time_s: float) -> None:
         if len(self.fifo) + self.places_per_sample > self.fifo_places:
             self.overrun()
-        self.fifo.extend(self.encode(self.signal(time_s)))
+        x, y, z = (g + self.deflected * test_g for g, test_g in zip(self.signal(time_s), self.self_test_g, strict=True))
+        self.fifo.extend(self.encode((x, y, z)))
         self.made_ns.append(START_NS + round(time_s * 1e9))
 
 

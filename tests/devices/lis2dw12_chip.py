@@ -20,6 +20,10 @@ class Lis2dw12Chip(I2cChip):
         return ODR_HZ[self.registers[0x20] >> 4] * (1 + self.rate_error)
 
     @property
+    def deflected(self) -> bool:
+        return self.registers.get(0x22, 0) >> 6 == 1
+
+    @property
     def running(self) -> bool:
         return self.registers[0x20] >> 4 in ODR_HZ
 

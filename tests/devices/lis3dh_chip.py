@@ -24,6 +24,10 @@ class Lis3dhChip(I2cChip):
         return ODR_HZ[self.registers[0x20] >> 4] * (1 + self.rate_error)
 
     @property
+    def deflected(self) -> bool:
+        return self.registers.get(0x23, 0) >> 1 & 3 == 1
+
+    @property
     def running(self) -> bool:
         return self.registers[0x20] >> 4 in ODR_HZ and self.registers[0x20] & 7 == 7
 

@@ -25,6 +25,10 @@ class Mpu9250Chip(I2cChip):
         return base_hz / (1 + self.registers[0x19]) * (1 + self.rate_error)
 
     @property
+    def deflected(self) -> bool:
+        return self.registers[0x1C] & 0xE0 == 0xE0
+
+    @property
     def running(self) -> bool:
         awake = not self.registers[0x6B] & 0x40
         return bool(awake and self.registers[0x6A] & 0x40 and self.registers[0x23])

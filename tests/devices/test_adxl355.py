@@ -30,6 +30,7 @@ def test_open_identifies_resets_configures_reads_back_and_starts_the_part(rig: C
         *[("write", POWER_CTL, 0x01), ("read", POWER_CTL, 1)],
         *[("write", RANGE, 0x82), ("read", RANGE, 1)],
         *[("write", 0x28, 0x02), ("read", 0x28, 1)],
+        *[("write", 0x2E, 0x00), ("read", 0x2E, 1)],
         *[("write", POWER_CTL, 0x00), ("read", POWER_CTL, 1)],
     ]
     assert made.opened_bus == 1

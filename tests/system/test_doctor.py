@@ -45,3 +45,19 @@ def test_doctor_makes_no_folder(plumbline: Plumbline, tmp_path: Path) -> None:
     done = plumbline("doctor", "--config", _config(tmp_path, data_dir, "tcp/127.0.0.1:0"))
     assert "is made at the first start" in done.stdout
     assert not data_dir.parent.exists()
+
+
+def test_doctor_examines_a_sensor_alone(plumbline: Plumbline, tmp_path: Path) -> None:
+    done = plumbline("doctor", "--device", "--config", _config(tmp_path, tmp_path / "data", "tcp/127.0.0.1:0"))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "samples/s, nominal 125" in done.stdout
+    assert "+z face is up" in done.stdout
+
+
+def test_doctor_leaves_a_sensor_alone_that_a_gateway_uses(
+    start_gateway: StartGateway, plumbline: Plumbline, tmp_path: Path
+) -> None:
+    gateway = start_gateway()
+    done = plumbline("doctor", "--device", "--config", _config(tmp_path, gateway.data_dir, gateway.endpoint))
+    assert done.returncode == 1
+    assert "a gateway is using the sensor; stop it first" in done.stdout
