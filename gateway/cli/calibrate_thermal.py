@@ -72,8 +72,9 @@ def _run(arguments: argparse.Namespace) -> int:
     options = table_options(arguments)
     files = []
     with Progress() as progress:
-        for path in arguments.files:  # one file is one attitude: segments of one gateway are not joined
-            progress.tick(f"reading {path.name}")
+        # one file is one attitude: segments of one gateway are not joined
+        for number, path in enumerate(arguments.files, start=1):
+            progress.tick(f"reading file {number} of {len(arguments.files)}")
             files += read_calibration_readings([path], options)
     use_recorded_device(arguments, files)
     parent = read_parent_record(arguments)
