@@ -55,9 +55,10 @@ def test_doctor_examines_a_sensor_alone(plumbline: Plumbline, tmp_path: Path) ->
 
 
 def test_doctor_leaves_a_sensor_alone_that_a_gateway_uses(
-    start_gateway: StartGateway, plumbline: Plumbline, tmp_path: Path
+    start_gateway: StartGateway, join_bus: JoinBus, plumbline: Plumbline, tmp_path: Path
 ) -> None:
     gateway = start_gateway()
+    join_bus(gateway.endpoint).wait_for("health")
     done = plumbline("doctor", "--device", "--config", _config(tmp_path, gateway.data_dir, gateway.endpoint))
     assert done.returncode == 1
     assert "a gateway is using the sensor; stop it first" in done.stdout
