@@ -12,6 +12,7 @@ import pytest
 from gateway.recording.info import summarise
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
+from gateway.recording.writer import RECORDED_EVERY
 from tests.system.conftest import StartGateway
 
 pytestmark = pytest.mark.slow
@@ -47,9 +48,10 @@ def test_six_position_session_reads_its_labels(start_gateway: StartGateway) -> N
     assert summarise(path).samples.count == 300
     labels = [line.split(",")[0] for line in (REAL / "six_position_session.csv").read_text().splitlines()[1:]]
     tilts = messages(path, "tilt")
-    assert len(tilts) == 300
+    assert [tilt.sequence for tilt in tilts] == list(range(0, 300, RECORDED_EVERY["tilt"]))
     expected = {"x_p": (90, None), "x_a": (-90, None), "y_p": (None, 90), "y_a": (None, -90)}
-    for index, (label, tilt) in enumerate(zip(labels, tilts, strict=True)):
+    for tilt in tilts:
+        index, label = tilt.sequence, labels[tilt.sequence]
         if index % 50 < 30:
             continue
         if label in expected:

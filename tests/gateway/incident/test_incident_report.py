@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
+from gateway.cli.main import main
 from gateway.errors import InputError
 from gateway.incident.cut import CutWriter
 from gateway.incident.folder import write_report
@@ -231,3 +232,15 @@ def test_the_recording_that_was_cut_out_claims_no_signature(recorded: RecordedCr
     report = make_report([recorded.folder])
     verdict = judge_recordings([report.folder / "incident.mcap"], None)
     assert (verdict.kind, verdict.label) == ("open", "Not signed")
+
+
+def test_what_moved_the_load_is_answered_on_request(
+    recorded: RecordedCrane, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    """Of the free swing alone: too short for a comparison, which the answer says."""
+    arguments = ["--from", "16", "--to", "30", "--reconcile", "--out", str(tmp_path / "report")]
+    assert main(["record", "incident", str(recorded.folder), *arguments]) == 0
+    assert "report: " in capsys.readouterr().out
+    page = text_of(tmp_path / "report" / "incident.html")
+    assert "Against a free swing in the simulation: the data cannot be used. " in page
+    assert "What moved the load" in (tmp_path / "report" / "cause.html").read_text()
