@@ -4,6 +4,7 @@ Backward, the equations are the same with time reversed: direction, forces and a
 damping and the housing's rate about the rope change sign.
 """
 
+import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -167,6 +168,7 @@ class FilterHistory(MotionTracker):
         self._is_backward = is_backward
         self._turned = None if turned is None else reverse_time(turned.mixture)
         super().__init__(rig, mount_u_rad=mount_u_rad, noise_g=noise_g)
+        self._steps_left = sys.maxsize
         self.mixtures: list[Mixture] = []
         """Kept states at each bin taken."""
         self.log_evidence: list[float] = []

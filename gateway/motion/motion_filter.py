@@ -100,9 +100,17 @@ class MotionFilter:
 
     def predict(self, time_s: float) -> None:
         """Advance the motion by a time without a reading."""
+        self.exchange(time_s)
+        self.advance(time_s)
+
+    def exchange(self, time_s: float) -> None:
+        """Let the hypotheses exchange the probability of a time."""
+        self.mixture = self._exchange.after(revive(self.mixture, self._prior), time_s)
+
+    def advance(self, time_s: float) -> None:
+        """Advance the motion under each hypothesis, in place."""
         self._step_s = time_s
-        mixture = self._exchange.after(revive(self.mixture, self._prior), time_s)
-        x, covariance = mixture.state, mixture.covariance
+        x, covariance = self.mixture.state, self.mixture.covariance
         rate, jacobian = self.model.rate(x)
         k = self.model.gravity_m_s2 * np.exp(-x[:, LN_LENGTH])
         noise = self._noise * time_s
@@ -119,7 +127,6 @@ class MotionFilter:
         self.model.keep_in_domain(x)
         advance_covariance(covariance, transition)
         covariance.reshape(N_HYPOTHESES, -1)[:, :: N_STATES + 1] += noise
-        self.mixture = mixture
 
     def update(self, reading_g: Array, sigma_g: Array) -> bool:
         """Take the mean reading of a bin, shape (3,), with its standard deviation; return whether it was an outlier.

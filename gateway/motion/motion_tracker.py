@@ -50,6 +50,9 @@ RECENT_BINS = 20
 """Bins of one that is made because the first is doubtful."""
 CATCH_UP_BINS = 3
 """Bins that a second account takes for each new one, so that no update costs much more than another."""
+MOST_BRIDGING_STEPS = 10
+"""Steps through a gap in one update, which must not hold the interpreter for long. The angle is not known meanwhile: for three
+seconds after a gap of a minute, when the fault detector has not seen half a swing either."""
 FEWEST_SECOND_BINS, SETTLING_BINS = 60, 30
 """Bins before a second account is compared, and its first ones, which are not: it knows nothing before them."""
 TAKE_OVER_EVIDENCE = 15.0
@@ -79,6 +82,10 @@ class MotionTracker:
         self._run = self._new_run()
         self._oscillation = FastOscillationDetector(self._bin_s, 2 * np.pi / rig.small_swing_period_s)
         self._bins: deque[ForceBin] = deque(maxlen=SECOND_ACCOUNT_BINS)
+        self._waiting: deque[ForceBin] = deque()
+        """Bins after a gap that is not bridged yet."""
+        self._steps_left = MOST_BRIDGING_STEPS
+        """That this update may make through a gap."""
         self._second: FilterRun | None = None
         self._backlog: deque[ForceBin] = deque()
         """Bins that the second account has not taken yet."""
@@ -97,6 +104,7 @@ class MotionTracker:
         """Take a block of specific force in the housing frame, shapes (n,) and (n, 3); return whether a bin was completed."""
         if len(time_s) == 0:
             return False
+        self._steps_left = MOST_BRIDGING_STEPS
         bins = self._binning.add(time_s, force_g, clipped)
         for one in bins:
             self._take(one)
@@ -115,7 +123,7 @@ class MotionTracker:
         return FilterRun(MotionFilter(model, self._constants), self._bin_s, self._noise_g)
 
     def _take(self, one: ForceBin) -> None:
-        newest_s = self._run.newest_s
+        newest_s = self._waiting[-1].time_s if self._waiting else self._run.newest_s
         if newest_s is not None:
             step_s = one.time_s - newest_s
             if -LARGEST_SETBACK_S < step_s <= 0:
@@ -123,9 +131,22 @@ class MotionTracker:
             if step_s <= -LARGEST_SETBACK_S or step_s > LONGEST_GAP_S or self._run.is_broken:
                 self._run, self._second = self._new_run(), None
                 self._angles.clear()
+                self._waiting.clear()
             if not 0 < step_s < 1.5 * self._bin_s:
                 self._bins.clear()
                 self._oscillation.clear()
+                self._second = None
+        self._waiting.append(one)
+        for _ in range(min(CATCH_UP_BINS, len(self._waiting))):
+            needed = self._run.steps_to(self._waiting[0].time_s)
+            steps = min(needed, self._steps_left)
+            self._run.bridge(self._waiting[0].time_s, steps)
+            self._steps_left -= steps
+            if steps < needed:
+                return
+            self._follow(self._waiting.popleft())
+
+    def _follow(self, one: ForceBin) -> None:
         self._run.take(one)
         self._bins.append(one)
         if self._second is not None:
@@ -170,6 +191,10 @@ class MotionTracker:
         if self._run.newest_s is None:
             return MotionEstimate(time_s=now_s, state="unknown", reasons=("no reading yet",))
         ahead_s = now_s - self._run.newest_s
+        if self._waiting:
+            return MotionEstimate(
+                time_s=now_s, state="unknown", reasons=(f"a gap of {ahead_s:.0f} s is being bridged",)
+            )
         if ahead_s > LONGEST_AHEAD_S or self._run.is_broken:
             return MotionEstimate(time_s=now_s, state="unknown", reasons=("no reading that can be used",))
         mean, covariance = mixture_moments(self._run.filter.mixture)

@@ -52,6 +52,8 @@ LARGEST_SINE_SQUARED = 1 - SMALLEST_COSINE**2
 LONGEST_ROPE_LN_M, SHORTEST_ROPE_LN_M = np.log(1000.0), np.log(0.05)
 SPIN_TIME_S = 60.0
 """Time after which a turning housing has come to rest."""
+PIVOT_VELOCITY_TIME_S = 60.0
+"""Time after which a velocity of the pivot is forgotten. Basis: longer than cranes drive; errors of it do not pile up."""
 _PIVOT, _LOAD = np.tile(PIVOT_SIGN, (2, 1)), np.tile(LOAD_SIGN, (2, 1))
 _XY = slice(0, 2)
 _OTHER_OF_PAIR = np.arange(TURNING.stop) ^ 1
@@ -208,6 +210,7 @@ def _linear_equations(gravity_m_s2: float) -> Array:
     set_pair_diagonal(linear, INPUT_RATE, INPUT_RATE, -2 * decay_1_s)
     set_pair_diagonal(linear, INPUT_RATE, INPUT, -(decay_1_s**2))
     set_pair_diagonal(linear, PIVOT_VELOCITY, INPUT, gravity_m_s2 * _PIVOT)
+    set_pair_diagonal(linear, PIVOT_VELOCITY, PIVOT_VELOCITY, -_ONES / PIVOT_VELOCITY_TIME_S)
     linear[:, SPIN, SPIN] = -1 / SPIN_TIME_S
     linear[:, HOIST_SPEED, HOIST_ACCELERATION] = 1.0
     return linear

@@ -15,7 +15,7 @@ INPUT_RATE = slice(6, 8)
 SIDE_FORCE = slice(8, 10)
 """Steady horizontal force on the load per weight, as of a constant wind; it makes the rope lean."""
 PIVOT_VELOCITY = slice(10, 12)
-"""Horizontal velocity of the pivot since the crane last rested, m/s."""
+"""Horizontal velocity of the pivot by its accelerations of the last minute, m/s."""
 SPIN = 12
 """Rate at which the housing turns about the rope, 1/s; everything but OFFSET and MOUNT turns the other way in its frame."""
 LN_LENGTH = 13
