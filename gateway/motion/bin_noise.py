@@ -35,7 +35,7 @@ class BinNoise:
             return
         a, b, c, d = self._bins
         squared = (d - 3 * c + 3 * b - a) ** 2 / DIFFERENCE_GAIN_SQUARED
-        squared[:2] = squared[:2].mean()
+        squared[:2] = 0.5 * (squared[0] + squared[1])
         if self._variance_g2 is None:
             self._variance_g2 = squared
         else:

@@ -79,7 +79,7 @@ class FaultDetector:
             self._check()
 
     def _check(self) -> None:
-        means_g = np.array([one.force_g for one in self._bins])
+        means_g = np.concatenate([one.force_g for one in self._bins]).reshape(-1, 3)
         last = max(2, round(CONSTANT_S / self._bin_s))
         constant = find_constant_axis(means_g[-last:]) if len(self._bins) >= last else None
         if self._since_check >= CHECK_EVERY_BINS:

@@ -81,11 +81,9 @@ class Exchange:
         carried = -np.expm1(-time_s * self._rates_1_s) * mixture.weight[self._sources]
         begin = N_HYPOTHESES
         for ending in self._endings:
-            these = slice(begin, begin + len(ending.variance))
+            these = slice(begin, begin + len(ending.noise))
             transition = these.start - N_HYPOTHESES + self._n_beginning
-            carried[transition : transition + len(ending.variance)] *= ending.condition(
-                states[these], covariances[these]
-            )
+            carried[transition : transition + len(ending.noise)] *= ending.condition(states[these], covariances[these])
             begin = these.stop
         leaving = np.bincount(self._sources, carried, minlength=N_HYPOTHESES)
         stay = np.maximum(mixture.weight - leaving, SMALLEST_WEIGHT)
@@ -105,15 +103,16 @@ class _Ending:
     """Transitions after which the same states are zero."""
 
     zeroed: slice
-    variance: Array
-    """Of their deviation from zero at the end, shape (transitions, zeroed states)."""
+    noise: Array
+    """Covariance of their deviation from zero at the end, shape (transitions, zeroed states, zeroed states)."""
     counts_spread: bool
 
     @classmethod
     def of(cls, transitions: list[Transition]) -> "_Ending":
         zeroed = transitions[0].zeroed
         tolerance = [t.tolerance or (ANY_VALUE,) * len(zeroed) for t in transitions]
-        return cls(slice(zeroed[0], zeroed[-1] + 1), np.square(tolerance), transitions[0].counts_spread)
+        noise = np.square(tolerance)[:, :, None] * np.eye(len(zeroed))
+        return cls(slice(zeroed[0], zeroed[-1] + 1), noise, transitions[0].counts_spread)
 
     def condition(self, states: Array, covariances: Array) -> Array:
         """Condition Gaussians on zero, in place; return how well that agrees with what was known of them, 0 to 1.
@@ -122,12 +121,12 @@ class _Ending:
         """
         zeroed = self.zeroed
         rows, values = covariances[:, zeroed], states[:, zeroed]
-        spread = rows[:, :, zeroed] + self.variance[:, :, None] * np.eye(self.variance.shape[1])
+        spread = rows[:, :, zeroed] + self.noise
         inverse: Array = np.asarray(np.linalg.inv(spread), dtype=np.float64)
         gain = inverse @ rows
         share: Array = np.exp(-0.5 * np.vecdot(values, np.matvec(inverse, values)))
         if self.counts_spread:
-            share *= np.sqrt(self.variance.prod(axis=1) / np.linalg.det(spread))
+            share *= np.sqrt(np.linalg.det(self.noise) / np.linalg.det(spread))
         states -= np.vecmat(values, gain)
         covariances -= rows.transpose(0, 2, 1) @ gain
         states[:, zeroed] = covariances[:, zeroed] = covariances[:, :, zeroed] = 0.0

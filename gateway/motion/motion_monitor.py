@@ -73,9 +73,9 @@ class MotionMonitor:
             return replace(estimate, reasons=(*(estimate.reasons or (why,)), *self._warnings))
         contradiction_u = self._faults.contradiction_u_rel
         parts = (max(self._rig.scale_u), _attenuation(self._rig, estimate.period_s), self._faults.undecided_u_rel)
-        widened = _with_relative_uncertainty(estimate, math.hypot(*parts), contradiction_u)
         contradicting = (CONTRADICTION,) if contradiction_u > 0 else ()
-        return replace(widened, reasons=(*estimate.reasons, *contradicting, *self._warnings))
+        reasons = (*estimate.reasons, *contradicting, *self._warnings)
+        return _with_relative_uncertainty(estimate, math.hypot(*parts), contradiction_u, reasons)
 
     @property
     def is_explained(self) -> bool:
@@ -113,10 +113,12 @@ def _attenuation(rig: MountedHousing, period_s: float | None) -> float:
     return 2 * (2 * np.pi * delay_s(rig.bandwidth_hz) / period_s) ** 2
 
 
-def _with_relative_uncertainty(estimate: MotionEstimate, u_rel: float, u_rel_of_largest: float) -> MotionEstimate:
-    """Return the estimate with uncertainties relative to its angles, and to the largest one of the last period, added."""
-    if max(u_rel, u_rel_of_largest) == 0 or estimate.angle_rad is None or estimate.u_rad is None:
-        return estimate
+def _with_relative_uncertainty(
+    estimate: MotionEstimate, u_rel: float, u_rel_of_largest: float, reasons: tuple[str, ...]
+) -> MotionEstimate:
+    """Return the estimate with other reasons and uncertainties: relative ones, and of the largest angle of the last period."""
+    if estimate.angle_rad is None or estimate.u_rad is None:
+        return replace(estimate, reasons=reasons)
     added_rad = u_rel_of_largest * (estimate.angle_rad if estimate.last_peak is None else estimate.last_peak.angle_rad)
     return replace(
         estimate,
@@ -124,10 +126,12 @@ def _with_relative_uncertainty(estimate: MotionEstimate, u_rel: float, u_rel_of_
         next_peak=_widened(estimate.next_peak, u_rel, added_rad),
         next_peak_if_coasting=_widened(estimate.next_peak_if_coasting, u_rel, added_rad),
         last_peak=_widened(estimate.last_peak, u_rel, added_rad),
+        reasons=reasons,
     )
 
 
 def _widened(peak: PeakEstimate | None, u_rel: float, added_rad: float) -> PeakEstimate | None:
     if peak is None:
         return None
-    return replace(peak, u_rad=math.hypot(peak.u_rad, u_rel * peak.angle_rad, added_rad))
+    u_rad = math.hypot(peak.u_rad, u_rel * peak.angle_rad, added_rad)
+    return PeakEstimate(angle_rad=peak.angle_rad, u_rad=u_rad, in_s=peak.in_s)
