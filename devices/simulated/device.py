@@ -122,6 +122,8 @@ class SimulatedCrane:
         if wait_s > LONGEST_WAIT_S:
             self._clock.sleep_s(LONGEST_WAIT_S)
             return None
+        if len(self._ready) == 1:
+            wait_s = self._simulate_while_waiting(self._opened_ns, wait_s)
         self._clock.sleep_s(wait_s)
         self._next += self._block_samples
         block = self._ready.popleft()
@@ -150,8 +152,20 @@ class SimulatedCrane:
         """Return the true state of the crane at sample times (n,) within the last half minute."""
         return self.crane.truth((time_ns - self._crane_start_ns) / 1e9)
 
-    def _simulate(self, opened_ns: int) -> Iterator[SampleBlock]:
-        index = self._next + np.arange(self._blocks_at_once * self._block_samples)
+    def _simulate_while_waiting(self, opened_ns: int, wait_s: float) -> float:
+        """Compute the next readings in the middle of a wait, when the block before has been processed; return the rest of it."""
+        due_ns = self._clock.now_ns() + round(wait_s * 1e9)
+        self._clock.sleep_s(wait_s / 2)
+        self._ready.extend(self._simulate(opened_ns))
+        return (due_ns - self._clock.now_ns()) / 1e9
+
+    def _simulate(self, opened_ns: int) -> list[SampleBlock]:
+        """Return the blocks after those that are ready."""
+        return list(self._new_blocks(opened_ns))
+
+    def _new_blocks(self, opened_ns: int) -> Iterator[SampleBlock]:
+        first_index = self._next + len(self._ready) * self._block_samples
+        index = first_index + np.arange(self._blocks_at_once * self._block_samples)
         time_ns = opened_ns + np.rint(index * self._period_ns).astype(np.int64)
         temperature_c = self.ambient.temperature_c((time_ns - self._crane_start_ns) / 1e9)
         force_g = self._specific_force_g(time_ns)
