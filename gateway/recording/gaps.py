@@ -20,7 +20,7 @@ class RecordingGap:
     missing: int
     """Number of samples that would have fitted in between."""
     cause: str
-    """no samples arrived, gateway restarted, or samples not recorded"""
+    """no samples arrived, gateway restarted, or not in these files"""
 
     @property
     def length_s(self) -> float:
@@ -107,7 +107,7 @@ def _gaps_between(parts: Sequence[_Part]) -> list[RecordingGap]:
 def _cause(before: _Part, after: _Part) -> str:
     if before.segment.boot_id != after.segment.boot_id:
         return "gateway restarted"
-    return "samples not recorded" if _missing_blocks(before, after) else "no samples arrived"
+    return "not in these files" if _missing_blocks(before, after) else "no samples arrived"
 
 
 def _missing_blocks(before: _Part, after: _Part) -> int:

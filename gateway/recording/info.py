@@ -20,6 +20,7 @@ from gateway.recording.segment_summary import (
     ClockChange,
     FaultCount,
     LogLine,
+    RecordedMark,
     RecordedPeak,
     SegmentSummary,
     TopicCount,
@@ -113,6 +114,8 @@ class RecordingInfo:
     alerts: list[RecordedAlert]
     unknown_s: float
     """Seconds in which no statement on the swing was possible."""
+    marks: list[RecordedMark]
+    """Marks that somebody set over the bus."""
     faults: list[FaultCount]
     """Each new count of faults and of dropped items."""
     log: list[LogLine]
@@ -221,6 +224,7 @@ def _build_info(
         recovered=recovered[-1] if recovered else None,
         alerts=join_alerts([(segment.boot_id, summary) for segment, summary in read]),
         unknown_s=unknown_s(summaries),
+        marks=[mark for summary in summaries for mark in summary.marks],
         faults=[fault for summary in summaries for fault in summary.faults],
         log=[line for summary in summaries for line in summary.log],
         log_count=sum(summary.log_count for summary in summaries),

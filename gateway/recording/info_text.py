@@ -50,6 +50,7 @@ class _InfoText:
 
     def sections(self) -> Iterator[str]:
         yield from self._alerts()
+        yield from self._marks()
         yield from self._calibrations()
         yield from self._clock_changes()
         yield from self._gaps()
@@ -136,6 +137,14 @@ class _InfoText:
         number = "" if alert.incident is None else f"  [{alert.incident}]"
         angles = f"  {', '.join(largest)}{limit}{bound}" if largest or limit else ""
         return f"{begin} {self._time(alert.from_utc_ns)}  {alert.level.upper():<5}{alert.rule:<12}{end}{angles}{number}"
+
+    def _marks(self) -> Iterator[str]:
+        if self.info.marks:
+            yield ""
+            yield f"marks: {len(self.info.marks)}"
+        for mark in self.info.marks[:MOST_LINES]:
+            yield f"  {self._time(mark.utc_ns)}  {mark.text} ({mark.by})"
+        yield from _rest(len(self.info.marks))
 
     def _calibrations(self) -> Iterator[str]:
         changes = self.info.calibrations[1:]

@@ -87,13 +87,12 @@ class ReplayRun:
 
     def result(self, report: ReportProgress = ignore_progress) -> ReplayResult:
         """Replay everything. Raises `RecordingError`, `CalibrationError` or `ConfigurationError`."""
-        step: ReplayStep | None = None
         end_ns = 0
         for step in read_steps(self._timeline, self._steps(), report):
             self._check_continuity(step)
             self._take(step)
             end_ns = step.end_ns or end_ns
-        is_torn = step is not None and not step.file.losses.closed
+        is_torn = not self._timeline.segments[-1].index.is_closed
         if self._mode == "same":
             self._comparison.settle(end_ns if is_torn else 2**63)  # what follows from the last block may be cut off
         return ReplayResult(

@@ -4,7 +4,7 @@ The recorder adds it to each segment that it closes, as the attachment `summary.
 seconds. For a segment without one it is made by reading the segment.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import msgspec
 
@@ -88,6 +88,15 @@ class LogLine:
 
 
 @dataclass(frozen=True, slots=True)
+class RecordedMark:
+    """A mark that somebody set over the bus."""
+
+    utc_ns: int
+    by: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class RecordedPeak:
     """The largest angle that the gateway reported."""
 
@@ -120,6 +129,7 @@ class SegmentSummary:
     """The largest angle at any moment, by the topic `motion`."""
     verdict_s: dict[str, float]
     """Seconds of each verdict of the condition."""
+    marks: list[RecordedMark] = field(default_factory=list)
 
     @property
     def wall_offset_ns(self) -> int:

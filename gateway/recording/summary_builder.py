@@ -12,6 +12,7 @@ from gateway.recording.segment_summary import (
     ClockChange,
     FaultCount,
     LogLine,
+    RecordedMark,
     RecordedPeak,
     SegmentSummary,
     TopicCount,
@@ -45,6 +46,7 @@ class SummaryBuilder:
     _fault_counts: dict[str, int] = field(default_factory=dict)
     _log: list[LogLine] = field(default_factory=list)
     _log_count: int = 0
+    _marks: list[RecordedMark] = field(default_factory=list)
     _swing: RecordedPeak | None = None
     _angle: RecordedPeak | None = None
     _verdict_s: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
@@ -81,6 +83,8 @@ class SummaryBuilder:
                 self._add_clock(message, log_time_ns)
             case messages.Log():
                 self._add_line(message)
+            case messages.Mark():
+                self._marks.append(RecordedMark(message.time_ns, message.by, message.text))
             case _:
                 pass
 
@@ -105,6 +109,7 @@ class SummaryBuilder:
             largest_swing=self._swing,
             largest_angle=self._angle,
             verdict_s=dict(self._verdict_s),
+            marks=self._marks,
         )
 
     def _add_angle(self, message: messages.Motion | messages.Swing) -> None:

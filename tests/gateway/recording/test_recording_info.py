@@ -1,4 +1,5 @@
 import json
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -8,11 +9,16 @@ import pytest
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
+from gateway.errors import InputError
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.info import TopicInfo, summarise
+from gateway.recording.catalogue import open_timeline
+from gateway.recording.info import TopicInfo, summarise, summarise_timeline
 from gateway.recording.info_text import info_text
+from gateway.recording.interval import RecordingInterval, parse_recording_time
+from gateway.recording.recovery import recover
 from gateway.recording.segment_summary import RecordedPeak
 from tests.gateway.recording.conftest import MakeRecorder
+from tests.gateway.recording.recorded_crane import RecordedCrane
 
 SECOND_NS = 1_000_000_000
 
@@ -147,3 +153,63 @@ def test_a_recording_without_a_message_is_refused(make_recorder: MakeRecorder, s
     recorder.close()
     with pytest.raises(RecordingError, match="has no message"):
         summarise(path)
+
+
+def test_gaps_between_segments_are_stated_with_their_cause(tmp_path: Path) -> None:
+    crane = RecordedCrane(tmp_path, segment_s=4.0)
+    crane.record(13)
+    crane.close()
+    paths = sorted(tmp_path.glob("*.mcap"))
+    assert len(paths) == 4
+    assert summarise_timeline(open_timeline(paths)).gaps == []
+    info = summarise_timeline(open_timeline([paths[0], paths[2], paths[3]]))
+    (gap,) = info.gaps
+    second = summarise(paths[1])
+    assert (gap.cause, gap.missing, info.samples.gaps) == ("not in these files", second.samples.count, 1)
+    assert info.samples.missing_blocks == second.samples.count / 10
+    assert "samples: not in these files" in info_text(info)
+
+
+def test_interval_is_summarised_as_if_the_rest_were_not_there(tmp_path: Path) -> None:
+    crane = RecordedCrane(tmp_path, segment_s=4.0)
+    crane.record(13)
+    crane.close()
+    timeline = open_timeline([tmp_path])
+    part = RecordingInterval(parse_recording_time("2"), parse_recording_time("11"))
+    info = summarise_timeline(timeline, part)
+    assert info.samples.count == pytest.approx(900, abs=10)
+    assert info.duration_s == pytest.approx(9.0, abs=0.2)
+    assert [topic.count for topic in info.topics if topic.topic == "/motion"] == [90]
+    with pytest.raises(InputError, match="--from 60: is after the recording"):
+        summarise_timeline(timeline, RecordingInterval(parse_recording_time("60")))
+
+
+def test_marks_are_listed(
+    make_recorder: MakeRecorder, every_message: dict[str, messages.Message | messages.Log], start_ns: int
+) -> None:
+    recorder = make_recorder()
+    path = recorder.start(start_ns)
+    mark = every_message["mark"]
+    assert isinstance(mark, messages.Mark)
+    recorder.write(encode_message("mark", mark, start_ns))
+    recorder.close()
+    assert f"{mark.text} ({mark.by})" in info_text(summarise(path))
+
+
+def test_files_without_a_summary_say_the_same(recorded: Path, tmp_path: Path) -> None:
+    without = tmp_path / "without.mcap"
+    recover(recorded, without)
+    written, read = summarise(recorded).as_json(), summarise(without).as_json()
+    same = set(written) - {"path", "files", "size_bytes", "bytes_per_sample", "attachments", "recovered"}
+    assert {name: read[name] for name in same} == {name: written[name] for name in same}
+
+
+def test_local_times_are_those_of_the_zone_of_this_computer(recorded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TZ", "JST-9")
+    time.tzset()
+    try:
+        text = info_text(summarise(recorded), is_local=True)
+    finally:
+        monkeypatch.undo()
+        time.tzset()
+    assert "2026-01-01 09:00:02.000 to 2026-01-01 09:00:12.015 JST" in text
