@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from gateway.documents.environment import render
 from gateway.documents.figures import Figure
-from gateway.documents.format import format_short
+from gateway.documents.format import format_fixed, format_short
 from gateway.documents.text import printable_text
 from gateway.incident.detail_figures import acceleration_figure, direction_figure, spectrum_figure
 from gateway.incident.event_table import event_table
@@ -135,7 +135,7 @@ def _health(health: Health | None) -> Pairs:
 
 
 def _number(value: float | None) -> str:
-    return "unknown" if value is None else format_short(value, 3)
+    return "unknown" if value is None else format_fixed(value, 0)
 
 
 def _calibration(evidence: IncidentEvidence, calibration: Calibration) -> CalibrationView:

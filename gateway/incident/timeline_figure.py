@@ -44,6 +44,7 @@ CHARACTER_SHARE = 0.0105
 """Width of a character as a share of the panel's width."""
 NOT_TRUSTED = "not trusted"
 HALF_HEIGHT = 0.36
+LABEL_BOX = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6}
 LEAST_ANGLE_DEG, LEAST_HOIST_M_S = 0.5, 0.1
 """Reach of a scale at least; a wide interval of a moment does not stretch it."""
 
@@ -79,7 +80,8 @@ def _draw_angle(axes: Axes, course: Course, incident: AlertIncident | None, fact
     _draw_band(axes, motion.time_s, motion.angle_deg, motion.u_deg)
     axes.set_ylabel("angle, °")
     limit_deg = 0.0 if incident is None else incident.highest.limit_deg or 0.0
-    axes.set_ylim(0, max(LEAST_ANGLE_DEG, 1.15 * max(limit_deg, _largest(motion.angle_deg))))
+    axes.set_ylim(0, max(LABEL_BOX = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6}
+LEAST_ANGLE_DEG, 1.15 * max(limit_deg, _largest(motion.angle_deg))))
     if incident is None or incident.rule != "swing":
         return
     levels: dict[str, float | None] = {
@@ -98,6 +100,7 @@ def _draw_angle(axes: Axes, course: Course, incident: AlertIncident | None, fact
                 va="bottom",
                 fontsize=7.5,
                 color=colour,
+                bbox=LABEL_BOX,
             )
     if facts.peak is not None:
         axes.plot(facts.peak.time_s, facts.peak.angle_deg, "o", color=EVENT, markersize=4)

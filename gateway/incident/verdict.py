@@ -31,21 +31,21 @@ def judge_recordings(paths: Sequence[Path], key: str | None) -> RecordVerdict:
     try:
         chain = verify_chain([verify_file(path, key) for path in paths])
     except KeyFileError as error:
-        return RecordVerdict("open", "Not verified", (f"{error}.",))
+        return RecordVerdict("open", "not verified", (f"{error}.",))
     if all(file.segment is None and file.statement is None for file in chain.files):
         return RecordVerdict(
-            "open", "Not signed", ("The recordings have no signatures: no change of them can be detected.",)
+            "open", "not signed", ("The recordings have no signatures: no change of them can be detected.",)
         )
     remarks = (*chain.remarks, *(f"{file.path.name}: {text}" for file in chain.files for text in file.remarks))
     if not chain.is_genuine:
-        return RecordVerdict("differs", "DIFFERS FROM WHAT THE GATEWAY SIGNED", (*_problems(chain), *remarks))
+        return RecordVerdict("differs", "THEY DIFFER FROM WHAT THE GATEWAY SIGNED", (*_problems(chain), *remarks))
     if not chain.public_keys:
-        return RecordVerdict("open", "Chained by hashes, not signed", remarks)
+        return RecordVerdict("open", "chained by hashes, not signed", remarks)
     signer = fingerprint(chain.public_keys[0])
     if key is None:
         compare = f"Its key {signer} stands in the recordings themselves; compare it with the gateway’s, or give that with --key."
-        return RecordVerdict("open", "Nothing differs from what was signed", (compare, *remarks))
-    return RecordVerdict("genuine", f"Genuine: nothing differs from what the gateway signed, key {signer}", remarks)
+        return RecordVerdict("open", "nothing differs from what was signed", (compare, *remarks))
+    return RecordVerdict("genuine", f"genuine, nothing differs from what the gateway signed (key {signer})", remarks)
 
 
 def _problems(chain: ChainVerification) -> tuple[str, ...]:

@@ -205,7 +205,9 @@ def test_the_report_of_signed_recordings_states_that_they_are_genuine(
     key = read_public_key(str(recorded.folder / "signing-key.pem.pub"))
     report = make_report([recorded.folder], key=key)
     assert report.content["verification"]["verdict"] == "genuine"
-    assert f"the gateway signed, key {fingerprint(key)}" in text_of(report.folder / "incident.html")
+    assert f"genuine, nothing differs from what the gateway signed (key {fingerprint(key)})" in text_of(
+        report.folder / "incident.html"
+    )
 
 
 def test_without_the_key_nothing_is_called_genuine(recorded: RecordedCrane, make_report: MakeReport) -> None:
@@ -224,14 +226,14 @@ def test_a_changed_sample_is_stated(recorded: RecordedCrane, make_report: MakeRe
         (folder / path.name).write_bytes(content)
     report = make_report([folder])
     assert report.content["verification"]["verdict"] == "differs"
-    assert "DIFFERS FROM WHAT THE GATEWAY SIGNED" in text_of(report.folder / "incident.html")
+    assert "THEY DIFFER FROM WHAT THE GATEWAY SIGNED" in text_of(report.folder / "incident.html")
     assert "ALTERED" in text_of(report.folder / "incident.html")
 
 
 def test_the_recording_that_was_cut_out_claims_no_signature(recorded: RecordedCrane, make_report: MakeReport) -> None:
     report = make_report([recorded.folder])
     verdict = judge_recordings([report.folder / "incident.mcap"], None)
-    assert (verdict.kind, verdict.label) == ("open", "Not signed")
+    assert (verdict.kind, verdict.label) == ("open", "not signed")
 
 
 def test_what_moved_the_load_is_answered_on_request(
