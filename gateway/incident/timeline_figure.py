@@ -80,8 +80,7 @@ def _draw_angle(axes: Axes, course: Course, incident: AlertIncident | None, fact
     _draw_band(axes, motion.time_s, motion.angle_deg, motion.u_deg)
     axes.set_ylabel("angle, °")
     limit_deg = 0.0 if incident is None else incident.highest.limit_deg or 0.0
-    axes.set_ylim(0, max(LABEL_BOX = {"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.6}
-LEAST_ANGLE_DEG, 1.15 * max(limit_deg, _largest(motion.angle_deg))))
+    axes.set_ylim(0, max(LEAST_ANGLE_DEG, 1.15 * max(limit_deg, _largest(motion.angle_deg))))
     if incident is None or incident.rule != "swing":
         return
     levels: dict[str, float | None] = {
