@@ -113,11 +113,11 @@ def _from_table(path: Path, interval: RecordingInterval) -> Source:
 
 
 def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterval) -> Source:
-    joined = read_joined_samples(files)
+    joined = read_joined_samples(files, interval)
     run = joined.whole
     configuration = common_configuration(joined.parts, same_rig=rig is None)
-    whole = run.recording()
-    extent = _extent(whole, run.wall_offset_ns)
+    whole = joined.recording()
+    extent = _extent(whole, run.wall_offset_ns) if joined.span is None else joined.span.extent
     recording = _cut(whole, interval, extent)
     calibration, calibration_remarks = calibration_in_force(run, recording)
     axes = SENSOR_AXES if configuration is None else configuration.device.axes

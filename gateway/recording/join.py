@@ -9,11 +9,12 @@ import numpy as np
 
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
-from devices.recording import longest_increasing_mask, typical_interval
+from devices.recording import Recording, longest_increasing_mask, typical_interval
 from gateway.recording.catalogue import open_timeline
+from gateway.recording.interval import WHOLE_RECORDING, RecordingInterval
 from gateway.recording.mcap_salvage import describe_losses, sum_losses
 from gateway.recording.run import NoSamplesError, RecordedRun, list_changes, read_samples
-from gateway.recording.timeline import Timeline
+from gateway.recording.timeline import LONGEST_BLOCK_NS, TimelineSegment, TimelineSpan
 from gateway.recording.timestamp import iso_utc
 
 FREE_DEVICE_FIELDS = frozenset({"details", "can_wait"})
@@ -30,16 +31,27 @@ class JoinedRun:
     """The files in order of time."""
     remarks: tuple[str, ...]
     """Incomplete files, files without samples, and gaps between files."""
+    span: TimelineSpan | None = None
+    """First and last sample of all files, where only those of an interval were read."""
+
+    def recording(self) -> Recording:
+        """Return the samples; times count from the first sample of all files. Raises as `RecordedRun.recording`."""
+        return self.whole.recording(None if self.span is None else self.span.first_ns)
 
 
-def read_joined_samples(paths: Sequence[Path]) -> JoinedRun:
+def read_joined_samples(paths: Sequence[Path], interval: RecordingInterval = WHOLE_RECORDING) -> JoinedRun:
     """Read files and folders of one gateway as one recording, in order of time; incomplete files are read up to their end.
 
-    Gaps between files remain gaps in time. Raises `RecordingError` where a file cannot be read, no file has samples, the files
-    are of different gateways or devices, or two of them overlap.
+    Of an interval, only the files that contain a part of it are read. Gaps between files remain gaps in time. Raises
+    `RecordingError` where a file cannot be read, no file has samples, the files are of different gateways or devices, or two of
+    them overlap; `InputError` for an impossible interval.
     """
     timeline = open_timeline(paths)
-    runs, remarks = _read_runs(timeline)
+    selection = timeline.select(interval)
+    chosen = [each for each in timeline.segments if selection.may_contain(each.from_ns - LONGEST_BLOCK_NS, each.to_ns)]
+    runs, remarks = _read_runs(chosen or timeline.segments)
+    remarks = [*timeline.remarks, *remarks]
+    span = None if interval == WHOLE_RECORDING else timeline.span()
     spans_ns = {run.path: _span_ns(run) for run in runs}
     runs.sort(key=lambda run: spans_ns[run.path])
     for run in runs[1:]:
@@ -48,15 +60,15 @@ def read_joined_samples(paths: Sequence[Path]) -> JoinedRun:
         _check_overlap(before, after, spans_ns[before.path], spans_ns[after.path])
     remarks += _describe_incomplete(runs)
     if len(runs) == 1:
-        return JoinedRun(runs[0], tuple(runs), tuple(remarks))
+        return JoinedRun(runs[0], tuple(runs), tuple(remarks), span)
     remarks += _describe_gaps(runs, [spans_ns[run.path] for run in runs])
-    return JoinedRun(_concatenate(runs), tuple(runs), tuple(remarks))
+    return JoinedRun(_concatenate(runs), tuple(runs), tuple(remarks), span)
 
 
-def _read_runs(timeline: Timeline) -> tuple[list[RecordedRun], list[str]]:
+def _read_runs(segments: Sequence[TimelineSegment]) -> tuple[list[RecordedRun], list[str]]:
     """Return the runs of all files with samples, and a remark on each file without."""
-    runs, remarks, failure = [], list(timeline.remarks), None
-    for segment in timeline.segments:
+    runs, remarks, failure = [], [], None
+    for segment in segments:
         try:
             runs.append(read_samples(segment.path))
         except NoSamplesError as error:

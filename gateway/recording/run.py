@@ -51,8 +51,8 @@ class RecordedRun:
         """Gateway time of every sample, shape (n,)."""
         return np.concatenate([block.time_ns for block in self.blocks])
 
-    def recording(self) -> Recording:
-        """Return all samples as one recording, for `measure`; times count from the first sample.
+    def recording(self, origin_ns: int | None = None) -> Recording:
+        """Return all samples as one recording, for `measure`; times count from `origin_ns`, or from the first sample.
 
         Samples with a repeated or backward time are left out and counted. Raises `RecordingError` for fewer than two samples.
         """
@@ -62,7 +62,8 @@ class RecordedRun:
         if kept.sum() < 2:
             raise RecordingError(f"{self.path}: has a single sample; choose a longer recording")
         repeated = np.isin(time_ns[~kept], time_ns[kept])
-        time_s = (time_ns[kept] - time_ns[0]) / 1e9
+        origin_ns = int(time_ns[0]) if origin_ns is None else origin_ns
+        time_s = (time_ns[kept] - origin_ns) / 1e9
         known_lost = self._before([block.lost for block in self.blocks])[kept]
         return Recording(
             time_s=time_s,
@@ -74,7 +75,7 @@ class RecordedRun:
             repeated=int(repeated.sum()),
             backward=int((~repeated).sum()),
             invalid=sum(block.invalid for block in self.blocks),
-            origin_ns=int(time_ns[0]),
+            origin_ns=origin_ns,
         )
 
     def _before(self, counts: list[int]) -> NDArray[np.int64]:

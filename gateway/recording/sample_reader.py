@@ -15,12 +15,17 @@ from gateway.recording import header as names
 from gateway.recording.correction import SENSOR_AXES, correction_of, parse_configuration
 from gateway.recording.mcap_salvage import SalvageReport, describe_losses, sum_losses
 from gateway.recording.reader import RecordingFile, Selection
-from gateway.recording.timeline import ReportProgress, Timeline, TimelineMessage, TimelineSegment, ignore_progress
+from gateway.recording.timeline import (
+    LONGEST_BLOCK_NS,
+    ReportProgress,
+    Timeline,
+    TimelineMessage,
+    TimelineSegment,
+    ignore_progress,
+)
 
 CALIBRATION, SAMPLES = "/calibration", "/samples"
 NEEDED_TOPICS = frozenset({CALIBRATION, SAMPLES})
-LONGEST_BLOCK_NS = 10_000_000_000
-"""A block is recorded at the time of its newest sample, so that samples before an end may be in a message this much later."""
 
 
 @dataclass(frozen=True, slots=True)

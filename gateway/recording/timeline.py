@@ -25,6 +25,8 @@ GATEWAY_KEYS = ("site", "crane", "sensor")
 REPEATED_TOPICS = frozenset({"/calibration", "/clock"})
 """Topics whose last message is repeated at the start of the next segment."""
 SUMMARISED_TOPICS = frozenset(topic.path for topic in TOPICS.values() if topic.name not in UNUSED_TOPICS)
+LONGEST_BLOCK_NS = 10_000_000_000
+"""A block is recorded at the time of its newest sample, so that samples before an end may be in a message this much later."""
 MESSAGES_PER_REPORT = 20
 """Progress is reported once in so many messages."""
 

@@ -83,6 +83,16 @@ def test_interval_keeps_the_time_axis_of_the_whole_recording(write: Write) -> No
     assert source.extent.last_s == pytest.approx(21.98)
 
 
+def test_only_the_files_of_an_interval_are_read(write: Write) -> None:
+    paths = [write("a.mcap", 0, 10), write("b.mcap", 30, 10), write("c.mcap", 60, 10)]
+    whole, part = read_source(paths), read_source(paths, interval=interval("32", "38"))
+    assert (len(whole.files), part.files) == (3, (paths[1],))
+    assert part.extent == whole.extent
+    kept = (whole.recording.time_s >= 32) & (whole.recording.time_s < 38)
+    np.testing.assert_array_equal(part.recording.time_s, whole.recording.time_s[kept])
+    np.testing.assert_array_equal(part.force_g, whole.force_g[kept])
+
+
 def test_losses_before_the_first_sample_belong_to_the_whole_recording_alone(write: Write) -> None:
     path = write("a.mcap", 0, 10)
     assert read_source([path]).recording.lost == 4
