@@ -13,6 +13,12 @@ class I2cSection(DeviceSection):
     bus: int = Field(1, ge=0, description="N of /dev/i2c-N")
     address: int
     odr_hz: float
+    bus_clear_command: list[str] = Field(
+        [], description="run when a part holds the bus, such as ['/opt/plumbline/current/deploy/i2c-bus-clear']"
+    )
+    power_cycle_command: list[str] = Field(
+        [], description="run when nothing else has helped: turns the sensor off and on"
+    )
 
 
 class I2cDevice(I2cSection):

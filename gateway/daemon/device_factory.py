@@ -1,6 +1,7 @@
 """The devices by their configuration. A module of `devices` is imported only when its kind is configured."""
 
 import math
+from functools import partial
 
 from devices.clock import Clock
 from devices.device import Device
@@ -8,8 +9,9 @@ from devices.errors import DeviceError
 from gateway.configuration.device_plugins import PluginError, load_plugin
 from gateway.configuration.device_section import DeviceSection
 from gateway.configuration.device_sections import ReplayDevice, SimulatedDevice, WitMotionDevice
-from gateway.configuration.i2c_devices import Ads1115Device, I2cDevice
+from gateway.configuration.i2c_devices import Ads1115Device, I2cDevice, I2cSection
 from gateway.configuration.model import Configuration
+from gateway.daemon.recovery_hook import run_hook
 from gateway.daemon.simulated_rigger import SimulatedRigger
 
 BLOCK_S = 0.1
@@ -34,9 +36,9 @@ def make_device(configuration: Configuration, clock: Clock) -> Device:
             case SimulatedDevice():
                 return _make_simulated(configuration, device, n, clock)
             case I2cDevice():
-                return _make_i2c(device, n, clock)
+                return _make_recovering(device, _make_chip(device, n, clock), clock)
             case Ads1115Device():
-                return _make_ads1115(device, n, clock)
+                return _make_recovering(device, _make_ads1115(device, n, clock), clock)
             case WitMotionDevice():
                 return _make_witmotion(device, n, clock)
             case ReplayDevice():
@@ -74,7 +76,7 @@ def _make_simulated(configuration: Configuration, device: SimulatedDevice, block
     )
 
 
-def _make_i2c(device: I2cDevice, block: int, clock: Clock) -> Device:
+def _make_chip(device: I2cDevice, block: int, clock: Clock) -> Device:
     from devices.chips import CHIPS
     from devices.fifo_accelerometer import FifoAccelerometer
 
@@ -86,6 +88,16 @@ def _make_i2c(device: I2cDevice, block: int, clock: Clock) -> Device:
         block_samples=block,
         serial=device.serial,
     )
+
+
+def _make_recovering(section: I2cSection, device: Device, clock: Clock) -> Device:
+    from devices.recovery import Hook, RecoveringDevice
+
+    def hook(command: list[str]) -> Hook | None:
+        return partial(run_hook, command) if command else None
+
+    bus_clear, power_cycle = hook(section.bus_clear_command), hook(section.power_cycle_command)
+    return RecoveringDevice(device, clock, bus_clear=bus_clear, power_cycle=power_cycle)
 
 
 def _make_ads1115(device: Ads1115Device, block: int, clock: Clock) -> Device:

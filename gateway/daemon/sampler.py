@@ -13,7 +13,8 @@ from gateway.daemon.notify import ServiceNotifier
 
 log = logging.getLogger("plumbline.device")
 FIRST_PAUSE_S = 0.1
-LONGEST_PAUSE_S = 5.0
+LONGEST_PAUSE_S = 0.5
+"""So short that a device that returns delivers samples within a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,6 +82,7 @@ class Sampler(threading.Thread):
         """Try to open the device, with growing pauses, until it answers or the daemon stops."""
         self.recovering = True
         backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
+        reported = ""
         while not self._stopping.wait(backoff.pause_s):
             self._notifier.send("WATCHDOG=1")
             self._device.close()
@@ -88,7 +90,9 @@ class Sampler(threading.Thread):
                 self._info = self._device.open()
             except DeviceError as error:
                 backoff.increase()
-                log.warning("%s; next try in %.1f s", error, backoff.pause_s)
+                if str(error) != reported:  # not every half a second
+                    reported = str(error)
+                    log.warning("%s; trying again until it answers", error)
                 continue
             log.info("the device is open again: %s", self._info.device_id)
             self.reopened += 1

@@ -96,6 +96,7 @@ class I2cChip(ABC):
         self.stuck_high = False
         self.high_bursts = 0  # this many of the next reads of the FIFO are read as ones
         self.sda_low = False
+        self.absent_until_s = 0.0  # a loose connector: until then no address is acknowledged
         self.oscillating = True
         self.disturbed: dict[int, list[int]] = {}  # by register: bits that turn over in its next reads
         self._failures: list[Failure] = []
@@ -198,7 +199,8 @@ class I2cChip(ABC):
         self._fail_as_told(bytes(messages[0])[0])
         for message in messages:
             self._take_bytes(1)
-            if message.addr != self.address or self.refusing:
+            absent = self.clock.elapsed_s < self.absent_until_s
+            if absent or message.addr != self.address or self.refusing:
                 raise OSError(errno.EREMOTEIO, "Remote I/O error")
             self._sample()
             if message.flags & I2C_M_RD:
