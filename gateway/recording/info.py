@@ -225,7 +225,7 @@ def _build_info(
         alerts=join_alerts([(segment.boot_id, summary) for segment, summary in read]),
         unknown_s=unknown_s(summaries),
         marks=[mark for summary in summaries for mark in summary.marks],
-        faults=[fault for summary in summaries for fault in summary.faults],
+        faults=_fault_changes(read),
         log=[line for summary in summaries for line in summary.log],
         log_count=sum(summary.log_count for summary in summaries),
         largest_swing=_largest([summary.largest_swing for summary in summaries]),
@@ -239,6 +239,19 @@ def _calibration_changes(summaries: Sequence[SegmentSummary]) -> list[Calibratio
     for state in (state for summary in summaries for state in summary.calibrations):
         if not changes or calibration_key(changes[-1]) != calibration_key(state):
             changes.append(state)
+    return changes
+
+
+def _fault_changes(read: Sequence[tuple[TimelineSegment, SegmentSummary]]) -> list[FaultCount]:
+    """Return each new count; every segment begins with the counts since the start of the gateway."""
+    counts: dict[tuple[str, str], int] = {}
+    changes = []
+    for segment, summary in read:
+        for fault in summary.faults:
+            key = segment.boot_id, fault.name
+            if counts.get(key) != fault.count:
+                changes.append(fault)
+            counts[key] = fault.count
     return changes
 
 

@@ -184,6 +184,27 @@ def test_interval_is_summarised_as_if_the_rest_were_not_there(tmp_path: Path) ->
         summarise_timeline(timeline, RecordingInterval(parse_recording_time("60")))
 
 
+def test_fault_is_listed_when_its_count_changes_and_not_in_every_segment(
+    make_recorder: MakeRecorder,
+    every_message: dict[str, messages.Message | messages.Log],
+    start_ns: int,
+    tmp_path: Path,
+) -> None:
+    recorder = make_recorder(segment_s=2.0, fsync_s=0.5)
+    recorder.start(start_ns)
+    health = every_message["health"]
+    assert isinstance(health, messages.Health)
+    for second, count in enumerate([0, 0, 0, 0, 0, 3, 3, 3, 3, 4]):
+        now_ns = start_ns + second * SECOND_NS
+        message = replace(health, time_ns=now_ns, sequence=second, faults={"overrun": count})
+        recorder.write(encode_message("health", message, now_ns))
+        recorder.tick(now_ns)
+    recorder.close()
+    info = summarise_timeline(open_timeline([tmp_path]))
+    assert len(info.files) > 3
+    assert [(fault.utc_ns - start_ns, fault.count) for fault in info.faults] == [(5 * SECOND_NS, 3), (9 * SECOND_NS, 4)]
+
+
 def test_marks_are_listed(
     make_recorder: MakeRecorder, every_message: dict[str, messages.Message | messages.Log], start_ns: int
 ) -> None:
