@@ -140,7 +140,8 @@ def _attitude(info: DeviceInfo, axes: tuple[tuple[int, int], ...], blocks: list[
     magnitude_g = float(np.linalg.norm(sensor_g))
     tolerance_g = 3**0.5 * (info.zero_g_offset_g or 0.0) + SCALE_TOLERANCE
     if abs(magnitude_g - 1) > tolerance_g:
-        text = f"{magnitude_g:.3f} g at rest, {1 - tolerance_g:.2f} to {1 + tolerance_g:.2f} is possible; check kind and range"
+        possible = f"{max(1 - tolerance_g, 0):.2f} to {1 + tolerance_g:.2f} is possible"
+        text = f"{magnitude_g:.3f} g at rest, {possible}; check kind and range"
         yield CheckResult("bad", "reading", text)
         return
     housing_g = np.array([sign * sensor_g[index] for index, sign in axes])
