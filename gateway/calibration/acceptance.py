@@ -10,6 +10,7 @@ from gateway.calibration.methods.calibration_fit import CalibrationFit, WarningK
 from gateway.calibration.methods.face_outliers import find_changed_readings
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
 from gateway.calibration.record import CalibrationRecord
+from gateway.calibration.thermal.thermal_model import correction_at, holds_at_c
 from gateway.numerics.array import Array
 
 MIN_EIGENVALUE = -1e-6
@@ -73,9 +74,10 @@ def judge(fit: CalibrationFit, parent: CalibrationRecord | None, limits: Accepta
 
 def change_since(fit: CalibrationFit, parent: CalibrationRecord) -> SensorChange:
     """Return the change of the sensor since the parent record."""
+    matrix, offset = correction_at(parent, holds_at_c(fit.temperature_c, fit.thermal))
     return sensor_change(
-        matrix=np.array(parent.correction_matrix, dtype=np.float64),
-        offset=np.array(parent.offset, dtype=np.float64),
+        matrix=matrix,
+        offset=offset,
         later_sensitivity=np.asarray(np.linalg.inv(fit.correction_matrix), dtype=np.float64),
         later_offset=np.array(fit.offset, dtype=np.float64),
     )

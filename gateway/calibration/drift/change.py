@@ -2,7 +2,8 @@
 
 With readings raw = S a + b and the correction matrix M = S^-1, the earlier record reads a specific force of the later sensor as
 D a + d, where D = M_earlier S_later and d = M_earlier (b_later - b_earlier). d is the change of the zero-g offsets in g, the
-diagonal of D - 1 the relative change of the scale factors, as in Łuczak et al. 2022, Tables 6 to 8.
+diagonal of D - 1 the relative change of the scale factors, as in Łuczak et al. 2022, Tables 6 to 8. A thermal model of the
+earlier record is evaluated at the temperature of the later one, so that thermal drift does not count as ageing.
 """
 
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.calibration.thermal.thermal_model import correction_at, holds_at_c
 from gateway.numerics.array import Array
 
 DIAGONAL = (0, 4, 8)
@@ -124,7 +126,7 @@ def _change(earlier: CalibrationRecord, later: CalibrationRecord, covariance_of_
         raise CalibrationError(
             f"records {earlier.id} in {earlier.unit} and {later.id} in {later.unit}: a drift needs one unit"
         )
-    matrix, offset = (np.array(values, dtype=np.float64) for values in (earlier.correction_matrix, earlier.offset))
+    matrix, offset = correction_at(earlier, holds_at_c(later.temperature_c, later.thermal))
     later_offset = np.array(later.offset, dtype=np.float64)
     sensitivity = sensitivity_of(later)
     change = sensor_change(matrix=matrix, offset=offset, later_sensitivity=sensitivity, later_offset=later_offset)

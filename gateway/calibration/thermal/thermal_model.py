@@ -16,7 +16,8 @@ from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.numerics.array import Array
 
 Coefficients = Annotated[list[float], Field(min_length=1, max_length=2)]
-AXES = ("x", "y", "z")
+Axis = Literal["x", "y", "z"]
+AXES: tuple[Axis, Axis, Axis] = ("x", "y", "z")
 
 
 class AxisThermalModel(BaseModel):
@@ -69,7 +70,7 @@ class ThermalModel(BaseModel):
     """Lowest measured temperature, °C."""
     max_c: float
     """Highest measured temperature, °C."""
-    axes: dict[Literal["x", "y", "z"], AxisThermalModel]
+    axes: dict[Axis, AxisThermalModel]
     summary: list[dict[str, Any]] = []
     """Coefficients in mg/°C and %/°C with intervals, limits and verdicts, for readers."""
 
@@ -89,7 +90,7 @@ class ThermalModel(BaseModel):
         """
         known_c = np.where(np.isnan(temperature_c), self.reference_c, temperature_c)
         from_reference_c = np.clip(known_c, self.min_c, self.max_c) - self.reference_c
-        changes = [self.axes[axis].change(from_reference_c) for axis in ("x", "y", "z")]
+        changes = [self.axes[axis].change(from_reference_c) for axis in AXES]
         offset_change = np.stack([change[0] for change in changes], axis=-1)
         scale = 1 + np.stack([change[1] for change in changes], axis=-1)
         return np.asarray(offset + (raw - offset - offset_change) / scale)
@@ -97,19 +98,41 @@ class ThermalModel(BaseModel):
     def u_change(self) -> tuple[Array, Array]:
         """Return the largest standard uncertainties in the range by axis: of the offset, raw units, and of the scale, (3,)."""
         ends_c = (self.min_c - self.reference_c, self.max_c - self.reference_c)
-        found = np.array([[self.axes[axis].u_change(end_c) for end_c in ends_c] for axis in ("x", "y", "z")])
+        found = np.array([[self.axes[axis].u_change(end_c) for end_c in ends_c] for axis in AXES])
         return found[:, :, 0].max(axis=1), found[:, :, 1].max(axis=1)
 
     def end_slopes(self) -> tuple[Array, Array]:
         """Return the steepest slopes at the ends of the range by axis: of the offset, raw units/°C, and of the scale, (3,)."""
         ends_c = (self.min_c - self.reference_c, self.max_c - self.reference_c)
-        found = np.abs([[self.axes[axis].slopes(end_c) for end_c in ends_c] for axis in ("x", "y", "z")])
+        found = np.abs([[self.axes[axis].slopes(end_c) for end_c in ends_c] for axis in AXES])
         return found[:, :, 0].max(axis=1), found[:, :, 1].max(axis=1)
 
 
 def thermal_model(record: CalibrationRecord) -> ThermalModel | None:
     """Return the thermal model of a record, None if it has none. Raises `CalibrationError` for one that cannot be used."""
     return _parse(record.thermal, record.id)
+
+
+def holds_at_c(temperature_c: Mapping[str, float] | None, thermal: Mapping[str, Any] | None) -> float | None:
+    """Return the temperature at which offset and matrix of a record or fit hold, from its two fields; None: not known."""
+    if thermal is not None:
+        return float(thermal["reference_c"])
+    return None if temperature_c is None else float(temperature_c["mean"])
+
+
+def correction_at(record: CalibrationRecord, temperature_c: float | None) -> tuple[Array, Array]:
+    """Return matrix, (3, 3), and offset, (3,), of a record at a temperature; None, or no thermal model: those of the record.
+
+    Raises `CalibrationError` for a model that cannot be used.
+    """
+    matrix, offset = (np.array(values, dtype=np.float64) for values in (record.correction_matrix, record.offset))
+    model = thermal_model(record)
+    if model is None or temperature_c is None:
+        return matrix, offset
+    from_reference_c = np.clip(np.array(temperature_c), model.min_c, model.max_c) - model.reference_c
+    changes = [model.axes[axis].change(from_reference_c) for axis in AXES]
+    offset_change, scale_change = (np.array([change[part] for change in changes]) for part in (0, 1))
+    return matrix / (1 + scale_change), offset + offset_change
 
 
 def raw_at_reference(raw: Array, record: Mapping[str, Any], temperature_c: float) -> Array:

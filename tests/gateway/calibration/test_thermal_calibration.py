@@ -10,12 +10,16 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo, SampleBlock
+from gateway.calibration.acceptance import change_since
 from gateway.calibration.correction import correction_for
+from gateway.calibration.drift.change import change_between
+from gateway.calibration.methods.six_position import fit_six_positions
 from gateway.calibration.methods.zeroing import zero_in_place
 from gateway.calibration.offline.readings_file import FileReadings
-from gateway.calibration.poses.pose import RawReadings
+from gateway.calibration.poses.faces import FACE_DIRECTIONS
+from gateway.calibration.poses.pose import Pose, RawReadings
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
-from gateway.calibration.record_factory import make_record
+from gateway.calibration.record_factory import add_content_hash, make_record
 from gateway.calibration.thermal.datasheet_limits import PARTS, judge_interval
 from gateway.calibration.thermal.ramp_calibration import ThermalCalibration, calibrate_ramps
 from gateway.calibration.thermal.rest_calibration import learn_at_rest
@@ -220,6 +224,9 @@ def test_zeroing_applies_and_keeps_the_thermal_model() -> None:
     raw = zero_g + sensitivity * (warm_g + 1e-3 * random.standard_normal((2000, 3)))
     fit = zero_in_place(RawReadings(np.arange(2000) / 50, raw, 50.0), parent, np.eye(3), 16384.0)
     assert fit.thermal == parent.thermal
+    np.testing.assert_allclose(
+        change_since(fit, parent).offset_g, 0, atol=1e-9
+    )  # both hold at the reference temperature
     removed = next(warning.text for warning in fit.warnings if warning.text.startswith("removed"))
     pitch_deg, roll_deg = (float(word) for word in removed.split() if word[0] in "+-")
     assert pitch_deg == pytest.approx(0.573, abs=0.01)
@@ -257,3 +264,27 @@ def test_a_record_as_json_brings_readings_to_its_reference_temperature() -> None
     np.testing.assert_allclose(found, zero_g + sensitivity * force_g, atol=16384 * 3e-4)
     np.testing.assert_array_equal(raw_at_reference(raw, {}, 55.0), raw)
     np.testing.assert_allclose(raw_at_reference(raw, learned.model_dump(mode="json"), float("nan")), raw)
+
+
+def test_a_calibration_at_another_temperature_is_compared_through_the_thermal_model() -> None:
+    """An unchanged sensor, calibrated in the heat: without the model its z offset would have moved by 18 mg."""
+    parent = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8))))
+    zero_g, sensitivity, offset_mg, scale_percent = planted("MPU-9255")
+    poses = tuple(
+        Pose((x, y, z), (2.0, 2.0, 2.0), 300, face, temperature_c=50.0)
+        for face, (x, y, z) in (
+            (face, (zero_g + sensitivity * (up * (1 + scale_percent / 100 * 25) + offset_mg / 1000 * 25)).tolist())
+            for face, up in FACE_DIRECTIONS.items()
+        )
+    )
+    later_fit = fit_six_positions(poses)
+    later = make(ThermalCalibration(later_fit, "counts", (), (50.0, 50.0), ()))
+    for change in (change_between(parent, later), change_since(later_fit, parent)):
+        np.testing.assert_allclose(change.offset_g, 0, atol=5e-4)
+        np.testing.assert_allclose(change.scale, 0, atol=5e-4)
+    without = change_between(make_record_without_model(parent), later)
+    assert abs(without.offset_g[2]) > 0.017
+
+
+def make_record_without_model(record: CalibrationRecord) -> CalibrationRecord:
+    return add_content_hash(record.model_dump(mode="json") | {"thermal": None})
