@@ -5,16 +5,18 @@ the later bins, which have begun with it too, contribute the information P^-1 - 
 are multiplied, with the evidence that both directions agree.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from gateway.motion.filter_history import KEPT_CONSTANTS, MixtureSeries
+from gateway.motion.filter_history import KEPT_CONSTANTS, KEPT_GRAVITY, KEPT_RATE, MixtureSeries
 from gateway.motion.mixing import Mixture
 from gateway.motion.motion_filter import TEMPERING
 from gateway.motion.whitening import Information, Whitening
 from gateway.numerics.array import Array
 
+SWING = slice(KEPT_GRAVITY.start, KEPT_RATE.stop)
+"""Angle and rate among the kept states."""
 UNINFORMATIVE = 0.9
 """Variance after whitening from which on a direction counts as not measured."""
 LOST = 1e-3
@@ -78,7 +80,9 @@ def combine(
             log_later + np.log(LOST) - np.logaddexp(0.0, log_odds)[:, None],
         ]
     )
-    return _merge(log_weights, both, forward, backward)
+    merged = _merge(log_weights, both, forward, backward)
+    disagreement = np.maximum(_disagreement_on_swing(forward, backward), 1.0)
+    return replace(merged, covariance=merged.covariance * disagreement[:, None, None, None])
 
 
 def _join(forward: tuple[Array, Array], backward: tuple[Array, Array]) -> _Joined:
@@ -104,6 +108,28 @@ def _join(forward: tuple[Array, Array], backward: tuple[Array, Array]) -> _Joine
         0.5 * (exponent - density - np.linalg.slogdet(spread)[1]),
         (largest.sum(axis=-1) - exponent) / np.maximum(is_measured.sum(axis=-1), 1),
     )
+
+
+def _disagreement_on_swing(forward: MixtureSeries, backward: MixtureSeries) -> Array:
+    """Return the normalised squared difference of angle and rate over its expectation, shape (n,).
+
+    Over all states it would be lost among those on which the directions agree. It counts whichever direction is right: the one
+    that explains the readings near does not follow from the equations either, where they have misled the other.
+    """
+    (first, first_covariance), (later, later_covariance) = _swing_moments(forward), _swing_moments(backward)
+    difference = first - later
+    solved = np.linalg.solve(first_covariance + later_covariance, difference[..., None])[..., 0]
+    found: Array = (difference * solved).sum(axis=-1) / difference.shape[-1]
+    return found
+
+
+def _swing_moments(series: MixtureSeries) -> tuple[Array, Array]:
+    """Return mean and covariance of angle and rate over the hypotheses, shapes (n, 4) and (n, 4, 4)."""
+    state = series.state[..., SWING]
+    mean = np.einsum("nm,nmi->ni", series.weight, state)
+    deviation = state - mean[:, None]
+    second_moment = series.covariance[..., SWING, SWING] + deviation[..., :, None] * deviation[..., None, :]
+    return mean, np.einsum("nm,nmij->nij", series.weight, second_moment)
 
 
 def _widen_constants(covariance: Array) -> Array:
