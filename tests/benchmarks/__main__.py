@@ -16,6 +16,7 @@ from tests.benchmarks import (
     laser,
     motion,
     record_info,
+    rotation,
     swing,
 )
 
@@ -29,6 +30,7 @@ ALL: dict[str, Callable[..., None]] = {
     "calibration": calibration.main,
     "inclinometer": inclinometer.main,
     "laser": laser.main,
+    "rotation": rotation.main,
     "killed_session": killed_session.main,
     "record_info": record_info.main,
     "incident": incident.main,

@@ -36,7 +36,7 @@ SCENES: dict[str, tuple[Scene, tuple[float, float]]] = {
     "saturated spot": (replace(PLAIN, laser=6), END_MM),
     "green laser": (replace(PLAIN, laser_channel=1), END_MM),
 }
-RANDOM_SCENES = 100
+RANDOM_SCENES = 40
 
 
 @cache

@@ -12,7 +12,7 @@ from gateway.calibration.laser.dot_edges import find_edges
 from gateway.calibration.laser.dots import DotCandidates, find_candidates, measure_centre
 from gateway.calibration.laser.lattice import index_lattice
 from gateway.calibration.laser.photograph import Photograph, to_light
-from gateway.calibration.laser.spot import LaserSpot, find_spot
+from gateway.calibration.laser.spot import WINDOW_SIGMAS, LaserSpot, find_spot
 from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array
 
@@ -22,6 +22,8 @@ REFINEMENTS = 2
 """Passes in which the centres are measured on the board by the map of the pass before."""
 MARGIN_PITCHES = 0.5
 """Width of the strip around the outer dots in which the spot may be."""
+CLEAR_PITCHES = 0.5
+"""Distance from a dot's middle to the outside of its white ring, for dots of up to two thirds of the pitch."""
 MAX_RESIDUAL_PITCH = 0.01
 """Largest residual of the map, pitches: a board that is bent, or wrinkled, is not measured."""
 MAX_TURN_DEG = 30.0
@@ -72,22 +74,41 @@ class Displacement:
 
 
 def measure_photograph(photograph: Photograph, board: DotBoard) -> MeasuredPhotograph:
-    """Find board and spot. Raises `NotDeterminedError` that names the photograph and the remedy."""
+    """Find board and spot. Raises `NotDeterminedError` that names the photograph and the remedy.
+
+    The board is found in the channel that does not see the laser. The map for the spot is that of the laser's channel, because a
+    lens images each colour at another scale; the dots near the spot are left out of it.
+    """
     candidates, numbers, index = _find_lattice(photograph, board)
     columns, rows = (index.max(axis=0) + 1).tolist()
     board = replace(board, columns=columns, rows=rows)
     light = to_light(photograph.board)
     dots_px, kept, board_map = _measure_dots(photograph, light, candidates, numbers, index)
-    index = index[kept]
     _check_map(photograph, board_map, board)
     dot_px = float(np.median(candidates.diameter_px[numbers]))
     edges = find_edges(light, dots_px, dot_px, board_map)
-    spot = find_spot(photograph, _board_region(board_map, board, photograph.laser.shape), edges)
+    region = _board_region(board_map, board, photograph.laser.shape)
+    spot = find_spot(photograph, region, edges)
+    far = _far_from(spot, board_map, index)
+    first_map = board_map
+    dots_px, kept, board_map = _measure_dots(
+        photograph, to_light(photograph.laser), candidates, numbers[far], index[far], first_map
+    )
+    _check_map(photograph, board_map, board)
+    fringe_px = spot.centre_px - first_map.to_pixel(board_map.to_board(spot.centre_px[None])[0])
+    spot = find_spot(photograph, region, replace(edges, board_map=board_map), fringe_px)
     place = board_map.to_board(spot.centre_px[None])
     slope = board_map.derivative(spot.centre_px)
     covariance = slope @ spot.covariance_px2 @ slope.T + board_map.map_covariance(spot.centre_px)
     return MeasuredPhotograph(
-        photograph, board, dots_px, index, board_map, spot, board.node_m(place)[0], covariance * board.pitch_m**2
+        photograph,
+        board,
+        dots_px,
+        index[far][kept],
+        board_map,
+        spot,
+        board.node_m(place)[0],
+        covariance * board.pitch_m**2,
     )
 
 
@@ -136,10 +157,10 @@ def _measure_dots(
     candidates: DotCandidates,
     numbers: NDArray[np.int64],
     index: NDArray[np.int64],
+    board_map: BoardMap | None = None,
 ) -> tuple[Array, NDArray[np.bool_], BoardMap]:
-    """Return the centres, which of the lattice's dots they belong to, and the map."""
-    board_map: BoardMap | None = None
-    for _ in range(1 + REFINEMENTS):
+    """Return the centres, which of the lattice's dots they belong to, and the map; a first map saves a pass."""
+    for _ in range(REFINEMENTS if board_map else 1 + REFINEMENTS):
         measured = [
             measure_centre(light, candidates.centre_px[number], float(candidates.diameter_px[number]), board_map)
             for number in numbers.tolist()
@@ -152,6 +173,13 @@ def _measure_dots(
     if board_map is None:
         raise NotDeterminedError(f"{photograph.path}: too few dots to measure; show the whole board with a margin")
     return centres, kept, board_map
+
+
+def _far_from(spot: LaserSpot, board_map: BoardMap, index: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Return which dots the spot does not brighten, edges and white ring included."""
+    place = board_map.to_board(spot.centre_px[None])[0]
+    sigma_pitches = spot.sigma_px[0] * np.sqrt(abs(np.linalg.det(board_map.derivative(spot.centre_px))))
+    return np.asarray(np.hypot(*(index - place).T) > CLEAR_PITCHES + WINDOW_SIGMAS * sigma_pitches)
 
 
 def _check_map(photograph: Photograph, board_map: BoardMap, board: DotBoard) -> None:

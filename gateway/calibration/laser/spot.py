@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.calibration.laser.dot_edges import SMOOTHING_PX, DotEdges
-from gateway.calibration.laser.least_squares import LeastSquaresFit, fit_least_squares
+from gateway.calibration.laser.least_squares import LeastSquaresFit, fit_least_squares, jacobian
 from gateway.calibration.laser.photograph import SATURATED, Photograph, to_light, to_share
 from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array
@@ -25,7 +25,7 @@ SECOND_SPOT = 0.3
 """Height of a second spot, relative to the first, from which the photograph is refused."""
 APART_DOTS = 0.75
 """Parts of one spot, which a dot divides, are nearer to each other than this, diameters of a dot."""
-MIN_VALUE = 10
+MIN_VALUE = 25
 """Values of the board's channel below this show no reflection."""
 WIDER = 1.6
 """Standard deviation of a Gaussian relative to that of its part above a third of its height."""
@@ -37,10 +37,14 @@ CLIPPED_PX = 5
 MIN_PIXELS = 60
 MAX_SHIFT_BLURS = 1.2
 """Largest displacement by an edge, standard deviations of the blur, of a pixel that is used."""
-CORRELATION = 5.0
-"""Factor on the standard uncertainty of the fit: neighbouring pixels share noise by the smoothing (3.5), by compression and
-by the sensor's colour mask."""
-FLOOR_PX = 0.05
+SMOOTHED_NOISE = 3.5
+"""Least factor on the standard uncertainty as of independent pixels: the smoothing spreads each one's noise."""
+BLOCK_PX = 12
+"""Side of the blocks of pixels whose residuals count as independent: speckle, and compression, which works by blocks of 8 or
+16."""
+WHITE_QUANTILE, MIN_WHITE = 0.8, 80
+"""Value that the white of the board must reach."""
+FLOOR_PX = 0.1
 """Standard uncertainty of a centre that no fit shows, px: speckle, and a spot that is no ellipse."""
 NOISE = 2 / 255
 """Standard deviation of a value, 0 to 1, against which the expectations below are weighed."""
@@ -63,12 +67,21 @@ class LaserSpot:
     """Direction of the larger one, from x towards y."""
 
 
-def find_spot(photograph: Photograph, region: NDArray[np.bool_], edges: DotEdges) -> LaserSpot:
+def find_spot(
+    photograph: Photograph, region: NDArray[np.bool_], edges: DotEdges, fringe_px: Array | None = None
+) -> LaserSpot:
     """Return the one spot within `region`, shape (height, width), on a board with these dots.
 
-    Raises `NotDeterminedError` for none or two.
+    `fringe_px`, shape (2,), is by how much the laser's channel is displaced against that of the board, as found in a first pass.
+    Raises `NotDeterminedError` for none or two spots, and for a photograph that is too dark.
     """
     laser, board = to_light(photograph.laser), to_light(photograph.board)
+    if np.quantile(photograph.board[region], WHITE_QUANTILE) < MIN_WHITE:
+        raise NotDeterminedError(
+            f"{photograph.path}: the board is too dark; expose more, until its white is light grey"
+        )
+    if fringe_px is not None:
+        board = _displaced(board, fringe_px)
     dot_px = edges.diameter_px
     usable = region & (photograph.board >= MIN_VALUE)
     gain = float(np.median(laser[usable] / board[usable]))
@@ -148,10 +161,18 @@ def _fit_spot(
         board=board[window][usable].astype(np.float64),
         on_dot=distance[usable] < 0,
     )
-    fit = _fit_gaussian(pixels, gain, extent_px)
-    if fit is None:
+    found = _fit_gaussian(pixels, gain, extent_px)
+    if found is None:
         raise failure
-    return _checked_spot(photograph, fit.parameters, fit.covariance * CORRELATION**2 * every**2, centre, reach)
+    fit, weight = found
+    return _checked_spot(photograph, fit.parameters, _pixel_covariance(pixels, fit, weight, every), centre, reach)
+
+
+def _displaced(light: NDArray[np.float32], by_px: Array) -> NDArray[np.float32]:
+    height, width = light.shape
+    matrix = np.column_stack([np.eye(2), by_px])
+    moved = cv2.warpAffine(light, matrix, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    return np.asarray(np.maximum(moved, 1e-4), dtype=np.float32)
 
 
 def _smoothed(light: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -198,21 +219,38 @@ class _SpotPixels:
         return np.concatenate([weight * (to_share(self.light(parameters)) - self.laser), prior])
 
 
-def _fit_gaussian(pixels: _SpotPixels, gain: float, extent_px: float) -> LeastSquaresFit | None:
+def _fit_gaussian(pixels: _SpotPixels, gain: float, extent_px: float) -> tuple[LeastSquaresFit, Array] | None:
     """Fit in two passes; in the second, pixels are weighted by the noise of both channels."""
     amplitude = float(np.quantile(pixels.ratio / gain, 0.99)) - 1
     start = np.array([np.log(max(amplitude, 0.01)), 0.0, 0.0, 1 / extent_px, 0.0, 1 / extent_px, np.log(gain)])
     scale = np.array([1.0, extent_px, extent_px, 1 / extent_px, 1 / extent_px, 1 / extent_px, 1.0])
     start, scale = np.append(start, [0.0, 0.0]), np.append(scale, [1.0, 1.0])
-    weight = np.ones_like(pixels.laser)
-    fit = None
-    for _ in range(2):
-        fit = fit_least_squares(partial(pixels.residual, weight), start, scale)
-        if fit is None:
-            return None
-        start = fit.parameters
-        weight = 1 / np.hypot(1, to_share(pixels.light(start)) / to_share(pixels.board))
-    return fit
+    first = fit_least_squares(partial(pixels.residual, np.ones_like(pixels.laser)), start, scale)
+    if first is None:
+        return None
+    weight = 1 / np.hypot(1, to_share(pixels.light(first.parameters)) / to_share(pixels.board))
+    second = fit_least_squares(partial(pixels.residual, weight), first.parameters, scale)
+    return None if second is None else (second, weight)
+
+
+def _pixel_covariance(pixels: _SpotPixels, fit: LeastSquaresFit, weight: Array, every: int) -> Array:
+    """Return the covariance of the parameters with residuals that are correlated within blocks (Liang and Zeger 1986).
+
+    Few blocks show too little of it; it is not taken for less than that of smoothed independent noise.
+    """
+    scale = np.maximum(np.abs(fit.parameters), 1e-3)
+    slope = jacobian(partial(pixels.residual, weight), fit.parameters, scale)
+    bread = np.linalg.inv(slope.T @ slope)
+    column, row = np.floor((pixels.place - pixels.place.min(axis=0)) / BLOCK_PX).astype(np.int64).T
+    _, block = np.unique(column * 100_000 + row, return_inverse=True)
+    count = len(pixels.place)
+    scores = np.zeros((int(block.max()) + 1, len(scale)))
+    np.add.at(scores, block, slope[:count] * fit.residual[:count, None])
+    blocks = len(scores)
+    by_blocks = bread @ scores.T @ scores @ bread * blocks / max(1, blocks - 1)
+    independent = fit.covariance * (SMOOTHED_NOISE * every) ** 2
+    share = max(1.0, float(np.trace(by_blocks[1:3, 1:3]) / np.trace(independent[1:3, 1:3])))
+    return np.asarray(independent * share)
 
 
 def _checked_spot(photograph: Photograph, parameters: Array, covariance: Array, centre: Array, reach: int) -> LaserSpot:

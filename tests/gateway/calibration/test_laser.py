@@ -81,10 +81,11 @@ def test_the_scale_of_the_two_nearest_dots_would_miss_the_goal_under_perspective
     assert abs(by_dots_mm - 90) > 0.15
 
 
-def test_hidden_dots_are_left_out() -> None:
-    scene, _ = SCENES["dots hidden"]
-    assert len(measured(scene).index) == 46
-    assert [3, 3] not in measured(scene).index.tolist()
+def test_hidden_dots_and_those_near_the_spot_are_left_out() -> None:
+    scene = replace(PLAIN, hidden=((0, 0), (3, 3)))
+    index = measured(scene).index.tolist()
+    assert len(index) == 46
+    assert [[0, 0] in index, [3, 3] in index, [3, 1] in index] == [False, False, False]
 
 
 @pytest.mark.slow

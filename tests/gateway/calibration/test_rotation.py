@@ -8,8 +8,8 @@ import pytest
 from gateway.calibration.methods.rotation import fit_rotation
 from gateway.calibration.methods.rotation_turn import TurnReadings, fit_turn
 from gateway.calibration.record import NotDeterminedError
-from gateway.numerics.stats import NORMAL_975
-from tests.gateway.calibration.rotation_turns import Rig, draw_sensor, turn
+from tests.benchmarks.rotation import coverage
+from tests.benchmarks.rotation_turns import Rig, draw_sensor, turn
 from tests.values import present
 
 PERFECT = Rig(mounting_deg=0, level_deg=0, angle_deg=0, noise_g=0)
@@ -80,17 +80,9 @@ def test_the_prediction_interval_holds_95_percent_of_further_readings() -> None:
     "rig", [Rig(), Rig(angle_deg=0, noise_g=5e-4), Rig(angles=12)], ids=["rig", "noise", "12 angles"]
 )
 def test_planted_sensors_are_recovered_within_their_95_percent_intervals(rig: Rig) -> None:
-    hits = []
-    for seed in range(150):
-        rng = random(seed)
-        sensitivity, offset = sensor = draw_sensor(rng)
-        fit = present(
-            fit_rotation((turn(rng, sensor, 1, rig), turn(rng, sensor, 0, rig)), rig.mounting_deg).calibration
-        )
-        error = np.concatenate([(fit.correction_matrix - np.linalg.inv(sensitivity)).ravel(), fit.offset - offset])
-        hits.append(np.abs(error) <= NORMAL_975 * np.sqrt(np.diag(fit.covariance)))
-    assert 0.935 < np.mean(hits) < 0.97
-    assert np.mean(hits, axis=0).min() > 0.88
+    share = coverage(rig, 150)
+    assert 0.935 < share.mean() < 0.97
+    assert share.min() > 0.88
 
 
 def test_a_rotation_axis_off_the_horizontal_is_found_and_corrected() -> None:

@@ -35,7 +35,7 @@ def test_photographs_give_displacements_for_the_single_parameter(
     zero, end = json.loads(result.read_text())["photographs"]
     assert (zero["d_mm"], zero["u_d_mm"], zero["segments"]) == (0, 0, [])
     assert end["d_mm"] == pytest.approx(-85, abs=0.05)
-    assert end["dots"] == 49
+    assert end["dots"] == 47  # two are near the spot
     assert sum(segment["length_mm"] for segment in end["segments"]) == pytest.approx(85, abs=0.05)
     assert [path.name for path in sorted(overlays.iterdir())] == ["01-zero.png", "02-tilted.png"]
     header, row = table.read_text().splitlines()

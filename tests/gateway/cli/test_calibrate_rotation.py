@@ -8,7 +8,7 @@ import pytest
 
 from gateway.calibration.record import CalibrationRecord
 from gateway.cli.main import main
-from tests.gateway.calibration.rotation_turns import Rig, draw_sensor, turn
+from tests.benchmarks.rotation_turns import Rig, draw_sensor, turn
 
 HEADER = "angle_deg,ax_v,ay_v,az_v,count,temperature_c"
 
