@@ -16,6 +16,7 @@ from tests.benchmarks import (
     laser,
     motion,
     record_info,
+    recorder,
     rotation,
     swing,
 )
@@ -33,6 +34,7 @@ ALL: dict[str, Callable[..., None]] = {
     "rotation": rotation.main,
     "killed_session": killed_session.main,
     "record_info": record_info.main,
+    "recorder": recorder.main,
     "incident": incident.main,
 }
 
