@@ -56,6 +56,8 @@ JOIN_S = 0.8
 """Longest wait for a thread to end: a read takes at most half a second."""
 SWITCH_S = 0.0005
 """Longest wait of a thread for the interpreter. The usual 5 ms of a swing fit would delay an alert."""
+SLOW_DISK_S = 10.0
+"""Longest wait for a disk to take what is queued."""
 DRAIN_S = 60.0
 """Longest wait for the processing of a recording that was replayed faster than it is processed, and for the last compaction."""
 
@@ -200,6 +202,12 @@ class Gateway:
         self.stop(hurried=stopping.is_set())
         return failed
 
+    def _patience_s(self, worker: threading.Thread, usual_s: float, hurried: bool) -> float:
+        """Return how long to wait for the end of a thread: a slow disk gets what is queued, and the last compaction its time."""
+        if worker is self._recording:
+            return max(usual_s, SLOW_DISK_S)
+        return DRAIN_S if worker is self._compaction and not hurried else usual_s
+
     @property
     def samples_not_recorded(self) -> int:
         """Number of samples that arrived and are not on the disk, as far as they were counted."""
@@ -217,7 +225,7 @@ class Gateway:
         self._sampler.join(JOIN_S)
         for worker in (self.processor, self._recording, self._compaction, self._rpc, self._publisher):
             worker.finish()
-            worker.join(patience_s if hurried or worker is not self._compaction else DRAIN_S)
+            worker.join(self._patience_s(worker, patience_s, hurried))
         if self._page is not None:
             self._page.stop()
         self._lock.release()

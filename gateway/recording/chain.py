@@ -92,12 +92,18 @@ class SegmentChain:
         self._lock = threading.Lock()
         self._state = read_state(data_dir) or ChainState()
 
-    def begin_segment(self) -> int:
-        """Return the number of a new segment. Raises `OSError`."""
+    @property
+    def next_segment(self) -> int:
+        """Number of the next segment."""
         with self._lock:
-            self._state.newest_segment += 1
-            self._save()
-            return self._state.newest_segment
+            return self._state.newest_segment + 1
+
+    def note_segment(self, number: int) -> None:
+        """Note that a segment has this number; later ones have higher numbers. Raises `OSError`."""
+        with self._lock:
+            if number > self._state.newest_segment:
+                self._state.newest_segment = number
+                self._save()
 
     def checkpoint(
         self, *, segment: int, name: str, n_bytes: int, sha256: str, from_ns: int, to_ns: int

@@ -99,7 +99,7 @@ class Segment:
         self.start_ns = start_ns
         self._summary = SummaryBuilder()
         self._chain = chain
-        self._number = 0 if chain is None else chain.begin_segment()
+        self._number = 0 if chain is None else chain.next_segment
         self._newest_ns = self._signed_ns = start_ns
         partial = partial_of(path)
         self._file = SyncedFile(partial)
@@ -109,10 +109,14 @@ class Segment:
             self._attach(files, start_ns)
             for message in repeated:
                 self.write(message, start_ns)
-            self.sync()
+            self._writer.flush()
+            self._sign()
+            self._file.sync()
             uncompacted_marker(path).touch()
             partial.replace(path)
             sync_folder(path.parent)
+            if chain is not None:
+                chain.note_segment(self._number)
         except OSError:
             self.abandon()
             with suppress(OSError):

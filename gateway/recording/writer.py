@@ -5,7 +5,6 @@ SIGKILL or a power failure costs at most `fsync_s` and the time between two tick
 """
 
 import errno
-from contextlib import suppress
 from pathlib import Path
 
 from devices.block import DeviceInfo
@@ -117,6 +116,7 @@ class Recorder:
             if self._uncompacted is None:
                 self._names.remove_unfinished(self._data_dir)
                 self._uncompacted = self._names.list_uncompacted(self._data_dir)
+                self._note_newest_segment()
             self._retention.rescan()
             self._segment = self._new_segment(now_ns)
             if self._events is not None:
@@ -209,13 +209,17 @@ class Recorder:
         path = self._names.unused_path(self._data_dir, now_ns)
         return Segment(path, self._header, self._device, now_ns, repeated, self._attached_files(), self._chain)
 
+    def _note_newest_segment(self) -> None:
+        """Note the number of the newest segment, after which a kill may have come before it was noted. Raises `OSError`."""
+        segments = self._names.list_segments(self._data_dir)
+        newest = max(segments, key=lambda segment: (segment.utc, segment.copy), default=None)
+        if self._chain is not None and newest is not None and (number := _segment_number(newest.path)) is not None:
+            self._chain.note_segment(number)
+
     def _note_deletion(self, path: Path) -> None:
         """Note in the chain that the quota deletes a segment. Raises `OSError`."""
-        if self._chain is not None:
-            with suppress(RecordingError):  # a damaged one has no number
-                number = read_index(path).metadata.get(ORIGIN, {}).get(SEGMENT)
-                if number is not None:
-                    self._chain.note_deleted(int(number))
+        if self._chain is not None and (number := _segment_number(path)) is not None:
+            self._chain.note_deleted(number)
 
     def _attached_files(self) -> tuple[AttachedFile, ...]:
         """Return the attachments for the calibration in force, none if it belongs to another device."""
@@ -240,3 +244,12 @@ class Recorder:
             self._uncompacted.append(self._segment.path)
         self._segment = None
         self._unsynced_messages = self._unsynced_samples = 0
+
+
+def _segment_number(path: Path) -> int | None:
+    """Return the number of a segment in its chain; None where it has none or cannot be read."""
+    try:
+        number = read_index(path).metadata.get(ORIGIN, {}).get(SEGMENT, "")
+    except RecordingError:
+        return None
+    return int(number) if number.isdecimal() else None

@@ -186,7 +186,7 @@ class SyncCount:
         os.fsync = self._fsync
         return self
 
-    def _fsync(self, descriptor: int) -> None:
+    def _fsync(self, descriptor: Any) -> None:
         self.count += 1
         self._real(descriptor)
 

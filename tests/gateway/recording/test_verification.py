@@ -1,5 +1,6 @@
 """Proof: what was changed, removed, exchanged, cut off, forged or back-dated is named; what the gateway wrote is genuine."""
 
+import errno
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +18,7 @@ from gateway.recording.compaction import compact
 from gateway.recording.header import RecordingHeader
 from gateway.recording.signing_key import KeyFileError, fingerprint, load_or_create_key, read_public_key
 from gateway.recording.verification import verify_file
-from gateway.recording.writer import Recorder
+from gateway.recording.writer import Recorder, RecorderError
 
 SECOND_NS = 1_000_000_000
 Record = Callable[..., list[Path]]
@@ -175,6 +176,31 @@ def test_samples_that_come_after_the_health_of_the_segment_before_are_no_differe
 ) -> None:
     record(start_ns, segments=1)
     assert problems(verify(record(start_ns + 27 * SECOND_NS + 500_000_000, segments=1))) == []
+
+
+def test_a_segment_that_could_not_be_begun_takes_no_number(
+    record: Record, start_ns: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    paths = record(start_ns, segments=1)
+    folder = paths[0].parent
+    with monkeypatch.context() as patched:
+        patched.setattr("gateway.recording.segment.sync_folder", full)
+        with pytest.raises(RecorderError):
+            record(start_ns + 60 * SECOND_NS, segments=1)
+    assert problems(verify(record(start_ns + 120 * SECOND_NS, segments=1), folders=(folder,))) == []
+
+
+def full(_: Path) -> None:
+    raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_number_that_a_kill_left_unnoted_is_not_given_twice(record: Record, start_ns: int) -> None:
+    (path,) = record(start_ns, segments=1)
+    state = path.parent / "chain.json"
+    state.write_text(state.read_text().replace('"newest_segment":1', '"newest_segment":0'))
+    found = verify(record(start_ns + 60 * SECOND_NS, segments=1))
+    assert problems(found) == []
+    assert [file.segment for file in found.files] == [1, 2]
 
 
 def test_a_live_file_is_verified_up_to_its_last_signature(record: Record, start_ns: int) -> None:
