@@ -76,9 +76,6 @@ class Gateway:
         with ExitStack() as undo:
             self._lock = InstanceLock(section.data_dir)
             undo.callback(self._lock.release)
-            device = make_device(configuration, clock)
-            info = device.open()
-            undo.callback(device.close)
             self._key, self._key_error = _load_key(configuration)
             chain = SegmentChain(section.data_dir, section.key, self._key)
             recorder = Recorder(
@@ -97,6 +94,9 @@ class Gateway:
                 events=EventIndex(configuration.recorder.pre_event_s, configuration.recorder.post_event_s),
                 chain=chain,
             )
+            device = make_device(configuration, clock)
+            info = device.open()
+            undo.callback(device.close)
             self.recording_path = recorder.start(clock.now_ns())
             undo.callback(recorder.close)
             bus = configuration.bus

@@ -99,11 +99,12 @@ class SegmentChain:
             return self._state.newest_segment + 1
 
     def note_segment(self, number: int) -> None:
-        """Note that a segment has this number; later ones have higher numbers. Raises `OSError`."""
+        """Note that a segment has this number; later ones have higher numbers.
+
+        That of the newest file is noted at each start, so that a kill before the next statement is saved costs nothing.
+        """
         with self._lock:
-            if number > self._state.newest_segment:
-                self._state.newest_segment = number
-                self._save()
+            self._state.newest_segment = max(number, self._state.newest_segment)
 
     def checkpoint(
         self, *, segment: int, name: str, n_bytes: int, sha256: str, from_ns: int, to_ns: int

@@ -170,7 +170,7 @@ class _FileCheck:
         if found.segment is None and found.statement is None:
             self._problem("NOT SIGNED: it has no number in a chain; a gateway of this version did not write it")
         elif found.is_final and not found.is_closed:
-            self._problem("CUT: the end behind the final signature is missing")
+            self._problem("CUT or ALTERED: the end behind the final signature is missing or cannot be read")
         elif not found.is_final and not self._differs:
             self._describe_open_end()
         if found.statement is not None and not found.statement.public_key:

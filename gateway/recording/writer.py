@@ -17,6 +17,7 @@ from gateway.recording.chain import SegmentChain
 from gateway.recording.events import EventDetector, EventIndex
 from gateway.recording.header import ORIGIN, SEGMENT, RecordingHeader
 from gateway.recording.retention import BYTES_PER_MB, Retention, SegmentNames
+from gateway.recording.schemas import logged_topics, schema_bytes
 from gateway.recording.segment import Segment
 from gateway.recording.segment_index import read_index
 
@@ -86,6 +87,8 @@ class Recorder:
         self._calibration: CalibrationFiles | None = None
         self._unsynced_messages = 0
         self._unsynced_samples = 0
+        for topic in logged_topics():
+            schema_bytes(topic)  # kept: the first segment must not wait for them while samples come
         self._uncompacted: list[Path] | None = None
         """Ended segments with short chunks; None: those of former runs have not been looked for."""
 
@@ -210,7 +213,7 @@ class Recorder:
         return Segment(path, self._header, self._device, now_ns, repeated, self._attached_files(), self._chain)
 
     def _note_newest_segment(self) -> None:
-        """Note the number of the newest segment, after which a kill may have come before it was noted. Raises `OSError`."""
+        """Note the number of the newest segment, which a former run may not have saved. Raises `OSError`."""
         segments = self._names.list_segments(self._data_dir)
         newest = max(segments, key=lambda segment: (segment.utc, segment.copy), default=None)
         if self._chain is not None and newest is not None and (number := _segment_number(newest.path)) is not None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from typing import Any
+from unittest.mock import patch
 
 import zstandard
 from mcap.writer import Writer
@@ -181,17 +182,20 @@ def _record(data: Recorded, folder: Path) -> None:
 class SyncCount:
     """Counts the syncs of this process while it is open."""
 
-    def __enter__(self) -> "SyncCount":
+    def __init__(self) -> None:
         self.count, self._real = 0, os.fsync
-        os.fsync = self._fsync
+        self._patch = patch.object(os, "fsync", self._fsync)
+
+    def __enter__(self) -> "SyncCount":
+        self._patch.start()
         return self
 
-    def _fsync(self, descriptor: Any) -> None:
+    def _fsync(self, descriptor: int) -> None:
         self.count += 1
         self._real(descriptor)
 
     def __exit__(self, *_error: object) -> None:
-        os.fsync = self._real
+        self._patch.stop()
 
 
 def _print_bytes(data: Recorded) -> None:
