@@ -2,7 +2,13 @@
 
 import argparse
 import sys
+from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gateway.daemon.check_result import CheckResult
 
 MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
 
@@ -24,23 +30,45 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         action="store_true",
         help="examine the sensor alone: the parts on its bus, its self-test, its readings; it must rest, and no gateway may run",
     )
+    command.add_argument(
+        "--json", type=Path, metavar="FILE|-", help="write the results as JSON, with what was measured"
+    )
     command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Print the result of each check; return 1 if one failed."""
+    from gateway.cli.output import STANDARD_OUTPUT, print_json, write_json
     from gateway.configuration.loading import load
     from gateway.configuration.service_configuration import SETTINGS, is_installed, load_installed
+    from gateway.daemon.check_result import CheckResult
     from gateway.daemon.doctor import examine, examine_sensor
 
-    bad = False
     installed = is_installed() and arguments.config in (None, SETTINGS)
     configuration = load_installed() if installed else load(arguments.config)
-    print(
-        f"{MARKS['good']} {'settings':<12} {SETTINGS if installed else arguments.config or 'embedded default: a simulated crane'}"
-    )
+    settings = str(SETTINGS if installed else arguments.config or "embedded default: a simulated crane")
+    results = [CheckResult("good", "settings", settings)]
+    quiet = arguments.json == STANDARD_OUTPUT
+    _print_result(results[0], quiet)
     for result in examine_sensor(configuration) if arguments.device else examine(configuration):
+        _print_result(result, quiet)
+        results.append(result)
+    if quiet:
+        print_json(_record(results))
+    elif arguments.json is not None:
+        write_json(arguments.json, _record(results))
+    return 1 if any(result.grade == "bad" for result in results) else 0
+
+
+def _print_result(result: "CheckResult", quiet: bool) -> None:
+    if not quiet:
         print(f"{MARKS[result.grade]} {result.place:<12} {result.text}")
         sys.stdout.flush()
-        bad |= result.grade == "bad"
-    return 1 if bad else 0
+
+
+def _record(results: "list[CheckResult]") -> dict[str, Any]:
+    """Return the results with the software and the time."""
+    from gateway import __version__
+
+    now_utc = datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+    return {"software": __version__, "created_utc": now_utc, "checks": [asdict(result) for result in results]}

@@ -1,7 +1,7 @@
 """The result of one check of `plumbline doctor`."""
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
 Grade = Literal["good", "note", "bad"]
 
@@ -13,3 +13,5 @@ class CheckResult:
     grade: Grade
     place: str
     text: str
+    values: dict[str, Any] = field(default_factory=dict)
+    """What was measured, for a record of the check."""

@@ -1,6 +1,7 @@
 """The checks of `plumbline doctor --device`: what is on the bus, the self-test of the part, and what it reads."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +38,7 @@ def examine_device(
     if isinstance(section, I2cSection):
         yield from _probe(section, clock, open_bus)
     if isinstance(section, I2cDevice):
-        yield from _self_test(section, clock, open_bus)
+        yield from check_self_test(section, clock, open_bus)
     yield from _reading(configuration, make_device, clock)
 
 
@@ -65,7 +66,8 @@ def _description(part: FoundPart) -> str:
     return f"{part.address:#04x}: {'an unknown part' if part.identity is None else part.identity.name}"
 
 
-def _self_test(section: I2cDevice, clock: Clock, open_bus: BusOpener) -> Iterator[CheckResult]:
+def check_self_test(section: I2cDevice, clock: Clock, open_bus: BusOpener) -> Iterator[CheckResult]:
+    """Run the self-test of the configured part; yields one result."""
     make_chip = CHIPS[section.kind]
     test = make_chip(section.odr_hz, section.range_g).self_test
     if test is None:
@@ -76,7 +78,7 @@ def _self_test(section: I2cDevice, clock: Clock, open_bus: BusOpener) -> Iterato
     except DeviceError as error:
         yield CheckResult("bad", "self-test", str(error))
         return
-    yield CheckResult(_grade(result), "self-test", _self_test_text(result))
+    yield CheckResult(_grade(result), "self-test", _self_test_text(result), {**asdict(result), "passed": result.passed})
 
 
 def _grade(result: SelfTestResult) -> Grade:
@@ -132,7 +134,14 @@ def _rate(info: DeviceInfo, blocks: list[SampleBlock]) -> CheckResult:
     temperatures = [block.temperature_c for block in blocks if block.temperature_c is not None]
     temperature = f", {temperatures[-1]:.1f} °C" if temperatures else ""
     text = f"{info.device_id}: {rate_hz:.4g} samples/s, nominal {info.odr_hz:g}{temperature}"
-    return CheckResult("good" if good else "bad", "reading", text)
+    values = {
+        "device_id": info.device_id,
+        "samples": samples,
+        "rate_hz": rate_hz,
+        "nominal_rate_hz": info.odr_hz,
+        "temperature_c": temperatures[-1] if temperatures else None,
+    }
+    return CheckResult("good" if good else "bad", "reading", text, values)
 
 
 def _attitude(info: DeviceInfo, axes: tuple[tuple[int, int], ...], blocks: list[SampleBlock]) -> Iterator[CheckResult]:
@@ -142,14 +151,14 @@ def _attitude(info: DeviceInfo, axes: tuple[tuple[int, int], ...], blocks: list[
     if abs(magnitude_g - 1) > tolerance_g:
         possible = f"{max(1 - tolerance_g, 0):.2f} to {1 + tolerance_g:.2f} is possible"
         text = f"{magnitude_g:.3f} g at rest, {possible}; check kind and range"
-        yield CheckResult("bad", "reading", text)
+        yield CheckResult("bad", "reading", text, {"sensor_g": sensor_g.tolist(), "magnitude_g": magnitude_g})
         return
     housing_g = np.array([sign * sensor_g[index] for index, sign in axes])
     readings = ", ".join(f"{axis} {value:+.3f}" for axis, value in zip("xyz", housing_g, strict=True))
+    values = {"housing_g": housing_g.tolist(), "magnitude_g": magnitude_g}
     largest = int(np.abs(housing_g).argmax())
     up = ("-" if housing_g[largest] < 0 else "+") + "xyz"[largest]
     upright = largest == 2 and housing_g[2] > FACE_UP_G
     advice = "" if upright else "; on the rope +z must point up: turn the housing or set device.axes_map"
-    yield CheckResult(
-        "good" if upright else "note", "attitude", f"the housing's {up} face is up ({readings} g){advice}"
-    )
+    text = f"the housing's {up} face is up ({readings} g){advice}"
+    yield CheckResult("good" if upright else "note", "attitude", text, values)

@@ -54,6 +54,16 @@ def test_doctor_examines_a_sensor_alone(plumbline: Plumbline, tmp_path: Path) ->
     assert "+z face is up" in done.stdout
 
 
+def test_doctor_records_what_it_measured(plumbline: Plumbline, tmp_path: Path) -> None:
+    config, path = _config(tmp_path, tmp_path / "data", "tcp/127.0.0.1:0"), tmp_path / "doctor.json"
+    assert plumbline("doctor", "--device", "--config", config, "--json", path).returncode == 0
+    checks = {check["place"]: check for check in json.loads(path.read_text())["checks"]}
+    assert checks["reading"]["values"]["device_id"] == "simulated-1"
+    assert abs(checks["attitude"]["values"]["housing_g"][2] - 1) < 0.1
+    printed = json.loads(plumbline("doctor", "--device", "--config", config, "--json", "-").stdout)
+    assert [check["place"] for check in printed["checks"]] == ["settings", "reading", "attitude"]
+
+
 def test_doctor_leaves_a_sensor_alone_that_a_gateway_uses(
     start_gateway: StartGateway, join_bus: JoinBus, plumbline: Plumbline, tmp_path: Path
 ) -> None:

@@ -11,7 +11,7 @@ from devices.fifo_accelerometer import FifoAccelerometer
 from gateway.configuration.i2c_devices import I2cDevice
 from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
-from gateway.daemon.device_check import examine_device
+from gateway.daemon.device_check import check_self_test, examine_device
 from tests.devices.adxl345_chip import Adxl345Chip
 from tests.devices.adxl355_chip import Adxl355Chip, Adxl357Chip
 from tests.devices.chip_bus import ChipBus
@@ -67,6 +67,17 @@ def test_a_part_whose_self_test_fails_is_bad() -> None:
     results = examined({"kind": "lis3dh"}, chip)
     assert results["self-test"][0][0] == "bad"
     assert "y +0.000 g (0.068 to 1.44)" in results["self-test"][0][1]
+
+
+def test_the_self_test_is_recorded_with_its_limits() -> None:
+    clock = FakeClock()
+    chip = Adxl355Chip(clock, lambda _: (0.0, 0.0, 1.0))
+    section = validate({"device": {"kind": "adxl355"}}, "test").device
+    assert isinstance(section, I2cDevice)
+    (result,) = check_self_test(section, clock, ChipBus(clock, chip))
+    assert result.values["change_g"] == pytest.approx([0.3, 0.3, 1.0], abs=1e-3)
+    assert result.values["limits_g"] == ((0.1, 0.6), (0.1, 0.6), (0.5, 3.0))
+    assert (result.values["passed"], result.values["confirmed"]) == (True, True)
 
 
 def test_limits_from_one_source_give_a_note_only() -> None:
