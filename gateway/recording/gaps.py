@@ -86,6 +86,17 @@ def count_samples(segments: Sequence[SummarisedSegment]) -> SampleInfo:
     )
 
 
+def describe_overlaps(segments: Sequence[SummarisedSegment]) -> list[str]:
+    """Return a remark on each segment whose samples begin before the end of those before it: they are counted twice."""
+    remarks = []
+    for before, after in pairwise(_parts(segments)):
+        overlap_ns = before.samples.last_ns + before.wall_offset_ns - after.samples.first_ns - after.wall_offset_ns
+        if overlap_ns >= 0:
+            names = f"{after.segment.path.name}: overlaps {before.segment.path.name} by {overlap_ns / 1e9:.3f} s"
+            remarks.append(f"{names}; its samples are counted twice, or the clock was set back between two starts")
+    return remarks
+
+
 def _parts(segments: Sequence[SummarisedSegment]) -> list[_Part]:
     return [_Part(each, summary.samples, summary.wall_offset_ns) for each, summary in segments if summary.samples]
 

@@ -10,7 +10,7 @@ from gateway import messages
 from gateway.recording import header as names
 from gateway.recording.alert_join import RecordedAlert, join_alerts, unknown_s
 from gateway.recording.catalogue import open_timelines
-from gateway.recording.gaps import RecordingGap, SampleInfo, count_samples, join_gaps
+from gateway.recording.gaps import RecordingGap, SampleInfo, count_samples, describe_overlaps, join_gaps
 from gateway.recording.interval import WHOLE_RECORDING, RecordingInterval
 from gateway.recording.mcap_salvage import SalvageReport, sum_losses
 from gateway.recording.reader import Selection
@@ -83,7 +83,7 @@ class RecordingInfo:
     """The file, or the first and the last."""
     files: list[FileInfo]
     remarks: list[str]
-    """Files that were left out."""
+    """Files that were left out, and files that overlap."""
     size_bytes: int
     closed: bool
     """Every file was closed properly."""
@@ -202,7 +202,7 @@ def _build_info(
         gateway=timeline.gateway,
         path=timeline.name,
         files=files,
-        remarks=list(timeline.remarks),
+        remarks=[*timeline.remarks, *describe_overlaps(read)],
         size_bytes=size_bytes,
         closed=all(file.closed for file in files),
         losses=sum_losses([file.losses for file in files]),

@@ -42,12 +42,18 @@ def main(options: list[str] | None = None) -> None:
 
 def report(label: str, folder: Path, *options: str) -> None:
     """Print time and memory of one command."""
-    begin_s = time.monotonic()
+    begin_s, before_s = time.monotonic(), children_cpu_s()
     command = [sys.executable, "-m", "gateway", "record", "info", str(folder), *options]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
     used_s = time.monotonic() - begin_s
     resident_mb = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-    print(f"  {label:<16}{used_s:8.2f} s, at most {resident_mb:.0f} MiB")
+    print(f"  {label:<16}{used_s:8.2f} s, CPU {children_cpu_s() - before_s:.2f} s, at most {resident_mb:.0f} MiB")
+
+
+def children_cpu_s() -> float:
+    """CPU of the commands so far."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
 
 
 def write_recordings(folder: Path, recorded_s: int) -> None:

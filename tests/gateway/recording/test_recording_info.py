@@ -170,6 +170,17 @@ def test_gaps_between_segments_are_stated_with_their_cause(tmp_path: Path) -> No
     assert "samples: not in these files" in info_text(info)
 
 
+def test_segments_that_overlap_are_remarked(recorded: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "twice"
+    folder.mkdir()
+    for name in ("a.mcap", "b.mcap"):
+        (folder / name).write_bytes(recorded.read_bytes())
+    info = summarise_timeline(open_timeline([folder]))
+    (remark,) = info.remarks
+    assert remark.startswith("b.mcap: overlaps a.mcap by 10.015 s; its samples are counted twice")
+    assert remark in info_text(info)
+
+
 def test_interval_is_summarised_as_if_the_rest_were_not_there(tmp_path: Path) -> None:
     crane = RecordedCrane(tmp_path, segment_s=4.0)
     crane.record(13)

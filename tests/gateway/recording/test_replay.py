@@ -141,6 +141,7 @@ def new_record(crane: RecordedCrane) -> CalibrationRecord:
     return CalibrationRecord.model_validate({**content, "sha256": content_hash(content)})
 
 
+@pytest.mark.slow
 def test_recalibration_within_the_recording_is_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     crane = RecordedCrane(tmp_path)
     recalibrated(crane)
@@ -150,6 +151,7 @@ def test_recalibration_within_the_recording_is_replayed(tmp_path: Path, capsys: 
     assert "unknown" in verdicts
 
 
+@pytest.mark.slow
 def test_another_configuration_tells_what_it_would_have_said(
     crane: RecordedCrane, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -165,6 +167,7 @@ def test_another_configuration_tells_what_it_would_have_said(
     assert alert["recomputed"].startswith("warn at 2026-01-01 00:00:")
 
 
+@pytest.mark.slow
 def test_another_calibration_tells_what_it_would_have_said(
     crane: RecordedCrane, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -182,6 +185,7 @@ def test_another_calibration_tells_what_it_would_have_said(
     }
 
 
+@pytest.mark.slow
 def test_recording_of_another_version_is_compared_within_a_tolerance(
     crane: RecordedCrane, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
