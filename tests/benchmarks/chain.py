@@ -135,7 +135,8 @@ def _publish(key: str, encoded: list[EncodedMessage]) -> float:
     }
     begin_s = cpu_s()
     for message in encoded:
-        publishers[message.topic].put(message.payload)
+        if message.topic in publishers:
+            publishers[message.topic].put(message.payload)
     used_s = cpu_s() - begin_s
     session.close()
     return used_s
