@@ -81,11 +81,12 @@ def measure(block: int) -> dict[str, float]:
     device = SimulatedCrane(odr_hz=RATE_HZ, block_samples=block, length_m=12.0, position_m=9.0, clock=clock)
     info = device.open()
     blocks: list[SampleBlock] = []
-    while sum(len(b) for b in blocks) < RATE_HZ * SECONDS:
+    samples = 0
+    while samples < RATE_HZ * SECONDS:
         read = device.read()
         if read is not None:
             blocks.append(read)
-    samples = sum(len(b) for b in blocks)
+            samples += len(read)
     correction = correction_for(info, configuration.device.axes, None)
     pipeline = Pipeline(configuration, info, correction, HeaderMaker())
     used: dict[str, float] = {}
