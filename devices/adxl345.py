@@ -20,8 +20,8 @@ from devices.i2c import I2cPart
 from devices.identity import IDENTITIES, Identity, identify
 from devices.sample_words import SAMPLE_BYTES, decode_samples
 
-OFSX, ACT_INACT_CTL, TAP_AXES = 0x1E, 0x27, 0x2A
-BW_RATE, POWER_CTL, INT_ENABLE, INT_SOURCE, DATA_FORMAT = 0x2C, 0x2D, 0x2E, 0x30, 0x31
+OFSX = 0x1E
+BW_RATE, POWER_CTL, INT_SOURCE, DATA_FORMAT = 0x2C, 0x2D, 0x30, 0x31
 DATAX0, FIFO_CTL, FIFO_STATUS = 0x32, 0x38, 0x39
 STANDBY, MEASURE = 0x00, 0x08
 FULL_RES = 0x08
@@ -77,9 +77,6 @@ class Adxl345:
         self.configuration: tuple[Setting, ...] = (
             Setting(POWER_CTL, "POWER_CTL", STANDBY),
             *(Setting(OFSX + axis, f"OFS{'XYZ'[axis]}", 0) for axis in range(3)),
-            Setting(ACT_INACT_CTL, "ACT_INACT_CTL", 0),
-            Setting(TAP_AXES, "TAP_AXES", 0),
-            Setting(INT_ENABLE, "INT_ENABLE", 0),
             Setting(BW_RATE, "BW_RATE", RATE_CODES[rate_hz]),
             Setting(DATA_FORMAT, "DATA_FORMAT", FULL_RES | RANGE_CODES[full_scale_g]),
             Setting(FIFO_CTL, "FIFO_CTL", BYPASS),  # empties the FIFO

@@ -22,7 +22,7 @@ from devices.identity import IDENTITIES, Identity, identify
 from devices.sample_words import SAMPLE_BYTES, decode_samples
 
 AUTO_INCREMENT = 0x80
-CTRL_REG1, CTRL_REG2, CTRL_REG3, CTRL_REG4, CTRL_REG5 = 0x20, 0x21, 0x22, 0x23, 0x24
+CTRL_REG1, CTRL_REG2, CTRL_REG4, CTRL_REG5 = 0x20, 0x21, 0x23, 0x24
 OUT_X_L, FIFO_CTRL_REG, FIFO_SRC_REG = 0x28, 0x2E, 0x2F
 POWER_DOWN, AXES_ENABLED = 0x00, 0x07
 BLOCK_DATA_UPDATE, HIGH_RESOLUTION = 0x80, 0x08
@@ -73,7 +73,6 @@ class Lis3dh:
         self.configuration: tuple[Setting, ...] = (
             Setting(CTRL_REG1, "CTRL_REG1", POWER_DOWN),
             Setting(CTRL_REG2, "CTRL_REG2", 0),  # no high-pass filter
-            Setting(CTRL_REG3, "CTRL_REG3", 0),
             Setting(CTRL_REG4, "CTRL_REG4", BLOCK_DATA_UPDATE | RANGE_CODES[full_scale_g] << 4 | HIGH_RESOLUTION),
             Setting(CTRL_REG5, "CTRL_REG5", FIFO_ENABLED),
             Setting(FIFO_CTRL_REG, "FIFO_CTRL_REG", BYPASS),  # empties the FIFO

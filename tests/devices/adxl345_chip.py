@@ -57,8 +57,14 @@ class Adxl345Chip(I2cChip):
     def encode(self, force_g: tuple[float, float, float]) -> list[bytes]:
         full_resolution, code = self.registers[0x31] & 0x08, self.registers[0x31] & 0x03
         bits, lsb_per_g = (10 + code, 256) if full_resolution else (10, 256 >> code)
-        return [b"".join(to_counts(axis_g, lsb_per_g, bits).to_bytes(2, "little", signed=True) for axis_g in force_g)]
+        offset_g = [0.0156 * _signed(self.registers.get(0x1E + axis, 0)) for axis in range(3)]
+        words = [to_counts(g + offset, lsb_per_g, bits) for g, offset in zip(force_g, offset_g, strict=True)]
+        return [b"".join(word.to_bytes(2, "little", signed=True) for word in words)]
 
     def overrun(self) -> None:
         super().overrun()
         self._overrun = True
+
+
+def _signed(value: int) -> int:
+    return value - 256 if value & 0x80 else value

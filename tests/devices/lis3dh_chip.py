@@ -61,7 +61,8 @@ class Lis3dhChip(I2cChip):
         control = self.registers[0x23]
         bits = 12 if control & 0x08 else 10
         per_g = 1000 / MG_PER_DIGIT[control >> 4 & 3] / (1 if bits == 12 else 4)
-        words = [to_counts(axis_g, per_g, bits) << (16 - bits) for axis_g in force_g]
+        high_passed = self.registers.get(0x21, 0) & 0x08  # a high-passed output has no steady part
+        words = [to_counts(0.0 if high_passed else axis_g, per_g, bits) << (16 - bits) for axis_g in force_g]
         self._newest = b"".join(word.to_bytes(2, "little", signed=True) for word in words)
         on = self.registers.get(0x24, 0) & 0x40 and self.registers[0x2E] & 0xC0 == 0x80
         return [self._newest] if on else []

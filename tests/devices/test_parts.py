@@ -98,6 +98,19 @@ def test_sample_times_are_right_to_a_fifth_of_a_millisecond_over_ten_minutes(par
 
 
 @each_part
+@pytest.mark.parametrize("left", [0x15, 0x2A])
+def test_a_part_that_another_program_has_configured_is_configured_anew(part: Part, left: int) -> None:
+    rig = PartRig(part)
+    identity = range(rig.identity.register, rig.identity.register + len(rig.identity.value))
+    for register in set(range(0x19, 0x3A)) - set(identity):
+        rig.chip.registers[register] = left
+    rig.open()
+    rig.read_s(1)
+    assert rig.samples == pytest.approx(part.odr_hz, rel=0.2)
+    assert np.abs(rig.raw - [0, 0, round(part.units_per_g)]).max() <= 1
+
+
+@each_part
 def test_another_part_at_the_address_is_refused(part: Part) -> None:
     rig = PartRig(part)
     register = rig.identity.register
