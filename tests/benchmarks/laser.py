@@ -1,10 +1,13 @@
 """Displacement of a laser spot from rendered photographs at 5 px/mm: errors, coverage, and the error of the scale of two dots."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
+import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.calibration.laser.board import DotBoard
 from gateway.calibration.laser.displacement import Displacement, MeasuredPhotograph, displacement, measure_photograph
@@ -37,6 +40,46 @@ SCENES: dict[str, tuple[Scene, tuple[float, float]]] = {
     "green laser": (replace(PLAIN, laser_channel=1), END_MM),
 }
 RANDOM_SCENES = 40
+ON_WHITE = (replace(PLAIN, spots=((10.0, -30.0),)), (8.0, 50.0))
+
+
+def compress(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return a photograph after JPEG of quality 75."""
+    content = cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 75])[1]
+    return np.asarray(cv2.imdecode(content, cv2.IMREAD_COLOR), dtype=np.uint8)
+
+
+def speckle(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return a photograph whose laser light has speckle of 35 % and 1.2 px."""
+    grains = cv2.GaussianBlur(np.random.default_rng(1).standard_normal(pixels.shape[:2]), (0, 0), 1.2)
+    seen = pixels.astype(np.float64)
+    seen[:, :, 2] += 0.35 * grains / grains.std() * np.clip(seen[:, :, 2] - 1.03 * seen[:, :, 1], 0, None)
+    return np.clip(seen, 0, 255).astype(np.uint8)
+
+
+def fringe(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return a photograph whose red is imaged 0.2 % larger."""
+    height, width = pixels.shape[:2]
+    larger = np.array([[1.002, 0, -0.001 * width], [0, 1.002, -0.001 * height]])
+    seen = pixels.copy()
+    seen[:, :, 2] = cv2.warpAffine(
+        pixels[:, :, 2], larger, (width, height), flags=cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE
+    )
+    return seen
+
+
+def steepen(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Return a photograph with a steeper tone curve."""
+    share = np.arange(256) / 255
+    return np.clip(255 * (0.5 * (3 * share**2 - 2 * share**3) + 0.5 * share), 0, 255).round().astype(np.uint8)[pixels]
+
+
+DISTURBANCES: dict[str, Callable[[NDArray[np.uint8]], NDArray[np.uint8]]] = {
+    "JPEG of quality 75": compress,
+    "speckle of 35 %": speckle,
+    "red imaged 0.2 % larger": fringe,
+    "steeper tone curve": steepen,
+}
 
 
 @cache
@@ -52,6 +95,16 @@ def measure(scene: Scene, end_mm: tuple[float, float]) -> tuple[Displacement, fl
     found = displacement(measured(scene), measured(end))
     actual = float(np.hypot(*(np.array(end.spots[0]) - scene.spots[0])))
     return found, 1000 * abs(found.d_m) - actual
+
+
+def measure_disturbed(
+    disturb: Callable[[NDArray[np.uint8]], NDArray[np.uint8]], scene: Scene, end_mm: tuple[float, float]
+) -> tuple[Displacement, float]:
+    """Return a displacement and its error in mm as `measure` does, from photographs with a disturbance."""
+    pixels = (disturb(render(each)) for each in (scene, moved(scene, *end_mm)))
+    zero, end = (measure_photograph(Photograph(Path("rendered.png"), each, "red"), BOARD) for each in pixels)
+    found = displacement(zero, end)
+    return found, 1000 * abs(found.d_m) - float(np.hypot(*(np.array(end_mm) - scene.spots[0])))
 
 
 def random_scene(seed: int) -> tuple[Scene, tuple[float, float]]:
@@ -76,7 +129,7 @@ def two_dot_displacement_mm(start: MeasuredPhotograph, end: MeasuredPhotograph, 
     """Return the displacement by eq. 17 and 18 of Zhu et al. 2020: each segment by the scale of the two nearest dots."""
     place = end.board_map.to_board(end.spot.centre_px[None])[0]
     column = int(np.clip(np.rint(place[0]), 0, 6))
-    rows = end.dots_px[end.index[:, 0] == column][np.argsort(end.index[end.index[:, 0] == column, 1])]
+    rows = np.array([end.board_map.to_pixel(np.array([column, row], dtype=np.float64)) for row in range(7)])
     pitch_px = np.hypot(*np.diff(rows, axis=0).T)
     first = float(start.board_map.to_board(start.spot.centre_px[None])[0, 1])
     total, row = 0.0, first
@@ -93,6 +146,10 @@ def main() -> None:
     for name, (scene, end_mm) in SCENES.items():
         found, error_mm = measure(scene, end_mm)
         print(f"  {name:34} {error_mm:+.3f}  {1000 * found.u_d_m:.3f}")
+    for name, disturb in DISTURBANCES.items():
+        for where, (scene, end_mm) in (("edge of a dot", (PLAIN, END_MM)), ("white", ON_WHITE)):
+            found, error_mm = measure_disturbed(disturb, scene, end_mm)
+            print(f"  {name + ', ' + where:40} {error_mm:+.3f}  {1000 * found.u_d_m:.3f}")
     scores, errors = [], []
     for seed in range(RANDOM_SCENES):
         found, error_mm = measure(*random_scene(seed))

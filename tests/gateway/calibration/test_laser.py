@@ -78,7 +78,7 @@ def test_the_scale_of_the_two_nearest_dots_would_miss_the_goal_under_perspective
     found, error_mm = measure(scene, (8.0, 45.0))
     by_dots_mm = two_dot_displacement_mm(measured(scene), measured(moved(scene, 8.0, 45.0)), found)
     assert abs(error_mm) < 0.05
-    assert abs(by_dots_mm - 90) > 0.15
+    assert by_dots_mm - 90 == pytest.approx(-0.29, abs=0.05)
 
 
 def test_hidden_dots_and_those_near_the_spot_are_left_out() -> None:
