@@ -9,11 +9,33 @@ from gateway.configuration.device_sections import AnyDevice
 from gateway.configuration.i2c_devices import I2cDevice
 from tests.devices.part_rig import PARTS, Part, PartRig, numbered
 
+MPU = {0x19: 9, 0x1A: 3, 0x1B: 0x00, 0x1C: 0x00, 0x23: 0xF8, 0x38: 0x10, 0x6A: 0x40, 0x6B: 0x01, 0x6C: 0x00}
+REGISTERS = {
+    "adxl345": {0x1E: 0, 0x1F: 0, 0x20: 0, 0x2C: 0x0A, 0x31: 0x08, 0x38: 0x80, 0x2D: 0x08},
+    "adxl355": {0x28: 0x05, 0x2C: 0x81, 0x2E: 0x00, 0x2D: 0x00},
+    "adxl357": {0x28: 0x05, 0x2C: 0x81, 0x2E: 0x00, 0x2D: 0x00},
+    "lis2dw12": {0x21: 0x0C, 0x22: 0x00, 0x25: 0x04, 0x2E: 0xC0, 0x20: 0x54},
+    "lis3dh": {0x21: 0x00, 0x23: 0x88, 0x24: 0x40, 0x2E: 0x80, 0x20: 0x57},
+    "mpu6050": MPU,
+    "mpu9250": {**MPU, 0x1D: 3},
+}
+"""From the data sheets that the chip models name, for the rate and range of `PARTS`."""
+
 each_part = pytest.mark.parametrize("part", PARTS, ids=str)
 
 
 def test_every_kind_is_tested() -> None:
     assert {part.kind for part in PARTS} == set(CHIPS)
+
+
+@each_part
+def test_the_registers_after_opening_are_those_of_the_data_sheet(part: Part) -> None:
+    rig = PartRig(part)
+    rig.open()
+    written = {register for kind, register, _ in rig.chip.log if kind == "write"}
+    commands = {0x2F} if part.kind in {"adxl355", "adxl357"} else set()
+    assert written == set(REGISTERS[part.kind]) | commands
+    assert {register: rig.chip.registers.get(register) for register in REGISTERS[part.kind]} == REGISTERS[part.kind]
 
 
 @each_part
