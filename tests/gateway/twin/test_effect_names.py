@@ -14,6 +14,7 @@ OTHER_MEANINGS = {
     "pipeline/motion": "the same states",
     "measurement/motion": "the same states",
     "page/": "the same states, as the page shows them",
+    "incident/": "the same states, in the report of an incident",
 }
 """Places in which an effect's name means something else, with the reason."""
 
