@@ -1,0 +1,62 @@
+"""The messages that the pipeline emits and that are recorded, published and displayed. Angles in degrees, accelerations in g.
+
+A number that could not be computed is null on the bus and left out in recordings, and `reasons` state why; a field that is left
+out reads as null. The JSON Schemas in recordings and in the output of `plumbline config schema --topic` are generated from these
+classes. `docs/messages.md` states the rules for their versions.
+"""
+
+from gateway.messages.alert import ActiveAlert, Alert, Level
+from gateway.messages.calibration import NO_SESSION, Calibration, CalibrationSession, SessionPhase, SessionPose
+from gateway.messages.condition import Cause, Condition, Verdict
+from gateway.messages.header import (
+    SCHEMA_VERSION,
+    CalibrationStatus,
+    ClockQuality,
+    Degrees,
+    Interval,
+    Message,
+    Seconds,
+    Vector,
+)
+from gateway.messages.health import Health
+from gateway.messages.log import FoxgloveTime, Log
+from gateway.messages.mark import Mark
+from gateway.messages.motion import Formulas, HorizontalVector, Motion, MotionProbabilities, MotionState, Swing, Tilt
+from gateway.messages.samples import Acceleration, ClockOffset, Readings, Samples
+
+__all__ = [
+    "NO_SESSION",
+    "SCHEMA_VERSION",
+    "Acceleration",
+    "ActiveAlert",
+    "Alert",
+    "Calibration",
+    "CalibrationSession",
+    "CalibrationStatus",
+    "Cause",
+    "ClockOffset",
+    "ClockQuality",
+    "Condition",
+    "Degrees",
+    "Formulas",
+    "FoxgloveTime",
+    "Health",
+    "HorizontalVector",
+    "Interval",
+    "Level",
+    "Log",
+    "Mark",
+    "Message",
+    "Motion",
+    "MotionProbabilities",
+    "MotionState",
+    "Readings",
+    "Samples",
+    "Seconds",
+    "SessionPhase",
+    "SessionPose",
+    "Swing",
+    "Tilt",
+    "Vector",
+    "Verdict",
+]

@@ -1,0 +1,71 @@
+"""The message of the alerts."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from gateway.messages.header import Degrees, Message
+
+Level = Literal["normal", "warn", "trip", "unknown"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ActiveAlert:
+    """One alert that is active."""
+
+    rule: Annotated[str, Field(description="swing, lean, calibration")]
+    level: Level
+    since_ns: int
+    value_deg: Degrees | None = None
+    limit_deg: Degrees | None = None
+    clear_deg: Annotated[
+        float | None,
+        Field(description="the alert clears after the hold time below this level, degrees; null: no level"),
+    ] = None
+    estimate_deg: Annotated[
+        float | None, Field(description="best estimate of the angle of which value_deg is the upper end, degrees")
+    ] = None
+    is_bound: Annotated[
+        bool | None,
+        Field(description="value_deg is an upper bound: the best estimate of the present angle is below limit_deg"),
+    ] = None
+    incident: Annotated[str | None, Field(description="id from raised to cleared; null: no incident")] = None
+    largest_deg: Annotated[
+        float | None,
+        Field(description="largest angle since the incident began, best estimate, degrees; no coming peak"),
+    ] = None
+    largest_upper_deg: Annotated[
+        float | None, Field(description="largest upper end of its 95 % interval since the incident began, degrees")
+    ] = None
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Alert(Message):
+    """The state of the alerts, sent at each change and as a heartbeat."""
+
+    level: Annotated[
+        Level,
+        Field(description="the highest active level; unknown: no statement is possible, which does not mean safe"),
+    ]
+    event: Annotated[
+        Literal["raised", "changed", "corrected", "cleared", "standing"],
+        Field(description="corrected: the first value was an upper bound, and the limit was not reached"),
+    ]
+    rule: Annotated[str | None, Field(description="the rule that has changed; null for a heartbeat")] = None
+    incident: Annotated[
+        str | None,
+        Field(description="boot id and number of the incident that the change belongs to, from raised to cleared"),
+    ] = None
+    limit_deg: Annotated[float | None, Field(description="limit of the rule that has changed, degrees")] = None
+    clear_deg: Annotated[float | None, Field(description="level below which that rule clears, degrees")] = None
+    largest_deg: Annotated[
+        float | None, Field(description="largest angle since the incident began, best estimate, degrees")
+    ] = None
+    largest_upper_deg: Annotated[
+        float | None, Field(description="largest upper end of its 95 % interval since the incident began, degrees")
+    ] = None
+    change: Annotated[str | None, Field(description="one line on the change; null for a heartbeat")] = None
+    active: list[ActiveAlert]
+    text: Annotated[str, Field(description="one line for the operator")]

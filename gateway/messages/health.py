@@ -1,0 +1,35 @@
+"""The message of the gateway's own state."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from gateway.messages.header import Message
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Health(Message):
+    """The state of the gateway itself."""
+
+    state: Literal["starting", "running", "recovering", "stopping"]
+    device_id: str | None = None
+    device_kind: str
+    boot_id: str
+    software: str
+    uptime_s: float
+    measured_rate_hz: float | None = None
+    samples: int
+    lost: int
+    invalid: int
+    faults: Annotated[dict[str, int], Field(description="faults since start that did not stop the gateway, by name")]
+    dropped: Annotated[dict[str, int], Field(description="items dropped by each bounded queue")]
+    recording: str | None = None
+    recording_error: str | None = None
+    disk_free_mb: float | None = None
+    cpu_percent: float | None = None
+    resident_mb: float | None = None
+    drift: Annotated[
+        dict[str, Any] | None,
+        Field(description="drift of the record in force by readings at rest; null or state no_rest: not known yet"),
+    ] = None
