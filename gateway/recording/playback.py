@@ -50,7 +50,11 @@ class Playback:
         self._latest: dict[str, bytes] = {}
         self._queries: queue.SimpleQueue[zenoh.Query] = queue.SimpleQueue()
         self._publishers = {
-            topic.name: session.declare_publisher(f"{key}/{topic.name}", encoding=JSON)
+            topic.name: session.declare_publisher(
+                f"{key}/{topic.name}",
+                encoding=JSON,
+                congestion_control=zenoh.CongestionControl.BLOCK,  # a playback can wait for a slow link
+            )
             for topic in TOPIC_OF_PATH.values()
         }
         # the session may not be used inside its callbacks
