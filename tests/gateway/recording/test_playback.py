@@ -62,7 +62,7 @@ def test_every_published_topic_is_played_as_replayed_under_keys_of_its_own(recor
         playback = Playback(session, playback_key(timeline), 2.0, played.now_s, played.sleep_s)
         wait_for(lambda: list(listener.liveliness().get(f"{KEY}/alive", timeout=5.0)))
         probe = session.declare_publisher(f"{KEY}/motion")
-        wait_for(lambda: probe.matching_status.matching)  # the subscription has arrived
+        wait_for(lambda: probe.matching_status.matching)  # type: ignore[attr-defined]  # the subscription has arrived
         playback.play(timeline, EVERYTHING)
         wait_for(lambda: len(heard) == playback.published)
         (status,) = ask_while_waiting(playback, listener)
