@@ -40,11 +40,10 @@ check_root_and_python() {
     "$python" -c 'import ensurepip, venv' 2>/dev/null || fail "python3-venv is missing: apt install python3-venv"
 }
 
-# make_release NAME: copy the program and install its locked dependencies. Leaves nothing behind where it fails.
+# make_release NAME: copy the program into its new folder and install its locked dependencies. Leaves nothing behind where it fails.
 make_release() {
     folder=$releases/$1
     trap 'rm -rf "$folder"' EXIT
-    mkdir -p "$folder"
     for part in config deploy requirements.lock README.md LICENSE; do
         cp -R "$source/$part" "$folder/$part"
     done
@@ -133,9 +132,10 @@ config=${1:-$installed}
 check_root_and_python
 
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' "$source/pyproject.toml")
-release=$version-$(date -u +%Y%m%dT%H%M%S)
 before=$(current_release)
 mkdir -p "$releases"
+release=$(basename "$(mktemp -d "$releases/$version-$(date -u +%Y%m%dT%H%M%S)-XXXX")")
+chmod 0755 "$releases/$release"
 make_release "$release"
 check_settings "$release" "$config"
 put_settings "$config"

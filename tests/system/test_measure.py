@@ -63,7 +63,14 @@ def test_the_estimate_is_right_at_mid_rope_where_the_formulas_fail(
     for swing in found["swings"][1:-1]:
         assert swing["formulas_deg"]["arcsin_max_axy"] == pytest.approx(angle_deg / 2, rel=0.1)
         assert swing["formulas_corrected_deg"]["arcsin_max_axy"] == pytest.approx(swing["phi_max_deg"], rel=0.05)
-    assert set(found["tilt"]) == {"pitch_deg", "roll_deg", "axial_deg", "plain_pitch_deg", "plain_roll_deg"}
+    assert set(found["tilt"]) == {
+        "pitch_deg",
+        "roll_deg",
+        "roll_gamma_deg",
+        "axial_deg",
+        "plain_pitch_deg",
+        "plain_roll_deg",
+    }
 
 
 def test_rest_has_no_swing_but_an_upper_limit(plumbline: Plumbline, tmp_path: Path) -> None:
