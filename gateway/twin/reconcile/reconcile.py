@@ -87,9 +87,10 @@ def reconcile(
     recordings = split_recordings(
         inputs.leave_out(log.observations), None if second is None else held_out_inputs.leave_out(second)
     )
-    fault = find_lack_of_rest(model.rig, recordings.log, recordings.held_out)
-    if fault is not None:
-        return unusable_result(model, log, fault)
+    if inputs.found or held_out_inputs.found:  # without inputs nothing was left out
+        fault = find_lack_of_rest(model.rig, recordings.log, recordings.held_out)
+        if fault is not None:
+            return unusable_result(model, log, fault)
     with registered(inputs, held_out_inputs):
         return _reconcile(known, recordings, log, seed, tick)
 
