@@ -91,6 +91,8 @@ def estimate_time_warp(
         true_s = _increasing(linear_s + knots.at_samples(warp), MIN_INTERVAL_SAMPLES * interval_s)
         linear = linearise_in_time(model, fitted, observations, true_s)
         residual, variance = observations.residual_sigma(linear.force_g), step_variance(fraction, interval_s)
+        if not (np.isfinite(residual).all() and np.isfinite(linear.by_time).all()):
+            return None  # the last step left the domain of the equations of motion
         if iteration == SCREENING_ITERATIONS - 1:
             break
         smoothed = lowpass(residual, interval_s)

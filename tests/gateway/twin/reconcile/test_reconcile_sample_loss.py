@@ -130,6 +130,13 @@ def test_lost_samples_are_counted_without_a_vibration(rig: TwinRig, record: Reco
     assert counted.reduced < 1.3
 
 
+def test_a_fit_that_leaves_the_equations_of_motion_has_no_time_warp(rig: TwinRig, record: Record) -> None:
+    log = record({})
+    simulator = Simulator(rig, [])
+    beyond = simulator.values([np.nan, 0.0, 0.0, 0.0, 0.0], {})
+    assert estimate_time_warp(simulator, beyond, log, FRACTION) is None
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "parameters"),
