@@ -12,7 +12,7 @@ from gateway.twin.model import Model
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, registered
 from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_of_rest
-from gateway.twin.reconcile.data.recordings import Recordings, split_recordings
+from gateway.twin.reconcile.data.recordings import Recordings, find_lack_of_test, split_recordings
 from gateway.twin.reconcile.decision.evidence import gather_evidence
 from gateway.twin.reconcile.decision.identifiability import FittedRecording, indistinguishable_from
 from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates, rivals_of
@@ -91,6 +91,8 @@ def reconcile(
         fault = find_lack_of_rest(model.rig, recordings.log, recordings.held_out)
         if fault is not None:
             return unusable_result(model, log, fault)
+    if (fault := find_lack_of_test(recordings)) is not None:
+        return unusable_result(model, log, fault)
     with registered(inputs, held_out_inputs):
         return _reconcile(known, recordings, log, seed, tick)
 

@@ -50,6 +50,15 @@ def split_recordings(log: Observations, held_out: Observations | None) -> Record
     return Recordings(slice_samples(log, 0, cut), end, end, last_third=True)
 
 
+def find_lack_of_test(recordings: Recordings) -> str | None:
+    """Return why there is nothing to test a model on; None where there is."""
+    if recordings.test.used.any():
+        return None
+    needed_s = (TEST_EVERY - 1) * BLOCK_S
+    part = "the last third of the log" if recordings.last_third else "the held-out recording"
+    return f"{part} lasts {recordings.held_out.duration_s:.3g} s, and more than {needed_s:g} s are needed to test a model on"
+
+
 def selection_part(observations: Observations) -> Observations:
     """Use the blocks of a held-out recording by which models are selected."""
     return replace(observations, used=observations.used & ~_is_test(observations))
