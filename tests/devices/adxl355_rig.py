@@ -6,15 +6,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.adxl355 import Adxl355
-from devices.block import DeviceInfo, SampleBlock
+from devices.block import SampleBlock
 from devices.fifo_accelerometer import FifoAccelerometer
 from tests.devices.adxl355_chip import Adxl355Chip
+from tests.devices.fifo_rig import FifoRig
 from tests.devices.i2c_chip import START_NS, FakeClock
 
 RANGE, POWER_CTL, FIFO_DATA, STATUS, LEVEL = 0x2C, 0x2D, 0x11, 0x04, 0x05
 
 
-class Rig:
+class Rig(FifoRig):
     """A chip, a clock, and the driver on both."""
 
     def __init__(
@@ -46,30 +47,6 @@ class Rig:
         self.opened_bus = number
         self.chip.closed = False
         return self.chip
-
-    def open(self) -> DeviceInfo:
-        return self.device.open()
-
-    def read_s(self, seconds: float) -> int:
-        """Read for a while; the number of blocks."""
-        until_s, before = self.clock.elapsed_s + seconds, len(self.blocks)
-        while self.clock.elapsed_s < until_s:
-            block = self.device.read()
-            if block is not None:
-                self.blocks.append(block)
-        return len(self.blocks) - before
-
-    @property
-    def samples(self) -> int:
-        return sum(len(block) for block in self.blocks)
-
-    @property
-    def lost(self) -> int:
-        return sum(block.lost for block in self.blocks)
-
-    @property
-    def time_ns(self) -> NDArray[np.int64]:
-        return np.concatenate([block.time_ns for block in self.blocks])
 
     def made_at_s(self) -> NDArray[np.float64]:
         """When each sample that came was made: it says so itself, see `telling_time`."""

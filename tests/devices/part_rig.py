@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.block import DeviceInfo, SampleBlock
+from devices.block import SampleBlock
 from devices.chips import CHIPS
 from devices.fifo_accelerometer import FifoAccelerometer
 from tests.devices.adxl345_chip import Adxl345Chip
 from tests.devices.adxl355_chip import Adxl355Chip, Adxl357Chip
+from tests.devices.fifo_rig import FifoRig
 from tests.devices.i2c_chip import START_NS, FakeClock, I2cChip, Signal
 from tests.devices.lis2dw12_chip import Lis2dw12Chip
 from tests.devices.lis3dh_chip import Lis3dhChip
@@ -51,7 +52,7 @@ PARTS = (
 )
 
 
-class PartRig:
+class PartRig(FifoRig):
     """A chip, a clock, and the driver on both."""
 
     def __init__(
@@ -80,30 +81,6 @@ class PartRig:
     def open_bus(self, number: int) -> I2cChip:
         self.chip.closed = False
         return self.chip
-
-    def open(self) -> DeviceInfo:
-        return self.device.open()
-
-    def read_s(self, seconds: float) -> int:
-        """Read for a while; the number of blocks."""
-        until_s, before = self.clock.elapsed_s + seconds, len(self.blocks)
-        while self.clock.elapsed_s < until_s:
-            block = self.device.read()
-            if block is not None:
-                self.blocks.append(block)
-        return len(self.blocks) - before
-
-    @property
-    def samples(self) -> int:
-        return sum(len(block) for block in self.blocks)
-
-    @property
-    def lost(self) -> int:
-        return sum(block.lost for block in self.blocks)
-
-    @property
-    def time_ns(self) -> NDArray[np.int64]:
-        return np.concatenate([block.time_ns for block in self.blocks])
 
     @property
     def raw(self) -> NDArray[np.int32]:
