@@ -10,6 +10,18 @@ RawUnit = Literal["counts", "g"]
 
 
 @dataclass(frozen=True, slots=True)
+class RadioStatus:
+    """What a wireless sensor reports about its battery and its radio link; None: not reported."""
+
+    battery_v: float | None = None
+    battery_percent: float | None = None
+    battery_low: bool | None = None
+    """The battery is below the limit of the part, or the part says so."""
+    signal_dbm: float | None = None
+    """Received power at the base."""
+
+
+@dataclass(frozen=True, slots=True)
 class SampleBlock:
     """Consecutive samples of one burst, oldest first, in the sensor's own axes and unit."""
 
@@ -25,6 +37,8 @@ class SampleBlock:
     """Samples that arrived and could not be used (bad checksum, NaN, repeated or backward time)."""
     gyro_rad_s: NDArray[np.float64] | None = None
     """Angular rates in the sensor's own axes, shape (n, 3), rad/s; None without a gyroscope."""
+    radio: RadioStatus | None = None
+    """What a wireless sensor reported with this block; None: nothing."""
 
     def __len__(self) -> int:
         return len(self.time_ns)

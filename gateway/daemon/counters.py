@@ -1,8 +1,9 @@
 """Counters that the processor writes and the health message reads."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from devices.block import SampleBlock
+from gateway.daemon.radio_monitor import RadioMonitor
 
 
 @dataclass(slots=True)
@@ -14,6 +15,7 @@ class SampleCounters:
     """Gateway time of the newest sample."""
     lost: int = 0
     invalid: int = 0
+    radio: RadioMonitor = field(default_factory=RadioMonitor)
 
     def add(self, block: SampleBlock) -> None:
         """Count a block."""
@@ -21,3 +23,5 @@ class SampleCounters:
         self.newest_ns = int(block.time_ns[-1])
         self.lost += block.lost
         self.invalid += block.invalid
+        if block.radio is not None:
+            self.radio.add(block.radio)

@@ -3,7 +3,7 @@
 import time
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -73,6 +73,7 @@ class HealthReporter:
             cpu_percent=self._cpu.percent(),
             resident_mb=resident_mb(),
             drift=self.drift_store.monitor.status_json,
+            **asdict(counters.radio.status()),
         )
 
     def _state(self) -> Literal["running", "recovering", "stopping"]:

@@ -33,3 +33,13 @@ class Health(Message):
         dict[str, Any] | None,
         Field(description="drift of the record in force by readings at rest; null or state no_rest: not known yet"),
     ] = None
+    battery_v: Annotated[
+        float | None, Field(description="voltage of a wireless sensor's battery; null: not reported in the last 30 s")
+    ] = None
+    battery_percent: Annotated[float | None, Field(description="charge of the battery, as the sensor states it")] = None
+    battery_low: Annotated[
+        bool | None, Field(description="the battery is below the sensor's limit; null: not known")
+    ] = None
+    signal_dbm: Annotated[
+        float | None, Field(description="received power of a wireless sensor; null: not reported in the last 30 s")
+    ] = None
