@@ -25,6 +25,9 @@ class IncidentChange:
     """The limit is reached by the upper end alone: the best estimate of the angle is below it."""
     limit_deg: float | None
     clear_deg: float | None
+    acknowledged_by: str | None = None
+    """Who acknowledged the incident by this change."""
+    reason: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +50,12 @@ class AlertIncident:
     @property
     def cleared_ns(self) -> int | None:
         """Gateway time of its end; None where the recordings have none: they end, or the gateway was stopped."""
-        return self.changes[-1].time_ns if self.changes[-1].event == "cleared" else None
+        return next((change.time_ns for change in reversed(self.changes) if change.event == "cleared"), None)
+
+    @property
+    def acknowledgement(self) -> IncidentChange | None:
+        """The last acknowledgement, which may come after the end; None where the recordings have none."""
+        return next((change for change in reversed(self.changes) if change.acknowledged_by is not None), None)
 
     @property
     def highest(self) -> IncidentChange:
@@ -92,7 +100,8 @@ class _IncidentReader:
             draft = self.drafts.setdefault(name, _IncidentDraft(alert.rule, [], time_ns))
             active_now = next((each for each in alert.active if each.rule == alert.rule), None)
             draft.changes.append(_change(time_ns, alert, active_now))
-            draft.last_ns = time_ns
+            if alert.event != "acknowledged":  # which may come hours after the end
+                draft.last_ns = time_ns
 
     def _name(self, alert: Alert, rule: str) -> str | None:
         """Return a name for the incident of a message without an id; None where it belongs to none."""
@@ -127,4 +136,6 @@ def _change(time_ns: int, alert: Alert, active: ActiveAlert | None) -> IncidentC
         is_bound=None if active is None else active.is_bound,
         limit_deg=alert.limit_deg if active is None else active.limit_deg,
         clear_deg=alert.clear_deg if active is None else active.clear_deg,
+        acknowledged_by=alert.acknowledged_by if is_own else None,
+        reason=alert.reason if is_own else None,
     )

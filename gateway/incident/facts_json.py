@@ -33,6 +33,7 @@ def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: R
         "clear_deg": None if incident is None else incident.highest.clear_deg,
         "raised_by_bound": None if incident is None else incident.highest.is_bound,
         "utc": utc,
+        "acknowledged": _acknowledgement(evidence),
         "peak": None if facts.peak is None else _peak(evidence, facts.peak),
         "moves": [
             {
@@ -66,6 +67,15 @@ def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: R
         },
         "sources": [{"file": source.path.name, "sha256": source.sha256} for source in evidence.sources],
     }
+
+
+def _acknowledgement(evidence: IncidentEvidence) -> dict[str, Any] | None:
+    incident = evidence.window.incident
+    known = None if incident is None else incident.acknowledgement
+    if known is None:
+        return None
+    time_s = (known.time_ns - evidence.course.origin_ns) / 1e9
+    return {"by": known.acknowledged_by, "reason": known.reason, "utc": iso_utc(evidence.course.utc_ns(time_s))}
 
 
 def _peak(evidence: IncidentEvidence, peak: PeakAngle) -> dict[str, Any]:

@@ -112,9 +112,18 @@ def _when_it_ended(
         yield f"The recordings state no end of it: it stood at {clock.both(facts.end_s)}, after which {ended}."
     else:
         yield f"It cleared at {clock.both(facts.cleared_s)}, {facts.cleared_s - facts.raised_s:.1f} s after it began."
-    yield "The recordings do not state who acknowledged it."
+    yield _acknowledgement(course, clock, incident)
     for mark in course.marks[:MOST_MARKS]:
         yield f"Mark at {clock.both(mark.time_s)}, by {mark.text}."
+
+
+def _acknowledgement(course: Course, clock: ReportClock, incident: AlertIncident) -> str:
+    known = incident.acknowledgement
+    if known is None:
+        return "The recordings state no acknowledgement of it."
+    time_s = (known.time_ns - course.origin_ns) / 1e9
+    reason = f", with the words: {known.reason}" if known.reason else ""
+    return f"It was acknowledged at {clock.both(time_s)} by {known.acknowledged_by}{reason}."
 
 
 def _how_good(course: Course, facts: IncidentFacts) -> Iterator[str]:

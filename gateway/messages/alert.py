@@ -38,6 +38,8 @@ class ActiveAlert:
     largest_upper_deg: Annotated[
         float | None, Field(description="largest upper end of its 95 % interval since the incident began, degrees")
     ] = None
+    acknowledged_by: Annotated[str | None, Field(description="who acknowledged it; null: nobody yet")] = None
+    acknowledged_ns: Annotated[int | None, Field(description="when, on the time scale of since_ns")] = None
     text: str
 
 
@@ -50,9 +52,22 @@ class Alert(Message):
         Field(description="the highest active level; unknown: no statement is possible, which does not mean safe"),
     ]
     event: Annotated[
-        Literal["raised", "changed", "corrected", "cleared", "standing"],
-        Field(description="corrected: the first value was an upper bound, and the limit was not reached"),
+        Literal["raised", "changed", "corrected", "cleared", "acknowledged", "standing"],
+        Field(
+            description="corrected: the first value was an upper bound, and the limit was not reached; standing: a heartbeat"
+        ),
     ]
+    boot_id: Annotated[str | None, Field(description="id of the gateway's start")] = None
+    alert_number: Annotated[
+        int | None,
+        Field(
+            description="number of the change, which continues over restarts; in a heartbeat that of the last change"
+        ),
+    ] = None
+    stored: Annotated[
+        bool | None,
+        Field(description="the change was on the gateway's disk before it was sent; null: a heartbeat, or a recording"),
+    ] = None
     rule: Annotated[str | None, Field(description="the rule that has changed; null for a heartbeat")] = None
     incident: Annotated[
         str | None,
@@ -66,6 +81,8 @@ class Alert(Message):
     largest_upper_deg: Annotated[
         float | None, Field(description="largest upper end of its 95 % interval since the incident began, degrees")
     ] = None
+    acknowledged_by: Annotated[str | None, Field(description="who acknowledged the incident, in that change")] = None
+    reason: Annotated[str | None, Field(description="what that person stated with it")] = None
     change: Annotated[str | None, Field(description="one line on the change; null for a heartbeat")] = None
     active: list[ActiveAlert]
     text: Annotated[str, Field(description="one line for the operator")]

@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 
 from gateway.configuration.model import AlertsSection
 from gateway.messages import ActiveAlert, Level
-from gateway.pipeline.alert_text import change_text, limits_text, reading_text, refuted_text
-from gateway.pipeline.incidents import Incident, IncidentRegister
+from gateway.pipeline.alert_text import acknowledged_text, change_text, limits_text, reading_text, refuted_text
+from gateway.pipeline.incidents import Acknowledgement, Incident, IncidentRegister
 from gateway.stages.alerts import Event, Limits, Reading, RuleState, event_between, judge, judge_alarm, overall_level
 from gateway.units import degrees
 
@@ -35,6 +35,9 @@ class AlertChange:
     largest_upper_deg: float | None = None
     line: str | None = None
     """The change as one line; None for a heartbeat."""
+    acknowledged_by: str | None = None
+    reason: str | None = None
+    """What the person stated who acknowledged it."""
 
 
 class AlertManager:
@@ -100,6 +103,26 @@ class AlertManager:
             self._states[CALIBRATION] = RuleState("unknown", time_s)
         yield from self._changes(before, time_s)
 
+    def acknowledge(self, acknowledgement: Acknowledgement, time_ns: int) -> AlertChange | None:
+        """Note that a person knows of an incident; None where it is not known, or was acknowledged at its present level."""
+        incident = self._incidents.find(acknowledgement.incident)
+        if incident is None or incident.acknowledged_by is not None:
+            return None
+        incident.acknowledged_by, incident.acknowledged_ns = acknowledgement.by, time_ns
+        limits = self._limits.get(incident.rule)
+        largest_deg, largest_upper_deg = _largest_deg(incident)
+        return replace(
+            self._summary(incident.rule, "acknowledged"),
+            incident=incident.id,
+            limit_deg=_rounded_degrees(incident.limit_rad),
+            clear_deg=None if limits is None else _rounded_degrees(limits.clear_rad),
+            largest_deg=largest_deg,
+            largest_upper_deg=largest_upper_deg,
+            acknowledged_by=acknowledgement.by,
+            reason=acknowledgement.reason or None,
+            line=acknowledged_text(acknowledgement, incident),
+        )
+
     def heartbeat(self) -> AlertChange:
         """Return the state of all rules, without a change."""
         return self._summary(None, "standing")
@@ -156,6 +179,8 @@ class AlertManager:
             incident=None if incident is None else incident.id,
             largest_deg=largest_deg,
             largest_upper_deg=largest_upper_deg,
+            acknowledged_by=None if incident is None else incident.acknowledged_by,
+            acknowledged_ns=None if incident is None else incident.acknowledged_ns,
             text=self._state_text(rule),
         )
 

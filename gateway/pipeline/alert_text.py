@@ -3,7 +3,7 @@
 import math
 
 from gateway.messages import Level
-from gateway.pipeline.incidents import Incident
+from gateway.pipeline.incidents import Acknowledgement, Incident
 from gateway.stages.alerts import Event, Reading
 from gateway.units import degrees
 
@@ -54,6 +54,12 @@ def change_text(rule: str, event: Event, level: Level, told: str, incident: Inci
         case _:
             text = f"{rule} changed to {level}" + (f": {told}" if told else "")
     return text if incident is None else f"{text} [incident {incident.id}]"
+
+
+def acknowledged_text(acknowledgement: Acknowledgement, incident: Incident) -> str:
+    """Return the line of an acknowledgement."""
+    reason = f": {acknowledgement.reason}" if acknowledgement.reason else ""
+    return f"{incident.rule} acknowledged by {acknowledgement.by}{reason} [incident {incident.id}]"
 
 
 def _course_text(incident: Incident) -> str:

@@ -8,6 +8,7 @@ from gateway.calibration.correction import Correction
 from gateway.messages import Acceleration, Alert, Calibration, CalibrationSession, Condition, Tilt
 from gateway.pipeline.alert_manager import AlertChange
 from gateway.pipeline.header import Header
+from gateway.pipeline.incidents import IncidentRegister
 from gateway.stages.conditions.verdict import ConditionResult
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty, fused_tilt, lean_direction
 from gateway.units import degrees, finite
@@ -73,18 +74,22 @@ def condition_message(header: Header, result: ConditionResult, correction: Corre
     )
 
 
-def alert_message(header: Header, change: AlertChange) -> Alert:
-    """Return the message of a change of a rule, or of the heartbeat."""
+def alert_message(header: Header, change: AlertChange, incidents: IncidentRegister) -> Alert:
+    """Return the message of a change of a rule, or of the heartbeat; `incidents` has the number of the last change."""
     return Alert(
         **header,
         level=change.level,
         event=change.event,
+        boot_id=None if incidents.last_number is None else incidents.boot_id,
+        alert_number=incidents.last_number,
         rule=change.rule,
         incident=change.incident,
         limit_deg=change.limit_deg,
         clear_deg=change.clear_deg,
         largest_deg=change.largest_deg,
         largest_upper_deg=change.largest_upper_deg,
+        acknowledged_by=change.acknowledged_by,
+        reason=change.reason,
         change=change.line,
         active=change.active,
         text=change.text,

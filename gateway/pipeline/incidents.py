@@ -1,6 +1,8 @@
 """Incidents: the time of a rule from raised to cleared, with an id, and the check of a first value that was an upper bound."""
 
 import math
+from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from gateway.messages import Level
@@ -10,6 +12,17 @@ CHECK_S = 2.0
 """Time after the expected peak until a bound is refuted. Basis: a third of the period of a rope of 9 m."""
 OFFLINE = "offline"
 """The boot id of a pipeline outside a gateway."""
+REMEMBERED = 32
+"""Number of incidents that can be acknowledged after their end."""
+
+
+@dataclass(frozen=True, slots=True)
+class Acknowledgement:
+    """A person has taken note of an incident."""
+
+    incident: str
+    by: str
+    reason: str = ""
 
 
 @dataclass(slots=True)
@@ -17,6 +30,7 @@ class Incident:
     """One incident of a rule; `raised_s` and the first reading are those of its last raise to a higher level."""
 
     id: str
+    rule: str
     begin_s: float
     limit_rad: float
     first: Reading | None
@@ -30,6 +44,10 @@ class Incident:
     """The present angle was known all the time."""
     is_refuted: bool = False
     """The first reading was an upper bound, and the angle stayed below the limit."""
+    acknowledged_by: str | None = None
+    """Who acknowledged its present level; None: nobody."""
+    acknowledged_ns: int | None = None
+    """Gateway time of the acknowledgement."""
 
     def add(self, reading: Reading | None, time_s: float) -> None:
         """Take the reading of one time."""
@@ -51,13 +69,31 @@ class Incident:
 
 
 class IncidentRegister:
-    """Numbers the incidents of a boot; it outlives the pipeline, which a recalibration replaces."""
+    """Numbers the incidents of a boot and the changes of alerts; it outlives the pipeline, which a recalibration replaces."""
 
-    def __init__(self, boot_id: str = OFFLINE) -> None:
-        """`boot_id` makes the numbers unique across boots."""
-        self._boot_id = boot_id
+    def __init__(self, boot_id: str = OFFLINE, last_number: int | None = None) -> None:
+        """`boot_id` makes the ids unique across boots; changes are numbered from behind `last_number`, or not if it is None."""
+        self.boot_id = boot_id
+        self.last_number = last_number
+        """Number of the last change."""
         self._count = 0
         self._open: dict[str, Incident] = {}
+        self._ended: deque[Incident] = deque(maxlen=REMEMBERED)
+
+    def number_change(self) -> None:
+        """Give the next number to a change."""
+        if self.last_number is not None:
+            self.last_number += 1
+
+    def unacknowledged(self) -> Iterator[str]:
+        """Yield the ids of the incidents that nobody has acknowledged, those that have ended first."""
+        for incident in (*self._ended, *self._open.values()):
+            if incident.acknowledged_by is None:
+                yield incident.id
+
+    def find(self, incident_id: str) -> Incident | None:
+        """Return an incident that is open, or that has ended lately; None where there is none with this id."""
+        return next((each for each in (*self._ended, *self._open.values()) if each.id == incident_id), None)
 
     def get(self, rule: str) -> Incident | None:
         """Return the incident of a rule; None: there is none."""
@@ -77,7 +113,7 @@ class IncidentRegister:
             return event, None
         incident.add(reading, time_s)
         if level == "normal":
-            del self._open[rule]
+            self._ended.append(self._open.pop(rule))
             return "cleared", incident
         if event == "standing" and incident.refutes(reading, time_s):
             incident.is_refuted = True
@@ -89,7 +125,8 @@ class IncidentRegister:
     ) -> Incident:
         if incident is None:
             self._count += 1
-            incident = Incident(f"{self._boot_id}-{self._count}", time_s, limit_rad, reading, time_s)
+            incident = Incident(f"{self.boot_id}-{self._count}", rule, time_s, limit_rad, reading, time_s)
             self._open[rule] = incident
         incident.limit_rad, incident.first, incident.raised_s, incident.is_refuted = limit_rad, reading, time_s, False
+        incident.acknowledged_by = incident.acknowledged_ns = None  # of a lower level
         return incident

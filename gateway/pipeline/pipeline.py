@@ -21,7 +21,7 @@ from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.force_stage import ForceBatch, ForceStage, split_long_block
 from gateway.pipeline.header import Header, HeaderMaker
-from gateway.pipeline.incidents import IncidentRegister
+from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
 from gateway.pipeline.motion_context import condition_text
 from gateway.pipeline.motion_stage import MotionStage
 from gateway.pipeline.outgoing_message import OutgoingMessage, PipelineOutput
@@ -53,7 +53,7 @@ class Pipeline:
         drift: DriftMonitor | None = None,
         incidents: IncidentRegister | None = None,
     ) -> None:
-        """`drift` monitors the calibration record; `incidents` numbers those of a boot."""
+        """`drift` monitors the calibration record; `incidents` numbers those of a boot and the changes of alerts."""
         self._info = info
         self._full_scale = None if info.full_scale_g is None else info.full_scale_g * info.units_per_g
         self._correction = correction
@@ -64,7 +64,8 @@ class Pipeline:
         self._forces = ForceStage(correction, lowpass)
         self._motion = MotionStage(configuration, info, correction)
         self._condition_window = ConditionWindow()
-        self._alerts = AlertManager(configuration.alerts, incidents or IncidentRegister())
+        self._incidents = incidents or IncidentRegister()
+        self._alerts = AlertManager(configuration.alerts, self._incidents)
         self._drift = drift or DriftMonitor(None)
         self._condition = NOT_JUDGED
         self._update_limiter = RateLimiter(UPDATE_PERIOD_S)
@@ -92,6 +93,11 @@ class Pipeline:
     def idle(self, now_ns: int, clock: ClockState) -> PipelineOutput:
         """Return what follows from the absence of blocks, once the reading is stale. `now_ns` is gateway time."""
         return self._output(self._idle(MessageTime(now_ns, clock)))
+
+    def acknowledge(self, acknowledgement: Acknowledgement, now: MessageTime) -> list[OutgoingMessage]:
+        """Return the change by which a person acknowledges an incident; nothing where that changes nothing."""
+        change = self._alerts.acknowledge(acknowledgement, now.log_time_ns)
+        return [] if change is None else list(self._alert_messages([change], heartbeat=False, now=now))
 
     def calibration_message(self, now: MessageTime) -> OutgoingMessage:
         """Return the calibration in force and the state of a recalibration."""
@@ -274,7 +280,9 @@ class Pipeline:
         if heartbeat and not changes:
             changes = [self._alerts.heartbeat()]
         for change in changes:
-            message = compose.alert_message(self._header("alert", now), change)
+            if change.rule is not None:
+                self._incidents.number_change()
+            message = compose.alert_message(self._header("alert", now), change, self._incidents)
             yield OutgoingMessage("alert", now.log_time_ns, message)
 
     def _lowpassed(self) -> NDArray[np.float64]:

@@ -35,6 +35,9 @@ class RecordedAlert:
     incident: str | None
     text: str
     """The line for the operator when its level became the highest."""
+    acknowledged_by: str | None = None
+    """Who acknowledged it last; None: nobody, as far as the recording states."""
+    acknowledged_utc_ns: int | None = None
 
 
 @dataclass(slots=True)
@@ -120,14 +123,25 @@ def join_alerts(segments: Iterable[tuple[str, SegmentSummary]]) -> list[Recorded
     """Return the alerts of consecutive segments, given by boot id and summary, in order of their begin."""
     tracker = _Tracker()
     periods: list[RecordedAlert] = []
+    acknowledged: dict[str | None, AlertState] = {}
     last_utc_ns = 0
     for boot_id, summary in segments:
         periods += tracker.begin_segment(boot_id, last_utc_ns)
         for state in summary.alerts:
             periods += tracker.add(state)
+            if state.event == "acknowledged":
+                acknowledged[state.incident] = state
         last_utc_ns = summary.to_ns + summary.wall_offset_ns
     periods += tracker.finish()
+    periods = [_with_acknowledgement(period, acknowledged.get(period.incident)) for period in periods]
     return sorted(periods, key=lambda period: period.from_utc_ns)
+
+
+def _with_acknowledgement(period: RecordedAlert, state: AlertState | None) -> RecordedAlert:
+    """Return an alert with its acknowledgement, which may come after its end."""
+    if state is None:
+        return period
+    return replace(period, acknowledged_by=state.acknowledged_by, acknowledged_utc_ns=state.utc_ns)
 
 
 def unknown_s(segments: Iterable[SegmentSummary], rule: str = "swing") -> float:

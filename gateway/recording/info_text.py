@@ -135,8 +135,12 @@ class _InfoText:
         limit = "" if alert.limit_deg is None else f", limit {alert.limit_deg:.1f} deg"
         bound = ", only an upper bound: the limit was not reached" if alert.is_corrected else ""
         number = "" if alert.incident is None else f"  [{alert.incident}]"
+        note = "" if alert.acknowledged_utc_ns is None else self._acknowledgement(alert, alert.acknowledged_utc_ns)
         angles = f"  {', '.join(largest)}{limit}{bound}" if largest or limit else ""
-        return f"{begin} {self._time(alert.from_utc_ns)}  {alert.level.upper():<5}{alert.rule:<12}{end}{angles}{number}"
+        return f"{begin} {self._time(alert.from_utc_ns)}  {alert.level.upper():<5}{alert.rule:<12}{end}{angles}{number}{note}"
+
+    def _acknowledgement(self, alert: RecordedAlert, utc_ns: int) -> str:
+        return f"  acknowledged by {alert.acknowledged_by} at {self._time(utc_ns)}"
 
     def _marks(self) -> Iterator[str]:
         if self.info.marks:

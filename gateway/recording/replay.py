@@ -1,6 +1,7 @@
 """The pipeline again, on the samples of a recording: with its configuration and calibration, or with others."""
 
 from collections.abc import Iterator
+from typing import TypeVar
 
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
@@ -12,7 +13,7 @@ from gateway.configuration.model import Configuration
 from gateway.pipeline.clock_state import MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.header import HeaderMaker
-from gateway.pipeline.incidents import IncidentRegister
+from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
 from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording import header as names
@@ -20,13 +21,16 @@ from gateway.recording.correction import correction_of, parse_configuration
 from gateway.recording.reader import Selection
 from gateway.recording.replay_steps import ReplayStep, StepMessage
 from gateway.recording.timeline import Timeline
+from gateway.topics import TOPIC_OF
+
+First = TypeVar("First", messages.Calibration, messages.Alert)
 
 
 class ReplayPipeline:
     """Computes what follows from each step, in the way of the gateway's processing thread.
 
     What the gateway was told from outside is taken from the recording: the state of a recalibration, the change of a record, why
-    alerts were suspended, the clock, and when it noted that no samples came.
+    alerts were suspended, acknowledgements, the number of the first alert, the clock, and when it noted that no samples came.
     """
 
     def __init__(
@@ -57,10 +61,10 @@ class ReplayPipeline:
         self._device = step.file.device()
         self._configuration = self._own_configuration or _recorded_configuration(step)
         self._headers = HeaderMaker()
-        self._incidents = IncidentRegister(self._boot_id)
+        self._incidents = IncidentRegister(self._boot_id, self._last_number(step))
         self._drift = DriftMonitor(None)
         self._suspension = None
-        calibration = self._first_calibration(step)
+        calibration = self._first(step, messages.Calibration)
         self._session = messages.NO_SESSION if calibration is None else calibration.session
         self._open(calibration, step)
 
@@ -79,12 +83,19 @@ class ReplayPipeline:
             return correction_for(device, axes, self._own_record)
         return correction_of(calibration, device, axes, str(step.segment.path))
 
-    def _first_calibration(self, step: ReplayStep) -> messages.Calibration | None:
-        """Return the calibration in force when the run, or the part of it that is replayed, began."""
-        wanted = Selection(step.segment.from_ns, topics=frozenset({"/calibration"}))
+    def _last_number(self, step: ReplayStep) -> int | None:
+        """Return the number of the last change before the run; None where the recording was made before changes had one."""
+        first = self._first(step, messages.Alert)
+        if first is None or first.alert_number is None:
+            return None
+        return first.alert_number if first.rule is None else first.alert_number - 1
+
+    def _first(self, step: ReplayStep, kind: type[First]) -> First | None:
+        """Return the first message of a kind in the run, or in the part of it that is replayed."""
+        wanted = Selection(step.segment.from_ns, topics=frozenset({TOPIC_OF[kind].path}))
         for message in self._timeline.messages(wanted):
             content = message.decode()
-            if message.segment.boot_id == self._boot_id and isinstance(content, messages.Calibration):
+            if message.segment.boot_id == self._boot_id and isinstance(content, kind):
                 return content
         return None
 
@@ -108,6 +119,16 @@ class ReplayPipeline:
                     (each.clock for each in step.messages if each.clock and each.recorded.log_time_ns == time_ns), None
                 )
                 yield from self._pipeline.idle(time_ns, clock or step.clock).messages
+            if isinstance(message.content, messages.Alert):
+                yield from self._acknowledge(message.content, MessageTime(time_ns, message.clock or step.clock))
+
+    def _acknowledge(self, alert: messages.Alert, now: MessageTime) -> list[OutgoingMessage]:
+        """Return what follows from an acknowledgement."""
+        if alert.event != "acknowledged" or alert.incident is None or alert.acknowledged_by is None:
+            return []
+        return self._pipeline.acknowledge(
+            Acknowledgement(alert.incident, alert.acknowledged_by, alert.reason or ""), now
+        )
 
     def _announce(self, message: StepMessage, step: ReplayStep) -> OutgoingMessage:
         """Take a calibration that the gateway was told, and return the message in which it announced it."""

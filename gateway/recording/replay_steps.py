@@ -16,8 +16,8 @@ RECOMPUTED = ("samples", "acceleration", "tilt", "motion", "swing", "condition",
 RECOMPUTED_PATHS = frozenset(TOPICS[name].path for name in RECOMPUTED)
 IDLE_PATHS = frozenset(TOPICS[name].path for name in ("motion", "condition", "alert"))
 """Topics that are also sent while no samples come."""
-INPUT_PATHS = frozenset(TOPICS[name].path for name in ("condition", "calibration"))
-"""Topics from which the replay learns what it cannot compute: the recalibration, and why alerts were suspended."""
+INPUT_PATHS = frozenset(TOPICS[name].path for name in ("condition", "calibration", "alert"))
+"""Topics from which the replay learns what it cannot compute: the recalibration, why alerts were suspended, acknowledgements."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,7 +25,7 @@ class StepMessage:
     """A message of a step, with its content where the replay needs it."""
 
     recorded: RecordedMessage
-    content: messages.Condition | messages.Calibration | None
+    content: messages.Condition | messages.Calibration | messages.Alert | None
 
     @property
     def clock(self) -> ClockState | None:

@@ -32,7 +32,7 @@ class AlertState:
     log_time_ns: int
     utc_ns: int
     event: str
-    """raised, changed, corrected, cleared, or standing for the first message of a segment."""
+    """raised, changed, corrected, cleared, acknowledged, or standing for the first message of a segment."""
     rule: str | None
     active: list[messages.ActiveAlert]
     """The active alerts; each value is the largest one until the next change."""
@@ -42,6 +42,8 @@ class AlertState:
     """Largest angle since that incident began, best estimate."""
     largest_upper_deg: float | None = None
     """Largest upper end of its 95 % interval."""
+    acknowledged_by: str | None = None
+    """Who acknowledged it, in that change."""
 
 
 @dataclass(frozen=True, slots=True)

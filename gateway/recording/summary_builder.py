@@ -136,6 +136,7 @@ class SummaryBuilder:
                 incident=alert.incident,
                 largest_deg=alert.largest_deg,
                 largest_upper_deg=alert.largest_upper_deg,
+                acknowledged_by=alert.acknowledged_by,
             )
             self._alerts.append(state)
             return

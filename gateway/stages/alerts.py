@@ -6,8 +6,8 @@ from typing import Literal
 
 from gateway.messages import Level
 
-Event = Literal["raised", "changed", "corrected", "cleared", "standing"]
-"""corrected: the first value of an alert was an upper bound, and the angle stayed below the limit."""
+Event = Literal["raised", "changed", "corrected", "cleared", "acknowledged", "standing"]
+"""corrected: the first value of an alert was an upper bound, and the angle stayed below the limit. acknowledged: by a person."""
 RANK: dict[Level, int] = {"normal": 0, "unknown": 1, "warn": 2, "trip": 3}
 
 STEP_DOWN_SHARE = 0.8

@@ -1,11 +1,12 @@
 """Incidents from the messages of alerts: with ids, without them, and raised before the recordings begin."""
 
+from dataclasses import replace
 from typing import Literal
 
 from gateway.incident.alert_incidents import STANDING, find_incidents
 from gateway.messages import ActiveAlert, Alert, Level
 
-Event = Literal["raised", "changed", "corrected", "cleared", "standing"]
+Event = Literal["raised", "changed", "corrected", "cleared", "acknowledged", "standing"]
 
 
 def active(rule: str, level: Level, incident: str | None) -> ActiveAlert:
@@ -99,3 +100,17 @@ def test_old_recordings_without_ids_are_joined_by_rule() -> None:
     )
     assert (first.raised_ns, first.cleared_ns) == (10, 20)
     assert (second.raised_ns, second.cleared_ns) == (40, None)
+
+
+def test_an_acknowledgement_after_the_end_changes_neither_the_end_nor_the_level() -> None:
+    known = replace(alert("acknowledged", "swing", incident="b-1"), acknowledged_by="ann", reason="load set down")
+    (found,) = find_incidents(
+        [
+            (10, alert("raised", "swing", active("swing", "trip", "b-1"), incident="b-1")),
+            (40, alert("cleared", "swing", incident="b-1")),
+            (9000, known),
+        ]
+    )
+    assert (found.cleared_ns, found.last_ns, found.level) == (40, 40, "trip")
+    assert found.acknowledgement is not None
+    assert (found.acknowledgement.time_ns, found.acknowledgement.acknowledged_by) == (9000, "ann")

@@ -7,7 +7,7 @@ import pytest
 from gateway.configuration.model import AlertsSection
 from gateway.messages import ActiveAlert
 from gateway.pipeline.alert_manager import AlertChange, AlertManager
-from gateway.pipeline.incidents import CHECK_S, IncidentRegister
+from gateway.pipeline.incidents import CHECK_S, Acknowledgement, IncidentRegister
 from gateway.stages.alerts import Reading, largest_reading
 
 LIMITS = AlertsSection(warn_deg=4.0, trip_deg=6.0, clear_deg=3.0, hold_s=2.0, lean_trip_deg=3.0)
@@ -252,3 +252,48 @@ def test_the_largest_angle_of_a_standing_alert_holds_no_coming_peak() -> None:
     site = Site().feed(1.0).feed(14.2, 1.0, in_s=1.8, now_deg=4.0)
     assert site.active().largest_deg == pytest.approx(4.0)
     assert site.active().largest_upper_deg == pytest.approx(4.5)
+
+
+def acknowledge(site: Site, incident: str = "b00t-1") -> AlertChange | None:
+    return site.manager.acknowledge(Acknowledgement(incident, "ann", "load set down"), round(site.now_s * 1e9))
+
+
+def test_an_acknowledgement_is_a_change_that_leaves_the_level() -> None:
+    site = Site().feed(1.0).feed(7.0)
+    change = acknowledge(site)
+    assert change is not None
+    assert (change.rule, change.event, change.level, change.incident) == ("swing", "acknowledged", "trip", "b00t-1")
+    assert change.line == "swing acknowledged by ann: load set down [incident b00t-1]"
+    assert (change.acknowledged_by, change.reason, change.limit_deg) == ("ann", "load set down", 6.0)
+    (active,) = change.active
+    assert (active.acknowledged_by, active.acknowledged_ns) == ("ann", round(site.now_s * 1e9))
+
+
+def test_an_incident_is_acknowledged_once_until_it_rises_to_a_higher_level() -> None:
+    site = Site().feed(1.0).feed(5.0)
+    assert acknowledge(site) is not None
+    assert acknowledge(site) is None
+    site.feed(7.0)
+    assert site.active().acknowledged_by is None
+    assert acknowledge(site) is not None
+
+
+def test_an_incident_that_has_ended_can_still_be_acknowledged() -> None:
+    site = Site().feed(1.0).feed(7.0).feed(1.0, 3.0)
+    assert list(site.register.unacknowledged()) == ["b00t-1"]
+    change = acknowledge(site)
+    assert change is not None
+    assert (change.level, change.active) == ("normal", [])
+    assert list(site.register.unacknowledged()) == []
+
+
+def test_an_incident_of_an_earlier_pipeline_can_be_acknowledged() -> None:
+    site = Site().feed(1.0).feed(7.0)
+    site.manager = AlertManager(LIMITS, site.register)
+    change = acknowledge(site)
+    assert change is not None
+    assert (change.rule, change.clear_deg) == ("swing", 3.0)
+
+
+def test_an_unknown_incident_is_not_acknowledged() -> None:
+    assert acknowledge(Site().feed(1.0)) is None

@@ -123,3 +123,15 @@ def test_time_without_a_statement_is_added_up() -> None:
         to_s=100,
     )
     assert unknown_s([segment, segment]) == pytest.approx(28.0)
+
+
+def test_an_alert_has_its_acknowledgement_also_one_that_came_after_its_end() -> None:
+    swing = active("swing", "trip", 10, 7.5, "b-1")
+    segment = summary(
+        state(10, "raised", "swing", swing, incident="b-1"),
+        state(40, "cleared", "swing", incident="b-1"),
+        state(50, "acknowledged", "swing", incident="b-1", acknowledged_by="ann"),
+    )
+    (alert,) = join_alerts([("boot", segment)])
+    assert (alert.ended, alert.to_utc_ns) == ("cleared", utc(40))
+    assert (alert.acknowledged_by, alert.acknowledged_utc_ns) == ("ann", utc(50))

@@ -14,9 +14,11 @@ from gateway.cli.main import main
 from gateway.configuration.render import to_toml
 from gateway.messages import NO_SESSION, Motion
 from gateway.pipeline.clock_state import MessageTime
+from gateway.pipeline.incidents import Acknowledgement
 from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording import replay_result
+from gateway.recording.reader import open_recording
 from gateway.recording.replay_steps import RECOMPUTED
 from tests.gateway.recording.recorded_crane import CLOCK, RecordedCrane
 
@@ -110,6 +112,44 @@ def test_time_without_samples_is_replayed(tmp_path: Path, capsys: pytest.Capture
     crane.close()
     code, result = replay(tmp_path, capsys)
     assert (code, result["differing"]) == (0, {})
+
+
+def acknowledge(crane: RecordedCrane, time_ns: int) -> None:
+    (incident,) = crane.incidents.unacknowledged()
+    given = Acknowledgement(incident, "ann", "load set down")
+    (change,) = crane.pipeline.acknowledge(given, MessageTime(time_ns, CLOCK))
+    crane.write(change)
+
+
+def test_an_acknowledgement_and_the_numbers_of_changes_are_replayed(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    crane = RecordedCrane(tmp_path, settings={"alerts": {"trip_deg": 1.0, "warn_deg": 0.7, "clear_deg": 0.3}})
+    crane.incidents.last_number = 41  # of the start before
+    while not list(crane.incidents.unacknowledged()):
+        crane.record(0.1)
+    acknowledge(crane, crane.newest_ns)
+    while not list(crane.incidents.unacknowledged()):  # raised to a higher level, or another incident
+        crane.record(0.1)
+    crane.device.read()
+    idle_ns = crane.newest_ns + 130_000_000
+    for message in crane.pipeline.idle(idle_ns, CLOCK).messages:
+        crane.write(message)
+    acknowledge(crane, idle_ns)
+    crane.record(5)
+    crane.close()
+    code, result = replay(tmp_path, capsys)
+    assert (code, result["differing"]) == (0, {})
+    alerts = [
+        file.decode(message)
+        for file in map(open_recording, sorted(tmp_path.glob("*.mcap")))
+        for message in file.messages()
+        if message.topic == "/alert"
+    ]
+    changes = [alert.alert_number for alert in alerts if alert.rule is not None]
+    assert changes == list(range(42, 42 + len(changes)))
+    assert [alert.acknowledged_by for alert in alerts if alert.event == "acknowledged"] == ["ann", "ann"]
+    assert alerts[-1].alert_number == changes[-1]
 
 
 def recalibrated(crane: RecordedCrane) -> None:
