@@ -49,8 +49,20 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> list
         '"sling slipped" --by ann',
     )
     mark.add_argument("text", metavar="TEXT", help="one line")
+    acknowledge = _verb(
+        verbs,
+        "acknowledge",
+        "Acknowledge an alert: who knows of it, recorded and sent to everybody. It ends no alert.",
+        _acknowledge,
+        "--by ann",
+    )
+    acknowledge.add_argument(
+        "incident", nargs="?", metavar="INCIDENT", help="id of the incident (default: all that nobody has acknowledged)"
+    )
     _verb(verbs, "cancel", "End the session; the old record stays in force.", _cancel, "--by ann")
-    return [verbs.choices[name] for name in ("recalibrate", "zero", "commit", "rollback", "mark", "cancel")]
+    return [
+        verbs.choices[name] for name in ("recalibrate", "zero", "commit", "rollback", "mark", "acknowledge", "cancel")
+    ]
 
 
 def _verb(
@@ -98,6 +110,10 @@ def _rollback(arguments: argparse.Namespace) -> int:
 
 def _mark(arguments: argparse.Namespace) -> int:
     return _run_request(arguments, "mark", {"text": arguments.text})
+
+
+def _acknowledge(arguments: argparse.Namespace) -> int:
+    return _run_request(arguments, "acknowledge", {"incident": arguments.incident})
 
 
 def _cancel(arguments: argparse.Namespace) -> int:

@@ -13,6 +13,7 @@ from gateway import __version__
 from gateway.bus.session import open_session
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
+from gateway.daemon.acknowledgement_service import AcknowledgementService
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.calibration_provider import CalibrationProvider
 from gateway.daemon.compaction_worker import CompactionWorker
@@ -114,7 +115,8 @@ class Gateway:
             Recalibration(section.data_dir, axes, software=__version__, log_line=log.warning), wall_clock
         )
         marks = MarkService(wall_clock, self._send_mark)
-        self._rpc = RpcServer(session, section.key, self._publisher.latest, recalibration, marks)
+        acknowledgements = AcknowledgementService()
+        self._rpc = RpcServer(session, section.key, self._publisher.latest, recalibration, marks, acknowledgements)
         drift_store = DriftStateStore(section.data_dir)
         blocks: BoundedQueue[SamplerItem] = BoundedQueue(BLOCKS)
         counters = SampleCounters()
@@ -141,6 +143,7 @@ class Gateway:
             drift_store,
             wall_clock,
             recalibration,
+            acknowledgements,
             self._recording,
             self._publisher,
             make_rigger(configuration, device),

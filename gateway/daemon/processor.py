@@ -5,6 +5,7 @@ from collections.abc import Iterable
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.configuration.model import Configuration
+from gateway.daemon.acknowledgement_service import AcknowledgementService
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.calibration_provider import CalibrationProvider
 from gateway.daemon.counters import SampleCounters
@@ -47,6 +48,7 @@ class Processor(Worker[SamplerItem]):
         drift_store: DriftStateStore,
         wall_clock: WallClockMonitor,
         recalibration: RecalibrationService,
+        acknowledgements: AcknowledgementService,
         recording: RecordingWorker,
         publisher: Publisher,
         rigger: SimulatedRigger | None,
@@ -59,11 +61,12 @@ class Processor(Worker[SamplerItem]):
         self._drift_store = drift_store
         self._wall_clock = wall_clock
         self._recalibration = recalibration
+        self._acknowledgements = acknowledgements
         self._recording = recording
         self._publisher = publisher
         self._rigger = rigger
         self._headers = HeaderMaker()
-        self._incidents = IncidentRegister(health.boot_id)
+        self._incidents = IncidentRegister(health.boot_id, last_number=0)
         self._next_second_ns = 0
         self._clock_steps = 0
         self._open(info)
@@ -99,7 +102,9 @@ class Processor(Worker[SamplerItem]):
             self._counters.add(item)
             self._recalibration.feed(item)
             self._serve_requests()
-            self._forward(self._pipeline.process(item, self._wall_clock.state), int(item.time_ns[-1]))
+            time_ns = int(item.time_ns[-1])
+            self._forward(self._pipeline.process(item, self._wall_clock.state), time_ns)
+            self._serve_acknowledgements(time_ns)
         elif item.info != self.info:
             self._open(item.info)
         self._each_second()
@@ -109,6 +114,7 @@ class Processor(Worker[SamplerItem]):
         self._serve_requests()
         now_ns = self._wall_clock.clock.now_ns()
         self._forward(self._pipeline.idle(now_ns, self._wall_clock.state), now_ns)
+        self._serve_acknowledgements(now_ns)
         self._each_second()
 
     def close(self) -> None:
@@ -128,6 +134,11 @@ class Processor(Worker[SamplerItem]):
             newest_ns = self._counters.newest_ns
             time_ns = self._wall_clock.clock.now_ns() if newest_ns is None else newest_ns
             self._send([self._pipeline.calibration_message(MessageTime(time_ns, self._wall_clock.state))])
+
+    def _serve_acknowledgements(self, time_ns: int) -> None:
+        """Acknowledge at the time of the last block, so that a replay acknowledges at the same place."""
+        now = MessageTime(time_ns, self._wall_clock.state)
+        self._acknowledgements.serve(self._incidents, lambda given: self._send(self._pipeline.acknowledge(given, now)))
 
     def _each_second(self) -> None:
         now_ns = self._wall_clock.clock.now_ns()

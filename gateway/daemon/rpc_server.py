@@ -10,6 +10,7 @@ from functools import partial
 import zenoh
 from pydantic_core import to_json
 
+from gateway.daemon.acknowledgement_service import AcknowledgementService
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.mark_service import MarkService
 from gateway.daemon.recalibration_service import PendingRequest, RecalibrationService
@@ -59,9 +60,11 @@ class RpcServer(Worker[RpcItem]):
         latest: Callable[[], dict[str, bytes]],
         recalibration: RecalibrationService,
         marks: MarkService,
+        acknowledgements: AcknowledgementService,
     ) -> None:
         """`latest` returns the last message of each topic, for the status."""
         self._marks = marks
+        self._acknowledgements = acknowledgements
         super().__init__("rpc", BoundedQueue(INBOX))
         self._key = key
         self._latest = latest
@@ -69,7 +72,7 @@ class RpcServer(Worker[RpcItem]):
         # The session may not be used inside its callbacks: they only put what comes into the inbox.
         self._queryables = [
             session.declare_queryable(f"{key}/rpc/{verb}", partial(self._receive_query, verb))
-            for verb in ("status", *VERBS, "fetch", "mark")
+            for verb in ("status", *VERBS, "fetch", "mark", "acknowledge")
         ]
         self._load = session.declare_subscriber(f"{key}/load", self._receive_load_signal)
 
@@ -105,14 +108,18 @@ class RpcServer(Worker[RpcItem]):
             self._answer(query, self._marks.answer(payload))
             return
         request = PendingRequest(query.verb, payload, lambda answer: self.inbox.put(Reply(query, answer)))
-        if not self._recalibration.submit(request):
+        service = self._acknowledgements if query.verb == "acknowledge" else self._recalibration
+        if not service.submit(request):
             self._refuse(query, "busy: too many requests are waiting")
 
     def _refusal(self, query: IncomingQuery) -> str | None:
         payload = query.query.payload
         if payload is not None and len(payload) > MAX_PAYLOAD_BYTES:
             return f"a request of {len(payload)} bytes; {MAX_PAYLOAD_BYTES} is the most"
-        if query.verb in (*VERBS, "mark") and str(query.query.key_expr) != f"{self._key}/rpc/{query.verb}":
+        if (
+            query.verb in (*VERBS, "mark", "acknowledge")
+            and str(query.query.key_expr) != f"{self._key}/rpc/{query.verb}"
+        ):
             return f"{query.query.key_expr} may mean several gateways; ask one: {self._key}"
         return None
 

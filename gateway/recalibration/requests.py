@@ -46,6 +46,12 @@ class SetMark(Request):
     text: str = Field(min_length=1, max_length=500, pattern=ONE_LINE_PATTERN)
 
 
+class Acknowledge(Request):
+    """Acknowledge an incident; without one all that nobody has acknowledged."""
+
+    incident: str | None = Field(None, pattern=r"^[A-Za-z0-9-]{1,64}$")
+
+
 class Zero(Request):
     """Remove the mount's two angles while the load hangs still."""
 
@@ -102,6 +108,11 @@ def parse_request(verb: str, payload: bytes) -> Request:
 def parse_mark(payload: bytes) -> SetMark:
     """Return the request for a mark in a payload. Raises `RequestError`."""
     return _parse(SetMark, payload)
+
+
+def parse_acknowledge(payload: bytes) -> Acknowledge:
+    """Return the acknowledgement in a payload. Raises `RequestError`."""
+    return _parse(Acknowledge, payload)
 
 
 def parse_fetch(payload: bytes) -> Fetch:

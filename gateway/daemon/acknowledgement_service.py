@@ -1,0 +1,76 @@
+"""Acknowledgements of incidents: they wait here for the processing thread, because they are inputs of the pipeline."""
+
+from collections import OrderedDict
+from collections.abc import Callable
+
+from gateway.daemon.bounded_queue import BoundedQueue
+from gateway.daemon.recalibration_service import PendingRequest
+from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
+from gateway.recalibration.journal import RequestAnswer
+from gateway.recalibration.requests import Acknowledge, RequestError, parse_acknowledge
+
+WAITING = 16
+REMEMBERED = 256
+"""Answers that are kept: a client repeats a request whose answer was lost."""
+
+
+class AcknowledgementService:
+    """Answers the requests of bus and page. The processing thread calls everything but `submit`."""
+
+    def __init__(self) -> None:
+        self._waiting: BoundedQueue[PendingRequest] = BoundedQueue(WAITING)
+        self._answers: OrderedDict[str, RequestAnswer] = OrderedDict()
+
+    def submit(self, request: PendingRequest) -> bool:
+        """Add a request; return False if too many are waiting. Called by any thread.
+
+        `request.reply` is called by the processing thread within a block, or within 0.1 s where no samples come.
+        """
+        return self._waiting.put(request)
+
+    @property
+    def dropped(self) -> int:
+        """Number of requests that came while too many were waiting."""
+        return self._waiting.dropped
+
+    def serve(self, incidents: IncidentRegister, acknowledge: Callable[[Acknowledgement], None]) -> None:
+        """Answer one waiting request, so that many of them do not delay a block; `acknowledge` puts it into the pipeline."""
+        request = self._waiting.get(0.0) if len(self._waiting) else None
+        if request is not None:
+            request.reply(self._answer(request.payload, incidents, acknowledge))
+
+    def _answer(
+        self, payload: bytes, incidents: IncidentRegister, acknowledge: Callable[[Acknowledgement], None]
+    ) -> RequestAnswer:
+        try:
+            request = parse_acknowledge(payload)
+        except RequestError as error:
+            return RequestAnswer(id="", request="", accepted=False, text=str(error))
+        if request.id not in self._answers:
+            self._answers[request.id] = _acknowledge(request, incidents, acknowledge)
+            while len(self._answers) > REMEMBERED:
+                self._answers.popitem(last=False)
+        return self._answers[request.id]
+
+
+def _acknowledge(
+    request: Acknowledge, incidents: IncidentRegister, acknowledge: Callable[[Acknowledgement], None]
+) -> RequestAnswer:
+    """Acknowledge the incident of a request, or without one all that nobody has acknowledged."""
+    waiting = list(incidents.unacknowledged())
+    wanted = waiting if request.incident is None else [request.incident]
+    found = [incident_id for incident_id in wanted if incident_id in waiting]
+    for incident_id in found:
+        acknowledge(Acknowledgement(incident_id, request.by, request.reason))
+    text = f"{', '.join(found)} by {request.by}" if found else _nothing_found(request.incident, incidents)
+    return RequestAnswer(id=request.id, request="acknowledge", accepted=bool(found), text=text)
+
+
+def _nothing_found(incident_id: str | None, incidents: IncidentRegister) -> str:
+    """Return why there is nothing to acknowledge."""
+    if incident_id is None:
+        return "no incident waits for an acknowledgement"
+    incident = incidents.find(incident_id)
+    if incident is None:
+        return f"no incident {incident_id} is known since the start of the gateway"
+    return f"{incident_id} was acknowledged before, by {incident.acknowledged_by}"

@@ -1,0 +1,72 @@
+"""Acknowledgements: done once for each id, one for each block, refused where there is nothing to acknowledge."""
+
+import json
+
+from gateway.daemon.acknowledgement_service import WAITING, AcknowledgementService
+from gateway.daemon.recalibration_service import PendingRequest
+from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
+from gateway.recalibration.journal import RequestAnswer
+
+REQUEST = {"id": "cli-12345678", "by": "ann"}
+
+
+class Site:
+    """A register with one open incident, and what was put into the pipeline."""
+
+    def __init__(self) -> None:
+        self.incidents = IncidentRegister("b00t")
+        self.incidents.update("swing", "raised", "trip", None, 0.1, 5.0)
+        self.service = AcknowledgementService()
+        self.given: list[Acknowledgement] = []
+        self.answers: list[RequestAnswer] = []
+
+    def acknowledge(self, given: Acknowledgement) -> None:
+        self.given.append(given)
+        incident = self.incidents.find(given.incident)
+        assert incident is not None
+        incident.acknowledged_by = given.by
+
+    def ask(self, **request: object) -> RequestAnswer:
+        payload = json.dumps({**REQUEST, **request}).encode()
+        assert self.service.submit(PendingRequest("acknowledge", payload, self.answers.append))
+        self.service.serve(self.incidents, self.acknowledge)
+        return self.answers[-1]
+
+
+def test_an_acknowledgement_without_an_incident_is_for_all_that_wait() -> None:
+    site = Site()
+    site.incidents.update("lean", "raised", "trip", None, 0.1, 6.0)
+    answer = site.ask(reason="load set down")
+    assert (answer.accepted, answer.text) == (True, "b00t-1, b00t-2 by ann")
+    assert site.given == [Acknowledgement(f"b00t-{number}", "ann", "load set down") for number in (1, 2)]
+
+
+def test_the_same_request_is_done_once_and_answered_each_time() -> None:
+    site = Site()
+    answers = [site.ask(incident="b00t-1") for _ in range(3)]
+    assert [answer.accepted for answer in answers] == [True] * 3
+    assert len(site.given) == 1
+
+
+def test_what_cannot_be_acknowledged_is_refused_with_the_reason() -> None:
+    site = Site()
+    assert "no incident b00t-7" in site.ask(incident="b00t-7").text
+    site.ask(id="cli-1234567a", incident="b00t-1")
+    assert "acknowledged before, by ann" in site.ask(id="cli-1234567b", incident="b00t-1").text
+    refused = site.ask(id="cli-1234567c")
+    assert (refused.accepted, refused.text) == (False, "no incident waits for an acknowledgement")
+    assert not site.ask(incident="../etc").accepted
+    assert not site.ask(by="two\nlines").accepted
+    assert len(site.given) == 1
+
+
+def test_one_request_is_answered_at_a_time_and_too_many_are_refused() -> None:
+    site = Site()
+    payload = json.dumps(REQUEST).encode()
+    submitted = [
+        site.service.submit(PendingRequest("acknowledge", payload, site.answers.append)) for _ in range(WAITING + 1)
+    ]
+    assert submitted == [True] * WAITING + [False]
+    assert site.service.dropped == 1
+    site.service.serve(site.incidents, site.acknowledge)
+    assert len(site.answers) == 1
