@@ -9,33 +9,15 @@
 # does not start, the old one is started again. Recordings, calibration records and settings are kept.
 set -eu
 
-root=${PLUMBLINE_ROOT:-}    # another root directory, to build an image or to test the script
-base=$root/opt/plumbline
-releases=$base/releases
-settings=$root/etc/plumbline
-installed=$settings/plumbline.toml
-data=$root/var/lib/plumbline
+me=install.sh
 source=$(cd "$(dirname "$0")/.." && pwd)
+# shellcheck source=deploy/functions.sh
+. "$source/deploy/functions.sh"
 python=${PYTHON:-python3}
-started_s=30    # time in which a gateway that starts well has started
-
-fail() {
-    echo "install.sh: $1" >&2
-    exit 2
-}
-
-# switch_to NAME: make a release the current one, atomically.
-switch_to() {
-    ln -sfn "releases/$1" "$base/current.new"
-    mv -T "$base/current.new" "$base/current"
-}
-
-current_release() {
-    if [ -L "$base/current" ]; then basename "$(readlink "$base/current")"; fi
-}
 
 check_root_and_python() {
-    [ -n "$root" ] || [ "$(id -u)" = 0 ] || fail "must run as root: sudo $0"
+    require_root
+    has_package && fail "the Debian package plumbline-gateway is installed; upgrade with it, or remove it first: apt remove plumbline-gateway"
     "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' || fail "python3 >= 3.11 is needed (Raspberry Pi OS 12 or later)"
     "$python" -c 'import ensurepip, venv' 2>/dev/null || fail "python3-venv is missing: apt install python3-venv"
 }
@@ -54,11 +36,6 @@ make_release() {
         fail "the program could not be installed; the installed version is unchanged"
 }
 
-# check_settings NAME FILE: check a configuration with a release.
-check_settings() {
-    "$releases/$1/.venv/bin/python" -P -m gateway config check "$2" || fail "$2: correct it, and install again; the installed version is unchanged"
-}
-
 # put_settings FILE: put a checked configuration into force; the one before is kept beside it.
 put_settings() {
     mkdir -p "$settings"
@@ -67,61 +44,27 @@ put_settings() {
         cp -p "$installed" "$kept"
         echo "settings   the former ones are kept: $kept"
     fi
-    if ! [ "$1" -ef "$installed" ]; then
-        cp "$1" "$installed.new"
-        mv "$installed.new" "$installed"
-    fi
+    cp "$1" "$installed.new"
+    mv "$installed.new" "$installed"
 }
 
+# put_service RELEASE: put the unit, the udev rules, the environment and the command of a release into their places.
 put_service() {
-    mkdir -p "$root/etc/systemd/system" "$root/etc/udev/rules.d" "$root/usr/local/bin" "$data"
-    cp "$1/deploy/plumbline.service" "$root/etc/systemd/system/plumbline.service"
-    cp "$1/deploy/60-plumbline.rules" "$root/etc/udev/rules.d/60-plumbline.rules"
-    cp "$1/deploy/service.env" "$settings/service.env"
-    cp "$1/deploy/plumbline.sh" "$root/usr/local/bin/plumbline.new"
+    parts=$releases/$1/deploy
+    mkdir -p "$root/etc/systemd/system" "$root/etc/udev/rules.d" "$root/usr/local/bin"
+    cp "$parts/plumbline.service" "$root/etc/systemd/system/plumbline.service"
+    cp "$parts/60-plumbline.rules" "$root/etc/udev/rules.d/60-plumbline.rules"
+    [ -e "$settings/service.env" ] || cp "$parts/service.env" "$settings/service.env"
+    cp "$parts/plumbline.sh" "$root/usr/local/bin/plumbline.new"
     chmod 0755 "$root/usr/local/bin/plumbline.new"
     mv "$root/usr/local/bin/plumbline.new" "$root/usr/local/bin/plumbline"
 }
 
-put_user() {
-    for group in i2c dialout; do
-        getent group "$group" >/dev/null || groupadd --system "$group"
-    done
-    id plumbline >/dev/null 2>&1 || useradd --system --user-group --home-dir "$data" --shell /usr/sbin/nologin plumbline
-    chown plumbline:plumbline "$data"
-    chmod 0750 "$data"
-}
-
-# restart: start the current release; false where it does not start in time. Type=notify: started means that it samples.
-restart() {
-    systemctl daemon-reload
-    udevadm control --reload 2>/dev/null || true
-    systemctl enable --quiet plumbline
-    timeout "$started_s" systemctl restart plumbline
-}
-
-# remove_old_releases: keep the current release and the one before it. Until 0.1.0 the program was in /opt/plumbline itself.
-remove_old_releases() {
-    for part in .venv gateway devices config deploy pyproject.toml requirements.lock README.md LICENSE; do
-        rm -rf "${base:?}/$part"
-    done
-    for folder in "$releases"/*/; do
-        name=$(basename "$folder")
-        [ "$name" = "$(current_release)" ] || [ "$name" = "$(cat "$base/previous" 2>/dev/null)" ] || rm -rf "$folder"
-    done
-}
-
 if [ "${1:-}" = --rollback ]; then
     check_root_and_python
-    before=$(cat "$base/previous" 2>/dev/null) || fail "there is no former version to return to"
-    [ -d "$releases/$before" ] || fail "$releases/$before: the former version is not there any more"
-    check_settings "$before" "$installed"
-    current_release >"$base/previous.new"
-    switch_to "$before"
-    mv "$base/previous.new" "$base/previous"
-    put_service "$releases/$before"
-    echo "program    $releases/$before"
-    [ -n "$root" ] || restart || fail "the former version does not start; see: journalctl -u plumbline"
+    roll_back
+    put_service "$(current_release)"
+    restart || fail "the former version does not start; see: journalctl -u plumbline"
     exit 0
 fi
 
@@ -132,33 +75,23 @@ config=${1:-$installed}
 check_root_and_python
 
 version=$(sed -n 's/^version = "\(.*\)"/\1/p' "$source/pyproject.toml")
-before=$(current_release)
 mkdir -p "$releases"
 release=$(basename "$(mktemp -d "$releases/$version-$(date -u +%Y%m%dT%H%M%S)-XXXX")")
 chmod 0755 "$releases/$release"
 make_release "$release"
 check_settings "$release" "$config"
-put_settings "$config"
 trap - EXIT
-[ -z "$before" ] || echo "$before" >"$base/previous"
-switch_to "$release"
-put_service "$releases/$release"
+put_settings "$config"
+put_user
+put_service "$release"
+if has_systemd; then systemctl enable --quiet plumbline; fi
+activate "$release"
 echo "program    $releases/$release"
 echo "settings   $installed"
-
-if [ -n "$root" ]; then
-    remove_old_releases
-    echo "another root: create the user, the groups and the service at the image's first start"
+if ! has_systemd; then
+    echo "no systemd here: create the user, the groups and the service at the image's first start"
     exit 0
 fi
-put_user
-if ! restart; then
-    [ -n "$before" ] || fail "the gateway does not start; \`plumbline doctor\` says why"
-    switch_to "$before"
-    restart || true
-    fail "the new version does not start, and $before runs again; see: journalctl -u plumbline"
-fi
-remove_old_releases
 echo "service    running; its log: journalctl -u plumbline -f; its state: plumbline doctor"
 echo "page       on this machine: http://127.0.0.1:8321/"
 echo "recordings $data; to read them without sudo: usermod -aG plumbline USER"

@@ -105,13 +105,15 @@ def installation(tmp_path: Path, python: Path) -> Installation:
 def wanted(tmp_path: Path) -> Path:
     """The configuration of an engineer."""
     path = tmp_path / "crane.toml"
-    path.write_text((ROOT / "config" / "simulated.toml").read_text())
+    path.write_text((ROOT / "config" / "adxl355.toml").read_text())
     return path
 
 
 def test_scripts_are_valid() -> None:
-    for name in ("install.sh", "uninstall.sh", "plumbline.sh"):
-        subprocess.run(["sh", "-n", str(ROOT / "deploy" / name)], check=True)
+    scripts = [*(ROOT / "deploy").glob("*.sh"), *(ROOT / "deploy" / "debian").iterdir(), *(ROOT / "script").iterdir()]
+    assert len(scripts) > 10
+    for script in scripts:
+        subprocess.run(["sh", "-n", str(script)], check=True)
 
 
 def test_installer_names_a_missing_configuration(installation: Installation) -> None:
@@ -128,6 +130,25 @@ def test_nothing_is_put_into_service_without_a_configuration(installation: Insta
     assert done.returncode == 2
     assert "name a configuration" in done.stderr
     assert not installation.root.exists()
+
+
+def test_a_simulated_crane_is_not_put_into_service(installation: Installation, wanted: Path) -> None:
+    wanted.write_text("[rope]\nlength_m = 12.0\n")
+    done = installation.run("install.sh", wanted)
+    assert done.returncode == 2
+    assert 'device.kind: "simulated" is no sensor' in done.stderr
+    assert "gateway.demonstration = true" in done.stderr
+    assert not installation.settings.exists()
+    wanted.write_text("[gateway]\ndemonstration = true\n")
+    assert installation.run("install.sh", wanted).returncode == 0
+
+
+def test_an_edited_environment_of_the_service_stays(installation: Installation, wanted: Path) -> None:
+    assert installation.run("install.sh", wanted).returncode == 0
+    environment = installation.settings.with_name("service.env")
+    environment.write_text("PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n")
+    assert installation.run("install.sh").returncode == 0
+    assert environment.read_text() == "PLUMBLINE_GATEWAY__DATA_DIR=/srv/plumbline\n"
 
 
 def test_an_edited_configuration_is_installed_the_second_time(installation: Installation, wanted: Path) -> None:

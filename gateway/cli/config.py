@@ -30,6 +30,9 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         epilog="example: plumbline config check my.toml",
     )
     check.add_argument("file", type=Path, metavar="FILE", help="configuration")
+    check.add_argument(
+        "--service", action="store_true", help="also require a sensor, as the service does: no simulated crane"
+    )
     check.set_defaults(run=_check)
     schema = verbs.add_parser(
         "schema",
@@ -51,8 +54,11 @@ def _show(arguments: argparse.Namespace) -> int:
 
 def _check(arguments: argparse.Namespace) -> int:
     from gateway.configuration.loading import load
+    from gateway.configuration.service_configuration import require_sensor
 
     configuration = load(arguments.file)
+    if arguments.service:
+        require_sensor(configuration, str(arguments.file))
     print(f"{arguments.file}: good; {configuration.device.kind} as {configuration.gateway.key}")
     if configuration.housing_position_m is None:
         print("note: [housing] position_m or above_load_m is not given; without it there is no swing estimate")

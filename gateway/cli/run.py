@@ -26,12 +26,16 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     )
     command.add_argument("--duration", type=above_zero, metavar="S", help="stop cleanly after this many seconds")
     command.add_argument("--quiet", action="store_true", help="print warnings and errors only")
+    command.add_argument(
+        "--service", action="store_true", help="require a sensor: refuse a simulated crane and a recording"
+    )
     command.set_defaults(run=run)
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the gateway."""
     from gateway.configuration.loading import load
+    from gateway.configuration.service_configuration import require_sensor
     from gateway.daemon.gateway import Gateway
     from gateway.daemon.logs import start_logging
 
@@ -43,7 +47,10 @@ def run(arguments: argparse.Namespace) -> int:
 
     for name in (signal.SIGINT, signal.SIGTERM):
         signal.signal(name, on_signal)
-    gateway = Gateway(load(arguments.config))
+    configuration = load(arguments.config)
+    if arguments.service:
+        require_sensor(configuration, str(arguments.config or "the embedded default"))
+    gateway = Gateway(configuration)
     if not arguments.quiet:
         print(gateway.describe(), flush=True)
     failed = gateway.run(stopping, arguments.duration)

@@ -20,6 +20,9 @@ class GatewaySection(Section):
     crane: str = Field("crane-1", pattern=KEY_PATTERN, description="second part of the bus key")
     sensor: str = Field("hook-1", pattern=KEY_PATTERN, description="third part of the bus key")
     data_dir: Path = Field(Path("plumbline-data"), description="folder of recordings and calibration records")
+    demonstration: bool = Field(
+        False, description="allows the service to run without a sensor: a simulated crane or a recording"
+    )
 
     @property
     def key(self) -> str:

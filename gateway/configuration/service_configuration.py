@@ -9,6 +9,7 @@ from gateway.configuration.model import Configuration
 
 SETTINGS = Path("/etc/plumbline/plumbline.toml")
 SERVICE_ENVIRONMENT = Path("/etc/plumbline/service.env")
+WITHOUT_SENSOR = ("simulated", "replay")
 
 
 def is_installed() -> bool:
@@ -19,6 +20,16 @@ def is_installed() -> bool:
 def load_installed(environment: Mapping[str, str] = os.environ) -> Configuration:
     """Return the configuration that the service runs with. Raises `ConfigurationError`."""
     return load(SETTINGS, {**service_environment(), **environment})
+
+
+def require_sensor(configuration: Configuration, where: str) -> None:
+    """Raise `ConfigurationError` for a service without a sensor that is not declared a demonstration."""
+    kind = configuration.device.kind
+    if kind in WITHOUT_SENSOR and not configuration.gateway.demonstration:
+        raise ConfigurationError(
+            f'{where}: device.kind: "{kind}" is no sensor, and a service must not report a crane that is not there; '
+            "name the sensor, or set gateway.demonstration = true"
+        )
 
 
 def service_environment() -> dict[str, str]:
