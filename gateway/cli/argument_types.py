@@ -2,10 +2,13 @@
 
 import argparse
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from gateway.recording.interval import RecordingTime
+
+Value = TypeVar("Value")
 
 
 def above_zero(text: str) -> float:
@@ -48,3 +51,15 @@ def duration_s(text: str) -> float:
         raise argparse.ArgumentTypeError(
             f"{text} is not a duration: seconds (90), minutes (1:30) or hours (1:00:00)"
         ) from None
+
+
+def parsed_by(parse: Callable[[str], Value]) -> Callable[[str], Value]:
+    """Return the type of an option that is read by a function whose `ValueError` says what is allowed."""
+
+    def read(text: str) -> Value:
+        try:
+            return parse(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return read

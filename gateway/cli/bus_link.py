@@ -15,6 +15,11 @@ def add_address(verb: argparse.ArgumentParser) -> None:
         metavar="KEY",
         help="plumbline/v1/<site>/<crane>/<sensor> (default: every gateway on the bus)",
     )
+    add_connect(verb)
+
+
+def add_connect(verb: argparse.ArgumentParser) -> None:
+    """Add `--connect`."""
     verb.add_argument(
         "--connect",
         metavar="ENDPOINT",

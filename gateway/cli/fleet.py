@@ -3,7 +3,7 @@
 import argparse
 from importlib import import_module
 
-VERBS = ("drift", "deflection")
+VERBS = ("status", "drift", "deflection")
 """The verbs, in the order of the help; `gateway.cli.fleet_<name>` adds its own parser."""
 
 
@@ -11,9 +11,9 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     """Add the command with its verbs."""
     command = commands.add_parser(
         "fleet",
-        help="many sensors and gateways: which to calibrate next, and what several measure together",
-        description="Many sensors and gateways: which to calibrate next, and what several measure together.",
-        epilog="example: plumbline fleet drift /var/lib/plumbline/calibration",
+        help="many sensors and gateways: their state, which to calibrate next, what several measure together",
+        description="Many sensors and gateways: their state, which to calibrate next, what several measure together.",
+        epilog="example: plumbline fleet status --expect gateways.txt",
     )
     verbs = command.add_subparsers(dest="verb", metavar="VERB", required=True)
     for name in VERBS:

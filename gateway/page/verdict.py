@@ -58,6 +58,8 @@ class PageEvidence:
     age_s: Mapping[str, float]
     """Time since the last message with a newer sample, by topic."""
     stale_s: float
+    judged: tuple[str, ...] = tuple(USUAL_INTERVAL_S)
+    """The topics whose freshness counts: those that are received here."""
 
     def get(self, kind: type[M]) -> M | None:
         """Return the newest message of a type."""
@@ -125,13 +127,13 @@ def _interval_s(evidence: PageEvidence, topic: str) -> float:
 
 
 def _freshness(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
-    missing = [topic for topic in USUAL_INTERVAL_S if topic not in evidence.latest]
-    if len(missing) == len(USUAL_INTERVAL_S):
+    missing = [topic for topic in evidence.judged if topic not in evidence.latest]
+    if len(missing) == len(evidence.judged):
         yield "NO DATA", "no measurement received yet" if evidence.gateway else "the gateway does not answer"
         return
     if not evidence.gateway:
         yield "STALE", "the gateway has stopped or is disconnected"
-    late = [topic for topic in USUAL_INTERVAL_S if topic in evidence.latest and not is_fresh(evidence, topic)]
+    late = [topic for topic in evidence.judged if topic in evidence.latest and not is_fresh(evidence, topic)]
     if late:
         yield "STALE", f"no new {', '.join(late)} for {max(evidence.age_s[topic] for topic in late):.0f} s"
     if missing:

@@ -1,0 +1,84 @@
+"""The transfer from Zenoh's threads to one reader: the latest payload of every topic of every gateway."""
+
+import re
+import threading
+from dataclasses import dataclass, field
+
+from gateway.configuration.section import KEY_PATTERN
+
+KEY = re.compile(f"plumbline/v1(/{KEY_PATTERN.strip('^$')}){{3}}")
+"""Key of a gateway: the names that a configuration allows."""
+LONGEST_KEY = 256
+LARGEST_PAYLOAD = 65536
+MOST_GATEWAYS = 5000
+"""Bound of the memory that a peer with invented names can take."""
+
+
+@dataclass(frozen=True, slots=True)
+class FleetArrival:
+    """A payload, the time of its arrival on the monotonic clock, and whether it was published just then."""
+
+    payload: bytes
+    at_s: float
+    live: bool
+    """False: an older message, from a status answer or a storage."""
+
+
+@dataclass(frozen=True, slots=True)
+class FleetBatch:
+    """Everything that has come since the last batch."""
+
+    arrivals: dict[tuple[str, str], FleetArrival] = field(default_factory=dict)
+    """By gateway and topic."""
+    alive: dict[str, bool] = field(default_factory=dict)
+    """Changes of the liveliness tokens, by gateway."""
+
+
+class FleetInbox:
+    """Holds the latest payloads, however slow the reader is."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._batch = FleetBatch()
+        self._keys: set[str] = set()
+        self.refused = 0
+        """Number of payloads that were too large, or under a name that no configuration allows."""
+
+    def put(self, key_expression: str, payload: bytes, at_s: float, *, live: bool) -> None:
+        """Add a payload under `<gateway>/<topic>`. An older message never replaces a live one."""
+        key, _, topic = key_expression.rpartition("/")
+        with self._lock:
+            if len(payload) > LARGEST_PAYLOAD or not self._admit(key):
+                self.refused += 1
+                return
+            before = self._batch.arrivals.get((key, topic))
+            if live or before is None or not before.live:
+                self._batch.arrivals[key, topic] = FleetArrival(payload, at_s, live)
+
+    def put_alive(self, key_expression: str, alive: bool) -> None:
+        """Add a change of a liveliness token, `<gateway>/alive`."""
+        key, _, _ = key_expression.rpartition("/")
+        with self._lock:
+            if self._admit(key):
+                self._batch.alive[key] = alive
+            else:
+                self.refused += 1
+
+    def count_refused(self) -> None:
+        """Count a payload that was not usable. Called from Zenoh's threads."""
+        with self._lock:
+            self.refused += 1
+
+    def drain(self) -> FleetBatch:
+        """Return everything that has come since the last call."""
+        with self._lock:
+            batch, self._batch = self._batch, FleetBatch()
+        return batch
+
+    def _admit(self, key: str) -> bool:
+        if key in self._keys:
+            return True
+        if len(self._keys) >= MOST_GATEWAYS or len(key) > LONGEST_KEY or KEY.fullmatch(key) is None:
+            return False
+        self._keys.add(key)
+        return True

@@ -1,0 +1,1 @@
+"""The state of many gateways, from their messages."""

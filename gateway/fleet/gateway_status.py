@@ -1,0 +1,136 @@
+"""The status of one gateway, judged from its latest messages: a pure function."""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import Literal
+
+from gateway.messages import Alert, Calibration, Health, Level, Swing
+from gateway.page.verdict import STYLES, PageEvidence, Word, is_fresh, is_swing_known, verdict
+
+FleetWord = Literal["MISSING", "GONE", "DUPLICATE", "BATTERY LOW"] | Word
+"""The words of the operator's page, and four that only a list of gateways needs."""
+LABELS: dict[FleetWord, str] = {
+    "MISSING": "MISSING",
+    "GONE": "GONE",
+    "DUPLICATE": "DUPLICATE",
+    **{word: style.label for word, style in STYLES.items() if word != "OK"},
+    "BATTERY LOW": "BATTERY LOW",
+    "OK": STYLES["OK"].label,
+}
+"""In the order of urgency, the labels that people read."""
+DAY_S = 86400.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SwingReading:
+    """The swing of a gateway whose reading is sound."""
+
+    swinging: bool
+    phi_max_deg: float | None
+    u_deg: float | None
+    upper95_deg: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GatewayStatus:
+    """The status of one gateway; None where it is not known."""
+
+    key: str
+    state: FleetWord
+    reasons: tuple[str, ...]
+    alive: bool = False
+    level: Level = "unknown"
+    swing: SwingReading | None = None
+    """None where the reading is not sound."""
+    battery_percent: float | None = None
+    battery_v: float | None = None
+    signal_dbm: float | None = None
+    calibration: str | None = None
+    calibration_id: str | None = None
+    calibration_age_days: float | None = None
+    software: str | None = None
+    device: str | None = None
+    boot_id: str | None = None
+    faults: int | None = None
+    seen_s: float | None = None
+    """Time since the last message; None: none was seen."""
+
+    @property
+    def name(self) -> str:
+        """Site, crane and sensor."""
+        return self.key.removeprefix("plumbline/v1/")
+
+    @property
+    def place(self) -> tuple[str, str, str]:
+        """Site, crane and sensor."""
+        site, crane, sensor = self.name.split("/")
+        return site, crane, sensor
+
+    @property
+    def label(self) -> str:
+        """The state as people read it."""
+        return LABELS[self.state]
+
+
+def gateway_status(
+    key: str, evidence: PageEvidence, seen_s: float | None, now_utc: datetime, *, duplicate: bool
+) -> GatewayStatus:
+    """Judge one gateway. `duplicate`: two gateways use this name at the same time."""
+    judged = verdict(evidence)
+    alert, health, calibration = evidence.get(Alert), evidence.get(Health), evidence.get(Calibration)
+    state: FleetWord = judged.word
+    reasons = judged.reasons
+    if not evidence.gateway:
+        state = "GONE"
+    elif duplicate:
+        state, reasons = "DUPLICATE", ["two gateways use this name at the same time", *reasons]
+    elif state == "OK" and health is not None and health.battery_low:
+        state, reasons = "BATTERY LOW", ["the battery of the sensor is low"]
+    current = alert is not None and evidence.gateway and is_fresh(evidence, "alert")
+    return GatewayStatus(
+        key=key,
+        state=state,
+        reasons=tuple(reasons),
+        alive=evidence.gateway,
+        level=alert.level if alert is not None and current else "unknown",
+        swing=_swing(evidence) if judged.sound and evidence.gateway and not duplicate else None,
+        battery_percent=None if health is None else health.battery_percent,
+        battery_v=None if health is None else health.battery_v,
+        signal_dbm=None if health is None else health.signal_dbm,
+        calibration=None if calibration is None else calibration.status,
+        calibration_id=None if calibration is None else calibration.calibration_id,
+        calibration_age_days=None if calibration is None else _age_days(calibration, now_utc),
+        software=None if health is None else health.software,
+        device=None if health is None else health.device_kind,
+        boot_id=None if health is None else health.boot_id,
+        faults=None if health is None else sum(health.faults.values()),
+        seen_s=seen_s,
+    )
+
+
+def missing_gateway(key: str) -> GatewayStatus:
+    """Return the status of an expected gateway that was never seen."""
+    return GatewayStatus(key=key, state="MISSING", reasons=("expected, and never seen",))
+
+
+def _swing(evidence: PageEvidence) -> SwingReading | None:
+    swing = evidence.get(Swing)
+    if swing is None or swing.swinging is None or not is_swing_known(swing):
+        return None
+    high = swing.coverage95_deg[1] if swing.coverage95_deg is not None else None
+    return SwingReading(
+        swinging=swing.swinging,
+        phi_max_deg=swing.phi_max_deg if swing.swinging else None,
+        u_deg=swing.u_deg if swing.swinging else None,
+        upper95_deg=high,
+    )
+
+
+def _age_days(calibration: Calibration, now_utc: datetime) -> float | None:
+    """Return the age of the record in force; None where there is none, or it states no time."""
+    try:
+        created = datetime.fromisoformat(str(calibration.record.get("created_utc", "")))
+    except ValueError:
+        return None
+    created = created if created.tzinfo is not None else created.replace(tzinfo=UTC)
+    return (now_utc - created).total_seconds() / DAY_S

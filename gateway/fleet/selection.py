@@ -1,0 +1,103 @@
+"""Which gateways are judged, which of them are listed, and in which order."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from math import inf
+from typing import Any, get_args
+
+from gateway.fleet.gateway_status import LABELS, FleetWord, GatewayStatus
+from gateway.messages import Level
+
+URGENCY = {word: number for number, word in enumerate(LABELS)}
+WELL: FleetWord = "OK"
+
+
+def parse_states(text: str) -> frozenset[FleetWord]:
+    """Return the states of a comma-separated list of their words or labels. Raises `ValueError` for another word."""
+    known = {name: word for word, label in LABELS.items() for name in (_plain(word), _plain(label))}
+    names = [_plain(name) for name in text.split(",")]
+    if unknown := [name for name in names if name not in known]:
+        raise ValueError(f"{', '.join(unknown)}: choose from {', '.join(map(_plain, LABELS.values()))}")
+    return frozenset(known[name] for name in names)
+
+
+def parse_levels(text: str) -> frozenset[Level]:
+    """Return the levels of a comma-separated list. Raises `ValueError` for another word."""
+    known: dict[str, Level] = {level: level for level in get_args(Level)}
+    names = [_plain(name) for name in text.split(",")]
+    if unknown := [name for name in names if name not in known]:
+        raise ValueError(f"{', '.join(unknown)}: choose from {', '.join(known)}")
+    return frozenset(known[name] for name in names)
+
+
+def _plain(name: str) -> str:
+    return name.strip().lower().replace(" ", "_")
+
+
+@dataclass(frozen=True, slots=True)
+class NamePatterns:
+    """Shell patterns of site, crane and sensor: `*`, `?`, `[abc]`."""
+
+    site: str = "*"
+    crane: str = "*"
+    sensor: str = "*"
+
+    def matches(self, key: str) -> bool:
+        """Return whether a gateway is meant."""
+        names = key.split("/")[-3:]
+        return all(map(fnmatchcase, names, (self.site, self.crane, self.sensor)))
+
+    @property
+    def key_pattern(self) -> str:
+        """The narrowest pattern of the bus that includes them: whole names or `*`."""
+        return "/".join(
+            (
+                "plumbline/v1",
+                *("*" if set(name) & set("*?[") else name for name in (self.site, self.crane, self.sensor)),
+            )
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class ListFilter:
+    """Which of the judged gateways are listed; an empty set: all."""
+
+    states: frozenset[FleetWord] = frozenset()
+    levels: frozenset[Level] = frozenset()
+
+    def select(self, statuses: Sequence[GatewayStatus]) -> list[GatewayStatus]:
+        """Return the gateways to list."""
+        return [
+            status
+            for status in statuses
+            if (not self.states or status.state in self.states) and (not self.levels or status.level in self.levels)
+        ]
+
+
+def not_well(statuses: Sequence[GatewayStatus], accepted: frozenset[FleetWord]) -> list[GatewayStatus]:
+    """Return the gateways that are neither OK nor in an accepted state."""
+    return [status for status in statuses if status.state != WELL and status.state not in accepted]
+
+
+def _largest_first(value: float | None) -> float:
+    return inf if value is None else -value
+
+
+def _smallest_first(value: float | None) -> float:
+    return inf if value is None else value
+
+
+SORTS: dict[str, Callable[[GatewayStatus], Any]] = {
+    "state": lambda status: URGENCY[status.state],
+    "name": lambda status: status.key,
+    "swing": lambda status: _largest_first(
+        None if status.swing is None else status.swing.phi_max_deg or status.swing.upper95_deg
+    ),
+    "battery": lambda status: _smallest_first(status.battery_percent),
+    "signal": lambda status: _smallest_first(status.signal_dbm),
+    "calibration": lambda status: _largest_first(status.calibration_age_days),
+    "seen": lambda status: _largest_first(status.seen_s),
+    "software": lambda status: status.software or "",
+}
+"""Orders of the list, by name; gateways that are alike stay in the order of their keys."""

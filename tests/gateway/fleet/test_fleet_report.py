@@ -1,0 +1,142 @@
+"""Filters, order, exit verdict and text of a list of gateways."""
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.errors import InputError
+from gateway.fleet.expected_gateways import read_expected
+from gateway.fleet.gateway_status import FleetWord, GatewayStatus, SwingReading, missing_gateway
+from gateway.fleet.report import FleetQuery, FleetReport, make_report
+from gateway.fleet.selection import SORTS, ListFilter, NamePatterns, parse_levels, parse_states
+from gateway.fleet.table import format_age
+
+NOW = datetime(2026, 11, 22, 12, tzinfo=UTC)
+
+
+def key(name: str) -> str:
+    return f"plumbline/v1/{name}"
+
+
+def status(name: str, state: FleetWord = "OK", **known: Any) -> GatewayStatus:
+    return GatewayStatus(key=key(name), state=state, reasons=known.pop("reasons", ()), alive=True, **known)
+
+
+FLEET = [
+    status("yard-a/c1/hook", level="normal", swing=SwingReading(swinging=True, phi_max_deg=2.0, u_deg=0.1, upper95_deg=2.2)),
+    status("yard-a/c2/hook", "TRIP", level="trip", reasons=("over the limit",), battery_percent=20.0),
+    status("yard-b/c1/hook", "DISTURBED", level="normal", battery_percent=10.0, seen_s=3.0),
+    missing_gateway(key("yard-b/c9/hook")),
+]  # fmt: skip
+
+
+def report(
+    query: FleetQuery | None = None, connected: bool = True, expected: frozenset[str] = frozenset()
+) -> FleetReport:
+    return make_report(FLEET, query or FleetQuery(), expected=expected, connected=connected, invalid=0, time_utc=NOW)
+
+
+def names(found: FleetReport) -> list[str]:
+    return [listed.name for listed in found.listed]
+
+
+def test_the_most_urgent_gateway_comes_first() -> None:
+    assert names(report()) == ["yard-b/c9/hook", "yard-a/c2/hook", "yard-b/c1/hook", "yard-a/c1/hook"]
+    assert names(report(FleetQuery(sort="name")))[0] == "yard-a/c1/hook"
+    assert names(report(FleetQuery(sort="battery")))[:2] == ["yard-b/c1/hook", "yard-a/c2/hook"]
+    assert names(report(FleetQuery(sort="swing")))[0] == "yard-a/c1/hook"
+    for sort in SORTS:
+        assert len(names(report(FleetQuery(sort=sort)))) == len(FLEET)
+
+
+def test_patterns_of_names_narrow_what_is_judged() -> None:
+    found = report(FleetQuery(NamePatterns(site="yard-a", crane="c[1]")))
+    assert (names(found), found.well) == (["yard-a/c1/hook"], True)
+    assert not report(FleetQuery(NamePatterns(site="yard-?"))).well
+    assert not report(FleetQuery(NamePatterns(site="no-such-site"))).well
+
+
+def test_a_whole_name_narrows_what_the_bus_sends() -> None:
+    assert NamePatterns(site="yard-a", crane="c*").key_pattern == "plumbline/v1/yard-a/*/*"
+
+
+def test_states_and_levels_narrow_the_list_but_not_the_verdict() -> None:
+    found = report(FleetQuery(listed=ListFilter(states=parse_states("ok"))))
+    assert (names(found), found.well) == (["yard-a/c1/hook"], False)
+    assert names(report(FleetQuery(listed=ListFilter(levels=parse_levels("trip"))))) == ["yard-a/c2/hook"]
+
+
+def test_labels_and_words_name_the_same_state() -> None:
+    assert parse_states("limit, no data") == parse_states("TRIP,no_data") == {"TRIP", "NO DATA"}
+    with pytest.raises(ValueError, match="broken: choose from"):
+        parse_states("broken")
+    with pytest.raises(ValueError, match="choose from normal"):
+        parse_levels("high")
+
+
+def test_an_accepted_state_is_no_fault_and_a_lost_router_always_is_one() -> None:
+    crane = NamePatterns(site="yard-b", crane="c1")
+    assert not report(FleetQuery(crane)).well
+    accepting = FleetQuery(crane, accepted=parse_states("disturbed"))
+    assert report(accepting).well
+    lost = report(accepting, connected=False)
+    assert not lost.well
+    assert lost.lines()[0].startswith("no connection to the router")
+
+
+def test_the_first_line_is_the_summary_and_the_reason_stands_in_the_row() -> None:
+    lines = report().lines()
+    assert lines[0] == "4 gateways, 3 not well: 1 MISSING, 1 LIMIT, 1 DISTURBED, 1 OK"
+    assert lines[3].split()[:3] == ["yard-a/c2/hook", "LIMIT", "trip"]
+    assert lines[3].endswith("over the limit")
+    assert "2.00 deg u 0.10" in lines[5]
+
+
+def test_control_characters_of_a_message_never_reach_a_terminal() -> None:
+    hostile = status("a/b/c", "TRIP", reasons=("\x1b]0;owned\x07\nplumbline/v1/forged  OK",), software="\x1b[2J1.0")
+    found = make_report([hostile], FleetQuery(), expected=frozenset(), connected=True, invalid=3, time_utc=NOW)
+    text = "\n".join(found.lines())
+    assert not [character for character in text if not character.isprintable() and character != "\n"]
+    assert len(found.lines()) == 4
+    assert "\x1b" not in json.dumps(found.as_json())
+
+
+def test_gateways_that_nobody_expects_are_noted_and_are_no_fault() -> None:
+    crane = FleetQuery(NamePatterns(site="yard-a", crane="c1"))
+    found = report(crane, expected=frozenset({key("yard-a/c2/hook")}))
+    assert found.well
+    assert found.lines()[-1] == "note: not on the list of expected gateways: yard-a/c1/hook"
+
+
+def test_the_json_has_every_gateway_with_its_names() -> None:
+    content = report().as_json()
+    assert content["counts"] == {"OK": 1, "TRIP": 1, "DISTURBED": 1, "MISSING": 1}
+    assert content["gateways"][1]["site"] == "yard-a"
+    assert content["not_well"] == [key("yard-a/c2/hook"), key("yard-b/c1/hook"), key("yard-b/c9/hook")]
+
+
+def test_expected_gateways_are_read_with_comments_and_whole_keys(tmp_path: Path) -> None:
+    path = tmp_path / "gateways.txt"
+    path.write_text("# north\nyard/c1/hook   # the old one\n\nplumbline/v1/yard/c2/hook\n")
+    assert read_expected(path) == {key("yard/c1/hook"), key("yard/c2/hook")}
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [("yard/c1/hook\nyard/c*/hook\n", "line 2: 'yard/c\\*/hook' is no gateway"), ("# none\n", "names no gateway")],
+)
+def test_a_wrong_list_of_expected_gateways_names_the_line(tmp_path: Path, text: str, problem: str) -> None:
+    path = tmp_path / "gateways.txt"
+    path.write_text(text)
+    with pytest.raises(InputError, match=problem):
+        read_expected(path)
+
+
+@pytest.mark.parametrize(
+    ("age_s", "text"), [(0.4, "0 s"), (90.0, "90 s"), (600.0, "10 min"), (7300.0, "2 h"), (4e5, "5 d")]
+)
+def test_ages_have_the_largest_fitting_unit(age_s: float, text: str) -> None:
+    assert format_age(age_s) == text

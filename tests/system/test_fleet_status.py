@@ -1,0 +1,148 @@
+"""`plumbline fleet status` on real gateways, as a person and a monitoring system see it."""
+
+import json
+import os
+import pty
+import re
+import select
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from tests.ports import unused_port
+from tests.system.conftest import ROOT, JoinBus, Plumbline, RunningGateway
+from tests.waiting import PATIENCE_S, wait_until
+
+pytestmark = pytest.mark.slow
+
+
+class Site:
+    """Two gateways that connect to one router."""
+
+    def __init__(self, folder: Path) -> None:
+        self.endpoint = f"tcp/127.0.0.1:{unused_port()}"
+        config = zenoh.Config()
+        for key, value in (
+            ("mode", "router"),
+            ("listen/endpoints", [self.endpoint]),
+            ("scouting/multicast/enabled", False),
+        ):
+            config.insert_json5(key, json.dumps(value))
+        self.router = zenoh.open(config)
+        self.gateways = {crane: self._start(folder, crane) for crane in ("c1", "c2")}
+
+    def _start(self, folder: Path, crane: str) -> RunningGateway:
+        (folder / crane).mkdir()
+        environment = {"PLUMBLINE_BUS__CONNECT": json.dumps([self.endpoint]), "PLUMBLINE_GATEWAY__CRANE": crane}
+        toml = '[gateway]\nsite = "yard"\n[alerts]\nwarn_deg = 80\ntrip_deg = 85\nclear_deg = 70\nlean_trip_deg = 80\n'
+        return RunningGateway(folder / crane, toml, environment=environment)
+
+    def close(self) -> None:
+        for gateway in self.gateways.values():
+            gateway.process.kill()
+            gateway.process.communicate()
+        self.router.close()
+
+
+@pytest.fixture
+def site(tmp_path: Path, join_bus: JoinBus) -> Iterator[Site]:
+    running = Site(tmp_path)
+    peer = join_bus(running.endpoint)
+    for crane in running.gateways:
+        wait_until(
+            lambda crane=crane: any(f"/{crane}/" in key for _, key, _ in list(peer.heard)), f"messages of {crane}"
+        )
+    yield running
+    running.close()
+
+
+def test_all_gateways_of_a_router_are_listed_with_exit_codes_for_monitoring(
+    site: Site, plumbline: Plumbline, tmp_path: Path
+) -> None:
+    expected = tmp_path / "gateways.txt"
+    expected.write_text("yard/c1/hook-1\nyard/c2/hook-1\n")
+
+    def status(*options: str | Path) -> subprocess.CompletedProcess[str]:
+        return plumbline("fleet", "status", "--connect", site.endpoint, "--accept", "disturbed,unknown", *options)
+
+    wait_until(lambda: status("--expect", expected).returncode == 0, "two gateways that are well")
+    content = json.loads(status("--expect", expected, "--json", "-").stdout)
+    assert [gateway["crane"] for gateway in content["gateways"]] == ["c1", "c2"]
+    assert all(gateway["alive"] and gateway["software"] and gateway["boot_id"] for gateway in content["gateways"])
+    assert content["invalid"] == 0
+
+    expected.write_text("yard/c1/hook-1\nyard/c3/hook-1\n")
+    missing = status("--expect", expected)
+    assert missing.returncode == 1
+    assert "1 MISSING" in missing.stdout.splitlines()[0]
+    assert "not on the list of expected gateways: yard/c2/hook-1" in missing.stdout
+    assert status("--crane", "c1", "--expect", expected).returncode == 0
+    assert status("--site", "no-such-site").returncode == 1
+    wrong = status("--state", "broken")
+    assert (wrong.returncode, "choose from" in wrong.stderr, "Traceback" in wrong.stderr) == (2, True, False)
+
+
+def test_a_killed_and_a_frozen_gateway_are_seen_in_a_terminal_that_is_redrawn(site: Site) -> None:
+    leader, follower = pty.openpty()
+    watching = subprocess.Popen(
+        [sys.executable, "-m", "gateway", "fleet", "status", "--watch", "--interval-s", "0.3", "--connect", site.endpoint],
+        cwd=ROOT, stdout=follower, stderr=subprocess.STDOUT,
+    )  # fmt: skip
+    os.close(follower)
+    shown = b""
+
+    def appears(pattern: bytes) -> bool:
+        nonlocal shown
+        with suppress(OSError):  # the program has closed the terminal
+            while select.select([leader], [], [], 0.05)[0]:
+                shown += os.read(leader, 65536)
+        return re.search(pattern, shown) is not None
+
+    try:
+        wait_until(lambda: appears(rb"2 gateways"), "the list")
+        site.gateways["c1"].process.kill()
+        wait_until(lambda: appears(rb"yard/c1/hook-1 +GONE"), "the killed gateway")
+        site.gateways["c2"].process.send_signal(signal.SIGSTOP)
+        wait_until(lambda: appears(rb"yard/c2/hook-1 +(GONE|STALE)"), "the frozen gateway")
+        site.gateways["c2"].process.send_signal(signal.SIGCONT)
+        site.router.close()
+        wait_until(lambda: appears(rb"no connection to the router"), "the lost router")
+        watching.send_signal(signal.SIGINT)
+        watching.wait(PATIENCE_S)
+        assert appears(rb"\x1b\[\?25h\x1b\[\?1049l$")
+        assert b"Traceback" not in shown
+    finally:
+        watching.kill()
+        watching.wait()
+        os.close(leader)
+
+
+def test_a_hostile_publisher_ends_nothing_and_forges_no_line(site: Site, plumbline: Plumbline) -> None:
+    session = zenoh.open(zenoh.Config.from_json5(
+        json.dumps({"mode": "client", "connect": {"endpoints": [site.endpoint]}, "scouting": {"multicast": {"enabled": False}}})
+    ))  # fmt: skip
+    payloads = [b"\xff\xfe", b"{" * 60_000, b"x" * 5_000_000, b'{"level":"normal"}', b"\x1b[2J"]
+    end_s = time.monotonic() + 4.0
+    process = subprocess.Popen(
+        [sys.executable, "-m", "gateway", "fleet", "status", "--watch", "--count", "4", "--connect", site.endpoint],
+        cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    while time.monotonic() < end_s and process.poll() is None:
+        for payload in payloads:
+            for name in ("yard/c1/hook-1/alert", "yard/c1/hook-1/health", "a/b/\u202eevil/alert"):
+                session.put(f"plumbline/v1/{name}", payload)
+        time.sleep(0.05)
+    out, err = process.communicate(timeout=PATIENCE_S)
+    session.close()
+    assert err == ""
+    assert process.returncode in (0, 1)
+    assert "yard/c1/hook-1" in out
+    assert "evil" not in out
+    assert "\x1b" not in out
