@@ -25,7 +25,9 @@ from gateway.daemon.instance import InstanceLock
 from gateway.daemon.logs import RecordingHandler
 from gateway.daemon.mark_service import MarkService
 from gateway.daemon.notify import ServiceNotifier
+from gateway.daemon.page_channel import PageChannel
 from gateway.daemon.page_process import PageProcess
+from gateway.daemon.page_requests import PageRequests
 from gateway.daemon.processor import Processor
 from gateway.daemon.publisher import Publisher
 from gateway.daemon.recalibration_service import RecalibrationService
@@ -103,7 +105,8 @@ class Gateway:
             bus = configuration.bus
             session = open_session(bus.mode, bus.connect, bus.listen, bus.tls.files)
             undo.callback(session.close)
-            self._page = PageProcess(configuration) if configuration.page.enabled else None
+            page_channel = PageChannel(PageRequests({}).answer)
+            self._page = PageProcess(configuration, page_channel) if configuration.page.enabled else None
             undo.pop_all()
         self._compaction = CompactionWorker(chain)
         self._recording = RecordingWorker(recorder, clock.now_ns, self._compaction.inbox.put)
@@ -130,6 +133,7 @@ class Gateway:
             rpc=self._rpc,
             recording=self._recording,
             publisher=self._publisher,
+            page=page_channel,
             data_dir=section.data_dir,
             boot_id=boot_id,
         )
@@ -146,6 +150,7 @@ class Gateway:
             acknowledgements,
             self._recording,
             self._publisher,
+            page_channel,
             make_rigger(configuration, device),
         )
 

@@ -12,6 +12,7 @@ from devices.device import Device
 from gateway import __version__
 from gateway.daemon.counters import SampleCounters
 from gateway.daemon.drift_state_store import DriftStateStore
+from gateway.daemon.page_channel import PageChannel
 from gateway.daemon.publisher import Publisher
 from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.recording_worker import RecordingWorker
@@ -37,6 +38,7 @@ class HealthReporter:
     rpc: RpcServer
     recording: RecordingWorker
     publisher: Publisher
+    page: PageChannel
     data_dir: Path
     boot_id: str
     stopping: bool = False
@@ -65,6 +67,7 @@ class HealthReporter:
                 "blocks": self.sampler.blocks.dropped,
                 "recording": self.recording.inbox.dropped,
                 "bus": self.publisher.inbox.dropped,
+                "page": self.page.dropped,
                 "requests": self.recalibration.dropped + self.rpc.inbox.dropped,
             },
             recording=None if path is None else str(path),

@@ -8,6 +8,7 @@ import time
 
 from gateway.configuration.model import Configuration
 from gateway.daemon.backoff import Backoff
+from gateway.daemon.page_channel import PageChannel
 from gateway.errors import PlumblineError
 from gateway.page import launch
 from gateway.page.parameters import CraneDirections, Parameters
@@ -25,7 +26,7 @@ class PageError(PlumblineError):
 class PageProcess:
     """Binds the page's address at once, so that an occupied one is detected at start, and keeps a process on it."""
 
-    def __init__(self, configuration: Configuration) -> None:
+    def __init__(self, configuration: Configuration, channel: PageChannel) -> None:
         """Bind the address. Raises `PageError`."""
         missing = [name for name in PAGE_MODULES if importlib.util.find_spec(name) is None]
         if missing:
@@ -33,6 +34,7 @@ class PageProcess:
                 f"page: {', '.join(missing)} not installed; install plumbline-gateway[page], or set page.enabled = false"
             )
         self._parameters = page_parameters(configuration)
+        self._channel = channel
         self._socket = _bind(*configuration.page.address)
         self._process: subprocess.Popen[bytes] | None = None
         self._backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
@@ -49,12 +51,13 @@ class PageProcess:
             log.error("the page's process has ended with code %s and is started again", launch.stop(self._process))
             self._backoff.increase()
         self._started_s = now_s
-        self._process = launch.start(self._parameters, self._socket)
+        self._process = launch.start(self._parameters, self._socket, self._channel.open)
 
     def stop(self) -> None:
         """End the process and release the address."""
         if self._process is not None:
             launch.stop(self._process)
+        self._channel.close()
         self._socket.close()
 
 
@@ -63,7 +66,6 @@ def page_parameters(configuration: Configuration) -> Parameters:
     gateway, alerts = configuration.gateway, configuration.alerts
     return Parameters(
         key=gateway.key,
-        connect=configuration.bus.local_endpoints,
         warn_deg=alerts.warn_deg,
         trip_deg=alerts.trip_deg,
         lean_trip_deg=alerts.lean_trip_deg,

@@ -12,6 +12,7 @@ from gateway.daemon.counters import SampleCounters
 from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.health import HealthReporter
 from gateway.daemon.logs import RECORDED_ONLY
+from gateway.daemon.page_channel import PageChannel
 from gateway.daemon.publisher import Publisher
 from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.recording_worker import CalibrationChange, RecordingWorker
@@ -51,6 +52,7 @@ class Processor(Worker[SamplerItem]):
         acknowledgements: AcknowledgementService,
         recording: RecordingWorker,
         publisher: Publisher,
+        page: PageChannel,
         rigger: SimulatedRigger | None,
     ) -> None:
         super().__init__("processor", inbox)
@@ -64,6 +66,7 @@ class Processor(Worker[SamplerItem]):
         self._acknowledgements = acknowledgements
         self._recording = recording
         self._publisher = publisher
+        self._page = page
         self._rigger = rigger
         self._headers = HeaderMaker()
         self._incidents = IncidentRegister(health.boot_id, last_number=0)
@@ -171,6 +174,7 @@ class Processor(Worker[SamplerItem]):
                 _log_change(message.message)
             encoded = encode_message(message.topic, message.message, message.log_time_ns)
             topic = TOPICS[message.topic]
+            self._page.put(encoded.topic, encoded.payload)
             if topic.published:
                 self._publisher.inbox.put(encoded)
             if topic.logged and self.info.can_wait:

@@ -1,6 +1,5 @@
 """`python -m gateway.page`; `gateway.page.parameters` describes its standard input."""
 
-import os
 import sys
 
 EXTRA = ("starlette", "uvicorn")
@@ -13,7 +12,4 @@ except ModuleNotFoundError as missing:
     print(f"page: {missing.name} is not installed; try pip install 'plumbline-gateway[page]'", file=sys.stderr)
     sys.exit(2)
 
-code = main()
-sys.stderr.flush()
-# At once: a thread of the bus library that is still in a callback would abort the interpreter at its end.
-os._exit(code)
+sys.exit(main())

@@ -12,7 +12,6 @@ from starlette.routing import Route
 
 from gateway.page import metrics
 from gateway.page.hub import EventStream, event
-from gateway.page.inbox import Inbox
 from gateway.page.state import PageState
 
 STATIC = {
@@ -30,7 +29,7 @@ HEADERS = [
 """The headers of every response. Nothing is cached, so that an old script never shows the data of an upgraded gateway."""
 
 
-def make_application(state: PageState, hub: EventStream, inbox: Inbox) -> Starlette:
+def make_application(state: PageState, hub: EventStream) -> Starlette:
     """Make the routes. All endpoints are coroutines, so they run in the one thread of the state."""
 
     async def healthz(_request: Request) -> Response:
@@ -52,8 +51,7 @@ def make_application(state: PageState, hub: EventStream, inbox: Inbox) -> Starle
     async def prometheus(_request: Request) -> Response:
         counters = metrics.Counters(
             received=state.received,
-            invalid=state.invalid + inbox.refused,
-            superseded=inbox.superseded,
+            invalid=state.invalid,
             clients=len(hub),
             dropped_clients=hub.dropped,
         )

@@ -3,38 +3,37 @@
 import socket
 import subprocess
 import sys
-from contextlib import suppress
+import time
+from collections.abc import Callable
 from dataclasses import replace
 
+from gateway.page.channel import PARAMETERS, Frame
 from gateway.page.parameters import Parameters, encode
 
 PATIENCE_S = 2.0
 
 
-def start(parameters: Parameters, listener: socket.socket) -> subprocess.Popen[bytes]:
+def start(
+    parameters: Parameters, listener: socket.socket, open_channel: Callable[[Frame], socket.socket]
+) -> subprocess.Popen[bytes]:
     """Start the page on a bound socket, which the caller keeps for a later restart.
 
-    The page has its own process group and does not receive the terminal's Ctrl-C: the parent decides when it ends.
+    `open_channel` takes the first frame and returns the page's end of the channel. The page has its own process group and does
+    not receive the terminal's Ctrl-C: the parent decides when it ends.
     """
-    process = subprocess.Popen(
-        [sys.executable, "-m", "gateway.page"],
-        stdin=subprocess.PIPE,
-        pass_fds=[listener.fileno()],
-        process_group=0,
-    )
-    assert process.stdin is not None
-    with suppress(BrokenPipeError):  # it ended at once and stated why on stderr; the caller sees its exit code
-        process.stdin.write(encode(replace(parameters, fd=listener.fileno())))
-        process.stdin.flush()
-    return process
+    line = encode(replace(parameters, fd=listener.fileno()))
+    with open_channel(Frame(PARAMETERS, time.monotonic(), line)) as channel:
+        return subprocess.Popen(
+            [sys.executable, "-m", "gateway.page"],
+            stdin=channel.fileno(),
+            pass_fds=[listener.fileno()],
+            process_group=0,
+        )
 
 
 def stop(process: subprocess.Popen[bytes]) -> int:
     """End the page, or clean up after one that has ended, and return its exit code. It is killed if it does not end in time."""
     process.terminate()
-    if process.stdin is not None:
-        with suppress(BrokenPipeError):
-            process.stdin.close()
     try:
         return process.wait(PATIENCE_S)
     except subprocess.TimeoutExpired:

@@ -20,7 +20,6 @@ class Counters:
 
     received: Mapping[str, int]
     invalid: int
-    superseded: int
     clients: int
     dropped_clients: int
 
@@ -72,7 +71,7 @@ def _verdict_metrics(evidence: PageEvidence) -> Iterator[Block]:
     alert, condition = evidence.get(Alert), evidence.get(Condition)
     word = verdict(evidence).word
     level = alert.level if alert is not None and is_fresh(evidence, "alert") else "unknown"
-    yield _gauge("up", "1 while the gateway is alive on the bus.", evidence.gateway)
+    yield _gauge("up", "1 while the gateway answers.", evidence.gateway)
     yield (
         "plumbline_alert_level",
         "gauge",
@@ -116,9 +115,6 @@ def _health_metrics(health: Health | None) -> Iterator[Block]:
 def _page_metrics(evidence: PageEvidence, counters: Counters) -> Iterator[Block]:
     yield _labelled_counter("page_messages", "topic", "Messages received by the page.", counters.received)
     yield _counter("page_invalid_messages", "Messages that the page could not read.", counters.invalid)
-    yield _counter(
-        "page_superseded_messages", "Messages replaced by a newer one before they were read.", counters.superseded
-    )
     yield _counter("page_dropped_clients", "Browsers dropped because they were too slow.", counters.dropped_clients)
     yield _gauge("page_clients", "Connected browsers.", counters.clients)
 

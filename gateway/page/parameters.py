@@ -1,7 +1,6 @@
-"""The start parameters of the page process: one line of JSON on standard input.
+"""The start parameters of the page process: the first frame of the channel on standard input.
 
-The parent binds the listening socket, so that an occupied port is an error at its own start. It keeps standard input open; the
-page ends when that closes, however the parent has ended.
+The parent binds the listening socket, so that an occupied port is an error at its own start.
 """
 
 from dataclasses import dataclass
@@ -11,7 +10,6 @@ from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
 
 from gateway.errors import describe_problems
 
-LONGEST_LINE = 65536
 Key = Annotated[str, Field(pattern=r"^plumbline/v1/[^/*$#?]+/[^/*$#?]+/[^/*$#?]+$")]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
@@ -34,8 +32,6 @@ class Parameters:
 
     key: Key
     """Zenoh key of the sensor, `plumbline/v1/<site>/<crane>/<sensor>`."""
-    connect: Annotated[list[str], Field(min_length=1)]
-    """Zenoh endpoints of the gateway or of its router."""
     warn_deg: Positive
     trip_deg: Positive
     fd: Annotated[int, Field(ge=0)] = 0
@@ -58,13 +54,13 @@ _ADAPTER = TypeAdapter(Parameters)
 
 
 def encode(parameters: Parameters) -> bytes:
-    """Encode the parameters as the line that `parse` reads."""
-    return _ADAPTER.dump_json(parameters) + b"\n"
+    """Encode the parameters as the JSON that `parse` reads."""
+    return _ADAPTER.dump_json(parameters)
 
 
-def parse(line: bytes) -> Parameters:
-    """Parse the start line. Raises `ValueError`, which names the wrong entries in one line."""
+def parse(text: bytes) -> Parameters:
+    """Parse the start parameters. Raises `ValueError`, which names the wrong entries in one line."""
     try:
-        return _ADAPTER.validate_json(line)
+        return _ADAPTER.validate_json(text)
     except ValidationError as error:
-        raise ValueError("; ".join(describe_problems(error, "line"))) from None
+        raise ValueError("; ".join(describe_problems(error, "parameters"))) from None

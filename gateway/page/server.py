@@ -1,4 +1,4 @@
-"""The page process: receives from Zenoh and serves HTTP until standard input closes or a signal comes."""
+"""The page process: receives from its gateway and serves HTTP until the channel ends or a signal comes."""
 
 import asyncio
 import logging
@@ -10,12 +10,10 @@ import time
 
 import uvicorn
 
-from gateway.bus.session import BusError, session_settings
 from gateway.page.application import HEADERS, make_application
+from gateway.page.channel import PARAMETERS, Frame, receive_frame
 from gateway.page.hub import EventStream, event
-from gateway.page.inbox import Inbox
-from gateway.page.link import Link
-from gateway.page.parameters import LONGEST_LINE, parse
+from gateway.page.parameters import Parameters, parse
 from gateway.page.state import PageState
 
 PUSH_INTERVAL_S = 0.1
@@ -26,26 +24,28 @@ GATHER_S = 0.01
 STALLED_MS = 5000
 SEND_BUFFER_BYTES = 32768
 MOST_CONNECTIONS = 128
+MOST_FRAMES = 256
+"""Frames that are taken before browsers are served again."""
 
 log = logging.getLogger("page")
 
 
 def main() -> int:
-    """Read the start line and serve. Return 0 when asked to end, 1 when the bus failed, 2 for wrong start parameters."""
+    """Receive the start parameters and serve. Return 0 when asked to end, 2 for wrong start parameters."""
     logging.basicConfig(level=logging.WARNING, format="page: %(message)s")
     try:
-        parameters = parse(_read_line(sys.stdin.fileno()))
-        settings = session_settings("client", parameters.connect, [])
+        channel = socket.socket(fileno=os.dup(sys.stdin.fileno()))
+        parameters = _receive_parameters(channel)
         listener = _inherit_socket(parameters.fd)
-    except (ValueError, BusError) as error:
+    except (ValueError, OSError) as error:
         print(f"page: start parameters on standard input: {error}", file=sys.stderr)
         return 2
     state, hub = PageState(parameters), EventStream()
-    page = Page(state, hub)
+    page = Page(state, hub, channel)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: page.stop())
-    link = Link(settings, parameters.key, page.inbox, page.fail)
-    return asyncio.run(page.serve(link, listener))
+    asyncio.run(page.serve(listener))
+    return 0
 
 
 class _UvicornServer(uvicorn.Server):
@@ -61,55 +61,54 @@ class _UvicornServer(uvicorn.Server):
 
 
 class Page:
-    """Connects inbox, state and browsers."""
+    """Connects channel, state and browsers."""
 
-    def __init__(self, state: PageState, hub: EventStream) -> None:
-        self.inbox = Inbox(self._wake)
+    def __init__(self, state: PageState, hub: EventStream, channel: socket.socket) -> None:
         self._state = state
         self._hub = hub
-        self._server = _UvicornServer(_http_settings(make_application(state, hub, self.inbox)), hub)
+        self._channel = channel
+        self._server = _UvicornServer(_http_settings(make_application(state, hub)), hub)
         self._news = asyncio.Event()
-        self._loop: asyncio.AbstractEventLoop | None = None
-        self._exit_code = 0
 
-    async def serve(self, link: Link, listener: socket.socket) -> int:
-        """Serve until `stop` is called; return the exit code."""
-        self._loop = asyncio.get_running_loop()
-        self._loop.add_reader(sys.stdin.fileno(), self._check_parent)
-        link.start()
+    async def serve(self, listener: socket.socket) -> None:
+        """Serve until `stop` is called or the channel ends."""
+        loop = asyncio.get_running_loop()
+        self._channel.setblocking(False)
+        loop.add_reader(self._channel, self._receive)
         pushing = asyncio.create_task(self._push_forever())
         pushing.add_done_callback(lambda _: self.stop())
         try:
             await self._server.serve(sockets=[listener])
         finally:
-            link.close()
-            self._loop.remove_reader(sys.stdin.fileno())
+            loop.remove_reader(self._channel)
         if pushing.done():
             pushing.result()
         pushing.cancel()
-        return self._exit_code
 
     def stop(self) -> None:
         """Ask to end; the server checks ten times a second."""
         self._server.should_exit = True
 
-    def fail(self, text: str) -> None:
-        """End because the bus cannot be used. Called from any thread."""
-        log.error("Zenoh: %s", text)
-        self._exit_code = 1
-        self.stop()
-
-    def _wake(self) -> None:
-        if self._loop is not None:
-            self._loop.call_soon_threadsafe(self._receive_inbox)
-
-    def _receive_inbox(self) -> None:
-        self._state.receive(self.inbox.drain())
+    def _receive(self) -> None:
+        """Take what has come through the channel, and end with it."""
+        frames: list[Frame] = []
+        try:
+            while len(frames) < MOST_FRAMES:
+                frame = receive_frame(self._channel)
+                if frame is None:
+                    self._end_with_gateway()
+                    break
+                frames.append(frame)
+        except BlockingIOError:
+            pass
+        except ConnectionError:
+            self._end_with_gateway()
+        self._state.receive(frames)
         self._news.set()
 
-    def _check_parent(self) -> None:
-        if not os.read(sys.stdin.fileno(), LONGEST_LINE):
-            self.stop()
+    def _end_with_gateway(self) -> None:
+        asyncio.get_running_loop().remove_reader(self._channel)
+        self.stop()
 
     async def _push_forever(self) -> None:
         shown, number = 0, 0
@@ -153,15 +152,11 @@ def _http_settings(app: object) -> uvicorn.Config:
     )
 
 
-def _read_line(fd: int) -> bytes:
-    """Read one line without buffering, so that standard input can be watched for its end."""
-    line = b""
-    while not line.endswith(b"\n"):
-        read = os.read(fd, 1)
-        if not read or len(line) > LONGEST_LINE:
-            raise ValueError("one JSON line expected")
-        line += read
-    return line
+def _receive_parameters(channel: socket.socket) -> Parameters:
+    frame = receive_frame(channel)
+    if frame is None or frame.kind != PARAMETERS:
+        raise ValueError("no parameters from the gateway")
+    return parse(frame.payload)
 
 
 def _inherit_socket(fd: int) -> socket.socket:

@@ -3,7 +3,8 @@
 All methods are called from one thread, with the time on the page process's monotonic clock.
 """
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -14,15 +15,16 @@ from gateway.calibration.alignment.turn_assistant import TurnAssistant, format_e
 from gateway.calibration.alignment.turn_monitor import TurnView
 from gateway.messages import SCHEMA_VERSION, Alert, Calibration, Message, Motion, Swing, Tilt
 from gateway.page.alert_log import AlertLog
+from gateway.page.channel import Frame
 from gateway.page.history import History
-from gateway.page.inbox import Arrival
-from gateway.page.link import ALIVE, SHOWN
 from gateway.page.parameters import Parameters
 from gateway.page.verdict import PageEvidence, PageVerdict, is_fresh, is_swing_known, verdict
 from gateway.topics import adapter
 
 MEASURED = ("tilt", "motion", "swing", "condition")
 """A message of these topics is new only if it describes a newer sample; a repeated one must not look fresh."""
+SILENCE_S = 3.0
+"""The gateway has hung if nothing at all came for this time; its health comes every second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,10 +42,10 @@ class PageState:
         self.parameters = parameters
         self.history = History()
         self.alert_log = AlertLog()
-        self.received = dict.fromkeys(SHOWN, 0)
+        self.received: dict[str, int] = {}
         self.invalid = 0
         """Number of payloads that are not a valid message of their topic."""
-        self._gateway = False
+        self._heard_s = -math.inf
         self._latest: dict[str, Message] = {}
         self._newest_s: dict[str, float] = {}
         self._last_sound: LastSoundSwing | None = None
@@ -52,41 +54,47 @@ class PageState:
         self._turning = TurnAssistant()
         self._turn: TurnView | None = None
 
-    def receive(self, batch: Mapping[str, Arrival]) -> None:
-        """Take the payloads of the inbox."""
+    def receive(self, frames: Iterable[Frame]) -> None:
+        """Take messages of the gateway, and judge the swing by all of them."""
         before = dict(self._latest)
-        for topic, arrival in batch.items():
-            if topic == ALIVE:
-                self._gateway = bool(arrival.payload)
-            else:
-                self._receive(topic, arrival)
+        for frame in frames:
+            self._receive(frame)
         motion, swing = self._latest.get("motion"), self._latest.get("swing")
         if isinstance(motion, Motion) and motion is not before.get("motion"):
-            at_s = batch["motion"].at_s
+            at_s = self._newest_s["motion"]
             self.history.add(motion, sound=self.verdict(at_s).sound, at_s=at_s)
-        if isinstance(swing, Swing) and swing is not before.get("swing"):
-            at_s = batch["swing"].at_s
-            if self.verdict(at_s).sound:
-                self._last_sound = LastSoundSwing(at_s, swing)
+        if (
+            isinstance(swing, Swing)
+            and swing is not before.get("swing")
+            and self.verdict(self._newest_s["swing"]).sound
+        ):
+            self._last_sound = LastSoundSwing(self._newest_s["swing"], swing)
 
-    def _receive(self, topic: str, arrival: Arrival) -> None:
+    def _receive(self, frame: Frame) -> None:
         try:
-            message: Message = adapter(topic).validate_json(arrival.payload)
-        except ValidationError:
+            message: Message = adapter(frame.kind).validate_json(frame.payload)
+        except (KeyError, ValidationError):
             self.invalid += 1
             return
-        self.received[topic] += 1
+        topic = frame.kind
+        self._heard_s = max(self._heard_s, frame.at_s)
+        self.received[topic] = self.received.get(topic, 0) + 1
         before = self._latest.get(topic)
-        if isinstance(message, Alert):
-            self.alert_log.add(message)
-        if isinstance(message, Tilt) and (before is None or message.time_ns != before.time_ns):
-            self._alignment = self._aligning.add_tilt(message)
-            self._turn = self._turning.add_tilt(message)
-        if isinstance(message, Calibration):
-            self._turning.set_gain(message.in_force.get("gain_g_per_unit"))
         if topic not in MEASURED or before is None or message.time_ns != before.time_ns:
-            self._newest_s[topic] = arrival.at_s
+            self._newest_s[topic] = frame.at_s
         self._latest[topic] = message
+        self._follow(message, before)
+
+    def _follow(self, message: Message, before: Message | None) -> None:
+        """Update what depends on more than the last message of a topic."""
+        match message:
+            case Alert():
+                self.alert_log.add(message)
+            case Tilt() if before is None or message.time_ns != before.time_ns:
+                self._alignment = self._aligning.add_tilt(message)
+                self._turn = self._turning.add_tilt(message)
+            case Calibration():
+                self._turning.set_gain(message.in_force.get("gain_g_per_unit"))
 
     def tick(self, now_s: float) -> None:
         """Note a gap in the history while data are missing."""
@@ -96,7 +104,7 @@ class PageState:
     def evidence(self, now_s: float) -> PageEvidence:
         """Return everything on which the verdict and the metrics depend."""
         age_s = {topic: max(now_s - at_s, 0.0) for topic, at_s in self._newest_s.items()}
-        return PageEvidence(self._gateway, dict(self._latest), age_s, self.parameters.stale_s)
+        return PageEvidence(now_s - self._heard_s <= SILENCE_S, dict(self._latest), age_s, self.parameters.stale_s)
 
     def verdict(self, now_s: float) -> PageVerdict:
         """Return the present verdict."""

@@ -52,7 +52,7 @@ class PageEvidence:
     """Everything on which a verdict depends."""
 
     gateway: bool
-    """The gateway's liveliness token is present."""
+    """The gateway is there, whatever it measures."""
     latest: Mapping[str, Message]
     """Newest message by topic."""
     age_s: Mapping[str, float]
@@ -132,7 +132,7 @@ def _freshness(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
         yield "NO DATA", "no measurement received yet" if evidence.gateway else "the gateway does not answer"
         return
     if not evidence.gateway:
-        yield "STALE", "the gateway has stopped or is disconnected"
+        yield "STALE", "the gateway has stopped, hangs or is disconnected"
     late = [topic for topic in evidence.judged if topic in evidence.latest and not is_fresh(evidence, topic)]
     if late:
         yield "STALE", f"no new {', '.join(late)} for {max(evidence.age_s[topic] for topic in late):.0f} s"

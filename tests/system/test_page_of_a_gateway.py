@@ -1,13 +1,19 @@
 """The whole way: a simulated crane swings, and a browser sees the angle move."""
 
+import json
 import re
+import signal
+import socket
+import time
+from typing import Any
 from urllib.request import urlopen
 
 import pytest
 from playwright.sync_api import Browser, expect
 
-from tests.system.conftest import JoinBus, StartGateway
-from tests.waiting import PATIENCE_S
+from tests.ports import unused_port
+from tests.system.conftest import JoinBus, RunningGateway, StartGateway
+from tests.waiting import PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -34,3 +40,51 @@ def test_the_angle_moves_on_the_page(start_gateway: StartGateway, join_bus: Join
     expect(page.locator("#word")).to_have_text(re.compile("NO DATA|STALE|NO CONTACT"), timeout=10_000)
     assert errors == []
     page.close()
+
+
+def _state(gateway: RunningGateway) -> Any:
+    try:
+        with urlopen(f"http://127.0.0.1:{gateway.page_port}/api/state", timeout=PATIENCE_S) as answer:
+            return json.load(answer)
+    except OSError:  # the page is not there yet
+        return {"verdict": {"word": "NO DATA"}, "topics": {}}
+
+
+def _is_live(gateway: RunningGateway) -> bool:
+    return _state(gateway)["verdict"]["word"] not in ("NO DATA", "STALE")
+
+
+def test_forged_messages_on_the_bus_do_not_reach_the_page(start_gateway: StartGateway, join_bus: JoinBus) -> None:
+    gateway = start_gateway(page=True)
+    peer = join_bus(gateway.endpoint)
+    key = "plumbline/v1/demo-site/crane-1/hook-1"
+    wait_until(lambda: "swing" in _state(gateway)["topics"], "a swing on the page")
+    forged = {"alert": peer.wait_for("alert"), "swing": peer.wait_for("swing"), "condition": peer.wait_for("condition")}
+    forged["alert"] |= {"level": "trip", "text": "a lie"}
+    forged["swing"] |= {"phi_max_deg": 77.0, "swinging": True}
+    forged["condition"] |= {"reasons": ["a lie"]}
+    for _ in range(40):
+        for topic, message in forged.items():
+            message["time_ns"] += 10**9
+            peer.session.put(f"{key}/{topic}", json.dumps(message))
+        shown = json.dumps(_state(gateway)["topics"])
+        assert "a lie" not in shown
+        assert "77.0" not in shown
+        time.sleep(0.05)
+
+
+def test_a_gateway_that_hangs_is_stale_and_comes_back(start_gateway: StartGateway) -> None:
+    gateway = start_gateway(page=True)
+    wait_until(lambda: _is_live(gateway), "a live page")
+    gateway.process.send_signal(signal.SIGSTOP)
+    wait_until(lambda: not _is_live(gateway), "STALE")
+    gateway.process.send_signal(signal.SIGCONT)
+    wait_until(lambda: _is_live(gateway), "a live page again")
+
+
+def test_the_page_does_not_depend_on_the_bus(start_gateway: StartGateway) -> None:
+    """A client whose default listener routes nothing: nobody is reached over the bus, and the page is live."""
+    router = unused_port()
+    with socket.create_server(("127.0.0.1", router)):  # accepts, and never speaks
+        gateway = start_gateway(page=True, environment={"PLUMBLINE_BUS__CONNECT": f'["tcp/127.0.0.1:{router}"]'})
+        wait_until(lambda: _is_live(gateway), "a live page")

@@ -1,4 +1,4 @@
-"""A gateway that is not there: messages of the real classes on a real Zenoh session, and the page process beside it."""
+"""A gateway that is not there: messages of the real classes on the private channel, and the page process at its other end."""
 
 import json
 import socket
@@ -10,8 +10,8 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
-import zenoh
 
+from gateway.daemon.page_channel import PageChannel
 from gateway.messages import (
     NO_SESSION,
     ActiveAlert,
@@ -32,7 +32,6 @@ from gateway.messages import (
 from gateway.page import launch
 from gateway.page.parameters import Parameters
 from gateway.topics import TOPIC_OF, encode
-from tests.ports import unused_port
 from tests.waiting import PATIENCE_S
 
 KEY = "plumbline/v1/north-yard/crane-3/hook"
@@ -214,51 +213,44 @@ class Scene:
 
 
 class FakeGateway:
-    """Publishes a scene at 20 Hz, every topic each time, with a liveliness token."""
+    """Sends a scene at 20 Hz, every topic each time."""
 
-    def __init__(self, endpoint: str) -> None:
-        self.endpoint = endpoint
+    def __init__(self, channel: PageChannel) -> None:
+        self._channel = channel
         self.scene = Scene()
         self.speaking = threading.Event()
         self.speaking.set()
         self._ended = threading.Event()
-        self._session = zenoh.open(_peer(self.endpoint))
-        self._token = self._session.liveliness().declare_token(f"{KEY}/alive")
         self._thread = threading.Thread(target=self._speak)
         self._thread.start()
 
     def put(self, topic: str, payload: bytes) -> None:
-        self._session.put(f"{KEY}/{topic}", payload)
-
-    def leave(self) -> None:
-        """The liveliness token goes, as when the gateway dies."""
-        self._token.undeclare()
+        self._channel.put(topic, payload)
 
     def close(self) -> None:
         self._ended.set()
         self._thread.join()
-        self._session.close()
 
     def _speak(self) -> None:
         sequence = 0
         while not self._ended.wait(TICK_S):
             if self.speaking.is_set():
                 for message in self.scene.messages(sequence, time.time_ns()):
-                    topic = TOPIC_OF[type(message)].name
-                    self.put(topic, encode(message))
+                    self.put(TOPIC_OF[type(message)].name, encode(message))
                 sequence += 1
 
 
 class PageUnderTest:
     """The page process, started as the daemon starts it."""
 
-    def __init__(self, endpoint: str, **changes: Any) -> None:
+    def __init__(self, channel: PageChannel, **changes: Any) -> None:
+        self._channel = channel
         self.listener = socket.create_server(("127.0.0.1", 0), backlog=64)
         self.url = f"http://127.0.0.1:{self.listener.getsockname()[1]}"
         self._parameters = Parameters(
-            key=KEY, connect=[endpoint], warn_deg=4.0, trip_deg=6.0, lean_trip_deg=3.0, title="Crane 3", **changes
+            key=KEY, warn_deg=4.0, trip_deg=6.0, lean_trip_deg=3.0, title="Crane 3", **changes
         )
-        self.process = launch.start(self._parameters, self.listener)
+        self.process = launch.start(self._parameters, self.listener, self._channel.open)
 
     def get(self, path: str) -> tuple[int, str]:
         try:
@@ -277,20 +269,12 @@ class PageUnderTest:
     def start_again(self) -> None:
         """As the daemon does when the page process has died: on the same socket."""
         launch.stop(self.process)
-        self.process = launch.start(self._parameters, self.listener)
+        self.process = launch.start(self._parameters, self.listener, self._channel.open)
 
     def close(self) -> int:
         code = launch.stop(self.process)
         self.listener.close()
         return code
-
-
-def _peer(endpoint: str) -> zenoh.Config:
-    config = zenoh.Config()
-    config.insert_json5("mode", '"peer"')
-    config.insert_json5("listen/endpoints", json.dumps([endpoint]))
-    config.insert_json5("scouting/multicast/enabled", "false")
-    return config
 
 
 @pytest.fixture
@@ -299,24 +283,26 @@ def scene() -> Scene:
 
 
 @pytest.fixture
-def start_gateway() -> Callable[[str], FakeGateway]:
+def start_gateway() -> Callable[[PageChannel], FakeGateway]:
     return FakeGateway
 
 
 @pytest.fixture
-def endpoint() -> str:
-    return f"tcp/127.0.0.1:{unused_port()}"
+def channel() -> Iterator[PageChannel]:
+    opened = PageChannel(lambda _request: b"{}")
+    yield opened
+    opened.close()
 
 
 @pytest.fixture
-def gateway(endpoint: str) -> Iterator[FakeGateway]:
-    fake = FakeGateway(endpoint)
+def gateway(channel: PageChannel) -> Iterator[FakeGateway]:
+    fake = FakeGateway(channel)
     yield fake
     fake.close()
 
 
 @pytest.fixture
-def page(endpoint: str) -> Iterator[PageUnderTest]:
-    under_test = PageUnderTest(endpoint)
+def page(channel: PageChannel) -> Iterator[PageUnderTest]:
+    under_test = PageUnderTest(channel)
     yield under_test
     under_test.close()

@@ -10,6 +10,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 
+from gateway.daemon.page_channel import PageChannel
 from gateway.messages import NO_SESSION, SessionPose
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest, Scene
 
@@ -84,8 +85,8 @@ def language(request: pytest.FixtureRequest) -> str:
 
 
 @pytest.fixture
-def page_in_language(endpoint: str, language: str) -> Any:
-    under_test = PageUnderTest(endpoint, language=language)
+def page_in_language(channel: PageChannel, language: str) -> Any:
+    under_test = PageUnderTest(channel, language=language)
     yield under_test
     under_test.close()
 

@@ -1,4 +1,4 @@
-"""The page process as the daemon starts it: Zenoh in, HTTP out."""
+"""The page process as the daemon starts it: the private channel in, HTTP out."""
 
 import contextlib
 import json
@@ -13,12 +13,14 @@ from typing import Any
 
 import pytest
 
+from gateway.daemon.page_channel import PageChannel
+from gateway.page.channel import PARAMETERS, Frame, encode_frame, open_pair
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest
-from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.slow
 
+PAGE = [sys.executable, "-m", "gateway.page"]
 CSP = "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
 
 
@@ -47,18 +49,18 @@ def test_state_health_and_metrics_follow_the_gateway(gateway: FakeGateway, page:
     gateway.speaking.set()
     wait_until(_is(page, "TRIP"), "TRIP again")
 
-    gateway.leave()
-    wait_until(_is(page, "STALE"), "STALE for the gateway that left")
+    gateway.speaking.clear()
+    wait_until(lambda: not page.state()["gateway"], "a gateway that hangs")
     assert page.get("/healthz")[0] == 503
     assert "plumbline_phi_max_degrees{" not in page.get("/metrics")[1]
 
 
 def test_a_page_that_starts_first_waits_for_its_gateway(
-    endpoint: str, page: PageUnderTest, start_gateway: Callable[[str], FakeGateway]
+    channel: PageChannel, page: PageUnderTest, start_gateway: Callable[[PageChannel], FakeGateway]
 ) -> None:
     assert page.word() == "NO DATA"
     assert page.get("/healthz")[0] == 503
-    with contextlib.closing(start_gateway(endpoint)):
+    with contextlib.closing(start_gateway(channel)):
         wait_until(_is(page, "OK"), "OK")
 
 
@@ -112,7 +114,7 @@ def test_updates_are_pushed(gateway: FakeGateway, page: PageUnderTest) -> None:
 
 def test_invalid_payloads_are_ignored(gateway: FakeGateway, page: PageUnderTest) -> None:
     wait_until(_is(page, "OK"), "OK")
-    for payload in (b"", b"\x00\xff", b"[]", b'{"time_ns": 1e999}', b"[" * 5000, b"x" * 100_000):
+    for payload in (b"", b"\x00\xff", b"[]", b'{"time_ns": 1e999}', b"[" * 5000):
         before = _invalid(page)
 
         def counted(payload: bytes = payload, before: int = before) -> bool:
@@ -132,13 +134,13 @@ def _invalid(page: PageUnderTest) -> int:
 @pytest.mark.usefixtures("gateway")
 @pytest.mark.parametrize("ending", ["SIGTERM", "SIGINT", "parent gone"])
 def test_it_ends_quietly_with_a_browser_attached(
-    page: PageUnderTest, ending: str, capfd: pytest.CaptureFixture[str]
+    channel: PageChannel, page: PageUnderTest, ending: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     wait_until(_is(page, "OK"), "OK")
     with urllib.request.urlopen(page.url + "/api/events", timeout=PATIENCE_S) as response:
         assert response.readline() == b"retry: 500\n"
         if ending == "parent gone":
-            present(page.process.stdin).close()
+            channel.close()
         else:
             page.process.send_signal(signal.Signals[ending])
         assert page.process.wait(PATIENCE_S) == 0
@@ -151,30 +153,35 @@ def test_it_ends_while_it_waits_for_its_gateway(page: PageUnderTest) -> None:
     assert page.close() == 0
 
 
+GOOD = b'{"key": "plumbline/v1/a/b/c", "fd": 0, "warn_deg": 4, "trip_deg": 6}'
+
+
 @pytest.mark.parametrize(
-    ("line", "says"),
+    ("frame", "says"),
     [
-        ("{}\n", "key: Field required"),
-        ("", "one JSON line expected"),
-        (
-            '{"key": "plumbline/v1/a/b/c", "connect": ["x"], "fd": 0, "warn_deg": 4, "trip_deg": 6}\n',
-            "is not an endpoint",
-        ),
-        ('{"key": "plumbline/v1/a/b/c", "connect": ["tcp/h:1"], "fd": 0, "warn_deg": 4, "trip_deg": 6}\n', "fd: 0"),
+        (Frame(PARAMETERS, 0.0, b"{}"), "key: Field required"),
+        (Frame("alert", 0.0, b"{}"), "no parameters from the gateway"),
+        (None, "no parameters from the gateway"),
+        (Frame(PARAMETERS, 0.0, GOOD.replace(b'"fd": 0', b'"fd": 99')), "fd: 99"),
     ],
 )
-def test_wrong_start_parameters_end_it_with_one_line(line: str, says: str) -> None:
-    ended = subprocess.run(
-        [sys.executable, "-m", "gateway.page"],
-        input=line,
-        capture_output=True,
-        text=True,
-        timeout=PATIENCE_S,
-        check=False,
-    )
+def test_wrong_start_parameters_end_it_with_one_line(frame: Frame | None, says: str) -> None:
+    ours, theirs = open_pair()
+    with theirs:
+        if frame is not None:
+            ours.send(encode_frame(frame))
+        ours.close()
+        ended = subprocess.run(
+            PAGE, stdin=theirs.fileno(), capture_output=True, text=True, timeout=PATIENCE_S, check=False
+        )
     assert ended.returncode == 2
     assert says in ended.stderr
     assert ended.stderr.count("\n") == 1
+
+
+def test_a_standard_input_that_is_no_channel_is_refused_in_one_line() -> None:
+    ended = subprocess.run(PAGE, input="{}", capture_output=True, text=True, timeout=PATIENCE_S, check=False)
+    assert (ended.returncode, ended.stderr.count("\n")) == (2, 1)
 
 
 def test_the_socket_outlives_the_process(page: PageUnderTest) -> None:

@@ -7,9 +7,8 @@ import pytest
 from pydantic_core import from_json, to_json
 
 from gateway.messages import Calibration, Tilt
+from gateway.page.channel import Frame
 from gateway.page.history import MOST_POINTS, SPAN_S, History
-from gateway.page.inbox import Arrival
-from gateway.page.link import ALIVE
 from gateway.page.parameters import Parameters
 from gateway.page.state import PageState
 from gateway.topics import TOPIC_OF, encode
@@ -22,14 +21,12 @@ MS_NS = 1_000_000
 
 @pytest.fixture
 def state() -> PageState:
-    return PageState(Parameters(key=KEY, connect=["tcp/127.0.0.1:7447"], warn_deg=4.0, trip_deg=6.0))
+    return PageState(Parameters(key=KEY, warn_deg=4.0, trip_deg=6.0))
 
 
 def tell(state: PageState, scene: Scene, at_s: float, sequence: int = 0, time_ns: int | None = None) -> None:
     messages = scene.messages(sequence, round(at_s * 1000) * MS_NS if time_ns is None else time_ns)
-    batch = {TOPIC_OF[type(message)].name: message for message in messages}
-    arrivals = {topic: Arrival(encode(message), at_s) for topic, message in batch.items()}
-    state.receive(arrivals | {ALIVE: Arrival(b"1", at_s)})
+    state.receive(Frame(TOPIC_OF[type(message)].name, at_s, encode(message)) for message in messages)
 
 
 def test_the_snapshot_contains_messages_ages_and_verdict(state: PageState, scene: Scene) -> None:
@@ -58,16 +55,24 @@ def test_a_repeated_message_becomes_stale(state: PageState, scene: Scene) -> Non
     assert state.verdict(12.9).word == "STALE"
 
 
-def test_a_gateway_that_disconnects_is_stale_at_once(state: PageState, scene: Scene) -> None:
+def test_a_gateway_that_hangs_is_no_longer_there(state: PageState, scene: Scene) -> None:
     tell(state, scene, 10.0)
-    state.receive({ALIVE: Arrival(b"", 10.1)})
-    assert state.verdict(10.1).word == "STALE"
+    assert state.snapshot(12.9)["gateway"] is True
+    assert state.snapshot(13.1)["gateway"] is False
+    assert state.verdict(13.1).word == "STALE"
+
+
+def test_messages_that_waited_for_the_page_are_as_old_as_they_are(state: PageState, scene: Scene) -> None:
+    """A page that starts anew gets the last message of each topic, however old it is."""
+    tell(state, scene, 10.0)
+    assert state.verdict(60.0).word == "STALE"
+    assert state.evidence(60.0).age_s["swing"] == pytest.approx(50.0)
 
 
 @pytest.mark.parametrize("payload", [b"", b"{}", b"\xff\xfe", b'{"time_ns": "x"}', b"[1, 2"])
 def test_invalid_messages_are_counted_and_ignored(state: PageState, scene: Scene, payload: bytes) -> None:
     tell(state, scene, 10.0)
-    state.receive({"tilt": Arrival(payload, 10.1)})
+    state.receive([Frame("tilt", 10.1, payload)])
     assert state.invalid == 1
     assert state.snapshot(10.1)["topics"]["tilt"].axial_deg == pytest.approx(0.8)
     assert state.evidence(10.1).age_s["tilt"] == pytest.approx(0.1)
@@ -75,7 +80,7 @@ def test_invalid_messages_are_counted_and_ignored(state: PageState, scene: Scene
 
 def test_unknown_fields_are_ignored(state: PageState, scene: Scene) -> None:
     payload = encode(scene.tilt())[:-1] + b', "novel": 1}'
-    state.receive({"tilt": Arrival(payload, 10.0)})
+    state.receive([Frame("tilt", 10.0, payload)])
     assert (state.invalid, state.received["tilt"]) == (0, 1)
 
 
@@ -137,7 +142,7 @@ def test_a_sensor_that_turns_on_a_shaft_shows_its_last_turn(state: PageState, sc
     gain = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
     for message in scene.messages(1, 10_100 * MS_NS):
         if isinstance(message, Calibration):
-            state.receive({"calibration": Arrival(encode(replace(message, in_force={"gain_g_per_unit": gain})), 10.1)})
+            state.receive([Frame("calibration", 10.1, encode(replace(message, in_force={"gain_g_per_unit": gain})))])
     for number, (x, y, z) in enumerate(turning(0, (0, 0, 0.8), offset_g=(0.0, 0.0, 0.0)).tolist()):
         at_s = 11.0 + number / 10
         tilt = Tilt(
@@ -145,7 +150,7 @@ def test_a_sensor_that_turns_on_a_shaft_shows_its_last_turn(state: PageState, sc
             axial_deg=math.degrees(math.acos(max(-1.0, min(1.0, z)))), specific_force_g=[x, y, z], delay_s=0.2,
             trusted=False,
         )  # fmt: skip
-        state.receive({"tilt": Arrival(encode(tilt), at_s)})
+        state.receive([Frame("tilt", at_s, encode(tilt))])
     shown = from_json(to_json(state.snapshot(at_s)))["align_turn"]
     assert shown["n_turns"] == 1
     assert shown["advice"]["screw_axis"] == "y"

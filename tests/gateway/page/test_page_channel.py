@@ -1,0 +1,165 @@
+"""The private channel from the gateway to its page: bounded, never waiting, with the true age of every message."""
+
+import json
+import socket
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from gateway.daemon.page_channel import MOST_WAITING, PageChannel
+from gateway.daemon.page_requests import PageRequests
+from gateway.page.channel import (
+    ANSWER,
+    LARGEST_FRAME,
+    PARAMETERS,
+    REQUEST,
+    Frame,
+    decode_frame,
+    encode_frame,
+    receive_frame,
+)
+from gateway.recalibration.journal import RequestAnswer
+from tests.values import present
+from tests.waiting import PATIENCE_S, wait_until
+
+FIRST = Frame(PARAMETERS, 1.0, b"{}")
+FULL = b"x" * 60_000
+
+
+def _acknowledge(payload: bytes) -> RequestAnswer:
+    return RequestAnswer(id="", request="acknowledge", accepted=payload == b"yes", text="done")
+
+
+@pytest.fixture
+def channel() -> Iterator[PageChannel]:
+    opened = PageChannel(PageRequests({"acknowledge": _acknowledge}).answer)
+    yield opened
+    opened.close()
+
+
+def _open(channel: PageChannel) -> socket.socket:
+    page = channel.open(FIRST)
+    page.settimeout(PATIENCE_S)
+    assert receive_frame(page) == FIRST
+    return page
+
+
+def _receive(page: socket.socket) -> Frame:
+    return present(receive_frame(page))
+
+
+def test_a_frame_survives_its_encoding() -> None:
+    frame = Frame("alert", 12.5, b'{"a": "line\nline"}\n')
+    assert decode_frame(encode_frame(frame)) == frame
+
+
+@pytest.mark.parametrize("packet", [b"\n", b"alert\n{}", b"alert soon\n{}", b"\xff 1.0\n{}"])
+def test_a_packet_of_wrong_form_is_refused(packet: bytes) -> None:
+    with pytest.raises(ValueError, match=r".+"):
+        decode_frame(packet)
+
+
+def test_messages_arrive_in_order_with_the_time_of_their_making(channel: PageChannel) -> None:
+    with _open(channel) as page:
+        before_s = time.monotonic()
+        channel.put("tilt", b"1")
+        frame = _receive(page)
+        assert (frame.kind, frame.payload) == ("tilt", b"1")
+        assert before_s - 1e-3 <= frame.at_s <= time.monotonic() + 1e-3
+
+
+def test_samples_do_not_reach_the_page(channel: PageChannel) -> None:
+    with _open(channel) as page:
+        channel.put("samples", b"1")
+        channel.put("tilt", b"2")
+        assert _receive(page).kind == "tilt"
+
+
+def test_a_page_that_starts_again_gets_the_last_message_of_each_topic_with_its_age(channel: PageChannel) -> None:
+    channel.put("calibration", b"old")
+    channel.put("calibration", b"new")
+    before_s = time.monotonic()
+    with _open(channel) as page:
+        frame = _receive(page)
+        assert (frame.kind, frame.payload) == ("calibration", b"new")
+        assert frame.at_s <= before_s
+    with _open(channel) as page:
+        assert _receive(page).payload == b"new"
+
+
+def test_a_page_that_hangs_delays_nobody_and_loses_all_but_the_newest(channel: PageChannel) -> None:
+    with _open(channel) as page:
+        for _ in range(40):
+            channel.put("tilt", FULL)  # more than the kernel keeps
+        wait_until(lambda: channel.dropped, "a full channel")
+        channel.put("tilt", b"newest")
+        for number in range(3):
+            channel.put("alert", b"%d" % number)
+        frames = [_receive(page)]
+        while frames[-1].payload != b"2":
+            frames.append(_receive(page))
+    assert [frame.payload for frame in frames if frame.payload != FULL] == [b"newest", b"0", b"1", b"2"]
+    assert channel.dropped > 20
+
+
+def test_alerts_wait_in_a_bounded_queue(channel: PageChannel) -> None:
+    with _open(channel) as page:
+        for _ in range(40):
+            channel.put("tilt", FULL)
+        wait_until(lambda: channel.dropped, "a full channel")
+        before = channel.dropped
+        for number in range(MOST_WAITING["alert"] + 5):
+            channel.put("alert", b"%d" % number)
+        assert channel.dropped == before + 5
+        first = next(frame for frame in iter(lambda: _receive(page), None) if frame.kind == "alert")
+        assert first.payload == b"5"
+
+
+def test_a_message_that_is_too_large_is_counted_and_not_sent(channel: PageChannel) -> None:
+    with _open(channel) as page:
+        channel.put("calibration", b"x" * LARGEST_FRAME)
+        channel.put("tilt", b"1")
+        assert _receive(page).kind == "tilt"
+    assert channel.dropped == 1
+
+
+def test_the_end_of_the_gateways_side_ends_the_page(channel: PageChannel) -> None:
+    with _open(channel) as page:
+        channel.close()
+        assert receive_frame(page) is None
+
+
+def test_a_page_that_has_ended_disturbs_nobody(channel: PageChannel) -> None:
+    _open(channel).close()
+    for _ in range(100):
+        channel.put("tilt", FULL)
+    with _open(channel) as page:
+        assert _receive(page).kind == "tilt"
+
+
+def _ask(page: socket.socket, **request: object) -> object:
+    page.send(encode_frame(Frame(REQUEST, 0.0, json.dumps(request).encode())))
+    answer = _receive(page)
+    assert answer.kind == ANSWER
+    return json.loads(answer.payload)
+
+
+def test_requests_are_answered_by_their_number(channel: PageChannel) -> None:
+    with _open(channel) as page:
+        assert _ask(page, number=7, verb="acknowledge", payload="yes") == {
+            "number": 7,
+            "accepted": True,
+            "text": "done",
+        }
+        assert _ask(page, number=8, verb="acknowledge", payload="no") == {
+            "number": 8,
+            "accepted": False,
+            "text": "done",
+        }
+        assert _ask(page, number=9, verb="reboot", payload="") == {
+            "number": 9,
+            "accepted": False,
+            "text": "reboot is not available",
+        }
+        assert _ask(page, hello=1) == {"number": None, "accepted": False, "text": "no request of the page"}
