@@ -105,7 +105,8 @@ class Gateway:
             bus = configuration.bus
             session = open_session(bus.mode, bus.connect, bus.listen, bus.tls.files)
             undo.callback(session.close)
-            page_channel = PageChannel(PageRequests({}).answer)
+            acknowledgements = AcknowledgementService()
+            page_channel = PageChannel(PageRequests({"acknowledge": acknowledgements.submit}).answer)
             self._page = PageProcess(configuration, page_channel) if configuration.page.enabled else None
             undo.pop_all()
         self._compaction = CompactionWorker(chain)
@@ -118,7 +119,6 @@ class Gateway:
             Recalibration(section.data_dir, axes, software=__version__, log_line=log.warning), wall_clock
         )
         marks = MarkService(wall_clock, self._send_mark)
-        acknowledgements = AcknowledgementService()
         self._rpc = RpcServer(session, section.key, self._publisher.latest, recalibration, marks, acknowledgements)
         drift_store = DriftStateStore(section.data_dir)
         blocks: BoundedQueue[SamplerItem] = BoundedQueue(BLOCKS)

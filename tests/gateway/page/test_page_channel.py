@@ -4,11 +4,13 @@ import json
 import socket
 import time
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
 from gateway.daemon.page_channel import MOST_WAITING, PageChannel
 from gateway.daemon.page_requests import PageRequests
+from gateway.daemon.recalibration_service import PendingRequest
 from gateway.page.channel import (
     ANSWER,
     LARGEST_FRAME,
@@ -27,13 +29,16 @@ FIRST = Frame(PARAMETERS, 1.0, b"{}")
 FULL = b"x" * 60_000
 
 
-def _acknowledge(payload: bytes) -> RequestAnswer:
-    return RequestAnswer(id="", request="acknowledge", accepted=payload == b"yes", text="done")
+def _submit(request: PendingRequest) -> bool:
+    if request.payload == b"busy":
+        return False
+    request.reply(RequestAnswer(id="", request=request.verb, accepted=request.payload == b"yes", text="done"))
+    return True
 
 
 @pytest.fixture
 def channel() -> Iterator[PageChannel]:
-    opened = PageChannel(PageRequests({"acknowledge": _acknowledge}).answer)
+    opened = PageChannel(PageRequests({"acknowledge": _submit}).answer)
     yield opened
     opened.close()
 
@@ -145,21 +150,16 @@ def _ask(page: socket.socket, **request: object) -> object:
     return json.loads(answer.payload)
 
 
+ANSWERS: list[tuple[dict[str, Any], tuple[int | None, bool, str]]] = [
+    ({"number": 7, "verb": "acknowledge", "payload": "yes"}, (7, True, "done")),
+    ({"number": 8, "verb": "acknowledge", "payload": "no"}, (8, False, "done")),
+    ({"number": 9, "verb": "acknowledge", "payload": "busy"}, (9, False, "busy: too many requests are waiting")),
+    ({"number": 10, "verb": "reboot", "payload": ""}, (10, False, "reboot is not available")),
+    ({"hello": 1}, (None, False, "no request of the page")),
+]
+
+
 def test_requests_are_answered_by_their_number(channel: PageChannel) -> None:
     with _open(channel) as page:
-        assert _ask(page, number=7, verb="acknowledge", payload="yes") == {
-            "number": 7,
-            "accepted": True,
-            "text": "done",
-        }
-        assert _ask(page, number=8, verb="acknowledge", payload="no") == {
-            "number": 8,
-            "accepted": False,
-            "text": "done",
-        }
-        assert _ask(page, number=9, verb="reboot", payload="") == {
-            "number": 9,
-            "accepted": False,
-            "text": "reboot is not available",
-        }
-        assert _ask(page, hello=1) == {"number": None, "accepted": False, "text": "no request of the page"}
+        for request, (number, accepted, text) in ANSWERS:
+            assert _ask(page, **request) == {"number": number, "accepted": accepted, "text": text}
