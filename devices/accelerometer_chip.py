@@ -38,6 +38,8 @@ class ChipProperties:
     zero_g_offset_g_per_k: float
     scale_factor_per_k: float
     bandwidth_hz: float | None
+    saturation_counts: tuple[int, int]
+    """Lowest and highest reading: one at or beyond them is at the end of the range, and its true value may be larger."""
     longest_block: int
     """Largest number of samples that a read waits for: half of the FIFO, so that the rest remains free for a late host."""
 
@@ -134,6 +136,11 @@ class AccelerometerChip(Protocol):
     def temperature_c(self, part: I2cPart) -> float | None:
         """Return the temperature; None where the chip has no sensor for it, or its reading changes all the time."""
         ...
+
+
+def code_limits(bits: int) -> tuple[int, int]:
+    """Return the lowest and the highest number of two's complement."""
+    return -(1 << (bits - 1)), (1 << (bits - 1)) - 1
 
 
 def nearest_rate(name: str, rates_hz: Mapping[float, int], odr_hz: float) -> float:

@@ -12,6 +12,7 @@ from devices.accelerometer_chip import (
     SampleRun,
     SelfTest,
     Setting,
+    code_limits,
     known_range,
     nearest_rate,
 )
@@ -64,6 +65,7 @@ class Adxl345:
             zero_g_offset_g_per_k=ZERO_G_OFFSET_G_PER_K,
             scale_factor_per_k=SCALE_FACTOR_PER_K,
             bandwidth_hz=None,  # half of the rate
+            saturation_counts=code_limits(10 + RANGE_CODES[full_scale_g]),
             longest_block=FIFO_SAMPLES // 2,
         )
         self.self_test: SelfTest | None = SelfTest(

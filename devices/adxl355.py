@@ -15,6 +15,7 @@ from devices.accelerometer_chip import (
     SampleRun,
     SelfTest,
     Setting,
+    code_limits,
     known_range,
     nearest_rate,
 )
@@ -106,6 +107,7 @@ class Adxl355:
             zero_g_offset_g_per_k=variant.zero_g_offset_g_per_k,
             scale_factor_per_k=SCALE_FACTOR_PER_K,
             bandwidth_hz=rate_hz / 4,
+            saturation_counts=code_limits(20),
             longest_block=LONGEST_BLOCK,
         )
         self.self_test = variant.self_test

@@ -41,6 +41,17 @@ def interpolate_channels(
     return np.column_stack([np.interp(instants, times_ns[:, c] - start_ns, volts[:, c]) for c in channels])
 
 
+def _near_saturated(
+    times_ns: NDArray[np.int64], saturated: NDArray[np.bool_], instants_ns: NDArray[np.int64]
+) -> NDArray[np.bool_]:
+    """Return the instants, shape (n,), that are interpolated from a saturated cycle; `times_ns`: shape (cycles, channels)."""
+    found = np.zeros(len(instants_ns), dtype=np.bool_)
+    for cycle in np.flatnonzero(saturated).tolist():
+        begin_ns, end_ns = times_ns[max(cycle - 1, 0)].min(), times_ns[min(cycle + 1, len(times_ns) - 1)].max()
+        found |= (instants_ns >= begin_ns) & (instants_ns <= end_ns)
+    return found
+
+
 class AnalogueAccelerometer:
     """An analogue accelerometer behind an ADS1115 on an I2C bus."""
 
@@ -124,6 +135,8 @@ class AnalogueAccelerometer:
     def _reset_state(self) -> None:
         self._times_ns: list[list[int]] = []
         self._volts: list[list[float]] = []
+        self._saturated: list[bool] = []
+        """Cycles with an output beyond what the data sheet promises: the sensor or the converter may have reached its end."""
         self._next_ns: int | None = None
         self._cycle_ns = self._clock.now_ns()
         self._last_ns: int | None = None
@@ -156,16 +169,20 @@ class AnalogueAccelerometer:
             self._faults["implausible_voltage"] += 1
         self._times_ns.append([conversion.middle_ns for conversion in cycle])
         self._volts.append(outputs_v)
+        from_middle_g = (at_nominal_v - NOMINAL_SUPPLY_V / 2) / self._sensor.sensitivity_v_per_g
+        self._saturated.append(bool(np.any(np.abs(from_middle_g) >= self._sensor.full_scale_g)))
 
     def _take_block(self) -> SampleBlock | None:
         """Return the instants between the conversions so far, up to the first pause."""
         times_ns, volts = np.array(self._times_ns, dtype=np.int64), np.array(self._volts)
+        cycle_saturated = np.array(self._saturated)
         if len(times_ns) < 2:
             return None
         pauses = np.flatnonzero(np.diff(times_ns[:, 0]) > 1.5 * self._period_ns)
         end = int(pauses[0]) + 1 if len(pauses) else len(times_ns)
         kept = end if len(pauses) else end - 2  # between these two the next instant lies
         self._times_ns, self._volts = self._times_ns[kept:], self._volts[kept:]
+        self._saturated = self._saturated[kept:]
         first_ns, last_ns = int(times_ns[0].max()), int(times_ns[end - 1].min())
         next_ns = first_ns if self._next_ns is None or self._next_ns < first_ns else self._next_ns
         instants_ns = np.arange(next_ns, last_ns + 1, self._period_ns, dtype=np.int64)
@@ -175,7 +192,10 @@ class AnalogueAccelerometer:
         share = at_instants[:, :SUPPLY] / at_instants[:, SUPPLY:]
         raw = np.rint((share - 0.5) * NOMINAL_SUPPLY_V / VOLTS_PER_COUNT).astype(np.int32)
         lost = 0 if self._last_ns is None else round((next_ns - self._last_ns) / self._period_ns) - 1
-        block = SampleBlock(instants_ns, raw, lost=max(lost - self._invalid, 0), invalid=self._invalid)
+        saturated = _near_saturated(times_ns[:end], cycle_saturated[:end], instants_ns)
+        block = SampleBlock(
+            instants_ns, raw, lost=max(lost - self._invalid, 0), invalid=self._invalid, saturated=saturated
+        )
         self._last_ns = int(instants_ns[-1])
         self._next_ns = self._last_ns + self._period_ns
         self._invalid = 0

@@ -1,6 +1,6 @@
 """The data that a device delivers: blocks of samples, and a description of the sensor."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -39,9 +39,24 @@ class SampleBlock:
     """Angular rates in the sensor's own axes, shape (n, 3), rad/s; None without a gyroscope."""
     radio: RadioStatus | None = None
     """What a wireless sensor reported with this block; None: nothing."""
+    saturated: NDArray[np.bool_] | None = None
+    """Samples with an axis at the end of what the part can read, shape (n,): the true value may be larger.
+
+    None: the device does not mark them; `DeviceInfo.full_scale_g` decides.
+    """
 
     def __len__(self) -> int:
         return len(self.time_ns)
+
+    def select(self, kept: slice | NDArray[np.bool_]) -> "SampleBlock":
+        """Return the block with some of its samples; temperature and counts stay."""
+        return replace(
+            self,
+            time_ns=self.time_ns[kept],
+            raw=self.raw[kept],
+            gyro_rad_s=None if self.gyro_rad_s is None else self.gyro_rad_s[kept],
+            saturated=None if self.saturated is None else self.saturated[kept],
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +72,7 @@ class DeviceInfo:
     units_per_g: float
     """Nominal sensitivity: counts per g, or 1 where `raw` is in g."""
     full_scale_g: float | None = None
-    """A reading at or beyond this is clipped; None: not known."""
+    """A reading at or beyond this is clipped where the device does not mark saturated samples; None: not known."""
     noise_g: float | None = None
     """Typical noise, 1 sigma per sample and axis at this rate; None: to be estimated from the data."""
     zero_g_offset_g: float | None = None

@@ -20,6 +20,7 @@ from devices.clock import Clock
 from devices.errors import ConfigurationReadBackError, DeviceError, TransferError
 from devices.i2c import BusOpener, I2cPart
 from devices.sample_clock import SampleClock
+from devices.saturation import mark_saturated
 
 LONGEST_WAIT_NS = 500_000_000
 SILENCE_NS = 2_000_000_000
@@ -221,7 +222,14 @@ class FifoAccelerometer:
             time_ns = self._sample_clock.stamp(len(run), read_ns, lost=run.lost, behind=behind)
             if len(run):
                 lost = self._lost_before(int(time_ns[0]))
-                yield SampleBlock(time_ns, run.raw, self._temperature_c, lost, gyro_rad_s=run.gyro_rad_s)
+                yield SampleBlock(
+                    time_ns,
+                    run.raw,
+                    self._temperature_c,
+                    lost,
+                    gyro_rad_s=run.gyro_rad_s,
+                    saturated=mark_saturated(run.raw, *self._chip.properties.saturation_counts),
+                )
                 self._last_ns, self._lost, self._lost_at_least = int(time_ns[-1]), 0, None
 
     def _reset_sample_index(self, at_least: int) -> None:

@@ -12,6 +12,7 @@ from devices.accelerometer_chip import (
     SampleRun,
     SelfTest,
     Setting,
+    code_limits,
     known_range,
     nearest_rate,
 )
@@ -65,6 +66,7 @@ class Lis2dw12:
             zero_g_offset_g_per_k=ZERO_G_OFFSET_G_PER_K,
             scale_factor_per_k=SCALE_FACTOR_PER_K,
             bandwidth_hz=None,  # half of the rate
+            saturation_counts=code_limits(14),
             longest_block=FIFO_SIZE // 2,
         )
         self.self_test: SelfTest | None = SelfTest(

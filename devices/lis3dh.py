@@ -13,6 +13,7 @@ from devices.accelerometer_chip import (
     SampleRun,
     SelfTest,
     Setting,
+    code_limits,
     known_range,
     nearest_rate,
 )
@@ -42,6 +43,8 @@ RATE_CODES = {1344.0: 9, 400.0: 7, 200.0: 6, 100.0: 5, 50.0: 4, 25.0: 3, 10.0: 2
 RANGE_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
 UNITS_PER_G = {2: 1000.0, 4: 500.0, 8: 250.0, 16: 1000.0 / 12}
 """Table 4: 1, 2, 4 and 12 mg per digit in high-resolution mode."""
+SATURATION_COUNTS = dict.fromkeys((2, 4, 8), code_limits(12)) | {16: (-1333, 1333)}
+"""At 16 g twelve bits reach 24.6 g, but the data sheet promises no more than 16 g."""
 NOISE_G_PER_ROOT_HZ = 220e-6
 ZERO_G_OFFSET_G, ZERO_G_OFFSET_G_PER_K, SCALE_FACTOR_PER_K = 0.04, 0.5e-3, 1e-4
 
@@ -65,6 +68,7 @@ class Lis3dh:
             zero_g_offset_g_per_k=ZERO_G_OFFSET_G_PER_K,
             scale_factor_per_k=SCALE_FACTOR_PER_K,
             bandwidth_hz=bandwidth_hz,
+            saturation_counts=SATURATION_COUNTS[full_scale_g],
             longest_block=FIFO_SAMPLES // 2,
         )
         self.self_test: SelfTest | None = SelfTest(

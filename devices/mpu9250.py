@@ -18,6 +18,7 @@ from devices.accelerometer_chip import (
     SampleRun,
     SelfTest,
     Setting,
+    code_limits,
     known_range,
     nearest_rate,
 )
@@ -132,6 +133,7 @@ class Mpu9250:
             zero_g_offset_g_per_k=variant.zero_g_offset_g_per_k,
             scale_factor_per_k=variant.scale_factor_per_k,
             bandwidth_hz=bandwidth_hz,
+            saturation_counts=code_limits(16),
             longest_block=variant.fifo_bytes // SAMPLE_BYTES // 2,
         )
         second = (Setting(ACCEL_CONFIG_2, "ACCEL_CONFIG_2", filter_code),) if variant.has_accel_config_2 else ()

@@ -32,6 +32,8 @@ class Recording:
     """Shape (n,), NaN where a row has none."""
     gyro_dps: Floats | None = None
     """Angular rate in degrees per second, shape (n, 3), NaN where a row has none."""
+    saturated: NDArray[np.bool_] | None = None
+    """Samples at the end of what the sensor can read, shape (n,); None: it does not mark them."""
     repeated: int = 0
     """Rows left out because their time occurred before."""
     backward: int = 0
@@ -85,6 +87,7 @@ class Recording:
             unusable_before=unusable_before,
             temperature_c=None if self.temperature_c is None else self.temperature_c[kept],
             gyro_dps=None if self.gyro_dps is None else self.gyro_dps[kept],
+            saturated=None if self.saturated is None else self.saturated[kept],
         )
 
     def offset_ns(self) -> Integers:

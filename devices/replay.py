@@ -71,6 +71,7 @@ class Replay:
             temperature_c=self._temperature_c(first, end),
             lost=int(self.recording.lost_before[first]),
             invalid=int(self.recording.unusable_before[first:end].sum()),
+            saturated=None if self.recording.saturated is None else self.recording.saturated[first:end],
         )
 
     def close(self) -> None:

@@ -46,6 +46,7 @@ def pack(
         temperature_c=block.temperature_c,
         lost=block.lost,
         invalid=block.invalid,
+        saturated=None if block.saturated is None else np.flatnonzero(block.saturated).tolist(),
     )
 
 
@@ -64,6 +65,7 @@ def unpack(samples: Samples) -> SampleBlock:
         temperature_c=samples.temperature_c,
         lost=samples.lost,
         invalid=samples.invalid,
+        saturated=None if samples.saturated is None else _saturated(samples.saturated, count),
     )
 
 
@@ -120,6 +122,15 @@ def _readings(samples: Samples) -> NDArray[np.int32] | NDArray[np.float64]:
         return np.cumsum(readings_g, axis=0) if samples.packing == "difference" else readings_g
     counts = np.array(columns, dtype=np.int64).T
     return (np.cumsum(counts, axis=0) if samples.packing == "difference" else counts).astype(np.int32)
+
+
+def _saturated(places: list[int], count: int) -> NDArray[np.bool_]:
+    marks = np.zeros(count, dtype=np.bool_)
+    if places:
+        if not 0 <= min(places) <= max(places) < count:
+            raise ValueError(f"saturated samples {min(places)} to {max(places)} of {count}")
+        marks[places] = True
+    return marks
 
 
 def _unpack_times(samples: Samples, count: int) -> Times:

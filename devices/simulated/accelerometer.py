@@ -100,6 +100,11 @@ class Accelerometer:
         return LARGEST_COUNT / self.units_per_g
 
     @property
+    def saturation_counts(self) -> tuple[int, int]:
+        """Lowest and highest reading."""
+        return -LARGEST_COUNT - 1, LARGEST_COUNT
+
+    @property
     def noise_g(self) -> float:
         """Noise, 1 sigma per sample and axis: white up to half the output data rate."""
         return float(NOISE_DENSITY_G_PER_RT_HZ * np.sqrt(self.odr_hz / 2))

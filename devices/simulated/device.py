@@ -12,6 +12,7 @@ from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
 from devices.errors import DeviceError
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
+from devices.saturation import mark_saturated
 from devices.simulated.accelerometer import (
     SCALE_FACTOR_LIMIT_PER_K,
     ZERO_G_OFFSET_LIMIT_G,
@@ -170,10 +171,12 @@ class SimulatedCrane:
         temperature_c = self.ambient.temperature_c((time_ns - self._crane_start_ns) / 1e9)
         force_g = self._specific_force_g(time_ns)
         raw = self.part.counts(force_g, temperature_c, self._noise)
+        saturated = mark_saturated(raw, *self.part.saturation_counts)
         self._newest_ns = int(time_ns[-1])
         for first in range(0, len(index), self._block_samples):
             block = slice(first, first + self._block_samples)
-            yield SampleBlock(time_ns[block], raw[block], round(float(temperature_c[block][-1]), 2), self._lost)
+            block_c = round(float(temperature_c[block][-1]), 2)
+            yield SampleBlock(time_ns[block], raw[block], block_c, self._lost, saturated=saturated[block])
             self._lost = 0
 
     def _specific_force_g(self, time_ns: NDArray[np.int64]) -> NDArray[np.float64]:

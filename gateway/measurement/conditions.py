@@ -9,7 +9,6 @@ import numpy as np
 from gateway.measurement.source import Source
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.pipeline.motion_context import motion_context
-from gateway.stages.clipping import count_clipped
 from gateway.stages.conditions.gates import MotionContext
 from gateway.stages.conditions.verdict import ConditionResult, judge_condition
 from gateway.stages.conditions.window import ConditionWindow
@@ -51,21 +50,22 @@ def _judge_windows(source: Source) -> Iterator[ConditionResult]:
     recording = source.recording
     noise_g = None if source.noise_g is None else float(np.max(source.noise_g))
     window, monitor = ConditionWindow(), _motion_monitor(source, noise_g)
+    clipped = source.find_clipped()
     block_samples = max(1, round(BLOCK_S * recording.rate_hz))
     for number, start in enumerate(range(0, len(recording), block_samples), start=1):
         block = slice(start, start + block_samples)
         time_s, force_g = recording.time_s[block], source.force_g[block]
-        clipped = count_clipped(force_g, source.full_scale_g)
+        is_clipped = clipped[block]
         window.update(
             time_s,
             force_g,
-            clipped,
+            int(np.count_nonzero(is_clipped)),
             int(recording.lost_before[block].sum() + recording.unusable_before[block].sum()),
             None if recording.gyro_dps is None else np.radians(recording.gyro_dps[block]),
         )
         motion = NOT_KNOWN
         if monitor is not None:
-            monitor.update(time_s, force_g, clipped)
+            monitor.update(time_s, force_g, is_clipped)
             estimate = monitor.estimate(float(time_s[-1]))
             motion = motion_context(estimate, source.housing, is_explained=monitor.is_explained)
         if number % BLOCKS_PER_VERDICT == 0:

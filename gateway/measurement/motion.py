@@ -12,7 +12,6 @@ from gateway.motion.estimate import MotionState
 from gateway.motion.history import LargestAngle, MotionHistory, MotionPhase
 from gateway.motion.smoother import smooth_motion
 from gateway.numerics.saturation import saturation_level
-from gateway.stages.clipping import CLIPPED_SHARE
 from gateway.swing.data.input_checks import find_fault_in_means
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.estimation.make_estimate import NO_MOTION
@@ -82,12 +81,11 @@ def estimate_source_motion(source: Source, swing: SwingEstimate) -> RecordingMot
 
 
 def _clipped_samples(source: Source) -> NDArray[np.bool_]:
-    """Return the samples at full scale, or where that is not stated at a limit that occurs too often."""
-    if source.full_scale_g is not None:
-        limits_g = [CLIPPED_SHARE * source.full_scale_g] * 3
-    else:
-        levels_g = [saturation_level(values) for values in source.force_g.T]
-        limits_g = [np.inf if level_g is None else abs(level_g) for level_g in levels_g]
+    """Return the clipped samples; where the recording does not say, those at a limit that occurs too often."""
+    if source.full_scale_g is not None or source.recording.saturated is not None:
+        return source.find_clipped()
+    levels_g = [saturation_level(values) for values in source.force_g.T]
+    limits_g = [np.inf if level_g is None else abs(level_g) for level_g in levels_g]
     return np.asarray((np.abs(source.force_g) >= limits_g).any(axis=1), dtype=np.bool_)
 
 

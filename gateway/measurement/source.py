@@ -23,6 +23,7 @@ from gateway.recording.correction import SENSOR_AXES, correction_of
 from gateway.recording.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
 from gateway.recording.join import read_joined_samples
 from gateway.recording.run import RecordedRun
+from gateway.stages.clipping import find_clipped
 from gateway.swing.rig import MountedHousing
 
 
@@ -60,6 +61,10 @@ class Source:
         """Standard uncertainty of the angle between the sensor's z axis and the rope."""
         cross_axis_u = 0.0 if self.correction is None else self.correction.u_cross_axis
         return math.hypot(math.radians(self.mount_u_deg), cross_axis_u)
+
+    def find_clipped(self) -> NDArray[np.bool_]:
+        """Return the samples that the device marks, or else those at full scale, shape (n,); none where neither is known."""
+        return find_clipped(self.force_g, self.recording.saturated, self.full_scale_g)
 
     @property
     def name(self) -> str:

@@ -40,6 +40,10 @@ class Samples(Message):
     temperature_c: float | None = None
     lost: Annotated[int, Field(description="samples missing immediately before this block")]
     invalid: Annotated[int, Field(description="samples that arrived and could not be used")]
+    saturated: Annotated[
+        list[int] | None,
+        Field(description="places of the samples at the end of what the sensor can read; null: it does not mark them"),
+    ] = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.numerics.array import Array
 
@@ -36,24 +37,28 @@ class Binning:
     def clear(self) -> None:
         """Forget the bin that is not complete."""
         self._label: int | None = None
-        self._time_sum_s, self._count, self._clipped = 0.0, 0, 0
+        self._time_sum_s, self._count, self._is_clipped = 0.0, 0, False
         self._force_sum_g = np.zeros(3)
 
-    def add(self, time_s: Array, force_g: Array, clipped: int = 0) -> list[ForceBin]:
-        """Add a block, shapes (n,) and (n, 3), with the number of its clipped samples; return the bins that it completes."""
+    def add(self, time_s: Array, force_g: Array, is_clipped: NDArray[np.bool_] | None = None) -> list[ForceBin]:
+        """Add a block, shapes (n,) and (n, 3); return the bins that it completes.
+
+        `is_clipped`: which of its samples are, shape (n,); None: none.
+        """
         complete: list[ForceBin] = []
         begin, n = 0, len(time_s)
-        self._clipped += clipped
         while begin < n:
             label = int(np.floor(time_s[begin] / self._width_s + ROUNDING))
             if label != self._label:
                 complete += self._close()
-                self._label, self._clipped = label, clipped
+                self._label = label
             end_s = (label + 1 - ROUNDING) * self._width_s
             end = n if time_s[-1] < end_s else max(begin + 1, int(np.searchsorted(time_s, end_s)))
             self._force_sum_g += force_g[begin:end].sum(axis=0)
             self._time_sum_s += float(time_s[begin:end].sum())
             self._count += end - begin
+            if is_clipped is not None and is_clipped[begin:end].any():
+                self._is_clipped = True
             begin = end
         return complete
 
@@ -61,7 +66,7 @@ class Binning:
         if self._count == 0:
             return []
         count = self._count
-        closed = ForceBin(self._time_sum_s / count, self._force_sum_g / count, count, self._clipped > 0)
-        self._time_sum_s, self._count, self._clipped = 0.0, 0, 0
+        closed = ForceBin(self._time_sum_s / count, self._force_sum_g / count, count, self._is_clipped)
+        self._time_sum_s, self._count, self._is_clipped = 0.0, 0, False
         self._force_sum_g = np.zeros(3)
         return [closed]

@@ -6,6 +6,9 @@ the length then: a second tracker begins with it, and takes over when it sees th
 
 from dataclasses import replace
 
+import numpy as np
+from numpy.typing import NDArray
+
 from gateway.motion.estimate import MotionEstimate
 from gateway.motion.hypotheses import MotionHypothesis
 from gateway.motion.motion_tracker import MotionTracker
@@ -39,11 +42,11 @@ class LengthCheckedTracker:
         """Bins that no hypothesis explained."""
         return self._outliers_before + self._tracker.outliers
 
-    def update(self, time_s: Array, force_g: Array, clipped: int) -> None:
+    def update(self, time_s: Array, force_g: Array, is_clipped: NDArray[np.bool_] | None) -> None:
         """Take a block of specific force in the housing frame, shapes (n,) and (n, 3)."""
-        self._tracker.update(time_s, force_g, clipped)
+        self._tracker.update(time_s, force_g, is_clipped)
         if self._second is not None:
-            self._second.update(time_s, force_g, clipped)
+            self._second.update(time_s, force_g, is_clipped)
 
     def set_sensor(self, rig: MountedHousing, offset_u_g: Array, change_u_g: Array) -> None:
         """Set the same housing with other uncertainties of its sensor."""

@@ -5,6 +5,7 @@ from collections import deque
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.fault_detector import FaultDetector
@@ -49,14 +50,18 @@ class MotionMonitor:
         x, y, z = rig.zero_g_offset_u_g
         self._tracker.set_sensor(rig, np.array([x, y, np.hypot(z, rig.scale_u[2])]), change_u_g)
 
-    def update(self, time_s: Array, force_g: Array, clipped: int = 0) -> None:
-        """Take a block of specific force in the housing frame, shapes (n,) and (n, 3), with the number of clipped samples."""
-        if clipped == 0 or self._unclipped_s is None:
+    def update(self, time_s: Array, force_g: Array, is_clipped: NDArray[np.bool_] | None = None) -> None:
+        """Take a block of specific force in the housing frame, shapes (n,) and (n, 3).
+
+        `is_clipped`: which of its samples are, shape (n,); None: none.
+        """
+        has_clipped = is_clipped is not None and bool(is_clipped.any())
+        if not has_clipped or self._unclipped_s is None:
             self._unclipped_s = float(time_s[-1])
         had_fault = self._faults.fault is not None
         self._faults.update(time_s, force_g)
         if self._faults.fault is None:
-            self._tracker.update(time_s - delay_s(self._rig.bandwidth_hz), force_g, clipped)
+            self._tracker.update(time_s - delay_s(self._rig.bandwidth_hz), force_g, is_clipped if has_clipped else None)
         elif not had_fault:
             self._tracker = self._new_tracker()  # it has been fed with wrong readings
 

@@ -6,6 +6,7 @@ from collections import deque
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.motion.binning import Binning, ForceBin
 from gateway.motion.estimate import FastOscillationShare, MotionEstimate, MotionState, PeakEstimate
@@ -100,12 +101,12 @@ class MotionTracker:
         """Bins that no hypothesis explained."""
         return self._run.outliers
 
-    def update(self, time_s: Array, force_g: Array, clipped: int = 0) -> bool:
+    def update(self, time_s: Array, force_g: Array, is_clipped: NDArray[np.bool_] | None = None) -> bool:
         """Take a block of specific force in the housing frame, shapes (n,) and (n, 3); return whether a bin was completed."""
         if len(time_s) == 0:
             return False
         self._steps_left = MOST_BRIDGING_STEPS
-        bins = self._binning.add(time_s, force_g, clipped)
+        bins = self._binning.add(time_s, force_g, is_clipped)
         for one in bins:
             self._take(one)
         return bool(bins)

@@ -103,5 +103,5 @@ def split_long_block(block: SampleBlock, period_s: float) -> list[SampleBlock]:
         return [block]
     ends = np.flatnonzero(np.diff(block.time_ns // period_ns)) + 1
     bounds = pairwise([0, *ends.tolist(), len(block)])
-    first, *others = (replace(block, time_ns=block.time_ns[a:b], raw=block.raw[a:b]) for a, b in bounds)
+    first, *others = (block.select(slice(a, b)) for a, b in bounds)
     return [first, *(replace(part, lost=0, invalid=0) for part in others)]

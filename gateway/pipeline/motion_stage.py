@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from devices.block import DeviceInfo
 from devices.pendulum.small_swing import small_swing_period_s
@@ -47,6 +48,8 @@ class MotionStage:
             configuration.rope.length_m, configuration.site.local_gravity_m_s2
         )
         self._extremes = RecentExtremes(longest_s)
+        self._clipped_s = -math.inf
+        """Time of the last clipped sample, by which the published formulas are wrong for a period."""
         self._is_new = True
         self._beyond_k = 0
         self._swing_due_s = -math.inf
@@ -64,11 +67,17 @@ class MotionStage:
         self.estimate = _unknown(self.estimate.time_s, why)
 
     def update(
-        self, time_s: Array, force_g: Array, lowpassed_g: Array, clipped: int, temperature_c: float | None = None
+        self,
+        time_s: Array,
+        force_g: Array,
+        lowpassed_g: Array,
+        is_clipped: NDArray[np.bool_] | None = None,
+        temperature_c: float | None = None,
     ) -> bool:
-        """Take the samples since the last call, with the number of clipped ones; return whether a swing message is due.
+        """Take the samples since the last call; return whether a swing message is due.
 
-        `temperature_c`: that of the sensor; outside the calibration's range it widens the intervals.
+        `is_clipped`: which of them are, shape (n,); None: none. `temperature_c`: that of the sensor; outside the calibration's
+        range it widens the intervals.
         """
         now_s = float(time_s[-1])
         if self._monitor is None:
@@ -76,8 +85,10 @@ class MotionStage:
             return False
         self._is_new = False
         self._follow_temperature(self._monitor, temperature_c)
-        self._monitor.update(time_s, force_g, clipped)
+        self._monitor.update(time_s, force_g, is_clipped)
         self._extremes.update(time_s, lowpassed_g)
+        if is_clipped is not None and is_clipped.any():
+            self._clipped_s = now_s
         self.estimate = self._monitor.estimate(now_s)
         return self._is_swing_due(now_s)
 
@@ -111,7 +122,9 @@ class MotionStage:
     def swing_message(self, header: Header) -> Swing:
         """Return the swing of the last period in degrees, with the published formulas over the same period."""
         period_s = self.estimate.period_s
-        found = None if period_s is None else self._extremes.since(self.estimate.time_s - period_s)
+        if period_s is None or self._clipped_s > self.estimate.time_s - period_s:
+            return swing_message(header, self.estimate, None)
+        found = self._extremes.since(self.estimate.time_s - period_s)
         return swing_message(header, self.estimate, None if found is None else as_published(found))
 
     def _is_swing_due(self, now_s: float) -> bool:

@@ -27,7 +27,7 @@ from gateway.pipeline.motion_stage import MotionStage
 from gateway.pipeline.outgoing_message import OutgoingMessage, PipelineOutput
 from gateway.pipeline.rate_limiter import RateLimiter
 from gateway.stages.alerts import Reading
-from gateway.stages.clipping import count_clipped
+from gateway.stages.clipping import find_clipped
 from gateway.stages.conditions.verdict import ConditionResult, judge_condition
 from gateway.stages.conditions.window import ConditionWindow
 from gateway.stages.lowpass import LowPass
@@ -151,12 +151,14 @@ class Pipeline:
 
     def _add_to_windows(self, batch: ForceBatch) -> bool:
         """Add the samples to condition window and motion; return whether a message of the swing is due."""
-        clipped = count_clipped(batch.raw, self._full_scale)
-        for block, part in batch.slices():
-            n_clipped = count_clipped(block.raw, self._full_scale) if clipped else 0
+        clipped = [find_clipped(block.raw, block.saturated, self._full_scale) for block in batch.blocks]
+        for (block, part), is_clipped in zip(batch.slices(), clipped, strict=True):
             missing = block.lost + block.invalid
-            self._condition_window.update(batch.time_s[part], batch.force_g[part], n_clipped, missing)
-        return self._motion.update(batch.time_s, batch.force_g, batch.lowpassed_g, clipped, self._temperature_c)
+            self._condition_window.update(
+                batch.time_s[part], batch.force_g[part], int(np.count_nonzero(is_clipped)), missing
+            )
+        is_clipped = np.concatenate(clipped)
+        return self._motion.update(batch.time_s, batch.force_g, batch.lowpassed_g, is_clipped, self._temperature_c)
 
     def _idle(self, now: MessageTime) -> Iterator[OutgoingMessage]:
         newest_ns = self._forces.newest_ns

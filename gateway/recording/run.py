@@ -72,6 +72,7 @@ class RecordedRun:
             lost_before=np.maximum(known_lost, missing_before(time_s)),
             unusable_before=self._before([block.invalid for block in self.blocks])[kept],
             temperature_c=self._temperature_c()[kept],
+            saturated=None if (saturated := self._saturated()) is None else saturated[kept],
             repeated=int(repeated.sum()),
             backward=int((~repeated).sum()),
             invalid=sum(block.invalid for block in self.blocks),
@@ -84,6 +85,11 @@ class RecordedRun:
         spread = np.zeros(lengths.sum(), dtype=np.int64)
         spread[np.cumsum(lengths) - lengths] = counts
         return spread
+
+    def _saturated(self) -> NDArray[np.bool_] | None:
+        """Return the saturated samples, shape (n,); None where a block does not mark them."""
+        marks = [block.saturated for block in self.blocks if block.saturated is not None]
+        return np.concatenate(marks) if len(marks) == len(self.blocks) else None
 
     def _temperature_c(self) -> NDArray[np.float64]:
         known = [np.nan if block.temperature_c is None else block.temperature_c for block in self.blocks]

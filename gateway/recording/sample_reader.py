@@ -123,7 +123,7 @@ class CalibratedReader:
         if not kept.any():
             return None
         if not kept.all():
-            block = replace(block, time_ns=block.time_ns[kept], raw=block.raw[kept])
+            block = block.select(kept)
         self._newest_ns = int(block.time_ns[-1])
         force_g = correction.apply(block.raw, temperature_c)
         return CalibratedBlock(segment, block, force_g, correction, samples.time_ns - end_ns)

@@ -14,6 +14,7 @@ from devices.errors import ConfigurationReadBackError, DeviceError, IdentityErro
 from gateway.calibration.thermal.datasheet_limits import PARTS
 from tests.devices.ads1115_chip import Ads1115Chip
 from tests.devices.i2c_chip import START_NS, FakeClock
+from tests.values import present
 
 each_part = pytest.mark.parametrize("sensor", [ADXL335, ADXL327, LIS344ALH], ids=lambda sensor: sensor.name)
 
@@ -66,6 +67,18 @@ def test_a_sensor_at_rest_reads_one_g_at_any_supply(sensor: AnaloguePart, supply
     rig.open()
     rig.read_s(1)
     assert rig.force_g == pytest.approx(np.tile([0.0, 0.0, 1.0], (len(rig.force_g), 1)), abs=1e-3)
+
+
+@each_part
+def test_samples_beyond_what_the_data_sheet_promises_are_marked_as_saturated(sensor: AnaloguePart) -> None:
+    beyond_g = 1.1 * sensor.full_scale_g
+    rig = AnalogueRig(sensor, signal=lambda time_s: (beyond_g if 0.5 < time_s < 0.7 else 0.2, 0.0, 1.0))
+    rig.open()
+    rig.read_s(1.5)
+    marks = np.concatenate([present(block.saturated) for block in rig.blocks])
+    time_s = rig.time_s
+    assert np.all(marks[(time_s > 0.5) & (time_s < 0.7)])
+    assert not np.any(marks[(time_s < 0.47) | (time_s > 0.73)])
 
 
 @each_part

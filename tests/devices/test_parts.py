@@ -8,6 +8,18 @@ from devices.errors import ConfigurationReadBackError, IdentityError, TransferEr
 from gateway.configuration.device_sections import AnyDevice
 from gateway.configuration.i2c_devices import I2cDevice
 from tests.devices.part_rig import PARTS, Part, PartRig, numbered
+from tests.values import present
+
+LIMITS = {
+    "adxl345": (-512, 511),
+    "adxl355": (-524288, 524287),
+    "adxl357": (-524288, 524287),
+    "lis2dw12": (-8192, 8191),
+    "lis3dh": (-2048, 2047),
+    "mpu6050": (-32768, 32767),
+    "mpu9250": (-32768, 32767),
+}
+"""The largest numbers of the data formats, at the ranges of `PARTS`."""
 
 MPU = {0x19: 9, 0x1A: 3, 0x1B: 0x00, 0x1C: 0x00, 0x23: 0xF8, 0x38: 0x10, 0x6A: 0x40, 0x6B: 0x01, 0x6C: 0x00}
 REGISTERS = {
@@ -73,6 +85,28 @@ def test_a_reading_beyond_the_range_is_at_full_scale(part: Part) -> None:
     assert info.full_scale_g is not None
     assert np.all(rig.raw[:, 0] >= 0.998 * info.full_scale_g * info.units_per_g)
     assert np.all(rig.raw[:, 1] <= -0.998 * info.full_scale_g * info.units_per_g)
+
+
+@each_part
+def test_exactly_the_samples_beyond_the_range_are_marked_as_saturated(part: Part) -> None:
+    lowest, highest = LIMITS[part.kind]
+    below, beyond = (highest - 2) / part.units_per_g, (highest + 50) / part.units_per_g
+    for axis in range(3):
+
+        def signal(time_s: float, axis: int = axis) -> tuple[float, float, float]:
+            force_g = [0.0, 0.0, 0.0]
+            force_g[axis] = beyond if time_s % 1.0 < 0.3 else -beyond if 0.5 < time_s % 1.0 < 0.7 else below
+            return force_g[0], force_g[1], force_g[2]
+
+        rig = PartRig(part, signal=signal)
+        rig.open()
+        rig.read_s(2)
+        marks = np.concatenate([present(block.saturated) for block in rig.blocks])
+        reached = (rig.raw[:, axis] >= highest) | (rig.raw[:, axis] <= lowest)
+        assert np.array_equal(marks, reached)
+        assert 0.4 < marks.mean() < 0.6
+        assert rig.raw.max() == highest
+        assert rig.raw.min() == lowest
 
 
 @each_part

@@ -1,5 +1,6 @@
 import json
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from devices.block import SampleBlock
 from gateway import messages, topics
 from gateway.packing import pack, unpack
+from gateway.recording.encoding import encode_recorded
 from tests.gateway.conftest import MakeBlock
 
 
@@ -29,6 +31,11 @@ def assert_same(block: SampleBlock, back: SampleBlock) -> None:
     np.testing.assert_array_equal(back.time_ns, block.time_ns)
     assert back.raw.tobytes() == np.ascontiguousarray(block.raw).tobytes()  # bits: -0.0 is not 0.0
     assert (back.temperature_c, back.lost, back.invalid) == (block.temperature_c, block.lost, block.invalid)
+    if block.saturated is None or back.saturated is None:
+        assert back.saturated is block.saturated
+    else:
+        assert back.saturated.dtype == np.bool_
+        np.testing.assert_array_equal(back.saturated, block.saturated)
 
 
 @st.composite
@@ -51,7 +58,15 @@ def blocks(draw: st.DrawFn) -> SampleBlock:
         npst.arrays(np.int32, (length, 3), elements=full_range) | npst.arrays(np.float64, (length, 3), elements=finite)
     )
     temperature_c = draw(st.none() | st.floats(-40, 125))
-    return SampleBlock(draw(times(length)), raw, temperature_c, draw(st.integers(0, 10**6)), draw(st.integers(0, 9)))
+    saturated = draw(st.none() | npst.arrays(np.bool_, length))
+    return SampleBlock(
+        draw(times(length)),
+        raw,
+        temperature_c,
+        draw(st.integers(0, 10**6)),
+        draw(st.integers(0, 9)),
+        saturated=saturated,
+    )
 
 
 @given(blocks())
@@ -87,6 +102,19 @@ def test_counts_are_whole_numbers_and_g_has_every_digit() -> None:
     assert b'"z":[256000,3]' in topics.encode(packed(counts))
     readings_g = SampleBlock(np.array([5]), np.array([[0.1 + 0.2, 1.0, -1e-17]]))
     assert b'"x":[0.30000000000000004],"y":[1.0],"z":[-1e-17]' in topics.encode(packed(readings_g))
+
+
+def test_marks_of_saturation_cost_a_few_bytes_where_nothing_saturates(make_block: MakeBlock) -> None:
+    block = make_block()
+    unmarked = len(encode_recorded(packed(block)))
+    marked = replace(block, saturated=np.zeros(len(block), dtype=np.bool_))
+    assert len(encode_recorded(packed(marked))) - unmarked <= len(',"saturated":[]')
+
+
+@pytest.mark.parametrize("places", [[-1], [0, 32]])
+def test_a_mark_outside_the_block_is_refused(make_block: MakeBlock, places: list[int]) -> None:
+    with pytest.raises(ValueError, match="saturated samples"):
+        unpack(replace(packed(make_block()), saturated=places))
 
 
 @pytest.mark.parametrize("reading", [np.nan, np.inf])

@@ -58,11 +58,17 @@ def test_every_sample_is_in_one_bin() -> None:
     assert sum(one.count for one in bins) == 500
 
 
-def test_clipped_samples_mark_the_bins_of_their_block() -> None:
+@pytest.mark.parametrize("block", [1, 5, 25, 50])
+def test_clipped_samples_mark_their_own_bin_and_no_other(block: int) -> None:
     time_s: Array = np.arange(50) / 100
+    is_clipped = np.arange(50) == 15
     binning = Binning(0.1)
 
-    bins = [one for n in range(0, 50, 5) for one in binning.add(time_s[n : n + 5], np.ones((5, 3)), int(n == 15))]
+    bins = [
+        one
+        for n in range(0, 50, block)
+        for one in binning.add(time_s[n : n + block], np.ones((block, 3)), is_clipped[n : n + block])
+    ]
 
     assert [one.is_clipped for one in bins] == [False, True, False, False]
 

@@ -133,7 +133,7 @@ def test_bins_with_clipped_samples_are_not_read() -> None:
             is_clipped = 600 <= begin < 630
             if is_clipped:
                 force_g[:] = reading_g
-            tracker.update(time_s, force_g, clipped=5 if is_clipped else 0)
+            tracker.update(time_s, force_g, np.full(len(time_s), is_clipped))
             angles.append(tracker.estimate(float(time_s[-1])).angle_rad)
         return angles
 

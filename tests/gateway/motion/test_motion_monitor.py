@@ -30,7 +30,8 @@ def follow(
     monitor = monitor or monitor_of(recording.rig)
     for begin in range(0, len(recording.time_s), UPDATE):
         time_s = recording.time_s[begin : begin + UPDATE]
-        monitor.update(time_s, recording.force_g[begin : begin + UPDATE], int(clipped(float(time_s[-1]))))
+        is_clipped = np.full(len(time_s), clipped(float(time_s[-1])))
+        monitor.update(time_s, recording.force_g[begin : begin + UPDATE], is_clipped)
         yield monitor.estimate(float(time_s[-1]))
 
 

@@ -190,6 +190,23 @@ def test_clipped_samples_disturb() -> None:
     assert "clipped" in run.out["condition"][-1].reasons[0]
 
 
+def test_samples_that_the_device_marks_as_saturated_disturb_and_have_no_part_in_the_angle() -> None:
+    def angle(reading: int) -> Any:
+        run = Run(crane(5.0)).go(10)
+        block = present(run.device.read())
+        raw = block.raw.copy()
+        raw[3, 0] = reading
+        saturated = np.zeros(len(block), dtype=np.bool_)
+        saturated[3] = True
+        run.feed(replace(block, raw=raw, saturated=saturated))
+        run.go(0.5)
+        assert run.out["condition"][-1].verdict == "disturbed"
+        assert "clipped" in run.out["condition"][-1].reasons[0]
+        return [message.angle_deg for message in run.out["motion"]]
+
+    assert angle(100_000) == angle(-100_000)
+
+
 def test_headers_have_sequence_numbers_and_utc() -> None:
     run = Run(crane(3.0)).go(10)
     for sent in run.out.values():

@@ -52,7 +52,7 @@ def last_word(crane: tuple[NDArray[np.float64], NDArray[np.float64]], temperatur
     stage = MotionStage(validate(table, "test"), INFO, CORRECTION)
     for begin in range(0, len(time_s), 10):
         part = slice(begin, begin + 10)
-        stage.update(time_s[part], planted_g[part], planted_g[part], 0, temperature_c)
+        stage.update(time_s[part], planted_g[part], planted_g[part], temperature_c=temperature_c)
     header = HeaderMaker().make("swing", MessageTime(0, ClockState("synchronised", 0)), "r1")
     return stage.swing_message(header), present(stage.lean_reading()).value_rad
 

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from devices.block import SampleBlock
+from devices.simulated.accelerometer import LARGEST_COUNT
 from gateway.calibration.correction import correction_for
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.cli.main import main
@@ -20,6 +22,7 @@ from gateway.pipeline.pipeline import Pipeline
 from gateway.recording import replay_result
 from gateway.recording.reader import open_recording
 from gateway.recording.replay_steps import RECOMPUTED
+from gateway.recording.run import read_samples
 from tests.gateway.recording.recorded_crane import CLOCK, RecordedCrane
 
 SUSPENSION = "SUSPENDED: the sensor is being recalibrated (six_position, by ann)"
@@ -98,6 +101,32 @@ def test_message_that_was_left_out_is_a_difference(tmp_path: Path, capsys: pytes
         "(none)",
         "recomputed",
     )
+
+
+class SaturatingCrane(RecordedCrane):
+    """One sample in each fifth block is at the end of the range."""
+
+    blocks = 0
+
+    def process(self, block: SampleBlock) -> None:
+        self.blocks += 1
+        if self.blocks % 5 == 0:
+            raw, saturated = block.raw.copy(), np.zeros(len(block), dtype=np.bool_)
+            raw[3, 0], saturated[3] = LARGEST_COUNT, True
+            block = replace(block, raw=raw, saturated=saturated)
+        super().process(block)
+
+
+def test_saturated_samples_are_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    crane = SaturatingCrane(tmp_path)
+    crane.record(20)
+    crane.close()
+    code, result = replay(tmp_path, capsys)
+    assert (code, result["differing"]) == (0, {})
+    recorded = read_samples(next(tmp_path.glob("*.mcap"))).recording()
+    assert recorded.saturated is not None
+    assert np.array_equal(recorded.saturated, recorded.raw[:, 0] == LARGEST_COUNT)
+    assert recorded.saturated.sum() == len(recorded) // 50
 
 
 def test_time_without_samples_is_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
