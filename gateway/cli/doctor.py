@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from gateway.configuration.model import Configuration
     from gateway.daemon.check_result import CheckResult
 
 MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
@@ -20,7 +21,8 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         help="find what is wrong on this machine, and how to correct it",
         description="Check everything that `plumbline run` needs, or ask the gateway that runs how it does. "
         "Exit code 0: all well; 1: something must be corrected.",
-        epilog="examples: plumbline doctor --config adxl355.toml | plumbline doctor --device --config adxl355.toml",
+        epilog="examples: plumbline doctor --config adxl355.toml | plumbline doctor --device --config adxl355.toml "
+        "| plumbline doctor --bundle crane-1.tar.gz",
     )
     command.add_argument(
         "--config", type=Path, metavar="FILE", help="configuration (default: the installed one, or a simulated crane)"
@@ -32,6 +34,12 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     )
     command.add_argument(
         "--json", type=Path, metavar="FILE|-", help="write the results as JSON, with what was measured"
+    )
+    command.add_argument(
+        "--bundle",
+        type=Path,
+        metavar="FILE.tar.gz",
+        help="write findings, configuration, versions, state, log and a list of the recordings, without secrets",
     )
     command.set_defaults(run=run)
 
@@ -45,7 +53,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.daemon.doctor import examine, examine_sensor
 
     installed = is_installed() and arguments.config in (None, SETTINGS)
-    configuration = load_installed() if installed else load(arguments.config)
+    configuration = _without_hooks(load_installed() if installed else load(arguments.config))
     settings = str(SETTINGS if installed else arguments.config or "embedded default: a simulated crane")
     results = [CheckResult("good", "settings", settings)]
     quiet = arguments.json == STANDARD_OUTPUT
@@ -57,7 +65,21 @@ def run(arguments: argparse.Namespace) -> int:
         print_json(_record(results))
     elif arguments.json is not None:
         write_json(arguments.json, _record(results))
+    if arguments.bundle is not None:
+        from gateway.cli.output import write_bytes
+        from gateway.daemon.diagnostic_bundle import make_bundle
+
+        write_bytes(arguments.bundle, make_bundle(configuration, results))
+        print(f"{arguments.bundle}: written, without passwords, keys, tokens and recordings", file=sys.stderr)
     return 1 if any(result.grade == "bad" for result in results) else 0
+
+
+def _without_hooks(configuration: "Configuration") -> "Configuration":
+    """Return the configuration without the commands that revive a sensor: an examination, perhaps by root, runs none."""
+    hooks: dict[str, list[str]] = {"bus_clear_command": [], "power_cycle_command": []}
+    device = configuration.device
+    hooks = {name: value for name, value in hooks.items() if name in type(device).model_fields}
+    return configuration.model_copy(update={"device": device.model_copy(update=hooks)})
 
 
 def _print_result(result: "CheckResult", quiet: bool) -> None:

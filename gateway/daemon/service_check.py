@@ -16,7 +16,7 @@ def examine_running(configuration: Configuration) -> Iterator[CheckResult]:
     """Report the state of the running gateway: sampling, recording, calibration, alerts."""
     folder, key = configuration.gateway.data_dir, configuration.gateway.key
     try:
-        topics = _status(configuration, key)
+        topics = query_gateway(configuration)
     except PlumblineError as error:
         yield CheckResult("bad", "gateway", f"does not answer, and {folder} is in use: {error}")
         return
@@ -28,7 +28,9 @@ def examine_running(configuration: Configuration) -> Iterator[CheckResult]:
     yield from _report(topics)
 
 
-def _status(configuration: Configuration, key: str) -> dict[str, Any] | None:
+def query_gateway(configuration: Configuration) -> dict[str, Any] | None:
+    """Return the last message of every topic of the gateway of this machine; None: it does not answer. Raises `BusError`."""
+    key = configuration.gateway.key
     for endpoint in configuration.bus.local_endpoints:
         with open_client_session(endpoint) as session:
             return query_status(session, key).get(key)

@@ -1,7 +1,11 @@
 """`plumbline doctor` beside nothing, beside a gateway that runs, and beside one that does not answer."""
 
 import json
+import os
+import tarfile
 from pathlib import Path
+
+import pytest
 
 from tests.system.conftest import JoinBus, Plumbline, StartGateway
 
@@ -72,3 +76,47 @@ def test_doctor_leaves_a_sensor_alone_that_a_gateway_uses(
     done = plumbline("doctor", "--device", "--config", _config(tmp_path, gateway.data_dir, gateway.endpoint))
     assert done.returncode == 1
     assert "a gateway is using the sensor; stop it first" in done.stdout
+
+
+def test_the_bundle_has_what_a_service_engineer_needs_and_no_secret(
+    start_gateway: StartGateway,
+    join_bus: JoinBus,
+    plumbline: Plumbline,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    gateway = start_gateway()
+    join_bus(gateway.endpoint).wait_for("health")
+    secrets = {"command-token": "tok-5f2a9c", "page-pin": "48151623", "signing-key-2.pem": "MC4CAQAwBQYDK2Vw"}
+    for name, value in secrets.items():
+        (gateway.data_dir / name).write_text(f"{value}\n")
+    (gateway.data_dir / "calibration").mkdir(exist_ok=True)
+    with (gateway.data_dir / "calibration" / "audit.jsonl").open("a") as audit:
+        audit.write('{"by": "ann", "reason": "token tok-5f2a9c typed by mistake"}\n')
+    journal = tmp_path / "bin" / "journalctl"
+    journal.parent.mkdir()
+    journal.write_text(
+        "#!/bin/sh\necho 'pin 48151623'; echo 'mqtt://ann:hunter22@host failed'; echo password=hunter22\n"
+    )
+    journal.chmod(0o755)
+    bundle = tmp_path / "crane.tar.gz"
+    config = _config(tmp_path, gateway.data_dir, gateway.endpoint)
+    monkeypatch.setenv("PATH", f"{journal.parent}:{os.environ['PATH']}")
+    done = plumbline("doctor", "--bundle", bundle, "--config", config)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "without passwords" in done.stderr
+    with tarfile.open(bundle) as archive:
+        parts = {name.partition("/")[2]: archive.extractfile(name).read().decode() for name in archive.getnames()}  # type: ignore[union-attr]
+    assert set(parts) == {
+        "doctor.json", "versions.json", "configuration.json", "status.json", "unit.txt", "log.txt", "audit.jsonl", "files.txt"
+    }  # fmt: skip
+    everything = "".join(parts.values())
+    for secret in (*secrets.values(), "hunter22"):
+        assert secret not in everything
+    assert "pin (removed)" in parts["log.txt"]
+    assert '"by": "ann"' in parts["audit.jsonl"]
+    assert json.loads(parts["status.json"])["health"]["state"] == "running"
+    assert any(check["place"] == "gateway" for check in json.loads(parts["doctor.json"]))
+    assert json.loads(parts["configuration.json"])["alerts"]["trip_deg"] == 6.0
+    assert "numpy" in json.loads(parts["versions.json"])["distributions"]
+    assert ".mcap" in parts["files.txt"]
