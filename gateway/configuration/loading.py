@@ -59,6 +59,16 @@ def configuration_class(device_kind: object) -> type[Configuration]:
     return create_model("Configuration", __base__=Configuration, device=(section, ...))
 
 
+def load_text(text: str, where: str, environment: Mapping[str, str] = os.environ) -> Configuration:
+    """Return the configuration of a TOML text with the environment's overrides. Raises `ConfigurationError`."""
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigurationError(f"{where}: is not TOML: {error}") from error
+    _override(table, environment)
+    return validate(table, where)
+
+
 def _read(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))

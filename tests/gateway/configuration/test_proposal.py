@@ -1,0 +1,105 @@
+"""Proposals over the bus: comments stay, the difference is complete, and what only the machine may change is refused."""
+
+import tomllib
+
+import pytest
+
+from gateway.configuration.loading import ConfigurationError
+from gateway.configuration.model import Configuration
+from gateway.configuration.proposal import Table, check_proposal
+from gateway.configuration.remote_keys import REMOTE, visible_part
+
+FILE = """\
+# the yard crane
+[gateway]
+site = "yard"
+data_dir = "/srv/secret-place"
+
+[rope]
+length_m = 20.0             # measured by ann
+
+[housing]
+position_m = 5.0            # from the pivot
+
+[recorder]
+key = "/etc/plumbline/key.pem"
+quota_mb = 100
+
+[bus.tls]
+key = "/etc/plumbline/tls.pem"
+"""
+
+
+def _check(proposal: Table, *, allow_network: bool = False) -> tuple[str, list[str]]:
+    checked = check_proposal(FILE, proposal, allow_network=allow_network, environment={})
+    return checked.text, [str(change) for change in checked.changes]
+
+
+def test_a_change_keeps_comments_and_all_other_keys() -> None:
+    text, changes = _check({"rope": {"length_m": 21.5}})
+    assert changes == ["rope.length_m: 20.0 -> 21.5"]
+    assert text == FILE.replace("20.0 ", "21.5 ")
+
+
+def test_a_key_that_a_section_no_longer_states_is_removed() -> None:
+    text, changes = _check({"housing": {"above_load_m": 2.5}})
+    assert changes == ["housing.position_m: 5.0 -> not given", "housing.above_load_m: not given -> 2.5"]
+    assert "position_m" not in text
+    assert tomllib.loads(text)["rope"] == {"length_m": 20.0}
+
+
+def test_a_section_keeps_what_only_the_machine_may_change() -> None:
+    text, changes = _check({"recorder": {"quota_mb": 200}})
+    assert changes == ["recorder.quota_mb: 100.0 -> 200.0"]
+    assert tomllib.loads(text)["recorder"] == {"key": "/etc/plumbline/key.pem", "quota_mb": 200}
+
+
+def test_a_new_section_is_added() -> None:
+    text, changes = _check({"alerts": {"trip_deg": 5.0}})
+    assert changes == ["alerts.trip_deg: 6.0 -> 5.0"]
+    assert tomllib.loads(text)["alerts"] == {"trip_deg": 5.0}
+
+
+@pytest.mark.parametrize(
+    ("proposal", "why"),
+    [
+        ({"recorder": {"key": "/tmp/key"}}, "recorder.key: can only be changed on the gateway's own machine"),
+        ({"device": {"power_cycle_command": ["sh"]}}, "device.power_cycle_command: can only be changed"),
+        ({"device": {"bus_clear_command": ["sh"]}}, "device.bus_clear_command: can only be changed"),
+        ({"device": {"kind": "replay", "path": "/etc/shadow"}}, "device.path: can only be changed"),
+        ({"gateway": {"data_dir": "/"}}, "gateway.data_dir: can only be changed"),
+        ({"gateway": {"demonstration": True}}, "gateway.demonstration: can only be changed"),
+        ({"bus": {"tls": {"key": "/tmp/k"}}}, "bus.tls: can only be changed"),
+        ({"alerts": {"trip_deg": 1.0}}, "clear_deg 3 <= warn_deg 4 <= trip_deg 1 must hold"),
+        ({"rope": {"lenght_m": 1.0}}, "did you mean length_m"),
+        ({"rope": {"length_m": 20.0}}, "changes nothing"),
+        ({"bus": {"listen": ["tcp/0.0.0.0:7447"]}}, "bus.listen: a wrong value cuts the gateway off"),
+        ({"page": {"listen": "0.0.0.0:80"}}, "page.listen: a wrong value cuts the gateway off"),
+        ({"gateway": {"site": "mine"}}, "gateway.site: a wrong value cuts the gateway off"),
+        ({"nonsense": 1}, "nonsense: can only be changed"),
+    ],
+)
+def test_refusals_name_key_and_remedy(proposal: Table, why: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        _check(proposal)
+    assert why in str(caught.value)
+
+
+def test_network_keys_need_a_permission_and_then_change() -> None:
+    text, changes = _check({"bus": {"listen": ["tcp/0.0.0.0:7447"]}}, allow_network=True)
+    assert changes == ["bus.listen: ['tcp/127.0.0.1:7447'] -> ['tcp/0.0.0.0:7447']"]
+    assert tomllib.loads(text)["bus"]["tls"] == {"key": "/etc/plumbline/tls.pem"}
+
+
+def test_what_can_be_read_contains_no_file_and_no_command() -> None:
+    everything = Configuration.model_validate({"device": {"kind": "adxl355"}}).model_dump(mode="json")
+    everything["mqtt"] = {"password": "secret"}
+    visible = visible_part(everything)
+    names = {f"{section}.{key}" for section, keys in visible.items() for key in keys}
+    assert "alerts.trip_deg" in names
+    hidden = {"recorder.key", "gateway.data_dir", "device.bus_clear_command", "device.power_cycle_command", "bus.tls"}
+    assert not names & (hidden | {"mqtt.password"})
+
+
+def test_every_remote_section_is_one_of_the_configuration() -> None:
+    assert set(REMOTE) <= set(Configuration.model_fields)
