@@ -33,7 +33,7 @@ def check_proposal(
     """Return the file and the changes that follow from a proposal.
 
     A section of the proposal replaces the keys of that section which may be changed over the bus; other sections stay, and so do
-    the comments of the file. Raises `ConfigurationError` where the result is not valid, changes nothing, or changes what it may not.
+    the comments of the file. Raises `ConfigurationError` where the result is not valid, the same, or not permitted.
     """
     require_remote(proposal)
     where = "proposal"
