@@ -31,6 +31,8 @@ class Readings:
     """Number of frames lost immediately before each frame, shape (n,): missing bytes divided by the usual distance."""
     invalid_before: NDArray[np.int64]
     """Number of damaged frames immediately before each frame, shape (n,)."""
+    gyro_rad_s: NDArray[np.float64] | None = None
+    """Angular rates, shape (n, 3); None where the frames have none."""
 
     def __len__(self) -> int:
         return len(self.counts)
@@ -39,6 +41,18 @@ class Readings:
     def missing_before(self) -> NDArray[np.int64]:
         """Number of lost and damaged frames before each frame."""
         return self.lost_before + self.invalid_before
+
+
+def join_readings(found: list[Readings]) -> Readings:
+    """Return the readings of consecutive pieces as one."""
+    rates = [readings.gyro_rad_s for readings in found if readings.gyro_rad_s is not None]
+    return Readings(
+        counts=np.concatenate([np.zeros((0, 3), np.int32), *(readings.counts for readings in found)]),
+        temperature_c=np.concatenate([np.zeros(0), *(readings.temperature_c for readings in found)]),
+        lost_before=np.concatenate([np.zeros(0, np.int64), *(readings.lost_before for readings in found)]),
+        invalid_before=np.concatenate([np.zeros(0, np.int64), *(readings.invalid_before for readings in found)]),
+        gyro_rad_s=np.concatenate(rates) if rates else None,
+    )
 
 
 class FrameDecoder:
@@ -75,13 +89,7 @@ class FrameDecoder:
     def feed(self, data: bytes) -> Readings:
         """Decode bytes; never raises, whatever they are."""
         pieces = [data[at : at + PIECE_BYTES] for at in range(0, len(data), PIECE_BYTES)]
-        found = [readings for piece in pieces for readings in self._decode(piece)]
-        return Readings(
-            counts=np.concatenate([np.zeros((0, 3), np.int32), *(readings.counts for readings in found)]),
-            temperature_c=np.concatenate([np.zeros(0), *(readings.temperature_c for readings in found)]),
-            lost_before=np.concatenate([np.zeros(0, np.int64), *(readings.lost_before for readings in found)]),
-            invalid_before=np.concatenate([np.zeros(0, np.int64), *(readings.invalid_before for readings in found)]),
-        )
+        return join_readings([readings for piece in pieces for readings in self._decode(piece)])
 
     def _decode(self, piece: bytes) -> Iterator[Readings]:
         self._buffer += piece

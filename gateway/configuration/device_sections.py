@@ -42,13 +42,25 @@ class ReplayDevice(DeviceSection):
     rate_hz: float | None = Field(None, gt=0, description="foreign text without a column of seconds: sample rate")
 
 
+SerialPortName = Annotated[
+    str,
+    Field(
+        pattern="^(/.+|usb:[0-9a-fA-F]{4}:[0-9a-fA-F]{4}(:.+)?)$",
+        description="/dev/serial/by-id/... or usb:VID:PID:SERIAL",
+    ),
+]
+
+
 class WitMotionDevice(DeviceSection):
     """WitMotion sensor or radio receiver on a serial port."""
 
     kind: Literal["witmotion"]
-    port: str = Field(description="such as /dev/serial/by-id/...")
+    port: SerialPortName
     baud: int = Field(115200, gt=0, description="as set in the sensor")
     odr_hz: float = Field(100.0, gt=0, le=1000, description="as set in the sensor")
+    frames: Literal["standard", "radio"] = Field(
+        "standard", description="radio: the 20-byte frames of a Bluetooth Low Energy receiver"
+    )
 
 
 AnyDevice = Annotated[

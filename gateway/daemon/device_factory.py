@@ -116,10 +116,16 @@ def _make_ads1115(device: Ads1115Device, block: int, clock: Clock) -> Device:
 
 
 def _make_witmotion(device: WitMotionDevice, block: int, clock: Clock) -> Device:
-    from devices.witmotion import WitMotion
+    from devices.witmotion import open_witmotion
 
-    return WitMotion(
-        port=device.port, baud=device.baud, odr_hz=device.odr_hz, block_samples=block, clock=clock, serial=device.serial
+    return open_witmotion(
+        device.port,
+        device.baud,
+        clock=clock,
+        odr_hz=device.odr_hz,
+        frames=device.frames,
+        block_samples=block,
+        serial=device.serial,
     )
 
 

@@ -14,46 +14,13 @@ import pytest
 from devices.block import SampleBlock
 from devices.clock import HostClock
 from devices.errors import DeviceAccessError, DeviceError, DeviceNotFoundError, TransferError
-from devices.witmotion import WitMotion
+from devices.serial_sensor import SerialSensor
+from devices.usb_ports import PortFolders
+from devices.witmotion import open_witmotion
 from devices.witmotion_frames import FRAME_BYTES
+from tests.devices.serial_peer import Peer, SetClock
 from tests.devices.witmotion_wire import NOISE, frame, sample, stream
 from tests.values import present
-
-
-class SetClock:
-    """Gateway time that the test sets."""
-
-    def __init__(self) -> None:
-        self.time_ns = 1_700_000_000_000_000_000
-
-    def now_ns(self) -> int:
-        return self.time_ns
-
-    def sleep_s(self, seconds: float) -> None:
-        self.time_ns += round(seconds * 1e9)
-
-
-class Peer:
-    """The sensor's side of a pseudo-terminal, and a name of the other side that outlives it."""
-
-    def __init__(self, name: Path) -> None:
-        self.name = name
-        self.master = -1
-        self.plug_in()
-
-    def plug_in(self) -> None:
-        self.master, slave = pty.openpty()
-        self.number = os.ttyname(slave)
-        os.close(slave)
-        self.name.symlink_to(self.number)
-
-    def unplug(self) -> None:
-        os.close(self.master)
-        self.name.unlink()
-        self.master = -1
-
-    def send(self, data: bytes) -> None:
-        os.write(self.master, data)
 
 
 @pytest.fixture
@@ -70,20 +37,21 @@ def clock() -> SetClock:
 
 
 @pytest.fixture
-def device(peer: Peer, clock: SetClock, tmp_path: Path) -> Iterator[WitMotion]:
-    device = WitMotion(str(peer.name), clock=clock, odr_hz=100, block_samples=5, by_id=tmp_path / "by-id")
+def device(peer: Peer, clock: SetClock, tmp_path: Path) -> Iterator[SerialSensor]:
+    folders = PortFolders(by_id=tmp_path / "by-id")
+    device = open_witmotion(str(peer.name), clock=clock, odr_hz=100, block_samples=5, folders=folders)
     yield device
     device.close()
 
 
-def send(device: WitMotion, peer: Peer, clock: SetClock, data: bytes, passed_s: float = 0.05) -> SampleBlock | None:
+def send(device: SerialSensor, peer: Peer, clock: SetClock, data: bytes, passed_s: float = 0.05) -> SampleBlock | None:
     """What comes of the data, sent in the time that has passed since the last."""
     clock.sleep_s(passed_s)
     peer.send(data)
     return device.read()
 
 
-def exchange(device: WitMotion, peer: Peer, clock: SetClock, data: bytes, passed_s: float = 0.05) -> SampleBlock:
+def exchange(device: SerialSensor, peer: Peer, clock: SetClock, data: bytes, passed_s: float = 0.05) -> SampleBlock:
     """The block that comes of the data."""
     return present(send(device, peer, clock, data, passed_s))
 
@@ -92,7 +60,7 @@ def numbers(blocks: list[SampleBlock]) -> list[int]:
     return [number for block in blocks for number in block.raw[:, 0].tolist()]
 
 
-def read_until(device: WitMotion, last: int) -> list[SampleBlock]:
+def read_until(device: SerialSensor, last: int) -> list[SampleBlock]:
     """Blocks up to the sample of that number."""
     blocks: list[SampleBlock] = []
     for _ in range(1000):
@@ -104,7 +72,7 @@ def read_until(device: WitMotion, last: int) -> list[SampleBlock]:
 
 
 def test_blocks_are_read_from_a_port_in_real_time(peer: Peer) -> None:
-    device = WitMotion(str(peer.name), clock=HostClock(), odr_hz=500, block_samples=4)
+    device = open_witmotion(str(peer.name), clock=HostClock(), odr_hz=500, block_samples=4)
     info = device.open()
     assert (info.kind, info.unit, info.units_per_g, info.full_scale_g, info.odr_hz) == (
         "witmotion",
@@ -132,7 +100,7 @@ def test_blocks_are_read_from_a_port_in_real_time(peer: Peer) -> None:
     assert device.faults["discarded_bytes"] == 33 + 7
 
 
-def test_sample_times_come_from_the_count(device: WitMotion, peer: Peer, clock: SetClock) -> None:
+def test_sample_times_come_from_the_count(device: SerialSensor, peer: Peer, clock: SetClock) -> None:
     device.open()
     jitter_s = np.random.default_rng(3).uniform(0, 0.01, 400)
     blocks = []
@@ -150,7 +118,9 @@ def test_sample_times_come_from_the_count(device: WitMotion, peer: Peer, clock: 
 
 
 @pytest.mark.parametrize("place", [0, 2])
-def test_a_gap_is_between_blocks_and_keeps_its_time(device: WitMotion, peer: Peer, clock: SetClock, place: int) -> None:
+def test_a_gap_is_between_blocks_and_keeps_its_time(
+    device: SerialSensor, peer: Peer, clock: SetClock, place: int
+) -> None:
     device.open()
     blocks = [exchange(device, peer, clock, stream(range(5)))]
     frames = [sample(number) for number in range(5, 10)]
@@ -165,7 +135,14 @@ def test_a_gap_is_between_blocks_and_keeps_its_time(device: WitMotion, peer: Pee
     assert after.time_ns[-1] - blocks[0].time_ns[0] == pytest.approx(90e6, rel=0.01)
 
 
-def test_reopening_discards_earlier_bytes(device: WitMotion, peer: Peer, clock: SetClock) -> None:
+def test_a_reading_at_the_end_of_the_range_is_marked(device: SerialSensor, peer: Peer, clock: SetClock) -> None:
+    device.open()
+    frames = [frame(0x51, 0, 0, z, 2500) for z in (2048, 32767, 32766, -32768, 2048)]
+    block = exchange(device, peer, clock, b"".join(frames))
+    assert present(block.saturated).tolist() == [False, True, False, True, False]
+
+
+def test_reopening_discards_earlier_bytes(device: SerialSensor, peer: Peer, clock: SetClock) -> None:
     device.open()
     send(device, peer, clock, stream(range(5)) + sample(5)[:4])
     send(device, peer, clock, sample(5)[4:] + bytes(FRAME_BYTES) + stream(range(7, 10)) + sample(10)[:4])
@@ -177,7 +154,7 @@ def test_reopening_discards_earlier_bytes(device: WitMotion, peer: Peer, clock: 
 
 
 @pytest.mark.slow
-def test_samples_lost_in_a_silence_are_counted(device: WitMotion, peer: Peer, clock: SetClock) -> None:
+def test_samples_lost_in_a_silence_are_counted(device: SerialSensor, peer: Peer, clock: SetClock) -> None:
     device.open()
     assert device.read() is None
     before = exchange(device, peer, clock, stream(range(5)))
@@ -188,7 +165,7 @@ def test_samples_lost_in_a_silence_are_counted(device: WitMotion, peer: Peer, cl
     assert after.time_ns[-1] == clock.now_ns()
 
 
-def test_a_disconnected_port_is_reported_and_found_again(device: WitMotion, peer: Peer, clock: SetClock) -> None:
+def test_a_disconnected_port_is_reported_and_found_again(device: SerialSensor, peer: Peer, clock: SetClock) -> None:
     device.open()
     exchange(device, peer, clock, stream(range(5)))
     peer.unplug()
@@ -205,7 +182,7 @@ def test_a_disconnected_port_is_reported_and_found_again(device: WitMotion, peer
     assert device.faults["disconnect"] == 1
 
 
-def test_a_port_without_a_name_is_disconnected(device: WitMotion, peer: Peer) -> None:
+def test_a_port_without_a_name_is_disconnected(device: SerialSensor, peer: Peer) -> None:
     """The name under by-id vanishes with the adapter, even where reading goes on giving nothing."""
     device.open()
     peer.name.unlink()
@@ -219,7 +196,7 @@ def test_a_port_is_found_by_its_persistent_name(peer: Peer, clock: SetClock, tmp
     peer.unplug()
     peer.name = by_id / "usb-1a86_USB_Serial_0042-if00-port0"
     peer.plug_in()
-    device = WitMotion(peer.number, clock=clock, by_id=by_id)
+    device = open_witmotion(peer.number, clock=clock, folders=PortFolders(by_id=by_id))
     assert device.open().device_id == "witmotion-usb-1a86_USB_Serial_0042-if00-port0"
     peer.unplug()
     with pytest.raises(TransferError, match="0042"):
@@ -234,7 +211,7 @@ def test_a_port_is_found_by_its_persistent_name(peer: Peer, clock: SetClock, tmp
     os.close(other)
 
 
-def test_noise_on_the_line_is_counted_and_then_reported(device: WitMotion, peer: Peer, clock: SetClock) -> None:
+def test_noise_on_the_line_is_counted_and_then_reported(device: SerialSensor, peer: Peer, clock: SetClock) -> None:
     device.open()
     peer.send(NOISE[:2304])
     with pytest.raises(
@@ -246,7 +223,7 @@ def test_noise_on_the_line_is_counted_and_then_reported(device: WitMotion, peer:
     assert numbers([exchange(device, peer, clock, stream(range(5)))]) == list(range(5))
 
 
-def test_a_sensor_without_acceleration_frames_is_reported(device: WitMotion, peer: Peer) -> None:
+def test_a_sensor_without_acceleration_frames_is_reported(device: SerialSensor, peer: Peer) -> None:
     device.open()
     peer.send(frame(0x53, 1, 2, 3, 4) * 200)
     with pytest.raises(DeviceError, match="check the baud rate, and that the sensor sends acceleration"):
@@ -255,7 +232,7 @@ def test_a_sensor_without_acceleration_frames_is_reported(device: WitMotion, pee
 
 @pytest.mark.parametrize(("rate_hz", "refused"), [(100, False), (105, False), (125, True), (50, True)])
 def test_rate_other_than_the_configured_one_is_refused(
-    device: WitMotion, peer: Peer, clock: SetClock, rate_hz: int, refused: bool
+    device: SerialSensor, peer: Peer, clock: SetClock, rate_hz: int, refused: bool
 ) -> None:
     device.open()
     text = ""
@@ -270,10 +247,10 @@ def test_rate_other_than_the_configured_one_is_refused(
 
 def test_a_missing_port_is_reported_with_the_present_ports(clock: SetClock, tmp_path: Path) -> None:
     (tmp_path / "usb-FTDI-if00").symlink_to("/dev/null")
-    device = WitMotion(str(tmp_path / "gone"), clock=clock, by_id=tmp_path)
+    device = open_witmotion(str(tmp_path / "gone"), clock=clock, folders=PortFolders(by_id=tmp_path))
     with pytest.raises(DeviceNotFoundError, match=rf"{tmp_path}/gone: no such port; .*{tmp_path} offers usb-FTDI-if00"):
         device.open()
-    device = WitMotion(str(tmp_path / "gone"), clock=clock, by_id=tmp_path / "nowhere")
+    device = open_witmotion(str(tmp_path / "gone"), clock=clock, folders=PortFolders(by_id=tmp_path / "nowhere"))
     with pytest.raises(DeviceNotFoundError, match="nowhere offers nothing"):
         device.open()
 
@@ -283,10 +260,12 @@ def test_a_file_that_is_not_a_serial_port_is_refused(clock: SetClock, path: str)
     with pytest.raises(
         DeviceNotFoundError, match=f"{path}: is not a serial port; give one, preferably under /dev/serial/by-id"
     ):
-        WitMotion(path, clock=clock).open()
+        open_witmotion(path, clock=clock).open()
 
 
-def test_a_port_without_permission_is_reported(device: WitMotion, peer: Peer, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_port_without_permission_is_reported(
+    device: SerialSensor, peer: Peer, monkeypatch: pytest.MonkeyPatch
+) -> None:
     really_open = os.open
 
     def refuse(path: str, *rest: int) -> int:
@@ -301,24 +280,24 @@ def test_a_port_without_permission_is_reported(device: WitMotion, peer: Peer, mo
         device.open()
 
 
-def test_a_port_in_use_is_reported(device: WitMotion, peer: Peer, clock: SetClock) -> None:
+def test_a_port_in_use_is_reported(device: SerialSensor, peer: Peer, clock: SetClock) -> None:
     device.open()
     with pytest.raises(DeviceAccessError, match="another program holds the port; stop it"):
-        WitMotion(str(peer.name), clock=clock).open()
+        open_witmotion(str(peer.name), clock=clock).open()
 
 
 def test_an_impossible_baud_rate_is_reported(peer: Peer, clock: SetClock) -> None:
     with pytest.raises(DeviceError, match=f"{peer.name}: the port cannot do -1 baud"):
-        WitMotion(str(peer.name), -1, clock=clock).open()
+        open_witmotion(str(peer.name), -1, clock=clock).open()
 
 
 @pytest.mark.parametrize("wrong", [{"odr_hz": 0}, {"block_samples": 0}])
 def test_impossible_settings_are_refused(clock: SetClock, wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="give at least 1 and a rate above 0"):
-        WitMotion("/dev/ttyUSB0", clock=clock, **wrong)
+        open_witmotion("/dev/ttyUSB0", clock=clock, **wrong)
 
 
-def test_a_closed_port_cannot_be_read(device: WitMotion) -> None:
+def test_a_closed_port_cannot_be_read(device: SerialSensor) -> None:
     device.close()
     with pytest.raises(TransferError, match="the port is not open"):
         device.read()
@@ -330,6 +309,6 @@ def test_a_closed_port_cannot_be_read(device: WitMotion) -> None:
 
 
 def test_label_of_the_sensor_is_its_identity(peer: Peer, clock: SetClock) -> None:
-    device = WitMotion(str(peer.name), clock=clock, serial="WT-17")
+    device = open_witmotion(str(peer.name), clock=clock, serial="WT-17")
     assert device.open().device_id == "witmotion-WT-17"
     device.close()

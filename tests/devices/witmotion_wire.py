@@ -32,3 +32,22 @@ def cycle(number: int) -> bytes:
 def numbers_of(readings: Readings) -> list[int]:
     numbers: list[int] = readings.counts[:, 0].tolist()
     return numbers
+
+
+def radio_frame(*words: int) -> bytes:
+    """Return a frame of a Bluetooth sensor: acceleration, rate, angle."""
+    return struct.pack("<BB9h", 0x55, 0x61, *words)
+
+
+def radio_sample(number: int) -> bytes:
+    """Return a frame that carries its own number."""
+    return radio_frame(number, -number, 2048, 100, -200, 300, 1, 2, 3)
+
+
+def radio_stream(numbers: range) -> bytes:
+    return b"".join(radio_sample(number) for number in numbers)
+
+
+def radio_answer(register: int, *values: int) -> bytes:
+    """Return the answer to a request for a register."""
+    return struct.pack("<BB9H", 0x55, 0x71, register, *values, *[0] * (8 - len(values)))

@@ -1,0 +1,62 @@
+"""Samples that a radio lost without a trace, found by time: from then on every sample seems to arrive later.
+
+A late arrival alone is no loss, for delays vary. A loss of m samples delays all later arrivals by at least m periods against
+the line of the sample clock, which lies below all earlier ones. The latest delays are compared with the delays before them: if
+each is as unlikely as q, k of them by chance have the probability q^k. They must last, for a host that stalled reads its
+backlog at once; and they must be so many that the least of them states the number of periods.
+"""
+
+from collections import deque
+
+LONGEST_MEMORY = 256
+"""Number of usual delays that are remembered."""
+LONGEST_RUN = 64
+"""Number of the latest delays in which a loss is searched for."""
+CHANCE = 1e-6
+"""Largest probability by chance at which a loss is assumed."""
+LEAST_SHARE = 0.75
+"""Of a period: a smaller delay is no lost sample."""
+LEAST_RUN_NS = 200_000_000
+MISCOUNT = 1e-3
+"""Largest probability that the number is wrong, because every arrival was late by half a period or more besides."""
+
+
+class UncountedLoss:
+    """Watches the delays of arrivals and returns the number of samples that are missing."""
+
+    def __init__(self) -> None:
+        self._usual = deque[int](maxlen=LONGEST_MEMORY)
+        self._run = deque[tuple[int, int]](maxlen=LONGEST_RUN)  # (delay_ns, read_ns)
+
+    def restart(self) -> None:
+        """Forget the delays, after a pause or with a new line."""
+        self._usual.clear()
+        self._run.clear()
+
+    def add(self, delay_ns: int, read_ns: int, period_ns: float) -> int:
+        """Add the delay of the newest sample against its expected time; return the number of lost samples, usually 0."""
+        self._run.append((delay_ns, read_ns))
+        if delay_ns < LEAST_SHARE * period_ns:
+            self._usual.extend(delay for delay, _ in self._run)
+            self._run.clear()
+            return 0
+        least_ns, count, start_ns = self._least_likely()
+        if read_ns - start_ns < LEAST_RUN_NS or self._chance(least_ns, count) > CHANCE:
+            return 0
+        if self._chance(round(period_ns / 2), count) > MISCOUNT:
+            return 0
+        self._run.clear()
+        return max(round(least_ns / period_ns), 1)
+
+    def _least_likely(self) -> tuple[int, int, int]:
+        """Return the least delay, number and start of those latest delays that are least likely by chance."""
+        least_ns, choices = self._run[-1][0], []
+        for count, (delay_ns, read_ns) in enumerate(reversed(self._run), 1):
+            least_ns = min(least_ns, delay_ns)
+            choices.append((self._chance(least_ns, count), least_ns, count, read_ns))
+        return min(choices)[1:]
+
+    def _chance(self, least_ns: int, count: int) -> float:
+        as_late = sum(usual_ns >= least_ns for usual_ns in self._usual)
+        chance: float = ((as_late + 1) / (len(self._usual) + 2)) ** count
+        return chance

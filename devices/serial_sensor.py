@@ -1,0 +1,140 @@
+"""A sensor or radio base on a serial port: what all of them share. What the bytes mean is a `SerialPart`."""
+
+from collections import deque
+from collections.abc import Mapping
+from typing import Protocol
+
+from devices.block import DeviceInfo, SampleBlock
+from devices.clock import Clock
+from devices.errors import DeviceError, TransferError
+from devices.rate_check import RateCheck
+from devices.serial_port import SerialPort
+
+FRAMELESS_LIMIT_BYTES = 2048
+"""This many bytes without a frame are more than a disturbance."""
+LONGEST_WAIT_S = 0.5
+
+
+class SerialPart(Protocol):
+    """The protocol of one kind of sensor: bytes in, blocks out. It neither waits nor raises for bad bytes."""
+
+    def info(self, port: SerialPort) -> DeviceInfo:
+        """Return the properties of the sensor on an open port."""
+        ...
+
+    def reset(self) -> None:
+        """Discard what was received, after the port was opened; counts of faults remain."""
+        ...
+
+    def feed(self, data: bytes, read_ns: int) -> list[SampleBlock]:
+        """Return the blocks that bytes complete, which were read at this gateway time; no bytes: half a second of silence.
+
+        Raises `DeviceError` where the sensor and the configuration do not agree.
+        """
+        ...
+
+    def bytes_until(self, samples: int) -> int:
+        """Return the number of bytes that are missing until the newest of so many samples is complete."""
+        ...
+
+    def request(self, now_ns: int) -> bytes:
+        """Return what is to be sent to the sensor now; usually nothing."""
+        ...
+
+    @property
+    def bytes_since_frame(self) -> int:
+        """Number of bytes since the newest frame, or since the start."""
+        ...
+
+    @property
+    def frame(self) -> str:
+        """The name of the frame that is missing where none comes, such as `acceleration frame`."""
+        ...
+
+    @property
+    def advice(self) -> str:
+        """What else to check where no frame comes."""
+        ...
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Number of faults by name."""
+        ...
+
+
+class SerialSensor:
+    """A device on a serial port, which is found again after it was unplugged."""
+
+    def __init__(
+        self, part: SerialPart, port: SerialPort, *, clock: Clock, odr_hz: float, block_samples: int = 8
+    ) -> None:
+        """`odr_hz`: the rate set in the sensor; `block_samples`: usual length of a block."""
+        self._part = part
+        self._port = port
+        self._clock = clock
+        self._block_samples = block_samples
+        self._rate_check = RateCheck(odr_hz)
+        self._blocks: deque[SampleBlock] = deque()
+        self._disconnects = 0
+
+    def open(self) -> DeviceInfo:
+        """Open the port, without waiting for a frame: a radio may still be asleep."""
+        self._port.open(LONGEST_WAIT_S)
+        self._part.reset()
+        self._blocks.clear()
+        self._rate_check.restart()
+        return self._part.info(self._port)
+
+    def read(self) -> SampleBlock | None:
+        """Return the next block.
+
+        Raises `TransferError` when the port has gone, `DeviceError` when the bytes contain no frames, or frames at another rate
+        than `odr_hz`.
+        """
+        if not self._blocks:
+            self._receive()
+        return self._blocks.popleft() if self._blocks else None
+
+    def close(self) -> None:
+        """Release the port."""
+        self._port.close()
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """The faults of the sensor, and disconnections."""
+        return {**self._part.faults, "disconnect": self._disconnects}
+
+    def _receive(self) -> None:
+        data = self._transfer()
+        read_ns = self._clock.now_ns()
+        try:
+            blocks = self._part.feed(data, read_ns)
+            if not data:
+                self._rate_check.restart()
+            elif blocks:
+                self._rate_check.add(sum(len(block) + block.lost + block.invalid for block in blocks), read_ns)
+        except DeviceError as error:
+            raise DeviceError(f"{self._port}: {error}") from error
+        self._blocks.extend(blocks)
+        since = self._part.bytes_since_frame
+        if since >= FRAMELESS_LIMIT_BYTES:
+            none = f"{self._port}: no {self._part.frame} in {since} bytes at {self._port.baud} baud"
+            raise DeviceError(f"{none}; check the baud rate, and {self._part.advice}")
+
+    def _transfer(self) -> bytes:
+        try:
+            request = self._part.request(self._clock.now_ns())
+            if request:
+                self._port.write(request)
+            return self._port.read(self._part.bytes_until(self._block_samples))
+        except TransferError:
+            self._disconnects += 1
+            raise
+
+
+def check_settings(odr_hz: float, block_samples: int) -> None:
+    """Raise `ValueError` for a rate or length of blocks that is impossible."""
+    if not odr_hz > 0 or block_samples < 1:
+        raise ValueError(
+            f"{block_samples} samples per block at {odr_hz:g} Hz are impossible; give at least 1 and a rate above 0"
+        )
