@@ -13,8 +13,16 @@ def write_durably(path: Path, content: bytes) -> None:
         _write_all(descriptor, content)
 
 
+def write_private(path: Path, content: bytes, mode: int) -> None:
+    """Write a file that has these access rights from its first byte on, as `write_durably` does. Raises `OSError`."""
+    make_folder(path.parent)
+    with replace_file(path, mode=0o600) as descriptor:
+        os.fchmod(descriptor, mode)
+        _write_all(descriptor, content)
+
+
 @contextlib.contextmanager
-def replace_file(path: Path) -> Iterator[int]:
+def replace_file(path: Path, mode: int = 0o644) -> Iterator[int]:
     """Yield the descriptor of a new file that takes the place of `path` at the end of the block.
 
     It is synced, renamed, and the folder is synced. After an error in the block the old file stays and nothing else is left.
@@ -22,7 +30,7 @@ def replace_file(path: Path) -> Iterator[int]:
     """
     partial = partial_of(path)
     try:
-        descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+        descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, mode)
         try:
             yield descriptor
             os.fsync(descriptor)
@@ -43,6 +51,15 @@ def partial_of(path: Path) -> Path:
 
 def append_durably(path: Path, line: bytes) -> None:
     """Append a line to a file, on a line of its own even if the last one is incomplete. Raises `OSError`."""
+    _append(path, line, durable=True)
+
+
+def append_line(path: Path, line: bytes) -> None:
+    """Append a line as `append_durably` does, without waiting for the disk: a power failure may lose it. Raises `OSError`."""
+    _append(path, line, durable=False)
+
+
+def _append(path: Path, line: bytes, *, durable: bool) -> None:
     make_folder(path.parent)
     existed = path.exists()
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o644)
@@ -50,10 +67,11 @@ def append_durably(path: Path, line: bytes) -> None:
         end = os.lseek(descriptor, 0, os.SEEK_END)
         incomplete = end > 0 and os.pread(descriptor, 1, end - 1) != b"\n"
         _write_all(descriptor, (b"\n" if incomplete else b"") + line + b"\n")
-        os.fsync(descriptor)
+        if durable:
+            os.fsync(descriptor)
     finally:
         os.close(descriptor)
-    if not existed:
+    if durable and not existed:
         sync_folder(path.parent)
 
 

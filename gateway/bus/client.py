@@ -9,14 +9,18 @@ from typing import Any
 
 import zenoh
 
+from gateway.authorization.credential import Challenge
+from gateway.bus.credentials import Credentials, load_credentials
 from gateway.bus.session import BusError, open_session
 from gateway.errors import InputError
+from gateway.verbs import VERBS
 
 CONNECT_MS = 2000
 ANSWER_S = 5.0
 """A request without an answer is repeated after this time. The gateway does a request with the same id once."""
 PAUSE_S = 0.5
 STATUS = "rpc/status"
+PASSING = ("rate_limited", "stale_credential")
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,6 +29,11 @@ class RpcReply:
 
     accepted: bool
     content: dict[str, Any]
+
+    @property
+    def is_to_be_repeated(self) -> bool:
+        """Whether the request was refused for a reason that passes: too many at once, or an answer to an old challenge."""
+        return not self.accepted and self.content.get("kind") in PASSING
 
     @property
     def text(self) -> str:
@@ -46,9 +55,10 @@ def query_status(session: zenoh.Session, pattern: str) -> dict[str, dict[str, An
 class GatewayClient:
     """Sends requests to one gateway and receives its messages. The link may be lost and restored in between."""
 
-    def __init__(self, connect: str, pattern: str) -> None:
+    def __init__(self, connect: str, pattern: str, credentials: Credentials | None = None) -> None:
         """Connect. Raises `InputError` where `pattern` matches no gateway or several, and `BusError`."""
         self._connect = connect
+        self._credentials = credentials
         self._session = open_client_session(connect)
         self._subscribers: list[zenoh.Subscriber[None]] = []
         try:
@@ -84,13 +94,28 @@ class GatewayClient:
             return None  # the link is down
 
     def _ask_once(self, verb: str, request: dict[str, Any]) -> RpcReply | None:
+        payload = json.dumps(request).encode()
         try:
-            for reply in self._session.get(f"{self.key}/rpc/{verb}", payload=json.dumps(request), timeout=ANSWER_S):
-                if (decoded := _decode(reply)) is not None:
-                    return decoded
+            attachment = None if VERBS[verb].role is None else self._prove(f"{self.key}/rpc/{verb}", payload)
+            reply = self._get(verb, payload, attachment)
         except zenoh.ZError:
             return None  # the link is down
-        return None
+        return None if reply is None or reply.is_to_be_repeated else reply
+
+    def _prove(self, key_expr: str, payload: bytes) -> bytes | None:
+        """Return the credential for a request; None without one, so that the gateway states what is missing."""
+        reply = self._get("challenge", b"", None)
+        if reply is None:
+            return None
+        return (self._credentials or load_credentials()).prove(
+            key_expr, payload, Challenge.model_validate(reply.content)
+        )
+
+    def _get(self, verb: str, payload: bytes, attachment: bytes | None) -> RpcReply | None:
+        """Return the first answer that can be read."""
+        key_expr = f"{self.key}/rpc/{verb}"
+        replies = self._session.get(key_expr, payload=payload, attachment=attachment, timeout=ANSWER_S)
+        return next((decoded for reply in replies if (decoded := _decode(reply)) is not None), None)
 
     def subscribe(self, topic: str, receive: Callable[[zenoh.Sample], object]) -> None:
         """Pass the messages of a topic to a function until the next `reconnect` or `close`."""

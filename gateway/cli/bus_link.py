@@ -2,13 +2,18 @@
 
 import argparse
 import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from gateway.bus.credentials import Credentials
 
 VARIABLE = "PLUMBLINE_CONNECT"
 FALLBACK = "tcp/127.0.0.1:7447"
 
 
 def add_address(verb: argparse.ArgumentParser) -> None:
-    """Add `--gateway` and `--connect`."""
+    """Add `--gateway`, `--connect` and `--credentials`."""
     verb.add_argument(
         "--gateway",
         default="plumbline/v1/*/*/*",
@@ -25,6 +30,19 @@ def add_connect(verb: argparse.ArgumentParser) -> None:
         metavar="ENDPOINT",
         help=f"address of the gateway or router (default: ${VARIABLE}, the installed configuration, or {FALLBACK})",
     )
+    verb.add_argument(
+        "--credentials",
+        type=Path,
+        metavar="FOLDER",
+        help="folder with the gateway's command-token (default: $PLUMBLINE_CREDENTIALS, or a gateway of this machine)",
+    )
+
+
+def client_credentials(arguments: argparse.Namespace) -> "Credentials":
+    """Return the credentials of the client. Raises `InputError` for a named folder without any."""
+    from gateway.bus.credentials import load_credentials
+
+    return load_credentials(arguments.credentials)
 
 
 def connect_endpoint(arguments: argparse.Namespace) -> str:

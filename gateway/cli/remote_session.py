@@ -6,7 +6,7 @@ import uuid
 from typing import TYPE_CHECKING, Any
 
 from gateway.calibration.pose_method import PoseMethod
-from gateway.cli.bus_link import connect_endpoint
+from gateway.cli.bus_link import client_credentials, connect_endpoint
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
@@ -150,4 +150,4 @@ def _client(arguments: argparse.Namespace) -> "GatewayClient":
 
     if not arguments.by and not getattr(arguments, "follow", False):
         raise InputError("--by NAME is required: your name, for the record, its history and the audit")
-    return GatewayClient(connect_endpoint(arguments), arguments.gateway)
+    return GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))

@@ -4,10 +4,10 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 from gateway.daemon.bounded_queue import BoundedQueue
-from gateway.daemon.recalibration_service import PendingRequest
+from gateway.daemon.remote_request import RemoteRequest
 from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
 from gateway.recalibration.journal import RequestAnswer
-from gateway.recalibration.requests import Acknowledge, RequestError, parse_acknowledge
+from gateway.recalibration.requests import Acknowledge
 
 WAITING = 16
 REMEMBERED = 256
@@ -18,15 +18,16 @@ class AcknowledgementService:
     """Answers the requests of bus and page. The processing thread calls everything but `submit`."""
 
     def __init__(self) -> None:
-        self._waiting: BoundedQueue[PendingRequest] = BoundedQueue(WAITING)
+        self._waiting: BoundedQueue[RemoteRequest] = BoundedQueue(WAITING)
         self._answers: OrderedDict[str, RequestAnswer] = OrderedDict()
 
-    def submit(self, request: PendingRequest) -> bool:
-        """Add a request; return False if too many are waiting. Called by any thread.
+    def submit(self, request: RemoteRequest) -> None:
+        """Add a request, or refuse it if too many are waiting. Called by any thread.
 
         `request.reply` is called by the processing thread within a block, or within 0.1 s where no samples come.
         """
-        return self._waiting.put(request)
+        if not self._waiting.put(request):
+            request.refuse("busy: too many requests are waiting")
 
     @property
     def dropped(self) -> int:
@@ -37,15 +38,11 @@ class AcknowledgementService:
         """Answer one waiting request, so that many of them do not delay a block; `acknowledge` puts it into the pipeline."""
         request = self._waiting.get(0.0) if len(self._waiting) else None
         if request is not None:
-            request.reply(self._answer(request.payload, incidents, acknowledge))
+            request.answer(self._answer(request.expect(Acknowledge), incidents, acknowledge))
 
     def _answer(
-        self, payload: bytes, incidents: IncidentRegister, acknowledge: Callable[[Acknowledgement], None]
+        self, request: Acknowledge, incidents: IncidentRegister, acknowledge: Callable[[Acknowledgement], None]
     ) -> RequestAnswer:
-        try:
-            request = parse_acknowledge(payload)
-        except RequestError as error:
-            return RequestAnswer(id="", request="", accepted=False, text=str(error))
         if request.id not in self._answers:
             self._answers[request.id] = _acknowledge(request, incidents, acknowledge)
             while len(self._answers) > REMEMBERED:

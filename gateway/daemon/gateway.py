@@ -2,6 +2,7 @@
 
 import gc
 import logging
+import os
 import sys
 import threading
 import time
@@ -10,12 +11,15 @@ from contextlib import ExitStack
 
 from devices.clock import HostClock
 from gateway import __version__
+from gateway.authorization.authoriser import Authoriser
 from gateway.bus.session import open_session
+from gateway.configuration.known_data_folders import remember_data_folder
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
 from gateway.daemon.acknowledgement_service import AcknowledgementService
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.calibration_provider import CalibrationProvider
+from gateway.daemon.command_token import load_or_create_token
 from gateway.daemon.compaction_worker import CompactionWorker
 from gateway.daemon.counters import SampleCounters
 from gateway.daemon.device_factory import make_device, make_rigger
@@ -32,8 +36,11 @@ from gateway.daemon.processor import Processor
 from gateway.daemon.publisher import Publisher
 from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.recording_worker import RecordingWorker
+from gateway.daemon.request_dispatcher import RequestDispatcher
+from gateway.daemon.request_handlers import make_handlers
 from gateway.daemon.rpc_server import RpcServer
 from gateway.daemon.sampler import Sampler, SamplerItem
+from gateway.daemon.security_log import SECURITY_LOG_NAME, SecurityLog
 from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.messages import Log
 from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
@@ -119,7 +126,15 @@ class Gateway:
             Recalibration(section.data_dir, axes, software=__version__, log_line=log.warning), wall_clock
         )
         marks = MarkService(wall_clock, self._send_mark)
-        self._rpc = RpcServer(session, section.key, self._publisher.latest, recalibration, marks, acknowledgements)
+        security_log = SecurityLog(section.data_dir / SECURITY_LOG_NAME)
+        dispatcher = RequestDispatcher(
+            section.key,
+            Authoriser(boot_id, load_or_create_token(section.data_dir)),
+            make_handlers(self._publisher.latest, recalibration, marks, acknowledgements),
+            security_log,
+            clock.now_ns,
+        )
+        self._rpc = RpcServer(session, section.key, dispatcher, recalibration)
         drift_store = DriftStateStore(section.data_dir)
         blocks: BoundedQueue[SamplerItem] = BoundedQueue(BLOCKS)
         counters = SampleCounters()
@@ -131,6 +146,7 @@ class Gateway:
             drift_store=drift_store,
             recalibration=recalibration,
             rpc=self._rpc,
+            security_log=security_log,
             recording=self._recording,
             publisher=self._publisher,
             page=page_channel,
@@ -196,6 +212,8 @@ class Gateway:
         gc.freeze()  # a collection of everything that was loaded would hold all threads for some 30 ms
         for thread in reversed(self.threads):
             thread.start()
+        if not os.environ.get("NOTIFY_SOCKET"):  # a service is found by its configuration
+            remember_data_folder(self.configuration.gateway.data_dir)
         self._notifier.send(f"READY=1\nSTATUS=sampling {self.processor.info.device_id}")
         end_s = None if duration_s is None else time.monotonic() + duration_s
         failed = None

@@ -19,6 +19,7 @@ from gateway.daemon.recording_worker import RecordingWorker
 from gateway.daemon.resources import CpuMeter, disk_free_mb, resident_mb
 from gateway.daemon.rpc_server import RpcServer
 from gateway.daemon.sampler import Sampler
+from gateway.daemon.security_log import SecurityLog
 from gateway.messages import Health
 from gateway.pipeline.header import Header
 
@@ -36,6 +37,7 @@ class HealthReporter:
     drift_store: DriftStateStore
     recalibration: RecalibrationService
     rpc: RpcServer
+    security_log: SecurityLog
     recording: RecordingWorker
     publisher: Publisher
     page: PageChannel
@@ -70,6 +72,7 @@ class HealthReporter:
                 "page": self.page.dropped,
                 "requests": self.recalibration.dropped + self.rpc.inbox.dropped,
             },
+            refused=dict(self.security_log.counts),
             recording=None if path is None else str(path),
             recording_error=self.recording.error,
             disk_free_mb=disk_free_mb(self.data_dir),

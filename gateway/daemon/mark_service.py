@@ -10,7 +10,7 @@ from gateway.pipeline.clock_state import MessageTime
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
 from gateway.recalibration.journal import RequestAnswer
-from gateway.recalibration.requests import RequestError, parse_mark
+from gateway.recalibration.requests import SetMark
 
 log = logging.getLogger("plumbline.mark")
 REMEMBERED = 256
@@ -27,12 +27,8 @@ class MarkService:
         self._headers = HeaderMaker()
         self._done: deque[str] = deque(maxlen=REMEMBERED)
 
-    def answer(self, payload: bytes) -> RequestAnswer:
+    def answer(self, request: SetMark) -> RequestAnswer:
         """Write the mark of a request, once for each id."""
-        try:
-            request = parse_mark(payload)
-        except RequestError as error:
-            return RequestAnswer(id="", request="", accepted=False, text=str(error))
         now = MessageTime(self._wall_clock.clock.now_ns(), self._wall_clock.state)
         if request.id not in self._done:
             header = self._headers.make("mark", now, None)

@@ -1,26 +1,28 @@
-"""The thread that serves remote calls: the status, the requests of a recalibration, and the load signal."""
+"""The thread that serves remote calls: it takes requests from the bus, and sends the answers. It also takes the load signal."""
 
-import json
 import logging
-from collections.abc import Callable
+from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from typing import Any
 
 import zenoh
 from pydantic_core import to_json
 
-from gateway.daemon.acknowledgement_service import AcknowledgementService
+from gateway.authorization.authoriser import SignedRequest
+from gateway.authorization.credential import MAX_CREDENTIAL_BYTES
+from gateway.bus.origin import describe_links
 from gateway.daemon.bounded_queue import BoundedQueue
-from gateway.daemon.mark_service import MarkService
-from gateway.daemon.recalibration_service import PendingRequest, RecalibrationService
+from gateway.daemon.recalibration_service import RecalibrationService
+from gateway.daemon.request_dispatcher import RequestDispatcher
 from gateway.daemon.worker import Worker
-from gateway.recalibration.journal import RequestAnswer
-from gateway.recalibration.requests import MAX_PAYLOAD_BYTES, VERBS
+from gateway.recalibration.requests import MAX_PAYLOAD_BYTES, LoadSignal, RequestError, parse_payload
 
 log = logging.getLogger("plumbline.rpc")
 INBOX = 256
-NOT_IN_STATUS = "samples"
+RESERVED_FOR_ANSWERS = 64
+"""Places of the inbox that a flood of requests cannot take."""
 JSON = zenoh.Encoding.APPLICATION_JSON
 
 
@@ -33,116 +35,99 @@ class IncomingQuery:
 
 
 @dataclass(frozen=True, slots=True)
-class Reply:
+class Answer:
     """The answer to a query."""
 
     query: IncomingQuery
-    answer: RequestAnswer
+    accepted: bool
+    content: Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
 class IncomingLoadSignal:
     """A message of the crane's load signal."""
 
-    sample: zenoh.Sample
+    payload: bytes
 
 
-RpcItem = IncomingQuery | Reply | IncomingLoadSignal
+RpcItem = IncomingQuery | Answer | IncomingLoadSignal
 
 
 class RpcServer(Worker[RpcItem]):
     """Answers queries on `<key>/rpc/<verb>`. It must end before the session is closed."""
 
     def __init__(
-        self,
-        session: zenoh.Session,
-        key: str,
-        latest: Callable[[], dict[str, bytes]],
-        recalibration: RecalibrationService,
-        marks: MarkService,
-        acknowledgements: AcknowledgementService,
+        self, session: zenoh.Session, key: str, dispatcher: RequestDispatcher, recalibration: RecalibrationService
     ) -> None:
-        """`latest` returns the last message of each topic, for the status."""
-        self._marks = marks
-        self._acknowledgements = acknowledgements
         super().__init__("rpc", BoundedQueue(INBOX))
+        self._session = session
         self._key = key
-        self._latest = latest
+        self._dispatcher = dispatcher
         self._recalibration = recalibration
+        self.too_large = 0
+        """Requests and load signals that were dropped unread."""
         # The session may not be used inside its callbacks: they only put what comes into the inbox.
         self._queryables = [
             session.declare_queryable(f"{key}/rpc/{verb}", partial(self._receive_query, verb))
-            for verb in ("status", *VERBS, "fetch", "mark", "acknowledge")
+            for verb in dispatcher.verbs
         ]
         self._load = session.declare_subscriber(f"{key}/load", self._receive_load_signal)
 
     def _receive_query(self, verb: str, query: zenoh.Query) -> None:
-        self.inbox.put(IncomingQuery(verb, query))
+        if len(query.attachment or b"") > MAX_CREDENTIAL_BYTES:
+            self.too_large += 1
+        elif len(self.inbox) < INBOX - RESERVED_FOR_ANSWERS:
+            self.inbox.put(IncomingQuery(verb, query))
+        else:
+            self.inbox.dropped += 1
 
     def _receive_load_signal(self, sample: zenoh.Sample) -> None:
-        self.inbox.put(IncomingLoadSignal(sample))
+        if len(sample.payload) > MAX_PAYLOAD_BYTES:
+            self.too_large += 1
+        elif len(self.inbox) < INBOX - RESERVED_FOR_ANSWERS:
+            self.inbox.put(IncomingLoadSignal(sample.payload.to_bytes()))
 
     def handle(self, item: RpcItem) -> None:
         """Take a query or a load signal, or send an answer."""
         match item:
-            case IncomingQuery(verb="status"):
-                self._reply(item, self._status())
             case IncomingQuery():
-                self._submit(item)
-            case Reply():
-                self._answer(item.query, item.answer)
-            case IncomingLoadSignal() if len(item.sample.payload) <= MAX_PAYLOAD_BYTES:
-                self._recalibration.set_load_signal(item.sample.payload.to_bytes())
+                self._dispatch(item)
+            case Answer():
+                self._send(item)
+            case IncomingLoadSignal():
+                self._take_load_signal(item.payload)
 
-    def _status(self) -> bytes:
-        latest = {topic: json.loads(text) for topic, text in self._latest().items() if topic != NOT_IN_STATUS}
-        return json.dumps(latest).encode()
+    def _dispatch(self, item: IncomingQuery) -> None:
+        payload, attachment = item.query.payload, item.query.attachment
+        request = SignedRequest(
+            key_expr=str(item.query.key_expr),
+            payload=b"" if payload is None else payload.to_bytes(),
+            attachment=None if attachment is None else attachment.to_bytes(),
+        )
+        self._dispatcher.receive(
+            item.verb,
+            request,
+            origin=lambda: describe_links(self._session),
+            reply=lambda accepted, content: self.inbox.put(Answer(item, accepted, content)),
+        )
 
-    def _submit(self, query: IncomingQuery) -> None:
-        """Pass a request on to the processing thread, which answers it through the inbox."""
-        if (why := self._refusal(query)) is not None:
-            self._refuse(query, why)
-            return
-        payload = b"" if query.query.payload is None else query.query.payload.to_bytes()
-        if query.verb == "mark":
-            self._answer(query, self._marks.answer(payload))
-            return
-        request = PendingRequest(query.verb, payload, lambda answer: self.inbox.put(Reply(query, answer)))
-        service = self._acknowledgements if query.verb == "acknowledge" else self._recalibration
-        if not service.submit(request):
-            self._refuse(query, "busy: too many requests are waiting")
-
-    def _refusal(self, query: IncomingQuery) -> str | None:
-        payload = query.query.payload
-        if payload is not None and len(payload) > MAX_PAYLOAD_BYTES:
-            return f"a request of {len(payload)} bytes; {MAX_PAYLOAD_BYTES} is the most"
-        if (
-            query.verb in (*VERBS, "mark", "acknowledge")
-            and str(query.query.key_expr) != f"{self._key}/rpc/{query.verb}"
-        ):
-            return f"{query.query.key_expr} may mean several gateways; ask one: {self._key}"
-        return None
-
-    def _refuse(self, query: IncomingQuery, why: str) -> None:
-        self._answer(query, RequestAnswer(id="", request="", accepted=False, text=why))
-
-    def _answer(self, query: IncomingQuery, answer: RequestAnswer) -> None:
-        payload = to_json(answer.payload())
-        if answer.accepted:
-            self._reply(query, payload)
-            return
+    def _take_load_signal(self, payload: bytes) -> None:
         try:
-            with query.query:
-                query.query.reply_err(payload, encoding=JSON)
-        except zenoh.ZError as error:
-            log.error("rpc/%s could not be answered: %s", query.verb, error)
+            self._recalibration.set_load_signal(parse_payload(LoadSignal, payload))
+        except RequestError as error:
+            why = f'{error}; a load signal is JSON such as {{"loaded": true}}'
+            self._dispatcher.refuse_signal("load", why, lambda: describe_links(self._session))
 
-    def _reply(self, query: IncomingQuery, payload: bytes) -> None:
+    def _send(self, answer: Answer) -> None:
+        query, payload = answer.query.query, to_json(answer.content)
         try:
-            with query.query:
-                query.query.reply(f"{self._key}/rpc/{query.verb}", payload, encoding=JSON)
+            with query:
+                if answer.accepted:
+                    query.reply(f"{self._key}/rpc/{answer.query.verb}", payload, encoding=JSON)
+                else:
+                    query.reply_err(payload, encoding=JSON)
         except zenoh.ZError as error:
-            log.error("rpc/%s could not be answered: %s", query.verb, error)
+            log.error("rpc/%s could not be answered: %s", answer.query.verb, error)
 
     def close(self) -> None:
         """Take no more calls."""

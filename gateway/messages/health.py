@@ -1,6 +1,6 @@
 """The message of the gateway's own state."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
@@ -24,6 +24,9 @@ class Health(Message):
     invalid: int
     faults: Annotated[dict[str, int], Field(description="faults since start that did not stop the gateway, by name")]
     dropped: Annotated[dict[str, int], Field(description="items dropped by each bounded queue")]
+    refused: Annotated[dict[str, int], Field(description="requests refused since start, by kind")] = field(
+        default_factory=dict
+    )
     recording: str | None = None
     recording_error: str | None = None
     disk_free_mb: float | None = None

@@ -1,4 +1,4 @@
-"""The audit: every request and its outcome, one line each, on the disk before the request is executed."""
+"""The audit: every authorised request and its outcome, one line each, on the disk before the request is executed."""
 
 import json
 from collections import deque
@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gateway.atomic_io import append_durably
+from gateway.atomic_io import append_durably, append_line
 
 MAX_FILE_BYTES = 8_000_000
 """Size at which the file becomes the previous file; there is one previous file."""
@@ -19,13 +19,13 @@ class Audit:
         self._path = path
         self._log_line = log_line
 
-    def write(self, time_utc: str, event: str, **content: Any) -> None:
-        """Append an entry. Raises `OSError`."""
+    def write(self, time_utc: str, event: str, *, durable: bool = True, **content: Any) -> None:
+        """Append an entry, and wait for the disk where it is to be durable. Raises `OSError`."""
         line = json.dumps({"time_utc": time_utc, "event": event, **content})
         self._log_line(f"audit {line}")
         if self._path.exists() and self._path.stat().st_size > MAX_FILE_BYTES:
             self._path.replace(self._path.with_suffix(".previous.jsonl"))
-        append_durably(self._path, line.encode())
+        (append_durably if durable else append_line)(self._path, line.encode())
 
     def newest(self, count: int) -> list[dict[str, Any]]:
         """Return the last entries of the file, oldest first, without a line that a kill has truncated. Raises `OSError`."""

@@ -6,25 +6,24 @@ from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
 from gateway.recalibration.audit import Audit
 from gateway.recalibration.journal import RequestAnswer
-from gateway.recalibration.requests import RequestError, parse_fetch
+from gateway.recalibration.requests import Fetch
 from gateway.recalibration.session import Session
 
 LISTED_FIELDS = {"id", "method", "created_utc", "by", "parent"}
 """Fields of a record in the list."""
 
 
-def answer_fetch(payload: bytes, store: CalibrationStore, audit: Audit, session: Session | None) -> RequestAnswer:
+def answer_fetch(fetch: Fetch, store: CalibrationStore, audit: Audit, session: Session | None) -> RequestAnswer:
     """Return the answer to a fetch request for what is stored or in review."""
     reviewed = session if session is not None and session.phase == "review" else None
     try:
-        fetch = parse_fetch(payload)
         if fetch.what == "audit":
             content: dict[str, Any] = {"audit": audit.newest(fetch.lines)}
         elif fetch.what == "record":
             content = {"record": _find_record(fetch.record or "", store, reviewed)}
         else:
             content = _list_records(store) | {"review": None if reviewed is None else reviewed.record_id}
-    except (RequestError, CalibrationError, OSError) as error:
+    except (CalibrationError, OSError) as error:
         return RequestAnswer(id="", request="", accepted=False, text=str(error))
     return RequestAnswer(id="", request="", accepted=True, text=fetch.what, content=content)
 

@@ -50,6 +50,7 @@ class Journal:
         self._path = path
         self._session: Session | None = None
         self._answers: OrderedDict[str, RequestAnswer] = OrderedDict()
+        self._refusals: OrderedDict[str, RequestAnswer] = OrderedDict()
         self.read_error: str | None = None
         """Why the file could not be read; None: it was read, or there was none."""
         self._read()
@@ -61,18 +62,20 @@ class Journal:
 
     def answer(self, request_id: str) -> RequestAnswer | None:
         """Return the answer that was given to a request."""
-        return self._answers.get(request_id)
+        return self._answers.get(request_id) or self._refusals.get(request_id)
 
     def save(self, session: Session | None, answer: RequestAnswer | None = None) -> None:
         """Save a session, and an answer. Raises `OSError`, and the file on the disk is unchanged then."""
         answers = OrderedDict(self._answers)
         if answer is not None:
-            answers[answer.id] = answer
-            while len(answers) > MAX_ANSWERS:
-                answers.popitem(last=False)
+            _add(answer, answers)
         content = JournalContent(session=session, answers=tuple(answers.values()))
         write_durably(self._path, content.model_dump_json(indent=1).encode())
         self._session, self._answers = session, answers
+
+    def remember(self, answer: RequestAnswer) -> None:
+        """Keep the answer to a refused request in memory: it has changed nothing, and displaces no answer that is on the disk."""
+        _add(answer, self._refusals)
 
     def _read(self) -> None:
         try:
@@ -87,3 +90,10 @@ class Journal:
             return
         self._session = content.session
         self._answers = OrderedDict((answer.id, answer) for answer in content.answers)
+
+
+def _add(answer: RequestAnswer, answers: OrderedDict[str, RequestAnswer]) -> None:
+    """Add an answer, and forget the oldest beyond `MAX_ANSWERS`."""
+    answers[answer.id] = answer
+    while len(answers) > MAX_ANSWERS:
+        answers.popitem(last=False)

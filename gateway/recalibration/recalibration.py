@@ -8,7 +8,7 @@ if the new record is in force; otherwise the session continues.
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.acceptance import judge
@@ -25,7 +25,7 @@ from gateway.recalibration.commands import CommandHandler, CommandResult
 from gateway.recalibration.fetch_handler import answer_fetch
 from gateway.recalibration.interlock import LoadInterlock
 from gateway.recalibration.journal import MAX_ANSWERS, Journal, RequestAnswer
-from gateway.recalibration.requests import Recalibrate, Request, RequestError, Zero, parse_request
+from gateway.recalibration.requests import Fetch, Recalibrate, Request, Zero
 from gateway.recalibration.sample_buffer import RecentSamples
 from gateway.recalibration.session import Session, Timestamp
 
@@ -125,15 +125,12 @@ class Recalibration:
         self._end(self.session, "rejected", reason, now)
         return True
 
-    def answer(self, verb: str, payload: bytes, now: Timestamp) -> Response:
+    def fetch(self, fetch: Fetch) -> RequestAnswer:
+        """Return what is stored or in review. It changes nothing, and any thread may call it."""
+        return answer_fetch(fetch, self._opened.store, self._audit, self.session)
+
+    def answer(self, verb: str, request: Request, now: Timestamp) -> Response:
         """Execute a request or refuse it. The same request has the same answer, and is executed once."""
-        if verb == "fetch":
-            return Response(answer_fetch(payload, self._opened.store, self._audit, self.session))
-        try:
-            request = parse_request(verb, payload)
-        except RequestError as error:
-            self._try_audit(now, "request", verb=verb, accepted=False, why=str(error))
-            return Response(RequestAnswer(id="", request="", accepted=False, text=str(error)))
         fingerprint = f"{verb} {request.model_dump_json()}"
         known = self._journal.answer(request.id) or self._find_executed(request, fingerprint)
         if known is None:
@@ -148,9 +145,8 @@ class Recalibration:
         try:
             command = self._opened.prepare(request, self.session, now)
         except (PlumblineError, ValueError, ArithmeticError) as refusal:
-            self._try_audit(now, "request", **audited, accepted=False, why=str(refusal))
             answer = RequestAnswer(id=request.id, request=fingerprint, accepted=False, text=str(refusal))
-            self._try_save(self.session, answer)
+            self._note_refusal(answer, audited, now)
             return Response(answer)
         try:
             self._audit.write(now.utc, "request", **audited, accepted=True)
@@ -236,10 +232,18 @@ class Recalibration:
             return False
         return True
 
-    def _try_audit(self, now: Timestamp, event: str, **content: object) -> None:
+    def _try_audit(self, now: Timestamp, event: str, **content: Any) -> None:
         """Audit what has happened in any case; if the audit cannot be written, the log contains it."""
         try:
             self._audit.write(now.utc, event, **content)
+        except OSError as error:
+            self._log_line(f"the audit cannot be written: {error}")
+
+    def _note_refusal(self, answer: RequestAnswer, audited: dict[str, Any], now: Timestamp) -> None:
+        """Keep a refusal without waiting for the disk: nothing has changed, and a flood of them must delay nothing."""
+        self._journal.remember(answer)
+        try:
+            self._audit.write(now.utc, "request", durable=False, **audited, accepted=False, why=answer.text)
         except OSError as error:
             self._log_line(f"the audit cannot be written: {error}")
 

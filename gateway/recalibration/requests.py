@@ -1,4 +1,4 @@
-"""Requests to a gateway, and their validation before anything uses them."""
+"""Requests and signals to a gateway, and their validation before anything uses them."""
 
 from typing import Annotated, Literal, Self, TypeVar
 
@@ -28,7 +28,7 @@ class Request(BaseModel):
     id: RequestId
     """Id chosen by the client: the same id is the same request, however often it arrives."""
     by: str = Field(min_length=1, max_length=80, pattern=ONE_LINE_PATTERN)
-    """Person who makes the request, as stated: nobody is authenticated."""
+    """Person who makes the request: the gateway replaces a stated name by the authenticated one."""
     reason: str = Field("", max_length=500, pattern=ONE_LINE_PATTERN)
 
 
@@ -73,6 +73,12 @@ class Cancel(Request):
     """End the session."""
 
 
+class NoContent(BaseModel):
+    """A request whose verb says everything; what a client sends beside it is ignored."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+
 class Fetch(BaseModel):
     """Read what is stored, without changing it."""
 
@@ -90,6 +96,14 @@ class Fetch(BaseModel):
         return self
 
 
+class LoadSignal(BaseModel):
+    """The message that a load cell or the crane's controller puts on `<gateway>/load`."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True, strict=True)
+
+    loaded: bool
+
+
 VERBS: dict[str, type[Request]] = {
     "recalibrate": Recalibrate,
     "zero": Zero,
@@ -100,30 +114,11 @@ VERBS: dict[str, type[Request]] = {
 """Verbs of the requests that change something, with their contents."""
 
 
-def parse_request(verb: str, payload: bytes) -> Request:
-    """Return the request in a payload. Raises `RequestError`."""
-    return _parse(VERBS[verb], payload)
-
-
-def parse_mark(payload: bytes) -> SetMark:
-    """Return the request for a mark in a payload. Raises `RequestError`."""
-    return _parse(SetMark, payload)
-
-
-def parse_acknowledge(payload: bytes) -> Acknowledge:
-    """Return the acknowledgement in a payload. Raises `RequestError`."""
-    return _parse(Acknowledge, payload)
-
-
-def parse_fetch(payload: bytes) -> Fetch:
-    """Return the fetch request in a payload; an empty payload requests the list of records. Raises `RequestError`."""
-    return _parse(Fetch, payload or b"{}")
-
-
-def _parse(model: type[Model], payload: bytes) -> Model:
+def parse_payload(model: type[Model], payload: bytes) -> Model:
+    """Return the request in a payload; an empty payload is one without fields. Raises `RequestError`."""
     if len(payload) > MAX_PAYLOAD_BYTES:
         raise RequestError(f"the request has {len(payload)} bytes; at most {MAX_PAYLOAD_BYTES} are allowed")
     try:
-        return model.model_validate_json(payload)
+        return model.model_validate_json(payload or b"{}")
     except ValidationError as error:
         raise RequestError(describe_problems(error, "request")[0]) from error

@@ -1,6 +1,5 @@
 """Sessions that are killed at every point at which they touch the disk: what is in force afterwards, and how they go on."""
 
-import json
 import os
 import shutil
 import sys
@@ -20,6 +19,7 @@ from gateway.calibration.store import CalibrationStore
 from gateway.messages import Verdict
 from gateway.recalibration.journal import RequestAnswer
 from gateway.recalibration.recalibration import Recalibration
+from gateway.recalibration.requests import VERBS
 from gateway.recalibration.session import Timestamp
 from tests.benchmarks.faulty_disk import FaultyDisk
 from tests.values import present
@@ -56,8 +56,8 @@ class Site:
         return Timestamp(self.now_ns, self.now_ns)
 
     def ask(self, verb: str, request_id: str, **content: Any) -> RequestAnswer:
-        payload = json.dumps({"id": request_id, "by": "ann", "reason": "trial", **content}).encode()
-        answer = self.recalibration.answer(verb, payload, self.now).answer
+        request = VERBS[verb].model_validate({"id": request_id, "by": "ann", "reason": "trial", **content})
+        answer = self.recalibration.answer(verb, request, self.now).answer
         if answer.accepted:
             self._acknowledge(request_id)
         return answer

@@ -20,6 +20,8 @@ from mcap.reader import make_reader
 from devices.replay import table_info
 from devices.table import TableLayout, read_table
 from gateway import messages
+from gateway.authorization.credential import Challenge
+from gateway.bus.credentials import load_credentials
 from gateway.calibration.record_factory import add_content_hash
 from gateway.calibration.store import CalibrationStore
 from gateway.recording.reader import open_recording
@@ -196,11 +198,19 @@ def attached(path: Path) -> dict[str, bytes]:
         return {one.name: one.data for one in make_reader(file).iter_attachments()}
 
 
+KEY = "plumbline/v1/demo-site/crane-1/hook-1"
+
+
 def query(
-    peer: BusPeer, verb: str, payload: bytes | None, key: str = "plumbline/v1/demo-site/crane-1/hook-1"
+    peer: BusPeer, verb: str, payload: bytes | None, key: str = KEY, data_dir: Path | None = None
 ) -> list[tuple[bool, Any]]:
-    """(accepted, content) of every answer."""
-    replies = peer.session.get(f"{key}/rpc/{verb}", payload=payload, timeout=PATIENCE_S)
+    """(accepted, content) of every answer; with the token of a data folder where one is given."""
+    attachment = None
+    if data_dir is not None:
+        ((_, challenge),) = query(peer, "challenge", None)
+        credentials = load_credentials(data_dir)
+        attachment = credentials.prove(f"{key}/rpc/{verb}", payload or b"", Challenge.model_validate(challenge))
+    replies = peer.session.get(f"{key}/rpc/{verb}", payload=payload, attachment=attachment, timeout=PATIENCE_S)
     return [(reply.ok is not None, _content(reply)) for reply in replies]
 
 
@@ -216,20 +226,20 @@ def test_invalid_requests_are_refused_with_a_reason(start_gateway: StartGateway,
     peer.wait_for("health")
     good = json.dumps({"id": "request-1", "by": "eve", "housing_off_rope": True}).encode()
     for payload, said in (
-        (b"", "Invalid JSON"),
+        (b"", "id"),
         (b"\xff\xfe", "Invalid JSON"),
         (b"[]", "object"),
         (b'{"id": "request-1"}', "by"),
         (good + b" " * 100_000, "is the most"),
     ):
-        ((accepted, content),) = query(peer, "recalibrate", payload)
+        ((accepted, content),) = query(peer, "recalibrate", payload, data_dir=gateway.data_dir)
         assert not accepted
         assert said in content["reason"], content
     ((accepted, content),) = query(peer, "recalibrate", good, "plumbline/v1/*/*/*")
     assert not accepted
     assert "may mean several gateways" in content["reason"]
     peer.session.put("plumbline/v1/demo-site/crane-1/hook-1/load", b'{"loaded": true}')
-    ((accepted, content),) = query(peer, "recalibrate", good)
+    ((accepted, content),) = query(peer, "recalibrate", good, data_dir=gateway.data_dir)
     assert not accepted
     assert "a load hangs" in content["reason"]
     ((_, status),) = query(peer, "status", None)
@@ -252,7 +262,7 @@ def test_ctrl_c_leaves_the_session_running(start_gateway: StartGateway, join_bus
     assert "the session continues" in out
     again = subprocess.Popen([*command, "--follow"], cwd=ROOT, stdout=subprocess.PIPE, text=True)
     assert "0 of 6 poses" in present(again.stdout).readline()
-    ((accepted, _),) = query(peer, "cancel", b'{"id": "request-1", "by": "bob"}')
+    ((accepted, _),) = query(peer, "cancel", b'{"id": "request-1", "by": "bob"}', data_dir=gateway.data_dir)
     assert accepted
     out, _ = again.communicate(timeout=PATIENCE_S)
     assert "rejected: cancelled by bob" in out
@@ -324,7 +334,7 @@ def test_the_display_survives_a_lost_connection(start_gateway: StartGateway, joi
         line.cut()
         while "no answer from the gateway" not in (said := present(follower.stdout).readline()):
             assert said
-        ((accepted, _),) = query(peer, "cancel", b'{"id": "request-1", "by": "bob"}')
+        ((accepted, _),) = query(peer, "cancel", b'{"id": "request-1", "by": "bob"}', data_dir=gateway.data_dir)
         assert accepted
         line.mend()
         out, _ = follower.communicate(timeout=PATIENCE_S)

@@ -1,7 +1,5 @@
 """The service between the bus and the processing thread: bounded, and news only where there is some."""
 
-import json
-import logging
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -11,10 +9,11 @@ import pytest
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import HostClock
-from gateway.daemon.recalibration_service import WAITING, PendingRequest, RecalibrationService, ServiceUpdate
+from gateway.daemon.recalibration_service import WAITING, RecalibrationService, ServiceUpdate
+from gateway.daemon.remote_request import RemoteRequest
 from gateway.daemon.wall_clock import WallClockMonitor
-from gateway.recalibration.journal import RequestAnswer
 from gateway.recalibration.recalibration import Recalibration
+from gateway.recalibration.requests import VERBS, LoadSignal, RequestError, parse_payload
 
 INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)
 
@@ -42,10 +41,11 @@ def service(tmp_path: Path, clock: TurnedClock) -> RecalibrationService:
     return made
 
 
-def ask(service: RecalibrationService, verb: str, request_id: str, **content: Any) -> list[RequestAnswer]:
-    answers: list[RequestAnswer] = []
-    payload = json.dumps({"id": request_id, "by": "ann", **content}).encode()
-    assert service.submit(PendingRequest(verb, payload, answers.append))
+def ask(service: RecalibrationService, verb: str, request_id: str, **content: Any) -> list[bool]:
+    """The answers, once there are any: whether the request was accepted."""
+    answers: list[bool] = []
+    request = VERBS[verb].model_validate({"id": request_id, "by": "ann", **content})
+    service.submit(RemoteRequest(verb, request, None, lambda accepted, _content: answers.append(accepted)))
     return answers
 
 
@@ -57,13 +57,14 @@ def rest(service: RecalibrationService, clock: TurnedClock, seconds: float) -> I
         yield service.serve().session_due
 
 
-def test_a_bounded_number_of_requests_waits_for_the_processing_thread(service: RecalibrationService) -> None:
+def test_one_request_is_answered_per_block_and_a_bounded_number_waits(service: RecalibrationService) -> None:
     answers = [ask(service, "cancel", f"request-{number}") for number in range(WAITING)]
-    assert not service.submit(PendingRequest("cancel", b"", lambda _answer: None))
+    assert ask(service, "cancel", "one-too-many") == [False]
     assert service.dropped == 1
     assert not any(answers)
-    service.serve()
-    assert [answer.accepted for (answer,) in answers] == [False] * WAITING
+    for served in range(1, WAITING + 1):
+        service.serve()
+        assert [len(answer) for answer in answers] == [1] * served + [0] * (WAITING - served)
 
 
 def test_a_session_is_published_at_each_change_and_twice_a_second(
@@ -72,7 +73,7 @@ def test_a_session_is_published_at_each_change_and_twice_a_second(
     assert service.serve() == ServiceUpdate(pipeline_changed=False, session_due=False)
     (answers,) = [ask(service, "recalibrate", "request-1", housing_off_rope=True)]
     assert service.serve() == ServiceUpdate(pipeline_changed=True, session_due=True)
-    assert answers[0].accepted
+    assert answers == [True]
     assert not service.serve().pipeline_changed
     assert service.suspended is not None
     news = sum(rest(service, clock, 10.0))
@@ -84,23 +85,18 @@ def test_a_session_is_published_at_each_change_and_twice_a_second(
     assert sum(rest(service, clock, 5.0)) == 0
 
 
-def test_a_load_signal_refuses_a_recalibration(service: RecalibrationService, clock: TurnedClock) -> None:
-    service.set_load_signal(b'{"loaded": true, "load_kg": 1250.0}')
-    (answers,) = [ask(service, "recalibrate", "request-1", housing_off_rope=True)]
+def test_a_load_signal_refuses_a_recalibration(service: RecalibrationService) -> None:
+    service.set_load_signal(parse_payload(LoadSignal, b'{"loaded": true, "load_kg": 1250.0}'))
+    answers = ask(service, "recalibrate", "request-1", housing_off_rope=True)
     service.serve()
-    assert "a load hangs" in answers[0].text
-    service.set_load_signal(b'{"loaded": false}')
-    (answers,) = [ask(service, "recalibrate", "request-2", housing_off_rope=True)]
+    assert answers == [False]
+    service.set_load_signal(parse_payload(LoadSignal, b'{"loaded": false}'))
+    answers = ask(service, "recalibrate", "request-2", housing_off_rope=True)
     service.serve()
-    assert answers[0].accepted
+    assert answers == [True]
 
 
-@pytest.mark.parametrize("payload", [b"", b"5", b'{"loaded": "yes"}', b"\xff"])
-def test_an_invalid_load_signal_is_reported(
-    service: RecalibrationService, payload: bytes, caplog: pytest.LogCaptureFixture
-) -> None:
-    with caplog.at_level(logging.ERROR, logger="plumbline.recalibration"):
-        logging.getLogger("plumbline").propagate = True
-        service.set_load_signal(payload)
-        service.serve()
-    assert "load signal" in caplog.text
+@pytest.mark.parametrize("payload", [b"", b"5", b'{"loaded": "yes"}', b"\xff", b"[" * 8000])
+def test_an_invalid_load_signal_is_refused(payload: bytes) -> None:
+    with pytest.raises(RequestError):
+        parse_payload(LoadSignal, payload)

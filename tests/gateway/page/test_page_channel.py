@@ -10,7 +10,7 @@ import pytest
 
 from gateway.daemon.page_channel import MOST_WAITING, PageChannel
 from gateway.daemon.page_requests import PageRequests
-from gateway.daemon.recalibration_service import PendingRequest
+from gateway.daemon.remote_request import RemoteRequest
 from gateway.page.channel import (
     ANSWER,
     LARGEST_FRAME,
@@ -21,7 +21,7 @@ from gateway.page.channel import (
     encode_frame,
     receive_frame,
 )
-from gateway.recalibration.journal import RequestAnswer
+from gateway.recalibration.requests import Acknowledge
 from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -29,11 +29,16 @@ FIRST = Frame(PARAMETERS, 1.0, b"{}")
 FULL = b"x" * 60_000
 
 
-def _submit(request: PendingRequest) -> bool:
-    if request.payload == b"busy":
-        return False
-    request.reply(RequestAnswer(id="", request=request.verb, accepted=request.payload == b"yes", text="done"))
-    return True
+def _submit(request: RemoteRequest) -> None:
+    reason = request.expect(Acknowledge).reason
+    if reason == "busy":
+        request.refuse("busy: too many requests are waiting")
+    else:
+        request.reply(reason == "yes", {"text": "done", "reason": "done"})
+
+
+def acknowledgement(reason: str) -> str:
+    return json.dumps({"id": "page-12345678", "by": "ann", "reason": reason})
 
 
 @pytest.fixture
@@ -151,9 +156,13 @@ def _ask(page: socket.socket, **request: object) -> object:
 
 
 ANSWERS: list[tuple[dict[str, Any], tuple[int | None, bool, str]]] = [
-    ({"number": 7, "verb": "acknowledge", "payload": "yes"}, (7, True, "done")),
-    ({"number": 8, "verb": "acknowledge", "payload": "no"}, (8, False, "done")),
-    ({"number": 9, "verb": "acknowledge", "payload": "busy"}, (9, False, "busy: too many requests are waiting")),
+    ({"number": 7, "verb": "acknowledge", "payload": acknowledgement("yes")}, (7, True, "done")),
+    ({"number": 8, "verb": "acknowledge", "payload": acknowledgement("no")}, (8, False, "done")),
+    (
+        {"number": 9, "verb": "acknowledge", "payload": acknowledgement("busy")},
+        (9, False, "busy: too many requests are waiting"),
+    ),
+    ({"number": 11, "verb": "acknowledge", "payload": "{}"}, (11, False, "id: Field required")),
     ({"number": 10, "verb": "reboot", "payload": ""}, (10, False, "reboot is not available")),
     ({"hello": 1}, (None, False, "no request of the page")),
 ]

@@ -16,6 +16,7 @@ from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
 from gateway.recalibration.journal import RequestAnswer
 from gateway.recalibration.recalibration import Recalibration
+from gateway.recalibration.requests import VERBS, Fetch, parse_payload
 from gateway.recalibration.session import Phase, Session, Timestamp
 
 START_NS = 1_767_225_600_000_000_000
@@ -153,7 +154,10 @@ class Site:
         return self.ask_raw(verb, {"id": request_id or f"request-{self.requests}", "by": by, **content})
 
     def ask_raw(self, verb: str, content: dict[str, Any]) -> RequestAnswer:
-        response = self.recalibration.answer(verb, json.dumps(content).encode(), self.now)
+        payload = json.dumps(content).encode()
+        if verb == "fetch":
+            return self.recalibration.fetch(parse_payload(Fetch, payload))
+        response = self.recalibration.answer(verb, parse_payload(VERBS[verb], payload), self.now)
         self.pipeline_changed = response.pipeline_changed
         return response.answer
 

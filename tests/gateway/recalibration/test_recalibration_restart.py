@@ -49,14 +49,28 @@ def test_an_id_belongs_to_one_request(site: Site) -> None:
 def test_a_bounded_number_of_answers_is_kept_and_executed_requests_are_found_longer(site: Site) -> None:
     site.commit(1.0)
     done = site.ask("rollback", "rollback-x")
-    for _ in range(2 * MAX_ANSWERS):
-        assert not site.ask("cancel").accepted
+    for _ in range(MAX_ANSWERS // 2):
+        site.start_session()
+        assert site.ask("cancel").accepted
     journal = (site.data_dir / "calibration" / "session.json").read_text()
     assert journal.count('"accepted"') == MAX_ANSWERS
     again = site.restart().ask("rollback", "rollback-x")
     assert done.accepted
     assert again.accepted
     assert len(site.store.state().history) == 2
+
+
+def test_refused_requests_write_no_journal_and_displace_no_answer(site: Site) -> None:
+    site.commit(1.0)
+    done = site.ask("rollback", "rollback-x")
+    path = site.data_dir / "calibration" / "session.json"
+    before = path.read_bytes()
+    refused = site.ask("cancel", "refused-1")
+    for _ in range(2 * MAX_ANSWERS):
+        assert not site.ask("cancel").accepted
+    assert path.read_bytes() == before
+    assert site.ask("rollback", "rollback-x") == done
+    assert not refused.accepted
 
 
 def test_a_session_continues_after_a_restart(site: Site) -> None:

@@ -1,6 +1,5 @@
 """Sessions with the real methods, on a simulated sensor that is turned as requested."""
 
-import json
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from gateway.calibration.procedures.procedure_factory import make_procedure
 from gateway.calibration.record import CalibrationRecord
 from gateway.numerics.array import Array
 from gateway.recalibration.recalibration import Recalibration
+from gateway.recalibration.requests import VERBS
 from gateway.recalibration.session import Session, Timestamp
 from gateway.recalibration.session_message import make_session_message
 
@@ -52,8 +52,8 @@ class Bench:
         return self.session.candidate
 
     def ask(self, verb: str, request_id: str, **content: Any) -> None:
-        payload = json.dumps({"id": request_id, "by": "ann", **content}).encode()
-        answer = self.recalibration.answer(verb, payload, self.now).answer
+        request = VERBS[verb].model_validate({"id": request_id, "by": "ann", **content})
+        answer = self.recalibration.answer(verb, request, self.now).answer
         assert answer.accepted, answer.text
 
     def rest(self, up: ArrayLike, seconds: float) -> None:

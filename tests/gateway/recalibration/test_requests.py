@@ -7,14 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.recalibration.requests import MAX_PAYLOAD_BYTES, VERBS, RequestError, parse_fetch, parse_request
+from gateway.recalibration.requests import MAX_PAYLOAD_BYTES, VERBS, Fetch, RequestError, parse_payload
 
 GOOD = {"id": "request-1", "by": "ann"}
 
 
 @pytest.mark.parametrize("verb", VERBS)
 def test_id_and_person_are_sufficient(verb: str) -> None:
-    request = parse_request(verb, json.dumps(GOOD).encode())
+    request = parse_payload(VERBS[verb], json.dumps(GOOD).encode())
     assert (request.id, request.by, request.reason) == ("request-1", "ann", "")
 
 
@@ -36,23 +36,23 @@ def test_id_and_person_are_sufficient(verb: str) -> None:
 )
 def test_an_invalid_field_is_named(verb: str, change: dict[str, Any], place: str) -> None:
     with pytest.raises(RequestError, match=f"^{place}: ") as caught:
-        parse_request(verb, json.dumps(GOOD | change).encode())
+        parse_payload(VERBS[verb], json.dumps(GOOD | change).encode())
     assert "\n" not in str(caught.value)
 
 
 def test_a_payload_beyond_the_largest_size_is_refused() -> None:
     with pytest.raises(RequestError, match="are allowed"):
-        parse_request("commit", json.dumps(GOOD).encode() + b" " * MAX_PAYLOAD_BYTES)
+        parse_payload(VERBS["commit"], json.dumps(GOOD).encode() + b" " * MAX_PAYLOAD_BYTES)
 
 
 @given(st.binary(max_size=200))
 def test_random_payloads_are_refused(payload: bytes) -> None:
     for verb in VERBS:
         with pytest.raises(RequestError):
-            parse_request(verb, payload)
+            parse_payload(VERBS[verb], payload)
 
 
 def test_fetch_requests_the_list_by_default() -> None:
-    assert parse_fetch(b"").what == "records"
+    assert parse_payload(Fetch, b"").what == "records"
     with pytest.raises(RequestError, match="name the record"):
-        parse_fetch(b'{"what": "record"}')
+        parse_payload(Fetch, b'{"what": "record"}')

@@ -1,0 +1,55 @@
+"""The authoriser: who sends a request, whether that role may send it, and whether the credential is fresh."""
+
+from dataclasses import dataclass
+
+from gateway.authorization.caller import Caller, NotAuthorised, Role, require_role
+from gateway.authorization.credential import (
+    Challenge,
+    Credential,
+    RequestStatement,
+    TokenCredential,
+    make_statement,
+    parse_credential,
+)
+from gateway.authorization.freshness import Freshness
+from gateway.authorization.token import authenticate_token, token_id
+
+
+@dataclass(frozen=True, slots=True)
+class SignedRequest:
+    """A request as it has arrived."""
+
+    key_expr: str
+    payload: bytes
+    attachment: bytes | None
+
+
+class Authoriser:
+    """Authenticates the requests of one boot. Times are those of the gateway, which never step."""
+
+    def __init__(self, boot_id: str, token: bytes) -> None:
+        """`token` is the secret of the service's group."""
+        self._boot_id = boot_id
+        self._token = token
+        self._freshness = Freshness(boot_id)
+
+    def challenge(self, now_ns: int) -> Challenge:
+        """Return the challenge for the next request of a caller."""
+        return Challenge(boot_id=self._boot_id, time_ns=now_ns, scheme="token", token_id=token_id(self._token))
+
+    def admit(self, request: SignedRequest, role: Role, now_ns: int) -> Caller:
+        """Return the authenticated caller of a request that requires a role. Raises `NotAuthorised`."""
+        credential = parse_credential(request.attachment)
+        self._freshness.check(credential.boot_id, credential.time_ns, now_ns)
+        statement = make_statement(request.key_expr, request.payload, credential)
+        caller = self._authenticate(credential, statement)
+        self._freshness.use(statement)
+        require_role(caller, role)
+        return caller
+
+    def _authenticate(self, credential: Credential, statement: RequestStatement) -> Caller:
+        if not isinstance(credential, TokenCredential):
+            raise NotAuthorised(
+                "wrong_scheme", "this gateway accepts the token of its service alone; it has no bus.tls.ca"
+            )
+        return authenticate_token(self._token, credential, statement)

@@ -1,0 +1,45 @@
+"""The data folders of gateways that this user has run, so that `plumbline remote` finds their command tokens."""
+
+import hashlib
+import os
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+from gateway.atomic_io import write_private
+
+MAX_FOLDERS = 32
+"""Folders that are remembered, the newest."""
+
+
+def remember_data_folder(data_dir: Path, environment: Mapping[str, str] = os.environ) -> None:
+    """Remember a data folder; without a home, or where it cannot be written, nothing is remembered."""
+    folder = _state_folder(environment)
+    if folder is None:
+        return
+    with suppress(OSError):
+        path = str(data_dir.resolve())
+        write_private(folder / hashlib.sha256(path.encode()).hexdigest()[:16], f"{path}\n".encode(), 0o600)
+        for old in sorted(folder.iterdir(), key=lambda entry: entry.stat().st_mtime)[:-MAX_FOLDERS]:
+            old.unlink()
+
+
+def known_data_folders(environment: Mapping[str, str] = os.environ) -> list[Path]:
+    """Return the remembered folders that exist, the newest first."""
+    folder = _state_folder(environment)
+    if folder is None:
+        return []
+    try:
+        entries = sorted(folder.iterdir(), key=lambda entry: entry.stat().st_mtime, reverse=True)
+        paths = [Path(entry.read_text(encoding="utf-8").strip()) for entry in entries]
+    except (OSError, UnicodeDecodeError):
+        return []
+    return [path for path in paths if path.is_absolute() and path.is_dir()]
+
+
+def _state_folder(environment: Mapping[str, str]) -> Path | None:
+    """Return the folder by the XDG base directory specification; None without a home."""
+    state, home = environment.get("XDG_STATE_HOME"), environment.get("HOME")
+    if state:
+        return Path(state) / "plumbline" / "data-folders"
+    return Path(home) / ".local" / "state" / "plumbline" / "data-folders" if home else None

@@ -1,0 +1,33 @@
+"""The handlers of the verbs of `gateway.verbs`."""
+
+import json
+from collections.abc import Callable, Mapping
+
+from gateway.daemon.acknowledgement_service import AcknowledgementService
+from gateway.daemon.mark_service import MarkService
+from gateway.daemon.recalibration_service import RecalibrationService
+from gateway.daemon.remote_request import RemoteRequest, RequestHandler
+from gateway.recalibration.requests import VERBS, SetMark
+
+NOT_IN_STATUS = "samples"
+
+
+def make_handlers(
+    latest: Callable[[], Mapping[str, bytes]],
+    recalibration: RecalibrationService,
+    marks: MarkService,
+    acknowledgements: AcknowledgementService,
+) -> dict[str, RequestHandler]:
+    """Return the handlers by verb; `latest` returns the last message of each topic, for the status."""
+
+    def report_status(request: RemoteRequest) -> None:
+        topics = {topic: json.loads(text) for topic, text in latest().items() if topic != NOT_IN_STATUS}
+        request.reply(True, topics)
+
+    return {
+        "status": report_status,
+        "fetch": recalibration.fetch,
+        "mark": lambda request: request.answer(marks.answer(request.expect(SetMark))),
+        "acknowledge": acknowledgements.submit,
+        **dict.fromkeys(VERBS, recalibration.submit),
+    }

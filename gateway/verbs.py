@@ -1,0 +1,52 @@
+"""The table of verbs: what may be asked of a gateway, by whom, with which content, and how often.
+
+Authorisation, limits, audit, answers and the documentation follow from it. A new verb is a row here and a handler in the daemon.
+"""
+
+from dataclasses import dataclass
+
+from pydantic import BaseModel
+
+from gateway.authorization.caller import Role
+from gateway.authorization.token_bucket import RateLimit
+from gateway.recalibration import requests
+
+READ_LIMIT = RateLimit(burst=100, per_s=50.0)
+"""For all callers together: who only reads is not authenticated by the request."""
+CHANGE_LIMIT = RateLimit(burst=20, per_s=2.0)
+"""For each caller."""
+
+
+@dataclass(frozen=True, slots=True)
+class Verb:
+    """One row: the name in `<gateway>/rpc/<name>`, the role that it needs, the content of its payload, its limits."""
+
+    name: str
+    request: type[BaseModel]
+    role: Role | None
+    """None: it changes nothing, and whoever the bus admits may ask."""
+    limit: RateLimit
+    max_bytes: int = requests.MAX_PAYLOAD_BYTES
+    """Largest payload."""
+
+
+def _read(name: str, request: type[BaseModel] = requests.NoContent) -> Verb:
+    return Verb(name, request, None, READ_LIMIT)
+
+
+def _change(name: str, request: type[requests.Request], role: Role) -> Verb:
+    return Verb(name, request, role, CHANGE_LIMIT)
+
+
+VERBS: dict[str, Verb] = {
+    verb.name: verb
+    for verb in (
+        _read("status"),
+        _read("challenge"),
+        _read("fetch", requests.Fetch),
+        _change("acknowledge", requests.Acknowledge, Role.OPERATOR),
+        _change("mark", requests.SetMark, Role.OPERATOR),
+        *(_change(name, request, Role.SERVICE) for name, request in requests.VERBS.items()),
+    )
+}
+"""The verbs by name."""

@@ -1,0 +1,98 @@
+"""The authoriser: who is let in, with which role, and only once."""
+
+import json
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gateway.authorization.authoriser import Authoriser, SignedRequest
+from gateway.authorization.caller import Caller, NotAuthorised, Role
+from gateway.authorization.freshness import MAX_REMEMBERED, WINDOW_S
+from gateway.authorization.token import prove_by_token
+
+BOOT = "0123456789ab"
+SECRET = bytes(range(32))
+KEY = "plumbline/v1/a/b/c/rpc/cancel"
+PAYLOAD = b'{"id": "request-1", "by": "ann"}'
+NOW_NS = 1_767_225_600_000_000_000
+
+
+@pytest.fixture
+def authoriser() -> Authoriser:
+    return Authoriser(BOOT, SECRET)
+
+
+def signed(authoriser: Authoriser, secret: bytes = SECRET, now_ns: int = NOW_NS, **change: Any) -> SignedRequest:
+    """A request that answers a challenge; changed after it was signed."""
+    credential = prove_by_token(secret, KEY, PAYLOAD, authoriser.challenge(now_ns))
+    request = {"key_expr": KEY, "payload": PAYLOAD, "attachment": credential.model_dump_json().encode()}
+    return SignedRequest(**{**request, **change})
+
+
+def refusal(authoriser: Authoriser, request: SignedRequest, now_ns: int = NOW_NS) -> str:
+    with pytest.raises(NotAuthorised) as caught:
+        authoriser.admit(request, Role.SERVICE, now_ns)
+    assert "\n" not in str(caught.value)
+    return caught.value.kind
+
+
+def test_a_request_with_the_gateways_token_is_admitted_with_every_right(authoriser: Authoriser) -> None:
+    assert authoriser.admit(signed(authoriser), Role.SERVICE, NOW_NS + 10**9) == Caller(None, Role.SERVICE, "token")
+
+
+def test_a_request_without_a_credential_is_refused(authoriser: Authoriser) -> None:
+    assert refusal(authoriser, SignedRequest(KEY, PAYLOAD, None)) == "no_credential"
+
+
+def test_a_credential_by_another_secret_is_refused(authoriser: Authoriser) -> None:
+    assert refusal(authoriser, signed(authoriser, secret=bytes(32))) == "wrong_token"
+
+
+@pytest.mark.parametrize("change", [{"payload": PAYLOAD + b" "}, {"key_expr": KEY.replace("cancel", "zero")}])
+def test_a_credential_is_worth_nothing_for_another_request(authoriser: Authoriser, change: dict[str, Any]) -> None:
+    assert refusal(authoriser, signed(authoriser, **change)) == "wrong_token"
+
+
+def test_a_captured_request_is_refused_when_it_is_sent_again(authoriser: Authoriser) -> None:
+    request = signed(authoriser)
+    authoriser.admit(request, Role.SERVICE, NOW_NS)
+    assert refusal(authoriser, request, NOW_NS + 1) == "replayed_credential"
+
+
+def test_a_credential_expires_and_is_not_good_before_its_challenge(authoriser: Authoriser) -> None:
+    late_ns = NOW_NS + round(WINDOW_S * 1e9) + 1
+    assert refusal(authoriser, signed(authoriser), late_ns) == "stale_credential"
+    assert refusal(authoriser, signed(authoriser), NOW_NS - 1) == "stale_credential"
+
+
+def test_a_credential_of_another_boot_is_refused(authoriser: Authoriser) -> None:
+    request = signed(authoriser)
+    assert refusal(Authoriser("ba9876543210", SECRET), request) == "stale_credential"
+
+
+def test_a_flood_of_good_credentials_cannot_make_the_gate_forget_one_and_take_it_again(authoriser: Authoriser) -> None:
+    first = signed(authoriser)
+    authoriser.admit(first, Role.SERVICE, NOW_NS)
+    for number in range(1, MAX_REMEMBERED + 1):
+        authoriser.admit(signed(authoriser, now_ns=NOW_NS + number), Role.SERVICE, NOW_NS + number)
+    assert refusal(authoriser, first, NOW_NS + MAX_REMEMBERED + 1) == "stale_credential"
+
+
+@given(st.binary(max_size=300))
+def test_random_credentials_are_refused(attachment: bytes) -> None:
+    assert refusal(Authoriser(BOOT, SECRET), SignedRequest(KEY, PAYLOAD, attachment)) == "malformed_credential"
+
+
+@given(st.sampled_from(["boot_id", "time_ns", "mac", "scheme"]), st.one_of(st.text(), st.integers(), st.none()))
+def test_a_credential_with_a_random_field_is_refused(field: str, value: Any) -> None:
+    authoriser = Authoriser(BOOT, SECRET)
+    credential = prove_by_token(SECRET, KEY, PAYLOAD, authoriser.challenge(NOW_NS)).model_dump()
+    attachment = json.dumps({**credential, field: value}).encode()
+    if credential[field] != value:
+        assert refusal(authoriser, SignedRequest(KEY, PAYLOAD, attachment)) in {
+            "malformed_credential",
+            "stale_credential",
+            "wrong_token",
+        }
