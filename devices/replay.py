@@ -12,7 +12,6 @@ from devices.clock import Clock
 from devices.device import EndOfRecording
 from devices.errors import RecordingError
 from devices.recording import Recording, typical_interval
-from devices.table import TableLayout
 
 LONGEST_WAIT_S = 0.5
 
@@ -106,9 +105,15 @@ class Replay:
         return float(known.mean()) if len(known) else None
 
 
-def table_info(path: Path, layout: TableLayout, recording: Recording) -> DeviceInfo:
-    """Return the description of the device that made a text recording. Raises `RecordingError`."""
-    if layout.unit == "counts" and layout.units_per_g is None:
+def table_info(
+    path: Path, recording: Recording, *, units_per_g: float | None = None, housing_frame: bool = False
+) -> DeviceInfo:
+    """Return the description of the device that made a text recording.
+
+    `units_per_g` is the sensitivity of counts; `housing_frame`: the readings are calibrated specific force in the housing frame.
+    Raises `RecordingError`.
+    """
+    if recording.unit == "counts" and units_per_g is None:
         raise RecordingError(f"{path}: is in counts and its sensitivity is not given; say how many counts are 1 g")
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
@@ -117,8 +122,8 @@ def table_info(path: Path, layout: TableLayout, recording: Recording) -> DeviceI
         device_id=f"recording-{path.stem}-{digest[:8]}",
         unit=recording.unit,
         odr_hz=float(f"{recording.rate_hz:.6g}"),
-        units_per_g=layout.units_per_g if recording.unit == "counts" and layout.units_per_g else 1.0,
-        calibrated_source=layout.housing_frame,
+        units_per_g=units_per_g if recording.unit == "counts" and units_per_g else 1.0,
+        calibrated_source=housing_frame,
         can_wait=True,
         details={"file": path.name, "sha256": digest},
     )

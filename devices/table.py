@@ -8,17 +8,23 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal, TextIO
+from typing import TextIO
 
 import numpy as np
 from numpy.typing import NDArray
 
 from devices.errors import RecordingError
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.recording import Recording, SampleRows, recording_from_rows
-
-Column = str | int
-"""A column by its name in the header, or by its 1-based number where there is no header."""
+from devices.table_layout import (
+    NATIVE,
+    UNITS_PER_G,
+    Column,
+    TableLayout,
+    check_layout,
+    required_columns,
+    seconds_of,
+    split_line,
+)
 
 BLOCK_CHARS = 1 << 20
 HEADER_LINES = 64
@@ -28,40 +34,6 @@ TIME_LIMIT_S = 4e9
 """A larger number (beyond the year 2096 in Unix seconds) is not a time in seconds; differences still fit int64 nanoseconds."""
 READING_LIMIT = 2.0**31
 """Range of the widest sensor; a larger number is a damaged row."""
-
-
-@dataclass(frozen=True, slots=True)
-class TableLayout:
-    """The columns of a text table and their unit."""
-
-    axes: tuple[Column, Column, Column]
-    unit: Literal["g", "m/s2", "counts"] | None = None
-    """Unit of the axis columns; without it a recording is refused."""
-    time: Column | None = None
-    """Time or sample counter; None: the rows are consecutive samples at `rate_hz`."""
-    rate_hz: float | None = None
-    """Value of one second in the time column if that is not in seconds (a sample counter, milliseconds); the sample rate if
-    there is no time column."""
-    temperature_c: Column | None = None
-    """Used if the file has it."""
-    gyro_dps: tuple[Column, Column, Column] | None = None
-    """Used if the file has all three."""
-    delimiter: Literal[",", "\t", " "] = ","
-    units_per_g: float | None = None
-    """Nominal sensitivity of counts."""
-    housing_frame: bool = False
-    """The readings are calibrated specific force in the housing frame."""
-
-
-NATIVE = TableLayout(
-    time="time_s",
-    axes=("ax_g", "ay_g", "az_g"),
-    unit="g",
-    temperature_c="temperature_c",
-    gyro_dps=("gx_dps", "gy_dps", "gz_dps"),
-    housing_frame=True,
-)
-"""`time_s,ax_g,ay_g,az_g[,temperature_c][,gx_dps,gy_dps,gz_dps]`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +70,7 @@ class _ReadRows:
 def read_table(path: Path | str, layout: TableLayout = NATIVE) -> Recording:
     """Read a recording. Raises `RecordingError`, which names the file, the place and the remedy."""
     path = Path(path)
-    _check_layout(path, layout)
+    check_layout(path, layout)
     try:
         _check_text(path)
         with path.open(encoding="utf-8-sig", errors="replace") as file:
@@ -107,27 +79,9 @@ def read_table(path: Path | str, layout: TableLayout = NATIVE) -> Recording:
         raise RecordingError(_access_text(path, error)) from error
     rows = _to_sample_rows(layout, columns, read)
     try:
-        return recording_from_rows(rows, "counts" if layout.unit == "counts" else "g", read.blank, read.truncated)
+        return recording_from_rows(rows, "g" if layout.unit in UNITS_PER_G else "counts", read.blank, read.truncated)
     except ValueError as error:
         raise RecordingError(f"{path}: {error}") from error
-
-
-def _check_layout(path: Path, layout: TableLayout) -> None:
-    if layout.unit is None:
-        raise RecordingError(f'{path}: the unit of its axis columns is not given; say "g", "m/s2" or "counts"')
-    if layout.rate_hz is None and layout.time is None:
-        raise RecordingError(f"{path}: neither a time column nor a sample rate is given; name one of them")
-    if layout.rate_hz is not None and not 0 < layout.rate_hz < np.inf:
-        raise RecordingError(f"{path}: a rate of {layout.rate_hz} Hz is impossible; give one above 0")
-    needed = _required_columns(layout)
-    if len({type(column) for column in needed}) > 1:
-        raise RecordingError(f"{path}: columns are given by name and by number; use one or the other")
-    if any(isinstance(column, int) and column < 1 for column in needed):
-        raise RecordingError(f"{path}: a column number below 1 is given; the first column is number 1")
-
-
-def _required_columns(layout: TableLayout) -> tuple[Column, ...]:
-    return layout.axes if layout.time is None else (layout.time, *layout.axes)
 
 
 def _access_text(path: Path, error: OSError) -> str:
@@ -175,8 +129,8 @@ def _read_rows(path: Path, file: TextIO, layout: TableLayout) -> tuple[_Columns,
         if columns is None:
             columns = _find_columns(path, lines[:HEADER_LINES], layout)
             lines = lines[columns.first_row :]
-        whole = lines if ended or _is_whole(lines, previous, layout.delimiter) else []
-        _add_lines(read, whole, columns, layout.delimiter)
+        whole = lines if ended or _is_whole(lines, previous, layout) else []
+        _add_lines(read, whole, columns, layout)
         read.truncated += len(lines) - len(whole)
         previous = lines[-1] if lines else ""
     if columns is None:
@@ -184,27 +138,23 @@ def _read_rows(path: Path, file: TextIO, layout: TableLayout) -> tuple[_Columns,
     return columns, read
 
 
-def _is_whole(lines: list[str], previous: str, delimiter: str) -> bool:
+def _is_whole(lines: list[str], previous: str, layout: TableLayout) -> bool:
     """Return whether a last line without a newline is complete: its last number has as many decimals as in the row before."""
-    decimals = [len(line.strip().rsplit(delimiter, 1)[-1].partition(".")[2]) for line in (*lines, previous)]
-    return bool(lines) and decimals[0] >= decimals[1] > 0
-
-
-def _split_line(line: str, delimiter: str) -> list[str]:
-    return line.split() if delimiter == " " else [entry.strip() for entry in line.split(delimiter)]
+    decimals = [len(split_line(line, layout)[-1].partition(".")[2]) for line in (*lines, previous) if line.strip()]
+    return len(decimals) == 2 and decimals[0] >= decimals[1] > 0
 
 
 def _find_columns(path: Path, lines: list[str], layout: TableLayout) -> _Columns:
     by_name = isinstance(layout.axes[0], str)
     for number, line in enumerate(lines):
-        entries = _split_line(line, layout.delimiter)
+        entries = split_line(line, layout)
         found = _columns_by_name(path, entries, layout) if by_name else _columns_by_number(entries, layout)
         if found is not None:
             return _resolve_columns(found, len(entries), layout, first_row=number + 1 if by_name else number)
     first = next((line for line in lines if line.strip()), "")
-    entries = _split_line(first, layout.delimiter)
+    entries = split_line(first, layout)
     shown = ", ".join(entries[:12])[:160].encode("ascii", "replace").decode()
-    needed = ", ".join(str(column) for column in _required_columns(layout))
+    needed = ", ".join(str(column) for column in required_columns(layout))
     if by_name:
         raise RecordingError(f"{path}: no header with the columns {needed}; its first line has: {shown}")
     raise RecordingError(
@@ -213,9 +163,9 @@ def _find_columns(path: Path, lines: list[str], layout: TableLayout) -> _Columns
 
 
 def _columns_by_name(path: Path, entries: list[str], layout: TableLayout) -> dict[Column, int] | None:
-    if not set(_required_columns(layout)) <= set(entries):
+    if not set(required_columns(layout)) <= set(entries):
         return None
-    twice = [entry for entry in _required_columns(layout) if isinstance(entry, str) and entries.count(entry) > 1]
+    twice = [entry for entry in required_columns(layout) if isinstance(entry, str) and entries.count(entry) > 1]
     if twice:
         raise RecordingError(f"{path}: column {twice[0]} occurs twice in its header; rename one")
     return {entry: place for place, entry in enumerate(entries)}
@@ -223,12 +173,14 @@ def _columns_by_name(path: Path, entries: list[str], layout: TableLayout) -> dic
 
 def _columns_by_number(entries: list[str], layout: TableLayout) -> dict[Column, int] | None:
     found: dict[Column, int] = {place + 1: place for place in range(len(entries))}
-    needed = [entries[found[column]] for column in _required_columns(layout) if column in found]
-    return found if len(needed) == len(_required_columns(layout)) and _parse_numbers(needed, len(needed)) else None
+    needed = [entries[found[column]] for column in required_columns(layout) if column in found]
+    if len(needed) < len(required_columns(layout)) or _parse_numbers(needed, len(needed), layout) is None:
+        return None
+    return found
 
 
 def _resolve_columns(found: dict[Column, int], count: int, layout: TableLayout, first_row: int) -> _Columns:
-    used = [found[column] for column in _required_columns(layout)]
+    used = [found[column] for column in required_columns(layout)]
     required = len(used)
     temperature = gyro = None
     if layout.temperature_c in found:
@@ -240,37 +192,44 @@ def _resolve_columns(found: dict[Column, int], count: int, layout: TableLayout, 
     return _Columns(tuple(used), count, required, temperature, gyro, first_row)
 
 
-def _add_lines(read: _ReadRows, lines: list[str], columns: _Columns, delimiter: str) -> None:
-    rows = [line for line in lines if line.strip(" \t,")]
+def _add_lines(read: _ReadRows, lines: list[str], columns: _Columns, layout: TableLayout) -> None:
+    rows = [line for line in lines if line.strip(" \t,;")]
+    delimiter = layout.delimiter
     width = [len(line.split()) if delimiter == " " else line.count(delimiter) + 1 for line in rows]
     full = np.flatnonzero(np.array(width) == columns.width)
-    places, values = _parse_lines([rows[place] for place in full], columns, delimiter)
+    places, values = _parse_lines([rows[place] for place in full], columns, layout)
     read.places.append(read.count + full[places])
     read.values.append(values)
     read.count += len(rows)
     read.blank += len(lines) - len(rows)
 
 
-def _parse_lines(lines: list[str], columns: _Columns, delimiter: str) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def _parse_lines(
+    lines: list[str], columns: _Columns, layout: TableLayout
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Return the indices of the lines that have numbers, and the numbers; in one call if all lines are correct."""
-    if lines:
+    if lines and layout.decimal == "." and not layout.time_is_text:
         try:
-            split_at = None if delimiter == " " else delimiter
+            split_at = None if layout.delimiter == " " else layout.delimiter
             values = np.loadtxt(lines, delimiter=split_at, usecols=columns.used, comments=None, ndmin=2)
             return np.arange(len(lines)), values
         except ValueError:
             pass
-    split = (_split_line(line, delimiter) for line in lines)
-    parsed = [_parse_numbers([entries[column] for column in columns.used], columns.required) for entries in split]
+    split = (split_line(line, layout) for line in lines)
+    parsed = [
+        _parse_numbers([entries[column] for column in columns.used], columns.required, layout) for entries in split
+    ]
     found = [place for place, row in enumerate(parsed) if row is not None]
     values = np.array([parsed[place] for place in found], dtype=np.float64)
     return np.array(found, dtype=np.int64), values.reshape(-1, len(columns.used))
 
 
-def _parse_numbers(entries: list[str], required: int) -> list[float] | None:
+def _parse_numbers(entries: list[str], required: int, layout: TableLayout) -> list[float] | None:
     """Return the numbers of one row; an empty entry after the first `required` is NaN. None: it is not a row of numbers."""
     filled = entries[:required] + [entry or "nan" for entry in entries[required:]]
     try:
+        if layout.time_is_text and layout.time is not None:
+            return [seconds_of(filled[0]), *map(float, filled[1:])]
         return [float(entry) for entry in filled]
     except ValueError:
         return None
@@ -291,7 +250,7 @@ def _to_sample_rows(layout: TableLayout, columns: _Columns, read: _ReadRows) -> 
         place=place,
         count=read.count,
         time_s=np.where(np.abs(time) < TIME_LIMIT_S * rate_hz, time, np.nan) / rate_hz,
-        raw=raw / STANDARD_GRAVITY_M_S2 if layout.unit == "m/s2" else raw,
+        raw=raw / UNITS_PER_G.get(layout.unit or "g", 1.0),
         temperature_c=None if columns.temperature is None else values[:, columns.temperature],
-        gyro_dps=None if columns.gyro is None else values[:, columns.gyro : columns.gyro + 3],
+        gyro_dps=None if columns.gyro is None else layout.gyro_scale * values[:, columns.gyro : columns.gyro + 3],
     )

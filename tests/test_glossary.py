@@ -53,8 +53,7 @@ COMMON_WORDS = words(
     reader reference registry remaining render report resource result RPC run sampler schema serial serialisation server
     service shape size source state status step store stretch style table text timestamp type unit vector view word worker
     writer zoom ADXL355 I2C WitMotion chip identity section ADXL345 ADS1115 LIS2DW12 LIS3DH MPU9250
-    analogue part probe recovery self test
-    expected watch
+    analogue part probe recovery self test expected watch column layout notation MATLAB
     """
 )
 """Words of computing and everyday English, and names of parts; every other word of a module name is a term of the glossary."""

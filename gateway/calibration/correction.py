@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from devices.axes_map import AxesMap
 from devices.block import DeviceInfo
-from gateway.calibration.frame import AxesMap, housing_rotation
+from gateway.calibration.frame import housing_rotation
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.thermal.thermal_model import ThermalModel, thermal_model
 from gateway.calibration.uncertainty import reading_covariance

@@ -2,10 +2,8 @@
 
 import numpy as np
 
+from devices.axes_map import AxesMap
 from gateway.numerics.array import Array
-
-AxesMap = tuple[tuple[int, int], ...]
-"""For each housing axis the index and the sign of the sensor axis along it."""
 
 
 def housing_rotation(axes: AxesMap) -> Array:

@@ -22,6 +22,17 @@ def above_zero(text: str) -> float:
     return value
 
 
+def at_least_zero(text: str) -> float:
+    """Parse a finite number from 0 on."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 <= value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not a number from 0")
+    return value
+
+
 def whole_number(text: str) -> int:
     """Parse a whole number from 0 on."""
     if not (text.isascii() and text.isdecimal()):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from gateway.cli.alignment_unit import add_unit_arguments, aligning_unit
 from gateway.cli.argument_types import above_zero
-from gateway.cli.calibrate_poses import add_table_arguments, table_options
+from gateway.cli.table_options import add_table_options, table_options
 
 if TYPE_CHECKING:
     from gateway.calibration.offline.align_recording import RecordedTurns
@@ -40,7 +40,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
     )
     method.add_argument("--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead")
     method.add_argument("--html", type=Path, metavar="FILE", help="write a report with a figure")
-    add_table_arguments(method)
+    add_table_options(method)
     method.set_defaults(run=_run)
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.argument_types import above_zero
-from gateway.cli.calibrate_poses import add_table_arguments, table_options
 from gateway.cli.calibrate_record import add_record_arguments, finish_record, read_parent_record, use_recorded_device
+from gateway.cli.table_options import add_table_options, table_options
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -35,7 +35,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
         help="recordings of one ramp each: .csv, or .mcap of the gateway; the sensor rests on one face throughout",
     )
     add_record_arguments(method)
-    add_table_arguments(method)
+    add_table_options(method)
     method.add_argument(
         "--reference-c",
         type=float,

@@ -4,11 +4,13 @@ import argparse
 from pathlib import Path
 
 from gateway.cli.interval import add_interval, interval
+from gateway.cli.table_options import add_table_options, table_options
 
 EXAMPLE = """examples:
   plumbline measure log.csv --rig rig.toml --json result.json
   plumbline measure plumbline-data/*.mcap --motion motion.csv
-  plumbline measure plumbline-data --from 07:30:00 --to 07:35:00 --json -"""
+  plumbline measure plumbline-data --from 07:30:00 --to 07:35:00 --json -
+  plumbline measure phone.csv --rig rig.toml --axes y,-x,z --from 20 --to 60"""
 
 
 def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -27,7 +29,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         type=Path,
         nargs="+",
         metavar="LOG",
-        help=".mcap files of one gateway, a folder of them, or one .csv: time_s,ax_g,ay_g,az_g",
+        help=".mcap files of one gateway, a folder of them, or one table: time_s,ax_g,ay_g,az_g, or of another program",
     )
     add_interval(command)
     command.add_argument(
@@ -45,6 +47,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         metavar="FILE.csv",
         help="write the motion at every 0.1 s: angle with uncertainty, pivot acceleration, hoist speed, rope length, state",
     )
+    add_table_options(command)
     command.set_defaults(run=run)
 
 
@@ -59,7 +62,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.measurement.source import read_source
 
     rig = None if arguments.rig is None else read_rig(arguments.rig)
-    source = read_source(arguments.logs, rig, interval(arguments))
+    source = read_source(arguments.logs, rig, interval(arguments), table_options(arguments))
     result = measure(source, with_motion=arguments.motion is not None)
     if arguments.motion is not None:
         if result.motion is None:

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING
 
 from gateway.cli.argument_types import whole_number
 from gateway.cli.effect_files import add_effects_from, load_user_effects
+from gateway.cli.interval import add_interval, interval
 from gateway.cli.plan import add_plan_arguments, run_plan, wants_plan
 from gateway.cli.reconcile_files import check_outputs, output_texts
+from gateway.cli.table_options import add_table_options, table_options
 
 if TYPE_CHECKING:
     from gateway.measurement.source import Source
@@ -34,8 +36,13 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     command.add_argument(
-        "log", type=Path, nargs="?", metavar="LOG", help=".mcap of the gateway, or .csv: time_s,ax_g,ay_g,az_g"
+        "log",
+        type=Path,
+        nargs="?",
+        metavar="LOG",
+        help=".mcap of the gateway, or a table: time_s,ax_g,ay_g,az_g, or of another program",
     )
+    add_interval(command)
     command.add_argument("--rig", type=Path, metavar="RIG", help="rig.toml; an .mcap of the gateway contains its own")
     command.add_argument(
         "--held-out",
@@ -61,6 +68,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     command.add_argument("--seed", type=whole_number, default=0, metavar="N", help="seed of the block bootstrap (0)")
     add_effects_from(command)
     add_plan_arguments(command)
+    add_table_options(command)
     command.set_defaults(run=run)
 
 
@@ -87,10 +95,11 @@ def run(arguments: argparse.Namespace) -> int:
     _check_files(arguments)
     load_user_effects(arguments)
     rig = None if arguments.rig is None else read_rig(arguments.rig)
-    source = read_source([arguments.log], rig)
+    options = table_options(arguments)
+    source = read_source([arguments.log], rig, interval(arguments), options)
     model = model_from_recording(source) if rig is None else model_of(rig, str(arguments.rig))
     log = check_recording(source, model.rig)
-    second_source = None if arguments.held_out is None else read_source([arguments.held_out], rig)
+    second_source = None if arguments.held_out is None else read_source([arguments.held_out], rig, options=options)
     second = None if second_source is None else check_recording(second_source, model.rig)
     try:
         with Progress() as progress:

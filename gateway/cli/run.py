@@ -9,6 +9,7 @@ from pathlib import Path
 from types import FrameType
 
 from gateway.cli.argument_types import above_zero
+from gateway.cli.replay_options import add_replay_options, replay_section
 
 WITH_LOSSES, FAILED = 3, 1
 
@@ -19,12 +20,14 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         "run",
         help="run the gateway: sample, evaluate, record, publish, display",
         description="Run the gateway until Ctrl-C or SIGTERM. Without --config it runs with a simulated crane.",
-        epilog="examples: plumbline run | plumbline run --config adxl355.toml | plumbline run --duration 30",
+        epilog="examples: plumbline run | plumbline run --config adxl355.toml | plumbline run --duration 30 | "
+        "plumbline run --replay phone.csv --axes y,-x,z --speed 0",
     )
     command.add_argument(
         "--config", type=Path, metavar="FILE", help="configuration (TOML); plumbline config show prints one"
     )
     command.add_argument("--duration", type=above_zero, metavar="S", help="stop cleanly after this many seconds")
+    add_replay_options(command)
     command.add_argument("--quiet", action="store_true", help="print warnings and errors only")
     command.add_argument(
         "--service", action="store_true", help="require a sensor: refuse a simulated crane and a recording"
@@ -47,7 +50,7 @@ def run(arguments: argparse.Namespace) -> int:
 
     for name in (signal.SIGINT, signal.SIGTERM):
         signal.signal(name, on_signal)
-    configuration = load(arguments.config)
+    configuration = load(arguments.config, device=replay_section(arguments))
     if arguments.service:
         require_sensor(configuration, str(arguments.config or "the embedded default"))
     gateway = Gateway(configuration)

@@ -2,6 +2,7 @@
 
 from pydantic import Field, field_validator
 
+from devices.axes_map import AxesMap, parse_axes_map
 from gateway.configuration.section import KEY_PATTERN, Section
 
 
@@ -19,22 +20,14 @@ class DeviceSection(Section):
 
     @field_validator("axes_map")
     @classmethod
-    def _check_handedness(cls, text: str) -> str:
-        axes = [axis.strip() for axis in text.split(",")]
-        if sorted(axis.lstrip("+-") for axis in axes) != ["x", "y", "z"]:
-            raise ValueError(f"axes_map {text!r} must name x, y and z once each, such as '-y,x,z'")
-        if _determinant(axes) < 0:
-            raise ValueError(f"axes_map {text!r} is left-handed (a mirror image); turn one sign")
-        return ",".join(axes)
+    def _check_axes_map(cls, text: str) -> str:
+        try:
+            parse_axes_map(text)
+        except ValueError as error:
+            raise ValueError(f"axes_map {error}") from error
+        return ",".join(axis.strip() for axis in text.split(","))
 
     @property
-    def axes(self) -> tuple[tuple[int, int], ...]:
+    def axes(self) -> AxesMap:
         """(sensor axis index, sign) of each housing axis."""
-        return tuple(("xyz".index(axis[-1]), -1 if axis.startswith("-") else 1) for axis in self.axes_map.split(","))
-
-
-def _determinant(axes: list[str]) -> int:
-    order = ["xyz".index(axis[-1]) for axis in axes]
-    even = order in ([0, 1, 2], [1, 2, 0], [2, 0, 1])
-    negative = sum(axis.startswith("-") for axis in axes) % 2
-    return (1 if even else -1) * (-1 if negative else 1)
+        return parse_axes_map(self.axes_map)

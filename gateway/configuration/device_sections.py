@@ -33,13 +33,20 @@ class ReplayDevice(DeviceSection):
     kind: Literal["replay"]
     path: Path = Field(description=".csv or .mcap")
     speed: float = Field(1.0, ge=0, description="multiple of real time; 0: as fast as possible")
-    time_column: str | None = Field(None, description="foreign text: name or 1-based number of the column of seconds")
+    time_column: str | None = Field(
+        None,
+        description="foreign text: column of the time by name or 1-based number; NAME:ms (us, ns) if not in seconds",
+    )
     axis_columns: list[str] | None = Field(
         None, min_length=3, max_length=3, description="foreign text: names or numbers of the x, y, z columns"
     )
-    unit: Literal["g", "m/s2", "counts"] | None = Field(None, description="foreign text: unit of the axes")
+    unit: Literal["g", "mg", "m/s2", "counts"] | None = Field(None, description="foreign text: unit of the axes")
     units_per_g: float | None = Field(None, gt=0, description="foreign text in counts: counts per g")
-    rate_hz: float | None = Field(None, gt=0, description="foreign text without a column of seconds: sample rate")
+    rate_hz: float | None = Field(
+        None,
+        gt=0,
+        description="foreign text: sample rate without a column of time, or counts per second of a sample counter",
+    )
 
 
 SerialPortName = Annotated[

@@ -21,14 +21,19 @@ class ConfigurationError(InputError):
     """The configuration cannot be used; the text names the file, the key and the remedy in one line."""
 
 
-def load(path: Path | None, environment: Mapping[str, str] = os.environ) -> Configuration:
+def load(
+    path: Path | None, environment: Mapping[str, str] = os.environ, *, device: dict[str, Any] | None = None
+) -> Configuration:
     """Return the configuration of a file, or the embedded default (a simulated crane), with the environment's overrides.
 
-    Raises `ConfigurationError`.
+    `device` replaces the section of that name. Raises `ConfigurationError`.
     """
     table = {} if path is None else _read(path)
     where = str(path) if path else "the embedded default"
     overridden = _override(table, environment)
+    if device is not None:
+        table["device"] = device
+        overridden.append("--replay")
     return validate(table, where + (" with " + ", ".join(overridden) if overridden else ""))
 
 

@@ -4,9 +4,9 @@ import logging
 from dataclasses import replace
 from pathlib import Path
 
+from devices.axes_map import AxesMap
 from devices.block import DeviceInfo
 from gateway.calibration.correction import Correction, correction_for
-from gateway.calibration.frame import AxesMap
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.store import CalibrationStore, find_record_in_force
 from gateway.recording.calibration_files import CalibrationFiles, calibration_files

@@ -1,9 +1,11 @@
 """Readings for a calibration, from any supported file: raw, as the device delivered them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from gateway.calibration.offline.readings_file import FileReadings, TableOptions, read_file
+from devices.foreign_table import NOTHING_STATED, TableOptions
+from gateway.calibration.offline.readings_file import FileReadings, read_file
 from gateway.errors import InputError
 from gateway.recording.catalogue import list_recordings
 from gateway.recording.join import read_joined_samples
@@ -22,9 +24,9 @@ def read_calibration_readings(paths: Sequence[Path], options: TableOptions) -> l
 
 
 def _read_run(paths: Sequence[Path], options: TableOptions) -> FileReadings:
-    if options != TableOptions():
+    if replace(options, units_per_g=None) != NOTHING_STATED:
         raise InputError(
-            f"{paths[0]}: states its own unit, columns and times; leave --unit, --columns, --time, --rate out"
+            f"{paths[0]}: states its own unit, columns and times; leave --columns, --unit, --time, --axes, --rate out"
         )
     run = read_joined_samples(paths).whole
     recording = run.recording()

@@ -8,6 +8,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from devices.axes_map import SAME_AXES
+from devices.foreign_table import NOTHING_STATED, TableOptions, is_native
 from devices.recording import Recording
 from devices.table import read_table
 from gateway.calibration.correction import Correction
@@ -15,16 +17,22 @@ from gateway.configuration.model import ALIGNED_MOUNT_U_DEG
 from gateway.errors import InputError
 from gateway.measurement.calibration import calibration_in_force
 from gateway.measurement.configuration import common_configuration
+from gateway.measurement.foreign_file import read_foreign
 from gateway.measurement.rig import Rig
 from gateway.pipeline.mounting import mounted_housing, with_sensor
 from gateway.pipeline.temperature_filter import TemperatureFilter
 from gateway.recording.catalogue import list_recordings
-from gateway.recording.correction import SENSOR_AXES, correction_of
+from gateway.recording.correction import correction_of
 from gateway.recording.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
 from gateway.recording.join import read_joined_samples
 from gateway.recording.run import RecordedRun
 from gateway.stages.clipping import find_clipped
 from gateway.swing.rig import MountedHousing
+
+UNCALIBRATED_NORM_ERROR_G = 0.05
+"""Largest error of the norm of an uncalibrated sensor of a phone or radio board at rest."""
+UNALIGNED_MOUNT_U_DEG = 0.57
+"""Standard uncertainty of the angle between sensor and rope where nobody has zeroed it: fixed by eye, within one degree."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,15 +81,28 @@ class Source:
         return str(first) if len(self.files) == 1 else f"{len(self.files)} files, {first} to {last.name}"
 
 
-def read_source(paths: Sequence[Path], rig: Rig | None = None, interval: RecordingInterval = WHOLE_RECORDING) -> Source:
-    """Read a `.csv`, or the `.mcap` files of one gateway as one recording; values of a rig replace those of the recording.
+def read_source(
+    paths: Sequence[Path],
+    rig: Rig | None = None,
+    interval: RecordingInterval = WHOLE_RECORDING,
+    options: TableOptions = NOTHING_STATED,
+) -> Source:
+    """Read a table, or the `.mcap` files of one gateway as one recording; values of a rig replace those of the recording.
 
-    A folder stands for its `.mcap` files. Raises `RecordingError` or `InputError` with the place and the remedy.
+    A folder stands for its `.mcap` files. `options` describe a table of another program. Raises `RecordingError` or `InputError`
+    with the place and the remedy.
     """
     files = list_recordings(paths)
     if len(files) > 1 and (other := next((file for file in files if file.suffix != ".mcap"), None)) is not None:
         raise InputError(f"{other}: cannot be joined with other files; only .mcap files of one gateway can")
-    source = _from_run(files, rig, interval) if files[0].suffix == ".mcap" else _from_table(files[0], interval)
+    if files[0].suffix != ".mcap":
+        source = _from_table(files[0], interval, options)
+    elif options != NOTHING_STATED:
+        raise InputError(
+            f"{files[0]}: states its own columns and units; leave --columns, --unit, --time, --axes, --rate out"
+        )
+    else:
+        source = _from_run(files, rig, interval)
     if rig is None:
         return source
     sensor = rig.sensor
@@ -102,8 +123,17 @@ def _mounted_housing(rig: Rig, source: Source) -> MountedHousing:
     return with_sensor(housing, source.correction, bandwidth_hz)
 
 
-def _from_table(path: Path, interval: RecordingInterval) -> Source:
-    whole = read_table(path)
+def _from_table(path: Path, interval: RecordingInterval, options: TableOptions) -> Source:
+    if path.suffix.lower() != ".mat" and options == NOTHING_STATED and is_native(path):
+        return _table_source(path, read_table(path), interval, "as recorded", ())
+    whole, findings = read_foreign(path, options)
+    source = _table_source(path, whole, interval, "not known: a recording of another program", findings)
+    return replace(source, permissible_norm_error_g=UNCALIBRATED_NORM_ERROR_G, mount_u_deg=UNALIGNED_MOUNT_U_DEG)
+
+
+def _table_source(
+    path: Path, whole: Recording, interval: RecordingInterval, calibration: str, findings: tuple[str, ...]
+) -> Source:
     extent = _extent(whole, 0)
     recording = _cut(whole, interval, extent)
     return Source(
@@ -112,8 +142,8 @@ def _from_table(path: Path, interval: RecordingInterval) -> Source:
         extent=extent,
         force_g=recording.raw,
         permissible_norm_error_g=0.01,
-        calibration="as recorded",
-        remarks=interval.describe_excess(extent),
+        calibration=calibration,
+        remarks=(*(f"found: {finding}" for finding in findings), *interval.describe_excess(extent)),
     )
 
 
@@ -125,7 +155,7 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
     extent = _extent(whole, run.wall_offset_ns) if joined.span is None else joined.span.extent
     recording = _cut(whole, interval, extent)
     calibration, calibration_remarks = calibration_in_force(run, recording)
-    axes = SENSOR_AXES if configuration is None else configuration.device.axes
+    axes = SAME_AXES if configuration is None else configuration.device.axes
     correction = correction_of(calibration, run.device, axes, str(run.path))
     extreme_c = _extreme_temperature_c(recording, correction)
     widened = correction.widened_by(correction.kelvin_beyond(extreme_c))

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+from devices.axes_map import AxesMap
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.acceptance import judge
-from gateway.calibration.frame import AxesMap
 from gateway.calibration.methods.zeroing import MIN_REST_S
 from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.procedures.pose_procedure import PoseProcedure, PoseProgress

@@ -3,17 +3,14 @@
 import tomllib
 from dataclasses import replace
 
+from devices.axes_map import AxesMap
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway.calibration.correction import Correction, correction_for
-from gateway.calibration.frame import AxesMap
 from gateway.calibration.store import parse_record
 from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
 from gateway.messages import Calibration
-
-SENSOR_AXES: AxesMap = ((0, 1), (1, 1), (2, 1))
-"""Axes map of a housing whose axes are those of the sensor."""
 
 
 def correction_of(message: Calibration | None, device: DeviceInfo, axes: AxesMap, place: str) -> Correction:

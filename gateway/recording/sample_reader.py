@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from devices.axes_map import SAME_AXES
 from devices.block import SampleBlock
 from gateway import messages
 from gateway.calibration.correction import Correction
 from gateway.packing import unpack
 from gateway.pipeline.temperature_filter import TemperatureFilter
 from gateway.recording import header as names
-from gateway.recording.correction import SENSOR_AXES, correction_of, parse_configuration
+from gateway.recording.correction import correction_of, parse_configuration
 from gateway.recording.mcap_salvage import SalvageReport, describe_losses, sum_losses
 from gateway.recording.reader import RecordingFile, Selection
 from gateway.recording.timeline import (
@@ -139,7 +140,7 @@ class CalibratedReader:
     def _correction_of(self, segment: TimelineSegment, file: RecordingFile) -> Correction:
         if self._correction is None:
             attachment = file.attachments.get(names.CONFIGURATION)
-            axes = SENSOR_AXES
+            axes = SAME_AXES
             if attachment is not None:
                 configuration = parse_configuration(attachment.data.decode(errors="replace"), str(segment.path))
                 axes = configuration.device.axes

@@ -12,7 +12,8 @@ from devices.device import Device, EndOfRecording
 from devices.errors import RecordingError
 from devices.recording import Recording
 from devices.replay import Replay, table_info
-from devices.table import NATIVE, TableLayout, read_table
+from devices.table import read_table
+from devices.table_layout import NATIVE, TableLayout
 from tests.values import present
 
 REAL = Path(__file__).parents[1] / "data" / "real"
@@ -39,7 +40,7 @@ class SteppedClock:
 
 def replay_table(path: Path, layout: TableLayout = NATIVE, *, speed: float = 1.0, block_samples: int = 32) -> Replay:
     recording = read_table(path, layout)
-    info = table_info(path, layout, recording)
+    info = table_info(path, recording, units_per_g=layout.units_per_g, housing_frame=layout.housing_frame)
     return Replay(recording, info, clock=SteppedClock(), speed=speed, block_samples=block_samples)
 
 

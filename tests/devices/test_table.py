@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 
 from devices.errors import RecordingError
 from devices.recording import Recording, longest_increasing_mask
-from devices.table import NATIVE, TableLayout, read_table
+from devices.table import read_table
+from devices.table_layout import NATIVE, TableLayout
 
 REAL = Path(__file__).parents[1] / "data" / "real"
 SIX_POSITION = TableLayout(axes=("acc_x", "acc_y", "acc_z"), unit="counts", rate_hz=204.8, units_per_g=2048)

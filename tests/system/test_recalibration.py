@@ -18,7 +18,8 @@ import zenoh
 from mcap.reader import make_reader
 
 from devices.replay import table_info
-from devices.table import TableLayout, read_table
+from devices.table import read_table
+from devices.table_layout import TableLayout
 from gateway import messages
 from gateway.authorization.credential import Challenge
 from gateway.bus.credentials import load_credentials
@@ -371,7 +372,7 @@ def test_zero_in_place_while_the_load_hangs_still(
     path = tmp_path / "hanging.csv"
     path.write_text("x,y,z\n" + "".join(f"{x},{y},{z}\n" for x, y, z in counts.tolist()))
     layout = TableLayout(axes=("x", "y", "z"), unit="counts", rate_hz=rate_hz, units_per_g=2048)
-    device_id = table_info(path, layout, read_table(path, layout)).device_id
+    device_id = table_info(path, read_table(path, layout), units_per_g=2048).device_id
     covariance = np.diag([1e-14] * 9 + [0.01] * 3).tolist()
     parent = add_content_hash(
         {

@@ -101,11 +101,11 @@ def _rest(terminal: int) -> bytes:
         ([], "reconcile needs a recording: reconcile LOG --rig RIG; or --plan RIG without one"),
         (["empty.csv", "--rig", "rig.toml"], "empty.csv: is empty"),
         (["empty.mcap"], "empty.mcap: is empty"),
-        (["wrong.csv", "--rig", "rig.toml"], "wrong.csv: no header with the columns time_s, ax_g, ay_g, az_g"),
+        (["wrong.csv", "--rig", "rig.toml"], "wrong.csv: which columns are the axes? give --columns X,Y,Z"),
         (["log.csv"], "log.csv: says nothing of its rig; give --rig RIG"),
         (["log.csv", "--rig", "no_rope.toml"], "no_rope.toml: rope"),
         (["none.csv", "--rig", "rig.toml"], "none.csv: no such file"),
-        (["log.csv", "--rig", "rig.toml", "--held-out", "wrong.csv"], "wrong.csv: no header"),
+        (["log.csv", "--rig", "rig.toml", "--held-out", "wrong.csv"], "wrong.csv: which columns are the axes?"),
         (["log.csv", "--rig", "rig.toml", "--held-out", "./log.csv"], "--held-out log.csv: is LOG itself"),
         (
             ["log.csv", "--rig", "rig.toml", "--report", "no/r.html"],

@@ -13,7 +13,7 @@ from gateway.recording.info import summarise
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
 from gateway.recording.writer import RECORDED_EVERY
-from tests.system.conftest import StartGateway
+from tests.system.conftest import Plumbline, StartGateway
 
 pytestmark = pytest.mark.slow
 
@@ -23,7 +23,7 @@ SIX_POSITIONS = (
     AT_ONCE + f'path = "{REAL / "six_position_session.csv"}"\n'
     'axis_columns = ["acc_x", "acc_y", "acc_z"]\nunit = "counts"\nunits_per_g = 2048\nrate_hz = 10\nblock_samples = 1\n'
 )
-ALERT_LINES = ("INFO plumbline.alert: ", "WARNING plumbline.alert: ")
+EXPECTED_LINES = ("INFO plumbline.alert: ", "WARNING plumbline.alert: ", "INFO plumbline.device: ")
 PHONE = 'time_column = "1"\naxis_columns = ["2", "3", "4"]\nunit = "m/s2"\n'
 
 
@@ -36,7 +36,7 @@ def replayed(start_gateway: StartGateway, toml: str) -> Path:
     gateway = start_gateway(toml)
     code, _, err = gateway.wait(60)
     assert code == 0
-    assert [line for line in err.splitlines() if not line.startswith(ALERT_LINES)] == []
+    assert [line for line in err.splitlines() if not line.startswith(EXPECTED_LINES)] == []
     path: Path
     (path,) = gateway.recordings
     return path
@@ -104,3 +104,23 @@ def test_a_recording_of_the_gateway_replays_to_the_same_numbers(start_gateway: S
 def _numbers(message: Any) -> list[object]:
     """What was computed, without the header's clock."""
     return [value for name, value in asdict(message).items() if name not in ("time_ns", "clock")]
+
+
+def test_a_recording_of_a_phone_is_played_by_options_alone(
+    plumbline: Plumbline, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The columns of `phone_at_rest.txt` have no names."""
+    monkeypatch.setenv("PLUMBLINE_BUS__LISTEN", "[]")
+    monkeypatch.setenv("PLUMBLINE_PAGE__ENABLED", "false")
+    monkeypatch.setenv("PLUMBLINE_GATEWAY__DATA_DIR", str(tmp_path / "data"))
+    done = plumbline("run", "--replay", REAL / "phone_at_rest.txt", "--speed", "0", "--unit", "m/s2")
+    assert done.returncode == 0, done.stderr
+    assert "axes x, y, z: columns 2, 3, 4; column 1: time in s" in done.stderr
+    (path,) = (tmp_path / "data").rglob("*.mcap")
+    assert summarise(path).samples.count == 200
+
+
+def test_options_of_a_recording_want_one(plumbline: Plumbline) -> None:
+    done = plumbline("run", "--unit", "g")
+    assert done.returncode == 2
+    assert "describe the recording of --replay LOG" in done.stderr

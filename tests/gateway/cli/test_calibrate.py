@@ -114,7 +114,7 @@ def test_a_recording_of_another_device_is_refused(tmp_path: Path, capsys: pytest
     assert "adxl355-1d and other; give one device" in capsys.readouterr().err
     code, _ = calibrate(tmp_path, "six-position", path, "--unit", "g")
     assert code == 2
-    assert "leave --unit" in capsys.readouterr().err
+    assert "leave --columns, --unit" in capsys.readouterr().err
 
 
 def test_six_faces_are_found_in_a_session_with_other_poses(tmp_path: Path) -> None:
@@ -251,7 +251,7 @@ def test_the_parent_is_named_and_judged(tmp_path: Path, capsys: pytest.CaptureFi
 
 BAD: dict[str, tuple[str, str | None, list[str], str]] = {
     "no such file": ("none.csv", None, [], "no such file"),
-    "no axes": ("a.csv", "time_s,p,q,r\n0,1,2,3\n", [], "no header with the columns"),
+    "no axes": ("a.csv", "time_s,p,q,r\n0,1,2,3\n", [], "which columns are the axes"),
     "no time": ("b.csv", "ax,ay,az\n1,2,3\n4,5,6\n", [], "give --rate HZ"),
     "unit unknown": ("c.csv", "time_s,ax,ay,az\n0,0.1,0.2,23.5\n1,0.1,0.2,23.5\n", [], "give --unit"),
 }

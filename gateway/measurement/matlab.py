@@ -1,0 +1,77 @@
+"""Arrays of a MATLAB file as the columns of a table."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.errors import InputError
+
+MIN_ROWS = 3
+MAX_COLUMNS = 64
+"""An array with more columns than this is no table of readings."""
+
+
+def write_matlab_table(path: Path, table: Path, columns: Sequence[str] | None) -> None:
+    """Write the arrays of equal length as a CSV with their names: those with the first of `columns`, or else the most.
+
+    A matrix `acc` with three columns gives acc_x, acc_y, acc_z, with another number acc_1, acc_2, ... Fields of a structure and
+    cells are `name_field` and `name_1`. Raises `InputError`.
+    """
+    arrays = dict(_columns(_load(path)))
+    by_length: dict[int, dict[str, NDArray[np.float64]]] = {}
+    for name, values in arrays.items():
+        by_length.setdefault(len(values), {})[name] = values
+    if not by_length:
+        raise InputError(f"{path}: has no array of numbers with {MIN_ROWS} rows or more")
+    wanted = None if columns is None else columns[0]
+    group = next((group for group in by_length.values() if wanted in group), None)
+    group = group or max(by_length.values(), key=len)
+    rows = np.column_stack(list(group.values()))
+    np.savetxt(table, rows, delimiter=",", header=",".join(group), comments="", fmt="%.17g")
+
+
+def _load(path: Path) -> Mapping[str, Any]:
+    try:
+        from scipy.io import loadmat
+        from scipy.io.matlab import MatReadError
+    except ImportError as error:
+        raise InputError(f"{path}: MATLAB files need scipy; install plumbline-gateway[twin]") from error
+    try:
+        content: Mapping[str, Any] = loadmat(path, squeeze_me=True, struct_as_record=True)
+    except FileNotFoundError as error:
+        raise InputError(f"{path}: no such file; check the path") from error
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
+    except NotImplementedError as error:
+        raise InputError(f"{path}: is a MATLAB file of version 7.3; save it with -v7, or export it as CSV") from error
+    except (MatReadError, ValueError, TypeError, KeyError, IndexError, EOFError) as error:
+        raise InputError(f"{path}: is no MATLAB file ({error})") from error
+    return {name: value for name, value in content.items() if not name.startswith("__")}
+
+
+def _columns(content: Mapping[str, Any]) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    for name, value in content.items():
+        yield from _array_columns(name, np.asarray(value))
+
+
+def _array_columns(name: str, array: NDArray[Any]) -> Iterator[tuple[str, NDArray[np.float64]]]:
+    if array.dtype.names is not None and array.ndim == 0:
+        for field in array.dtype.names:
+            yield from _array_columns(f"{name}_{field}", np.asarray(array[field].item()))
+    elif array.dtype == object:
+        for number, cell in enumerate(array.ravel(), start=1):
+            yield from _array_columns(f"{name}_{number}", np.asarray(cell))
+    elif array.dtype.kind in "iuf" and array.ndim in (1, 2) and max(array.shape) >= MIN_ROWS:
+        table = array.astype(np.float64).reshape(len(array), -1)
+        table = table.T if table.shape[0] < table.shape[1] else table
+        if table.shape[1] <= MAX_COLUMNS:
+            suffixes = [""] if table.shape[1] == 1 else _suffixes(table.shape[1])
+            for place, suffix in enumerate(suffixes):
+                yield f"{name}{suffix}", table[:, place]
+
+
+def _suffixes(count: int) -> list[str]:
+    return ["_x", "_y", "_z"] if count == 3 else [f"_{number}" for number in range(1, count + 1)]
