@@ -44,6 +44,7 @@ VERBS: dict[str, Verb] = {
         _read("status"),
         _read("challenge"),
         _read("fetch", requests.Fetch),
+        _read("alerts", requests.FetchAlerts),
         _change("acknowledge", requests.Acknowledge, Role.OPERATOR),
         _change("mark", requests.SetMark, Role.OPERATOR),
         *(_change(name, request, Role.SERVICE) for name, request in requests.VERBS.items()),

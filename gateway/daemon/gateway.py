@@ -17,6 +17,8 @@ from gateway.configuration.known_data_folders import remember_data_folder
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
 from gateway.daemon.acknowledgement_service import AcknowledgementService
+from gateway.daemon.alert_history import AlertHistory
+from gateway.daemon.alert_sender import AlertSender
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.calibration_provider import CalibrationProvider
 from gateway.daemon.command_token import load_or_create_token
@@ -29,6 +31,7 @@ from gateway.daemon.instance import InstanceLock
 from gateway.daemon.logs import RecordingHandler
 from gateway.daemon.mark_service import MarkService
 from gateway.daemon.notify import ServiceNotifier
+from gateway.daemon.outbox_writer import OutboxWriter
 from gateway.daemon.page_channel import PageChannel
 from gateway.daemon.page_process import PageProcess
 from gateway.daemon.page_requests import PageRequests
@@ -43,6 +46,7 @@ from gateway.daemon.sampler import Sampler, SamplerItem
 from gateway.daemon.security_log import SECURITY_LOG_NAME, SecurityLog
 from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.messages import Log
+from gateway.outbox.outbox import FOLDER as OUTBOX_FOLDER
 from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recording.chain import SegmentChain
@@ -120,6 +124,9 @@ class Gateway:
         self._recording = RecordingWorker(recorder, clock.now_ns, self._compaction.inbox.put)
         log.addHandler(RecordingHandler(lambda line: self._record_line(line, clock.now_ns())))
         self._publisher = Publisher(session, section.key)
+        self._outbox = OutboxWriter(section.data_dir / OUTBOX_FOLDER)
+        self._alerts = AlertSender(section.key, self._outbox, clock.now_ns, self._publisher.note_latest)
+        self._alerts.attach(session)
         wall_clock = WallClockMonitor(clock)
         axes = configuration.device.axes
         recalibration = RecalibrationService(
@@ -130,7 +137,7 @@ class Gateway:
         dispatcher = RequestDispatcher(
             section.key,
             Authoriser(boot_id, load_or_create_token(section.data_dir)),
-            make_handlers(self._publisher.latest, recalibration, marks, acknowledgements),
+            make_handlers(self._publisher.latest, recalibration, marks, acknowledgements, AlertHistory(self._outbox)),
             security_log,
             clock.now_ns,
         )
@@ -149,6 +156,8 @@ class Gateway:
             security_log=security_log,
             recording=self._recording,
             publisher=self._publisher,
+            outbox=self._outbox,
+            alerts=self._alerts,
             page=page_channel,
             data_dir=section.data_dir,
             boot_id=boot_id,
@@ -166,6 +175,8 @@ class Gateway:
             acknowledgements,
             self._recording,
             self._publisher,
+            self._outbox,
+            self._alerts,
             page_channel,
             make_rigger(configuration, device),
         )
@@ -204,7 +215,8 @@ class Gateway:
     @property
     def threads(self) -> tuple[threading.Thread, ...]:
         """The threads in the order of the data flow."""
-        return self._sampler, self.processor, self._recording, self._compaction, self._rpc, self._publisher
+        bus = self._rpc, self._alerts, self._publisher
+        return self._sampler, self.processor, self._recording, self._compaction, self._outbox, *bus
 
     def run(self, stopping: threading.Event, duration_s: float | None = None) -> str | None:
         """Sample until `stopping` is set or the duration or the recording has ended; return the name of a failed thread."""
@@ -249,7 +261,8 @@ class Gateway:
         patience_s = DRAIN_S if self._sampler.ended.is_set() else JOIN_S
         self._sampler.stop()
         self._sampler.join(JOIN_S)
-        for worker in (self.processor, self._recording, self._compaction, self._rpc, self._publisher):
+        sinks = self._alerts, self._outbox, self._recording, self._compaction, self._rpc, self._publisher
+        for worker in (self.processor, *sinks):
             worker.finish()
             worker.join(self._patience_s(worker, patience_s, hurried))
         if self._page is not None:

@@ -10,8 +10,10 @@ from typing import Literal
 from devices.block import DeviceInfo
 from devices.device import Device
 from gateway import __version__
+from gateway.daemon.alert_sender import AlertSender
 from gateway.daemon.counters import SampleCounters
 from gateway.daemon.drift_state_store import DriftStateStore
+from gateway.daemon.outbox_writer import OutboxWriter
 from gateway.daemon.page_channel import PageChannel
 from gateway.daemon.publisher import Publisher
 from gateway.daemon.recalibration_service import RecalibrationService
@@ -40,6 +42,8 @@ class HealthReporter:
     security_log: SecurityLog
     recording: RecordingWorker
     publisher: Publisher
+    outbox: OutboxWriter
+    alerts: AlertSender
     page: PageChannel
     data_dir: Path
     boot_id: str
@@ -68,7 +72,7 @@ class HealthReporter:
             dropped={
                 "blocks": self.sampler.blocks.dropped,
                 "recording": self.recording.inbox.dropped,
-                "bus": self.publisher.inbox.dropped,
+                "bus": self.publisher.inbox.dropped + self.alerts.inbox.dropped + self.alerts.not_sent,
                 "page": self.page.dropped,
                 "requests": self.recalibration.dropped + self.rpc.inbox.dropped,
             },
@@ -78,6 +82,7 @@ class HealthReporter:
             disk_free_mb=disk_free_mb(self.data_dir),
             cpu_percent=self._cpu.percent(),
             resident_mb=resident_mb(),
+            alert_latency_ms=self.alerts.latency_ms(),
             drift=self.drift_store.monitor.status_json,
             **asdict(counters.radio.status()),
         )
@@ -91,6 +96,8 @@ class HealthReporter:
         own: Mapping[str, int] = {
             "device_reopened": self.sampler.reopened,
             "recording_failures": self.recording.failures,
+            "alerts_not_stored": self.alerts.sent_unstored,
+            "outbox_failures": self.outbox.failures,
             "samples_not_recorded": self.recording.samples_lost,
             "messages_not_writable": self.recording.unwritable,
             "segments_not_deleted": self.recording.undeletable,

@@ -6,12 +6,14 @@ from collections.abc import Iterable
 from devices.block import DeviceInfo, SampleBlock
 from gateway.configuration.model import Configuration
 from gateway.daemon.acknowledgement_service import AcknowledgementService
+from gateway.daemon.alert_sender import AlertSender
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.calibration_provider import CalibrationProvider
 from gateway.daemon.counters import SampleCounters
 from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.health import HealthReporter
 from gateway.daemon.logs import RECORDED_ONLY
+from gateway.daemon.outbox_writer import OutboxWriter
 from gateway.daemon.page_channel import PageChannel
 from gateway.daemon.publisher import Publisher
 from gateway.daemon.recalibration_service import RecalibrationService
@@ -31,6 +33,8 @@ from gateway.topics import TOPICS
 log = logging.getLogger("plumbline.pipeline")
 alert_log = logging.getLogger("plumbline.alert")
 HEALTH_PERIOD_S = 1.0
+OUTBOX_PATIENCE_S = 1.0
+"""Longest wait at start for the number of the last alert."""
 SINK_PATIENCE_S = 0.5
 """Longest wait for a sink with a full queue, where the source of the samples can wait."""
 
@@ -52,6 +56,8 @@ class Processor(Worker[SamplerItem]):
         acknowledgements: AcknowledgementService,
         recording: RecordingWorker,
         publisher: Publisher,
+        outbox: OutboxWriter,
+        alerts: AlertSender,
         page: PageChannel,
         rigger: SimulatedRigger | None,
     ) -> None:
@@ -66,6 +72,8 @@ class Processor(Worker[SamplerItem]):
         self._acknowledgements = acknowledgements
         self._recording = recording
         self._publisher = publisher
+        self._outbox = outbox
+        self._alerts = alerts
         self._page = page
         self._rigger = rigger
         self._headers = HeaderMaker()
@@ -98,6 +106,11 @@ class Processor(Worker[SamplerItem]):
         self._pipeline.set_session(self._recalibration.session, self._recalibration.suspended)
         if self._rigger is not None:
             self._rigger.follow(self._recalibration.session)
+
+    def run(self) -> None:
+        """Continue the numbers of alerts, then work until the end."""
+        self._incidents.last_number = self._outbox.await_last_number(OUTBOX_PATIENCE_S)
+        super().run()
 
     def handle(self, item: SamplerItem) -> None:
         """Process a block, or open the pipeline again for a device that came back as another one."""
@@ -175,7 +188,9 @@ class Processor(Worker[SamplerItem]):
             encoded = encode_message(message.topic, message.message, message.log_time_ns)
             topic = TOPICS[message.topic]
             self._page.put(encoded.topic, encoded.payload)
-            if topic.published:
+            if isinstance(message.message, Alert):
+                self._alerts.submit(message.message, message.log_time_ns)
+            elif topic.published:
                 self._publisher.inbox.put(encoded)
             if topic.logged and self.info.can_wait:
                 self._recording.inbox.put_waiting(encoded, SINK_PATIENCE_S)

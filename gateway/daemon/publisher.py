@@ -1,4 +1,4 @@
-"""The publishing thread: puts messages on the bus. No other thread ever waits for a peer."""
+"""The publishing thread: puts all messages but alerts on the bus. No other thread ever waits for a peer."""
 
 import logging
 
@@ -26,11 +26,10 @@ class Publisher(Worker[EncodedMessage]):
                 f"{key}/{name}",
                 encoding=JSON,
                 congestion_control=zenoh.CongestionControl.DROP,
-                priority=zenoh.Priority.REAL_TIME if name == "alert" else zenoh.Priority.DATA,
-                express=name == "alert",  # an alert does not wait for a batch to fill
+                priority=zenoh.Priority.DATA,
             )
             for name, topic in TOPICS.items()
-            if topic.published
+            if topic.published and name != "alert"
         }
         self._alive = session.liveliness().declare_token(f"{key}/alive")
 
@@ -38,9 +37,13 @@ class Publisher(Worker[EncodedMessage]):
         """Return the last published message of each topic. Called by any thread."""
         return dict(self._latest)
 
+    def note_latest(self, topic: str, payload: bytes) -> None:
+        """Take a message that another thread publishes, for the status."""
+        self._latest[topic] = payload
+
     def handle(self, item: EncodedMessage) -> None:
         """Publish a message."""
-        self._latest[item.topic] = item.payload
+        self.note_latest(item.topic, item.payload)
         try:
             self._publishers[item.topic].put(item.payload)
         except zenoh.ZError as error:

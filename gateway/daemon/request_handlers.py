@@ -4,6 +4,7 @@ import json
 from collections.abc import Callable, Mapping
 
 from gateway.daemon.acknowledgement_service import AcknowledgementService
+from gateway.daemon.alert_history import AlertHistory
 from gateway.daemon.mark_service import MarkService
 from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.remote_request import RemoteRequest, RequestHandler
@@ -17,6 +18,7 @@ def make_handlers(
     recalibration: RecalibrationService,
     marks: MarkService,
     acknowledgements: AcknowledgementService,
+    alert_history: AlertHistory,
 ) -> dict[str, RequestHandler]:
     """Return the handlers by verb; `latest` returns the last message of each topic, for the status."""
 
@@ -27,6 +29,7 @@ def make_handlers(
     return {
         "status": report_status,
         "fetch": recalibration.fetch,
+        "alerts": alert_history.answer,
         "mark": lambda request: request.answer(marks.answer(request.expect(SetMark))),
         "acknowledge": acknowledgements.submit,
         **dict.fromkeys(VERBS, recalibration.submit),

@@ -66,7 +66,9 @@ class Alert(Message):
     ] = None
     stored: Annotated[
         bool | None,
-        Field(description="the change was on the gateway's disk before it was sent; null: a heartbeat, or a recording"),
+        Field(
+            description="the change with this number was on the gateway's disk before it was sent; null: a recording"
+        ),
     ] = None
     rule: Annotated[str | None, Field(description="the rule that has changed; null for a heartbeat")] = None
     incident: Annotated[

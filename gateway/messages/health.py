@@ -32,6 +32,13 @@ class Health(Message):
     disk_free_mb: float | None = None
     cpu_percent: float | None = None
     resident_mb: float | None = None
+    alert_latency_ms: Annotated[
+        dict[str, float] | None,
+        Field(
+            description="from the newest sample of a block to the sending of the change of an alert that follows from it, over "
+            "the last hour: count, p50, p99, max; null: no change"
+        ),
+    ] = None
     drift: Annotated[
         dict[str, Any] | None,
         Field(description="drift of the record in force by readings at rest; null or state no_rest: not known yet"),

@@ -104,6 +104,17 @@ class LoadSignal(BaseModel):
     loaded: bool
 
 
+class FetchAlerts(BaseModel):
+    """Read the changes of alerts behind the last one that the caller has, page by page."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    after: int = Field(0, ge=0)
+    """Number of that change; 0: none."""
+    boot: str | None = Field(None, pattern=r"^[A-Za-z0-9]{1,64}$")
+    """Boot id of that change; without it the number alone counts."""
+
+
 VERBS: dict[str, type[Request]] = {
     "recalibrate": Recalibrate,
     "zero": Zero,

@@ -1,0 +1,97 @@
+"""The thread that sends alerts, each change after it was stored. It waits for no other topic, and no other topic for it."""
+
+import logging
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import zenoh
+
+from gateway.daemon.alert_latency import AlertLatency
+from gateway.daemon.bounded_queue import BoundedQueue
+from gateway.daemon.outbox_writer import OutboxWriter, StoreRequest
+from gateway.daemon.worker import Worker
+from gateway.messages import Alert
+from gateway.outbox.change import StoredChange
+from gateway.topics import encode
+
+log = logging.getLogger("plumbline.alert_sender")
+INBOX = 1024
+STORE_PATIENCE_S = 0.25
+"""Longest delay of an alert by the disk. Basis: an SD card needs 5 to 50 ms, and an alert must not wait for a broken one."""
+
+
+@dataclass(frozen=True, slots=True)
+class QueuedAlert:
+    """An alert message on its way to the bus."""
+
+    message: Alert
+    log_time_ns: int
+    send_by_s: float
+    """Monotonic time until which the disk is waited for."""
+    request: StoreRequest | None
+    """Of a change; None for a heartbeat."""
+
+
+class AlertSender(Worker[QueuedAlert]):
+    """Sends alerts while the bus is attached; without it they are stored, and receivers fetch them later."""
+
+    def __init__(
+        self, key: str, outbox: OutboxWriter, now_ns: Callable[[], int], note_latest: Callable[[str, bytes], None]
+    ) -> None:
+        """`note_latest` takes each message for the status."""
+        super().__init__("alerts", BoundedQueue(INBOX))
+        self._key = key
+        self._outbox = outbox
+        self._now_ns = now_ns
+        self._note_latest = note_latest
+        self._publisher: zenoh.Publisher | None = None
+        self._is_last_stored = True
+        self._latency = AlertLatency()
+        self.not_sent = 0
+        """Number of messages that the bus did not take."""
+        self.sent_unstored = 0
+
+    def attach(self, session: zenoh.Session) -> None:
+        """Send on a session from now on. Raises `zenoh.ZError`."""
+        self._publisher = session.declare_publisher(
+            f"{self._key}/alert",
+            encoding=zenoh.Encoding.APPLICATION_JSON,
+            congestion_control=zenoh.CongestionControl.DROP,  # a receiver that stalls fetches what it has missed
+            priority=zenoh.Priority.REAL_TIME,
+            express=True,  # an alert does not wait for a batch to fill
+        )
+
+    def submit(self, message: Alert, log_time_ns: int) -> None:
+        """Store and send a message; it never waits. Called by the processing thread."""
+        request = None
+        if message.rule is not None and message.boot_id is not None and message.alert_number is not None:
+            payload = encode(replace(message, stored=True))
+            request = self._outbox.submit(StoredChange(message.boot_id, message.alert_number, payload))
+        self.inbox.put(QueuedAlert(message, log_time_ns, time.monotonic() + STORE_PATIENCE_S, request))
+
+    def latency_ms(self) -> dict[str, float] | None:
+        """Return the latency from sample to sending over the last hour. Called by the processing thread."""
+        return self._latency.summary_ms(self._now_ns())
+
+    def handle(self, item: QueuedAlert) -> None:
+        """Send a message, a change after it was stored; it is sent without where the disk takes too long."""
+        if item.request is not None:
+            item.request.done.wait(max(0.0, item.send_by_s - time.monotonic()))
+            self._is_last_stored = item.request.stored
+            self.sent_unstored += not self._is_last_stored
+        payload = encode(replace(item.message, stored=self._is_last_stored))
+        self._note_latest("alert", payload)
+        if self._publisher is None:
+            return
+        try:
+            self._publisher.put(payload)
+        except zenoh.ZError as error:
+            self.not_sent += 1
+            log.error("an alert could not be sent: %s", error)
+            return
+        if item.request is not None:
+            self._latency.add(item.log_time_ns, self._now_ns())
+
+    def close(self) -> None:
+        """Nothing is owned: the session ends after all that use it."""

@@ -1,0 +1,127 @@
+"""The thread that writes changes of alerts to the disk before they are sent; nobody waits for it longer than a moment."""
+
+import logging
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from gateway.daemon.bounded_queue import BoundedQueue
+from gateway.daemon.worker import Worker
+from gateway.outbox.change import StoredChange
+from gateway.outbox.outbox import AlertOutbox
+from gateway.outbox.position import MOST_BYTES, ChangePage, Position, find_span, make_page, span_of
+
+log = logging.getLogger("plumbline.outbox")
+INBOX = 1024
+"""Changes that can wait for a disk that fails; the oldest of more are lost at a power failure, and were sent before."""
+RECENT = 512
+"""Changes in memory, so that a receiver which has missed a few is answered without the disk."""
+RETRY_S = 5.0
+
+
+@dataclass(eq=False, slots=True)
+class StoreRequest:
+    """A change on its way to the disk."""
+
+    change: StoredChange
+    done: threading.Event = field(default_factory=threading.Event)
+    """It was written, or could not be."""
+    stored: bool = False
+
+
+class OutboxWriter(Worker[StoreRequest]):
+    """Owns the outbox from start to stop."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__("outbox", BoundedQueue(INBOX))
+        self._outbox = AlertOutbox(folder)
+        self._folder = folder
+        self._lock = threading.Lock()
+        self._unstored: deque[StoreRequest] = deque(maxlen=INBOX)
+        self._recent: deque[StoredChange] = deque(maxlen=RECENT)
+        self._opened = threading.Event()
+        self._last_number = 0
+        self._retry_at_s = 0.0
+        self.error: str | None = None
+        """Why changes are not stored now; None: they are."""
+        self.failures = 0
+
+    def run(self) -> None:
+        """Read the last number, then store until the end."""
+        try:
+            self._last_number = self._outbox.open()
+        except OSError as error:
+            self._fail(error)
+        self._opened.set()
+        super().run()
+
+    def await_last_number(self, patience_s: float) -> int:
+        """Return the number of the last stored change; 0 where there is none, or where it is not known in time."""
+        if not self._opened.wait(patience_s):
+            log.error("%s: not read within %.0f s; alerts are numbered from 1", self._folder, patience_s)
+        return self._last_number
+
+    def submit(self, change: StoredChange) -> StoreRequest:
+        """Take a change; it never waits. Called by the processing thread."""
+        request = StoreRequest(change)
+        with self._lock:
+            self._unstored.append(request)
+            self._recent.append(change)
+        if not self.inbox.put(request):
+            request.done.set()
+        return request
+
+    def page_after(self, position: Position) -> ChangePage:
+        """Return the changes behind a position. Raises `OSError`. Called by the thread of the remote calls."""
+        with self._lock:
+            recent = tuple(self._recent)
+            unstored = [request.change for request in self._unstored]
+        if position.boot_id is not None and find_span([span_of(recent)], position) is not None:
+            return make_page(recent, position, MOST_BYTES, is_known=True)
+        return self._outbox.page_after(position, unstored)
+
+    def handle(self, item: StoreRequest) -> None:
+        """Store everything that waits, with one sync of the disk."""
+        self._store()
+
+    def idle(self) -> None:
+        """Try again after a failure."""
+        if self.error is not None and time.monotonic() >= self._retry_at_s:
+            self._store()
+
+    def close(self) -> None:
+        """Store what waits, and close the file."""
+        self._store()
+        self._outbox.close()
+
+    def _store(self) -> None:
+        with self._lock:
+            waiting = tuple(self._unstored)
+        if not waiting and self.error is None:
+            return
+        try:
+            self._outbox.append([request.change for request in waiting])
+        except OSError as error:
+            self._fail(error)
+        else:
+            self._note_stored(waiting)
+        for request in waiting:
+            request.done.set()
+
+    def _note_stored(self, stored: tuple[StoreRequest, ...]) -> None:
+        for request in stored:
+            request.stored = True
+        with self._lock:
+            self._unstored = deque((each for each in self._unstored if not each.stored), maxlen=INBOX)
+        if self.error is not None:
+            log.warning("%s: alerts are stored again", self._folder)
+            self.error = None
+
+    def _fail(self, error: OSError) -> None:
+        if self.error is None:
+            log.error("%s: %s; alerts are sent without being stored", self._folder, error.strerror or error)
+        self.error = str(error)
+        self.failures += 1
+        self._retry_at_s = time.monotonic() + RETRY_S
