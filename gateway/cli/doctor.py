@@ -57,9 +57,11 @@ def run(arguments: argparse.Namespace) -> int:
     settings = str(SETTINGS if installed else arguments.config or "embedded default: a simulated crane")
     results = [CheckResult("good", "settings", settings)]
     quiet = arguments.json == STANDARD_OUTPUT
-    _print_result(results[0], quiet)
+    if not quiet:
+        print_result(results[0])
     for result in examine_sensor(configuration) if arguments.device else examine(configuration):
-        _print_result(result, quiet)
+        if not quiet:
+            print_result(result)
         results.append(result)
     if quiet:
         print_json(_record(results))
@@ -82,10 +84,9 @@ def _without_hooks(configuration: "Configuration") -> "Configuration":
     return configuration.model_copy(update={"device": device.model_copy(update=hooks)})
 
 
-def _print_result(result: "CheckResult", quiet: bool) -> None:
-    if not quiet:
-        print(f"{MARKS[result.grade]} {result.place:<12} {result.text}")
-        sys.stdout.flush()
+def print_result(result: "CheckResult") -> None:
+    """Print one result at once."""
+    print(f"{MARKS[result.grade]} {result.place:<12} {result.text}", flush=True)
 
 
 def _record(results: "list[CheckResult]") -> dict[str, Any]:

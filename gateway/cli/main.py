@@ -20,6 +20,7 @@ COMMANDS = (
     "reconcile",
     "effects",
     "config",
+    "setup",
     "doctor",
 )
 BAD_INPUT = 2

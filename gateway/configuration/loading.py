@@ -28,7 +28,7 @@ def load(
 
     `device` replaces the section of that name. Raises `ConfigurationError`.
     """
-    table = {} if path is None else _read(path)
+    table = {} if path is None else read_table(path)
     where = str(path) if path else "the embedded default"
     overridden = _override(table, environment)
     if device is not None:
@@ -74,7 +74,8 @@ def load_text(text: str, where: str, environment: Mapping[str, str] = os.environ
     return validate(table, where)
 
 
-def _read(path: Path) -> dict[str, Any]:
+def read_table(path: Path) -> dict[str, Any]:
+    """Return the content of a TOML file. Raises `ConfigurationError`."""
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError as error:

@@ -1,0 +1,161 @@
+"""The questions of `plumbline setup` on a terminal: each with a default, each answer checked at once."""
+
+from collections.abc import Callable
+from typing import Any, get_args
+
+from devices.clock import HostClock
+from gateway.configuration.answers import Answers
+from gateway.configuration.device_sections import AnyDevice
+from gateway.configuration.loading import ConfigurationError
+from gateway.daemon.device_search import FoundSensor, SearchProblem, search_sensors
+from gateway.errors import InputError
+
+Ask = Callable[[str], str]
+
+WARN_SHARE, CLEAR_SHARE = 2 / 3, 1 / 3
+"""Default levels as shares of the trip level."""
+
+
+def ask_all(answers: Answers, ask: Ask = input) -> None:
+    """Ask for everything that has no safe default. Raises `InputError` where the terminal ends."""
+    try:
+        _ask_sensor(answers, ask)
+        _ask_names(answers, ask)
+        _ask_rope(answers, ask)
+        _ask_limits(answers, ask)
+        _ask_page(answers, ask)
+    except EOFError as error:
+        raise InputError("the answers have ended; nothing was written") from error
+
+
+def confirm(question: str, *, default: bool, ask: Ask = input) -> bool:
+    """Return the answer to a question of yes or no; the end of the terminal is a no."""
+    try:
+        answer = ask(f"{question} [{'Y/n' if default else 'y/N'}] ").strip().lower()
+    except EOFError:
+        return False
+    return default if not answer else answer in ("y", "yes")
+
+
+def _ask_sensor(answers: Answers, ask: Ask) -> None:
+    print("Searching for sensors ...")
+    found: list[FoundSensor] = []
+    for item in search_sensors(HostClock()):
+        if isinstance(item, SearchProblem):
+            print(f"  note: {item.text}")
+        else:
+            found.append(item)
+            print(f"  {len(found)}  {item.text}")
+    print(f"  {len(found) + 1}  another one, by its kind")
+
+    def take(text: str) -> None:
+        number = _whole(text)
+        if not 1 <= number <= len(found) + 1:
+            raise ConfigurationError(f"1 to {len(found) + 1}, not {text}")
+        settings = dict(found[number - 1].settings) if number <= len(found) else {}
+        if "kind" in settings:
+            answers.set(**{f"device__{key}": value for key, value in settings.items()})
+        else:
+            _ask_kind(answers, settings, ask)
+
+    _repeat("Which one is in the housing?", "1", take, ask)
+    if answers.get("device.port") is None:
+        _ask_key(answers, "device.serial", "Label on the housing, by which its calibration is found", "H-0001", ask)
+    _ask_key(
+        answers, "device.axes_map", "Sensor axes that are the housing's x, y, z; z points up the rope", "x,y,z", ask
+    )
+
+
+def _ask_kind(answers: Answers, settings: dict[str, Any], ask: Ask) -> None:
+    """Ask for the kind of a sensor that does not identify itself, and for what it needs besides."""
+    sections = get_args(get_args(AnyDevice)[0])
+    kinds = {get_args(section.model_fields["kind"].annotation)[0]: section for section in sections}
+    serial = "port" in settings
+    possible = [kind for kind, section in kinds.items() if ("port" in section.model_fields) or not serial]
+    possible = [kind for kind in possible if kind not in ("simulated", "replay")]
+
+    def take(kind: str) -> None:
+        if kind not in possible:
+            raise ConfigurationError(f"one of {', '.join(possible)}, not {kind}")
+        if "port" in kinds[kind].model_fields and "port" not in settings:
+            settings["port"] = ask("Serial port, such as /dev/serial/by-id/...: ").strip()
+        answers.set(device__kind=kind, **{f"device__{key}": value for key, value in settings.items()})
+
+    _repeat(f"Kind ({', '.join(possible)})", possible[0], take, ask)
+
+
+def _ask_names(answers: Answers, ask: Ask) -> None:
+    print("\nNames: letters, digits, '.', '_' and '-'; messages are published as plumbline/v1/SITE/CRANE/SENSOR.")
+    for key, text, default in (
+        ("gateway.site", "Site", "yard"),
+        ("gateway.crane", "Crane", "crane-1"),
+        ("gateway.sensor", "Sensor", "hook-1"),
+    ):
+        _ask_key(answers, key, text, default, ask)
+
+
+def _ask_rope(answers: Answers, ask: Ask) -> None:
+    print("\nRope: as measured with a tape; the period that the gateway measures takes precedence.")
+    _ask_key(answers, "rope.length_m", "Length from the pivot to the load's centre, m", None, ask)
+    _ask_key(answers, "housing.above_load_m", "Distance of the housing above the load's centre, m", None, ask)
+    _ask_key(answers, "site.latitude_deg", "Latitude of the site, for its gravity, degrees", "50", ask)
+
+
+def _ask_limits(answers: Answers, ask: Ask) -> None:
+    print("\nLimits of the swing, compared with the upper end of its 95 % interval.")
+
+    def take_trip(text: str) -> None:
+        trip_deg = _number(text)
+        warn_deg, clear_deg = round(WARN_SHARE * trip_deg, 2), round(CLEAR_SHARE * trip_deg, 2)
+        answers.set(alerts__trip_deg=trip_deg, alerts__warn_deg=warn_deg, alerts__clear_deg=clear_deg)
+
+    _repeat("Trip level, degrees", "6", take_trip, ask)
+    for key, text in (
+        ("alerts.warn_deg", "Warning level, degrees"),
+        ("alerts.clear_deg", "Alerts clear below, degrees"),
+    ):
+        _ask_key(answers, key, text, f"{answers.get(key):g}", ask)
+    _ask_key(answers, "alerts.lean_trip_deg", "Trip level of the lean, by a side pull, degrees", "3", ask)
+
+
+def _ask_page(answers: Answers, ask: Ask) -> None:
+    print("\nThe operator's page: 127.0.0.1 is seen on this machine alone, 0.0.0.0 by the whole network.")
+    _ask_key(answers, "page.listen", "Address and port", "127.0.0.1:8321", ask)
+    _ask_key(answers, "page.language", "Language, en or de", "en", ask)
+
+
+def _ask_key(answers: Answers, name: str, text: str, default: str | None, ask: Ask) -> None:
+    """Ask for one key until its answer is valid."""
+    numeric = name.endswith(("_m", "_deg"))
+
+    def take(answer: str) -> None:
+        answers.set(**{name.replace(".", "__", 1): _number(answer) if numeric else answer})
+
+    _repeat(text, default, take, ask)
+
+
+def _repeat(text: str, default: str | None, take: Callable[[str], None], ask: Ask) -> None:
+    while True:
+        answer = ask(f"{text}{'' if default is None else f' [{default}]'}: ").strip() or default
+        if answer is None:
+            print("  needs an answer: it differs from crane to crane")
+            continue
+        try:
+            take(answer)
+        except ConfigurationError as error:
+            print(f"  {str(error).removeprefix('answer: ')}")
+        else:
+            return
+
+
+def _whole(text: str) -> int:
+    if not text.isdecimal():
+        raise ConfigurationError(f"a number, not {text}")
+    return int(text)
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        raise ConfigurationError(f"a number, not {text}") from None
