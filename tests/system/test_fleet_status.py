@@ -55,10 +55,8 @@ class Site:
 def site(tmp_path: Path, join_bus: JoinBus) -> Iterator[Site]:
     running = Site(tmp_path)
     peer = join_bus(running.endpoint)
-    for crane in running.gateways:
-        wait_until(
-            lambda crane=crane: any(f"/{crane}/" in key for _, key, _ in list(peer.heard)), f"messages of {crane}"
-        )
+    cranes = set(running.gateways)
+    wait_until(lambda: {key.split("/")[3] for _, key, _ in list(peer.heard)} >= cranes, "messages of both gateways")
     yield running
     running.close()
 
