@@ -7,6 +7,7 @@ from pydantic import Field, model_validator
 
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2, normal_gravity_m_s2
 from gateway.configuration.device_sections import AnyDevice, SimulatedDevice
+from gateway.configuration.relay_section import AnyRelay, NoRelay
 from gateway.configuration.section import KEY_PATTERN, Section
 
 SIMULATED_RHO = 0.75
@@ -202,6 +203,7 @@ class Configuration(Section):
     recorder: RecorderSection = RecorderSection()
     bus: BusSection = BusSection()
     page: PageSection = PageSection()
+    relay: AnyRelay = NoRelay()
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Self:

@@ -39,6 +39,7 @@ from gateway.daemon.processor import Processor
 from gateway.daemon.publisher import Publisher
 from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.recording_worker import RecordingWorker
+from gateway.daemon.relay_worker import make_relay
 from gateway.daemon.request_dispatcher import RequestDispatcher
 from gateway.daemon.request_handlers import make_handlers
 from gateway.daemon.rpc_server import RpcServer
@@ -127,6 +128,7 @@ class Gateway:
         self._outbox = OutboxWriter(section.data_dir / OUTBOX_FOLDER)
         self._alerts = AlertSender(section.key, self._outbox, clock.now_ns, self._publisher.note_latest)
         self._alerts.attach(session)
+        self._relay = make_relay(configuration.relay)
         wall_clock = WallClockMonitor(clock)
         axes = configuration.device.axes
         recalibration = RecalibrationService(
@@ -159,6 +161,7 @@ class Gateway:
             outbox=self._outbox,
             alerts=self._alerts,
             page=page_channel,
+            relay=self._relay,
             data_dir=section.data_dir,
             boot_id=boot_id,
         )
@@ -178,6 +181,7 @@ class Gateway:
             self._outbox,
             self._alerts,
             page_channel,
+            self._relay,
             make_rigger(configuration, device),
         )
 
@@ -216,7 +220,8 @@ class Gateway:
     def threads(self) -> tuple[threading.Thread, ...]:
         """The threads in the order of the data flow."""
         bus = self._rpc, self._alerts, self._publisher
-        return self._sampler, self.processor, self._recording, self._compaction, self._outbox, *bus
+        relay = () if self._relay is None else (self._relay,)
+        return self._sampler, self.processor, self._recording, self._compaction, self._outbox, *bus, *relay
 
     def run(self, stopping: threading.Event, duration_s: float | None = None) -> str | None:
         """Sample until `stopping` is set or the duration or the recording has ended; return the name of a failed thread."""
@@ -261,7 +266,8 @@ class Gateway:
         patience_s = DRAIN_S if self._sampler.ended.is_set() else JOIN_S
         self._sampler.stop()
         self._sampler.join(JOIN_S)
-        sinks = self._alerts, self._outbox, self._recording, self._compaction, self._rpc, self._publisher
+        relay = () if self._relay is None else (self._relay,)
+        sinks = *relay, self._alerts, self._outbox, self._recording, self._compaction, self._rpc, self._publisher
         for worker in (self.processor, *sinks):
             worker.finish()
             worker.join(self._patience_s(worker, patience_s, hurried))

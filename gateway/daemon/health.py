@@ -18,6 +18,7 @@ from gateway.daemon.page_channel import PageChannel
 from gateway.daemon.publisher import Publisher
 from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.recording_worker import RecordingWorker
+from gateway.daemon.relay_worker import RelayWorker
 from gateway.daemon.resources import CpuMeter, disk_free_mb, resident_mb
 from gateway.daemon.rpc_server import RpcServer
 from gateway.daemon.sampler import Sampler
@@ -45,6 +46,7 @@ class HealthReporter:
     outbox: OutboxWriter
     alerts: AlertSender
     page: PageChannel
+    relay: RelayWorker | None
     data_dir: Path
     boot_id: str
     stopping: bool = False
@@ -85,6 +87,8 @@ class HealthReporter:
             alert_latency_ms=self.alerts.latency_ms(),
             drift=self.drift_store.monitor.status_json,
             **asdict(counters.radio.status()),
+            relay=None if self.relay is None else self.relay.state,
+            relay_reason=None if self.relay is None else self.relay.reason,
         )
 
     def _state(self) -> Literal["running", "recovering", "stopping"]:
@@ -102,7 +106,8 @@ class HealthReporter:
             "messages_not_writable": self.recording.unwritable,
             "segments_not_deleted": self.recording.undeletable,
         }
-        counts = {**self.device.faults, **own}
+        relay = {} if self.relay is None else self.relay.faults
+        counts = {**self.device.faults, **own, **relay}
         return {name: count for name, count in counts.items() if count}
 
     def _rate_hz(self) -> float | None:

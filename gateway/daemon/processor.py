@@ -18,6 +18,7 @@ from gateway.daemon.page_channel import PageChannel
 from gateway.daemon.publisher import Publisher
 from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.recording_worker import CalibrationChange, RecordingWorker
+from gateway.daemon.relay_worker import RelayWorker
 from gateway.daemon.sampler import SamplerItem
 from gateway.daemon.simulated_rigger import SimulatedRigger
 from gateway.daemon.wall_clock import WallClockMonitor
@@ -59,6 +60,7 @@ class Processor(Worker[SamplerItem]):
         outbox: OutboxWriter,
         alerts: AlertSender,
         page: PageChannel,
+        relay: RelayWorker | None,
         rigger: SimulatedRigger | None,
     ) -> None:
         super().__init__("processor", inbox)
@@ -75,6 +77,7 @@ class Processor(Worker[SamplerItem]):
         self._outbox = outbox
         self._alerts = alerts
         self._page = page
+        self._relay = relay
         self._rigger = rigger
         self._headers = HeaderMaker()
         self._incidents = IncidentRegister(health.boot_id, last_number=0)
@@ -185,6 +188,8 @@ class Processor(Worker[SamplerItem]):
         for message in sorted(messages, key=_is_no_alert):
             if isinstance(message.message, Alert) and message.message.change is not None:
                 _log_change(message.message)
+            if isinstance(message.message, Alert) and self._relay is not None:
+                self._relay.inbox.put(message.message)
             encoded = encode_message(message.topic, message.message, message.log_time_ns)
             topic = TOPICS[message.topic]
             self._page.put(encoded.topic, encoded.payload)

@@ -53,3 +53,8 @@ class Health(Message):
     signal_dbm: Annotated[
         float | None, Field(description="received power of a wireless sensor; null: not reported in the last 30 s")
     ] = None
+    relay: Annotated[
+        Literal["energised", "released", "failed"] | None,
+        Field(description="state of the relay; failed: it could not be switched; null: none is configured"),
+    ] = None
+    relay_reason: Annotated[str | None, Field(description="why the relay is released; null: it is not")] = None
