@@ -27,6 +27,15 @@ class Setting(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
+class GyroProperties:
+    """Nominal properties of the gyroscope in a chip; see `devices.block.DeviceInfo`."""
+
+    rad_s_per_count: float
+    noise_rad_s: float
+    bias_rad_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class ChipProperties:
     """Nominal properties of a chip at its rate and range; see `devices.block.DeviceInfo`."""
 
@@ -42,6 +51,7 @@ class ChipProperties:
     """Lowest and highest reading: one at or beyond them is at the end of the range, and its true value may be larger."""
     longest_block: int
     """Largest number of samples that a read waits for: half of the FIFO, so that the rest remains free for a late host."""
+    gyro: GyroProperties | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +76,8 @@ class SampleRun:
     """Counts, shape (n, 3)."""
     lost: int = 0
     """Number of samples before them that arrived broken."""
-    gyro_rad_s: NDArray[np.float64] | None = None
-    """Angular rates, shape (n, 3), rad/s; None without a gyroscope."""
+    gyro_counts: NDArray[np.int32] | None = None
+    """Angular rates, shape (n, 3); None without a gyroscope."""
 
     def __len__(self) -> int:
         return len(self.raw)

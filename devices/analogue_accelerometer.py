@@ -8,12 +8,12 @@ from collections import Counter
 from collections.abc import Mapping
 
 import numpy as np
-from numpy.typing import NDArray
 from smbus2 import SMBus
 
 from devices import ads1115
 from devices.analogue_parts import NOMINAL_SUPPLY_V, AnaloguePart
 from devices.block import DeviceInfo, SampleBlock
+from devices.channel_cycles import ChannelCycles
 from devices.clock import Clock
 from devices.errors import ConfigurationReadBackError, DeviceError
 from devices.i2c import BusOpener, I2cPart
@@ -26,30 +26,6 @@ LONGEST_WAIT_NS = 500_000_000
 SUPPLY = 3
 BAD_CYCLES = 10
 """After this many cycles in a row without a usable supply the sensor is reported as not connected."""
-
-
-def interpolate_channels(
-    times_ns: NDArray[np.int64], volts: NDArray[np.float64], instants_ns: NDArray[np.int64]
-) -> NDArray[np.float64]:
-    """Return the values of all channels at common instants, shape (n, channels), linearly between their own times.
-
-    `times_ns` and `volts`: shape (cycles, channels). Every instant must lie within the times of every channel.
-    """
-    start_ns = int(times_ns[0].min())  # as ns since 1970 a float is too coarse
-    instants = (instants_ns - start_ns).astype(np.float64)
-    channels = range(times_ns.shape[1])
-    return np.column_stack([np.interp(instants, times_ns[:, c] - start_ns, volts[:, c]) for c in channels])
-
-
-def _near_saturated(
-    times_ns: NDArray[np.int64], saturated: NDArray[np.bool_], instants_ns: NDArray[np.int64]
-) -> NDArray[np.bool_]:
-    """Return the instants, shape (n,), that are interpolated from a saturated cycle; `times_ns`: shape (cycles, channels)."""
-    found = np.zeros(len(instants_ns), dtype=np.bool_)
-    for cycle in np.flatnonzero(saturated).tolist():
-        begin_ns, end_ns = times_ns[max(cycle - 1, 0)].min(), times_ns[min(cycle + 1, len(times_ns) - 1)].max()
-        found |= (instants_ns >= begin_ns) & (instants_ns <= end_ns)
-    return found
 
 
 class AnalogueAccelerometer:
@@ -74,6 +50,7 @@ class AnalogueAccelerometer:
         self._bus, self._address = bus, address
         self._odr_hz = odr_hz
         self._period_ns = round(1e9 / odr_hz)
+        self._cycles = ChannelCycles(self._period_ns)
         self._block_samples = block_samples
         self._serial = serial
         self._clock = clock
@@ -119,7 +96,7 @@ class AnalogueAccelerometer:
         Raises `ConfigurationReadBackError`, `TransferError`, and `DeviceError` when the supply of the sensor is missing.
         """
         deadline_ns = self._clock.now_ns() + LONGEST_WAIT_NS
-        while len(self._times_ns) <= self._block_samples + 1 and self._clock.now_ns() < deadline_ns:
+        while len(self._cycles) <= self._block_samples + 1 and self._clock.now_ns() < deadline_ns:
             self._convert_cycle()
         return self._take_block()
 
@@ -133,13 +110,8 @@ class AnalogueAccelerometer:
         return {**self._part.faults, **self._faults}
 
     def _reset_state(self) -> None:
-        self._times_ns: list[list[int]] = []
-        self._volts: list[list[float]] = []
-        self._saturated: list[bool] = []
-        """Cycles with an output beyond what the data sheet promises: the sensor or the converter may have reached its end."""
-        self._next_ns: int | None = None
+        self._cycles.restart()
         self._cycle_ns = self._clock.now_ns()
-        self._last_ns: int | None = None
         self._bad_cycles = self._invalid = 0
 
     def _convert_cycle(self) -> None:
@@ -167,37 +139,19 @@ class AnalogueAccelerometer:
         at_nominal_v = np.array(outputs_v[:SUPPLY]) * NOMINAL_SUPPLY_V / supply_v
         if np.any(at_nominal_v < self._possible_v[0]) or np.any(at_nominal_v > self._possible_v[1]):
             self._faults["implausible_voltage"] += 1
-        self._times_ns.append([conversion.middle_ns for conversion in cycle])
-        self._volts.append(outputs_v)
         from_middle_g = (at_nominal_v - NOMINAL_SUPPLY_V / 2) / self._sensor.sensitivity_v_per_g
-        self._saturated.append(bool(np.any(np.abs(from_middle_g) >= self._sensor.full_scale_g)))
+        is_saturated = bool(np.any(np.abs(from_middle_g) >= self._sensor.full_scale_g))
+        self._cycles.add([conversion.middle_ns for conversion in cycle], outputs_v, is_saturated=is_saturated)
 
     def _take_block(self) -> SampleBlock | None:
         """Return the instants between the conversions so far, up to the first pause."""
-        times_ns, volts = np.array(self._times_ns, dtype=np.int64), np.array(self._volts)
-        cycle_saturated = np.array(self._saturated)
-        if len(times_ns) < 2:
+        instants = self._cycles.take()
+        if instants is None:
             return None
-        pauses = np.flatnonzero(np.diff(times_ns[:, 0]) > 1.5 * self._period_ns)
-        end = int(pauses[0]) + 1 if len(pauses) else len(times_ns)
-        kept = end if len(pauses) else end - 2  # between these two the next instant lies
-        self._times_ns, self._volts = self._times_ns[kept:], self._volts[kept:]
-        self._saturated = self._saturated[kept:]
-        first_ns, last_ns = int(times_ns[0].max()), int(times_ns[end - 1].min())
-        next_ns = first_ns if self._next_ns is None or self._next_ns < first_ns else self._next_ns
-        instants_ns = np.arange(next_ns, last_ns + 1, self._period_ns, dtype=np.int64)
-        if not len(instants_ns):
-            return None
-        at_instants = interpolate_channels(times_ns[:end], volts[:end], instants_ns)
-        share = at_instants[:, :SUPPLY] / at_instants[:, SUPPLY:]
+        share = instants.values[:, :SUPPLY] / instants.values[:, SUPPLY:]
         raw = np.rint((share - 0.5) * NOMINAL_SUPPLY_V / VOLTS_PER_COUNT).astype(np.int32)
-        lost = 0 if self._last_ns is None else round((next_ns - self._last_ns) / self._period_ns) - 1
-        saturated = _near_saturated(times_ns[:end], cycle_saturated[:end], instants_ns)
-        block = SampleBlock(
-            instants_ns, raw, lost=max(lost - self._invalid, 0), invalid=self._invalid, saturated=saturated
-        )
-        self._last_ns = int(instants_ns[-1])
-        self._next_ns = self._last_ns + self._period_ns
+        lost = max(instants.lost - self._invalid, 0)
+        block = SampleBlock(instants.time_ns, raw, lost=lost, invalid=self._invalid, saturated=instants.saturated)
         self._invalid = 0
         return block
 

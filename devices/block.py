@@ -35,8 +35,8 @@ class SampleBlock:
     """Samples known to be missing immediately before this block (overrun, sequence gap, radio loss)."""
     invalid: int = 0
     """Samples that arrived and could not be used (bad checksum, NaN, repeated or backward time)."""
-    gyro_rad_s: NDArray[np.float64] | None = None
-    """Angular rates in the sensor's own axes, shape (n, 3), rad/s; None without a gyroscope."""
+    gyro_counts: NDArray[np.int32] | None = None
+    """Angular rates in the sensor's own axes, shape (n, 3), see `DeviceInfo.gyro_rad_s_per_count`; None without a gyroscope."""
     radio: RadioStatus | None = None
     """What a wireless sensor reported with this block; None: nothing."""
     saturated: NDArray[np.bool_] | None = None
@@ -54,7 +54,7 @@ class SampleBlock:
             self,
             time_ns=self.time_ns[kept],
             raw=self.raw[kept],
-            gyro_rad_s=None if self.gyro_rad_s is None else self.gyro_rad_s[kept],
+            gyro_counts=None if self.gyro_counts is None else self.gyro_counts[kept],
             saturated=None if self.saturated is None else self.saturated[kept],
         )
 
@@ -77,6 +77,12 @@ class DeviceInfo:
     """Typical noise, 1 sigma per sample and axis at this rate; None: to be estimated from the data."""
     zero_g_offset_g: float | None = None
     """Limit of the zero-g offset by the data sheet: the uncertainty of an uncalibrated axis."""
+    gyro_rad_s_per_count: float | None = None
+    """Angular rate of one count; None without a gyroscope."""
+    gyro_noise_rad_s: float | None = None
+    """Typical noise of the angular rates, 1 sigma per sample and axis; None: to be estimated from the data."""
+    gyro_bias_rad_s: float | None = None
+    """Limit of the angular rate that is read at rest, by the data sheet; None: not known."""
     bandwidth_hz: float | None = None
     """-3 dB frequency of the part's own low-pass filter; None: not known, or above half the rate."""
     zero_g_offset_g_per_k: float | None = None

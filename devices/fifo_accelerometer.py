@@ -116,6 +116,7 @@ class FifoAccelerometer:
 
     def _info(self, revision: str) -> DeviceInfo:
         kind, properties = self._chip.kind, self._chip.properties
+        gyro = properties.gyro
         place = f"i2c{self._bus}-{self._address:02x}"
         number = self._serial or "-".join(filter(None, (revision, place)))
         details = {"bus": f"/dev/i2c-{self._bus}", "address": f"{self._address:#04x}"}
@@ -135,6 +136,9 @@ class FifoAccelerometer:
             bandwidth_hz=properties.bandwidth_hz,
             zero_g_offset_g_per_k=properties.zero_g_offset_g_per_k,
             scale_factor_per_k=properties.scale_factor_per_k,
+            gyro_rad_s_per_count=None if gyro is None else gyro.rad_s_per_count,
+            gyro_noise_rad_s=None if gyro is None else gyro.noise_rad_s,
+            gyro_bias_rad_s=None if gyro is None else gyro.bias_rad_s,
             details=details,
         )
 
@@ -227,7 +231,7 @@ class FifoAccelerometer:
                     run.raw,
                     self._temperature_c,
                     lost,
-                    gyro_rad_s=run.gyro_rad_s,
+                    gyro_counts=run.gyro_counts,
                     saturated=mark_saturated(run.raw, *self._chip.properties.saturation_counts),
                 )
                 self._last_ns, self._lost, self._lost_at_least = int(time_ns[-1]), 0, None

@@ -13,6 +13,7 @@ from devices.accelerometer_chip import (
     AxisLimits,
     ChipProperties,
     FifoLevel,
+    GyroProperties,
     ImplausibleStatusError,
     LostAlignmentError,
     SampleRun,
@@ -78,6 +79,10 @@ class MpuVariant:
     has_accel_config_2: bool
     bandwidths_hz: tuple[float, ...]
     """Of the accelerometer, by the codes 1 to 6 of its low-pass filter."""
+    gyro_bandwidths_hz: tuple[float, ...]
+    """Of the gyroscope, by the same codes."""
+    gyro_noise_rad_s_per_root_hz: float
+    gyro_bias_rad_s: float
     noise_g_per_root_hz: float
     zero_g_offset_g: float
     zero_g_offset_g_per_k: float
@@ -92,6 +97,9 @@ MPU9250 = MpuVariant(
     fifo_bytes=512,
     has_accel_config_2=True,
     bandwidths_hz=(218.1, 99.0, 44.8, 21.2, 10.2, 5.05),
+    gyro_bandwidths_hz=(184.0, 92.0, 41.0, 20.0, 10.0, 5.0),
+    gyro_noise_rad_s_per_root_hz=math.radians(0.01),
+    gyro_bias_rad_s=math.radians(5.0),
     noise_g_per_root_hz=300e-6,
     zero_g_offset_g=0.08,
     zero_g_offset_g_per_k=1.5e-3,
@@ -105,6 +113,9 @@ MPU6050 = MpuVariant(
     fifo_bytes=1024,
     has_accel_config_2=False,
     bandwidths_hz=(184.0, 94.0, 44.0, 21.0, 10.0, 5.0),
+    gyro_bandwidths_hz=(188.0, 98.0, 42.0, 20.0, 10.0, 5.0),
+    gyro_noise_rad_s_per_root_hz=math.radians(0.005),
+    gyro_bias_rad_s=math.radians(20.0),
     noise_g_per_root_hz=400e-6,
     zero_g_offset_g=0.08,
     zero_g_offset_g_per_k=1.0e-3,  # over 0 to 70 °C: 60 mg of the z axis
@@ -122,6 +133,7 @@ class Mpu9250:
         rate_hz = nearest_rate(variant.name, RATE_CODES, odr_hz)
         full_scale_g = known_range(variant.name, RANGE_CODES, range_g)
         filter_code, bandwidth_hz = _lowpass(variant, rate_hz)
+        gyro_bandwidth_hz = variant.gyro_bandwidths_hz[filter_code - 1]
         self.kind = variant.name.lower().replace("-", "")
         self.identities = tuple(IDENTITIES[name] for name in variant.identities)
         self.properties = ChipProperties(
@@ -135,6 +147,11 @@ class Mpu9250:
             bandwidth_hz=bandwidth_hz,
             saturation_counts=code_limits(16),
             longest_block=variant.fifo_bytes // SAMPLE_BYTES // 2,
+            gyro=GyroProperties(
+                RAD_S_PER_UNIT,
+                noise_rad_s=variant.gyro_noise_rad_s_per_root_hz * math.sqrt(math.pi / 2 * gyro_bandwidth_hz),
+                bias_rad_s=variant.gyro_bias_rad_s,
+            ),
         )
         second = (Setting(ACCEL_CONFIG_2, "ACCEL_CONFIG_2", filter_code),) if variant.has_accel_config_2 else ()
         has_test = variant.has_accel_config_2  # that of the MPU-6050 has another formula
@@ -195,7 +212,7 @@ class Mpu9250:
         known = int(np.median(words[:, 3])) if self._temperature is None else self._temperature
         if np.abs(words[:, 3] - known).max() > TEMPERATURE_SLIP:
             raise LostAlignmentError
-        return [SampleRun(words[:, :3], gyro_rad_s=words[:, 4:].astype(np.float64) * RAD_S_PER_UNIT)]
+        return [SampleRun(words[:, :3], gyro_counts=words[:, 4:])]
 
     def forget_partial(self) -> None:
         """Empty the FIFO before it is read again: an interrupted burst has left it out of step."""

@@ -29,6 +29,7 @@ def pack(
         raise ValueError("a block without samples cannot be packed")
     counts = block.raw.dtype.kind == "i"
     x, y, z = _differences(block.raw) if counts else _plain(block.raw)
+    gx, gy, gz = (None, None, None) if block.gyro_counts is None else _differences(block.gyro_counts)
     period_ns, offsets_ns = _pack_times(block.time_ns)
     return Samples(
         time_ns=time_ns,
@@ -43,6 +44,9 @@ def pack(
         x=x,
         y=y,
         z=z,
+        gx=gx,
+        gy=gy,
+        gz=gz,
         temperature_c=block.temperature_c,
         lost=block.lost,
         invalid=block.invalid,
@@ -57,6 +61,7 @@ def unpack(samples: Samples) -> SampleBlock:
         raise ValueError(f"columns of {count}, {len(samples.y)} and {len(samples.z)} samples")
     try:
         time_ns, raw = _unpack_times(samples, count), _readings(samples)
+        gyro_counts = _gyro_counts(samples, count)
     except OverflowError as error:
         raise ValueError("a time or reading of more than 64 bits") from error
     return SampleBlock(
@@ -65,6 +70,7 @@ def unpack(samples: Samples) -> SampleBlock:
         temperature_c=samples.temperature_c,
         lost=samples.lost,
         invalid=samples.invalid,
+        gyro_counts=gyro_counts,
         saturated=None if samples.saturated is None else _saturated(samples.saturated, count),
     )
 
@@ -122,6 +128,15 @@ def _readings(samples: Samples) -> NDArray[np.int32] | NDArray[np.float64]:
         return np.cumsum(readings_g, axis=0) if samples.packing == "difference" else readings_g
     counts = np.array(columns, dtype=np.int64).T
     return (np.cumsum(counts, axis=0) if samples.packing == "difference" else counts).astype(np.int32)
+
+
+def _gyro_counts(samples: Samples, count: int) -> NDArray[np.int32] | None:
+    columns = [column for column in (samples.gx, samples.gy, samples.gz) if column is not None]
+    if not columns:
+        return None
+    if [len(column) for column in columns] != [count] * 3:
+        raise ValueError(f"columns of {count} samples, and angular rates of {[len(column) for column in columns]}")
+    return np.cumsum(np.array(columns, dtype=np.int64).T, axis=0).astype(np.int32)
 
 
 def _saturated(places: list[int], count: int) -> NDArray[np.bool_]:

@@ -58,6 +58,19 @@ SerialPortName = Annotated[
 ]
 
 
+class IioDevice(DeviceSection):
+    """An accelerometer with a driver of the Linux kernel (Industrial I/O)."""
+
+    kind: Literal["iio"]
+    name: str = Field(min_length=1, description="its name or label, as in /sys/bus/iio/devices/iio:device0/name")
+    mode: Literal["buffer", "polled"] = Field(
+        "buffer", description="polled: read the attributes one after another, up to 200 Hz, where there is no buffer"
+    )
+    odr_hz: float = Field(100.0, gt=0, le=4000, description="output data rate, one of those that the driver offers")
+    range_g: float | None = Field(None, gt=0, description="full scale; default: as the driver has set it")
+    trigger: str | None = Field(None, description="trigger of the buffer, where the part has no interrupt of its own")
+
+
 class WitMotionDevice(DeviceSection):
     """WitMotion sensor or radio receiver on a serial port."""
 
@@ -81,6 +94,7 @@ AnyDevice = Annotated[
     | Mpu9250Device
     | Mpu6050Device
     | Ads1115Device
+    | IioDevice
     | WitMotionDevice,
     Field(discriminator="kind", description="the source of the samples"),
 ]

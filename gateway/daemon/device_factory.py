@@ -8,7 +8,7 @@ from devices.device import Device
 from devices.errors import DeviceError
 from gateway.configuration.device_plugins import PluginError, load_plugin
 from gateway.configuration.device_section import DeviceSection
-from gateway.configuration.device_sections import ReplayDevice, SimulatedDevice, WitMotionDevice
+from gateway.configuration.device_sections import IioDevice, ReplayDevice, SimulatedDevice, WitMotionDevice
 from gateway.configuration.i2c_devices import Ads1115Device, I2cDevice, I2cSection
 from gateway.configuration.model import Configuration
 from gateway.daemon.recovery_hook import run_hook
@@ -35,10 +35,10 @@ def make_device(configuration: Configuration, clock: Clock) -> Device:
         match device:
             case SimulatedDevice():
                 return _make_simulated(configuration, device, n, clock)
-            case I2cDevice():
-                return _make_recovering(device, _make_chip(device, n, clock), clock)
-            case Ads1115Device():
-                return _make_recovering(device, _make_ads1115(device, n, clock), clock)
+            case I2cSection():
+                return _make_recovering(device, _make_i2c(device, n, clock), clock)
+            case IioDevice():
+                return _make_iio(device, n, clock)
             case WitMotionDevice():
                 return _make_witmotion(device, n, clock)
             case ReplayDevice():
@@ -76,6 +76,16 @@ def _make_simulated(configuration: Configuration, device: SimulatedDevice, block
     )
 
 
+def _make_i2c(device: I2cSection, block: int, clock: Clock) -> Device:
+    match device:
+        case I2cDevice():
+            return _make_chip(device, block, clock)
+        case Ads1115Device():
+            return _make_ads1115(device, block, clock)
+        case _:
+            raise ValueError(f"no device of kind {device.kind}")
+
+
 def _make_chip(device: I2cDevice, block: int, clock: Clock) -> Device:
     from devices.chips import CHIPS
     from devices.fifo_accelerometer import FifoAccelerometer
@@ -110,6 +120,31 @@ def _make_ads1115(device: Ads1115Device, block: int, clock: Clock) -> Device:
         address=device.address,
         clock=clock,
         odr_hz=device.odr_hz,
+        block_samples=block,
+        serial=device.serial,
+    )
+
+
+def _make_iio(device: IioDevice, block: int, clock: Clock) -> Device:
+    if device.mode == "polled":
+        from devices.iio_polled import PolledIioAccelerometer
+
+        return PolledIioAccelerometer(
+            device.name,
+            clock=clock,
+            odr_hz=device.odr_hz,
+            range_g=device.range_g,
+            block_samples=block,
+            serial=device.serial,
+        )
+    from devices.iio_accelerometer import IioAccelerometer
+
+    return IioAccelerometer(
+        device.name,
+        clock=clock,
+        odr_hz=device.odr_hz,
+        range_g=device.range_g,
+        trigger=device.trigger,
         block_samples=block,
         serial=device.serial,
     )

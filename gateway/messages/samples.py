@@ -37,6 +37,12 @@ class Samples(Message):
     x: Readings
     y: Readings
     z: Readings
+    gx: Annotated[
+        list[int] | None,
+        Field(description="angular rate in the sensor's axes, counts, as differences; null without a gyroscope"),
+    ] = None
+    gy: list[int] | None = None
+    gz: list[int] | None = None
     temperature_c: float | None = None
     lost: Annotated[int, Field(description="samples missing immediately before this block")]
     invalid: Annotated[int, Field(description="samples that arrived and could not be used")]

@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from devices.analogue_accelerometer import AnalogueAccelerometer, interpolate_channels
+from devices.analogue_accelerometer import AnalogueAccelerometer
 from devices.analogue_parts import ADXL327, ADXL335, ANALOGUE_PARTS, LIS344ALH, AnaloguePart
 from devices.block import DeviceInfo, SampleBlock
+from devices.channel_cycles import interpolate_channels
 from devices.errors import ConfigurationReadBackError, DeviceError, IdentityError, TransferError
 from gateway.calibration.thermal.datasheet_limits import PARTS
 from tests.devices.ads1115_chip import Ads1115Chip

@@ -5,6 +5,7 @@ import pytest
 
 from devices.errors import IdentityError
 from tests.devices.part_rig import PARTS, PartRig
+from tests.values import present
 
 KINDS = {part.kind: part for part in PARTS}
 
@@ -13,9 +14,10 @@ KINDS = {part.kind: part for part in PARTS}
 def test_blocks_of_a_part_with_a_gyroscope_contain_its_rates(kind: str) -> None:
     rig = PartRig(KINDS[kind])
     rig.chip.rates_deg_s = (10.0, -20.0, 200.0)
-    rig.open()
+    info = rig.open()
     rig.read_s(1)
-    rates_rad_s = np.concatenate([block.gyro_rad_s for block in rig.blocks if block.gyro_rad_s is not None])
+    counts = np.concatenate([block.gyro_counts for block in rig.blocks if block.gyro_counts is not None])
+    rates_rad_s = counts * present(info.gyro_rad_s_per_count)
     assert rates_rad_s.shape == rig.raw.shape
     assert np.degrees(rates_rad_s) == pytest.approx(np.tile([10.0, -20.0, 200.0], (len(rates_rad_s), 1)), abs=0.005)
 
@@ -25,7 +27,7 @@ def test_blocks_of_a_part_without_a_gyroscope_contain_no_rates(kind: str) -> Non
     rig = PartRig(KINDS[kind])
     rig.open()
     rig.read_s(1)
-    assert {block.gyro_rad_s is None for block in rig.blocks} == {True}
+    assert {block.gyro_counts is None for block in rig.blocks} == {True}
 
 
 @pytest.mark.parametrize("kind", ["lis2dw12", "mpu9250", "mpu6050"])

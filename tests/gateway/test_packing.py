@@ -31,6 +31,10 @@ def assert_same(block: SampleBlock, back: SampleBlock) -> None:
     np.testing.assert_array_equal(back.time_ns, block.time_ns)
     assert back.raw.tobytes() == np.ascontiguousarray(block.raw).tobytes()  # bits: -0.0 is not 0.0
     assert (back.temperature_c, back.lost, back.invalid) == (block.temperature_c, block.lost, block.invalid)
+    assert (back.gyro_counts is None) == (block.gyro_counts is None)
+    if block.gyro_counts is not None and back.gyro_counts is not None:
+        assert back.gyro_counts.dtype == np.int32
+        np.testing.assert_array_equal(back.gyro_counts, block.gyro_counts)
     if block.saturated is None or back.saturated is None:
         assert back.saturated is block.saturated
     else:
@@ -59,6 +63,7 @@ def blocks(draw: st.DrawFn) -> SampleBlock:
     )
     temperature_c = draw(st.none() | st.floats(-40, 125))
     saturated = draw(st.none() | npst.arrays(np.bool_, length))
+    gyro_counts = draw(st.none() | npst.arrays(np.int32, (length, 3), elements=full_range))
     return SampleBlock(
         draw(times(length)),
         raw,
@@ -66,6 +71,7 @@ def blocks(draw: st.DrawFn) -> SampleBlock:
         draw(st.integers(0, 10**6)),
         draw(st.integers(0, 9)),
         saturated=saturated,
+        gyro_counts=gyro_counts,
     )
 
 
