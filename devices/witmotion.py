@@ -17,7 +17,7 @@ from devices.serial_port import SerialPort
 from devices.serial_sensor import SerialSensor, check_settings
 from devices.usb_ports import SYSTEM_FOLDERS, PortFolders
 from devices.witmotion_frames import FrameDecoder, Readings
-from devices.witmotion_radio_frames import RadioFrameDecoder
+from devices.witmotion_radio_frames import RAD_S_PER_UNIT, RadioFrameDecoder
 
 FULL_SCALE_G = 16.0
 UNITS_PER_G = 32768 / FULL_SCALE_G
@@ -99,6 +99,7 @@ class WitMotionPart:
             odr_hz=self._odr_hz,
             units_per_g=UNITS_PER_G,
             full_scale_g=FULL_SCALE_G,
+            gyro_rad_s_per_count=RAD_S_PER_UNIT if radio else None,
             details={
                 "port": str(port),
                 "baud": str(port.baud),
@@ -173,7 +174,7 @@ class WitMotionPart:
                 temperature_c=self._temperature_c(readings.temperature_c[first:end], read_ns),
                 lost=lost,
                 invalid=int(readings.invalid_before[first]),
-                gyro_rad_s=None if readings.gyro_rad_s is None else readings.gyro_rad_s[first:end],
+                gyro_counts=None if readings.gyro_counts is None else readings.gyro_counts[first:end],
                 radio=status if first == 0 else None,
                 saturated=mark_saturated(readings.counts[first:end], *code_limits(16)),
             )

@@ -31,7 +31,7 @@ class Readings:
     """Number of frames lost immediately before each frame, shape (n,): missing bytes divided by the usual distance."""
     invalid_before: NDArray[np.int64]
     """Number of damaged frames immediately before each frame, shape (n,)."""
-    gyro_rad_s: NDArray[np.float64] | None = None
+    gyro_counts: NDArray[np.int32] | None = None
     """Angular rates, shape (n, 3); None where the frames have none."""
 
     def __len__(self) -> int:
@@ -45,13 +45,13 @@ class Readings:
 
 def join_readings(found: list[Readings]) -> Readings:
     """Return the readings of consecutive pieces as one."""
-    rates = [readings.gyro_rad_s for readings in found if readings.gyro_rad_s is not None]
+    rates = [readings.gyro_counts for readings in found if readings.gyro_counts is not None]
     return Readings(
         counts=np.concatenate([np.zeros((0, 3), np.int32), *(readings.counts for readings in found)]),
         temperature_c=np.concatenate([np.zeros(0), *(readings.temperature_c for readings in found)]),
         lost_before=np.concatenate([np.zeros(0, np.int64), *(readings.lost_before for readings in found)]),
         invalid_before=np.concatenate([np.zeros(0, np.int64), *(readings.invalid_before for readings in found)]),
-        gyro_rad_s=np.concatenate(rates) if rates else None,
+        gyro_counts=np.concatenate(rates) if rates else None,
     )
 
 

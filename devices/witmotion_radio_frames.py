@@ -105,7 +105,7 @@ class RadioFrameDecoder:
             temperature_c=np.full(len(words), np.nan),
             lost_before=np.zeros(len(words), np.int64),
             invalid_before=missing,
-            gyro_rad_s=words[:, 3:6] * RAD_S_PER_UNIT,
+            gyro_counts=words[:, 3:6].astype(np.int32),
         )
 
     def _discard(self, count: int) -> None:

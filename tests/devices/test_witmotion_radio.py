@@ -61,7 +61,7 @@ def test_temperature_and_battery_are_asked_for_in_turn(device: SerialSensor, pee
 def test_gyroscope_readings_come_with_the_samples(device: SerialSensor, peer: Peer) -> None:
     peer.send(radio_stream(range(5)) + END)
     block = present(device.read())
-    assert present(block.gyro_rad_s).shape == (5, 3)
+    assert present(block.gyro_counts).shape == (5, 3)
     assert block.raw.shape == (5, 3)
 
 

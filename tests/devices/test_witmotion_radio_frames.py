@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from devices.witmotion_radio_frames import FRAME_BYTES, LOCK_FRAMES, RadioFrameDecoder
+from devices.witmotion_radio_frames import FRAME_BYTES, LOCK_FRAMES, RAD_S_PER_UNIT, RadioFrameDecoder
 from tests.devices.witmotion_wire import NOISE, numbers_of, radio_answer, radio_frame, radio_sample, radio_stream
 
 END = b"\x55\x61"
@@ -20,8 +20,10 @@ def test_words_are_those_of_the_protocol() -> None:
     readings = RadioFrameDecoder().feed(radio_frame(-32768, 2048, 32767, 16384, -16384, 1, 0, 0, 0) * 3 + END)
     assert readings.counts[0].tolist() == [-32768, 2048, 32767]
     assert readings.counts.dtype == np.int32
-    assert readings.gyro_rad_s is not None
-    assert readings.gyro_rad_s[0, :2].tolist() == pytest.approx([math.radians(1000), -math.radians(1000)])
+    assert readings.gyro_counts is not None
+    assert (readings.gyro_counts[0, :2] * RAD_S_PER_UNIT).tolist() == pytest.approx(
+        [math.radians(1000), -math.radians(1000)]
+    )
     assert np.isnan(readings.temperature_c).all()
 
 
