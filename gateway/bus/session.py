@@ -1,11 +1,15 @@
-"""Zenoh sessions that listen and connect only at the configured endpoints."""
+"""Zenoh sessions that listen and connect only at the configured endpoints, with mutual TLS and bounded messages."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import zenoh
 
+from gateway.bus.access_control import access_control
+from gateway.configuration.bus_section import BusSection
 from gateway.errors import PlumblineError
 
 LEASE_MS = 2000
@@ -13,6 +17,37 @@ LEASE_MS = 2000
 RETRY_MS = {"period_init_ms": 200, "period_max_ms": 2000, "period_increase_factor": 2}
 """Pauses between attempts to connect."""
 FOREVER = -1
+LARGEST_MESSAGE = 65536
+"""Largest message, bytes, that a gateway receives: a request or a load signal is smaller. The library's default is 1 GiB."""
+LARGEST_ANSWER = 4_194_304
+"""Largest message, bytes, that a client receives: an audit of a thousand lines, a record with its poses."""
+LONGEST_BLOCKED_US = 1_000_000
+"""A link that takes nothing for so long is closed, so that a stalled peer holds no answer to another one up."""
+
+
+@dataclass(frozen=True, slots=True)
+class TlsFiles:
+    """The certificates of one party, in PEM."""
+
+    ca: Path
+    certificate: Path | None
+    key: Path | None
+
+    def settings(self) -> dict[str, object]:
+        """Return the library's settings: both sides present a certificate, and names are verified."""
+        own = {
+            f"{side}_{name}": str(path)
+            for side in ("listen", "connect")
+            for name, path in (("certificate", self.certificate), ("private_key", self.key))
+            if path is not None
+        }
+        return {
+            "root_ca_certificate": str(self.ca),
+            **own,
+            "enable_mtls": True,
+            "verify_name_on_connect": True,
+            "close_link_on_expiration": True,
+        }
 
 
 class BusError(PlumblineError):
@@ -29,13 +64,15 @@ def session_settings(
     mode: str,
     connect: Sequence[str],
     listen: Sequence[str],
-    tls: dict[str, Path] | None = None,
+    tls: TlsFiles | None = None,
     connect_timeout_ms: int = FOREVER,
+    largest_message: int = LARGEST_ANSWER,
+    access: Mapping[str, Any] | None = None,
 ) -> zenoh.Config:
-    """Return the settings of a session without multicast scouting.
+    """Return the settings of a session without multicast scouting, with mutual TLS where there are certificates.
 
-    With `connect_timeout_ms` = `FOREVER` it keeps trying to connect in the background. Raises `BusError` for an endpoint of
-    wrong form.
+    With `connect_timeout_ms` = `FOREVER` it keeps trying to connect in the background. `access` is its access control. Raises
+    `BusError` for an endpoint of wrong form.
     """
     settings: dict[str, object] = {
         "mode": mode,
@@ -48,9 +85,14 @@ def session_settings(
         "scouting/delay": 0,  # without scouting there is nothing to wait for
         "timestamping/enabled": False,
         "transport/link/tx/lease": LEASE_MS,
+        "transport/link/tx/queue/congestion_control/block/wait_before_close": LONGEST_BLOCKED_US,
+        "transport/link/rx/max_message_size": largest_message,
         "transport/shared_memory/enabled": False,
     }
-    settings |= {f"transport/link/tls/{name}": str(path) for name, path in (tls or {}).items()}
+    if tls is not None:
+        settings |= {f"transport/link/tls/{name}": value for name, value in tls.settings().items()}
+    if access is not None:
+        settings["access_control"] = access
     config = zenoh.Config()
     try:
         for key, value in settings.items():
@@ -64,11 +106,33 @@ def open_session(
     mode: str,
     connect: Sequence[str],
     listen: Sequence[str],
-    tls: dict[str, Path] | None = None,
+    tls: TlsFiles | None = None,
     connect_timeout_ms: int = FOREVER,
 ) -> zenoh.Session:
     """Open a session. Raises `BusError` for an endpoint that cannot be used, `UnreachableError` without an answer in time."""
-    config = session_settings(mode, connect, listen, tls, connect_timeout_ms)
+    return _open(session_settings(mode, connect, listen, tls, connect_timeout_ms), connect, listen)
+
+
+def gateway_settings(bus: BusSection, key: str) -> zenoh.Config:
+    """Return the settings of the session of the gateway with a key. Raises `BusError` for an endpoint of wrong form."""
+    tls = bus.tls
+    files = None if tls.ca is None else TlsFiles(tls.ca, tls.certificate, tls.key)
+    return session_settings(
+        bus.mode,
+        bus.connect,
+        bus.active_listeners,
+        files,
+        largest_message=LARGEST_MESSAGE,
+        access=access_control(bus, key),
+    )
+
+
+def open_gateway_session(bus: BusSection, key: str) -> zenoh.Session:
+    """Open the session of the gateway with a key. Raises `BusError`."""
+    return _open(gateway_settings(bus, key), bus.connect, bus.active_listeners)
+
+
+def _open(config: zenoh.Config, connect: Sequence[str], listen: Sequence[str]) -> zenoh.Session:
     try:
         return zenoh.open(config)
     except zenoh.ZError as error:
@@ -93,5 +157,8 @@ def _explain(text: str) -> str:
     if "Endpoints must be of the form" in text:
         return "is not an endpoint; an endpoint has the form tcp/10.0.0.5:7447"
     if _is_unanswered(text):
-        return "nobody answers there; is the gateway running, and its bus.listen the same?"
+        return (
+            "nobody answers there; is the gateway running, and its bus.listen the same? With tls/... it answers only those "
+            "whose certificate its CA has issued"
+        )
     return text.split(" at ", 1)[0].strip().rstrip(".")

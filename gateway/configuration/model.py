@@ -6,6 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2, normal_gravity_m_s2
+from gateway.configuration.bus_section import BusSection
 from gateway.configuration.device_sections import AnyDevice, SimulatedDevice
 from gateway.configuration.relay_section import AnyRelay, NoRelay
 from gateway.configuration.section import KEY_PATTERN, Section
@@ -129,38 +130,6 @@ class RecorderSection(Section):
         None,
         description="Ed25519 key in PEM that signs the recordings; default: data_dir/signing-key.pem, made at first start",
     )
-
-
-class TlsSection(Section):
-    """TLS certificates of the bus."""
-
-    ca: Path | None = None
-    certificate: Path | None = None
-    key: Path | None = None
-
-    @property
-    def files(self) -> dict[str, Path]:
-        """The configured files by the names that the bus library uses."""
-        names = {"root_ca_certificate": self.ca, "listen_certificate": self.certificate, "listen_private_key": self.key}
-        names |= {"connect_certificate": self.certificate, "connect_private_key": self.key}
-        return {name: path for name, path in names.items() if path is not None}
-
-
-class BusSection(Section):
-    """The connection to the Zenoh bus."""
-
-    mode: Literal["peer", "client", "router"] = "peer"
-    connect: list[str] = Field(default=[], description="endpoints to connect to, such as tcp/10.0.0.5:7447")
-    listen: list[str] = Field(
-        default=["tcp/127.0.0.1:7447"], description="endpoints to listen on; default: only on this machine"
-    )
-    tls: TlsSection = TlsSection()
-
-    @property
-    def local_endpoints(self) -> list[str]:
-        """The endpoints at which a process of this machine reaches the gateway or its router."""
-        listening = [endpoint.replace("0.0.0.0", "127.0.0.1") for endpoint in self.listen]
-        return listening or list(self.connect)
 
 
 DirectionName = Annotated[str, Field(min_length=1, max_length=14, pattern=r"^[^\x00-\x1f\x7f]+$")]

@@ -10,9 +10,10 @@ from pathlib import Path
 
 from devices.clock import HostClock
 from devices.errors import DeviceError
-from gateway.bus.session import open_session
+from gateway.bus.session import open_gateway_session
 from gateway.calibration.correction import correction_for
 from gateway.calibration.store import find_record_in_force
+from gateway.configuration.bus_section import is_loopback
 from gateway.configuration.i2c_devices import I2cSection
 from gateway.configuration.model import Configuration
 from gateway.daemon.check_result import CheckResult
@@ -99,19 +100,16 @@ def _device(configuration: Configuration) -> Iterator[CheckResult]:
 def _bus(configuration: Configuration) -> Iterator[CheckResult]:
     bus = configuration.bus
     try:
-        open_session(bus.mode, bus.connect, bus.listen, bus.tls.files).close()
+        open_gateway_session(bus, configuration.gateway.key).close()
     except PlumblineError as error:
         yield CheckResult("bad", "bus", str(error))
         return
-    yield CheckResult("good", "bus", f"{configuration.gateway.key} at {', '.join([*bus.listen, *bus.connect])}")
-    exposed = [endpoint for endpoint in bus.listen if not _is_loopback(endpoint)]
+    yield CheckResult(
+        "good", "bus", f"{configuration.gateway.key} at {', '.join([*bus.active_listeners, *bus.connect])}"
+    )
+    exposed = [endpoint for endpoint in bus.active_listeners if not is_loopback(endpoint)]
     if exposed:
         yield CheckResult("note", "bus", f"{', '.join(exposed)}: reachable from the network")
-
-
-def _is_loopback(endpoint: str) -> bool:
-    address = endpoint.split("/", 1)[-1]
-    return address.startswith(("127.", "localhost", "[::1]")) or "unix" in endpoint
 
 
 def _page(configuration: Configuration) -> Iterator[CheckResult]:

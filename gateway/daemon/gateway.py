@@ -12,7 +12,7 @@ from contextlib import ExitStack
 from devices.clock import HostClock
 from gateway import __version__
 from gateway.authorization.authoriser import Authoriser
-from gateway.bus.session import open_session
+from gateway.bus.session import open_gateway_session
 from gateway.configuration.known_data_folders import remember_data_folder
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
@@ -114,8 +114,7 @@ class Gateway:
             undo.callback(device.close)
             self.recording_path = recorder.start(clock.now_ns())
             undo.callback(recorder.close)
-            bus = configuration.bus
-            session = open_session(bus.mode, bus.connect, bus.listen, bus.tls.files)
+            session = open_gateway_session(configuration.bus, section.key)
             undo.callback(session.close)
             acknowledgements = AcknowledgementService()
             page_channel = PageChannel(PageRequests({"acknowledge": acknowledgements.submit}).answer)

@@ -26,6 +26,8 @@ key = "/etc/plumbline/key.pem"
 quota_mb = 100
 
 [bus.tls]
+ca = "/etc/plumbline/ca.pem"
+certificate = "/etc/plumbline/certificate.pem"
 key = "/etc/plumbline/tls.pem"
 """
 
@@ -73,9 +75,10 @@ def test_a_new_section_is_added() -> None:
         ({"alerts": {"trip_deg": 1.0}}, "clear_deg 3 <= warn_deg 4 <= trip_deg 1 must hold"),
         ({"rope": {"lenght_m": 1.0}}, "did you mean length_m"),
         ({"rope": {"length_m": 20.0}}, "changes nothing"),
-        ({"bus": {"listen": ["tcp/0.0.0.0:7447"]}}, "bus.listen: a wrong value cuts the gateway off"),
+        ({"bus": {"listen": ["tls/0.0.0.0:7447"]}}, "bus.listen: a wrong value cuts the gateway off"),
         ({"page": {"listen": "0.0.0.0:80"}}, "page.listen: a wrong value cuts the gateway off"),
         ({"gateway": {"site": "mine"}}, "gateway.site: a wrong value cuts the gateway off"),
+        ({"bus": {"allow_unencrypted": True}}, "bus.allow_unencrypted: can only be changed"),
         ({"nonsense": 1}, "nonsense: can only be changed"),
     ],
 )
@@ -86,9 +89,9 @@ def test_refusals_name_key_and_remedy(proposal: Table, why: str) -> None:
 
 
 def test_network_keys_need_a_permission_and_then_change() -> None:
-    text, changes = _check({"bus": {"listen": ["tcp/0.0.0.0:7447"]}}, allow_network=True)
-    assert changes == ["bus.listen: ['tcp/127.0.0.1:7447'] -> ['tcp/0.0.0.0:7447']"]
-    assert tomllib.loads(text)["bus"]["tls"] == {"key": "/etc/plumbline/tls.pem"}
+    text, changes = _check({"bus": {"listen": ["tls/0.0.0.0:7447"]}}, allow_network=True)
+    assert changes == ["bus.listen: ['tcp/127.0.0.1:7447'] -> ['tls/0.0.0.0:7447']"]
+    assert tomllib.loads(text)["bus"]["tls"]["key"] == "/etc/plumbline/tls.pem"
 
 
 def test_what_can_be_read_contains_no_file_and_no_command() -> None:
