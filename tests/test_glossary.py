@@ -55,6 +55,7 @@ COMMON_WORDS = words(
     writer zoom ADXL355 I2C WitMotion chip identity section ADXL345 ADS1115 LIS2DW12 LIS3DH MPU9250
     analogue part probe recovery self test expected watch column layout notation MATLAB
     protocol
+    completion colour
     """
 )
 """Words of computing and everyday English, and names of parts; every other word of a module name is a term of the glossary."""

@@ -18,7 +18,9 @@ UNIDENTIFIED = "unidentified"
 
 def add_record_arguments(method: argparse.ArgumentParser) -> None:
     """Add where the record goes, whose it is, who made it, and its parent."""
-    method.add_argument("--json", type=Path, metavar="FILE", help="write the record to FILE")
+    method.add_argument(
+        "--json", type=Path, metavar="FILE", help="write the record to FILE; -: print it in place of the report"
+    )
     method.add_argument(
         "--html", type=Path, metavar="FILE", help="write the certificate to FILE; it prints on one sheet of A4"
     )
@@ -68,17 +70,23 @@ def finish_record(
     notes: tuple[str, ...],
     parent: "CalibrationRecord | None",
     extra: "dict[str, Any] | None" = None,
+    preface: str = "",
 ) -> int:
     """Make the record of a fit, write its files and print the report; 1 if the record is not acceptable.
 
-    `extra` are further fields of the record, such as its figure.
+    `extra` are further fields of the record, such as its figure; `preface` is printed before the report.
     """
     from gateway.calibration.acceptance import judge
     from gateway.calibration.offline.report import format_report
+    from gateway.cli.output import show
 
     record = write_record(arguments, fit, unit, parent, extra)
     acceptance = judge(fit, parent)
-    print(format_report(record, acceptance, notes + identity_note(arguments.device_id)))
+    show(
+        preface + format_report(record, acceptance, notes + identity_note(arguments.device_id)),
+        record.model_dump(mode="json"),
+        arguments.json,
+    )
     return 1 if acceptance.refused else 0
 
 
@@ -89,11 +97,11 @@ def write_record(
     parent: "CalibrationRecord | None",
     extra: "dict[str, Any] | None" = None,
 ) -> "CalibrationRecord":
-    """Make the record of a fit and write its files; `extra` are further fields of the record."""
+    """Make the record of a fit and write its certificate; `extra` are further fields of the record."""
     from gateway import __version__
     from gateway.calibration.record_factory import make_record
     from gateway.certificate.page import render_certificate
-    from gateway.cli.output import write_json, write_text
+    from gateway.cli.output import write_text
 
     record = make_record(
         fit,
@@ -105,8 +113,6 @@ def write_record(
         parent=None if parent is None else parent.id,
         **(extra or {}),
     )
-    if arguments.json is not None:
-        write_json(arguments.json, record.model_dump(mode="json"))
     if arguments.html is not None:
         write_text(arguments.html, render_certificate(record, parent))
     return record

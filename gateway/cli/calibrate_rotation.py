@@ -54,8 +54,8 @@ def _run(arguments: argparse.Namespace) -> int:
     except NotDeterminedError as error:
         print(f"plumbline calibrate: {error}", file=sys.stderr)
         return 1
-    print(format_rotation(fit, unit))
+    text = format_rotation(fit, unit)
     if fit.calibration is None:
+        print(text)
         return 0
-    print()
-    return finish_record(arguments, fit.calibration, unit, (), parent, rotation_fields(fit))
+    return finish_record(arguments, fit.calibration, unit, (), parent, rotation_fields(fit), preface=f"{text}\n\n")

@@ -76,6 +76,7 @@ def _run(arguments: argparse.Namespace) -> int:
         single_parameter_fields,
     )
     from gateway.calibration.record import NotDeterminedError
+    from gateway.cli.output import show, write_text
     from gateway.errors import InputError
 
     if (arguments.apply is None) != (arguments.corrected is None):
@@ -95,12 +96,11 @@ def _run(arguments: argparse.Namespace) -> int:
         print(f"plumbline calibrate: {', '.join(map(str, arguments.files))}: {error}", file=sys.stderr)
         return 1
     corrected = None if arguments.apply is None else _correct(arguments.apply, fit)
-    write_record(arguments, as_calibration(fit), "g", parent, single_parameter_fields(fit))
+    record = write_record(arguments, as_calibration(fit), "g", parent, single_parameter_fields(fit))
     if corrected is not None:
-        from gateway.cli.output import write_text
-
         write_text(arguments.corrected, corrected)
-    print(format_single_parameter(fit, identity_note(arguments.device_id)))
+    text = format_single_parameter(fit, identity_note(arguments.device_id))
+    show(text, record.model_dump(mode="json"), arguments.json)
     return 0
 
 

@@ -7,10 +7,13 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from gateway.cli.colour import Style, paint
+
 if TYPE_CHECKING:
     from gateway.configuration.model import Configuration
     from gateway.daemon.check_result import CheckResult
 
+STYLES: dict[str, Style] = {"good": "good", "note": "note", "bad": "bad"}
 MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
 
 
@@ -86,7 +89,7 @@ def _without_hooks(configuration: "Configuration") -> "Configuration":
 
 def print_result(result: "CheckResult") -> None:
     """Print one result at once."""
-    print(f"{MARKS[result.grade]} {result.place:<12} {result.text}", flush=True)
+    print(f"{paint(MARKS[result.grade], STYLES[result.grade])} {result.place:<12} {result.text}", flush=True)
 
 
 def _record(results: "list[CheckResult]") -> dict[str, Any]:

@@ -7,6 +7,7 @@ from importlib import import_module
 
 from devices.errors import DeviceError
 from gateway import __version__
+from gateway.cli.colour import paint
 from gateway.errors import PlumblineError
 
 COMMANDS = (
@@ -22,6 +23,7 @@ COMMANDS = (
     "config",
     "setup",
     "doctor",
+    "completion",
 )
 BAD_INPUT = 2
 
@@ -46,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         code: int = chosen.run(chosen)
     except (PlumblineError, DeviceError) as error:
-        print(f"plumbline {chosen.command}: {error}", file=sys.stderr)
+        print(paint(f"plumbline {chosen.command}:", "bad", sys.stderr), error, file=sys.stderr)
         return error.exit_code if isinstance(error, PlumblineError) else BAD_INPUT
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output has ended

@@ -40,7 +40,7 @@ def run_plan(arguments: argparse.Namespace) -> int:
     from gateway.cli.optional_dependencies import require_twin
 
     require_twin()
-    from gateway.cli.output import write_json
+    from gateway.cli.output import show
     from gateway.cli.progress import Progress
     from gateway.measurement.rig import read_rig
     from gateway.twin.experiment_design.hypotheses import parse_hypotheses
@@ -53,7 +53,5 @@ def run_plan(arguments: argparse.Namespace) -> int:
     groups = None if arguments.effects is None else (parse_hypotheses(arguments.effects),)
     with Progress() as progress:
         result = plan(model.rig, groups, progress.tick, model.effects)
-    if arguments.json is not None:
-        write_json(arguments.json, as_json(result))
-    print(as_text(result))
+    show(as_text(result), as_json(result), arguments.json)
     return 0 if result.improves_separation else 1

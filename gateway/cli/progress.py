@@ -11,6 +11,8 @@ WIDTH = 40
 PATIENCE_S = 1.0
 """Work that is done sooner shows no progress."""
 REDRAW_S = 0.2
+LEAST_SHARE = 0.02
+"""Share of the work from which the time left is told."""
 
 
 class Progress:
@@ -19,17 +21,28 @@ class Progress:
     def __init__(self, stream: TextIO | None = None) -> None:
         self._stream = sys.stderr if stream is None else stream
         self._shown = self._stream.isatty()
-        self._ticks = 0
+        self._ticks = self._drawn = 0
+        self._begin_s = time.monotonic()
         self._interrupt = DeferredInterrupt()
 
-    def tick(self, stage: str) -> None:
-        """Show one more step of a stage."""
+    def tick(self, stage: str, share: float | None = None) -> None:
+        """Show one more step of a stage, and the share of its largest work that is done."""
         self._interrupt.check()
         self._ticks += 1
         if self._shown:
-            done = self._ticks % WIDTH
-            self._stream.write(f"\r[{'·' * done}{' ' * (WIDTH - done)}] {stage}, step {self._ticks} ")
+            done = self._ticks % WIDTH if share is None else round(WIDTH * share)
+            text = f"{stage}, step {self._ticks}" if share is None else f"{stage}, {share:.0%}{self._most_left(share)}"
+            line = f"[{'·' * done}{' ' * (WIDTH - done)}] {text}"
+            self._stream.write("\r" + line.ljust(self._drawn))
             self._stream.flush()
+            self._drawn = len(line)
+
+    def _most_left(self, share: float) -> str:
+        """Return the longest time that the work may still take, once enough of it is done."""
+        if share < LEAST_SHARE:
+            return ""
+        left_s = (time.monotonic() - self._begin_s) * (1 - share) / share
+        return f", at most {left_s / 60:.0f} min left" if left_s > 90 else f", at most {left_s:.0f} s left"
 
     def __enter__(self) -> "Progress":
         self._interrupt.__enter__()
@@ -39,7 +52,7 @@ class Progress:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         if self._shown and self._ticks:
-            self._stream.write("\r" + " " * (WIDTH + 40) + "\r")
+            self._stream.write("\r" + " " * self._drawn + "\r")
             self._stream.flush()
         self._interrupt.__exit__(kind, error, trace)
 

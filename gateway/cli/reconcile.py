@@ -50,7 +50,9 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         metavar="LOG2",
         help="a second recording to test the model on; without it the end of LOG",
     )
-    command.add_argument("--json", type=Path, metavar="FILE", help="write the result as JSON")
+    command.add_argument(
+        "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
+    )
     command.add_argument("--report", type=Path, metavar="FILE.html", help="write a report with figures")
     command.add_argument(
         "--prediction", type=Path, metavar="FILE.csv", help="write the prediction of LOG2 (of LOG without one)"
@@ -81,7 +83,7 @@ def run(arguments: argparse.Namespace) -> int:
     require_twin()
     import time
 
-    from gateway.cli.output import write_json, write_text
+    from gateway.cli.output import show, write_text
     from gateway.cli.progress import Progress
     from gateway.measurement.rig import read_rig
     from gateway.measurement.source import read_source
@@ -119,11 +121,9 @@ def run(arguments: argparse.Namespace) -> int:
     except KeyboardInterrupt:
         print("plumbline reconcile: stopped; nothing was written", file=sys.stderr)
         raise
-    if arguments.json is not None:
-        write_json(arguments.json, to_json(result, runtime_s))
     for path, text in texts.items():
         write_text(path, text)
-    print(to_text(result))
+    show(to_text(result), to_json(result, runtime_s), arguments.json)
     return 1 if result.verdict in ("unmodelled", "data_unusable") else 0
 
 

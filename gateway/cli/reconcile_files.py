@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gateway.cli.output import STANDARD_OUTPUT
 from gateway.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ def check_outputs(outputs: Mapping[str, Path | None], inputs: Mapping[str, Path 
     """Raise `InputError` if an output cannot be written, or would replace an input or another output."""
     used = {path.resolve(): name for name, path in inputs.items() if path is not None}
     for name, path in outputs.items():
-        if path is None:
+        if path is None or path == STANDARD_OUTPUT:
             continue
         fault = _fault(path)
         if fault:

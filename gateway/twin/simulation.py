@@ -28,6 +28,8 @@ TEMPERATURE_RISE_C, TEMPERATURE_TIME_S = 20.0, 30.0
 """Rise of the sensor's temperature after it is switched on, and its time constant."""
 DEFAULT_RATE_HZ = 50.0
 """Sample rate of a rig that states none."""
+MAX_SAMPLES = 2_000_000
+"""Longest recording. Basis: 11 hours at 50 Hz; it takes some 1 GB of memory."""
 DEFAULT_RANGE_G = 2.0
 """Full scale of a rig that states none."""
 
@@ -55,6 +57,11 @@ def simulate(model: Model, duration_s: float, seed: int, initial: dict[str, floa
     """
     random = np.random.default_rng(seed)
     rate_hz = model.rig.sample_rate_hz or DEFAULT_RATE_HZ
+    if duration_s * rate_hz > MAX_SAMPLES:
+        raise InputError(
+            f"{duration_s:g} s at {rate_hz:g} Hz are {duration_s * rate_hz:.3g} samples; at most {MAX_SAMPLES:,} are simulated, "
+            f"{MAX_SAMPLES / rate_hz:.6g} s"
+        )
     time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
     if len(time_s) < 2:
         raise InputError(f"{duration_s:g} s at {rate_hz:g} Hz holds no two samples; choose a longer duration")

@@ -1,7 +1,7 @@
 """The workflow: check, split, search, accept, validate, decide, report."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -42,7 +42,12 @@ from gateway.twin.reconcile.search.validation_cache import Validator
 from gateway.twin.reconcile.search.validation_search import extend_by_validation, improves
 from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
 
-Progress = Callable[[str], None]
+
+class Progress(Protocol):
+    """Is called at each step of the work."""
+
+    def __call__(self, stage: str, share: float | None = None) -> None:
+        """Take the stage, and the share of its largest work that is done; None: not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +78,7 @@ def reconcile(
     inputs: CraneInputs = NO_INPUTS,
     held_out_inputs: CraneInputs = NO_INPUTS,
     seed: int = 0,
-    tick: Progress = lambda _stage: None,
+    tick: Progress = lambda _stage, _share=None: None,
 ) -> Reconciliation:
     """Find what the model lacks; `tick` is called with the stage at each step of a fit.
 
@@ -136,7 +141,7 @@ def _begin(
     known: KnownModel, recordings: Recordings, detected: Values, budget: Budget, tick: Progress
 ) -> SearchRun | None:
     """Fit the nominal model, the baseline and the persistent effects; None where the nominal model cannot be fitted."""
-    context = make_context(known.of_log, recordings.log, budget, lambda: tick("search"))
+    context = make_context(known.of_log, recordings.log, budget, lambda: tick("search", budget.spent_share))
     validator = Validator(known.model.rig, known.held_out_effects, recordings.selection)
     table = context.fit(CandidateTable(recordings.log), {})
     nominal = table.get({})

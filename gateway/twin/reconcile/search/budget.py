@@ -24,6 +24,11 @@ class Budget:
         """Whether the search has to end with what it has."""
         return self.fits >= self.max_fits or self.work >= self.max_work
 
+    @property
+    def spent_share(self) -> float:
+        """Share of the budget that is spent, 0 to 1; most searches end before it is 1."""
+        return min(max(self.fits / self.max_fits, self.work / self.max_work), 1.0)
+
     def begin_fit(self, work_per_evaluation: float) -> None:
         """Count a fit; each of its evaluations costs this much work."""
         self.fits += 1
