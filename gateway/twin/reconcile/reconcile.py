@@ -43,7 +43,7 @@ from gateway.twin.reconcile.search.validation_search import extend_by_validation
 from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
 
 
-class Progress(Protocol):
+class ReportProgress(Protocol):
     """Is called at each step of the work."""
 
     def __call__(self, stage: str, share: float | None = None) -> None:
@@ -78,7 +78,7 @@ def reconcile(
     inputs: CraneInputs = NO_INPUTS,
     held_out_inputs: CraneInputs = NO_INPUTS,
     seed: int = 0,
-    tick: Progress = lambda _stage, _share=None: None,
+    tick: ReportProgress = lambda _stage, _share=None: None,
 ) -> Reconciliation:
     """Find what the model lacks; `tick` is called with the stage at each step of a fit.
 
@@ -103,7 +103,7 @@ def reconcile(
 
 
 def _reconcile(
-    known: KnownModel, recordings: Recordings, log: CheckedRecording, seed: int, tick: Progress
+    known: KnownModel, recordings: Recordings, log: CheckedRecording, seed: int, tick: ReportProgress
 ) -> Reconciliation:
     recordings, detected = detect_in_samples(recordings)
     random = np.random.default_rng(seed)
@@ -120,7 +120,7 @@ def _reconcile(
 
 
 def _search(
-    known: KnownModel, recordings: Recordings, detected: Values, budget: Budget, tick: Progress
+    known: KnownModel, recordings: Recordings, detected: Values, budget: Budget, tick: ReportProgress
 ) -> SearchRun | None:
     """Search for missing effects; once more at true times where samples turn out to be lost."""
     run = _begin(known, recordings, detected, budget, tick)
@@ -138,7 +138,7 @@ def _search(
 
 
 def _begin(
-    known: KnownModel, recordings: Recordings, detected: Values, budget: Budget, tick: Progress
+    known: KnownModel, recordings: Recordings, detected: Values, budget: Budget, tick: ReportProgress
 ) -> SearchRun | None:
     """Fit the nominal model, the baseline and the persistent effects; None where the nominal model cannot be fitted."""
     context = make_context(known.of_log, recordings.log, budget, lambda: tick("search", budget.spent_share))
@@ -178,7 +178,7 @@ def _clock_rate_is_suspect(run: SearchRun) -> bool:
 
 
 def _search_at_true_times(
-    known: KnownModel, run: SearchRun, suspect: CandidateFit, detected: Values, tick: Progress
+    known: KnownModel, run: SearchRun, suspect: CandidateFit, detected: Values, tick: ReportProgress
 ) -> SearchRun | None:
     """Search once more with the time stamps corrected for lost samples; None where no samples were lost."""
     setting, recordings = run.context.setting, run.recordings
