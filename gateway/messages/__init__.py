@@ -5,7 +5,7 @@ out reads as null. The JSON Schemas in recordings and in the output of `plumblin
 classes. `docs/messages.md` states the rules for their versions.
 """
 
-from gateway.messages.alert import ActiveAlert, Alert, Level
+from gateway.messages.alert import ActiveAlert, Alert, Level, Validity
 from gateway.messages.calibration import NO_SESSION, Calibration, CalibrationSession, SessionPhase, SessionPose
 from gateway.messages.condition import Cause, Condition, Verdict
 from gateway.messages.header import (
@@ -57,6 +57,7 @@ __all__ = [
     "SessionPose",
     "Swing",
     "Tilt",
+    "Validity",
     "Vector",
     "Verdict",
 ]

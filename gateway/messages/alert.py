@@ -10,6 +10,9 @@ from gateway.messages.header import Degrees, Message
 Level = Literal["normal", "warn", "trip", "unknown"]
 
 
+Validity = Literal["valid", "no_samples", "suspended", "uncalibrated", "not_known"]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ActiveAlert:
     """One alert that is active."""
@@ -51,6 +54,13 @@ class Alert(Message):
         Level,
         Field(description="the highest active level; unknown: no statement is possible, which does not mean safe"),
     ]
+    validity: Annotated[
+        Validity | None,
+        Field(
+            description="whether the levels are known, and why not: no samples come, the housing is off the rope, the sensor "
+            "has no calibration, or another reason, which is in the text; null: from an older gateway"
+        ),
+    ] = None
     event: Annotated[
         Literal["raised", "changed", "corrected", "cleared", "acknowledged", "standing"],
         Field(

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from devices.block import DeviceInfo
 from gateway.calibration.correction import Correction
-from gateway.messages import Acceleration, Alert, Calibration, CalibrationSession, Condition, Tilt
+from gateway.messages import Acceleration, Alert, Calibration, CalibrationSession, Condition, Tilt, Validity
 from gateway.pipeline.alert_manager import AlertChange
 from gateway.pipeline.header import Header
 from gateway.pipeline.incidents import IncidentRegister
@@ -74,11 +74,12 @@ def condition_message(header: Header, result: ConditionResult, correction: Corre
     )
 
 
-def alert_message(header: Header, change: AlertChange, incidents: IncidentRegister) -> Alert:
+def alert_message(header: Header, change: AlertChange, incidents: IncidentRegister, validity: Validity) -> Alert:
     """Return the message of a change of a rule, or of the heartbeat; `incidents` has the number of the last change."""
     return Alert(
         **header,
         level=change.level,
+        validity=validity,
         event=change.event,
         boot_id=None if incidents.last_number is None else incidents.boot_id,
         alert_number=incidents.last_number,

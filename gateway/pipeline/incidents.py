@@ -80,9 +80,9 @@ class IncidentRegister:
         self._open: dict[str, Incident] = {}
         self._ended: deque[Incident] = deque(maxlen=REMEMBERED)
 
-    def number_change(self) -> None:
-        """Give the next number to a change."""
-        if self.last_number is not None:
+    def number_change(self, rule: str | None) -> None:
+        """Give the next number to the change of a rule; a heartbeat, of no rule, keeps that of the last change."""
+        if self.last_number is not None and rule is not None:
             self.last_number += 1
 
     def unacknowledged(self) -> Iterator[str]:

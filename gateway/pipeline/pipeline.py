@@ -17,6 +17,7 @@ from gateway.messages import NO_SESSION, CalibrationSession
 from gateway.packing import pack
 from gateway.pipeline import compose
 from gateway.pipeline.alert_manager import AlertChange, AlertManager
+from gateway.pipeline.alert_validity import ValidityMonitor
 from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.force_stage import ForceBatch, ForceStage, split_long_block
@@ -66,6 +67,7 @@ class Pipeline:
         self._condition_window = ConditionWindow()
         self._incidents = incidents or IncidentRegister()
         self._alerts = AlertManager(configuration.alerts, self._incidents)
+        self._validity = ValidityMonitor()
         self._drift = drift or DriftMonitor(None)
         self._condition = NOT_JUDGED
         self._update_limiter = RateLimiter(UPDATE_PERIOD_S)
@@ -279,12 +281,12 @@ class Pipeline:
         self, changes: list[AlertChange], heartbeat: bool, now: MessageTime
     ) -> Iterator[OutgoingMessage]:
         """Return a message for each change, or the heartbeat when it is due and nothing has changed."""
-        if heartbeat and not changes:
+        urgent = self._validity.update(self._condition, self._correction.status, self._motion.swing_reading())
+        if (heartbeat or urgent) and not changes:
             changes = [self._alerts.heartbeat()]
         for change in changes:
-            if change.rule is not None:
-                self._incidents.number_change()
-            message = compose.alert_message(self._header("alert", now), change, self._incidents)
+            self._incidents.number_change(change.rule)
+            message = compose.alert_message(self._header("alert", now), change, self._incidents, self._validity.present)
             yield OutgoingMessage("alert", now.log_time_ns, message)
 
     def _lowpassed(self) -> NDArray[np.float64]:

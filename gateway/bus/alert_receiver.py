@@ -1,0 +1,291 @@
+"""The receiver of alerts for other programs: every change once and in order, and at any time what is known of the gateways.
+
+The example in docs/alerts.md shows its use. All work is done in the thread that calls `poll`; Zenoh's threads only fill a queue.
+"""
+
+import json
+import queue
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+import zenoh
+from pydantic import TypeAdapter, ValidationError
+
+from gateway.atomic_io import write_durably
+from gateway.bus.alert_sequence import AlertPage, AlertRequest, AlertSequence, MissedChanges, SequenceState
+from gateway.bus.fleet_inbox import KEY as GATEWAY_KEY
+from gateway.bus.fleet_inbox import LARGEST_PAYLOAD
+from gateway.bus.gateway_state import GatewayPresence, GatewayState
+from gateway.bus.session import BusError, open_session
+from gateway.errors import InputError
+from gateway.messages import Alert
+from gateway.topics import adapter
+
+INBOX = 4096
+MOST_GATEWAYS = 256
+"""Bound of the memory that a peer with invented names can take."""
+STEP_S = 0.1
+"""Longest wait before the states are judged again."""
+ANSWER_S = 2.0
+"""A request for missed changes without an answer is repeated after this time."""
+CONNECT_MS = 1000
+_STATES = TypeAdapter(dict[str, SequenceState])
+
+
+@dataclass(frozen=True, slots=True)
+class AlertEvent:
+    """Something that a consumer must know; `gateway` is its key on the bus."""
+
+    gateway: str
+    change: Alert | None = None
+    """A change of an alert, each once and in order."""
+    missed: MissedChanges | None = None
+    """Changes that the gateway no longer has."""
+    state: GatewayState | None = None
+    """What is known of the gateway now, where that has changed."""
+    standing: Alert | None = None
+    """With a state: the last alert message, with all alerts that are active."""
+
+
+@dataclass(slots=True)
+class _Gateway:
+    """One gateway with the order of its changes."""
+
+    sequence: AlertSequence
+    presence: GatewayPresence
+    state: GatewayState | None = None
+    asked_s: float = float("-inf")
+
+
+@dataclass(frozen=True, slots=True)
+class _Arrival:
+    """Something that has come, in the order of its coming."""
+
+    key: str
+    payload: bytes | None = None
+    """Of an alert, or of the answer to a request."""
+    request: AlertRequest | None = None
+    is_alive: bool | None = None
+
+
+class AlertReceiver:
+    """Receives the alerts of the gateways that match a pattern. The link may be down at any time, also at the start."""
+
+    def __init__(
+        self,
+        connect: str,
+        pattern: str = "plumbline/v1/*/*/*",
+        *,
+        since: int | None = None,
+        state_file: Path | None = None,
+        states: str = "{}",
+    ) -> None:
+        """Connect to a gateway or router.
+
+        `since` is the number behind which changes are wanted from a gateway that is met for the first time (0: all that it
+        has; None: those from now on). `state_file` keeps the last numbers over a restart; a consumer that stores `states_json`
+        together with what it does gives them back as `states`. Raises `InputError` for a file that cannot be read, `BusError`
+        for an endpoint of wrong form.
+        """
+        self._connect, self._pattern, self._since, self._state_file = connect, pattern, since, state_file
+        self._arrivals: queue.Queue[_Arrival] = queue.Queue(INBOX)
+        self._gateways: dict[str, _Gateway] = {}
+        self._session: zenoh.Session | None = None
+        self._linked = False
+        self.refused = 0
+        """Messages that are no alerts: too large, damaged, or under a key that nobody asked for."""
+        self.dropped = 0
+        """Messages that came faster than they were read; missed changes are fetched."""
+        for key, state in _read_states(state_file, states).items():
+            self._add(key, state)
+        self._saved = self.states_json
+        self._open()
+
+    @property
+    def states_json(self) -> str:
+        """The last numbers of all gateways, to be stored with what was done with the changes."""
+        states = {key: each.sequence.state for key, each in self._gateways.items()}
+        return _STATES.dump_json({key: state for key, state in states.items() if state is not None}).decode()
+
+    @property
+    def present_states(self) -> dict[str, GatewayState]:
+        """What is known of each gateway, by key."""
+        return {key: each.state or GatewayState.NOT_KNOWN for key, each in self._gateways.items()}
+
+    def __iter__(self) -> Iterator[AlertEvent]:
+        """Yield events without end; the position is saved after each group of events was handled."""
+        while True:
+            yield from self.poll(1.0)
+
+    def poll(self, timeout_s: float) -> Iterator[AlertEvent]:
+        """Yield what comes within a time. The state file is written when the events were taken."""
+        end_s = time.monotonic() + timeout_s
+        while True:
+            self._open()
+            yield from self._take_arrivals(min(STEP_S, max(0.0, end_s - time.monotonic())))
+            self._ask()
+            yield from self._judge()
+            self.save()
+            if time.monotonic() >= end_s:
+                return
+
+    def save(self) -> None:
+        """Write the state file, where there is one and something has changed. Raises `OSError`."""
+        if self._state_file is not None and (states := self.states_json) != self._saved:
+            write_durably(self._state_file, states.encode())
+            self._saved = states
+
+    def close(self) -> None:
+        """Close the link."""
+        if self._session is not None:
+            with suppress(zenoh.ZError):
+                self._session.close()
+        self._session = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _open(self) -> None:
+        """Open the session where there is none; it restores a lost link by itself."""
+        if self._session is not None:
+            return
+        try:
+            session = open_session("client", [self._connect], [], connect_timeout_ms=CONNECT_MS)
+        except BusError as error:
+            if error.exit_code != 1:
+                raise
+            return
+        self._subscriber = session.declare_subscriber(f"{self._pattern}/alert", self._receive_alert)
+        self._liveliness = session.liveliness().declare_subscriber(
+            f"{self._pattern}/alive", self._receive_alive, history=True
+        )
+        self._session = session
+
+    def _receive_alert(self, sample: zenoh.Sample) -> None:
+        key = str(sample.key_expr).removesuffix("/alert")
+        if len(sample.payload) > LARGEST_PAYLOAD:
+            self.refused += 1
+        else:
+            self._put(_Arrival(key, sample.payload.to_bytes()))
+
+    def _receive_alive(self, sample: zenoh.Sample) -> None:
+        key = str(sample.key_expr).removesuffix("/alive")
+        self._put(_Arrival(key, is_alive=sample.kind == zenoh.SampleKind.PUT))
+
+    def _receive_page(self, key: str, request: AlertRequest, reply: zenoh.Reply) -> None:
+        if reply.ok is not None and len(reply.ok.payload) <= LARGEST_PAYLOAD:
+            self._put(_Arrival(key, reply.ok.payload.to_bytes(), request))
+
+    def _put(self, arrival: _Arrival) -> None:
+        """Called from Zenoh's threads."""
+        try:
+            self._arrivals.put_nowait(arrival)
+        except queue.Full:
+            self.dropped += 1
+
+    def _take_arrivals(self, timeout_s: float) -> Iterator[AlertEvent]:
+        """Yield what follows from everything that has come; wait for the first of it."""
+        with suppress(queue.Empty):
+            yield from self._take(self._arrivals.get(timeout=timeout_s))
+            for _ in range(self._arrivals.qsize()):
+                yield from self._take(self._arrivals.get_nowait())
+
+    def _take(self, arrival: _Arrival) -> Iterator[AlertEvent]:
+        gateway = self._gateways.get(arrival.key) or self._add(arrival.key, None)
+        if gateway is None:
+            self.refused += 1
+        elif arrival.payload is None:
+            gateway.presence.is_alive = arrival.is_alive
+        elif arrival.request is not None:
+            yield from self._take_page(arrival.key, gateway, arrival.request, arrival.payload)
+        else:
+            yield from self._take_alert(arrival.key, gateway, arrival.payload)
+
+    def _take_alert(self, key: str, gateway: _Gateway, payload: bytes) -> Iterator[AlertEvent]:
+        try:
+            alert: Alert = adapter("alert").validate_json(payload)
+        except ValidationError:
+            self.refused += 1
+            return
+        gateway.presence.hear(alert, time.monotonic())
+        for change in gateway.sequence.take(alert):
+            yield AlertEvent(key, change=change)
+
+    def _take_page(self, key: str, gateway: _Gateway, request: AlertRequest, payload: bytes) -> Iterator[AlertEvent]:
+        try:
+            page = AlertPage.model_validate_json(payload)
+        except ValidationError:
+            self.refused += 1
+            return
+        gateway.asked_s = float("-inf")
+        for event in gateway.sequence.take_page(request, page):
+            if isinstance(event, MissedChanges):
+                yield AlertEvent(key, missed=event)
+            else:
+                yield AlertEvent(key, change=event)
+
+    def _ask(self) -> None:
+        """Ask for missed changes, again where an answer does not come."""
+        now_s = time.monotonic()
+        for key, gateway in self._gateways.items():
+            if self._session is None or not gateway.sequence.is_waiting or now_s - gateway.asked_s < ANSWER_S:
+                continue
+            request = gateway.sequence.ask()
+            if request is None:
+                continue
+            gateway.asked_s = now_s
+            wanted = {"after": request.position.number, "boot": request.position.boot_id}
+            with suppress(zenoh.ZError):  # the link is down
+                self._session.get(
+                    f"{key}/rpc/alerts",
+                    partial(self._receive_page, key, request),
+                    payload=json.dumps(wanted),
+                    timeout=ANSWER_S,
+                )
+
+    def _judge(self) -> Iterator[AlertEvent]:
+        """Yield the states that have changed."""
+        now_s = time.monotonic()
+        info = None if self._session is None else self._session.info
+        is_linked = info is not None and bool(info.routers_zid() or info.peers_zid())
+        if is_linked and not self._linked:
+            for gateway in self._gateways.values():
+                gateway.presence.connected_s = now_s
+        self._linked = is_linked
+        for key, gateway in self._gateways.items():
+            state = gateway.presence.judge(now_s, is_linked=is_linked)
+            if state != gateway.state:
+                gateway.state = state
+                yield AlertEvent(key, state=state, standing=gateway.presence.alert)
+
+    def _add(self, key: str, state: SequenceState | None) -> _Gateway | None:
+        """Return a new gateway; None for a key that no configuration allows, or for too many of them."""
+        if len(self._gateways) >= MOST_GATEWAYS or GATEWAY_KEY.fullmatch(key) is None:
+            return None
+        presence = GatewayPresence(connected_s=time.monotonic() if self._linked else float("-inf"))
+        self._gateways[key] = _Gateway(AlertSequence(self._since, state), presence)
+        return self._gateways[key]
+
+
+def _read_states(path: Path | None, states: str) -> dict[str, SequenceState]:
+    """Return the last numbers that a file or a text holds. Raises `InputError`."""
+    try:
+        if path is not None and path.exists():
+            return _STATES.validate_json(path.read_bytes())
+        return _STATES.validate_json(states)
+    except (OSError, ValidationError) as error:
+        where = "states" if path is None else str(path)
+        raise InputError(
+            f"{where}: is no state of a receiver of alerts; delete it to begin with the next change"
+        ) from error

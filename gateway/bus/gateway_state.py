@@ -1,0 +1,62 @@
+"""What a consumer knows of a gateway, from link, liveliness and the last alert message: pure, time is an argument."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from gateway.messages import Alert, Validity
+
+LATE_S = 1.6
+"""Age of the last alert message at which the gateway counts as silent: it sends one a second."""
+
+
+class GatewayState(StrEnum):
+    """Only `FINE` means that the level of the alerts is known now."""
+
+    FINE = "fine"
+    NOT_KNOWN = "not known"
+    """The gateway does not know the angle at the moment, or nothing has come yet."""
+    UNCALIBRATED = "uncalibrated"
+    SUSPENDED = "suspended"
+    """The housing is off the rope, for a recalibration."""
+    SENSOR_GONE = "sensor gone"
+    GATEWAY_GONE = "gateway gone"
+    LINK_GONE = "link gone"
+    """Nobody is connected; the gateway may work or not."""
+
+
+BY_VALIDITY: dict[Validity | None, GatewayState] = {
+    "valid": GatewayState.FINE,
+    "no_samples": GatewayState.SENSOR_GONE,
+    "suspended": GatewayState.SUSPENDED,
+    "uncalibrated": GatewayState.UNCALIBRATED,
+    "not_known": GatewayState.NOT_KNOWN,
+}
+
+
+@dataclass(slots=True)
+class GatewayPresence:
+    """What has come from a gateway."""
+
+    is_alive: bool | None = None
+    """By its liveliness token; None: nothing is known of it."""
+    alert: Alert | None = None
+    """The last alert message."""
+    heard_s: float = float("-inf")
+    """Time of its arrival."""
+    connected_s: float = float("-inf")
+    """Time at which the link was there first, or again."""
+
+    def hear(self, alert: Alert, now_s: float) -> None:
+        """Take an alert message."""
+        self.alert, self.heard_s = alert, now_s
+
+    def judge(self, now_s: float, *, is_linked: bool) -> GatewayState:
+        """Return the present state; `is_linked`: somebody is connected, the gateway or a router."""
+        if not is_linked:
+            return GatewayState.LINK_GONE
+        is_late = now_s - self.heard_s > LATE_S
+        if self.is_alive is False or (is_late and now_s - self.connected_s > LATE_S):
+            return GatewayState.GATEWAY_GONE
+        if is_late or self.alert is None:
+            return GatewayState.NOT_KNOWN
+        return BY_VALIDITY.get(self.alert.validity, GatewayState.NOT_KNOWN)
