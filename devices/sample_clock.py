@@ -28,7 +28,7 @@ ANY_RATE_U = 0.5
 """Relative standard uncertainty of the rate when no line fits: the part may have been set to another rate."""
 SPREAD = 6.0
 """Standard uncertainty of the slope x window x observations / mean distance; by simulation of uniform delays, rounded up."""
-MISFIT_DELAY_NS = 20_000_000
+MISFIT_DELAY_S = 0.02
 """A larger distance from the line, beyond two periods, means a wrong count or a host that was suspended."""
 MISFITS, MISFIT_NS = 8, 1_000_000_000
 """After this many misfits in a row, over at least this time, the line itself is wrong."""
@@ -134,9 +134,15 @@ class _Window:
 class SampleClock:
     """Counts the samples of one part and determines the time of each."""
 
-    def __init__(self, nominal_rate_hz: float, usual_delay_s: float = 0.02) -> None:
-        """`usual_delay_s`: usual delay of an observation; one period for a FIFO whose level is read."""
+    def __init__(
+        self, nominal_rate_hz: float, usual_delay_s: float = 0.02, misfit_delay_s: float = MISFIT_DELAY_S
+    ) -> None:
+        """`usual_delay_s`: usual delay of an observation; one period for a FIFO whose level is read.
+
+        `misfit_delay_s`: a later observation does not fit; larger than the default where the count is certain.
+        """
         self._usual_delay_ns = usual_delay_s * 1e9
+        self._misfit_delay_ns = misfit_delay_s * 1e9
         self._prior_ns, self._prior_u = 1e9 / nominal_rate_hz, NOMINAL_RATE_U
         self._count = 0
         self._last_ns: int | None = None
@@ -219,7 +225,7 @@ class SampleClock:
 
     def _fits(self, line: _Line, observation: Observation) -> bool:
         drift_ns = 4 * line.period_u * (observation[1] - self._observed_ns)
-        return abs(line.residual_of(observation)) <= MISFIT_DELAY_NS + 2 * line.period_ns + drift_ns
+        return abs(line.residual_of(observation)) <= self._misfit_delay_ns + 2 * line.period_ns + drift_ns
 
     def _interpolate_times(self, line: _Line, n: int, newest: int) -> NDArray[np.int64]:
         """Return even times up to the newest sample. The change of the line since the last call is spread over the block."""

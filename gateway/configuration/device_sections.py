@@ -16,6 +16,7 @@ from gateway.configuration.i2c_devices import (
     Mpu6050Device,
     Mpu9250Device,
 )
+from gateway.configuration.serial_devices import NodeDevice, WitMotionDevice
 
 
 class SimulatedDevice(DeviceSection):
@@ -49,15 +50,6 @@ class ReplayDevice(DeviceSection):
     )
 
 
-SerialPortName = Annotated[
-    str,
-    Field(
-        pattern="^(/.+|usb:[0-9a-fA-F]{4}:[0-9a-fA-F]{4}(:.+)?)$",
-        description="/dev/serial/by-id/... or usb:VID:PID:SERIAL",
-    ),
-]
-
-
 class IioDevice(DeviceSection):
     """An accelerometer with a driver of the Linux kernel (Industrial I/O)."""
 
@@ -69,18 +61,6 @@ class IioDevice(DeviceSection):
     odr_hz: float = Field(100.0, gt=0, le=4000, description="output data rate, one of those that the driver offers")
     range_g: float | None = Field(None, gt=0, description="full scale; default: as the driver has set it")
     trigger: str | None = Field(None, description="trigger of the buffer, where the part has no interrupt of its own")
-
-
-class WitMotionDevice(DeviceSection):
-    """WitMotion sensor or radio receiver on a serial port."""
-
-    kind: Literal["witmotion"]
-    port: SerialPortName
-    baud: int = Field(115200, gt=0, description="as set in the sensor")
-    odr_hz: float = Field(100.0, gt=0, le=1000, description="as set in the sensor")
-    frames: Literal["standard", "radio"] = Field(
-        "standard", description="radio: the 20-byte frames of a Bluetooth Low Energy receiver"
-    )
 
 
 AnyDevice = Annotated[
@@ -95,7 +75,8 @@ AnyDevice = Annotated[
     | Mpu6050Device
     | Ads1115Device
     | IioDevice
-    | WitMotionDevice,
+    | WitMotionDevice
+    | NodeDevice,
     Field(discriminator="kind", description="the source of the samples"),
 ]
 DEVICE_KINDS = tuple(get_args(device.model_fields["kind"].annotation)[0] for device in get_args(get_args(AnyDevice)[0]))

@@ -8,9 +8,10 @@ from devices.device import Device
 from devices.errors import DeviceError
 from gateway.configuration.device_plugins import PluginError, load_plugin
 from gateway.configuration.device_section import DeviceSection
-from gateway.configuration.device_sections import IioDevice, ReplayDevice, SimulatedDevice, WitMotionDevice
+from gateway.configuration.device_sections import IioDevice, ReplayDevice, SimulatedDevice
 from gateway.configuration.i2c_devices import Ads1115Device, I2cDevice, I2cSection
 from gateway.configuration.model import Configuration
+from gateway.configuration.serial_devices import NodeDevice, SerialSection, WitMotionDevice
 from gateway.daemon.recovery_hook import run_hook
 from gateway.daemon.simulated_rigger import SimulatedRigger
 
@@ -39,8 +40,8 @@ def make_device(configuration: Configuration, clock: Clock) -> Device:
                 return _make_recovering(device, _make_i2c(device, n, clock), clock)
             case IioDevice():
                 return _make_iio(device, n, clock)
-            case WitMotionDevice():
-                return _make_witmotion(device, n, clock)
+            case SerialSection():
+                return _make_serial(device, n, clock)
             case ReplayDevice():
                 return _make_replay(device, n, clock)
             case _:
@@ -150,6 +151,16 @@ def _make_iio(device: IioDevice, block: int, clock: Clock) -> Device:
     )
 
 
+def _make_serial(device: SerialSection, block: int, clock: Clock) -> Device:
+    match device:
+        case WitMotionDevice():
+            return _make_witmotion(device, block, clock)
+        case NodeDevice():
+            return _make_node(device, block, clock)
+        case _:
+            raise ValueError(f"no device of kind {device.kind}")
+
+
 def _make_witmotion(device: WitMotionDevice, block: int, clock: Clock) -> Device:
     from devices.witmotion import open_witmotion
 
@@ -159,6 +170,21 @@ def _make_witmotion(device: WitMotionDevice, block: int, clock: Clock) -> Device
         clock=clock,
         odr_hz=device.odr_hz,
         frames=device.frames,
+        block_samples=block,
+        serial=device.serial,
+    )
+
+
+def _make_node(device: NodeDevice, block: int, clock: Clock) -> Device:
+    from devices.node import open_node
+
+    return open_node(
+        device.port,
+        device.baud,
+        node=device.node,
+        clock=clock,
+        odr_hz=device.odr_hz,
+        range_g=device.range_g,
         block_samples=block,
         serial=device.serial,
     )

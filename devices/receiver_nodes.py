@@ -1,0 +1,37 @@
+"""The nodes that a receiver hears: to find out that it hears all but the configured one."""
+
+from devices.errors import DeviceError
+
+PATIENCE_NS = 10_000_000_000
+MOST_NODES = 32
+
+
+class HeardNodes:
+    """Counts the frames of all nodes."""
+
+    def __init__(self, wanted: int) -> None:
+        self._wanted = wanted
+        self._others: dict[int, int] = {}
+        self._since_ns: int | None = None
+
+    def restart(self) -> None:
+        """Begin again, after the port was opened."""
+        self._others.clear()
+        self._since_ns = None
+
+    def add(self, node: int, read_ns: int) -> bool:
+        """Count a frame; return whether it is one of the wanted node."""
+        if self._since_ns is None:
+            self._since_ns = read_ns
+        if node == self._wanted:
+            self._since_ns = read_ns
+            return True
+        if node in self._others or len(self._others) < MOST_NODES:
+            self._others[node] = self._others.get(node, 0) + 1
+        return False
+
+    def check(self, read_ns: int) -> None:
+        """Raise `DeviceError` when frames of other nodes have come for ten seconds, and none of the wanted one."""
+        if self._others and self._since_ns is not None and read_ns - self._since_ns > PATIENCE_NS:
+            heard = ", ".join(f"{node} ({count} frames)" for node, count in sorted(self._others.items()))
+            raise DeviceError(f"node {self._wanted} is not heard; heard are {heard}; set device.node, or wake the node")
