@@ -27,6 +27,11 @@ def require_laser() -> None:
     _require(("cv2", "fpdf"), "laser")
 
 
+def require_http() -> None:
+    """Raise `InputError` where the HTTP server's libraries are missing."""
+    _require(("starlette", "uvicorn"), "page")
+
+
 def _require(libraries: tuple[str, ...], extra: str) -> None:
     missing = [name for name in libraries if importlib.util.find_spec(name) is None]
     if missing:

@@ -126,6 +126,10 @@ class FleetState:
         missing = [missing_gateway(key) for key in self.expected - self._gateways.keys()]
         return sorted([*seen, *missing], key=lambda status: status.key)
 
+    def evidence(self, now_s: float) -> dict[str, PageEvidence]:
+        """Return what is known of every gateway, by key."""
+        return {key: gateway.evidence(now_s) for key, gateway in sorted(self._gateways.items())}
+
     @property
     def complete(self) -> bool:
         """Whether every gateway that is alive has sent what its state depends on, and every expected one is alive."""

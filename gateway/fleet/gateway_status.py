@@ -1,10 +1,11 @@
 """The status of one gateway, judged from its latest messages: a pure function."""
 
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from typing import Literal
 
 from gateway.messages import Alert, Calibration, Health, Level, Swing
+from gateway.page.calibration_time import created_utc
 from gateway.page.verdict import STYLES, PageEvidence, Word, is_fresh, is_swing_known, verdict
 
 FleetWord = Literal["MISSING", "GONE", "DUPLICATE", "BATTERY LOW"] | Word
@@ -127,10 +128,5 @@ def _swing(evidence: PageEvidence) -> SwingReading | None:
 
 
 def _age_days(calibration: Calibration, now_utc: datetime) -> float | None:
-    """Return the age of the record in force; None where there is none, or it states no time."""
-    try:
-        created = datetime.fromisoformat(str(calibration.record.get("created_utc", "")))
-    except ValueError:
-        return None
-    created = created if created.tzinfo is not None else created.replace(tzinfo=UTC)
-    return (now_utc - created).total_seconds() / DAY_S
+    created = created_utc(calibration)
+    return None if created is None else (now_utc - created).total_seconds() / DAY_S

@@ -10,7 +10,7 @@ from starlette.requests import Request
 from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
-from gateway.page import metrics
+from gateway.page import exposition, metrics
 from gateway.page.hub import EventStream, event
 from gateway.page.state import PageState
 
@@ -56,7 +56,7 @@ def make_application(state: PageState, hub: EventStream) -> Starlette:
             dropped_clients=hub.dropped,
         )
         text = metrics.format_exposition(state.evidence(time.monotonic()), counters, state.parameters.place)
-        return Response(text, media_type=metrics.CONTENT_TYPE)
+        return Response(text, media_type=exposition.CONTENT_TYPE)
 
     endpoints = {"/healthz": healthz, "/api/state": api_state, "/api/events": api_events, "/metrics": prometheus}
     return Starlette(routes=[*_static_routes(), *(Route(path, endpoint) for path, endpoint in endpoints.items())])

@@ -1,17 +1,29 @@
-"""The metrics at `/metrics` in the Prometheus text format 0.0.4.
+"""The metrics at `/metrics`. A measured value that is stale or not known is omitted, so that no dashboard shows an old one."""
 
-A measured value that is stale or not known is omitted, so that no dashboard shows an old angle as a new one.
-"""
-
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import chain
+from math import inf
 from typing import get_args
 
-from gateway.messages import Alert, Condition, Health, Level, Swing
+from gateway.messages import Alert, Calibration, CalibrationStatus, Condition, Health, Level, Motion, Swing
+from gateway.page.calibration_time import created_utc
+from gateway.page.exposition import (
+    Family,
+    counter,
+    gauge,
+    info_gauge,
+    labelled_counter,
+    labelled_gauge,
+    render,
+    state_gauge,
+    with_labels,
+)
+from gateway.page.health_metrics import health_families
 from gateway.page.verdict import STYLES, PageEvidence, is_fresh, verdict
 
-CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
-Rows = Iterable[tuple[Mapping[str, str], float | int | bool | None]]
+RULES = ("swing", "lean", "calibration")
+"""The alert rules of a gateway; one that is not active is normal."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -25,108 +37,99 @@ class Counters:
 
 
 def format_exposition(evidence: PageEvidence, counters: Counters, labels: Mapping[str, str]) -> str:
-    """Return the whole text; `labels` (site, crane, sensor) are on every sample."""
-    blocks = (
-        *_swing_metrics(evidence),
-        *_verdict_metrics(evidence),
-        *_health_metrics(evidence.get(Health)),
-        *_page_metrics(evidence, counters),
-    )
-    lines: list[str] = []
-    for name, kind, text, rows in blocks:
-        samples = [_sample(name, {**labels, **extra}, value) for extra, value in rows if value is not None]
-        if samples:
-            lines += [f"# HELP {name} {text}", f"# TYPE {name} {kind}", *samples]
-    return "\n".join(lines) + "\n"
+    """Return the metrics of a gateway and of its page; `labels` (site, crane, sensor) are on every sample."""
+    return render(with_labels(chain(gateway_families(evidence), _page_families(counters)), labels))
 
 
-Block = tuple[str, str, str, Rows]
+def gateway_families(evidence: PageEvidence) -> Iterator[Family]:
+    """Yield the metrics of one gateway."""
+    yield from _swing_families(evidence)
+    yield from _verdict_families(evidence)
+    yield from _alert_families(evidence)
+    yield from _calibration_families(evidence.get(Calibration))
+    yield from health_families(evidence.get(Health))
 
 
-def _gauge(name: str, text: str, value: float | bool | None) -> Block:
-    return f"plumbline_{name}", "gauge", text, [({}, value)]
-
-
-def _counter(name: str, text: str, value: int | None) -> Block:
-    return f"plumbline_{name}_total", "counter", text, [({}, value)]
-
-
-def _swing_metrics(evidence: PageEvidence) -> Iterator[Block]:
-    swing = evidence.get(Swing)
+def _swing_families(evidence: PageEvidence) -> Iterator[Family]:
+    motion, swing = evidence.get(Motion), evidence.get(Swing)
+    if motion is not None and evidence.gateway and evidence.age_s.get("motion", inf) <= evidence.stale_s:
+        yield gauge("rope_angle_degrees", "Angle between rope and vertical.", motion.angle_deg)
+        yield gauge("rope_angle_u_degrees", "Standard uncertainty of the rope angle.", motion.u_deg)
     if swing is None or not evidence.gateway or not is_fresh(evidence, "swing"):
         return
     high = swing.coverage95_deg[1] if swing.coverage95_deg else None
-    yield _gauge("swinging", "1 while the load swings, 0 when no swing is detected.", swing.swinging)
-    yield _gauge("phi_max_degrees", "Largest angle between rope and vertical over the last swing.", swing.phi_max_deg)
-    yield _gauge("phi_max_u_degrees", "Standard uncertainty of phi_max.", swing.u_deg)
-    yield _gauge("phi_max_upper95_degrees", "Upper end of the 95 % interval of phi_max, or its upper limit.", high)
-    yield _gauge("lean_degrees", "Steady lean of the rope.", swing.lean_deg)
-    yield _gauge("swing_period_seconds", "Period of the swing.", swing.period_s)
-    yield _gauge(
+    yield gauge("swinging", "1 while the load swings, 0 when no swing is detected.", swing.swinging)
+    yield gauge("phi_max_degrees", "Largest angle between rope and vertical over the last swing.", swing.phi_max_deg)
+    yield gauge("phi_max_u_degrees", "Standard uncertainty of phi_max.", swing.u_deg)
+    yield gauge("phi_max_upper95_degrees", "Upper end of the 95 % interval of phi_max, or its upper limit.", high)
+    yield gauge("lean_degrees", "Steady lean of the rope.", swing.lean_deg)
+    yield gauge("swing_period_seconds", "Period of the swing.", swing.period_s)
+    yield gauge(
         "predicted_phi_max_degrees", "Predicted maximum of the current half swing.", swing.predicted_phi_max_deg
     )
 
 
-def _verdict_metrics(evidence: PageEvidence) -> Iterator[Block]:
-    alert, condition = evidence.get(Alert), evidence.get(Condition)
-    word = verdict(evidence).word
-    level = alert.level if alert is not None and is_fresh(evidence, "alert") else "unknown"
-    yield _gauge("up", "1 while the gateway answers.", evidence.gateway)
-    yield (
-        "plumbline_alert_level",
-        "gauge",
-        "1 at the present alert level; unknown does not mean safe.",
-        [({"level": each}, each == level) for each in get_args(Level)],
-    )
-    yield (
-        "plumbline_verdict",
-        "gauge",
-        "1 at the verdict of the page.",
-        [({"verdict": each}, each == word) for each in STYLES],
-    )
-    if condition is not None and is_fresh(evidence, "condition"):
-        yield _gauge("trusted", "1 while the reading can be trusted.", condition.trusted)
-    ages = [({"topic": topic}, round(age, 3)) for topic, age in evidence.age_s.items()]
-    yield "plumbline_age_seconds", "gauge", "Time since the last new message of a topic.", ages
+def _verdict_families(evidence: PageEvidence) -> Iterator[Family]:
+    condition = evidence.get(Condition)
+    yield gauge("up", "1 while the gateway is alive.", evidence.gateway)
+    yield state_gauge("verdict", "verdict", "1 at the verdict of the page.", tuple(STYLES), verdict(evidence).word)
+    if condition is not None and evidence.gateway and is_fresh(evidence, "condition"):
+        yield gauge("trusted", "1 while the reading can be trusted.", condition.trusted)
+        yield gauge(
+            "clock_synchronised", "1 while the gateway's clock is synchronised.", condition.clock == "synchronised"
+        )
+    ages = {topic: round(age, 3) for topic, age in evidence.age_s.items()}
+    yield labelled_gauge("age_seconds", "topic", "Time since the last new message of a topic.", ages)
 
 
-def _health_metrics(health: Health | None) -> Iterator[Block]:
-    if health is None:
+def _alert_families(evidence: PageEvidence) -> Iterator[Family]:
+    alert = evidence.get(Alert)
+    present: Alert | None = alert if evidence.gateway and is_fresh(evidence, "alert") else None
+    levels, text = get_args(Level), "1 at the present alert level; unknown does not mean safe."
+    yield state_gauge("alert_level", "level", text, levels, "unknown" if present is None else present.level)
+    active = {} if present is None else {each.rule: each for each in present.active}
+    usual: Level = "unknown" if present is None else "normal"
+    for rule in dict.fromkeys((*RULES, *active)):
+        level = active[rule].level if rule in active else usual
+        states = state_gauge("alert_rule_level", "level", "1 at the present level of an alert rule.", levels, level)
+        yield from with_labels([states], {"rule": rule})
+    if present is None:
         return
-    yield _counter("samples", "Samples since the gateway's start.", health.samples)
-    yield _counter("lost_samples", "Samples lost since the gateway's start.", health.lost)
-    yield _counter("invalid_samples", "Samples that arrived and could not be used.", health.invalid)
-    yield _labelled_counter("faults", "fault", "Faults since the gateway's start that did not stop it.", health.faults)
-    yield _labelled_counter("dropped_messages", "queue", "Messages dropped by a bounded queue.", health.dropped)
-    yield _gauge("sample_rate_hertz", "Measured sample rate.", health.measured_rate_hz)
-    yield _gauge("recording", "1 while a recording is written.", health.recording is not None)
-    yield _gauge("recording_error", "1 while the recorder reports an error.", health.recording_error is not None)
-    if health.drift is not None:
-        error_mg = health.drift.get("norm_error_mg")
-        alarm = None if error_mg is None else health.drift.get("state") == "alarm"
-        yield _gauge("drift_norm_error_milligrams", "Norm at rest minus 1 g; omitted while not known.", error_mg)
-        yield _gauge("drift_alarm", "1 while the norm at rest is outside its interval; omitted while not known.", alarm)
-    yield _gauge("disk_free_megabytes", "Free space for recordings.", health.disk_free_mb)
-    yield _gauge("gateway_cpu_percent", "Processor load of the gateway.", health.cpu_percent)
-    yield _gauge("gateway_resident_megabytes", "Resident memory of the gateway.", health.resident_mb)
-    yield _gauge("gateway_uptime_seconds", "Time since the gateway's start.", health.uptime_s)
+    open_rules = {rule: each for rule, each in active.items() if each.incident is not None}
+    yield labelled_gauge(
+        "incident_open", "rule", "1 while an incident of a rule is open.", {rule: rule in open_rules for rule in RULES}
+    )
+    yield labelled_gauge(
+        "incident_acknowledged",
+        "rule",
+        "1 while a person has acknowledged the open incident.",
+        {rule: each.acknowledged_by is not None for rule, each in open_rules.items()},
+    )
+    yield counter(
+        "alert_changes", "Number of the last change of an alert, which continues over restarts.", present.alert_number
+    )
 
 
-def _page_metrics(evidence: PageEvidence, counters: Counters) -> Iterator[Block]:
-    yield _labelled_counter("page_messages", "topic", "Messages received by the page.", counters.received)
-    yield _counter("page_invalid_messages", "Messages that the page could not read.", counters.invalid)
-    yield _counter("page_dropped_clients", "Browsers dropped because they were too slow.", counters.dropped_clients)
-    yield _gauge("page_clients", "Connected browsers.", counters.clients)
+def _calibration_families(calibration: Calibration | None) -> Iterator[Family]:
+    if calibration is None:
+        return
+    statuses = get_args(CalibrationStatus)
+    yield state_gauge(
+        "calibration_status", "status", "1 at the status of the calibration.", statuses, calibration.status
+    )
+    yield info_gauge(
+        "calibration",
+        "Identity of the calibration record in force and of its device.",
+        {"id": calibration.calibration_id or "", "device_id": calibration.device_id},
+    )
+    yield gauge("alerts_suspended", "1 while a recalibration suspends the alerts.", calibration.session.suspended)
+    created = created_utc(calibration)
+    text = "When the calibration record in force was made, in seconds since 1970."
+    yield gauge("calibration_created_timestamp_seconds", text, None if created is None else created.timestamp())
 
 
-def _labelled_counter(name: str, label: str, text: str, counts: Mapping[str, int]) -> Block:
-    return f"plumbline_{name}_total", "counter", text, [({label: key}, count) for key, count in counts.items()]
-
-
-def _sample(name: str, labels: Mapping[str, str], value: float | bool) -> str:
-    inside = ",".join(f'{label}="{_escape(text)}"' for label, text in labels.items())
-    return f"{name}{{{inside}}} {value:g}" if isinstance(value, bool) else f"{name}{{{inside}}} {value!r}"
-
-
-def _escape(text: str) -> str:
-    return text.replace("\\", "\\\\").replace('"', '\\"').replace("\n", "\\n")
+def _page_families(counters: Counters) -> Iterator[Family]:
+    yield labelled_counter("page_messages", "topic", "Messages received by the page.", counters.received)
+    yield counter("page_invalid_messages", "Messages that the page could not read.", counters.invalid)
+    yield counter("page_dropped_clients", "Browsers dropped because they were too slow.", counters.dropped_clients)
+    yield gauge("page_clients", "Connected browsers.", counters.clients)

@@ -9,9 +9,12 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
 
 import pytest
 import zenoh
@@ -85,6 +88,52 @@ def test_all_gateways_of_a_router_are_listed_with_exit_codes_for_monitoring(
     assert status("--site", "no-such-site").returncode == 1
     wrong = status("--state", "broken")
     assert (wrong.returncode, "choose from" in wrong.stderr, "Traceback" in wrong.stderr) == (2, True, False)
+
+
+def _contains_all(scrape: Callable[[], str], wanted: Sequence[str]) -> bool:
+    text = scrape()
+    return all(each in text for each in wanted)
+
+
+def test_the_metrics_of_all_gateways_are_on_one_endpoint(site: Site) -> None:
+    port = unused_port()
+    command = [
+        sys.executable,
+        "-m",
+        "gateway",
+        "fleet",
+        "metrics",
+        "--listen",
+        f"127.0.0.1:{port}",
+        "--connect",
+        site.endpoint,
+    ]
+    exporter = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+
+    def scrape(host: str = "127.0.0.1") -> str:
+        with urlopen(Request(f"http://127.0.0.1:{port}/metrics", headers={"Host": host}), timeout=PATIENCE_S) as answer:
+            text: str = answer.read().decode()
+            return text
+
+    try:
+        assert exporter.stdout is not None
+        assert f"http://127.0.0.1:{port}/metrics" in exporter.stdout.readline()
+        for name in ("up", "samples_total"):
+            wanted = [f'plumbline_{name}{{site="yard",crane="{crane}",sensor="hook-1"}} ' for crane in ("c1", "c2")]
+            wait_until(partial(_contains_all, scrape, wanted), f"{name} of both gateways")
+        text = scrape()
+        assert text.count("# TYPE plumbline_up gauge") == 1
+        assert "plumbline_fleet_router_connected{} 1\n" in text
+        with pytest.raises(HTTPError, match="400"):
+            scrape(host="evil.example")
+        site.gateways["c1"].process.kill()
+        wait_until(lambda: 'plumbline_up{site="yard",crane="c1",sensor="hook-1"} 0' in scrape(), "the killed gateway")
+        assert 'phi_max_degrees{site="yard",crane="c1"' not in scrape()
+    finally:
+        exporter.terminate()
+        assert exporter.wait(PATIENCE_S) in (0, -signal.SIGTERM)
+        assert exporter.stdout is not None
+        exporter.stdout.close()
 
 
 def test_a_killed_and_a_frozen_gateway_are_seen_in_a_terminal_that_is_redrawn(site: Site) -> None:

@@ -89,4 +89,4 @@ def test_the_drift_is_a_metric_once_it_is_known(gateway: FakeGateway, page: Page
     assert "drift" not in page.get("/metrics")[1]
     gateway.scene.drift = {"state": "alarm", "norm_error_mg": 9.0, "limit_mg": 5.0}
     wait_until(lambda: "plumbline_drift_alarm" in page.get("/metrics")[1], "the drift")
-    assert "plumbline_drift_norm_error_milligrams" in page.get("/metrics")[1]
+    assert "plumbline_drift_norm_error_g{" in page.get("/metrics")[1]
