@@ -17,6 +17,8 @@ LEASE_MS = 2000
 RETRY_MS = {"period_init_ms": 200, "period_max_ms": 2000, "period_increase_factor": 2}
 """Pauses between attempts to connect."""
 FOREVER = -1
+CLIENT_CONNECT_MS = 2000
+"""Longest attempt of a gateway that is a client: the library waits in `open`, and the gateway repeats it without end."""
 LARGEST_MESSAGE = 65536
 """Largest message, bytes, that a gateway receives: a request or a load signal is smaller. The library's default is 1 GiB."""
 LARGEST_ANSWER = 4_194_304
@@ -122,6 +124,7 @@ def gateway_settings(bus: BusSection, key: str) -> zenoh.Config:
         bus.connect,
         bus.active_listeners,
         files,
+        CLIENT_CONNECT_MS if bus.mode == "client" else FOREVER,
         largest_message=LARGEST_MESSAGE,
         access=access_control(bus, key),
     )

@@ -17,6 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from gateway.atomic_io import write_durably
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.errors import describe_problems
+from gateway.file_input import parse_json, read_bounded
 
 ID_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9._-]{0,119}$"
 """Pattern of a record's id, which is the name of its file."""
@@ -159,7 +160,7 @@ def parse_record(content: dict[str, Any], device_id: str, where: str) -> Calibra
 def _read_json(path: Path) -> dict[str, Any] | None:
     """Return the parsed JSON of a file, or None if the file does not exist. Raises `CalibrationError`."""
     try:
-        content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        content: dict[str, Any] = parse_json(read_bounded(path))
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:

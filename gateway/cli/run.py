@@ -2,16 +2,22 @@
 
 import argparse
 import logging
+import os
 import signal
 import sys
 import threading
 from pathlib import Path
-from types import FrameType
+from typing import TYPE_CHECKING
 
 from gateway.cli.argument_types import above_zero
 from gateway.cli.replay_options import add_replay_options, replay_section
 
+if TYPE_CHECKING:
+    from gateway.daemon.line_writer import LineWriter
+
 WITH_LOSSES, FAILED = 3, 1
+OUTPUT_S = 0.3
+"""Longest wait for a reader of standard output or error to take the last lines."""
 
 
 def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -37,30 +43,42 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the gateway."""
+    from gateway.daemon.line_writer import LineWriter
+    from gateway.daemon.logs import start_logging
+
+    stopping = threading.Event()
+    for name in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(name, lambda *_: stopping.set())
+    output = LineWriter(sys.stdout.fileno())
+    output.start()
+    errors = start_logging(logging.WARNING if arguments.quiet else logging.INFO)
+    try:
+        return _run(arguments, stopping, output, errors)
+    finally:
+        for writer in (output, errors):
+            writer.finish(OUTPUT_S)
+
+
+def _run(arguments: argparse.Namespace, stopping: threading.Event, output: "LineWriter", errors: "LineWriter") -> int:
     from gateway.configuration.loading import load
     from gateway.configuration.service_configuration import require_sensor
     from gateway.daemon.gateway import Gateway
-    from gateway.daemon.logs import start_logging
 
-    start_logging(logging.WARNING if arguments.quiet else logging.INFO)
-    stopping = threading.Event()
-
-    def on_signal(_signal: int, _frame: FrameType | None) -> None:
-        stopping.set()
-
-    for name in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(name, on_signal)
     configuration = load(arguments.config, device=replay_section(arguments))
     if arguments.service:
         require_sensor(configuration, str(arguments.config or "the embedded default"))
-    gateway = Gateway(configuration)
-    if not arguments.quiet:
-        print(gateway.describe(), flush=True)
-    failed = gateway.run(stopping, arguments.duration)
+    gateway = Gateway(configuration, errors)
+    failed = gateway.run(stopping, arguments.duration, str if arguments.quiet else output.put)
+    code = 0
     if failed is not None:
-        print(f"plumbline run: the {failed} thread failed; see the log above", file=sys.stderr)
-        return FAILED
-    if gateway.samples_not_recorded:
-        print(f"plumbline run: {gateway.samples_not_recorded} samples could not be recorded", file=sys.stderr)
-        return WITH_LOSSES
-    return 0
+        errors.put(f"plumbline run: the {failed} thread failed; see the log above")
+        code = FAILED
+    elif gateway.samples_not_recorded:
+        errors.put(f"plumbline run: {gateway.samples_not_recorded} samples could not be recorded")
+        code = WITH_LOSSES
+    if gateway.shutdown.stuck:
+        errors.put(f"plumbline run: ended without {', '.join(gateway.shutdown.stuck)}, which did not stop in time")
+        for writer in (output, errors):
+            writer.finish(OUTPUT_S)
+        os._exit(code)  # the interpreter would wait for what these threads are stuck in
+    return code

@@ -24,7 +24,7 @@ class SimulatedDevice(DeviceSection):
 
     kind: Literal["simulated"] = "simulated"
     odr_hz: float = Field(125.0, gt=0, le=4000, description="output data rate")
-    range_g: float = Field(2.0, gt=0, description="full scale")
+    range_g: float = Field(2.0, ge=0.1, le=1000, description="full scale")
     seed: int = Field(1, ge=0, description="seed of the crane's moves, the wind and the noise")
 
 

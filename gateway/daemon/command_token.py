@@ -7,6 +7,7 @@ from pathlib import Path
 
 from gateway.atomic_io import write_private
 from gateway.authorization.token import TOKEN_BYTES, TOKEN_NAME, parse_token
+from gateway.file_input import read_bounded
 
 log = logging.getLogger("plumbline.security")
 MODE = 0o640
@@ -18,7 +19,7 @@ def load_or_create_token(data_dir: Path) -> bytes:
     path = data_dir / TOKEN_NAME
     try:
         with suppress(FileNotFoundError):
-            secret = parse_token(path.read_text(encoding="ascii"))
+            secret = parse_token(read_bounded(path).decode("ascii"))
             if secret is None:
                 log.error("%s: is damaged; move it away so that the next start makes one; commands are refused", path)
                 return secrets.token_bytes(TOKEN_BYTES)

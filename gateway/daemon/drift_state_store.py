@@ -10,6 +10,7 @@ from gateway.calibration.correction import Correction
 from gateway.calibration.drift.rest_monitor import RestDriftMonitor
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
+from gateway.file_input import parse_json, read_bounded
 from gateway.pipeline.drift_monitor import DriftMonitor
 
 log = logging.getLogger("plumbline.drift")
@@ -64,7 +65,7 @@ def _rest_monitor(correction: Correction, path: Path) -> RestDriftMonitor | None
 def _read_state(path: Path) -> dict[str, Any] | None:
     """Return the saved state; None where there is none that can be read: the monitor then starts again."""
     try:
-        content = json.loads(path.read_bytes())
+        content = parse_json(read_bounded(path))
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:

@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 from devices.block import DeviceInfo
 from devices.device import Device
@@ -13,6 +13,8 @@ from gateway import __version__
 from gateway.daemon.alert_sender import AlertSender
 from gateway.daemon.counters import SampleCounters
 from gateway.daemon.drift_state_store import DriftStateStore
+from gateway.daemon.faults import FaultRegister
+from gateway.daemon.line_writer import LineWriter
 from gateway.daemon.outbox_writer import OutboxWriter
 from gateway.daemon.page_channel import PageChannel
 from gateway.daemon.publisher import Publisher
@@ -23,6 +25,7 @@ from gateway.daemon.resources import CpuMeter, disk_free_mb, resident_mb
 from gateway.daemon.rpc_server import RpcServer
 from gateway.daemon.sampler import Sampler
 from gateway.daemon.security_log import SecurityLog
+from gateway.daemon.worker import Worker
 from gateway.messages import Health
 from gateway.pipeline.header import Header
 
@@ -47,6 +50,9 @@ class HealthReporter:
     alerts: AlertSender
     page: PageChannel
     relay: RelayWorker | None
+    compaction: Worker[Any]
+    output: LineWriter
+    faults: FaultRegister
     data_dir: Path
     boot_id: str
     stopping: bool = False
@@ -57,7 +63,7 @@ class HealthReporter:
 
     def make(self, header: Header, info: DeviceInfo) -> Health:
         """Return the present state of the gateway."""
-        counters, path = self.counters, self.recording.path
+        counters, path, standing = self.counters, self.recording.path, self.faults.standing
         return Health(
             **header,
             state=self._state(),
@@ -77,18 +83,18 @@ class HealthReporter:
                 "bus": self.publisher.inbox.dropped + self.alerts.inbox.dropped + self.alerts.not_sent,
                 "page": self.page.dropped,
                 "requests": self.recalibration.dropped + self.rpc.inbox.dropped,
+                "log": self.output.dropped,
             },
+            standing_faults=standing,
             refused=dict(self.security_log.counts),
             recording=None if path is None else str(path),
-            recording_error=self.recording.error,
+            recording_error=standing.get("recording"),
             disk_free_mb=disk_free_mb(self.data_dir),
             cpu_percent=self._cpu.percent(),
             resident_mb=resident_mb(),
             alert_latency_ms=self.alerts.latency_ms(),
             drift=self.drift_store.monitor.status_json,
             **asdict(counters.radio.status()),
-            relay=None if self.relay is None else self.relay.state,
-            relay_reason=None if self.relay is None else self.relay.reason,
         )
 
     def _state(self) -> Literal["running", "recovering", "stopping"]:
@@ -99,15 +105,15 @@ class HealthReporter:
     def _faults(self) -> dict[str, int]:
         own: Mapping[str, int] = {
             "device_reopened": self.sampler.reopened,
-            "recording_failures": self.recording.failures,
             "alerts_not_stored": self.alerts.sent_unstored,
-            "outbox_failures": self.outbox.failures,
             "samples_not_recorded": self.recording.samples_lost,
             "messages_not_writable": self.recording.unwritable,
             "segments_not_deleted": self.recording.undeletable,
         }
         relay = {} if self.relay is None else self.relay.faults
-        counts = {**self.device.faults, **own, **relay}
+        workers = (self.recording, self.compaction, self.outbox, self.rpc, self.alerts, self.publisher)
+        defects = {f"{worker.name}_defects": worker.defects for worker in workers}
+        counts = {**self.device.faults, **own, **relay, **self.faults.counts, **defects}
         return {name: count for name, count in counts.items() if count}
 
     def _rate_hz(self) -> float | None:

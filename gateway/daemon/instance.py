@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+from contextlib import suppress
 from pathlib import Path
 
 from gateway.errors import PlumblineError
@@ -10,18 +11,29 @@ LOCK_NAME = ".lock"
 
 
 class InstanceError(PlumblineError):
-    """The data folder cannot be used; the text states the reason in one line."""
+    """Another gateway uses the data folder; the text states which, in one line."""
+
+
+class FolderError(PlumblineError):
+    """The data folder cannot be used at present; the text states the reason in one line."""
 
 
 def is_in_use(data_dir: Path) -> bool:
     """Return whether a gateway runs with a data folder, without changing anything; True where only the gateway may know."""
     try:
-        with (data_dir / LOCK_NAME).open("rb") as file:
-            fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except (BlockingIOError, PermissionError):
+        descriptor = os.open(data_dir / LOCK_NAME, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
+    except PermissionError:
         return True
     except OSError:
         return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    finally:
+        os.close(descriptor)
     return False
 
 
@@ -29,29 +41,58 @@ class InstanceLock:
     """The lock of a data folder for this process; the kernel releases it even after a kill."""
 
     def __init__(self, data_dir: Path) -> None:
-        """Create the folder if necessary and lock it. Raises `InstanceError`."""
-        path = data_dir / LOCK_NAME
+        self._path = data_dir / LOCK_NAME
+        self._descriptor: int | None = None
+
+    def acquire(self) -> None:
+        """Lock the folder, which is made where there is none; may be called again.
+
+        Raises `InstanceError` where another gateway holds the lock, and `FolderError` where it cannot be known.
+        """
+        if self._descriptor is not None:
+            return
+        folder = self._path.parent
         try:
-            data_dir.mkdir(parents=True, exist_ok=True)
-            self._file = path.open("a+", encoding="ascii")
+            descriptor = self._open()
         except OSError as error:
-            raise InstanceError(
-                f"{data_dir}: cannot be written ({error.strerror}); choose another gateway.data_dir or mend its rights"
+            raise FolderError(
+                f"{folder}: cannot be written ({error.strerror}); choose another gateway.data_dir or mend its rights"
             ) from error
         try:
-            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            self._file.seek(0)
-            holder = self._file.read().strip()
-            self._file.close()
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            holder = _read_holder(descriptor)
+            os.close(descriptor)
+            if not isinstance(error, BlockingIOError):
+                raise FolderError(f"{folder}: cannot be locked ({error.strerror})") from error
             raise InstanceError(
-                f"{data_dir}: is in use by another gateway (process {holder or 'unknown'}); "
+                f"{folder}: is in use by another gateway (process {holder or 'unknown'}); "
                 "stop it, or choose another gateway.data_dir"
             ) from error
-        self._file.truncate(0)
-        self._file.write(f"{os.getpid()}\n")
-        self._file.flush()
+        self._descriptor = descriptor
+        with suppress(OSError):  # on a full or read-only disk the lock holds without the number
+            os.ftruncate(descriptor, 0)
+            os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
 
     def release(self) -> None:
         """Release the lock."""
-        self._file.close()
+        if self._descriptor is not None:
+            os.close(self._descriptor)
+            self._descriptor = None
+
+    def _open(self) -> int:
+        """Return a descriptor of the file; for reading only where the file system allows no more. Raises `OSError`."""
+        flags = os.O_CLOEXEC | os.O_NONBLOCK
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            return os.open(self._path, os.O_RDWR | os.O_CREAT | flags, 0o644)
+        except OSError:
+            with suppress(OSError):
+                return os.open(self._path, os.O_RDONLY | flags)
+            raise
+
+
+def _read_holder(descriptor: int) -> str:
+    with suppress(OSError):
+        return os.pread(descriptor, 20, 0).decode(errors="replace").strip()
+    return ""

@@ -4,6 +4,7 @@ import logging
 import sys
 from collections.abc import Callable
 
+from gateway.daemon.line_writer import LineWriter
 from gateway.messages import FoxgloveTime, Log
 
 RECORDED_ONLY = {"recorded_only": True}
@@ -33,16 +34,29 @@ class RecordingHandler(logging.Handler):
         )
 
 
-def start_logging(level: int = logging.INFO) -> None:
+class LineHandler(logging.Handler):
+    """Passes each line of the log to a writer, which never lets the calling thread wait."""
+
+    def __init__(self, writer: LineWriter, level: int) -> None:
+        super().__init__(level)
+        self._writer = writer
+        self.addFilter(lambda record: not getattr(record, "recorded_only", False))
+        self.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Pass one line on."""
+        self._writer.put(self.format(record))
+
+
+def start_logging(level: int = logging.INFO) -> LineWriter:
     """Write lines of a level and above to standard error, with level, name and text; the service manager adds the time.
 
-    The recording contains all lines from INFO on, whatever `level` is.
+    The recording contains all lines from INFO on, whatever `level` is. The returned writer is running.
     """
-    handler = logging.StreamHandler(sys.stderr)
-    handler.setLevel(level)
-    handler.addFilter(lambda record: not getattr(record, "recorded_only", False))
-    handler.setFormatter(logging.Formatter("%(levelname)s %(name)s: %(message)s"))
+    writer = LineWriter(sys.stderr.fileno())
+    writer.start()
     root = logging.getLogger("plumbline")
-    root.handlers = [handler]
+    root.handlers = [LineHandler(writer, level)]
     root.setLevel(min(level, logging.INFO))
     root.propagate = False
+    return writer

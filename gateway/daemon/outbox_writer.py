@@ -8,12 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from gateway.daemon.bounded_queue import BoundedQueue
+from gateway.daemon.faults import FaultRegister
 from gateway.daemon.worker import Worker
 from gateway.outbox.change import StoredChange
 from gateway.outbox.outbox import AlertOutbox
 from gateway.outbox.position import MOST_BYTES, ChangePage, Position, find_span, make_page, span_of
 
 log = logging.getLogger("plumbline.outbox")
+PART = "outbox"
 INBOX = 1024
 """Changes that can wait for a disk that fails; the oldest of more are lost at a power failure, and were sent before."""
 RECENT = 512
@@ -34,19 +36,18 @@ class StoreRequest:
 class OutboxWriter(Worker[StoreRequest]):
     """Owns the outbox from start to stop."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, faults: FaultRegister) -> None:
         super().__init__("outbox", BoundedQueue(INBOX))
         self._outbox = AlertOutbox(folder)
         self._folder = folder
+        self._faults = faults
         self._lock = threading.Lock()
         self._unstored: deque[StoreRequest] = deque(maxlen=INBOX)
         self._recent: deque[StoredChange] = deque(maxlen=RECENT)
         self._opened = threading.Event()
         self._last_number = 0
         self._retry_at_s = 0.0
-        self.error: str | None = None
-        """Why changes are not stored now; None: they are."""
-        self.failures = 0
+        self._is_failing = False
 
     def run(self) -> None:
         """Read the last number, then store until the end."""
@@ -88,7 +89,7 @@ class OutboxWriter(Worker[StoreRequest]):
 
     def idle(self) -> None:
         """Try again after a failure."""
-        if self.error is not None and time.monotonic() >= self._retry_at_s:
+        if self._is_failing and time.monotonic() >= self._retry_at_s:
             self._store()
 
     def close(self) -> None:
@@ -99,7 +100,7 @@ class OutboxWriter(Worker[StoreRequest]):
     def _store(self) -> None:
         with self._lock:
             waiting = tuple(self._unstored)
-        if not waiting and self.error is None:
+        if not waiting and not self._is_failing:
             return
         try:
             self._outbox.append([request.change for request in waiting])
@@ -115,13 +116,10 @@ class OutboxWriter(Worker[StoreRequest]):
             request.stored = True
         with self._lock:
             self._unstored = deque((each for each in self._unstored if not each.stored), maxlen=INBOX)
-        if self.error is not None:
-            log.warning("%s: alerts are stored again", self._folder)
-            self.error = None
+        self._is_failing = False
+        self._faults.clear(PART)
 
     def _fail(self, error: OSError) -> None:
-        if self.error is None:
-            log.error("%s: %s; alerts are sent without being stored", self._folder, error.strerror or error)
-        self.error = str(error)
-        self.failures += 1
+        self._is_failing = True
+        self._faults.set(PART, f"{self._folder}: {error.strerror or error}; alerts are sent without being stored")
         self._retry_at_s = time.monotonic() + RETRY_S

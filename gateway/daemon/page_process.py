@@ -1,64 +1,85 @@
-"""The process of the operator's page: started on a socket that is already bound, and started again when it ends."""
+"""The process of the operator's page: started on a socket that the gateway keeps, and started again when it ends."""
 
 import importlib.util
-import logging
 import socket
 import subprocess
 import time
 
 from gateway.configuration.model import Configuration
 from gateway.daemon.backoff import Backoff
+from gateway.daemon.faults import FaultRegister
 from gateway.daemon.page_channel import PageChannel
 from gateway.errors import PlumblineError
 from gateway.page import launch
 from gateway.page.parameters import CraneDirections, Parameters
 
-log = logging.getLogger("plumbline.page")
 PAGE_MODULES = ("starlette", "uvicorn")
 FIRST_PAUSE_S = 1.0
 LONGEST_PAUSE_S = 60.0
+BIND_PAUSE_S = 2.0
+"""Pause between two attempts to take the address."""
+PART = "page"
+GOES_ON = "it is tried again until it works, everything else goes on"
 
 
 class PageError(PlumblineError):
-    """The page cannot be served; the text names the address and the remedy in one line."""
+    """The page cannot be served at present; the text names the address and the remedy in one line."""
 
 
 class PageProcess:
-    """Binds the page's address at once, so that an occupied one is detected at start, and keeps a process on it."""
+    """Takes the page's address as soon as it is free, and keeps a process on it."""
 
-    def __init__(self, configuration: Configuration, channel: PageChannel) -> None:
-        """Bind the address. Raises `PageError`."""
-        missing = [name for name in PAGE_MODULES if importlib.util.find_spec(name) is None]
-        if missing:
-            raise PageError(
-                f"page: {', '.join(missing)} not installed; install plumbline-gateway[page], or set page.enabled = false"
-            )
+    def __init__(self, configuration: Configuration, channel: PageChannel, faults: FaultRegister) -> None:
         self._parameters = page_parameters(configuration)
         self._channel = channel
-        self._socket = _bind(*configuration.page.address)
+        self._address = configuration.page.address
+        self._faults = faults
+        self._socket: socket.socket | None = None
         self._process: subprocess.Popen[bytes] | None = None
         self._backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
-        self._started_s = 0.0
+        self._next_start_s = 0.0
 
     def supervise(self) -> None:
         """Start the process, or start it again after a pause if it has ended; call a few times a second."""
         now_s = time.monotonic()
+        if now_s < self._next_start_s:
+            return
         if self._process is not None and self._process.poll() is None:
+            self._faults.clear(PART)
             return
         if self._process is not None:
-            if now_s - self._started_s < self._backoff.pause_s:
-                return
-            log.error("the page's process has ended with code %s and is started again", launch.stop(self._process))
+            code, self._process = launch.stop(self._process), None
+            self._faults.set(PART, f"page: its process has ended with code {code} and is started again")
             self._backoff.increase()
-        self._started_s = now_s
-        self._process = launch.start(self._parameters, self._socket, self._channel.open)
+        try:
+            self._process = self._start()
+        except PageError as error:
+            self._next_start_s = now_s + BIND_PAUSE_S
+            self._faults.set(PART, f"{error}; {GOES_ON}")
+        else:
+            self._next_start_s = now_s + self._backoff.pause_s
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        """Take the address where that is not done, and start the process. Raises `PageError`."""
+        if self._socket is None:
+            missing = [name for name in PAGE_MODULES if importlib.util.find_spec(name) is None]
+            if missing:
+                raise PageError(
+                    f"page: {', '.join(missing)} not installed; install plumbline-gateway[page], or set page.enabled = false"
+                )
+            self._socket = _bind(*self._address)
+        try:
+            return launch.start(self._parameters, self._socket, self._channel.open)
+        except OSError as error:
+            raise PageError(f"page: its process cannot be started ({error.strerror})") from error
 
     def stop(self) -> None:
         """End the process and release the address."""
         if self._process is not None:
             launch.stop(self._process)
         self._channel.close()
-        self._socket.close()
+        if self._socket is not None:
+            self._socket.close()
 
 
 def page_parameters(configuration: Configuration) -> Parameters:

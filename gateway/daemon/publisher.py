@@ -15,15 +15,20 @@ JSON = zenoh.Encoding.APPLICATION_JSON
 
 
 class Publisher(Worker[EncodedMessage]):
-    """Owns the bus session from start to stop."""
+    """Publishes while the bus is attached; without it the last message of each topic is kept."""
 
-    def __init__(self, session: zenoh.Session, key: str) -> None:
+    def __init__(self, key: str) -> None:
         super().__init__("publisher", BoundedQueue(INBOX))
-        self._session = session
+        self._key = key
         self._latest: dict[str, bytes] = {}
-        self._publishers = {
+        self._publishers: dict[str, zenoh.Publisher] = {}
+        self._alive: zenoh.LivelinessToken | None = None
+
+    def attach(self, session: zenoh.Session) -> None:
+        """Publish on a session from now on. Raises `zenoh.ZError`."""
+        publishers = {
             name: session.declare_publisher(
-                f"{key}/{name}",
+                f"{self._key}/{name}",
                 encoding=JSON,
                 congestion_control=zenoh.CongestionControl.DROP,
                 priority=zenoh.Priority.DATA,
@@ -31,7 +36,8 @@ class Publisher(Worker[EncodedMessage]):
             for name, topic in TOPICS.items()
             if topic.published and name != "alert"
         }
-        self._alive = session.liveliness().declare_token(f"{key}/alive")
+        self._alive = session.liveliness().declare_token(f"{self._key}/alive")
+        self._publishers = publishers
 
     def latest(self) -> dict[str, bytes]:
         """Return the last published message of each topic. Called by any thread."""
@@ -44,11 +50,13 @@ class Publisher(Worker[EncodedMessage]):
     def handle(self, item: EncodedMessage) -> None:
         """Publish a message."""
         self.note_latest(item.topic, item.payload)
+        publisher = self._publishers.get(item.topic)
+        if publisher is None:
+            return
         try:
-            self._publishers[item.topic].put(item.payload)
+            publisher.put(item.payload)
         except zenoh.ZError as error:
             log.error("%s could not be published: %s", item.topic, error)
 
     def close(self) -> None:
-        """Close the session, which also withdraws the liveliness token."""
-        self._session.close()
+        """Nothing is owned: the end of the session also withdraws the liveliness token."""

@@ -1,6 +1,7 @@
 """The recording thread: writes messages, survives failures of the disk, and counts the samples that these cost."""
 
 import logging
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +9,8 @@ from pathlib import Path
 from devices.block import DeviceInfo
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.compaction_worker import RewriteRequest
+from gateway.daemon.faults import FaultRegister
+from gateway.daemon.instance import FolderError, InstanceError
 from gateway.daemon.worker import Worker
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.calibration_files import CalibrationFiles
@@ -29,24 +32,37 @@ class CalibrationChange:
 
 
 RecordingItem = EncodedMessage | DeviceInfo | CalibrationChange
+PART = "recording"
+CLOCK_PART = "clock"
 
 
 class RecordingWorker(Worker[RecordingItem]):
-    """Owns the recorder, which was started before, until its end."""
+    """Owns the recorder: starts it, and starts it again as often as the disk fails."""
 
     def __init__(
-        self, recorder: Recorder, now_ns: Callable[[], int], rewrite: Callable[[RewriteRequest], object]
+        self,
+        recorder: Recorder,
+        *,
+        now_ns: Callable[[], int],
+        rewrite: Callable[[RewriteRequest], object],
+        claim_folder: Callable[[], None],
+        faults: FaultRegister,
     ) -> None:
-        """`rewrite` is called with each segment that is to be compacted or trimmed; it must not wait."""
+        """`rewrite` is called with each segment that is to be compacted or trimmed; it must not wait.
+
+        `claim_folder` is called before each start and raises `InstanceError` or `FolderError` while the folder is not ours.
+        """
         super().__init__("recorder", BoundedQueue(INBOX))
         self._rewrite = rewrite
         self._recorder = recorder
         self._now_ns = now_ns
-        self._retry_at_ns = 0
-        self.error: str | None = None
-        """Why nothing is recorded now; None: it is recorded."""
+        self._claim_folder = claim_folder
+        self._faults = faults
+        self._retry_at_ns: int | None = 0
+        """Gateway time of the next attempt to record; None while it is recorded."""
+        self.tried = threading.Event()
+        """Set after the first attempt to record."""
         self.samples_lost = 0
-        self.failures = 0
         self.unwritable = 0
         """Number of messages with a time that no recording can hold."""
 
@@ -60,33 +76,50 @@ class RecordingWorker(Worker[RecordingItem]):
         """How often a segment beyond the quota could not be deleted."""
         return self._recorder.undeletable
 
+    def run(self) -> None:
+        """Begin to record, and work until the end."""
+        self._attempt(self._start_if_due)
+        self.tried.set()
+        super().run()
+
     def handle(self, item: RecordingItem) -> None:
         """Write a message, or note another device or another calibration for the following messages."""
-        if self.error is not None and self._now_ns() >= self._retry_at_ns:
-            self._retry()
+        self._start_if_due()
         try:
             if isinstance(item, DeviceInfo):
                 self._recorder.set_device(item, self._now_ns())
             elif isinstance(item, CalibrationChange):
                 self._recorder.set_calibration(item.files, self._now_ns())
             else:
-                self._recorder.write(item)
-                self._recorder.tick(self._now_ns())
+                self._write(item)
         except RecorderError as error:
             self._fail(error)
-        except ValueError as error:
-            log.error("%s", error)  # the host's clock is before 1970
-            self.unwritable += 1
         self._pass_ended_segments()
+
+    def _write(self, message: EncodedMessage) -> None:
+        try:
+            self._recorder.write(message)
+        except ValueError:
+            self.unwritable += 1
+            self._faults.set(
+                CLOCK_PART, "clock: the host's clock is before 1970; nothing can be recorded until it is set"
+            )
+        else:
+            self._faults.clear(CLOCK_PART)
+        self._recorder.tick(self._now_ns())
 
     def idle(self) -> None:
         """Write the buffered messages to the disk in time."""
+        self._start_if_due()
         try:
-            if self.error is None:
-                self._recorder.tick(self._now_ns())
+            self._recorder.tick(self._now_ns())
         except RecorderError as error:
             self._fail(error)
         self._pass_ended_segments()
+
+    def recover(self, defect: Exception) -> None:
+        """Abandon the open segment, whose end is not known, and begin another one."""
+        self._fail(self._recorder.abandon(f"{type(defect).__name__}: {defect}"))
 
     def close(self) -> None:
         """Close the file."""
@@ -104,18 +137,25 @@ class RecordingWorker(Worker[RecordingItem]):
 
     def _fail(self, error: RecorderError) -> None:
         self.samples_lost += error.lost_samples
-        if self.error is not None:
+        if self._retry_at_ns is not None:
             return  # recording had stopped before; this message is only counted
-        log.error("%s; next try in %.0f s", error, RETRY_S)
-        self.error = str(error)
-        self.failures += 1
-        self._retry_at_ns = self._now_ns() + round(RETRY_S * 1e9)
+        self._interrupt(str(error))
 
-    def _retry(self) -> None:
-        self.error = None
-        try:
-            path = self._recorder.start(self._now_ns())
-        except RecorderError as error:
-            self._fail(error)
+    def _interrupt(self, reason: str) -> None:
+        self._retry_at_ns = self._now_ns() + round(RETRY_S * 1e9)
+        self._faults.set(PART, f"{reason}; it is tried again every {RETRY_S:.0f} s, everything else goes on")
+
+    def _start_if_due(self) -> None:
+        """Begin to record where it has not begun or has stopped, once every few seconds."""
+        if self._retry_at_ns is None or self._now_ns() < self._retry_at_ns:
             return
-        log.warning("recording continues in %s; %d samples were not recorded", path, self.samples_lost)
+        try:
+            self._claim_folder()
+            path = self._recorder.start(self._now_ns())
+        except (InstanceError, FolderError, RecorderError) as error:
+            self._interrupt(str(error))
+            return
+        self._retry_at_ns = None
+        if self.tried.is_set():
+            log.warning("recording continues in %s; %d samples were not recorded", path, self.samples_lost)
+        self._faults.clear(PART)

@@ -56,22 +56,26 @@ RpcItem = IncomingQuery | Answer | IncomingLoadSignal
 class RpcServer(Worker[RpcItem]):
     """Answers queries on `<key>/rpc/<verb>`. It must end before the session is closed."""
 
-    def __init__(
-        self, session: zenoh.Session, key: str, dispatcher: RequestDispatcher, recalibration: RecalibrationService
-    ) -> None:
+    def __init__(self, key: str, dispatcher: RequestDispatcher, recalibration: RecalibrationService) -> None:
         super().__init__("rpc", BoundedQueue(INBOX))
-        self._session = session
+        self._session: zenoh.Session | None = None
         self._key = key
         self._dispatcher = dispatcher
         self._recalibration = recalibration
         self.too_large = 0
         """Requests and load signals that were dropped unread."""
+        self._queryables: list[zenoh.Queryable[None]] = []
+        self._load: zenoh.Subscriber[None] | None = None
+
+    def attach(self, session: zenoh.Session) -> None:
+        """Answer the calls of a session from now on. Raises `zenoh.ZError`."""
+        self._session = session
         # The session may not be used inside its callbacks: they only put what comes into the inbox.
         self._queryables = [
-            session.declare_queryable(f"{key}/rpc/{verb}", partial(self._receive_query, verb))
-            for verb in dispatcher.verbs
+            session.declare_queryable(f"{self._key}/rpc/{verb}", partial(self._receive_query, verb))
+            for verb in self._dispatcher.verbs
         ]
-        self._load = session.declare_subscriber(f"{key}/load", self._receive_load_signal)
+        self._load = session.declare_subscriber(f"{self._key}/load", self._receive_load_signal)
 
     def _receive_query(self, verb: str, query: zenoh.Query) -> None:
         if len(query.attachment or b"") > MAX_CREDENTIAL_BYTES:
@@ -107,7 +111,7 @@ class RpcServer(Worker[RpcItem]):
         self._dispatcher.receive(
             item.verb,
             request,
-            origin=lambda: describe_links(self._session),
+            origin=self._describe_origin,
             reply=lambda accepted, content: self.inbox.put(Answer(item, accepted, content)),
         )
 
@@ -116,7 +120,10 @@ class RpcServer(Worker[RpcItem]):
             self._recalibration.set_load_signal(parse_payload(LoadSignal, payload))
         except RequestError as error:
             why = f'{error}; a load signal is JSON such as {{"loaded": true}}'
-            self._dispatcher.refuse_signal("load", why, lambda: describe_links(self._session))
+            self._dispatcher.refuse_signal("load", why, self._describe_origin)
+
+    def _describe_origin(self) -> str:
+        return "" if self._session is None else describe_links(self._session)
 
     def _send(self, answer: Answer) -> None:
         query, payload = answer.query.query, to_json(answer.content)
@@ -134,4 +141,5 @@ class RpcServer(Worker[RpcItem]):
         with suppress(zenoh.ZError):
             for queryable in self._queryables:
                 queryable.undeclare()
-            self._load.undeclare()
+            if self._load is not None:
+                self._load.undeclare()

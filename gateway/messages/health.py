@@ -23,6 +23,9 @@ class Health(Message):
     lost: int
     invalid: int
     faults: Annotated[dict[str, int], Field(description="faults since start that did not stop the gateway, by name")]
+    standing_faults: Annotated[
+        dict[str, str], Field(description="parts that do not work at present, with the reason")
+    ] = field(default_factory=dict)
     dropped: Annotated[dict[str, int], Field(description="items dropped by each bounded queue")]
     refused: Annotated[dict[str, int], Field(description="requests refused since start, by kind")] = field(
         default_factory=dict

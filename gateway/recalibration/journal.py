@@ -1,6 +1,5 @@
 """The journal: the session and the given answers, from which a restart continues; one file, replaced at each change."""
 
-import json
 from collections import OrderedDict
 from pathlib import Path
 from typing import Any, Literal
@@ -9,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gateway.atomic_io import write_durably
 from gateway.errors import describe_problems
+from gateway.file_input import parse_json, read_bounded
 from gateway.recalibration.session import Session
 
 MAX_ANSWERS = 64
@@ -79,7 +79,7 @@ class Journal:
 
     def _read(self) -> None:
         try:
-            content = JournalContent.model_validate(json.loads(self._path.read_bytes()))
+            content = JournalContent.model_validate(parse_json(read_bounded(self._path)))
         except FileNotFoundError:
             return
         except ValidationError as error:

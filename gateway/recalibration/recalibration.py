@@ -93,7 +93,10 @@ class Recalibration:
         else:
             self._try_audit(now, "resumed", session=session.id, phase=session.phase, poses=len(session.poses))
             self._save_or_end(session.resume(), now)
-            self._start_procedure(self.session)
+            try:
+                self._start_procedure(self.session)
+            except (PlumblineError, ValueError, ArithmeticError) as error:  # of whatever the journal contained
+                self._end(session, "rejected", f"the session cannot continue: {error}", now)
 
     @property
     def progress(self) -> PoseProgress | None:

@@ -14,6 +14,7 @@ from typing import Literal
 import msgspec
 
 from gateway.atomic_io import write_durably
+from gateway.file_input import read_bounded
 from gateway.recording.signing_key import SigningKey
 
 SIGNATURE = "signature"
@@ -61,7 +62,7 @@ def parse_statement(text: str) -> Statement | None:
     """Return the statement of a signature; None where it is none."""
     try:
         return msgspec.json.decode(text, type=Statement)
-    except msgspec.MsgspecError:
+    except (msgspec.MsgspecError, RecursionError):
         return None
 
 
@@ -88,7 +89,8 @@ class SegmentChain:
     def __init__(self, data_dir: Path, gateway: str, key: SigningKey | None) -> None:
         self._path = data_dir / STATE_NAME
         self._gateway = gateway
-        self._key = key
+        self.key = key
+        """Signs the statements from now on; None: they are not signed."""
         self._lock = threading.Lock()
         self._state = read_state(data_dir) or ChainState()
 
@@ -134,7 +136,7 @@ class SegmentChain:
                 to_ns=to_ns,
                 deleted_up_to=self._state.deleted_up_to,
                 replaces_sha256=hash_of(text),
-                public_key="" if self._key is None else self._key.public_hex,
+                public_key="" if self.key is None else self.key.public_hex,
             )
             return self._sign(part)
 
@@ -176,12 +178,12 @@ class SegmentChain:
             from_ns=from_ns,
             to_ns=to_ns,
             repaired=repaired,
-            public_key="" if self._key is None else self._key.public_hex,
+            public_key="" if self.key is None else self.key.public_hex,
         )
 
     def _sign(self, statement: Statement) -> dict[str, str]:
         text = statement.text()
-        return {"statement": text, "signature": "" if self._key is None else self._key.sign(text)}
+        return {"statement": text, "signature": "" if self.key is None else self.key.sign(text)}
 
     def _save(self) -> None:
         write_durably(self._path, msgspec.json.encode(self._state))
@@ -190,6 +192,6 @@ class SegmentChain:
 def read_state(data_dir: Path) -> ChainState | None:
     """Return the state of the chain in a folder; None where there is none that can be read."""
     try:
-        return msgspec.json.decode((data_dir / STATE_NAME).read_bytes(), type=ChainState)
-    except (OSError, msgspec.MsgspecError):
+        return msgspec.json.decode(read_bounded(data_dir / STATE_NAME), type=ChainState)
+    except (OSError, msgspec.MsgspecError, RecursionError):
         return None

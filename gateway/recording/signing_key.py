@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from gateway.atomic_io import make_folder, partial_of, sync_folder
 from gateway.errors import PlumblineError
+from gateway.file_input import read_bounded
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
@@ -61,7 +62,7 @@ def load_or_create_key(path: Path) -> SigningKey | None:
                 serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
             )
             _write_new(path, pem, 0o600)
-        loaded = serialization.load_pem_private_key(path.read_bytes(), password=None)
+        loaded = serialization.load_pem_private_key(read_bounded(path), password=None)
         if not isinstance(loaded, Ed25519PrivateKey):
             raise KeyFileError(f"{path}: is not an Ed25519 key; give one in PEM, or move it away so that one is made")
         key = SigningKey(loaded)
@@ -86,7 +87,7 @@ def read_public_key(text: str) -> str:
             return text.lower()
     path = Path(text)
     try:
-        content = path.read_text(encoding="utf-8").strip()
+        content = read_bounded(path).decode().strip()
         if len(bytes.fromhex(content)) == 32:
             return content.lower()
     except OSError as error:

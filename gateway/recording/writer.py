@@ -207,6 +207,10 @@ class Recorder:
             raise self._stop(error) from error
         self._end_segment()
 
+    def abandon(self, reason: str) -> RecorderError:
+        """Give up the open segment, which stays readable up to its last sync, and return the error with the losses."""
+        return self._stop(OSError(reason))
+
     def _new_segment(self, now_ns: int) -> Segment:
         repeated = [self._repeated[topic] for topic in REPEATED_TOPICS if topic in self._repeated]
         path = self._names.unused_path(self._data_dir, now_ns)

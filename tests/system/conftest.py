@@ -33,6 +33,8 @@ class RunningGateway:
         arguments: Sequence[str] = (),
         prefix: Sequence[str] = (),
         environment: Mapping[str, str] | None = None,
+        stdout: int = subprocess.PIPE,
+        stderr: int = subprocess.PIPE,
     ) -> None:
         self.data_dir = folder / "data"
         self.bus_port, self.page_port = unused_port(), unused_port()
@@ -50,8 +52,8 @@ class RunningGateway:
             [*prefix, sys.executable, "-m", "gateway", "run", "--config", str(config), *arguments],
             cwd=ROOT,
             env={**os.environ, **settings, **(environment or {})},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stdout=stdout,
+            stderr=stderr,
             text=True,
         )
 

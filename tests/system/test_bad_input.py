@@ -1,12 +1,9 @@
 """Bad input: one clear line that names the place and the mend, exit code 2, nothing left behind."""
 
-import json
-from pathlib import Path
-
 import pytest
 
 from gateway.recording.info import summarise
-from tests.system.conftest import JoinBus, Plumbline, StartGateway, listening_on
+from tests.system.conftest import JoinBus, Plumbline, StartGateway
 
 
 def one_line(err: str) -> str:
@@ -47,23 +44,6 @@ def test_second_instance_on_the_same_data(start_gateway: StartGateway, join_bus:
     assert code == 2
     assert f"in use by another gateway (process {first.process.pid})" in one_line(err)
     assert first.process.poll() is None
-
-
-@pytest.mark.slow
-def test_occupied_ports(start_gateway: StartGateway, tmp_path: Path) -> None:
-    for page in (False, True):
-        gateway = start_gateway(page=page)
-        gateway.process.kill()
-        gateway.process.wait()
-        port = gateway.page_port if page else gateway.bus_port
-        with listening_on(port):
-            environment = {
-                "PLUMBLINE_PAGE__LISTEN": f"127.0.0.1:{gateway.page_port}",
-                "PLUMBLINE_BUS__LISTEN": json.dumps([gateway.endpoint]),
-            }
-            code, _, err = start_gateway(page=page, environment=environment).wait()
-            assert code == 2
-            assert str(port) in one_line(err)
 
 
 @pytest.mark.slow

@@ -10,6 +10,7 @@ import pytest
 from gateway.daemon import outbox_writer
 from gateway.daemon.alert_latency import MOST_CHANGES, AlertLatency
 from gateway.daemon.alert_sender import STORE_PATIENCE_S, AlertSender
+from gateway.daemon.faults import FaultRegister
 from gateway.daemon.outbox_writer import OutboxWriter
 from gateway.messages import Alert
 from gateway.outbox.change import StoredChange
@@ -39,7 +40,8 @@ class Site:
     def __init__(self, folder: Path) -> None:
         self.sent: list[tuple[int, bool]] = []
         self.arrived = threading.Condition()
-        self.writer = OutboxWriter(folder)
+        self.faults = FaultRegister()
+        self.writer = OutboxWriter(folder, self.faults)
         self.sender = AlertSender("key", self.writer, lambda: 0, self.note)
         self.writer.start()
         self.sender.start()
@@ -105,7 +107,7 @@ def test_what_a_broken_disk_did_not_take_is_stored_in_order_when_it_works_again(
     site.sender.submit(alert(1), 0)
     site.sender.submit(alert(2), 0)
     assert site.wait(2) == [(1, False), (2, False)]
-    assert site.writer.failures
+    assert site.faults.counts
     monkeypatch.setattr(AlertOutbox, "append", works)
     site.sender.submit(alert(3), 0)
     assert site.wait(3)[2] == (3, True)

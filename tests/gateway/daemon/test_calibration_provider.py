@@ -16,6 +16,7 @@ from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
 from gateway.daemon.calibration_provider import CalibrationProvider
 from gateway.daemon.drift_state_store import DriftStateStore
+from gateway.daemon.faults import FaultRegister
 from gateway.daemon.recording_worker import CalibrationChange, RecordingWorker
 from gateway.recording.calibration_files import CalibrationFiles
 from gateway.recording.writer import Recorder, RecorderError
@@ -180,6 +181,9 @@ class FullDisk(Recorder):
     def __init__(self) -> None:
         pass
 
+    def start(self, _now_ns: int) -> Path:
+        return Path()
+
     def set_calibration(self, _files: CalibrationFiles | None, _now_ns: int) -> None:
         raise RecorderError("full", 3, 40)
 
@@ -191,6 +195,7 @@ class FullDisk(Recorder):
 
 
 def test_a_record_that_cannot_be_written_stops_the_recording() -> None:
-    worker = RecordingWorker(FullDisk(), lambda: 0, print)
+    faults = FaultRegister()
+    worker = RecordingWorker(FullDisk(), now_ns=lambda: 0, rewrite=print, claim_folder=lambda: None, faults=faults)
     worker.handle(CalibrationChange(None))
-    assert (worker.error, worker.samples_lost) == ("full", 40)
+    assert (list(faults.standing), worker.samples_lost) == (["recording"], 40)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from devices.clock import HostClock
-from gateway.daemon.instance import InstanceError, InstanceLock
+from gateway.daemon.instance import FolderError, InstanceError, InstanceLock
 from gateway.daemon.notify import ServiceNotifier
 from gateway.daemon.wall_clock import STEP_NS, WallClockMonitor
 from tests.values import present
@@ -44,19 +44,26 @@ def test_the_notifier_ignores_a_missing_manager(tmp_path: Path) -> None:
     notifier.close()
 
 
+def locked(folder: Path) -> InstanceLock:
+    lock = InstanceLock(folder)
+    lock.acquire()
+    return lock
+
+
 def test_one_gateway_per_data_folder(tmp_path: Path) -> None:
-    first = InstanceLock(tmp_path / "data")
+    first = locked(tmp_path / "data")
+    first.acquire()  # a second time changes nothing
     with pytest.raises(InstanceError, match=rf"in use by another gateway \(process {os.getpid()}\)"):
-        InstanceLock(tmp_path / "data")
+        locked(tmp_path / "data")
     first.release()
-    InstanceLock(tmp_path / "data").release()
+    locked(tmp_path / "data").release()
 
 
 def test_the_lock_of_a_killed_process_is_free(tmp_path: Path) -> None:
     code = (
         "import sys, pathlib; sys.path.insert(0, '.');"
         "from gateway.daemon.instance import InstanceLock;"
-        "lock = InstanceLock(pathlib.Path(sys.argv[1])); print('held', flush=True); sys.stdin.read()"
+        "lock = InstanceLock(pathlib.Path(sys.argv[1])); lock.acquire(); print('held', flush=True); sys.stdin.read()"
     )
     process = subprocess.Popen(
         [sys.executable, "-c", code, str(tmp_path)], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -64,16 +71,28 @@ def test_the_lock_of_a_killed_process_is_free(tmp_path: Path) -> None:
     with process:
         assert present(process.stdout).readline() == "held\n"
         with pytest.raises(InstanceError):
-            InstanceLock(tmp_path)
+            locked(tmp_path)
         process.kill()
         process.wait()
-        InstanceLock(tmp_path).release()
+        locked(tmp_path).release()
 
 
 def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(InstanceError, match="cannot be written"):
-        InstanceLock(tmp_path / "file" / "data")
+    with pytest.raises(FolderError, match="cannot be written"):
+        locked(tmp_path / "file" / "data")
+
+
+def test_a_folder_is_locked_as_soon_as_it_can_be_made(tmp_path: Path) -> None:
+    blocking = tmp_path / "file"
+    blocking.write_text("")
+    lock = InstanceLock(blocking / "data")
+    with pytest.raises(FolderError):
+        lock.acquire()
+    blocking.unlink()
+    lock.acquire()
+    with pytest.raises(InstanceError):
+        locked(blocking / "data")
 
 
 class SteppingClock(HostClock):

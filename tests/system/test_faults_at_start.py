@@ -1,0 +1,178 @@
+"""A gateway whose surroundings are broken when it starts samples and alerts nevertheless, publishes the fault, and recovers."""
+
+import json
+import os
+import signal
+import socket
+from contextlib import suppress
+from pathlib import Path
+from urllib.request import urlopen
+
+import pytest
+import zenoh
+
+from tests.ports import unused_port
+from tests.system.conftest import JoinBus, RunningGateway, StartGateway, listening_on
+from tests.waiting import wait_until
+
+ALERTS = "alert"
+
+
+@pytest.mark.slow
+def test_an_occupied_port_of_the_page_is_taken_as_soon_as_it_is_free(
+    start_gateway: StartGateway, join_bus: JoinBus
+) -> None:
+    port = unused_port()
+    with listening_on(port):
+        gateway = start_gateway(page=True, environment={"PLUMBLINE_PAGE__LISTEN": f"127.0.0.1:{port}"})
+        peer = join_bus(gateway.endpoint)
+        said = peer.wait_for("health", lambda message: message["standing_faults"])
+        assert f"127.0.0.1:{port} cannot be used" in said["standing_faults"]["page"]
+        peer.wait_for(ALERTS)
+    healed = peer.wait_for("health", lambda message: not message["standing_faults"])
+    assert healed["faults"]["page_failures"] == 1
+    with urlopen(f"http://127.0.0.1:{port}/", timeout=10) as answer:
+        assert b"<html" in answer.read()
+    gateway.stop()
+
+
+@pytest.mark.slow
+def test_an_occupied_port_of_the_bus_is_taken_as_soon_as_it_is_free(
+    start_gateway: StartGateway, join_bus: JoinBus
+) -> None:
+    port = unused_port()
+    endpoint = f"tcp/127.0.0.1:{port}"
+    with listening_on(port):
+        gateway = start_gateway(environment={"PLUMBLINE_BUS__LISTEN": json.dumps([endpoint])})
+        wait_until(lambda: gateway.recordings, "a recording")
+    peer = join_bus(endpoint)
+    healed = peer.wait_for("health", lambda message: message["faults"].get("bus_failures") == 1)
+    assert healed["standing_faults"] == {}
+    assert healed["samples"] > 0
+    gateway.stop()
+
+
+@pytest.mark.slow
+def test_a_client_whose_router_is_down_samples_at_once_and_obeys_sigterm(start_gateway: StartGateway) -> None:
+    gateway = client_without_router(start_gateway, unused_port())
+    wait_until(lambda: gateway.recordings, "a recording")
+    code, seconds, _ = gateway.stop()
+    assert code == 0
+    assert seconds < 5
+
+
+@pytest.mark.slow
+def test_a_client_finds_a_router_that_comes_later(start_gateway: StartGateway, join_bus: JoinBus) -> None:
+    port = unused_port()
+    gateway = client_without_router(start_gateway, port)
+    wait_until(lambda: gateway.recordings, "a recording")
+    settings = zenoh.Config()
+    for key, value in (("mode", "router"), ("listen/endpoints", [f"tcp/127.0.0.1:{port}"])):
+        settings.insert_json5(key, json.dumps(value))
+    settings.insert_json5("scouting/multicast/enabled", "false")
+    with zenoh.open(settings):
+        peer = join_bus(f"tcp/127.0.0.1:{port}")
+        peer.wait_for(ALERTS)
+        assert peer.wait_for("health")["standing_faults"] == {}
+        gateway.stop(signal.SIGINT)
+
+
+def client_without_router(start_gateway: StartGateway, port: int) -> RunningGateway:
+    environment = {"PLUMBLINE_BUS__MODE": "client", "PLUMBLINE_BUS__CONNECT": f'["tcp/127.0.0.1:{port}"]'}
+    return start_gateway(environment={**environment, "PLUMBLINE_BUS__LISTEN": "[]"})
+
+
+@pytest.mark.slow
+def test_a_data_folder_that_cannot_be_made_is_recorded_to_as_soon_as_it_can(
+    start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
+) -> None:
+    blocking = tmp_path / "data"
+    blocking.write_text("a file where the folder should be")
+    gateway = start_gateway()
+    peer = join_bus(gateway.endpoint)
+    said = peer.wait_for("health", lambda message: message["standing_faults"])
+    assert "data: cannot be written" in said["recording_error"]
+    peer.wait_for(ALERTS)
+    blocking.unlink()
+    healed = peer.wait_for("health", lambda message: not message["standing_faults"])
+    assert healed["recording"] is not None
+    assert gateway.stop()[0] == 3  # the samples before are not in the recording
+
+
+DAMAGED = {
+    "session of an unknown method": ("calibration/session.json", b'{"format": 1, "answers": [], "session": %s}'),
+    "session that is nested": ("calibration/session.json", b"[" * 100_000),
+    "session that is no text": ("calibration/session.json", bytes(range(256))),
+    "drift that is nested": ("calibration/simulated-1/drift.json", b"[" * 100_000),
+    "record in force that is nested": ("calibration/simulated-1/in_force.json", b"[" * 100_000),
+    "chain that is nested": ("chain.json", b"[" * 100_000),
+    "key that is none": ("signing-key.pem", b"no key"),
+}
+COLLECTING = {
+    "id": "a",
+    "phase": "collecting",
+    "method": "six-Position",
+    "by": "ann",
+    "device_id": "simulated-1",
+    "parent": None,
+    "begun_ns": 4_000_000_000_000_000_000,
+    "touched_ns": 1_000_000_000_000_000_000,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", DAMAGED)
+def test_a_damaged_state_file_does_not_stop_the_monitoring(
+    start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path, case: str
+) -> None:
+    name, content = DAMAGED[case]
+    path = tmp_path / "data" / name
+    path.parent.mkdir(parents=True)
+    path.write_bytes(content.replace(b"%s", json.dumps(COLLECTING).encode()))
+    gateway = start_gateway()
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for(ALERTS)
+    peer.wait_for("health", lambda message: message["samples"] > 0)
+    code, seconds, err = gateway.stop()
+    assert code == 0
+    assert seconds < 5
+    assert "Traceback" not in err
+    assert "ERROR" in err or "WARNING" in err or name == "chain.json"
+
+
+@pytest.mark.slow
+def test_a_reader_of_the_log_that_stalls_costs_lines_and_nothing_else(
+    start_gateway: StartGateway, join_bus: JoinBus
+) -> None:
+    unread, full = os.pipe()
+    os.set_blocking(full, False)
+    with suppress(BlockingIOError):
+        while os.write(full, b" " * 4096):
+            pass
+    os.set_blocking(full, True)
+    gateway = start_gateway(stderr=full, stdout=full)
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for(ALERTS)
+    assert peer.wait_for("health", lambda message: message["recording"])["standing_faults"] == {}
+    code, seconds, _ = gateway.stop()
+    assert code == 0
+    assert seconds < 5
+    os.close(unread)
+    os.close(full)
+
+
+def test_an_unusable_endpoint_is_refused_in_one_line(start_gateway: StartGateway) -> None:
+    code, _, err = start_gateway(environment={"PLUMBLINE_BUS__LISTEN": '["nowhere"]'}).wait()
+    assert code == 2
+    assert "an endpoint has the form" in err
+    assert len(err.splitlines()) == 1
+
+
+def test_the_ports_are_released_by_a_refused_start(start_gateway: StartGateway, tmp_path: Path) -> None:
+    gateway = start_gateway("[device]\nrange_g = 1e-300\n")
+    code, _, err = gateway.wait()
+    assert code == 2
+    assert "device.range_g" in err
+    assert len(err.splitlines()) == 1
+    with socket.create_server(("127.0.0.1", gateway.bus_port)):
+        pass
