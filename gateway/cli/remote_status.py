@@ -1,7 +1,9 @@
-"""`plumbline remote status`: the last message of every topic, and the drift of the calibration."""
+"""`plumbline remote status`: how a gateway is, with the drift of its calibration; on request its last messages as JSON."""
 
 import argparse
-import json
+import time
+from datetime import UTC, datetime
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from gateway.cli.bus_link import connect_endpoint
@@ -18,9 +20,15 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argp
     """Add the verb; return its parser."""
     verb = verbs.add_parser(
         "status",
-        help="print the last message of every topic, and the drift of the calibration",
-        description="Print the last message of every topic, and the drift of the calibration, as JSON.",
-        epilog="example: plumbline remote status",
+        help="print how a gateway is: state, swing, alerts, calibration with its drift, device, recording",
+        description="Print how a gateway is: state, swing, alerts, calibration with its drift, device and recording.",
+        epilog="examples: plumbline remote status | plumbline remote status --json -",
+    )
+    verb.add_argument(
+        "--json",
+        type=Path,
+        metavar="FILE",
+        help="also write the last message of every topic, and the drift, as JSON; -: print it instead of the text",
     )
     verb.set_defaults(run=_status)
     return verb
@@ -28,18 +36,32 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argp
 
 def _status(arguments: argparse.Namespace) -> int:
     from gateway.bus.client import open_client_session, query_status
+    from gateway.cli.output import show
     from gateway.errors import InputError
+    from gateway.fleet.status_text import judge_answer, status_lines
 
     connect = connect_endpoint(arguments)
     with open_client_session(connect) as session:
         gateways = query_status(session, arguments.gateway)
     if not gateways:
         raise InputError(f"no gateway {arguments.gateway} answers at {connect}")
+    now_s, now_utc = time.monotonic(), datetime.now(UTC)
+    pages = []
     for key, topics in gateways.items():
-        rest = describe_rest_drift(topics.get("health"), topics.get("calibration"))
-        topics["drift"] = {"at_rest": rest, "by_records": _forecast_text(connect, key)}
-    print(json.dumps(gateways, indent=1))
+        status, messages = judge_answer(key, topics, now_s, now_utc)
+        valid = {topic: topics[topic] for topic in messages}
+        drift = {"at_rest": _rest_text(valid), "by_records": _forecast_text(connect, key)}
+        pages.append("\n".join(status_lines(status, messages, drift, now_utc)))
+        topics["drift"] = drift
+    show("\n\n".join(pages), gateways, arguments.json)
     return 0
+
+
+def _rest_text(topics: dict[str, Any]) -> str:
+    try:
+        return describe_rest_drift(topics.get("health"), topics.get("calibration"))
+    except (KeyError, TypeError, ValueError):
+        return "not known: the answer is none of a gateway"
 
 
 def describe_rest_drift(health: dict[str, Any] | None, calibration: dict[str, Any] | None) -> str:

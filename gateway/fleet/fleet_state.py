@@ -1,5 +1,6 @@
 """The latest messages of many gateways, their ages and states. All methods are called from one thread."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 
@@ -110,6 +111,10 @@ class FleetState:
                 self.invalid += 1
                 continue
             self._gateways.setdefault(key, _GatewayMessages()).add(topic, message, arrival)
+
+    def messages(self, key: str) -> Mapping[str, Message]:
+        """Return the latest valid message of each topic of a gateway."""
+        return dict(self._gateways[key].latest)
 
     def statuses(self, now_s: float, now_utc: datetime) -> list[GatewayStatus]:
         """Return the status of every gateway, by key."""
