@@ -6,7 +6,7 @@ import numpy as np
 
 from devices.block import DeviceInfo, RadioStatus, SampleBlock
 from devices.clock import Clock
-from devices.node_frames import HEADER, LONGEST_ENCODED, NodeFrame, NodeFrameDecoder
+from devices.node_frames import HEADER, LONGEST_ENCODED, MOST_SAMPLES, SHORTEST_FRAME, NodeFrame, NodeFrameDecoder
 from devices.receiver_nodes import HeardNodes
 from devices.sample_sequence import Placement, SampleSequence
 from devices.saturation import mark_saturated
@@ -57,7 +57,7 @@ class NodePart:
         self._tick_clock = TickClock(odr_hz)
         self._boot: int | None = None
         self._last_ns: int | None = None
-        self._frame_bytes, self._frame_samples = 1, 1  # not known yet: read what there is
+        self._frame_bytes, self._frame_samples = SHORTEST_FRAME, MOST_SAMPLES  # not known yet
         self._faults = {"repeated_frames": 0, "node_restarted": 0}
 
     def info(self, port: SerialPort) -> DeviceInfo:

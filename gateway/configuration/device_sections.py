@@ -16,7 +16,7 @@ from gateway.configuration.i2c_devices import (
     Mpu6050Device,
     Mpu9250Device,
 )
-from gateway.configuration.serial_devices import NodeDevice, WitMotionDevice
+from gateway.configuration.serial_devices import AsppDevice, NodeDevice, WitMotionDevice
 
 
 class SimulatedDevice(DeviceSection):
@@ -76,7 +76,8 @@ AnyDevice = Annotated[
     | Ads1115Device
     | IioDevice
     | WitMotionDevice
-    | NodeDevice,
+    | NodeDevice
+    | AsppDevice,
     Field(discriminator="kind", description="the source of the samples"),
 ]
 DEVICE_KINDS = tuple(get_args(device.model_fields["kind"].annotation)[0] for device in get_args(get_args(AnyDevice)[0]))

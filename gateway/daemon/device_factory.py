@@ -11,7 +11,7 @@ from gateway.configuration.device_section import DeviceSection
 from gateway.configuration.device_sections import IioDevice, ReplayDevice, SimulatedDevice
 from gateway.configuration.i2c_devices import Ads1115Device, I2cDevice, I2cSection
 from gateway.configuration.model import Configuration
-from gateway.configuration.serial_devices import NodeDevice, SerialSection, WitMotionDevice
+from gateway.configuration.serial_devices import AsppDevice, NodeDevice, SerialSection, WitMotionDevice
 from gateway.daemon.recovery_hook import run_hook
 from gateway.daemon.simulated_rigger import SimulatedRigger
 
@@ -157,6 +157,8 @@ def _make_serial(device: SerialSection, block: int, clock: Clock) -> Device:
             return _make_witmotion(device, block, clock)
         case NodeDevice():
             return _make_node(device, block, clock)
+        case AsppDevice():
+            return _make_aspp(device, block, clock)
         case _:
             raise ValueError(f"no device of kind {device.kind}")
 
@@ -185,6 +187,23 @@ def _make_node(device: NodeDevice, block: int, clock: Clock) -> Device:
         clock=clock,
         odr_hz=device.odr_hz,
         range_g=device.range_g,
+        block_samples=block,
+        serial=device.serial,
+    )
+
+
+def _make_aspp(device: AsppDevice, block: int, clock: Clock) -> Device:
+    from devices.aspp import open_aspp
+
+    return open_aspp(
+        device.port,
+        device.baud,
+        node=device.node,
+        clock=clock,
+        range_g=device.range_g,
+        odr_hz=device.odr_hz,
+        channels=device.channels,
+        units_per_g=device.units_per_g,
         block_samples=block,
         serial=device.serial,
     )
