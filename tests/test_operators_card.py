@@ -1,0 +1,53 @@
+"""The operator's card explains every word of the page, in every language of it, and its PDF has one page for each."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from tests.operators_card import SOURCE, card_html
+
+ROOT = Path(__file__).parents[1]
+TEXTS = (ROOT / "gateway" / "page" / "static" / "texts.js").read_text()
+
+
+def _table(language: str) -> dict[str, str]:
+    """Return the texts of a language, from the page's own table."""
+    body = re.split(rf"^  {language}: \{{$", TEXTS, flags=re.MULTILINE)[1].split("\n  },")[0]
+    return dict(re.findall(r'"?\b(\w[\w ]*)"?: "((?:[^"\\]|\\.)*)"', body))
+
+
+def _section(language: str) -> str:
+    english, german = SOURCE.read_text().split("\n# ")
+    return {"en": english, "de": german}[language]
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_every_word_of_the_page_is_explained(language: str) -> None:
+    words = [text for key, text in _table(language).items() if key.startswith("word_")]
+    assert len(words) == 9
+    section = _section(language)
+    assert [word for word in words if f"**{word}**" not in section] == []
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_every_button_that_the_card_names_is_on_the_page(language: str) -> None:
+    table, section = _table(language), _section(language)
+    for key in ("silence", "sound_off", "next_peak", "not_recording"):
+        assert table[key].rstrip(".").lower() in section.replace("\n", " ").lower(), key
+
+
+def test_the_languages_of_the_card_are_those_of_the_page() -> None:
+    assert re.findall(r"^  (\w+): \{$", TEXTS, flags=re.MULTILINE) == ["en", "de"]
+
+
+def test_the_printed_card_has_a_page_for_each_language() -> None:
+    pdf = (ROOT / "docs" / "operators_card.pdf").read_bytes()
+    assert len(re.findall(rb"/Type\s*/Page\b", pdf)) == 2
+
+
+def test_the_card_is_plain_html() -> None:
+    text = card_html(SOURCE.read_text())
+    assert text.count("<section>") == 2
+    assert text.count("<tr>") == 16
+    assert "**" not in text
