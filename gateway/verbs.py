@@ -47,6 +47,9 @@ VERBS: dict[str, Verb] = {
         _read("alerts", requests.FetchAlerts),
         _change("acknowledge", requests.Acknowledge, Role.OPERATOR),
         _change("mark", requests.SetMark, Role.OPERATOR),
+        _change("config_get", requests.ReadConfiguration, Role.SERVICE),
+        _change("config_propose", requests.ProposeConfiguration, Role.SERVICE),
+        _change("config_apply", requests.ApplyConfiguration, Role.SERVICE),
         *(_change(name, request, Role.SERVICE) for name, request in requests.VERBS.items()),
     )
 }

@@ -8,7 +8,7 @@ from gateway.cli.bus_link import add_address, connect_endpoint
 
 def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command with its verbs."""
-    from gateway.cli import align, remote_fetch, remote_session, remote_status
+    from gateway.cli import align, remote_config, remote_fetch, remote_session, remote_status
 
     command = commands.add_parser(
         "remote",
@@ -31,6 +31,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     status = remote_status.add_to(verbs)
     for verb in (status, watch, *remote_session.add_to(verbs), align.add_to(verbs), remote_fetch.add_to(verbs)):
         add_address(verb)
+    remote_config.add_to(verbs)
 
 
 def _watch(arguments: argparse.Namespace) -> int:

@@ -9,10 +9,14 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from devices.errors import DeviceError
 from gateway.cli.argument_types import above_zero
 from gateway.cli.replay_options import add_replay_options, replay_section
+from gateway.errors import PlumblineError
 
 if TYPE_CHECKING:
+    from gateway.daemon.configuration_service import ConfigurationService
+    from gateway.daemon.gateway import Gateway
     from gateway.daemon.line_writer import LineWriter
 
 WITH_LOSSES, FAILED = 3, 1
@@ -60,15 +64,25 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace, stopping: threading.Event, output: "LineWriter", errors: "LineWriter") -> int:
-    from gateway.configuration.loading import load
-    from gateway.configuration.service_configuration import require_sensor
-    from gateway.daemon.gateway import Gateway
+    from gateway.daemon.configuration_service import ConfigurationService
+    from gateway.daemon.instance import InstanceError
 
-    configuration = load(arguments.config, device=replay_section(arguments))
-    if arguments.service:
-        require_sensor(configuration, str(arguments.config or "the embedded default"))
-    gateway = Gateway(configuration, errors)
+    changes = ConfigurationService(arguments.config, service=arguments.service, environment=os.environ)
+    changes.resume()
+    try:
+        gateway = _make_gateway(arguments, errors, changes)
+    except InstanceError:
+        raise  # another gateway runs: that is no fault of this configuration
+    except (PlumblineError, DeviceError) as error:
+        if not changes.on_trial:
+            raise
+        changes.roll_back(str(error))
+        return _start_again(output, errors)
     failed = gateway.run(stopping, arguments.duration, str if arguments.quiet else output.put)
+    if failed is not None and changes.on_trial:
+        changes.roll_back(f"the {failed} thread failed")
+    if changes.restart_wanted:
+        return _start_again(output, errors)
     code = 0
     if failed is not None:
         errors.put(f"plumbline run: the {failed} thread failed; see the log above")
@@ -82,3 +96,23 @@ def _run(arguments: argparse.Namespace, stopping: threading.Event, output: "Line
             writer.finish(OUTPUT_S)
         os._exit(code)  # the interpreter would wait for what these threads are stuck in
     return code
+
+
+def _make_gateway(arguments: argparse.Namespace, errors: "LineWriter", changes: "ConfigurationService") -> "Gateway":
+    from gateway.configuration.loading import load
+    from gateway.configuration.service_configuration import require_sensor
+    from gateway.daemon.gateway import Gateway
+
+    configuration = load(arguments.config, device=replay_section(arguments))
+    if arguments.service:
+        require_sensor(configuration, str(arguments.config or "the embedded default"))
+    return Gateway(configuration, errors, changes)
+
+
+def _start_again(*writers: "LineWriter") -> int:
+    """Start this program again, with the same arguments; under systemd, leave that to it."""
+    for writer in writers:
+        writer.finish(OUTPUT_S)
+    if not os.environ.get("NOTIFY_SOCKET"):
+        os.execv(sys.executable, [sys.executable, *sys.orig_argv[1:]])
+    return 0

@@ -37,9 +37,10 @@ def check_proposal(
     """
     require_remote(proposal)
     where = "proposal"
-    before = load_text(text, "the present configuration", environment)
     new_text = _merge(text, proposal)
-    changes = difference(before, load_text(new_text, where, environment))
+    load_text(new_text, where, environment)
+    # Compared without the environment, which would hide a change of a key that it overrides.
+    changes = difference(load_text(text, "the present configuration", {}), load_text(new_text, where, {}))
     if not changes:
         raise ConfigurationError(f"{where}: changes nothing")
     network = [change.key for change in changes if is_network_key(change.key)]

@@ -15,7 +15,7 @@ from gateway.atomic_io import sync_folder, write_durably
 MOST_STARTS = 3
 """Starts of the gateway within a trial; at the next one the configuration before is put back."""
 
-Outcome = Literal["none", "continued", "rolled_back", "not_in_force", "edited_locally", "unreadable"]
+Outcome = Literal["none", "continued", "rolled_back", "edited_locally", "unreadable"]
 
 
 class TrialJournal(BaseModel):
@@ -33,6 +33,8 @@ class TrialJournal(BaseModel):
     kept: str
     """Name of the copy of the file before."""
     starts: int = 0
+    rolled_back: str | None = None
+    """Why the configuration before was put back; None: the trial goes on."""
 
 
 class ConfigurationTrial:
@@ -49,7 +51,7 @@ class ConfigurationTrial:
         self._write_settings(journal.after)
 
     def resume(self) -> Outcome:
-        """Continue at a start: count it, put the configuration before back after too many, or end a trial."""
+        """Continue at a start: count it, or put the configuration before back after too many."""
         try:
             journal = self.journal()
         except ValueError:
@@ -58,17 +60,20 @@ class ConfigurationTrial:
         if journal is None:
             return "none"
         present = self.path.read_text(encoding="utf-8")
+        if present == journal.before:
+            self.roll_back(journal.rolled_back or "the change was cut off")
+            return "rolled_back"
         if present != journal.after:
-            self._remove_journal()
-            return "not_in_force" if present == journal.before else "edited_locally"
-        if journal.starts >= MOST_STARTS:
-            self.roll_back()
+            self.end()
+            return "edited_locally"
+        if journal.starts >= MOST_STARTS or journal.rolled_back is not None:
+            self.roll_back(journal.rolled_back or f"the gateway did not become healthy in {MOST_STARTS} starts")
             return "rolled_back"
         self._write_journal(journal.model_copy(update={"starts": journal.starts + 1}))
         return "continued"
 
     def journal(self) -> TrialJournal | None:
-        """Return the trial in progress; None: there is none. Raises `ValueError` for a damaged journal."""
+        """Return the trial in progress, or the one that was rolled back; None: there is none. Raises `ValueError`: damaged."""
         try:
             return TrialJournal.model_validate(json.loads(self._journal_path.read_bytes()))
         except FileNotFoundError:
@@ -76,16 +81,17 @@ class ConfigurationTrial:
         except ValidationError as error:
             raise ValueError(f"{self._journal_path}: {error.error_count()} problems") from error
 
-    def confirm(self) -> None:
-        """End the trial: the changed configuration stays."""
-        self._remove_journal()
-
-    def roll_back(self) -> None:
-        """End the trial: the configuration before is put back."""
+    def roll_back(self, why: str) -> None:
+        """Put the configuration before back; the journal states why, until `end`."""
         journal = self.journal()
         if journal is not None:
+            self._write_journal(journal.model_copy(update={"rolled_back": why}))
             self._write_settings(journal.before)
-            self._remove_journal()
+
+    def end(self) -> None:
+        """End the trial with the present configuration."""
+        self._journal_path.unlink(missing_ok=True)
+        sync_folder(self._journal_path.parent)
 
     def _write_settings(self, text: str) -> None:
         """Replace the file; who could read it still can."""
@@ -95,7 +101,3 @@ class ConfigurationTrial:
 
     def _write_journal(self, journal: TrialJournal) -> None:
         write_durably(self._journal_path, journal.model_dump_json(indent=1).encode())
-
-    def _remove_journal(self) -> None:
-        self._journal_path.unlink(missing_ok=True)
-        sync_folder(self._journal_path.parent)

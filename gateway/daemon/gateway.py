@@ -29,6 +29,7 @@ from gateway.daemon.bus_connection import BusConnection
 from gateway.daemon.calibration_provider import CalibrationProvider
 from gateway.daemon.command_token import load_or_create_token
 from gateway.daemon.compaction_worker import CompactionWorker
+from gateway.daemon.configuration_service import ConfigurationService
 from gateway.daemon.counters import SampleCounters
 from gateway.daemon.device_factory import make_device, make_rigger
 from gateway.daemon.drift_state_store import DriftStateStore
@@ -56,6 +57,7 @@ from gateway.daemon.sampler import Sampler, SamplerItem
 from gateway.daemon.security_log import SECURITY_LOG_NAME, SecurityLog
 from gateway.daemon.shutdown import Shutdown
 from gateway.daemon.start_description import describe
+from gateway.daemon.trial_supervisor import TrialSupervisor
 from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.messages import Log
 from gateway.outbox.outbox import FOLDER as OUTBOX_FOLDER
@@ -82,12 +84,12 @@ DRAIN_S = 60.0
 class Gateway:
     """One gateway, from construction to the end of `run`."""
 
-    def __init__(self, configuration: Configuration, output: LineWriter) -> None:
+    def __init__(self, configuration: Configuration, output: LineWriter, changes: ConfigurationService) -> None:
         """Lock the data folder, open the device and compose the parts; `output` writes the log.
 
         Raises `InstanceError` where another gateway uses the folder, `DeviceError`, and `BusError` for an endpoint of wrong form.
         """
-        self.configuration = configuration
+        self.configuration, self._changes = configuration, changes
         self.faults = FaultRegister()
         section, bus, boot_id, clock = configuration.gateway, configuration.bus, uuid.uuid4().hex[:12], HostClock()
         gateway_settings(bus, section.key)
@@ -129,7 +131,12 @@ class Gateway:
                 section.key,
                 Authoriser(boot_id, load_or_create_token(section.data_dir)),
                 make_handlers(
-                    self._publisher.latest, recalibration, marks, acknowledgements, AlertHistory(self._outbox)
+                    self._publisher.latest,
+                    recalibration,
+                    marks,
+                    acknowledgements,
+                    AlertHistory(self._outbox),
+                    changes.open(section.data_dir),
                 ),
                 security_log,
                 clock.now_ns,
@@ -249,7 +256,9 @@ class Gateway:
 
     def _supervise(self, stopping: threading.Event, end_s: float) -> str | None:
         """Keep the page running until the end; return the name of a thread without which the gateway cannot go on."""
+        trial = TrialSupervisor(self._changes, self._health, stopping, time.monotonic())
         while not stopping.is_set() and not self._sampler.ended.is_set() and time.monotonic() < end_s:
+            trial.tick(time.monotonic())
             if self._page is not None:
                 self._page.supervise()
             for thread in self.threads:

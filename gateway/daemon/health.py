@@ -31,6 +31,8 @@ from gateway.pipeline.header import Header
 
 RATE_WINDOW = 60
 """The rate is computed over this many messages, one per second."""
+NO_SAMPLES_S = 2.0
+"""A gateway without a new sample for this long is not healthy."""
 
 
 @dataclass(slots=True)
@@ -60,6 +62,8 @@ class HealthReporter:
     _started_s: float = field(default_factory=time.monotonic)
     _history: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=RATE_WINDOW))
     """(time of the newest sample, number of samples) at each of the last messages."""
+    _last_samples: tuple[int, float] = (0, 0.0)
+    """Number of samples, and when it last changed."""
 
     def make(self, header: Header, info: DeviceInfo) -> Health:
         """Return the present state of the gateway."""
@@ -96,6 +100,15 @@ class HealthReporter:
             drift=self.drift_store.monitor.status_json,
             **asdict(counters.radio.status()),
         )
+
+    def find_problem(self, now_s: float) -> str | None:
+        """Return what keeps the gateway from being healthy: no samples, or a part that does not work; None: it is healthy."""
+        samples, since_s = self._last_samples
+        if self.counters.samples != samples:
+            self._last_samples = (self.counters.samples, now_s)
+        if self.sampler.recovering or samples == 0 or now_s - since_s > NO_SAMPLES_S:
+            return "no samples arrive from the device"
+        return next(iter(self.faults.standing.values()), None)
 
     def _state(self) -> Literal["running", "recovering", "stopping"]:
         if self.stopping:

@@ -19,8 +19,9 @@ def make_handlers(
     marks: MarkService,
     acknowledgements: AcknowledgementService,
     alert_history: AlertHistory,
+    configuration: Mapping[str, RequestHandler],
 ) -> dict[str, RequestHandler]:
-    """Return the handlers by verb; `latest` returns the last message of each topic, for the status."""
+    """Return the handlers by verb; `latest` returns the last message of each topic; `configuration` has those of its verbs."""
 
     def report_status(request: RemoteRequest) -> None:
         topics = {topic: json.loads(text) for topic, text in latest().items() if topic != NOT_IN_STATUS}
@@ -32,5 +33,6 @@ def make_handlers(
         "alerts": alert_history.answer,
         "mark": lambda request: request.answer(marks.answer(request.expect(SetMark))),
         "acknowledge": acknowledgements.submit,
+        **configuration,
         **dict.fromkeys(VERBS, recalibration.submit),
     }

@@ -1,6 +1,6 @@
 """Requests and signals to a gateway, and their validation before anything uses them."""
 
-from typing import Annotated, Literal, Self, TypeVar
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
@@ -113,6 +113,28 @@ class FetchAlerts(BaseModel):
     """Number of that change; 0: none."""
     boot: str | None = Field(None, pattern=r"^[A-Za-z0-9]{1,64}$")
     """Boot id of that change; without it the number alone counts."""
+
+
+class ReadConfiguration(Request):
+    """Read the configuration, without secrets, files and commands."""
+
+
+class ProposeConfiguration(Request):
+    """Check a change of the configuration, and keep it for `ApplyConfiguration`."""
+
+    proposal: dict[str, dict[str, Any]]
+    """Sections that take the place of those of the file, as far as they may be changed over the bus."""
+    allow_network: bool = False
+    """Permission to change keys by which the gateway is reached."""
+    keep: bool = True
+    """False: only check it."""
+
+
+class ApplyConfiguration(Request):
+    """Put a proposal into force, on trial."""
+
+    proposal: RequestId
+    """Id of the request that proposed it."""
 
 
 VERBS: dict[str, type[Request]] = {

@@ -94,6 +94,12 @@ def test_network_keys_need_a_permission_and_then_change() -> None:
     assert tomllib.loads(text)["bus"]["tls"]["key"] == "/etc/plumbline/tls.pem"
 
 
+def test_a_network_key_that_the_environment_overrides_still_needs_a_permission() -> None:
+    environment = {"PLUMBLINE_BUS__LISTEN": '["tcp/127.0.0.1:1"]'}
+    with pytest.raises(ConfigurationError, match="cuts the gateway off"):
+        check_proposal(FILE, {"bus": {"listen": ["tcp/127.0.0.1:9447"]}}, allow_network=False, environment=environment)
+
+
 def test_what_can_be_read_contains_no_file_and_no_command() -> None:
     everything = Configuration.model_validate({"device": {"kind": "adxl355"}}).model_dump(mode="json")
     everything["mqtt"] = {"password": "secret"}
