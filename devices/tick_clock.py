@@ -38,7 +38,7 @@ class TickClock:
 
     def continues(self, t_us: int, samples: int) -> bool:
         """Return whether the node's clock at the last of `samples` further samples agrees with the sample rate."""
-        if self._last is None:
+        if self._last is None or t_us <= self._last[0]:
             return False
         expected_us = samples * self._nominal_us
         return abs(t_us - self._last[0] - expected_us) < RATE_TOLERANCE * expected_us + self._nominal_us
