@@ -151,6 +151,15 @@ class PageSection(Section):
     listen: str = Field("127.0.0.1:8321", pattern=r"^[^:\s]+:\d{1,5}$", description="address:port")
     language: Literal["en", "de"] = "en"
     directions: DirectionsSection = DirectionsSection()
+    hosts: list[str] = Field(
+        default_factory=list,
+        description="names under which browsers may reach the page, beside its address, such as crane-1.local",
+    )
+    names: list[str] = Field(
+        default_factory=list,
+        max_length=8,
+        description="names offered to a person who acknowledges, for a panel without keys",
+    )
 
     @property
     def address(self) -> tuple[str, int]:

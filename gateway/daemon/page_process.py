@@ -12,6 +12,7 @@ from gateway.daemon.page_channel import PageChannel
 from gateway.errors import PlumblineError
 from gateway.page import launch
 from gateway.page.parameters import CraneDirections, Parameters
+from gateway.page.pin import PIN_NAME, make_pin
 
 PAGE_MODULES = ("starlette", "uvicorn")
 FIRST_PAUSE_S = 1.0
@@ -19,6 +20,7 @@ LONGEST_PAUSE_S = 60.0
 BIND_PAUSE_S = 2.0
 """Pause between two attempts to take the address."""
 PART = "page"
+PIN = "page_pin"
 GOES_ON = "it is tried again until it works, everything else goes on"
 
 
@@ -68,10 +70,22 @@ class PageProcess:
                     f"page: {', '.join(missing)} not installed; install plumbline-gateway[page], or set page.enabled = false"
                 )
             self._socket = _bind(*self._address)
+        self._make_pin()
         try:
             return launch.start(self._parameters, self._socket, self._channel.open)
         except OSError as error:
             raise PageError(f"page: its process cannot be started ({error.strerror})") from error
+
+    def _make_pin(self) -> None:
+        """Make the PIN where there is none. Without it the page shows everything, and nobody acknowledges on it."""
+        if self._parameters.pin_file is None:
+            return
+        try:
+            make_pin(self._parameters.pin_file)
+        except OSError as error:
+            self._faults.set(PIN, f"{self._parameters.pin_file}: {error.strerror}; nobody can acknowledge on the page")
+        else:
+            self._faults.clear(PIN)
 
     def stop(self) -> None:
         """End the process and release the address."""
@@ -91,6 +105,9 @@ def page_parameters(configuration: Configuration) -> Parameters:
         trip_deg=alerts.trip_deg,
         lean_trip_deg=alerts.lean_trip_deg,
         stale_s=alerts.stale_s,
+        pin_file=gateway.data_dir / PIN_NAME,
+        hosts=[configuration.page.address[0], *configuration.page.hosts],
+        names=configuration.page.names,
         language=configuration.page.language,
         directions=CraneDirections(**configuration.page.directions.model_dump()),
         title=f"{gateway.site} / {gateway.crane} / {gateway.sensor}",

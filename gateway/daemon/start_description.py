@@ -7,6 +7,7 @@ from gateway import __version__
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.daemon.faults import FaultRegister
+from gateway.page.pin import PIN_NAME
 
 
 def describe(
@@ -21,11 +22,14 @@ def describe(
     bus = ", ".join([*configuration.bus.listen, *configuration.bus.connect]) or "no endpoint"
     places = {
         "page": f"http://{configuration.page.listen}/" if configuration.page.enabled else "off (page.enabled)",
+        "PIN": f"{configuration.gateway.data_dir / PIN_NAME}, to acknowledge alarms on the page",
         "recording": str(recording),
         "signed": signed,
         "bus": f"{configuration.gateway.key}/** at {bus}",
         "log": "standard error, and /log in the recording",
     }
+    if not configuration.page.enabled:
+        del places["PIN"]
     standing = faults.standing
     lines = [
         f"  {place:<10} {f'FAULT: {standing[place]}' if place in standing else text}" for place, text in places.items()

@@ -16,6 +16,8 @@ LISTED: tuple[Level, ...] = ("warn", "trip")
 class LoggedAlert:
     """One alert from its beginning to its end."""
 
+    incident: str | None
+    """Id by which it is acknowledged; None: it cannot be."""
     rule: str
     level: Level
     """The highest level that it has reached."""
@@ -25,6 +27,9 @@ class LoggedAlert:
     largest_deg: float | None
     limit_deg: float | None
     """The limit of the highest level."""
+    acknowledged_by: str | None
+    """Who acknowledged it at its present level; None: nobody."""
+    acknowledged_ns: int | None
 
 
 class AlertLog:
@@ -35,13 +40,18 @@ class AlertLog:
         self._since_ns: int | None = None
 
     def add(self, message: Alert) -> None:
-        """Take an alert message: begin, update and end alerts."""
+        """Take an alert message: begin, update, acknowledge and end alerts."""
         if self._since_ns is None:
             self._since_ns = message.time_ns
         active = {alert.rule: alert for alert in message.active}
         for index, logged in enumerate(self._alerts):
             if logged.until_ns is None:
-                self._alerts[index] = _updated(logged, active.pop(logged.rule, None), message.time_ns)
+                same = active.pop(logged.rule) if _is_same(logged, active.get(logged.rule)) else None
+                self._alerts[index] = _updated(logged, same, message.time_ns)
+            elif message.event == "acknowledged" and message.incident == logged.incident:
+                self._alerts[index] = replace(
+                    logged, acknowledged_by=message.acknowledged_by, acknowledged_ns=message.time_ns
+                )
         for alert in active.values():
             if alert.level in LISTED:
                 self._alerts.append(_begun(alert))
@@ -58,8 +68,23 @@ class AlertLog:
         return list(self._alerts)
 
 
+def _is_same(logged: LoggedAlert, alert: ActiveAlert | None) -> bool:
+    """Return whether an active alert continues an entry, and not a later incident of the same rule."""
+    return alert is not None and (alert.incident == logged.incident or alert.incident is None)
+
+
 def _begun(alert: ActiveAlert) -> LoggedAlert:
-    return LoggedAlert(alert.rule, alert.level, alert.since_ns, None, alert.value_deg, alert.limit_deg)
+    return LoggedAlert(
+        incident=alert.incident,
+        rule=alert.rule,
+        level=alert.level,
+        since_ns=alert.since_ns,
+        until_ns=None,
+        largest_deg=alert.value_deg,
+        limit_deg=alert.limit_deg,
+        acknowledged_by=alert.acknowledged_by,
+        acknowledged_ns=alert.acknowledged_ns,
+    )
 
 
 def _updated(logged: LoggedAlert, alert: ActiveAlert | None, time_ns: int) -> LoggedAlert:
@@ -67,10 +92,12 @@ def _updated(logged: LoggedAlert, alert: ActiveAlert | None, time_ns: int) -> Lo
     if alert is None:
         return replace(logged, until_ns=time_ns)
     values = [value for value in (logged.largest_deg, alert.value_deg) if value is not None]
-    largest_deg = max(values, default=None)
+    logged = replace(logged, largest_deg=max(values, default=None))
+    if alert.incident is not None:
+        logged = replace(logged, acknowledged_by=alert.acknowledged_by, acknowledged_ns=alert.acknowledged_ns)
     if RANK[alert.level] > RANK[logged.level]:
-        return replace(logged, level=alert.level, largest_deg=largest_deg, limit_deg=alert.limit_deg)
-    return replace(logged, largest_deg=largest_deg)
+        return replace(logged, level=alert.level, limit_deg=alert.limit_deg)
+    return logged
 
 
 def _end_ns(logged: LoggedAlert, time_ns: int) -> int:

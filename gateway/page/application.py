@@ -1,4 +1,4 @@
-"""The HTTP server of the page: read-only, everything from memory."""
+"""The routes of the page: its files, its state, and the actions of people who have entered the PIN."""
 
 import time
 from functools import partial
@@ -11,6 +11,9 @@ from starlette.responses import Response, StreamingResponse
 from starlette.routing import Route
 
 from gateway.page import exposition, metrics
+from gateway.page.actions import Actions
+from gateway.page.guard import Guard
+from gateway.page.hosts import AllowedHosts
 from gateway.page.hub import EventStream, event
 from gateway.page.state import PageState
 
@@ -29,7 +32,7 @@ HEADERS = [
 """The headers of every response. Nothing is cached, so that an old script never shows the data of an upgraded gateway."""
 
 
-def make_application(state: PageState, hub: EventStream) -> Starlette:
+def make_application(state: PageState, hub: EventStream, actions: Actions, hosts: AllowedHosts) -> Guard:
     """Make the routes. All endpoints are coroutines, so they run in the one thread of the state."""
 
     async def healthz(_request: Request) -> Response:
@@ -40,13 +43,12 @@ def make_application(state: PageState, hub: EventStream) -> Starlette:
     async def api_state(_request: Request) -> Response:
         return _json(state.snapshot(time.monotonic()))
 
-    async def api_events(_request: Request) -> Response:
-        if hub.full:
-            return Response("too many browsers\n", 503)
+    async def api_events(request: Request) -> Response:
+        address = request.client.host if request.client else ""
         now_s = time.monotonic()
         history = {"points": state.history.rows(since=0, now_s=now_s)}
         greeting = event("history", history, number=0) + event("state", state.summary(now_s), number=0)
-        return StreamingResponse(hub.stream(greeting), media_type="text/event-stream")
+        return StreamingResponse(hub.stream(address, greeting), media_type="text/event-stream")
 
     async def prometheus(_request: Request) -> Response:
         counters = metrics.Counters(
@@ -59,7 +61,10 @@ def make_application(state: PageState, hub: EventStream) -> Starlette:
         return Response(text, media_type=exposition.CONTENT_TYPE)
 
     endpoints = {"/healthz": healthz, "/api/state": api_state, "/api/events": api_events, "/metrics": prometheus}
-    return Starlette(routes=[*_static_routes(), *(Route(path, endpoint) for path, endpoint in endpoints.items())])
+    reading = (Route(path, endpoint) for path, endpoint in endpoints.items())
+    changing = actions.changing_routes()
+    routes = [*_static_routes(), *reading, *actions.reading_routes(), *changing]
+    return Guard(Starlette(routes=routes), hosts, {route.path for route in changing})
 
 
 def _json(content: object, status: int = 200) -> Response:

@@ -5,8 +5,12 @@ from collections.abc import AsyncIterator
 
 from pydantic_core import to_json
 
+from gateway.page.admission import Admission
+
 RETRY_MS = 500
-MOST_CLIENTS = 32
+MOST_CLIENTS = 96
+MOST_PER_ADDRESS = 40
+"""Further browsers replace the oldest, so that forgotten or hostile streams lock nobody out."""
 LONGEST_QUEUE = 20
 
 
@@ -18,7 +22,11 @@ def event(name: str, content: object, *, number: int) -> bytes:
 class BrowserQueue:
     """The payloads that one browser has not received yet; None ends its stream."""
 
-    def __init__(self) -> None:
+    idle = True
+    """It may be ended at any time: the browser connects again."""
+
+    def __init__(self, address: str) -> None:
+        self.address = address
         self.queue: asyncio.Queue[bytes | None] = asyncio.Queue(LONGEST_QUEUE)
 
     def end(self) -> None:
@@ -32,45 +40,43 @@ class EventStream:
     """The browsers that receive the events."""
 
     def __init__(self) -> None:
-        self._browsers: set[BrowserQueue] = set()
-        self._closed = False
-        self.dropped = 0
-        """Number of browsers that were dropped because they were too slow."""
+        self._browsers: Admission[BrowserQueue] = Admission(MOST_CLIENTS, MOST_PER_ADDRESS)
+        self._too_slow = 0
+        self.closed = False
 
     def __len__(self) -> int:
         return len(self._browsers)
 
     @property
-    def full(self) -> bool:
-        """Whether no other browser is admitted."""
-        return self._closed or len(self._browsers) >= MOST_CLIENTS
+    def dropped(self) -> int:
+        """Number of browsers that were dropped because they were too slow, or to make room."""
+        return self._too_slow + self._browsers.ended
 
     def publish(self, payload: bytes) -> None:
         """Add a payload to the queue of every browser; never waits."""
-        for browser in list(self._browsers):
+        for browser in self._browsers.all():
             if browser.queue.full():
-                self.dropped += 1
-                self._browsers.discard(browser)
+                self._too_slow += 1
+                self._browsers.release(browser)
                 browser.end()
             else:
                 browser.queue.put_nowait(payload)
 
     def close(self) -> None:
         """End all streams, and admit no new ones."""
-        self._closed = True
-        for browser in self._browsers:
+        self.closed = True
+        for browser in self._browsers.all():
             browser.end()
-        self._browsers.clear()
+            self._browsers.release(browser)
 
-    async def stream(self, greeting: bytes) -> AsyncIterator[bytes]:
+    async def stream(self, address: str, greeting: bytes) -> AsyncIterator[bytes]:
         """Yield the events for one browser: the greeting, then everything that is published from now on."""
-        if self.full:
+        browser = BrowserQueue(address)
+        if self.closed or not self._browsers.admit(browser):
             return
-        browser = BrowserQueue()
-        self._browsers.add(browser)
         try:
             yield b"retry: %d\n\n" % RETRY_MS + greeting
             while (payload := await browser.queue.get()) is not None:
                 yield payload
         finally:
-            self._browsers.discard(browser)
+            self._browsers.release(browser)

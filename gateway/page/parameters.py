@@ -3,7 +3,8 @@
 The parent binds the listening socket, so that an occupied port is an error at its own start.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Annotated, ClassVar
 
 from pydantic import ConfigDict, Field, TypeAdapter, ValidationError
@@ -39,6 +40,12 @@ class Parameters:
     stale_s: Positive = 1.0
     """A value older than this, beyond the usual interval of its topic, is stale."""
     lean_trip_deg: Positive | None = None
+    pin_file: Path | None = None
+    """File with the PIN; None: nobody can acknowledge on the page."""
+    hosts: list[str] = field(default_factory=list)
+    """Names under which browsers may reach the page, beside its address."""
+    names: list[str] = field(default_factory=list)
+    """Names offered to a person who signs in."""
     title: str = ""
     """Displayed instead of the sensor's name."""
     language: str = "en"

@@ -10,9 +10,14 @@ import time
 
 import uvicorn
 
+from gateway.page.actions import Actions
 from gateway.page.application import HEADERS, make_application
-from gateway.page.channel import PARAMETERS, Frame, receive_frame
+from gateway.page.channel import ANSWER, PARAMETERS, Frame, receive_frame
+from gateway.page.gateway_requests import GatewayRequests
+from gateway.page.hosts import AllowedHosts
+from gateway.page.http_protocol import LARGEST_HEAD, make_protocol
 from gateway.page.hub import EventStream, event
+from gateway.page.log_limit import LogLimit
 from gateway.page.parameters import Parameters, parse
 from gateway.page.state import PageState
 
@@ -23,7 +28,6 @@ GATHER_S = 0.01
 """Short wait that joins the messages of one block into one push."""
 STALLED_MS = 5000
 SEND_BUFFER_BYTES = 32768
-MOST_CONNECTIONS = 128
 MOST_FRAMES = 256
 """Frames that are taken before browsers are served again."""
 
@@ -32,7 +36,9 @@ log = logging.getLogger("page")
 
 def main() -> int:
     """Receive the start parameters and serve. Return 0 when asked to end, 2 for wrong start parameters."""
-    logging.basicConfig(level=logging.WARNING, format="page: %(message)s")
+    limited = logging.StreamHandler()
+    limited.addFilter(LogLimit())
+    logging.basicConfig(level=logging.WARNING, format="page: %(message)s", handlers=[limited])
     try:
         channel = socket.socket(fileno=os.dup(sys.stdin.fileno()))
         parameters = _receive_parameters(channel)
@@ -41,10 +47,10 @@ def main() -> int:
         print(f"page: start parameters on standard input: {error}", file=sys.stderr)
         return 2
     state, hub = PageState(parameters), EventStream()
-    page = Page(state, hub, channel)
+    page = Page(state, hub, channel, listener)
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda *_: page.stop())
-    asyncio.run(page.serve(listener))
+    asyncio.run(page.serve())
     return 0
 
 
@@ -63,14 +69,19 @@ class _UvicornServer(uvicorn.Server):
 class Page:
     """Connects channel, state and browsers."""
 
-    def __init__(self, state: PageState, hub: EventStream, channel: socket.socket) -> None:
+    def __init__(self, state: PageState, hub: EventStream, channel: socket.socket, listener: socket.socket) -> None:
         self._state = state
         self._hub = hub
         self._channel = channel
-        self._server = _UvicornServer(_http_settings(make_application(state, hub)), hub)
+        self._listener = listener
+        self._requests = GatewayRequests(channel)
+        host, port = listener.getsockname()[:2]
+        hosts = AllowedHosts(host, state.parameters.hosts)
+        application = make_application(state, hub, Actions(state, self._requests, port), hosts)
+        self._server = _UvicornServer(_http_settings(application), hub)
         self._news = asyncio.Event()
 
-    async def serve(self, listener: socket.socket) -> None:
+    async def serve(self) -> None:
         """Serve until `stop` is called or the channel ends."""
         loop = asyncio.get_running_loop()
         self._channel.setblocking(False)
@@ -78,7 +89,7 @@ class Page:
         pushing = asyncio.create_task(self._push_forever())
         pushing.add_done_callback(lambda _: self.stop())
         try:
-            await self._server.serve(sockets=[listener])
+            await self._server.serve(sockets=[self._listener])
         finally:
             loop.remove_reader(self._channel)
         if pushing.done():
@@ -98,7 +109,10 @@ class Page:
                 if frame is None:
                     self._end_with_gateway()
                     break
-                frames.append(frame)
+                if frame.kind == ANSWER:
+                    self._requests.receive(frame.payload)
+                else:
+                    frames.append(frame)
         except BlockingIOError:
             pass
         except ConnectionError:
@@ -137,7 +151,8 @@ def _http_settings(app: object) -> uvicorn.Config:
     return uvicorn.Config(
         app,  # type: ignore[arg-type]
         loop="asyncio",
-        http="h11",
+        http=make_protocol(),
+        h11_max_incomplete_event_size=LARGEST_HEAD,
         ws="none",
         lifespan="off",
         log_config=None,
@@ -147,7 +162,6 @@ def _http_settings(app: object) -> uvicorn.Config:
         proxy_headers=False,
         headers=HEADERS,
         workers=1,
-        limit_concurrency=MOST_CONNECTIONS,
         timeout_graceful_shutdown=1,
     )
 

@@ -160,6 +160,7 @@ class PageState:
             "lean_trip_deg": p.lean_trip_deg,
             "stale_s": p.stale_s,
             "language": p.language,
+            "names": p.names,
             "directions": p.directions,
             "invalid": self.invalid,
         }

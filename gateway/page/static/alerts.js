@@ -1,39 +1,69 @@
-// The list of alerts, newest first: from when to when, what, the largest value, the limit.
+// The list of alerts, newest first: from when to when, what, the largest value, the limit, and who acknowledged it.
 
+import {acknowledgedText} from "./acknowledge.js";
 import {degrees, isKnown, upwards} from "./number.js";
 import {setText} from "./facts.js";
 import {hasText, text} from "./texts.js";
 import {timeOfDay} from "./time.js";
 
+const CELLS = ["", "", "what", "", "", "by"];
+
 export class AlertList {
-  constructor(body) {
+  constructor(body, acknowledger) {
     this.body = body;
-    this.shown = "";
+    this.acknowledger = acknowledger;
+    this.rows = new Map();
   }
 
+  // Rows stay the same elements while their values change, so that a button under a finger stays there.
   show({since_ns: sinceNs, alerts}) {
     const time = timeOfDay(sinceNs);
     setText("alerts-title", text("alerts_of", {time}));
     setText("alerts-none", alerts.length === 0 ? text("no_alerts", {time}) : "");
-    const shown = JSON.stringify([alerts, document.documentElement.lang]);
-    if (shown === this.shown) return;
-    this.shown = shown;
-    this.body.replaceChildren(...[...alerts].reverse().map(row));
+    const newestFirst = [...alerts].reverse();
+    const rows = new Map(newestFirst.map((alert) => [keyOf(alert), this.rows.get(keyOf(alert)) ?? makeRow()]));
+    const isNew = [...rows.keys()].join() !== [...this.rows.keys()].join();
+    this.rows = rows;
+    for (const alert of newestFirst) this.fill(rows.get(keyOf(alert)), alert);
+    if (isNew) this.body.replaceChildren(...rows.values());
+  }
+
+  fill(row, alert) {
+    const name = `${hasText(`rule_${alert.rule}`) ? text(`rule_${alert.rule}`) : alert.rule}: ${text(`level_${alert.level}`)}`;
+    row.dataset.level = alert.level;
+    row.classList.toggle("standing", alert.until_ns === null);
+    const cells = [
+      timeOfDay(alert.since_ns),
+      alert.until_ns === null ? text("alert_standing") : timeOfDay(alert.until_ns),
+      name,
+      upwards(alert.largest_deg),
+      isKnown(alert.limit_deg) ? degrees(alert.limit_deg) : "",
+    ];
+    cells.forEach((content, i) => {
+      if (row.cells[i].textContent !== content) row.cells[i].textContent = content;
+    });
+    this.fillLast(row.cells[5], alert, name);
+  }
+
+  fillLast(cell, alert, name) {
+    const by = alert.acknowledged_by === null ? "" : acknowledgedText(alert);
+    const waits = alert.acknowledged_by === null && alert.incident !== null;
+    const shown = JSON.stringify([by, waits, name, document.documentElement.lang]);
+    if (cell.dataset.shown === shown) return;
+    cell.dataset.shown = shown;
+    cell.textContent = by;
+    if (!waits) return;
+    const button = Object.assign(document.createElement("button"), {type: "button", textContent: text("acknowledge")});
+    button.setAttribute("aria-label", text("acknowledge_of", {alert: `${name}, ${timeOfDay(alert.since_ns)}`}));
+    button.addEventListener("click", () => this.acknowledger.acknowledge([alert.incident]));
+    cell.append(button);
   }
 }
 
-function row(alert) {
-  const line = document.createElement("tr");
-  line.dataset.level = alert.level;
-  line.classList.toggle("standing", alert.until_ns === null);
-  const rule = hasText(`rule_${alert.rule}`) ? text(`rule_${alert.rule}`) : alert.rule;
-  const cells = [
-    timeOfDay(alert.since_ns),
-    alert.until_ns === null ? text("alert_standing") : timeOfDay(alert.until_ns),
-    `${rule}: ${text(`level_${alert.level}`)}`,
-    upwards(alert.largest_deg),
-    isKnown(alert.limit_deg) ? degrees(alert.limit_deg) : "",
-  ];
-  line.append(...cells.map((content, i) => Object.assign(document.createElement("td"), {textContent: content, className: i === 2 ? "what" : ""})));
-  return line;
+const keyOf = (alert) => `${alert.incident ?? alert.rule} ${alert.since_ns}`;
+
+function makeRow() {
+  const row = document.createElement("tr");
+  row.append(...CELLS.map((className) => Object.assign(document.createElement("td"), {className})));
+  return row;
 }

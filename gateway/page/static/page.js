@@ -1,5 +1,6 @@
 // The page: shows what the server pushes, and whether it is up to date.
 
+import {Acknowledger, standing} from "./acknowledge.js";
 import {AlertList} from "./alerts.js";
 import {AlignScreen} from "./align.js";
 import {Bullseye} from "./bullseye.js";
@@ -9,6 +10,7 @@ import {Gauge} from "./gauge.js";
 import {Link, nowS} from "./link.js";
 import {Mounting} from "./mounting.js";
 import {ago, degrees, directionWords, fixed, isKnown, NONE, upwards} from "./number.js";
+import {Person} from "./person.js";
 import {comingPeak, motionKey, sentence} from "./sentence.js";
 import {Sound} from "./sound.js";
 import {setLanguage, text} from "./texts.js";
@@ -29,7 +31,9 @@ const bullseye = new Bullseye(element("bullseye"));
 const gauge = new Gauge(element("gauge"));
 const calibration = new CalibrationScreen(element("calibration"));
 const align = new AlignScreen(element("align"));
-const alertList = new AlertList(element("alert-rows"));
+const person = new Person();
+const acknowledger = new Acknowledger(person);
+const alertList = new AlertList(element("alert-rows"), acknowledger);
 const mounting = new Mounting(element("mounting"));
 const sound = new Sound(element("sound"));
 const trend = new Trend(element("trend"), element("trend-labels"), element("trend-times"));
@@ -65,7 +69,10 @@ function show() {
     if (state === null) return;
     const waitedS = nowS() - link.arrivedS;
     const gone = GONE.has(verdict.word);
-    sound.update(gone ? [] : sounding(state.topics.alert));
+    const alarms = gone ? [] : standing(state.topics.alert);
+    sound.update(alarms.filter((one) => !one.acknowledged_by).map((one) => ({key: one.incident ?? one.rule, level: one.level})));
+    acknowledger.show(alarms);
+    person.show(state.page.names);
     showSwing(gone ? {} : state.topics, verdict, waitedS);
     showFacts(state, waitedS);
     showReasons(verdict, state.topics);
@@ -124,13 +131,6 @@ function announce(verdict, word) {
   if (verdict.word === announced) return;
   announced = verdict.word;
   setText("announcement", `${word}. ${verdict.sentence}`);
-}
-
-// Return the identity and the level of the alarms that sound.
-function sounding(alert) {
-  return (alert?.active ?? [])
-    .filter((one) => one.level === "warn" || one.level === "trip")
-    .map((one) => ({key: one.rule, level: one.level}));
 }
 
 function showReasons(verdict, {condition, motion, health}) {

@@ -1,4 +1,5 @@
-// The alarm tone: two tones for a warning, a fast series for the limit, until the operator silences it or the alarm ends.
+// The alarm tone: two tones for a warning, a fast series for the limit, until somebody acknowledges the alarm, the operator silences
+// it on this screen, or it ends.
 // A browser plays sound only after somebody has touched the page, so the button says whether the tone can be heard.
 
 import {text} from "./texts.js";
@@ -26,7 +27,11 @@ export class Sound {
     const audible = this.context?.state === "running";
     this.button.dataset.state = level ? "alarm" : audible ? "on" : "off";
     const label = level && audible ? text("silence") : audible ? text("sound_on") : text("sound_off");
-    if (this.button.textContent !== label) this.button.textContent = label;
+    if (this.button.getAttribute("aria-label") !== label) {
+      this.button.setAttribute("aria-label", label);
+      this.button.title = label;
+      document.getElementById("sound-icon").setAttribute("href", audible ? "#sound-on" : "#sound-off");
+    }
     if (level && audible) this.play(PATTERNS[level]);
   }
 

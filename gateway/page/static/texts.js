@@ -36,6 +36,12 @@ const TABLES = {
     alert_standing: "now", no_alerts: "No alert since {time}.", rule_swing: "Swing", rule_lean: "Lean", rule_calibration: "Calibration",
     level_warn: "warning", level_trip: "limit", level_unknown: "not known",
 
+    acknowledge: "Acknowledge", acknowledge_of: "Acknowledge: {alert}", acknowledged_by: "✓ {time} {name}", alert_acknowledged: "acknowledged",
+    not_done: "Not done: {reason}", person_is: "Signed in: {name}", person_none: "Read-only", sign_in: "Sign in", sign_out: "Sign out",
+    sign_in_title: "Who acknowledges?", name: "name", cancel: "Cancel", delete: "delete", name_missing: "Enter your name.",
+    pin_wrong: "The PIN is wrong.", pin_pause: "Wait {seconds} s before the next attempt.", no_pin: "This gateway has no PIN: nobody can acknowledge here.",
+    sign_in_first: "Sign in first.", request_invalid: "The request was not valid.", no_answer: "no answer",
+
     sound_on: "Sound is on", sound_off: "Turn sound on", silence: "Silence",
     now_ago: "now", seconds_ago: "{count} s ago", minutes_ago: "{count} min ago", hours_ago: "{count} h ago",
 
@@ -93,6 +99,12 @@ const TABLES = {
     alerts_of: "Alarme seit {time}", alert_from: "von", alert_to: "bis", alert_what: "Alarm", alert_largest: "größter Wert", alert_limit: "Grenze",
     alert_standing: "jetzt", no_alerts: "Kein Alarm seit {time}.", rule_swing: "Pendeln", rule_lean: "Schräglage", rule_calibration: "Kalibrierung",
     level_warn: "Warnung", level_trip: "Grenzwert", level_unknown: "unbekannt",
+
+    acknowledge: "Quittieren", acknowledge_of: "Quittieren: {alert}", acknowledged_by: "✓ {time} {name}", alert_acknowledged: "quittiert",
+    not_done: "Nicht ausgeführt: {reason}", person_is: "Angemeldet: {name}", person_none: "Nur Ansicht", sign_in: "Anmelden", sign_out: "Abmelden",
+    sign_in_title: "Wer quittiert?", name: "Name", cancel: "Abbrechen", delete: "löschen", name_missing: "Namen eingeben.",
+    pin_wrong: "Die PIN ist falsch.", pin_pause: "Nächster Versuch in {seconds} s.", no_pin: "Dieses Gateway hat keine PIN: hier kann niemand quittieren.",
+    sign_in_first: "Erst anmelden.", request_invalid: "Die Anfrage war ungültig.", no_answer: "keine Antwort",
 
     sound_on: "Ton ist ein", sound_off: "Ton einschalten", silence: "Ton aus",
     now_ago: "jetzt", seconds_ago: "vor {count} s", minutes_ago: "vor {count} min", hours_ago: "vor {count} h",

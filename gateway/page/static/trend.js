@@ -61,7 +61,7 @@ export class Trend {
       this.path("grid", `M${at} 0V${HEIGHT}`);
       const label = document.createElement("span");
       label.textContent = timeOfDay(tickS * 1e9).slice(0, 5);
-      label.style.left = `${Math.min(Math.max((100 * at) / WIDTH, 3.5), 96.5)}%`;
+      label.style.left = `clamp(2.2rem, ${(100 * at) / WIDTH}%, calc(100% - 2.2rem))`;
       labels.push(label);
     }
     this.times.replaceChildren(...labels);

@@ -7,11 +7,14 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from gateway.daemon.page_channel import PageChannel
+from gateway.daemon.page_requests import PageRequests
+from gateway.daemon.recalibration_service import PendingRequest
 from gateway.messages import (
     NO_SESSION,
     ActiveAlert,
@@ -31,12 +34,14 @@ from gateway.messages import (
 )
 from gateway.page import launch
 from gateway.page.parameters import Parameters
+from gateway.recalibration.journal import RequestAnswer
 from gateway.topics import TOPIC_OF, encode
 from tests.waiting import PATIENCE_S
 
 KEY = "plumbline/v1/north-yard/crane-3/hook"
 SAMPLE_TIME_NS = 1_760_000_000_000_000_000
 TICK_S = 0.05
+PIN = "31415926"
 
 
 class Scene:
@@ -63,6 +68,8 @@ class Scene:
         self.session = NO_SESSION
         self.pitch_deg, self.roll_deg = 0.5, 0.6
         self.drift: dict[str, Any] | None = None
+        self.incident: str | None = "b00t-1"
+        self.acknowledged_by: str | None = None
 
     def messages(self, sequence: int, time_ns: int) -> list[Message]:
         """One of each topic that the page reads."""
@@ -162,10 +169,13 @@ class Scene:
         standing = ActiveAlert(
             rule="swing",
             level=self.level,
-            since_ns=time_ns,
+            since_ns=SAMPLE_TIME_NS,
             value_deg=6.4,
             limit_deg=6.0,
             clear_deg=3.0,
+            incident=self.incident,
+            acknowledged_by=self.acknowledged_by,
+            acknowledged_ns=None if self.acknowledged_by is None else SAMPLE_TIME_NS,
             text=self.alert_text,
         )
         return Alert(
@@ -210,6 +220,24 @@ class Scene:
             resident_mb=51.0,
             drift=self.drift,
         )
+
+
+class Services:
+    """Takes the requests of the page, and acknowledges in the scene as the gateway does in its messages."""
+
+    def __init__(self) -> None:
+        self.scene: Scene | None = None
+        self.requests: list[dict[str, Any]] = []
+
+    def submit(self, request: PendingRequest) -> bool:
+        content = json.loads(request.payload)
+        self.requests.append(content)
+        found = self.scene is not None and content["incident"] == self.scene.incident
+        if self.scene is not None and found:
+            self.scene.acknowledged_by = content["by"]
+        text = "done" if found else f"no incident {content['incident']} is known since the start of the gateway"
+        request.reply(RequestAnswer(id=content["id"], request=request.verb, accepted=found, text=text))
+        return True
 
 
 class FakeGateway:
@@ -288,21 +316,34 @@ def start_gateway() -> Callable[[PageChannel], FakeGateway]:
 
 
 @pytest.fixture
-def channel() -> Iterator[PageChannel]:
-    opened = PageChannel(lambda _request: b"{}")
+def services() -> Services:
+    return Services()
+
+
+@pytest.fixture
+def channel(services: Services) -> Iterator[PageChannel]:
+    opened = PageChannel(PageRequests({"acknowledge": services.submit}).answer)
     yield opened
     opened.close()
 
 
 @pytest.fixture
-def gateway(channel: PageChannel) -> Iterator[FakeGateway]:
+def gateway(channel: PageChannel, services: Services) -> Iterator[FakeGateway]:
     fake = FakeGateway(channel)
+    services.scene = fake.scene
     yield fake
     fake.close()
 
 
 @pytest.fixture
-def page(channel: PageChannel) -> Iterator[PageUnderTest]:
-    under_test = PageUnderTest(channel)
+def pin_file(tmp_path: Path) -> Path:
+    path = tmp_path / "page-pin"
+    path.write_text(f"{PIN}\n")
+    return path
+
+
+@pytest.fixture
+def page(channel: PageChannel, pin_file: Path) -> Iterator[PageUnderTest]:
+    under_test = PageUnderTest(channel, pin_file=pin_file, names=["Ann", "Bert"], hosts=["crane-3.local"])
     yield under_test
     under_test.close()

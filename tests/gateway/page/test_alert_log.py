@@ -1,5 +1,6 @@
 """The list of alerts of the shift: begun, raised, ended, bounded."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -67,3 +68,33 @@ def test_number_and_age_are_bounded(log: AlertLog) -> None:
     assert len(log.alerts()) == MOST_ALERTS
     log.add(_message(4 * MOST_ALERTS + SHIFT_NS / 1e9))
     assert log.alerts() == []
+
+
+def _standing(time_s: float, level: Level, incident: str, by: str | None = None, event: Any = "standing") -> Alert:
+    message = _message(time_s, ("swing", level, 6.5))
+    acknowledged_ns = None if by is None else round(time_s * 1e9)
+    active = [replace(message.active[0], incident=incident, acknowledged_by=by, acknowledged_ns=acknowledged_ns)]
+    return replace(message, active=active, event=event, incident=incident, acknowledged_by=by)
+
+
+def test_an_acknowledgement_ends_with_a_higher_level(log: AlertLog) -> None:
+    log.add(_standing(1, "warn", "b-1"))
+    log.add(_standing(2, "warn", "b-1", by="Ann", event="acknowledged"))
+    (only,) = log.alerts()
+    assert (only.acknowledged_by, only.acknowledged_ns) == ("Ann", 2 * SECOND_NS)
+    log.add(_standing(3, "trip", "b-1"))
+    assert log.alerts()[0].acknowledged_by is None
+
+
+def test_an_alert_can_be_acknowledged_after_its_end(log: AlertLog) -> None:
+    log.add(_standing(1, "trip", "b-1"))
+    log.add(_message(2))
+    log.add(replace(_message(5), event="acknowledged", incident="b-1", acknowledged_by="Ann"))
+    (only,) = log.alerts()
+    assert (only.until_ns, only.acknowledged_by, only.acknowledged_ns) == (2 * SECOND_NS, "Ann", 5 * SECOND_NS)
+
+
+def test_another_incident_of_the_same_rule_is_another_alert(log: AlertLog) -> None:
+    log.add(_standing(1, "trip", "b-1"))
+    log.add(_standing(9, "trip", "b-2"))
+    assert [(alert.incident, alert.until_ns) for alert in log.alerts()] == [("b-1", 9 * SECOND_NS), ("b-2", None)]

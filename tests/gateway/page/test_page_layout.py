@@ -33,6 +33,11 @@ def _trip_by_wind_uncalibrated(scene: Scene) -> None:
     scene.recording_error = "no space left on device; " * 4
 
 
+def _acknowledged(scene: Scene) -> None:
+    _trip_by_wind_uncalibrated(scene)
+    scene.acknowledged_by = "Maximiliane Hohenzollern-Wartenberg"
+
+
 def _unknown(scene: Scene) -> None:
     scene.coverage95_deg = scene.swinging = None
     scene.motion_reasons = ["the readings of the sensor do not change on any axis"]
@@ -72,6 +77,7 @@ STATES: dict[str, Callable[[Scene], None]] = {
     "OK": lambda scene: None,
     "TRIP": _trip,
     "TRIP with other findings": _trip_by_wind_uncalibrated,
+    "TRIP acknowledged": _acknowledged,
     "UNKNOWN": _unknown,
     "SUSPENDED": _suspended,
     "UNCALIBRATED": _uncalibrated,
@@ -114,6 +120,24 @@ def test_no_text_is_cut_in_any_state(
             assert window.evaluate("layout.cut()") == [], (size, screen)
             scrolls = size == PHONE or screen == "#service"  # a phone and the service screen scroll
             assert window.evaluate("(acrossOnly) => layout.outside(acrossOnly)", scrolls) == [], (size, screen)
+    window.close()
+
+
+def test_the_dialog_fits_every_size(
+    gateway: FakeGateway, page_in_language: PageUnderTest, browser: Browser, language: str
+) -> None:
+    _trip(gateway.scene)
+    window = _open(browser, page_in_language.url, PANEL)
+    expect(window.locator("html")).to_have_attribute("lang", language)
+    window.locator("#acknowledge").click()
+    window.locator("#sign-in-name").fill("Ann")
+    window.keyboard.press("Enter")
+    expect(window.locator("#sign-in-error")).not_to_be_empty()
+    for size in (PANEL, DESKTOP, PHONE):
+        window.set_viewport_size({"width": size[0], "height": size[1]})
+        window.wait_for_timeout(100)
+        assert window.evaluate("layout.cut()") == [], size
+        assert window.evaluate("(acrossOnly) => layout.outside(acrossOnly)", size == PHONE) == [], size
     window.close()
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from gateway.page.hub import LONGEST_QUEUE, MOST_CLIENTS, EventStream, event
+from gateway.page.hub import LONGEST_QUEUE, MOST_PER_ADDRESS, EventStream, event
 from gateway.page.metrics import Counters, format_exposition
 from gateway.page.parameters import Parameters, encode, parse
 from gateway.page.verdict import PageEvidence
@@ -29,7 +29,7 @@ async def _next(stream: Any) -> bytes:
 def test_browsers_share_one_payload_and_the_slow_one_is_dropped() -> None:
     async def scenario() -> None:
         hub = EventStream()
-        quick, slow = hub.stream(b"hello\n\n"), hub.stream(b"hello\n\n")
+        quick, slow = hub.stream("a", b"hello\n\n"), hub.stream("b", b"hello\n\n")
         assert await _next(quick) == await _next(slow) == b"retry: 500\n\nhello\n\n"
         payload = event("state", {"a": 1}, number=7)
         for _ in range(LONGEST_QUEUE + 1):
@@ -41,20 +41,23 @@ def test_browsers_share_one_payload_and_the_slow_one_is_dropped() -> None:
         hub.close()
         with pytest.raises(StopAsyncIteration):
             await _next(quick)
-        assert hub.full
+        assert hub.closed
 
     asyncio.run(scenario())
 
 
-def test_a_browser_that_leaves_makes_room() -> None:
+def test_a_new_browser_replaces_the_oldest_of_its_address_where_there_are_too_many() -> None:
     async def scenario() -> None:
         hub = EventStream()
-        streams = [hub.stream(b"") for _ in range(MOST_CLIENTS)]
-        for stream in streams:
+        streams = [hub.stream("a", b"") for _ in range(MOST_PER_ADDRESS)]
+        other = hub.stream("b", b"")
+        for stream in (other, *streams, hub.stream("a", b"")):
             await _next(stream)
-        assert (len(hub), hub.full) == (MOST_CLIENTS, True)
-        await streams[0].aclose()  # type: ignore[attr-defined]
-        assert (len(hub), hub.full) == (MOST_CLIENTS - 1, False)
+        assert (len(hub), hub.dropped) == (MOST_PER_ADDRESS + 1, 1)
+        with pytest.raises(StopAsyncIteration):
+            await _next(streams[0])
+        hub.publish(b"news")
+        assert await _next(streams[1]) == await _next(other) == b"news"
         hub.close()
 
     asyncio.run(scenario())

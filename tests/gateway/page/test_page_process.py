@@ -134,8 +134,9 @@ def _invalid(page: PageUnderTest) -> int:
 @pytest.mark.usefixtures("gateway")
 @pytest.mark.parametrize("ending", ["SIGTERM", "SIGINT", "parent gone"])
 def test_it_ends_quietly_with_a_browser_attached(
-    channel: PageChannel, page: PageUnderTest, ending: str, capfd: pytest.CaptureFixture[str]
+    channel: PageChannel, ending: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
+    page = PageUnderTest(channel)  # here, so that it inherits the captured standard error
     wait_until(_is(page, "OK"), "OK")
     with urllib.request.urlopen(page.url + "/api/events", timeout=PATIENCE_S) as response:
         assert response.readline() == b"retry: 500\n"
@@ -145,6 +146,7 @@ def test_it_ends_quietly_with_a_browser_attached(
             page.process.send_signal(signal.Signals[ending])
         assert page.process.wait(PATIENCE_S) == 0
         response.read()
+    page.listener.close()
     assert capfd.readouterr() == ("", "")
 
 

@@ -1,0 +1,30 @@
+"""A limit on the lines of the log that browsers can cause."""
+
+import logging
+import time
+from collections.abc import Callable
+
+INTERVAL_S = 10.0
+MOST_LINES = 5
+"""Lines in an interval; the first of the next one says how many were left out."""
+
+
+class LogLimit(logging.Filter):
+    """Passes `MOST_LINES` lines in each interval and counts the others."""
+
+    def __init__(self, now_s: Callable[[], float] = time.monotonic) -> None:
+        super().__init__()
+        self._now_s = now_s
+        self._begin_s = now_s()
+        self._lines = 0
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether a line is written."""
+        now_s = self._now_s()
+        if now_s - self._begin_s >= INTERVAL_S:
+            left_out = max(self._lines - MOST_LINES, 0)
+            self._begin_s, self._lines = now_s, 0
+            if left_out:
+                record.msg, record.args = f"{record.getMessage()} ({left_out} lines were left out)", ()
+        self._lines += 1
+        return self._lines <= MOST_LINES

@@ -1,0 +1,33 @@
+"""The PIN that a person enters before the page acknowledges alarms: eight random digits in a file of the gateway."""
+
+import os
+import secrets
+from contextlib import suppress
+from pathlib import Path
+
+PIN_NAME = "page-pin"
+DIGITS = 8
+LONGEST_FILE = 256
+
+
+def make_pin(path: Path) -> None:
+    """Make the file with a random PIN where there is none, readable by the group of the service. Raises `OSError`."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with suppress(FileExistsError):
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o640)
+        with os.fdopen(descriptor, "w", encoding="ascii") as file:
+            file.write(f"{secrets.randbelow(10**DIGITS):0{DIGITS}d}\n")
+            file.flush()
+            os.fsync(file.fileno())
+
+
+def read_pin(path: Path | None) -> str | None:
+    """Return the PIN of a file, read anew each time so that a changed one counts at once; None where there is none."""
+    if path is None:
+        return None
+    try:
+        with path.open(encoding="ascii") as file:
+            pin = file.read(LONGEST_FILE).strip()
+    except (OSError, ValueError):
+        return None
+    return pin if pin.isdigit() and len(pin) >= DIGITS else None

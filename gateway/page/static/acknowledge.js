@@ -1,0 +1,62 @@
+// Acknowledging alarms: by the button beside the standing alarm, by F8, or in the list of alerts.
+
+import {setText} from "./facts.js";
+import {post, reasonOf} from "./post.js";
+import {text} from "./texts.js";
+import {timeOfDay} from "./time.js";
+
+const KEY = "F8";
+const COMPLAINT_MS = 8000;
+const UNAUTHORISED = 401;
+
+// Return the alarms that stand: warnings and limits.
+export const standing = (alert) => (alert?.active ?? []).filter((one) => one.level === "warn" || one.level === "trip");
+
+export class Acknowledger {
+  constructor(person) {
+    this.person = person;
+    this.waiting = []; // incidents that stand and nobody has acknowledged
+    this.complaint = "";
+    this.button = document.getElementById("acknowledge");
+    this.button.addEventListener("click", () => this.acknowledge(this.waiting));
+    document.addEventListener("keydown", (event) => {
+      if (event.key !== KEY || this.button.hidden || this.person.dialog.open) return;
+      event.preventDefault();
+      this.acknowledge(this.waiting);
+    });
+  }
+
+  // Show the button while an alarm stands that nobody has acknowledged, and else who has.
+  show(alarms) {
+    this.waiting = alarms.filter((one) => one.incident && !one.acknowledged_by).map((one) => one.incident);
+    this.button.hidden = this.waiting.length === 0;
+    const done = alarms.find((one) => one.acknowledged_by);
+    const by = done && this.waiting.length === 0 ? acknowledgedText(done) : "";
+    setText("acknowledged", this.complaint || by);
+  }
+
+  async acknowledge(incidents) {
+    if (this.person.name === null) {
+      this.person.ask(() => this.acknowledge(incidents));
+      return;
+    }
+    for (const incident of incidents) {
+      const answer = await post("api/acknowledge", {incident});
+      if (answer.status === UNAUTHORISED) {
+        this.person.name = null;
+        this.person.ask(() => this.acknowledge(incidents));
+        return;
+      }
+      if (!answer.ok) this.complain(reasonOf(answer));
+    }
+  }
+
+  complain(reason) {
+    this.complaint = text("not_done", {reason});
+    setTimeout(() => { this.complaint = ""; }, COMPLAINT_MS);
+  }
+}
+
+// Return who acknowledged an alarm, and when.
+export const acknowledgedText = ({acknowledged_by: name, acknowledged_ns: timeNs}) =>
+  text("acknowledged_by", {name, time: timeNs === null ? "" : timeOfDay(timeNs).slice(0, 5)});

@@ -1,0 +1,127 @@
+"""Who may acknowledge: the PIN's file, sessions, pauses after wrong attempts, hosts, and the lines of the log."""
+
+import logging
+import stat
+from pathlib import Path
+
+import pytest
+
+from gateway.page.hosts import AllowedHosts, is_same_origin
+from gateway.page.log_limit import INTERVAL_S, MOST_LINES, LogLimit
+from gateway.page.pin import DIGITS, make_pin, read_pin
+from gateway.page.sign_in import EXPIRY_S, LONGEST_PAUSE_S, MOST_ADDRESSES, MOST_SESSIONS, SignIn
+
+PIN = "12345678"
+
+
+def test_the_pin_is_made_once_and_read_by_the_group_alone(tmp_path: Path) -> None:
+    path = tmp_path / "data" / "page-pin"
+    make_pin(path)
+    first = read_pin(path)
+    assert first is not None
+    assert len(first) == DIGITS
+    assert first.isdigit()
+    assert stat.S_IMODE(path.stat().st_mode) & 0o137 == 0
+    make_pin(path)
+    assert read_pin(path) == first
+
+
+@pytest.mark.parametrize("content", ["", "1234\n", "password\n", "12345678 or so\n", "\xff"])
+def test_a_file_without_eight_digits_is_no_pin(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "page-pin"
+    path.write_text(content, encoding="latin-1")
+    assert read_pin(path) is None
+    assert read_pin(tmp_path / "absent") is None
+    assert read_pin(None) is None
+
+
+def test_a_session_ends_with_time_a_changed_pin_or_the_person() -> None:
+    people = SignIn()
+    token = people.sign_in("Ann", PIN, PIN, "10.0.0.1", 0.0)
+    session = people.session(token, PIN, EXPIRY_S - 1)
+    assert session is not None
+    assert session.name == "Ann"
+    assert people.session(token, PIN, EXPIRY_S) is None
+    assert people.session(token, "87654321", 1.0) is None
+    assert people.session(token, None, 1.0) is None
+    assert people.session("x" * 43, PIN, 1.0) is None
+    assert people.session(None, PIN, 1.0) is None
+    people.sign_out(token)
+    assert people.session(token, PIN, 1.0) is None
+
+
+def test_wrong_attempts_of_an_address_wait_longer_each_time() -> None:
+    people = SignIn()
+    now_s, pauses_s = 0.0, []
+    for _ in range(8):
+        assert people.sign_in("Eve", "0" * 8, PIN, "10.0.0.9", now_s) is None
+        pauses_s.append(people.pause_s("10.0.0.9", now_s))
+        now_s += pauses_s[-1]
+    assert pauses_s == [1, 2, 4, 8, 16, 32, LONGEST_PAUSE_S, LONGEST_PAUSE_S]
+    assert people.pause_s("10.0.0.1", now_s) == 0.0
+    assert people.sign_in("Ann", PIN, PIN, "10.0.0.9", now_s) is not None
+    assert people.pause_s("10.0.0.9", now_s) == 0.0
+
+
+def test_the_addresses_of_one_ipv6_network_count_as_one() -> None:
+    people = SignIn()
+    people.sign_in("Eve", "0" * 8, PIN, "fd00::1", 0.0)
+    assert people.pause_s("fd00::ffff:2", 0.0) == 1.0
+    assert people.pause_s("fd00:0:0:1::2", 0.0) == 0.0
+
+
+def test_sessions_and_addresses_are_bounded() -> None:
+    people = SignIn()
+    tokens = [people.sign_in("Ann", PIN, PIN, "10.0.0.1", 0.0) for _ in range(MOST_SESSIONS + 1)]
+    assert people.session(tokens[0], PIN, 1.0) is None
+    assert people.session(tokens[1], PIN, 1.0) is not None
+    for number in range(MOST_ADDRESSES + 1):
+        people.sign_in("Eve", "0" * 8, PIN, f"address {number}", 0.0)
+    assert people.pause_s("address 0", 0.0) == 0.0
+    assert people.pause_s("address 1", 0.0) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("listen", "names", "host", "allowed"),
+    [
+        ("127.0.0.1", [], "127.0.0.1:8321", True),
+        ("127.0.0.1", [], "localhost:8321", True),
+        ("127.0.0.1", [], "LOCALHOST", True),
+        ("127.0.0.1", [], "[::1]:8321", True),
+        ("127.0.0.1", [], "evil.com", False),
+        ("127.0.0.1", [], "evil.com:8321", False),
+        ("127.0.0.1", [], "127.0.0.1.evil.com", False),
+        ("127.0.0.1", [], "127.0.0.1@evil.com", False),
+        ("127.0.0.1", [], "10.0.0.5", False),
+        ("127.0.0.1", [], "", False),
+        ("127.0.0.1", [], "[", False),
+        ("127.0.0.1", ["crane-1.local"], "Crane-1.local:8321", True),
+        ("10.0.0.5", [], "10.0.0.5:8321", True),
+        ("10.0.0.5", [], "10.0.0.6:8321", False),
+        ("0.0.0.0", [], "10.0.0.6:8321", True),
+        ("0.0.0.0", [], "evil.com:8321", False),
+        ("::", [], "[fd00::1]:8321", True),
+    ],
+)
+def test_only_known_hosts_are_answered(listen: str, names: list[str], host: str, allowed: bool) -> None:
+    assert AllowedHosts(listen, names).allows(host) is allowed
+
+
+def test_only_the_page_itself_is_the_same_origin() -> None:
+    assert is_same_origin("http://127.0.0.1:8321", "127.0.0.1:8321")
+    for origin in ("", "null", "http://127.0.0.1:9999", "http://evil.com", "http://127.0.0.1:8321.evil.com"):
+        assert not is_same_origin(origin, "127.0.0.1:8321")
+
+
+def test_lines_that_browsers_cause_are_limited_and_counted() -> None:
+    now = [0.0]
+    limit = LogLimit(lambda: now[0])
+
+    def line() -> logging.LogRecord:
+        return logging.LogRecord("x", logging.WARNING, "", 0, "bad %s", ("request",), None)
+
+    assert [limit.filter(line()) for _ in range(MOST_LINES + 20)] == [True] * MOST_LINES + [False] * 20
+    now[0] = INTERVAL_S
+    record = line()
+    assert limit.filter(record)
+    assert record.getMessage() == "bad request (20 lines were left out)"
