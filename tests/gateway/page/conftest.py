@@ -14,7 +14,7 @@ import pytest
 
 from gateway.daemon.page_channel import PageChannel
 from gateway.daemon.page_requests import PageRequests
-from gateway.daemon.recalibration_service import PendingRequest
+from gateway.daemon.remote_request import RemoteRequest
 from gateway.messages import (
     NO_SESSION,
     ActiveAlert,
@@ -34,7 +34,7 @@ from gateway.messages import (
 )
 from gateway.page import launch
 from gateway.page.parameters import Parameters
-from gateway.recalibration.journal import RequestAnswer
+from gateway.recalibration.requests import Acknowledge
 from gateway.topics import TOPIC_OF, encode
 from tests.waiting import PATIENCE_S
 
@@ -227,17 +227,16 @@ class Services:
 
     def __init__(self) -> None:
         self.scene: Scene | None = None
-        self.requests: list[dict[str, Any]] = []
+        self.requests: list[Acknowledge] = []
 
-    def submit(self, request: PendingRequest) -> bool:
-        content = json.loads(request.payload)
+    def submit(self, request: RemoteRequest) -> None:
+        content = request.expect(Acknowledge)
         self.requests.append(content)
-        found = self.scene is not None and content["incident"] == self.scene.incident
-        if self.scene is not None and found:
-            self.scene.acknowledged_by = content["by"]
-        text = "done" if found else f"no incident {content['incident']} is known since the start of the gateway"
-        request.reply(RequestAnswer(id=content["id"], request=request.verb, accepted=found, text=text))
-        return True
+        if self.scene is None or content.incident != self.scene.incident:
+            request.refuse(f"no incident {content.incident} is known since the start of the gateway")
+            return
+        self.scene.acknowledged_by = content.by
+        request.reply(True, {"text": "done"})
 
 
 class FakeGateway:

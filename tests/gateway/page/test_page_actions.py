@@ -62,7 +62,7 @@ def test_who_has_entered_the_pin_acknowledges_by_name(
     assert PIN not in cookie
     status, content, _ = _post(page, ACKNOWLEDGE, INCIDENT, _cookie(cookie))
     assert (status, content) == (200, {"accepted": True, "text": "done"})
-    assert [(request["by"], request["incident"]) for request in services.requests] == [("Ann", "b00t-1")]
+    assert [(request.by, request.incident) for request in services.requests] == [("Ann", "b00t-1")]
     status, content, _ = _post(page, ACKNOWLEDGE, {"incident": "b00t-9"}, _cookie(cookie))
     assert (status, content["accepted"]) == (409, False)
     assert "b00t-9" in content["text"]
@@ -187,7 +187,7 @@ def test_the_list_offers_a_button_for_an_alert_that_has_ended(
     window.locator("#alert-rows button").click()
     _enter(window)
     expect(window.locator("#sign-in")).to_be_hidden()
-    assert [request["incident"] for request in services.requests] == ["b00t-1"]
+    assert [request.incident for request in services.requests] == ["b00t-1"]
     window.context.close()
 
 
