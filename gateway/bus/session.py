@@ -12,7 +12,7 @@ from gateway.bus.access_control import access_control
 from gateway.configuration.bus_section import BusSection
 from gateway.errors import PlumblineError
 
-LEASE_MS = 2000
+LEASE_MS = 1500
 """A silent peer is noticed after about this time; with the library's 10 s a dead gateway would look alive."""
 RETRY_MS = {"period_init_ms": 200, "period_max_ms": 2000, "period_increase_factor": 2}
 """Pauses between attempts to connect."""

@@ -1,0 +1,1 @@
+"""Faults of network and processes against the delivery of alerts, in network namespaces with real processes (needs root)."""
