@@ -1,4 +1,4 @@
-"""A consumer as a user would write it: each event and the receiver's position in one line, so that a kill repeats and loses nothing.
+"""A consumer as a user would write it: each event and the receiver's position in one line, so that a kill loses nothing.
 
 Arguments: endpoint, file.
 """

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import zenoh
 
-log = Path(sys.argv[1]).open("a", buffering=1)
+log = Path(sys.argv[1]).open("a", buffering=1)  # noqa: SIM115  (open until it is killed)
 
 
 def note(sample: zenoh.Sample) -> None:
