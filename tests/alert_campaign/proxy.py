@@ -26,6 +26,11 @@ class Wire:
     def __init__(self) -> None:
         self.connections: set[asyncio.StreamWriter] = set()
 
+    def read_commands(self) -> None:
+        """Read what has come on standard input."""
+        for line in os.read(0, 4096).decode().splitlines():
+            self.command(line)
+
     def command(self, line: str) -> None:
         """Change a fault: delay_s, stalled, loss, repeat, reorder; or reset all connections."""
         name, value = line.split()
@@ -108,7 +113,7 @@ async def main() -> None:
     _, far = await loop.create_datagram_endpoint(lambda: Datagrams(wire), local_addr=(host, 0), family=socket.AF_INET)
     near.far, far.far = far, near
     far.peer = (far_host, int(far_port))
-    loop.add_reader(0, lambda: [wire.command(line) for line in os.read(0, 4096).decode().splitlines()])
+    loop.add_reader(0, wire.read_commands)
     await forward(wire, (host, int(port)), (far_host, int(far_port)))
 
 

@@ -1,4 +1,4 @@
-"""Alerts of real gateways at real receivers: once and in order over restarts, acknowledged, and what a consumer knows of the gateway."""
+"""Alerts of real gateways at real receivers: once and in order over restarts, acknowledged, with the state of the gateway."""
 
 import json
 import os
