@@ -1,6 +1,7 @@
 """Zenoh sessions that listen and connect only at the configured endpoints, with mutual TLS and bounded messages."""
 
 import json
+import random
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +16,9 @@ from gateway.errors import PlumblineError
 LEASE_MS = 1500
 """A silent peer is noticed after about this time; with the library's 10 s a dead gateway would look alive."""
 RETRY_MS = {"period_init_ms": 200, "period_max_ms": 2000, "period_increase_factor": 2}
-"""Pauses between attempts to connect."""
+"""Pauses between attempts to connect, on average."""
+RETRY_SPREAD = 0.5
+"""Share by which the pauses of each party differ, so that a fleet does not return to its router in step."""
 FOREVER = -1
 CLIENT_CONNECT_MS = 2000
 """Longest attempt of a gateway that is a client: the library waits in `open`, and the gateway repeats it without end."""
@@ -81,7 +84,7 @@ def session_settings(
         "connect/endpoints": list(connect),
         "connect/timeout_ms": connect_timeout_ms,
         "connect/exit_on_failure": connect_timeout_ms != FOREVER,
-        "connect/retry": RETRY_MS,
+        "connect/retry": _spread_retry(),
         "listen/endpoints": list(listen),
         "scouting/multicast/enabled": False,
         "scouting/delay": 0,  # without scouting there is nothing to wait for
@@ -102,6 +105,12 @@ def session_settings(
     except zenoh.ZError as error:
         raise BusError(_describe(connect, listen, error)) from error
     return config
+
+
+def _spread_retry() -> dict[str, float]:
+    """Return the pauses of this party: at random around the average."""
+    share = random.uniform(1 - RETRY_SPREAD, 1 + RETRY_SPREAD)
+    return {name: value if name.endswith("factor") else round(share * value) for name, value in RETRY_MS.items()}
 
 
 def open_session(

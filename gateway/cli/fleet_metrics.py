@@ -61,7 +61,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from gateway.fleet.fleet_state import FleetState
     from gateway.fleet.selection import NamePatterns
 
-    expected = frozenset() if arguments.expect is None else read_expected(arguments.expect)
+    expected = {} if arguments.expect is None else read_expected(arguments.expect)
     host, port = arguments.listen
     try:
         listener = socket.create_server((host, port))
@@ -72,7 +72,7 @@ def _run(arguments: argparse.Namespace) -> int:
         try:
             client.request_latest()
             hosts = list(LOOPBACK) if host in LOOPBACK else ["*"]
-            application = make_exporter(client, FleetState(expected), hosts)
+            application = make_exporter(client, FleetState(frozenset(expected)), hosts)
             server = uvicorn.Server(
                 uvicorn.Config(
                     application,

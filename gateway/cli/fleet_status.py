@@ -110,7 +110,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
     names = NamePatterns(arguments.site, arguments.crane, arguments.sensor)
     query = FleetQuery(names, ListFilter(arguments.state, arguments.level), arguments.sort, arguments.accept)
-    expected = frozenset() if arguments.expect is None else read_expected(arguments.expect)
+    expected = {} if arguments.expect is None else read_expected(arguments.expect)
     client = FleetClient(connect_endpoint(arguments), names.key_pattern)
     try:
         fleet = LiveFleet(client, FleetState(frozenset(filter(names.matches, expected))), query)

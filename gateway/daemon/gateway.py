@@ -118,7 +118,7 @@ class Gateway:
             self._publisher = Publisher(section.key)
             self._outbox = OutboxWriter(section.data_dir / OUTBOX_FOLDER, self.faults)
             self._alerts = AlertSender(section.key, self._outbox, clock.now_ns, self._publisher.note_latest)
-            self._relay = make_relay(configuration.relay)
+            self._relay = make_relay(configuration.relay, self.faults)
             wall_clock = WallClockMonitor(clock)
             axes = configuration.device.axes
             recalibration = RecalibrationService(

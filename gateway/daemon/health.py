@@ -2,7 +2,6 @@
 
 import time
 from collections import deque
-from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Literal
@@ -99,6 +98,8 @@ class HealthReporter:
             alert_latency_ms=self.alerts.latency_ms(),
             drift=self.drift_store.monitor.status_json,
             **asdict(counters.radio.status()),
+            relay=None if self.relay is None else self.relay.state,
+            relay_reason=None if self.relay is None else self.relay.reason,
         )
 
     def find_problem(self, now_s: float) -> str | None:
@@ -116,17 +117,18 @@ class HealthReporter:
         return "recovering" if self.sampler.recovering else "running"
 
     def _faults(self) -> dict[str, int]:
-        own: Mapping[str, int] = {
+        own: dict[str, int] = {
             "device_reopened": self.sampler.reopened,
             "alerts_not_stored": self.alerts.sent_unstored,
             "samples_not_recorded": self.recording.samples_lost,
             "messages_not_writable": self.recording.unwritable,
             "segments_not_deleted": self.recording.undeletable,
         }
-        relay = {} if self.relay is None else self.relay.faults
-        workers = (self.recording, self.compaction, self.outbox, self.rpc, self.alerts, self.publisher)
+        relay = () if self.relay is None else (self.relay,)
+        own |= {name: count for each in relay for name, count in each.faults.items()}
+        workers = (self.recording, self.compaction, self.outbox, self.rpc, self.alerts, self.publisher, *relay)
         defects = {f"{worker.name}_defects": worker.defects for worker in workers}
-        counts = {**self.device.faults, **own, **relay, **self.faults.counts, **defects}
+        counts = {**self.device.faults, **own, **self.faults.counts, **defects}
         return {name: count for name, count in counts.items() if count}
 
     def _rate_hz(self) -> float | None:

@@ -11,12 +11,14 @@ from contextlib import suppress
 from gateway.configuration.relay_section import CommandRelay, GpioRelay, NoRelay
 from gateway.daemon.backoff import Backoff
 from gateway.daemon.bounded_queue import BoundedQueue
+from gateway.daemon.faults import FaultRegister
 from gateway.daemon.worker import Worker
 from gateway.messages import Alert
 from gateway.relay.decision import RelayDecision, RelayLogic
 from gateway.relay.protocol import ENERGISE, RELEASE, STATES, RelayParameters, RelayState
 
 log = logging.getLogger("plumbline.relay")
+PART = "relay"
 INBOX = 64
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.2, 10.0
 ANSWER_S = 2.0
@@ -29,8 +31,9 @@ SAFE_PATH = ["-P"] if sys.flags.safe_path else []
 class RelayWorker(Worker[Alert]):
     """Owns the process that switches the relay. No other thread ever waits for it."""
 
-    def __init__(self, settings: CommandRelay | GpioRelay) -> None:
-        super().__init__("relay", BoundedQueue(INBOX))
+    def __init__(self, settings: CommandRelay | GpioRelay, faults: FaultRegister) -> None:
+        super().__init__(PART, BoundedQueue(INBOX))
+        self._register = faults
         self._logic = RelayLogic(settings)
         self._parameters = relay_parameters(settings)
         self._patience_s = settings.watchdog_s + ANSWER_S + 2 * self._parameters.command_timeout_s
@@ -42,16 +45,12 @@ class RelayWorker(Worker[Alert]):
         self._decision = RelayDecision(False, "no alert was judged yet")
         self.state: RelayState = "released"
         """As the process has last stated it; failed: not known."""
-        self._restarts, self._failures, self._unanswered = 0, 0, 0
+        self._restarts, self._unanswered = 0, 0
 
     @property
     def faults(self) -> Mapping[str, int]:
         """Faults since start, by name. Called by any thread."""
-        return {
-            "relay_restarted": self._restarts,
-            "relay_not_switched": self._failures,
-            "relay_not_confirmed": self._unanswered,
-        }
+        return {"relay_restarted": self._restarts, "relay_not_confirmed": self._unanswered}
 
     @property
     def reason(self) -> str | None:
@@ -94,7 +93,7 @@ class RelayWorker(Worker[Alert]):
         self._read_answers(now_s)
         if now_s - self._answered_s > self._patience_s:
             self._unanswered += 1
-            log.error("the relay's process does not answer; it is started again")
+            self._register.set(PART, "relay: its process does not answer and is started again")
             self._kill()
 
     def _start_again(self, now_s: float) -> None:
@@ -103,7 +102,9 @@ class RelayWorker(Worker[Alert]):
             self._read_answers(now_s)
             if now_s - self._started_s < self._backoff.pause_s:
                 return
-            log.error("the relay's process has ended with code %s and is started again", self._process.returncode)
+            self._register.set(
+                PART, f"relay: its process has ended with code {self._process.returncode} and is started again"
+            )
             self._restarts += 1
             self._backoff.increase()
             self._close_pipes()
@@ -137,11 +138,11 @@ class RelayWorker(Worker[Alert]):
         for line in lines:
             word, _, text = line.partition(b" ")
             self._answered_s = now_s
-            before, self.state = self.state, STATES.get(word, "failed")
+            self.state = STATES.get(word, "failed")
             if self.state == "failed":
-                self._failures += 1
-                if before != "failed":
-                    log.error("the relay cannot be switched: %s", text.decode(errors="replace"))
+                self._register.set(PART, f"relay: it cannot be switched: {text.decode(errors='replace')}")
+            else:
+                self._register.clear(PART)
 
     def _kill(self) -> None:
         assert self._process is not None
@@ -156,9 +157,9 @@ class RelayWorker(Worker[Alert]):
                     pipe.close()
 
 
-def make_relay(settings: NoRelay | CommandRelay | GpioRelay) -> RelayWorker | None:
+def make_relay(settings: NoRelay | CommandRelay | GpioRelay, faults: FaultRegister) -> RelayWorker | None:
     """Return the thread of the configured relay; None where there is none."""
-    return None if isinstance(settings, NoRelay) else RelayWorker(settings)
+    return None if isinstance(settings, NoRelay) else RelayWorker(settings, faults)
 
 
 def relay_parameters(settings: CommandRelay | GpioRelay) -> RelayParameters:

@@ -56,7 +56,7 @@ def test_a_limit_drops_the_relay_and_a_broken_output_stops_no_sample(
     assert "swing trip" in health["relay_reason"] or "not known" in health["relay_reason"]
     assert "energise" not in relay.calls
     relay.break_by("hang")
-    after = peer.wait_for("health", lambda message: message["faults"].get("relay_not_switched", 0) >= 1)
+    after = peer.wait_for("health", lambda message: message["faults"].get("relay_failures", 0) >= 1)
     assert after["lost"] == 0
     later = peer.wait_for("health", lambda message: message["sequence"] >= after["sequence"] + 3)
     assert later["samples"] > after["samples"]

@@ -12,6 +12,7 @@ import pytest
 
 from gateway.configuration.relay_section import CommandRelay, GpioRelay
 from gateway.daemon import relay_worker
+from gateway.daemon.faults import FaultRegister
 from gateway.daemon.relay_worker import RelayWorker
 from gateway.messages import ActiveAlert, Alert
 from tests.gateway.daemon.relay_script import FakeGpioChip, ScriptedRelay
@@ -43,7 +44,7 @@ def start() -> Iterator[Start]:
     workers: list[RelayWorker] = []
 
     def begin(settings: CommandRelay | GpioRelay) -> RelayWorker:
-        worker = RelayWorker(settings)
+        worker = RelayWorker(settings, FaultRegister())
         workers.append(worker)
         worker.start()
         return worker
@@ -138,7 +139,8 @@ def test_a_command_that_fails_or_hangs_is_counted_and_never_blocks_the_thread(
         return worker.state == "failed"
 
     wait_until(failed, "the failure")
-    assert worker.faults["relay_not_switched"] >= 1
+    assert worker._register.counts == {"relay_failures": 1}
+    assert "it cannot be switched" in worker._register.standing["relay"]
     assert worker.inbox.dropped == 0
     relay.mend(how)
     hold(worker, lambda: worker.state == "energised", "the relay again")
@@ -153,9 +155,10 @@ def test_a_command_that_does_not_exist_is_a_fault_and_no_end(tmp_path: Path, sta
 PARENT = """
 import sys, time
 from gateway.configuration.relay_section import CommandRelay
+from gateway.daemon.faults import FaultRegister
 from gateway.daemon.relay_worker import RelayWorker
 from tests.gateway.daemon.test_relay_worker import NORMAL
-worker = RelayWorker(CommandRelay(kind="command", command=[sys.argv[1]], watchdog_s=30.0))
+worker = RelayWorker(CommandRelay(kind="command", command=[sys.argv[1]], watchdog_s=30.0), FaultRegister())
 worker.start()
 while True:
     worker.inbox.put(NORMAL)

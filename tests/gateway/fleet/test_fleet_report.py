@@ -120,8 +120,8 @@ def test_the_json_has_every_gateway_with_its_names() -> None:
 
 def test_expected_gateways_are_read_with_comments_and_whole_keys(tmp_path: Path) -> None:
     path = tmp_path / "gateways.txt"
-    path.write_text("# north\nyard/c1/hook   # the old one\n\nplumbline/v1/yard/c2/hook\n")
-    assert read_expected(path) == {key("yard/c1/hook"), key("yard/c2/hook")}
+    path.write_text("# north\nyard/c1/hook   # the old one\n\nplumbline/v1/yard/c2/hook  second-gateway\n")
+    assert read_expected(path) == {key("yard/c1/hook"): "c1", key("yard/c2/hook"): "second-gateway"}
 
 
 @pytest.mark.parametrize(

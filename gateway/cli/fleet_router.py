@@ -1,0 +1,136 @@
+"""`plumbline fleet router`: a router for a small site, or the configuration of zenohd for a large one."""
+
+import argparse
+import json
+import signal
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from gateway.bus.session import TlsFiles
+
+DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    verb = verbs.add_parser(
+        "router",
+        help="run a router that keeps the latest states, or print the configuration of zenohd",
+        description="Run a Zenoh router that keeps the last message of every gateway, until Ctrl-C. With --print-config, print "
+        "the same as a configuration of zenohd with its storage plug-in, for large sites.",
+        epilog="examples: plumbline fleet router --listen tls/10.0.0.2:7447 --ca ca.pem --certificate certificate.pem "
+        "--key key.pem --gateways gateways.txt --reader ann | plumbline fleet router ... --print-config > zenohd.json5",
+    )
+    verb.add_argument(
+        "--listen",
+        action="append",
+        metavar="ENDPOINT",
+        help=f"where gateways and clients connect; may be repeated (default {DEFAULT_LISTEN}: only this machine)",
+    )
+    for name, what in (
+        ("ca", "certificate of the site's CA"),
+        ("certificate", "certificate of this router"),
+        ("key", "its key"),
+    ):
+        verb.add_argument(f"--{name}", type=Path, metavar="FILE", help=f"{what}, in PEM; all three for mutual TLS")
+    verb.add_argument(
+        "--gateways",
+        type=Path,
+        metavar="FILE",
+        help="gateways that may publish: <site>/<crane>/<sensor> and the name of its certificate (default: the crane) a line",
+    )
+    verb.add_argument(
+        "--reader",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="certificate that may read and send requests; may be repeated",
+    )
+    verb.add_argument(
+        "--load-signal",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="certificate that may publish load signals; may be repeated",
+    )
+    verb.add_argument(
+        "--allow-unencrypted",
+        action="store_true",
+        help="listen beyond this machine without certificates: everyone may publish",
+    )
+    verb.add_argument("--print-config", action="store_true", help="print the configuration of zenohd, and end")
+    verb.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gateway.bus.router_settings import router_configuration, with_storage
+    from gateway.fleet.expected_gateways import read_expected
+
+    listen = arguments.listen or [DEFAULT_LISTEN]
+    tls = _tls(arguments)
+    _check_exposure(listen, tls is not None, arguments.allow_unencrypted)
+    gateways = {} if arguments.gateways is None else read_expected(arguments.gateways)
+    configuration = router_configuration(listen, tls, gateways, arguments.reader, arguments.load_signal)
+    if arguments.print_config:
+        print(json.dumps(with_storage(configuration), indent=2))
+        return 0
+    return _serve(configuration, ", ".join(listen), encrypted=tls is not None)
+
+
+def _serve(configuration: dict[str, Any], listen: str, *, encrypted: bool) -> int:
+    import zenoh
+
+    from gateway.bus.latest_states import LatestStates
+    from gateway.errors import InputError
+
+    stopping = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, lambda *_: stopping.set())
+    try:
+        session = zenoh.open(zenoh.Config.from_json5(json.dumps(configuration)))
+    except zenoh.ZError as error:
+        reason = str(error).split(" at ", 1)[0].strip()
+        raise InputError(
+            f"{listen}: the router cannot listen there ({reason}); choose another --listen, or check the files"
+        ) from error
+    with session:
+        states = LatestStates(session)
+        states.start()
+        print(f"routing at {listen}, {'mutual TLS' if encrypted else 'not encrypted'}", flush=True)
+        stopping.wait()
+        states.close()
+    return 0
+
+
+def _tls(arguments: argparse.Namespace) -> "TlsFiles | None":
+    from gateway.bus.session import TlsFiles
+    from gateway.errors import InputError
+
+    files = {name: getattr(arguments, name) for name in ("ca", "certificate", "key")}
+    given = [path for path in files.values() if path is not None]
+    if not given:
+        if arguments.gateways is not None or arguments.reader or arguments.load_signal:
+            raise InputError(
+                "--gateways, --reader and --load-signal name certificates; give --ca, --certificate and --key too"
+            )
+        return None
+    if missing := [f"--{name}" for name, path in files.items() if path is None]:
+        raise InputError(f"mutual TLS needs --ca, --certificate and --key; {' and '.join(missing)} missing")
+    if unreadable := [path for path in given if not path.is_file()]:
+        raise InputError(f"{unreadable[0]}: no such file; plumbline keys makes certificates")
+    return TlsFiles(**files)
+
+
+def _check_exposure(listen: list[str], has_certificates: bool, allowed: bool) -> None:
+    from gateway.configuration.bus_section import is_encrypted, is_loopback
+    from gateway.errors import InputError
+
+    for endpoint in listen:
+        if is_encrypted(endpoint) and not has_certificates:
+            raise InputError(f"{endpoint} needs --ca, --certificate and --key; plumbline keys makes them")
+        if not (is_encrypted(endpoint) or is_loopback(endpoint) or allowed):
+            raise InputError(
+                f"{endpoint} is open to the network without certificates; listen on tls/..., or add --allow-unencrypted"
+            )
