@@ -9,7 +9,7 @@ settings=$root/etc/plumbline
 installed=$settings/plumbline.toml
 data=$root/var/lib/plumbline
 package_unit=$root/usr/lib/systemd/system/plumbline.service
-started_s=30    # time in which a gateway that starts well has started
+started_s=${PLUMBLINE_START_S:-30}    # time in which a gateway that starts well has started
 
 fail() {
     echo "${me:?}: $1" >&2
