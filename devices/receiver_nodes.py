@@ -2,7 +2,8 @@
 
 from devices.errors import DeviceError
 
-PATIENCE_NS = 10_000_000_000
+FIRST_PATIENCE_NS, PATIENCE_NS = 2_500_000_000, 10_000_000_000
+"""Before the wanted node was heard for the first time, which more often has a cause in the configuration, and later."""
 MOST_NODES = 32
 
 
@@ -13,6 +14,7 @@ class HeardNodes:
         self._wanted = wanted
         self._others: dict[int, int] = {}
         self._since_ns: int | None = None
+        self._patience_ns = FIRST_PATIENCE_NS
 
     def restart(self) -> None:
         """Begin again, after the port was opened."""
@@ -25,13 +27,14 @@ class HeardNodes:
             self._since_ns = read_ns
         if node == self._wanted:
             self._since_ns = read_ns
+            self._patience_ns = PATIENCE_NS
             return True
         if node in self._others or len(self._others) < MOST_NODES:
             self._others[node] = self._others.get(node, 0) + 1
         return False
 
     def check(self, read_ns: int) -> None:
-        """Raise `DeviceError` when frames of other nodes have come for ten seconds, and none of the wanted one."""
-        if self._others and self._since_ns is not None and read_ns - self._since_ns > PATIENCE_NS:
+        """Raise `DeviceError` when only frames of other nodes have come for some seconds."""
+        if self._others and self._since_ns is not None and read_ns - self._since_ns > self._patience_ns:
             heard = ", ".join(f"{node} ({count} frames)" for node, count in sorted(self._others.items()))
             raise DeviceError(f"node {self._wanted} is not heard; heard are {heard}; set device.node, or wake the node")

@@ -18,7 +18,9 @@ from devices.i2c_probe import FoundPart, probe_bus
 from devices.self_test import SelfTestResult, run_self_test
 from gateway.configuration.i2c_devices import I2cDevice, I2cSection
 from gateway.configuration.model import Configuration
+from gateway.configuration.serial_devices import SerialSection
 from gateway.daemon.check_result import CheckResult, Grade
+from gateway.daemon.serial_check import examine_ports, examine_radio
 
 READING_S = 3.0
 SCALE_TOLERANCE = 0.1
@@ -35,6 +37,8 @@ def examine_device(
 ) -> Iterator[CheckResult]:
     """Probe the bus, run the self-test, and read for three seconds; the sensor must rest. Yields each result at once."""
     section = configuration.device
+    if isinstance(section, SerialSection):
+        yield from examine_ports(section)
     if isinstance(section, I2cSection):
         yield from _probe(section, clock, open_bus)
     if isinstance(section, I2cDevice):
@@ -112,6 +116,7 @@ def _reading(configuration: Configuration, make_device: MakeDevice, clock: Clock
         return
     yield _rate(info, blocks)
     yield from _attitude(info, configuration.device.axes, blocks)
+    yield from examine_radio(blocks)
     if faults := {name: count for name, count in device.faults.items() if count}:
         yield CheckResult("note", "faults", ", ".join(f"{name} {count}" for name, count in faults.items()))
 
