@@ -19,10 +19,12 @@ from pydantic import TypeAdapter, ValidationError
 
 from gateway.atomic_io import write_durably
 from gateway.bus.alert_sequence import AlertPage, AlertRequest, AlertSequence, MissedChanges, SequenceState
-from gateway.bus.fleet_inbox import KEY as GATEWAY_KEY
+from gateway.bus.client import open_client_session
+from gateway.bus.credentials import Credentials
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD
 from gateway.bus.gateway_state import GatewayPresence, GatewayState
-from gateway.bus.session import BusError, open_session
+from gateway.bus.session import BusError
+from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.errors import InputError
 from gateway.messages import Alert
 from gateway.topics import adapter
@@ -85,17 +87,19 @@ class AlertReceiver:
         since: int | None = None,
         state_file: Path | None = None,
         states: str = "{}",
+        credentials: Credentials | None = None,
     ) -> None:
         """Connect to a gateway or router.
 
         `since` is the number behind which changes are wanted from a gateway that is met for the first time (0: all that it
         has; None: those from now on). `state_file` keeps the last numbers over a restart; a consumer that stores `states_json`
-        together with what it does gives them back as `states`. Raises `InputError` for a file that cannot be read, `BusError`
-        for an endpoint of wrong form.
+        together with what it does gives them back as `states`. `credentials` are for links with TLS. Raises `InputError` for
+        a file that cannot be read, `BusError` for an endpoint of wrong form.
         """
         self._connect, self._pattern, self._since, self._state_file = connect, pattern, since, state_file
         self._arrivals: queue.Queue[_Arrival] = queue.Queue(INBOX)
         self._gateways: dict[str, _Gateway] = {}
+        self._credentials = credentials
         self._session: zenoh.Session | None = None
         self._linked = False
         self.refused = 0
@@ -161,7 +165,7 @@ class AlertReceiver:
         if self._session is not None:
             return
         try:
-            session = open_session("client", [self._connect], [], connect_timeout_ms=CONNECT_MS)
+            session = open_client_session(self._connect, self._credentials, CONNECT_MS)
         except BusError as error:
             if error.exit_code != 1:
                 raise

@@ -8,11 +8,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import zenoh
+from pydantic import ValidationError
 
 from gateway.authorization.credential import Challenge
 from gateway.bus.credentials import Credentials, load_credentials
 from gateway.bus.session import BusError, open_session
+from gateway.bus.untrusted import gateway_of, parse_message, parse_status
+from gateway.configuration.bus_section import is_encrypted
 from gateway.errors import InputError
+from gateway.text import printable
 from gateway.verbs import VERBS
 
 CONNECT_MS = 2000
@@ -38,18 +42,33 @@ class RpcReply:
     @property
     def text(self) -> str:
         """What was done, or why it was refused."""
-        return str(self.content.get("text" if self.accepted else "reason", ""))
+        return printable(str(self.content.get("text" if self.accepted else "reason", "")))
 
 
-def open_client_session(connect: str) -> zenoh.Session:
-    """Open a session with the gateway or router at an endpoint. Raises `BusError` if nobody answers."""
-    return open_session("client", [connect], [], connect_timeout_ms=CONNECT_MS)
+def open_client_session(
+    connect: str, credentials: Credentials | None = None, timeout_ms: int = CONNECT_MS
+) -> zenoh.Session:
+    """Open a session with the gateway or router at an endpoint, by `tls/...` with the certificate of the credentials.
+
+    Without credentials those of this machine are used. Raises `BusError` if nobody answers, `InputError` without a certificate.
+    """
+    tls = (credentials or load_credentials()).tls if is_encrypted(connect) else None
+    if tls is None and is_encrypted(connect):
+        raise InputError(
+            f"{connect} needs a certificate; name a folder that plumbline keys issue has made by --credentials"
+        )
+    return open_session("client", [connect], [], tls, connect_timeout_ms=timeout_ms)
 
 
 def query_status(session: zenoh.Session, pattern: str) -> dict[str, dict[str, Any]]:
     """Return the last message of every topic, by the keys of the gateways that match a pattern."""
-    replies = [reply.ok for reply in session.get(f"{pattern}/{STATUS}", timeout=ANSWER_S) if reply.ok]
-    return {str(reply.key_expr).removesuffix(f"/{STATUS}"): json.loads(reply.payload.to_bytes()) for reply in replies}
+    found = {}
+    for reply in session.get(f"{pattern}/{STATUS}", timeout=ANSWER_S):
+        if (sample := reply.ok) is None or (key := gateway_of(sample, STATUS)) is None:
+            continue
+        if (topics := parse_status(sample.payload.to_bytes())) is not None:
+            found[key] = topics
+    return found
 
 
 class GatewayClient:
@@ -59,8 +78,10 @@ class GatewayClient:
         """Connect. Raises `InputError` where `pattern` matches no gateway or several, and `BusError`."""
         self._connect = connect
         self._credentials = credentials
-        self._session = open_client_session(connect)
+        self._session = open_client_session(connect, credentials)
         self._subscribers: list[zenoh.Subscriber[None]] = []
+        self.refused = 0
+        """Number of messages that are not valid."""
         try:
             self.key = self._resolve_single_gateway(pattern)
         except InputError:
@@ -107,9 +128,11 @@ class GatewayClient:
         reply = self._get("challenge", b"", None)
         if reply is None:
             return None
-        return (self._credentials or load_credentials()).prove(
-            key_expr, payload, Challenge.model_validate(reply.content)
-        )
+        try:
+            challenge = Challenge.model_validate(reply.content)
+        except ValidationError:
+            return None  # not the answer of a gateway
+        return (self._credentials or load_credentials()).prove(key_expr, payload, challenge)
 
     def _get(self, verb: str, payload: bytes, attachment: bytes | None) -> RpcReply | None:
         """Return the first answer that can be read."""
@@ -117,15 +140,23 @@ class GatewayClient:
         replies = self._session.get(key_expr, payload=payload, attachment=attachment, timeout=ANSWER_S)
         return next((decoded for reply in replies if (decoded := _decode(reply)) is not None), None)
 
-    def subscribe(self, topic: str, receive: Callable[[zenoh.Sample], object]) -> None:
-        """Pass the messages of a topic to a function until the next `reconnect` or `close`."""
-        self._subscribers.append(self._session.declare_subscriber(f"{self.key}/{topic}", receive))
+    def subscribe(self, topic: str, receive: Callable[[dict[str, Any]], object]) -> None:
+        """Pass the valid messages of a topic to a function until the next `reconnect` or `close`; others are counted."""
+
+        def check(sample: zenoh.Sample) -> None:
+            message = parse_message(topic, sample.payload.to_bytes())
+            if message is None:
+                self.refused += 1
+            else:
+                receive(message)
+
+        self._subscribers.append(self._session.declare_subscriber(f"{self.key}/{topic}", check))
 
     def reconnect(self) -> bool:
         """Open the link again; return False while nobody answers."""
         self.close()
         try:
-            self._session = open_client_session(self._connect)
+            self._session = open_client_session(self._connect, self._credentials)
         except BusError:
             return False
         return True
@@ -144,6 +175,6 @@ def _decode(reply: zenoh.Reply) -> RpcReply | None:
         return None
     try:
         content = json.loads(answer.payload.to_bytes())
-    except ValueError:
+    except (ValueError, RecursionError):
         return None
     return RpcReply(reply.ok is not None, content) if isinstance(content, dict) else None

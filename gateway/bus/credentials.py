@@ -1,27 +1,34 @@
-"""The credentials of a client: the command tokens that this user may read."""
+"""The credentials of a client: its certificate, and the command tokens that this user may read."""
 
+import importlib.util
 import os
 from collections.abc import Iterable
 from pathlib import Path
 
 from gateway.authorization.credential import Challenge
 from gateway.authorization.token import TOKEN_NAME, parse_token, prove_by_token, token_id
+from gateway.bus.session import TlsFiles
 from gateway.configuration.known_data_folders import known_data_folders
 from gateway.configuration.loading import load
 from gateway.configuration.service_configuration import is_installed, load_installed
 from gateway.errors import InputError, PlumblineError
 
 VARIABLE = "PLUMBLINE_CREDENTIALS"
+CERTIFICATE_NAME = "certificate.pem"
 
 
 class Credentials:
     """What a client can prove."""
 
-    def __init__(self, tokens: Iterable[bytes]) -> None:
+    def __init__(self, tokens: Iterable[bytes], tls: TlsFiles | None = None) -> None:
         self._tokens = {token_id(secret): secret for secret in tokens}
+        self.tls = tls
+        """The certificate, for links with TLS and for signatures; None without one."""
 
     def prove(self, key_expr: str, payload: bytes, challenge: Challenge) -> bytes | None:
         """Return the attachment that proves a request, or None without the credential that the gateway asks for."""
+        if challenge.scheme == "certificate":
+            return None if self.tls is None else _sign(self.tls, key_expr, payload, challenge)
         secret = self._tokens.get(challenge.token_id or "")
         if secret is None:
             return None
@@ -35,11 +42,16 @@ def load_credentials(folder: Path | None = None) -> Credentials:
     """
     named = folder or (Path(os.environ[VARIABLE]) if os.environ.get(VARIABLE) else None)
     if named is None:
-        return Credentials(secret for place in _usual_folders() if (secret := _read_token(place)) is not None)
+        tokens = [secret for place in _usual_folders() if (secret := _read_token(place)) is not None]
+        return Credentials(tokens, _installed_certificate())
+    tls = _find_certificate(named)
     secret = _read_token(named)
-    if secret is None:
-        raise InputError(f"{named}: has no readable {TOKEN_NAME}; name the gateway's data folder by --credentials")
-    return Credentials([secret])
+    if secret is None and tls is None:
+        raise InputError(
+            f"{named}: has no readable {TOKEN_NAME} and no {CERTIFICATE_NAME}; name the gateway's data folder, or one that "
+            "plumbline keys has made"
+        )
+    return Credentials([] if secret is None else [secret], tls)
 
 
 def _usual_folders() -> Iterable[Path]:
@@ -51,6 +63,37 @@ def _usual_folders() -> Iterable[Path]:
     except PlumblineError:
         pass  # a configuration that this user may not read has no token that this user may read
     yield from known_data_folders()
+
+
+def _installed_certificate() -> TlsFiles | None:
+    """Return the certificate of this machine's gateway, with which it may be asked how it does, where this user may read it."""
+    try:
+        tls = load_installed().bus.tls if is_installed() else None
+    except PlumblineError:
+        return None
+    return None if tls is None or tls.ca is None else TlsFiles(tls.ca, tls.certificate, tls.key)
+
+
+def _find_certificate(folder: Path) -> TlsFiles | None:
+    """Return the files in a folder that `plumbline keys` has made."""
+    files = TlsFiles(folder / "ca.pem", folder / CERTIFICATE_NAME, folder / "key.pem")
+    return files if (folder / CERTIFICATE_NAME).exists() else None
+
+
+def _sign(tls: TlsFiles, key_expr: str, payload: bytes, challenge: Challenge) -> bytes | None:
+    """Return the attachment that proves a request by a certificate. Raises `InputError` for files that cannot be used."""
+    if importlib.util.find_spec("cryptography") is None:
+        raise InputError("cryptography not installed; try pip install 'plumbline-gateway[security]'")
+    from gateway.authorization.certificates import load_key, prove_by_certificate  # noqa: PLC0415 (an extra)
+
+    if tls.certificate is None or tls.key is None:
+        return None
+    try:
+        certificate = tls.certificate.read_text(encoding="ascii")
+        key = load_key(tls.key.read_bytes())
+    except (OSError, ValueError) as error:
+        raise InputError(f"{tls.key.parent}: {error}; issue the certificate again with plumbline keys") from error
+    return prove_by_certificate(certificate, key, key_expr, payload, challenge).model_dump_json().encode()
 
 
 def _read_token(folder: Path) -> bytes | None:

@@ -7,6 +7,7 @@ import zenoh
 from pydantic_core import from_json, to_json
 
 from gateway.bus.client import ANSWER_S, STATUS, open_client_session
+from gateway.bus.credentials import Credentials
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, FleetInbox
 
 WATCHED = ("alert", "swing", "condition", "health", "calibration")
@@ -18,11 +19,11 @@ LARGEST_STATUS = 1 << 20
 class FleetClient:
     """Receives the states of the gateways that match a pattern. The library restores a lost link by itself."""
 
-    def __init__(self, connect: str, pattern: str) -> None:
+    def __init__(self, connect: str, pattern: str, credentials: Credentials | None = None) -> None:
         """Connect and subscribe. Raises `BusError` where nobody answers."""
         self.inbox = FleetInbox()
         self._pattern = pattern
-        self._session = open_client_session(connect)
+        self._session = open_client_session(connect, credentials)
         self._subscribers = [self._session.declare_subscriber(f"{pattern}/{topic}", self._receive) for topic in WATCHED]
         self._liveliness = self._session.liveliness().declare_subscriber(
             f"{pattern}/{ALIVE}", self._receive_alive, history=True

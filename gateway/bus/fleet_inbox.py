@@ -1,14 +1,10 @@
 """The transfer from Zenoh's threads to one reader: the latest payload of every topic of every gateway."""
 
-import re
 import threading
 from dataclasses import dataclass, field
 
-from gateway.configuration.section import KEY_PATTERN
+from gateway.bus.untrusted import GATEWAY_KEY, LONGEST_KEY
 
-KEY = re.compile(f"plumbline/v1(/{KEY_PATTERN.strip('^$')}){{3}}")
-"""Key of a gateway: the names that a configuration allows."""
-LONGEST_KEY = 256
 LARGEST_PAYLOAD = 65536
 MOST_GATEWAYS = 5000
 """Bound of the memory that a peer with invented names can take."""
@@ -78,7 +74,7 @@ class FleetInbox:
     def _admit(self, key: str) -> bool:
         if key in self._keys:
             return True
-        if len(self._keys) >= MOST_GATEWAYS or len(key) > LONGEST_KEY or KEY.fullmatch(key) is None:
+        if len(self._keys) >= MOST_GATEWAYS or len(key) > LONGEST_KEY or GATEWAY_KEY.fullmatch(key) is None:
             return False
         self._keys.add(key)
         return True

@@ -5,8 +5,9 @@ from contextlib import suppress
 
 import zenoh
 
-from gateway.bus.fleet_inbox import KEY, LARGEST_PAYLOAD, MOST_GATEWAYS
+from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, MOST_GATEWAYS
 from gateway.bus.router_settings import STORED_TOPICS
+from gateway.bus.untrusted import GATEWAY_KEY
 
 
 class LatestStates:
@@ -47,7 +48,7 @@ class LatestStates:
         with self._lock:
             known = key_expression in self._latest or (
                 len(self._latest) < MOST_GATEWAYS * len(STORED_TOPICS)
-                and KEY.fullmatch(key_expression.rpartition("/")[0]) is not None
+                and GATEWAY_KEY.fullmatch(key_expression.rpartition("/")[0]) is not None
             )
             if known:
                 self._latest[key_expression] = sample.payload.to_bytes()

@@ -3,11 +3,11 @@
 import argparse
 import sys
 import time
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from gateway.cli.alignment_unit import add_unit_arguments, aligning_unit
 from gateway.cli.argument_types import above_zero
-from gateway.cli.bus_link import connect_endpoint
+from gateway.cli.bus_link import client_credentials, connect_endpoint
 
 if TYPE_CHECKING:
     from gateway.bus.client import GatewayClient
@@ -73,7 +73,7 @@ def _align(arguments: argparse.Namespace) -> int:
         pitch_sign=-1 if "pitch" in arguments.reversed else 1,
         roll_sign=-1 if "roll" in arguments.reversed else 1,
     )
-    client = GatewayClient(connect_endpoint(arguments), arguments.gateway)
+    client = GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
     try:
         return show_advice(client, screws, sys.stdout)
     finally:
@@ -85,7 +85,7 @@ def _align_on_shaft(arguments: argparse.Namespace) -> int:
     from gateway.calibration.alignment.turn_assistant import TurnAssistant
 
     axis = None if arguments.axis is None else "xyz".index(arguments.axis)
-    client = GatewayClient(arguments.connect, arguments.gateway)
+    client = GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
     try:
         return show_turns(client, TurnAssistant(aligning_unit(arguments), axis), sys.stdout)
     finally:
@@ -94,27 +94,25 @@ def _align_on_shaft(arguments: argparse.Namespace) -> int:
 
 def show_turns(client: "GatewayClient", assistant: "TurnAssistant", out: TextIO) -> int:
     """Show the read-out of the turns until the axis is aligned, or as far as its screws reach; wait if the link is lost."""
-    import zenoh
-
     from gateway.calibration.alignment.turn_assistant import format_errors, format_turn
     from gateway.cli.status_line import StatusLine
     from gateway.daemon.bounded_queue import BoundedQueue
     from gateway.topics import adapter
 
-    tilts: BoundedQueue[zenoh.Sample] = BoundedQueue(MAX_QUEUED_TILTS)
+    tilts: BoundedQueue[dict[str, Any]] = BoundedQueue(MAX_QUEUED_TILTS)
     in_force = ((client.status() or {}).get("calibration") or {}).get("in_force") or {}
     assistant.set_gain(in_force.get("gain_g_per_unit"))
     client.subscribe("tilt", tilts.put)
     line, n_shown = StatusLine(out), 0
     while True:
-        if (sample := tilts.get(SILENCE_S)) is None:
+        if (tilt := tilts.get(SILENCE_S)) is None:
             line.update(SILENCE_TEXT, SILENCE_TEXT)
             if client.reconnect():
                 client.subscribe("tilt", tilts.put)
             else:
                 time.sleep(SILENCE_S)
             continue
-        view = assistant.add_tilt(adapter("tilt").validate_json(sample.payload.to_bytes()))
+        view = assistant.add_tilt(adapter("tilt").validate_python(tilt))
         if view is None:
             text = "turn the sensor about a horizontal shaft; it hangs, or lies still"
             line.update(text, text)
@@ -130,25 +128,23 @@ def show_turns(client: "GatewayClient", assistant: "TurnAssistant", out: TextIO)
 
 def show_advice(client: "GatewayClient", screws: "ScrewMechanics", out: TextIO) -> int:
     """Show advice for each tilt until the housing is aligned; wait if the link is lost."""
-    import zenoh
-
     from gateway.calibration.alignment.assistant import AlignmentAssistant
     from gateway.cli.status_line import StatusLine
     from gateway.daemon.bounded_queue import BoundedQueue
     from gateway.topics import adapter
 
-    tilts: BoundedQueue[zenoh.Sample] = BoundedQueue(MAX_QUEUED_TILTS)
+    tilts: BoundedQueue[dict[str, Any]] = BoundedQueue(MAX_QUEUED_TILTS)
     client.subscribe("tilt", tilts.put)
     line, assistant = StatusLine(out), AlignmentAssistant(screws)
     while True:
-        if (sample := tilts.get(SILENCE_S)) is None:
+        if (tilt := tilts.get(SILENCE_S)) is None:
             line.update(SILENCE_TEXT, SILENCE_TEXT)
             if client.reconnect():
                 client.subscribe("tilt", tilts.put)
             else:
                 time.sleep(SILENCE_S)
             continue
-        view = assistant.add_tilt(adapter("tilt").validate_json(sample.payload.to_bytes()))
+        view = assistant.add_tilt(adapter("tilt").validate_python(tilt))
         if view.advice.state == "aligned":
             uncertainty = (
                 "" if view.u_calibration_deg is None else f"; by the calibration, u = {view.u_calibration_deg:.3f} deg"

@@ -40,6 +40,14 @@ def whole_number(text: str) -> int:
     return int(text)
 
 
+def day_count(text: str) -> int:
+    """Parse a whole number of days from 1 to a hundred years."""
+    days = whole_number(text)
+    if not 1 <= days <= 36500:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of days from 1 to 36500")
+    return days
+
+
 def recording_time(text: str) -> "RecordingTime":
     """Parse a time of a recording: seconds from its start, or UTC."""
     from gateway.recording.interval import parse_recording_time

@@ -24,7 +24,7 @@ def add_address(verb: argparse.ArgumentParser) -> None:
 
 
 def add_connect(verb: argparse.ArgumentParser) -> None:
-    """Add `--connect`."""
+    """Add `--connect` and `--credentials`."""
     verb.add_argument(
         "--connect",
         metavar="ENDPOINT",
@@ -34,7 +34,8 @@ def add_connect(verb: argparse.ArgumentParser) -> None:
         "--credentials",
         type=Path,
         metavar="FOLDER",
-        help="folder with the gateway's command-token (default: $PLUMBLINE_CREDENTIALS, or a gateway of this machine)",
+        help="folder that plumbline keys issue has made, or the data folder of a gateway with its command-token "
+        "(default: $PLUMBLINE_CREDENTIALS, or a gateway of this machine)",
     )
 
 

@@ -4,7 +4,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from gateway.cli.argument_types import above_zero, whole_number
 
@@ -203,10 +203,10 @@ def show_deflection(
     from gateway.topics import adapter
 
     sides: tuple[Side, Side] = ("left", "right")
-    tilts: BoundedQueue[tuple[Side, bytes]] = BoundedQueue(MAX_QUEUED_TILTS)
+    tilts: BoundedQueue[tuple[Side, dict[str, Any]]] = BoundedQueue(MAX_QUEUED_TILTS)
 
     def subscribe(side: Side, client: "GatewayClient") -> None:
-        client.subscribe("tilt", lambda sample: tilts.put((side, sample.payload.to_bytes())))
+        client.subscribe("tilt", lambda tilt: tilts.put((side, tilt)))
 
     for side, client in zip(sides, clients, strict=True):
         subscribe(side, client)
@@ -219,7 +219,7 @@ def show_deflection(
                 if client.reconnect():
                     subscribe(side, client)
             continue
-        view = live.add(item[0], adapter("tilt").validate_json(item[1]))
+        view = live.add(item[0], adapter("tilt").validate_python(item[1]))
         if view.deflection is None:
             line.update(view.text, view.text)
         else:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.argument_types import parsed_by
-from gateway.cli.bus_link import add_connect, connect_endpoint
+from gateway.cli.bus_link import add_connect, client_credentials, connect_endpoint
 from gateway.cli.optional_dependencies import require_http
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ def _run(arguments: argparse.Namespace) -> int:
     except OSError as error:
         raise InputError(f"{host}:{port} cannot be used ({error.strerror}); choose another --listen") from error
     with listener:
-        client = FleetClient(connect_endpoint(arguments), NamePatterns().key_pattern)
+        client = FleetClient(connect_endpoint(arguments), NamePatterns().key_pattern, client_credentials(arguments))
         try:
             client.request_latest()
             hosts = list(LOOPBACK) if host in LOOPBACK else ["*"]

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.argument_types import above_zero, parsed_by, whole_number
-from gateway.cli.bus_link import add_connect, connect_endpoint
+from gateway.cli.bus_link import add_connect, client_credentials, connect_endpoint
 
 if TYPE_CHECKING:
     from gateway.bus.fleet_client import FleetClient
@@ -111,7 +111,7 @@ def _run(arguments: argparse.Namespace) -> int:
     names = NamePatterns(arguments.site, arguments.crane, arguments.sensor)
     query = FleetQuery(names, ListFilter(arguments.state, arguments.level), arguments.sort, arguments.accept)
     expected = {} if arguments.expect is None else read_expected(arguments.expect)
-    client = FleetClient(connect_endpoint(arguments), names.key_pattern)
+    client = FleetClient(connect_endpoint(arguments), names.key_pattern, client_credentials(arguments))
     try:
         fleet = LiveFleet(client, FleetState(frozenset(filter(names.matches, expected))), query)
         fleet.wait(arguments.wait_s)

@@ -1,10 +1,7 @@
 """Display of a recalibration session until its review or its end: a bar in a terminal, a line per change elsewhere."""
 
-import json
 import time
 from typing import Any, TextIO
-
-import zenoh
 
 from gateway.bus.client import GatewayClient
 from gateway.calibration.pose_method import PoseMethod
@@ -47,19 +44,19 @@ def watch_session(client: GatewayClient, session_id: str | None, out: TextIO) ->
         raise
 
 
-def _subscribe(client: GatewayClient) -> BoundedQueue[zenoh.Sample]:
-    messages: BoundedQueue[zenoh.Sample] = BoundedQueue(MAX_QUEUED_MESSAGES)
+def _subscribe(client: GatewayClient) -> BoundedQueue[dict[str, Any]]:
+    messages: BoundedQueue[dict[str, Any]] = BoundedQueue(MAX_QUEUED_MESSAGES)
     client.subscribe("calibration", messages.put)
     return messages
 
 
 def _wait_for_session(
-    client: GatewayClient, messages: BoundedQueue[zenoh.Sample], display: "SessionDisplay"
+    client: GatewayClient, messages: BoundedQueue[dict[str, Any]], display: "SessionDisplay"
 ) -> dict[str, Any] | None:
     """Return the next state of the session; None if nobody answers, after an attempt to reconnect."""
-    sample = messages.get(SILENCE_S)
-    if sample is not None:
-        return _session(json.loads(sample.payload.to_bytes()))
+    message = messages.get(SILENCE_S)
+    if message is not None:
+        return _session(message)
     session = _query(client)
     if session is None:
         display.show_waiting()

@@ -9,6 +9,7 @@ from devices.errors import DeviceError
 from gateway import __version__
 from gateway.cli.colour import paint
 from gateway.errors import PlumblineError
+from gateway.text import printable
 
 COMMANDS = (
     "run",
@@ -24,6 +25,7 @@ COMMANDS = (
     "setup",
     "doctor",
     "completion",
+    "keys",
 )
 BAD_INPUT = 2
 
@@ -48,7 +50,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         code: int = chosen.run(chosen)
     except (PlumblineError, DeviceError) as error:
-        print(paint(f"plumbline {chosen.command}:", "bad", sys.stderr), error, file=sys.stderr)
+        print(paint(f"plumbline {chosen.command}:", "bad", sys.stderr), printable(str(error)), file=sys.stderr)
         return error.exit_code if isinstance(error, PlumblineError) else BAD_INPUT
     except BrokenPipeError:
         sys.stderr.close()  # the reader of the output has ended

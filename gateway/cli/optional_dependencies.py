@@ -32,6 +32,11 @@ def require_http() -> None:
     _require(("starlette", "uvicorn"), "page")
 
 
+def require_certificates() -> None:
+    """Raise `InputError` where the library for certificates is missing."""
+    _require(("cryptography",), "security")
+
+
 def _require(libraries: tuple[str, ...], extra: str) -> None:
     missing = [name for name in libraries if importlib.util.find_spec(name) is None]
     if missing:

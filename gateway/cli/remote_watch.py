@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from gateway.cli.bus_link import connect_endpoint
+from gateway.cli.bus_link import client_credentials, connect_endpoint
+from gateway.text import printable
 
 if TYPE_CHECKING:
     import zenoh
@@ -60,16 +61,18 @@ def _watch(arguments: argparse.Namespace) -> int:
     topics = {topic.strip() for topic in arguments.topics.split(",")}
     if unknown := sorted(topics - set(TOPICS)):
         raise InputError(f"no topic {', '.join(unknown)}; the topics are {', '.join(TOPICS)}")
-    connect = connect_endpoint(arguments)
+    connect, credentials = connect_endpoint(arguments), client_credentials(arguments)
     samples: BoundedQueue[zenoh.Sample] = BoundedQueue(INBOX)
     printer = _Printer(arguments.count)
-    with open_client_session(connect) as session:
+    with open_client_session(connect, credentials) as session:
         subscribers = [
             session.declare_subscriber(f"{arguments.gateway}/{topic}", samples.put) for topic in topics - {ALERT}
         ]
         if ALERT in topics:
             resume, since = arguments.resume, arguments.since
-            with AlertReceiver(connect, arguments.gateway, since=since, state_file=resume) as receiver:
+            with AlertReceiver(
+                connect, arguments.gateway, since=since, state_file=resume, credentials=credentials
+            ) as receiver:
                 printer.print_all(_alerts_and_messages(receiver, samples))
                 receiver.save()
         else:
@@ -108,9 +111,7 @@ def _alerts_and_messages(
 
 def _messages(samples: "BoundedQueue[zenoh.Sample]", timeout_s: float) -> Iterator[dict[str, Any] | None]:
     """Yield the messages that can be read; one that is damaged or of another type is reported and left out."""
-    from pydantic import ValidationError
-
-    from gateway.topics import adapter
+    from gateway.bus.untrusted import gateway_of, parse_message
 
     while True:
         sample = samples.get(timeout_s)
@@ -118,15 +119,14 @@ def _messages(samples: "BoundedQueue[zenoh.Sample]", timeout_s: float) -> Iterat
             yield None
             continue
         key, content = str(sample.key_expr), sample.payload.to_bytes()
-        try:
-            adapter(key.rpartition("/")[2]).validate_json(content)
-        except ValidationError as error:
-            print(
-                f"{key}: a message of {len(content)} bytes is left out: {error.error_count()} faults", file=sys.stderr
-            )
+        topic = key.rpartition("/")[2]
+        message = None if gateway_of(sample, topic) is None else parse_message(topic, content)
+        if message is None:
+            why = f"{key}: a message of {len(content)} bytes is left out: it is no {topic} message of a gateway"
+            print(printable(why), file=sys.stderr)
             yield None
         else:
-            yield {"key": key, "message": json.loads(content)}
+            yield {"key": key, "message": message}
 
 
 def _event_line(event: "AlertEvent") -> dict[str, Any]:

@@ -4,6 +4,8 @@ import os
 import shutil
 from typing import TextIO
 
+from gateway.text import printable
+
 LONGEST = 118
 
 
@@ -17,6 +19,7 @@ class StatusLine:
 
     def update(self, text: str, key: str) -> None:
         """Show a text now; outside a terminal only if its key differs from that of the last text."""
+        text = printable(text)
         if self.is_terminal:
             self._out.write(f"\r\x1b[K{text[: min(LONGEST, self._columns() - 1)]}")
             self._out.flush()
@@ -26,6 +29,7 @@ class StatusLine:
 
     def commit(self, text: str) -> None:
         """Write a line that is not overwritten."""
+        text = printable(text)
         self._out.write(f"\r\x1b[K{text}\n" if self.is_terminal else f"{text}\n")
         self._out.flush()
 

@@ -17,7 +17,6 @@ from functools import partial
 
 from devices.clock import HostClock
 from gateway import __version__
-from gateway.authorization.authoriser import Authoriser
 from gateway.bus.session import gateway_settings, open_gateway_session
 from gateway.configuration.known_data_folders import remember_data_folder
 from gateway.configuration.model import Configuration
@@ -27,7 +26,7 @@ from gateway.daemon.alert_sender import AlertSender
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.bus_connection import BusConnection
 from gateway.daemon.calibration_provider import CalibrationProvider
-from gateway.daemon.command_token import load_or_create_token
+from gateway.daemon.command_authorisation import make_authoriser, read_certificates
 from gateway.daemon.compaction_worker import CompactionWorker
 from gateway.daemon.configuration_service import ConfigurationService
 from gateway.daemon.counters import SampleCounters
@@ -127,9 +126,10 @@ class Gateway:
             marks = MarkService(wall_clock, self._send_mark)
             acknowledgements = AcknowledgementService()
             security_log = SecurityLog(section.data_dir / SECURITY_LOG_NAME)
+            certificates = read_certificates(bus.tls)
             dispatcher = RequestDispatcher(
                 section.key,
-                Authoriser(boot_id, load_or_create_token(section.data_dir)),
+                make_authoriser(boot_id, section.data_dir, bus.tls, certificates),
                 make_handlers(
                     self._publisher.latest,
                     recalibration,

@@ -1,9 +1,9 @@
 """The aligning assistant in a terminal and in a file: what is shown, and when it ends."""
 
 import io
+import json
 import time
 from collections.abc import Callable
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -16,7 +16,7 @@ from gateway.messages import Tilt
 from gateway.topics import encode
 
 
-def tilt(number: int, pitch_deg: float, roll_deg: float, **changes: Any) -> SimpleNamespace:
+def tilt(number: int, pitch_deg: float, roll_deg: float, **changes: Any) -> dict[str, Any]:
     content: dict[str, Any] = {
         "time_ns": number * 100_000_000,
         "clock": "synchronised",
@@ -32,8 +32,8 @@ def tilt(number: int, pitch_deg: float, roll_deg: float, **changes: Any) -> Simp
         "delay_s": 0.2,
         "trusted": True,
     }
-    payload = encode(Tilt(**(content | changes)))
-    return SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda: payload))
+    fields: dict[str, Any] = json.loads(encode(Tilt(**(content | changes))))
+    return fields
 
 
 class ScriptedGateway(GatewayClient):

@@ -5,7 +5,6 @@ import json
 import math
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -124,8 +123,7 @@ class ShaftGateway(GatewayClient):
 
     def subscribe(self, topic: str, receive: Callable[[Any], object]) -> None:
         for number, force_g in enumerate(self._force_g):
-            payload = encode(tilt(number, force_g))
-            receive(SimpleNamespace(payload=SimpleNamespace(to_bytes=lambda payload=payload: payload)))
+            receive(json.loads(encode(tilt(number, force_g))))
 
 
 @pytest.fixture(autouse=True)

@@ -1,14 +1,12 @@
 """Following a session: what is shown, when it ends, and what the exit code says."""
 
 import io
-import json
 import os
 import pty
 import struct
 import termios
 from collections.abc import Callable
 from fcntl import ioctl
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -56,12 +54,8 @@ class ScriptedLink(GatewayClient):
     def status(self) -> dict[str, Any] | None:
         session = self._said.pop(0)
         while session is not None and self._said and self._said[0] is not None:
-            self._take(SimpleNamespace(payload=SimpleNamespace(to_bytes=self._message(self._said.pop(0)))))
+            self._take({"session": self._said.pop(0)})
         return None if session is None else {"calibration": {"session": session}}
-
-    @staticmethod
-    def _message(session: dict[str, Any]) -> Callable[[], bytes]:
-        return lambda: json.dumps({"session": session}).encode()
 
     def reconnect(self) -> bool:
         self.reconnects += 1

@@ -7,13 +7,20 @@ import pytest
 
 from gateway.bus.client import GatewayClient, RpcReply
 from gateway.calibration.record import CalibrationError, content_hash
-from gateway.cli.remote_status import NO_HEALTH, NO_RECORD, NO_REST, describe_forecast, describe_rest_drift
+from gateway.cli.remote_status import NO_HEALTH, NO_RECORD, NO_REST, NOT_VALID, describe_forecast, describe_rest_drift
 
 WATCHED = {
+    "calibration_id": "r1",
     "state": "watching",
     "norm_error_mg": -1.25,
     "limit_mg": 5.0,
-    "trend": {"limit_in_days": 42.4},
+    "trend": {
+        "days": 20,
+        "rate_mg_per_day": 0.1,
+        "rate95_mg_per_day": [0.0, 0.2],
+        "temperature_fitted": False,
+        "limit_in_days": 42.4,
+    },
     "shows": "one sum",
     "reasons": [],
 }
@@ -22,6 +29,7 @@ WATCHED = {
 @pytest.mark.parametrize(
     ("health", "said"),
     [
+        ({"drift": {"norm_error_mg": "\x1b[2J"}}, NOT_VALID),
         ({"drift": None}, NO_RECORD),
         (
             {"drift": WATCHED | {"state": "no_rest", "norm_error_mg": None, "limit_mg": None, "trend": None}},
@@ -68,7 +76,14 @@ class Store(GatewayClient):
         if request.get("what") == "record":
             return RpcReply(True, {"record": self.records[request["record"]]})
         return RpcReply(
-            True, {"records": [*({"id": name} for name in self.records), {"id": "damaged", "error": "torn"}]}
+            True,
+            {
+                "device_id": "part-7",
+                "in_force": None,
+                "review": None,
+                "history": [],
+                "records": [*({"id": name} for name in self.records), {"id": "damaged", "error": "torn"}],
+            },
         )
 
 

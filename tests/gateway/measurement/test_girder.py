@@ -5,9 +5,7 @@ import json
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -226,7 +224,7 @@ class ScriptedEnd(GatewayClient):
         if len(self._takers) == 2:
             for number in range(len(self._messages)):
                 for messages, take in self._takers:
-                    take(SimpleNamespace(payload=SimpleNamespace(to_bytes=partial(encode, messages[number]))))
+                    take(json.loads(encode(messages[number])))
 
 
 def test_the_terminal_shows_the_deflection() -> None:

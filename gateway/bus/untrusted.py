@@ -1,0 +1,58 @@
+"""What comes from the bus, before anything uses it: bounded, and valid by the type of its topic."""
+
+import json
+import re
+from typing import Any
+
+import zenoh
+from pydantic import ValidationError
+
+from gateway.configuration.section import KEY_PATTERN
+from gateway.topics import TOPICS, adapter
+
+GATEWAY_KEY = re.compile(f"plumbline/v1(/{KEY_PATTERN.strip('^$')}){{3}}")
+"""Key of a gateway: the names that a configuration allows."""
+LONGEST_KEY = 256
+LARGEST_PAYLOAD = 1 << 20
+"""A calibration with all poses and its record is the largest message: some 60 kB."""
+
+
+def parse_message(topic: str, payload: bytes) -> dict[str, Any] | None:
+    """Return the fields of a message; None where it is too large or not valid by the type of its topic."""
+    if len(payload) > LARGEST_PAYLOAD or topic not in TOPICS:
+        return None
+    try:
+        return _plain(topic, adapter(topic).validate_json(payload))
+    except ValidationError:
+        return None
+
+
+def parse_status(payload: bytes) -> dict[str, dict[str, Any]] | None:
+    """Return the valid messages of a status by topic; None where it is not a status."""
+    if len(payload) > LARGEST_PAYLOAD:
+        return None
+    try:
+        content = json.loads(payload)
+    except (ValueError, RecursionError):
+        return None
+    if not isinstance(content, dict):
+        return None
+    found = {}
+    for topic in TOPICS:
+        if topic in content:
+            try:
+                found[topic] = _plain(topic, adapter(topic).validate_python(content[topic]))
+            except ValidationError:
+                continue  # a field that a newer version knows differently: the other topics are shown
+    return found
+
+
+def gateway_of(sample: zenoh.Sample, suffix: str) -> str | None:
+    """Return the key of the gateway that a message names as its origin; None where no configuration allows that name."""
+    key = str(sample.key_expr).removesuffix(f"/{suffix}")
+    return key if len(key) <= LONGEST_KEY and GATEWAY_KEY.fullmatch(key) else None
+
+
+def _plain(topic: str, message: object) -> dict[str, Any]:
+    fields: dict[str, Any] = adapter(topic).dump_python(message, mode="json")
+    return fields

@@ -1,0 +1,63 @@
+"""The certificate files of a gateway: what commands are checked with, and when its own certificate expires."""
+
+from datetime import UTC, datetime
+from pathlib import Path
+
+from cryptography import x509
+
+from gateway.authorization.certificates import CertificateVerifier
+from gateway.configuration.bus_section import TlsSection
+from gateway.pki.inspect import CertificateError, identity_of, parse_authorities, parse_certificate, revoked_serials
+
+EXPIRES_SOON_DAYS = 30
+NOTHING_REVOKED: frozenset[int] = frozenset()
+
+
+def utc_now() -> datetime:
+    """Return the time of the wall clock."""
+    return datetime.now(UTC)
+
+
+class SiteCertificates:
+    """Reads the files of `bus.tls`; the revocation list again whenever it has changed."""
+
+    def __init__(self, tls: TlsSection) -> None:
+        self._tls = tls
+        self._authorities: tuple[x509.Certificate, ...] = ()
+        self._list_version: tuple[int, int] | None = None
+        self._revoked = NOTHING_REVOKED
+
+    def verifier(self) -> CertificateVerifier:
+        """Return what checks the callers' certificates. Raises `CertificateError` for a CA file that cannot be used."""
+        self._authorities = parse_authorities(_read(self._tls.ca))
+        return CertificateVerifier(self._authorities, self.revoked, utc_now)
+
+    def revoked(self) -> frozenset[int]:
+        """Return the revoked serial numbers. Raises `CertificateError` where the list is configured and cannot be used."""
+        if self._tls.revoked is None:
+            return NOTHING_REVOKED
+        try:
+            status = self._tls.revoked.stat()
+        except OSError as error:
+            raise CertificateError(f"cannot be read ({error.strerror})") from error
+        version = (status.st_mtime_ns, status.st_size)
+        if version != self._list_version:
+            self._revoked = revoked_serials(_read(self._tls.revoked), self._authorities)
+            self._list_version = version
+        return self._revoked
+
+    def days_left(self) -> int | None:
+        """Return the days until the gateway's own certificate expires; None where it cannot be read."""
+        try:
+            return (identity_of(parse_certificate(_read(self._tls.certificate))).valid_until - utc_now()).days
+        except CertificateError:
+            return None
+
+
+def _read(path: Path | None) -> bytes:
+    if path is None:
+        raise CertificateError("is not configured")
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise CertificateError(f"{path}: cannot be read ({error.strerror})") from error
