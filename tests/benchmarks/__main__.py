@@ -18,6 +18,7 @@ from tests.benchmarks import (
     record_info,
     recorder,
     rotation,
+    serial_decoders,
     swing,
 )
 
@@ -36,6 +37,7 @@ ALL: dict[str, Callable[..., None]] = {
     "record_info": record_info.main,
     "recorder": recorder.main,
     "incident": incident.main,
+    "serial_decoders": serial_decoders.main,
 }
 
 names = list(takewhile(lambda argument: not argument.startswith("-"), sys.argv[1:]))
