@@ -5,11 +5,13 @@ from collections.abc import Callable
 from itertools import takewhile
 
 from tests.benchmarks import (
+    alert_latency,
     calibration,
     chain,
     conditions,
     daemon,
     delay,
+    gateway_states,
     incident,
     inclinometer,
     killed_session,
@@ -26,6 +28,8 @@ ALL: dict[str, Callable[..., None]] = {
     "chain": chain.main,
     "daemon": daemon.main,
     "delay": delay.main,
+    "alert_latency": alert_latency.main,
+    "gateway_states": gateway_states.main,
     "swing": swing.main,
     "motion": motion.main,
     "conditions": conditions.main,
