@@ -23,7 +23,7 @@ from gateway.bus.client import open_client_session
 from gateway.bus.credentials import Credentials
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD
 from gateway.bus.gateway_state import GatewayPresence, GatewayState
-from gateway.bus.session import BusError
+from gateway.bus.session import UnreachableError
 from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.errors import InputError
 from gateway.messages import Alert
@@ -166,9 +166,7 @@ class AlertReceiver:
             return
         try:
             session = open_client_session(self._connect, self._credentials, CONNECT_MS)
-        except BusError as error:
-            if error.exit_code != 1:
-                raise
+        except UnreachableError:
             return
         self._subscriber = session.declare_subscriber(f"{self._pattern}/alert", self._receive_alert)
         self._liveliness = session.liveliness().declare_subscriber(

@@ -250,3 +250,20 @@ def test_watch_prints_each_alert_once_resumes_and_survives_hostile_messages(
     hostile.close()
     follower.receiver.close()
     gateway.stop()
+
+
+def test_the_example_of_the_documentation_prints_the_changes(start_gateway: StartGateway, tmp_path: Path) -> None:
+    gateway = start_gateway(CHATTERING)
+    text = (ROOT / "docs" / "alerts.md").read_text()
+    program = text.split("```python\n")[1].split("```")[0].replace("tcp/127.0.0.1:7447", gateway.endpoint)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen(
+        [sys.executable, "-u", "-c", program], cwd=tmp_path, env=environment, stdout=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    lines = (line for line in process.stdout if "raised" in line)
+    assert next(lines).startswith(f"{KEY} ")
+    process.kill()
+    process.communicate()
+    assert KEY in json.loads((tmp_path / "alerts.json").read_text())
+    gateway.stop()
