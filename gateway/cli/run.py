@@ -106,7 +106,7 @@ def _make_gateway(arguments: argparse.Namespace, errors: "LineWriter", changes: 
     configuration = load(arguments.config, device=replay_section(arguments))
     if arguments.service:
         require_sensor(configuration, str(arguments.config or "the embedded default"))
-    return Gateway(configuration, errors, changes)
+    return Gateway(configuration, errors, changes, waits_for_device=arguments.service)
 
 
 def _start_again(*writers: "LineWriter") -> int:

@@ -44,4 +44,9 @@ def make_authoriser(
             return Authoriser(boot_id, certificates.verifier())
         except PlumblineError as error:
             log.error("bus.tls.ca %s; commands are refused until the next start", error)
-    return Authoriser(boot_id, secrets.token_bytes(TOKEN_BYTES))  # a secret that nobody has
+    return refuse_all(boot_id)
+
+
+def refuse_all(boot_id: str) -> Authoriser:
+    """Return an authoriser that refuses every command: its secret is one that nobody has."""
+    return Authoriser(boot_id, secrets.token_bytes(TOKEN_BYTES))

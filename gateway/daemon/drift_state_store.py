@@ -2,14 +2,15 @@
 
 import json
 import logging
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from gateway.atomic_io import write_durably
 from gateway.calibration.correction import Correction
 from gateway.calibration.drift.rest_monitor import RestDriftMonitor
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
+from gateway.daemon.file_writer import FileContent
 from gateway.file_input import parse_json, read_bounded
 from gateway.pipeline.drift_monitor import DriftMonitor
 
@@ -19,8 +20,10 @@ log = logging.getLogger("plumbline.drift")
 class DriftStateStore:
     """Starts a monitor for each record, continues it after a restart, and saves its state once an hour and at the end."""
 
-    def __init__(self, data_dir: Path) -> None:
+    def __init__(self, data_dir: Path, write: Callable[[FileContent], object]) -> None:
+        """`write` replaces a file soon; it must not wait."""
         self._data_dir = data_dir
+        self._write = write
         self._path: Path | None = None
         self._saved_status: dict[str, Any] | None = None
         self.monitor = DriftMonitor(None)
@@ -46,10 +49,7 @@ class DriftStateStore:
         self._saved_status = self.monitor.status_json
         if self._path is None or not self.monitor.has_unsaved_readings:
             return
-        try:
-            write_durably(self._path, json.dumps(self.monitor.dump_state()).encode())
-        except OSError as error:
-            log.error("%s: the state of the drift monitor cannot be saved: %s", self._path, error)
+        self._write(FileContent(self._path, json.dumps(self.monitor.dump_state()).encode()))
 
 
 def _rest_monitor(correction: Correction, path: Path) -> RestDriftMonitor | None:

@@ -3,7 +3,6 @@
 import time
 from collections import deque
 from dataclasses import asdict, dataclass, field
-from pathlib import Path
 from typing import Any, Literal
 
 from devices.block import DeviceInfo
@@ -14,13 +13,12 @@ from gateway.daemon.counters import SampleCounters
 from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.faults import FaultRegister
 from gateway.daemon.line_writer import LineWriter
-from gateway.daemon.outbox_writer import OutboxWriter
 from gateway.daemon.page_channel import PageChannel
 from gateway.daemon.publisher import Publisher
 from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.recording_worker import RecordingWorker
 from gateway.daemon.relay_worker import RelayWorker
-from gateway.daemon.resources import CpuMeter, disk_free_mb, resident_mb
+from gateway.daemon.resources import CpuMeter, resident_mb
 from gateway.daemon.rpc_server import RpcServer
 from gateway.daemon.sampler import Sampler
 from gateway.daemon.security_log import SecurityLog
@@ -39,6 +37,7 @@ class HealthReporter:
     """Reads the counters of the threads and makes the health message."""
 
     device: Device
+    device_kind: str
     sampler: Sampler
     counters: SampleCounters
     drift_store: DriftStateStore
@@ -47,14 +46,13 @@ class HealthReporter:
     security_log: SecurityLog
     recording: RecordingWorker
     publisher: Publisher
-    outbox: OutboxWriter
     alerts: AlertSender
     page: PageChannel
     relay: RelayWorker | None
-    compaction: Worker[Any]
+    workers: tuple[Worker[Any], ...]
+    """Those whose defects are counted."""
     output: LineWriter
     faults: FaultRegister
-    data_dir: Path
     boot_id: str
     stopping: bool = False
     _cpu: CpuMeter = field(default_factory=CpuMeter)
@@ -64,14 +62,14 @@ class HealthReporter:
     _last_samples: tuple[int, float] = (0, 0.0)
     """Number of samples, and when it last changed."""
 
-    def make(self, header: Header, info: DeviceInfo) -> Health:
+    def make(self, header: Header, info: DeviceInfo | None) -> Health:
         """Return the present state of the gateway."""
         counters, path, standing = self.counters, self.recording.path, self.faults.standing
         return Health(
             **header,
             state=self._state(),
-            device_id=info.device_id,
-            device_kind=info.kind,
+            device_id=None if info is None else info.device_id,
+            device_kind=self.device_kind if info is None else info.kind,
             boot_id=self.boot_id,
             software=__version__,
             uptime_s=time.monotonic() - self._started_s,
@@ -92,7 +90,7 @@ class HealthReporter:
             refused=dict(self.security_log.counts),
             recording=None if path is None else str(path),
             recording_error=standing.get("recording"),
-            disk_free_mb=disk_free_mb(self.data_dir),
+            disk_free_mb=self.recording.disk_free_mb,
             cpu_percent=self._cpu.percent(),
             resident_mb=resident_mb(),
             alert_latency_ms=self.alerts.latency_ms(),
@@ -122,12 +120,12 @@ class HealthReporter:
             "alerts_not_stored": self.alerts.sent_unstored,
             "samples_not_recorded": self.recording.samples_lost,
             "messages_not_writable": self.recording.unwritable,
+            "segments_vanished": self.recording.vanished,
             "segments_not_deleted": self.recording.undeletable,
         }
-        relay = () if self.relay is None else (self.relay,)
-        own |= {name: count for each in relay for name, count in each.faults.items()}
-        workers = (self.recording, self.compaction, self.outbox, self.rpc, self.alerts, self.publisher, *relay)
-        defects = {f"{worker.name}_defects": worker.defects for worker in workers}
+        if self.relay is not None:
+            own |= self.relay.faults
+        defects = {f"{worker.name}_defects": worker.defects for worker in self.workers}
         counts = {**self.device.faults, **own, **self.faults.counts, **defects}
         return {name: count for name, count in counts.items() if count}
 

@@ -4,6 +4,7 @@ import logging
 from collections.abc import Iterable
 
 from devices.block import DeviceInfo, SampleBlock
+from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.daemon.acknowledgement_service import AcknowledgementService
 from gateway.daemon.alert_sender import AlertSender
@@ -43,10 +44,12 @@ SINK_PATIENCE_S = 0.5
 class Processor(Worker[SamplerItem]):
     """Owns the pipeline from start to stop."""
 
+    is_essential = True
+
     def __init__(
         self,
         configuration: Configuration,
-        info: DeviceInfo,
+        info: DeviceInfo | None,
         inbox: BoundedQueue[SamplerItem],
         counters: SampleCounters,
         health: HealthReporter,
@@ -83,30 +86,34 @@ class Processor(Worker[SamplerItem]):
         self._incidents = IncidentRegister(health.boot_id, last_number=0)
         self._next_second_ns = 0
         self._clock_steps = 0
-        self._open(info)
+        self.info: DeviceInfo | None = None
+        self.correction: Correction | None = None
+        self._pipeline: Pipeline | None = None
+        """None until the device is open for the first time."""
+        if info is not None:
+            self._open(info)
 
     def _open(self, info: DeviceInfo) -> None:
         self.info = info
         self._recalibration.open(info)
         self._recording.inbox.put(info)
-        self._open_pipeline()
+        self._open_pipeline(info)
 
-    def _open_pipeline(self) -> None:
+    def _open_pipeline(self, info: DeviceInfo) -> None:
         """Make the pipeline with the calibration in force, and note that calibration in the recording and in the log."""
-        self.correction = self._calibrations.correction(self.info)
+        self.correction = self._calibrations.correction(info)
         extra = None if self.is_alive() else RECORDED_ONLY  # at start `Gateway.describe` has printed it
-        log.info("%s: calibration in force: %s", self.info.device_id, self.correction.text, extra=extra)
-        change = CalibrationChange(self._calibrations.files(self.info, self.correction))
+        log.info("%s: calibration in force: %s", info.device_id, self.correction.text, extra=extra)
+        change = CalibrationChange(self._calibrations.files(info, self.correction))
         if not self._recording.inbox.put_waiting(change, SINK_PATIENCE_S):
             log.error("the recorder is too busy: later segments do not contain %s", self.correction.text)
-        drift = self._drift_store.open(self.info.device_id, self.correction)
-        self._pipeline = Pipeline(
-            self._configuration, self.info, self.correction, self._headers, drift, self._incidents
-        )
+        drift = self._drift_store.open(info.device_id, self.correction)
+        self._pipeline = Pipeline(self._configuration, info, self.correction, self._headers, drift, self._incidents)
         self._set_session()
 
     def _set_session(self) -> None:
-        self._pipeline.set_session(self._recalibration.session, self._recalibration.suspended)
+        if self._pipeline is not None:
+            self._pipeline.set_session(self._recalibration.session, self._recalibration.suspended)
         if self._rigger is not None:
             self._rigger.follow(self._recalibration.session)
 
@@ -118,6 +125,7 @@ class Processor(Worker[SamplerItem]):
     def handle(self, item: SamplerItem) -> None:
         """Process a block, or open the pipeline again for a device that came back as another one."""
         if isinstance(item, SampleBlock):
+            assert self._pipeline is not None  # the sampler announces a device before its blocks
             self._counters.add(item)
             self._recalibration.feed(item)
             self._serve_requests()
@@ -132,7 +140,8 @@ class Processor(Worker[SamplerItem]):
         """Serve requests, and let the pipeline detect a stale reading."""
         self._serve_requests()
         now_ns = self._wall_clock.clock.now_ns()
-        self._forward(self._pipeline.idle(now_ns, self._wall_clock.state), now_ns)
+        if self._pipeline is not None:
+            self._forward(self._pipeline.idle(now_ns, self._wall_clock.state), now_ns)
         self._serve_acknowledgements(now_ns)
         self._each_second()
 
@@ -144,8 +153,10 @@ class Processor(Worker[SamplerItem]):
     def _serve_requests(self) -> None:
         """Answer requests; publish a change of the session or of the record in force at once."""
         update = self._recalibration.serve()
+        if self.info is None or self._pipeline is None:
+            return
         if update.pipeline_changed:
-            self._open_pipeline()
+            self._open_pipeline(self.info)
             self._next_second_ns = 0  # the health of the previous record must not be taken for that of the new one
         else:
             self._set_session()
@@ -156,8 +167,10 @@ class Processor(Worker[SamplerItem]):
 
     def _serve_acknowledgements(self, time_ns: int) -> None:
         """Acknowledge at the time of the last block, so that a replay acknowledges at the same place."""
+        if (pipeline := self._pipeline) is None:
+            return
         now = MessageTime(time_ns, self._wall_clock.state)
-        self._acknowledgements.serve(self._incidents, lambda given: self._send(self._pipeline.acknowledge(given, now)))
+        self._acknowledgements.serve(self._incidents, lambda given: self._send(pipeline.acknowledge(given, now)))
 
     def _each_second(self) -> None:
         now_ns = self._wall_clock.clock.now_ns()
@@ -167,14 +180,22 @@ class Processor(Worker[SamplerItem]):
         self._send(self._status_messages(now_ns))
         self._drift_store.save_if_evaluated()
 
+    def report_status(self) -> None:
+        """Send the health at its rate from another thread, while this one hangs."""
+        now_ns = self._wall_clock.clock.now_ns()
+        if now_ns >= self._next_second_ns:
+            self._next_second_ns = now_ns + round(HEALTH_PERIOD_S * 1e9)
+            self._send(self._status_messages(now_ns))
+
     def _status_messages(self, now_ns: int) -> Iterable[OutgoingMessage]:
         now = MessageTime(now_ns, self._wall_clock.poll())
         stepped, self._clock_steps = self._wall_clock.steps > self._clock_steps, self._wall_clock.steps
-        header = self._headers.make("clock", now, self.correction.calibration_id)
+        calibration_id = None if self.correction is None else self.correction.calibration_id
+        header = self._headers.make("clock", now, calibration_id)
         offset_ns = now.clock.wall_offset_ns
         clock = ClockOffset(**header, log_time_ns=now_ns, wall_offset_ns=offset_ns, stepped=stepped)
         yield OutgoingMessage("clock", now_ns, clock)
-        header = self._headers.make("health", now, self.correction.calibration_id)
+        header = self._headers.make("health", now, calibration_id)
         yield OutgoingMessage("health", now_ns, self._health.make(header, self.info))
 
     def _forward(self, output: PipelineOutput, time_ns: int) -> None:
@@ -197,7 +218,7 @@ class Processor(Worker[SamplerItem]):
                 self._alerts.submit(message.message, message.log_time_ns)
             elif topic.published:
                 self._publisher.inbox.put(encoded)
-            if topic.logged and self.info.can_wait:
+            if topic.logged and self.info is not None and self.info.can_wait:
                 self._recording.inbox.put_waiting(encoded, SINK_PATIENCE_S)
             elif topic.logged:
                 self._recording.inbox.put(encoded)

@@ -11,6 +11,7 @@ from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.compaction_worker import RewriteRequest
 from gateway.daemon.faults import FaultRegister
 from gateway.daemon.instance import FolderError, InstanceError
+from gateway.daemon.resources import disk_free_mb
 from gateway.daemon.worker import Worker
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.calibration_files import CalibrationFiles
@@ -21,6 +22,7 @@ from gateway.recording.writer import Recorder, RecorderError
 log = logging.getLogger("plumbline.recorder")
 INBOX = 4096
 RETRY_S = 5.0
+LOOK_NS = 1_000_000_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +47,7 @@ class RecordingWorker(Worker[RecordingItem]):
         *,
         now_ns: Callable[[], int],
         rewrite: Callable[[RewriteRequest], object],
+        data_dir: Path,
         claim_folder: Callable[[], None],
         faults: FaultRegister,
     ) -> None:
@@ -56,6 +59,7 @@ class RecordingWorker(Worker[RecordingItem]):
         self._rewrite = rewrite
         self._recorder = recorder
         self._now_ns = now_ns
+        self._data_dir = data_dir
         self._claim_folder = claim_folder
         self._faults = faults
         self._retry_at_ns: int | None = 0
@@ -65,6 +69,9 @@ class RecordingWorker(Worker[RecordingItem]):
         self.samples_lost = 0
         self.unwritable = 0
         """Number of messages with a time that no recording can hold."""
+        self.disk_free_mb: float | None = None
+        """Free space at the data folder; None where it is not known."""
+        self._look_at_ns = 0
 
     @property
     def path(self) -> Path | None:
@@ -76,6 +83,11 @@ class RecordingWorker(Worker[RecordingItem]):
         """How often a segment beyond the quota could not be deleted."""
         return self._recorder.undeletable
 
+    @property
+    def vanished(self) -> int:
+        """How often the open segment was deleted or moved away."""
+        return self._recorder.vanished
+
     def run(self) -> None:
         """Begin to record, and work until the end."""
         self._attempt(self._start_if_due)
@@ -84,6 +96,7 @@ class RecordingWorker(Worker[RecordingItem]):
 
     def handle(self, item: RecordingItem) -> None:
         """Write a message, or note another device or another calibration for the following messages."""
+        self._look_at_disk()
         self._start_if_due()
         try:
             if isinstance(item, DeviceInfo):
@@ -110,12 +123,19 @@ class RecordingWorker(Worker[RecordingItem]):
 
     def idle(self) -> None:
         """Write the buffered messages to the disk in time."""
+        self._look_at_disk()
         self._start_if_due()
         try:
             self._recorder.tick(self._now_ns())
         except RecorderError as error:
             self._fail(error)
         self._pass_ended_segments()
+
+    def _look_at_disk(self) -> None:
+        """Determine the free space once a second."""
+        if (now_ns := self._now_ns()) >= self._look_at_ns:
+            self._look_at_ns = now_ns + LOOK_NS
+            self.disk_free_mb = disk_free_mb(self._data_dir)
 
     def recover(self, defect: Exception) -> None:
         """Abandon the open segment, whose end is not known, and begin another one."""

@@ -38,6 +38,10 @@ class RequestDispatcher:
         self._changes = {verb.name: CallerLimits(verb.limit) for verb in VERBS.values() if verb.role is not None}
         self._refusals = TokenBucket(ANSWERED_REFUSALS)
 
+    def use(self, authoriser: Authoriser) -> None:
+        """Authorise by another authoriser from now on."""
+        self._authoriser = authoriser
+
     @property
     def verbs(self) -> tuple[str, ...]:
         """The verbs that are served."""

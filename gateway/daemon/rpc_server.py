@@ -1,7 +1,7 @@
 """The thread that serves remote calls: it takes requests from the bus, and sends the answers. It also takes the load signal."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -56,16 +56,30 @@ RpcItem = IncomingQuery | Answer | IncomingLoadSignal
 class RpcServer(Worker[RpcItem]):
     """Answers queries on `<key>/rpc/<verb>`. It must end before the session is closed."""
 
-    def __init__(self, key: str, dispatcher: RequestDispatcher, recalibration: RecalibrationService) -> None:
+    def __init__(
+        self,
+        key: str,
+        dispatcher: RequestDispatcher,
+        recalibration: RecalibrationService,
+        *,
+        prepare: Callable[[], None],
+    ) -> None:
+        """`prepare` is called once, by the thread, before the first request; it may wait for the disk."""
         super().__init__("rpc", BoundedQueue(INBOX))
         self._session: zenoh.Session | None = None
         self._key = key
         self._dispatcher = dispatcher
         self._recalibration = recalibration
+        self._prepare = prepare
         self.too_large = 0
         """Requests and load signals that were dropped unread."""
         self._queryables: list[zenoh.Queryable[None]] = []
         self._load: zenoh.Subscriber[None] | None = None
+
+    def run(self) -> None:
+        """Prepare, then answer until the end."""
+        self._attempt(self._prepare)
+        super().run()
 
     def attach(self, session: zenoh.Session) -> None:
         """Answer the calls of a session from now on. Raises `zenoh.ZError`."""

@@ -2,16 +2,18 @@
 
 import logging
 import threading
-from dataclasses import dataclass
+import time
+from dataclasses import dataclass, replace
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.device import Device, EndOfRecording
 from devices.errors import DeviceError
 from gateway.daemon.backoff import Backoff
 from gateway.daemon.bounded_queue import BoundedQueue
-from gateway.daemon.notify import ServiceNotifier
+from gateway.daemon.faults import FaultRegister
 
 log = logging.getLogger("plumbline.device")
+PART = "device"
 FIRST_PAUSE_S = 0.1
 LONGEST_PAUSE_S = 0.5
 """So short that a device that returns delivers samples within a second."""
@@ -31,20 +33,25 @@ class Sampler(threading.Thread):
     """Owns the device from start to stop. `ended` is set at the end of a recording that is replayed."""
 
     def __init__(
-        self, device: Device, info: DeviceInfo, blocks: BoundedQueue[SamplerItem], notifier: ServiceNotifier
+        self, device: Device, info: DeviceInfo | None, blocks: BoundedQueue[SamplerItem], faults: FaultRegister
     ) -> None:
+        """`info`: of the opened device; None: it could not be opened yet."""
         super().__init__(name="sampler", daemon=True)
         self._device = device
         self._info = info
         self.blocks = blocks
-        self._notifier = notifier
+        self._faults = faults
         self._stopping = threading.Event()
         self.ended = threading.Event()
-        self.recovering = False
+        self.recovering = info is None
         """The device is lost."""
         self.reopened = 0
         self.lost_in_queue = 0
         """Number of samples that found the queue full."""
+        self.progress_s = time.monotonic()
+        """When the thread last began to read or to open the device."""
+        self._newest_ns: int | None = None
+        self._after_outage = False
 
     def stop(self) -> None:
         """Ask the thread to end after the present read."""
@@ -53,8 +60,10 @@ class Sampler(threading.Thread):
     def run(self) -> None:
         """Read until told to stop."""
         try:
+            if self._info is None:
+                self._recover()
             while not self._stopping.is_set():
-                self._notifier.send("WATCHDOG=1")
+                self.progress_s = time.monotonic()
                 self._read_once()
         except EndOfRecording:
             self.ended.set()
@@ -65,16 +74,26 @@ class Sampler(threading.Thread):
         try:
             block = self._device.read()
         except DeviceError as error:
-            log.error("%s", error)
+            self._faults.set(PART, str(error))
             self._recover()
             return
         if block is not None and len(block):
-            self._forward(block)
+            self._forward(self._count_outage(block))
+
+    def _count_outage(self, block: SampleBlock) -> SampleBlock:
+        """Return a block with the samples that the sensor would have made while the device was away counted as lost before it."""
+        first_ns, newest_ns = int(block.time_ns[0]), self._newest_ns
+        self._newest_ns = int(block.time_ns[-1])
+        if not self._after_outage or newest_ns is None or self._info is None:
+            return block
+        self._after_outage = False
+        missing = round((first_ns - newest_ns) * self._info.odr_hz / 1e9) - 1
+        return replace(block, lost=max(block.lost, missing))
 
     def _forward(self, block: SampleBlock) -> None:
-        if self._info.can_wait:
+        if self._info is not None and self._info.can_wait:
             while not self._stopping.is_set() and not self.blocks.put_waiting(block, timeout_s=0.5):
-                self._notifier.send("WATCHDOG=1")
+                self.progress_s = time.monotonic()
         elif not self.blocks.put(block):
             self.lost_in_queue += len(block)
 
@@ -82,20 +101,19 @@ class Sampler(threading.Thread):
         """Try to open the device, with growing pauses, until it answers or the daemon stops."""
         self.recovering = True
         backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
-        reported = ""
         while not self._stopping.wait(backoff.pause_s):
-            self._notifier.send("WATCHDOG=1")
+            self.progress_s = time.monotonic()
             self._device.close()
             try:
                 self._info = self._device.open()
             except DeviceError as error:
                 backoff.increase()
-                if str(error) != reported:  # not every half a second
-                    reported = str(error)
-                    log.warning("%s; trying again until it answers", error)
+                self._faults.set(PART, f"{error}; trying again until it answers")
                 continue
-            log.info("the device is open again: %s", self._info.device_id)
+            log.info("the device is open: %s", self._info.device_id)
             self.reopened += 1
             self.recovering = False
+            self._after_outage = True
+            self._faults.clear(PART)
             self.blocks.put(DeviceReopened(self._info))
             return

@@ -12,8 +12,8 @@ from gateway.page.pin import PIN_NAME
 
 def describe(
     configuration: Configuration,
-    info: DeviceInfo,
-    correction: Correction,
+    info: DeviceInfo | None,
+    correction: Correction | None,
     recording: Path | None,
     signed: str,
     faults: FaultRegister,
@@ -34,5 +34,10 @@ def describe(
     lines = [
         f"  {place:<10} {f'FAULT: {standing[place]}' if place in standing else text}" for place, text in places.items()
     ]
-    head = f"plumbline {__version__}: {info.kind} {info.device_id}, {info.odr_hz:g} Hz; calibration {correction.text}"
+    if info is None or correction is None:
+        head = f"plumbline {__version__}: FAULT: {standing.get('device', 'the device is not open yet')}"
+    else:
+        head = (
+            f"plumbline {__version__}: {info.kind} {info.device_id}, {info.odr_hz:g} Hz; calibration {correction.text}"
+        )
     return "\n".join((head, *lines))

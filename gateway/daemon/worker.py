@@ -27,6 +27,8 @@ class Worker(threading.Thread, Generic[Item]):
         self.inbox = inbox
         self.defects = 0
         """Number of items that could not be handled because of a defect in the program."""
+        self.progress_s = time.monotonic()
+        """When the thread last began a step; one with an empty inbox makes progress too."""
         self._defect_logged_s = -DEFECT_LOG_S
         self._finishing = threading.Event()
 
@@ -38,6 +40,7 @@ class Worker(threading.Thread, Generic[Item]):
         """Work until `finish` was called and the inbox is empty."""
         try:
             while True:
+                self.progress_s = time.monotonic()
                 item = self.inbox.get(0.0 if self._finishing.is_set() else WAIT_S)
                 if item is not None:
                     self._attempt(lambda item=item: self.handle(item))  # type: ignore[misc]

@@ -72,6 +72,10 @@ class SyncedFile:
         self._size += len(held)
         os.fsync(self._descriptor)
 
+    def is_at(self, path: Path) -> bool:
+        """Return whether a path leads to this file. Raises `OSError`."""
+        return os.path.samestat(os.fstat(self._descriptor), path.stat())
+
     def close(self) -> None:
         """Close the file; to be called once. Raises `OSError`."""
         descriptor, self._descriptor = self._descriptor, -1
@@ -160,6 +164,14 @@ class Segment:
         if self._newest_ns - self._signed_ns >= CHECKPOINT_NS:
             self._sign()
         self._file.sync()
+
+    @property
+    def has_vanished(self) -> bool:
+        """Whether the file was deleted or moved away, so that what is written is lost."""
+        try:
+            return not self._file.is_at(self.path)
+        except FileNotFoundError:
+            return True
 
     def close(self) -> None:
         """Write the summaries, of the recording and of the MCAP file, and close the file."""

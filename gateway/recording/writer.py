@@ -89,6 +89,8 @@ class Recorder:
         self._unsynced_samples = 0
         for topic in logged_topics():
             schema_bytes(topic)  # kept: the first segment must not wait for them while samples come
+        self.vanished = 0
+        """How often the open segment was deleted or moved away; another one was begun."""
         self._uncompacted: list[Path] | None = None
         """Ended segments with short chunks; None: those of former runs have not been looked for."""
 
@@ -188,13 +190,15 @@ class Recorder:
             return
         try:
             self._segment.sync()
+            vanished = self._segment.has_vanished
         except OSError as error:
             raise self._stop(error) from error
         self._synced_ns = now_ns
         self._unsynced_messages = self._unsynced_samples = 0
+        self.vanished += vanished
         self._retention.enforce(self._segment.size_bytes)
         too_long = now_ns - self._segment.start_ns >= self._segment_ns
-        if too_long or self._segment.size_bytes >= self._largest_segment_bytes:
+        if vanished or too_long or self._segment.size_bytes >= self._largest_segment_bytes:
             self.start(now_ns)
 
     def close(self) -> None:

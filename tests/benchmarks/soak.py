@@ -205,7 +205,7 @@ class Soak:
                 "at_s": round(at_s, 1),
                 "rss_kb": int(fields["VmRSS"].split()[0]),
                 "threads": int(fields["Threads"]),
-                "fds": len(os.listdir(f"/proc/{self.process.pid}/fd")),
+                "fds": len(list(Path(f"/proc/{self.process.pid}/fd").iterdir())),
                 "page_rss_kb": _rss_kb(self.page),
                 **{
                     name: newest.get(name) for name in ("samples", "lost", "dropped", "queued", "faults", "cpu_percent")

@@ -32,6 +32,7 @@ class RunningGateway:
         page: bool = False,
         arguments: Sequence[str] = (),
         prefix: Sequence[str] = (),
+        program: Sequence[str] = ("gateway",),
         environment: Mapping[str, str] | None = None,
         stdout: int = subprocess.PIPE,
         stderr: int = subprocess.PIPE,
@@ -49,7 +50,7 @@ class RunningGateway:
         }
         self.started_s = time.monotonic()
         self.process = subprocess.Popen(
-            [*prefix, sys.executable, "-m", "gateway", "run", "--config", str(config), *arguments],
+            [*prefix, sys.executable, "-m", *program, "run", "--config", str(config), *arguments],
             cwd=ROOT,
             env={**os.environ, **settings, **(environment or {})},
             stdout=stdout,

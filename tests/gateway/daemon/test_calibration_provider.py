@@ -11,12 +11,14 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo
+from gateway.atomic_io import write_durably
 from gateway.calibration.drift.rest_monitor import NS_PER_HOUR
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
 from gateway.daemon.calibration_provider import CalibrationProvider
 from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.faults import FaultRegister
+from gateway.daemon.file_writer import FileContent, FileWriter
 from gateway.daemon.recording_worker import CalibrationChange, RecordingWorker
 from gateway.recording.calibration_files import CalibrationFiles
 from gateway.recording.writer import Recorder, RecorderError
@@ -51,7 +53,7 @@ def provider(tmp_path: Path) -> CalibrationProvider:
 
 @pytest.fixture
 def store(tmp_path: Path) -> DriftStateStore:
-    return DriftStateStore(tmp_path)
+    return DriftStateStore(tmp_path, save)
 
 
 def rest(store: DriftStateStore, hours: int, first: int = 0) -> None:
@@ -121,7 +123,7 @@ def test_a_drift_monitor_continues_after_a_restart_and_is_saved_once_an_hour(
     rest(store, 2)
     assert len(present(kept(tmp_path))["hours"]) == 1
     store.save()
-    again = DriftStateStore(tmp_path)
+    again = DriftStateStore(tmp_path, save)
     again.open("part-7", correction)
     rest(again, 2, first=2)
     assert len(present(kept(tmp_path))["hours"]) == 3
@@ -154,16 +156,15 @@ def test_an_unreadable_state_is_ignored(
 def test_a_state_that_cannot_be_saved_is_reported(
     provider: CalibrationProvider,
     put: PutRecord,
-    store: DriftStateStore,
     tmp_path: Path,
-    caplog: pytest.LogCaptureFixture,
 ) -> None:
     put("r1")
+    faults = FaultRegister()
+    store = DriftStateStore(tmp_path, FileWriter(faults).handle)
     store.open("part-7", provider.correction(INFO))
     (CalibrationStore(tmp_path, "part-7").folder / "drift.json").mkdir()
-    with caplog.at_level(logging.ERROR, "plumbline"):
-        rest(store, 2)
-    assert "cannot be saved" in caplog.text
+    rest(store, 2)
+    assert "cannot be saved" in faults.standing["state_files"]
 
 
 def test_a_record_without_a_valid_time_is_not_monitored(
@@ -173,6 +174,10 @@ def test_a_record_without_a_valid_time_is_not_monitored(
     with caplog.at_level(logging.ERROR, "plumbline"):
         assert store.open("part-7", provider.correction(INFO)).status_json is None
     assert "not monitored" in caplog.text
+
+
+def save(item: FileContent) -> None:
+    write_durably(item.path, item.content)
 
 
 class FullDisk(Recorder):
@@ -196,6 +201,8 @@ class FullDisk(Recorder):
 
 def test_a_record_that_cannot_be_written_stops_the_recording() -> None:
     faults = FaultRegister()
-    worker = RecordingWorker(FullDisk(), now_ns=lambda: 0, rewrite=print, claim_folder=lambda: None, faults=faults)
+    worker = RecordingWorker(
+        FullDisk(), now_ns=lambda: 0, rewrite=print, data_dir=Path(), claim_folder=lambda: None, faults=faults
+    )
     worker.handle(CalibrationChange(None))
     assert (list(faults.standing), worker.samples_lost) == (["recording"], 40)

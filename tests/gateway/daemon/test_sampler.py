@@ -11,7 +11,7 @@ from devices.block import DeviceInfo, SampleBlock
 from devices.device import EndOfRecording
 from devices.errors import TransferError
 from gateway.daemon.bounded_queue import BoundedQueue
-from gateway.daemon.notify import ServiceNotifier
+from gateway.daemon.faults import FaultRegister
 from gateway.daemon.sampler import DeviceReopened, Sampler, SamplerItem
 from tests.waiting import wait_until
 
@@ -52,7 +52,7 @@ class Scripted:
 
 def run(device: Scripted, info: DeviceInfo = INFO, size: int = 64) -> tuple[Sampler, list[SamplerItem]]:
     queue = BoundedQueue[SamplerItem](size)
-    sampler = Sampler(device, info, queue, ServiceNotifier({}))
+    sampler = Sampler(device, info, queue, FaultRegister())
     sampler.start()
     assert sampler.ended.wait(10)
     sampler.join(10)
@@ -84,6 +84,32 @@ def test_a_lost_device_is_opened_again_until_it_answers() -> None:
     assert not sampler.recovering
 
 
+def at(first_ns: int, n: int = 2) -> SampleBlock:
+    return SampleBlock(time_ns=first_ns + np.arange(n) * 10_000_000, raw=np.zeros((n, 3), dtype=np.int32))
+
+
+def test_samples_that_an_absent_device_would_have_made_are_counted_as_lost() -> None:
+    device = Scripted(
+        [at(0), TransferError("gone"), at(8_010_000_000), at(8_030_000_000)], [TransferError("still gone"), INFO]
+    )
+    _, items = run(device)
+    lost = [item.lost for item in items if isinstance(item, SampleBlock)]
+    assert lost == [0, 799, 0]  # 8 s at 100 Hz, of which the sample at 8.01 s came
+
+
+def test_a_device_that_did_not_answer_at_start_is_opened_when_it_does() -> None:
+    device = Scripted([block()], [TransferError("gone"), INFO])
+    queue, faults = BoundedQueue[SamplerItem](8), FaultRegister()
+    sampler = Sampler(device, None, queue, faults)
+    assert sampler.recovering
+    sampler.start()
+    assert sampler.ended.wait(10)
+    assert isinstance(queue.get(0.0), DeviceReopened)
+    assert isinstance(queue.get(0.0), SampleBlock)
+    assert faults.counts == {"device_failures": 1}
+    assert faults.standing == {}
+
+
 def test_a_full_queue_drops_the_newest_and_counts_its_samples() -> None:
     sampler, items = run(Scripted([block(5) for _ in range(10)]), size=4)
     assert len(items) == 4
@@ -93,7 +119,7 @@ def test_a_full_queue_drops_the_newest_and_counts_its_samples() -> None:
 def test_a_replay_waits_for_its_reader() -> None:
     queue = BoundedQueue[SamplerItem](1)
     patient = DeviceInfo(kind="t", device_id="t", unit="g", odr_hz=1.0, units_per_g=1.0, can_wait=True)
-    sampler = Sampler(Scripted([block() for _ in range(5)]), patient, queue, ServiceNotifier({}))
+    sampler = Sampler(Scripted([block() for _ in range(5)]), patient, queue, FaultRegister())
     sampler.start()
     got = 0
     while got < 5:
@@ -106,7 +132,7 @@ def test_a_replay_waits_for_its_reader() -> None:
 def test_the_sampler_stops_while_the_device_is_lost() -> None:
     queue = BoundedQueue[SamplerItem](4)
     device = Scripted([TransferError("gone")], [TransferError("gone")] * 1000)
-    sampler = Sampler(device, INFO, queue, ServiceNotifier({}))
+    sampler = Sampler(device, INFO, queue, FaultRegister())
     sampler.start()
     wait_until(lambda: sampler.recovering, "the device to be away")
     sampler.stop()

@@ -1,0 +1,224 @@
+"""The parts of a gateway, composed: threads, queues between them, and what they share. Nothing is started or opened here."""
+
+import logging
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+from devices.block import DeviceInfo
+from devices.clock import HostClock
+from devices.device import Device
+from gateway import __version__
+from gateway.bus.session import open_gateway_session
+from gateway.configuration.model import Configuration
+from gateway.daemon.acknowledgement_service import AcknowledgementService
+from gateway.daemon.alert_history import AlertHistory
+from gateway.daemon.alert_sender import AlertSender
+from gateway.daemon.bounded_queue import BoundedQueue
+from gateway.daemon.bus_connection import BusConnection
+from gateway.daemon.calibration_provider import CalibrationProvider
+from gateway.daemon.command_authorisation import make_authoriser, read_certificates, refuse_all
+from gateway.daemon.compaction_worker import CompactionWorker
+from gateway.daemon.configuration_service import ConfigurationService
+from gateway.daemon.counters import SampleCounters
+from gateway.daemon.device_factory import make_rigger
+from gateway.daemon.drift_state_store import DriftStateStore
+from gateway.daemon.faults import FaultRegister
+from gateway.daemon.file_writer import FileWriter
+from gateway.daemon.health import HealthReporter
+from gateway.daemon.line_writer import LineWriter
+from gateway.daemon.mark_service import MarkService
+from gateway.daemon.outbox_writer import OutboxWriter
+from gateway.daemon.page_channel import PageChannel
+from gateway.daemon.page_process import PageProcess
+from gateway.daemon.page_requests import PageRequests
+from gateway.daemon.processor import Processor
+from gateway.daemon.publisher import Publisher
+from gateway.daemon.recalibration_service import RecalibrationService
+from gateway.daemon.recording_parts import make_recorder
+from gateway.daemon.recording_worker import RecordingWorker
+from gateway.daemon.relay_worker import RelayWorker, make_relay
+from gateway.daemon.request_dispatcher import RequestDispatcher
+from gateway.daemon.request_handlers import make_handlers
+from gateway.daemon.rpc_server import RpcServer
+from gateway.daemon.sampler import Sampler, SamplerItem
+from gateway.daemon.security_log import SECURITY_LOG_NAME, SecurityLog
+from gateway.daemon.wall_clock import WallClockMonitor
+from gateway.daemon.worker import Worker
+from gateway.outbox.outbox import FOLDER as OUTBOX_FOLDER
+from gateway.pipeline.outgoing_message import EncodedMessage
+from gateway.recalibration.recalibration import Recalibration
+from gateway.recording.chain import SegmentChain
+
+log = logging.getLogger("plumbline")
+BLOCKS = 256
+"""Blocks that may wait for the processor; more are dropped and counted."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """The threads of a gateway, the page's process, and its health."""
+
+    sampler: Sampler
+    processor: Processor
+    recording: RecordingWorker
+    compaction: CompactionWorker
+    outbox: OutboxWriter
+    state_files: FileWriter
+    rpc: RpcServer
+    alerts: AlertSender
+    publisher: Publisher
+    bus: BusConnection
+    relay: RelayWorker | None
+    page: PageProcess | None
+    health: HealthReporter
+
+    @property
+    def sinks(self) -> tuple[Worker[Any], ...]:
+        """What the processor feeds, in the order of the end; the bus must end after them."""
+        relay = () if self.relay is None else (self.relay,)
+        disk = self.outbox, self.recording, self.state_files, self.compaction
+        return *relay, self.alerts, *disk, self.rpc, self.publisher
+
+    @property
+    def threads(self) -> tuple[threading.Thread, ...]:
+        """The threads in the order of the data flow."""
+        return self.sampler, self.processor, *self.sinks, self.bus
+
+
+def compose(
+    configuration: Configuration,
+    *,
+    device: Device,
+    info: DeviceInfo | None,
+    clock: HostClock,
+    boot_id: str,
+    chain: SegmentChain,
+    claim_folder: Callable[[], None],
+    output: LineWriter,
+    changes: ConfigurationService,
+    faults: FaultRegister,
+) -> Parts:
+    """Return the parts. `info`: of the opened device, None: it is not open yet; `claim_folder`: see `RecordingWorker`."""
+    section = configuration.gateway
+    compaction = CompactionWorker(chain)
+    recording = RecordingWorker(
+        make_recorder(configuration, chain, boot_id),
+        now_ns=clock.now_ns,
+        rewrite=compaction.inbox.put,
+        data_dir=section.data_dir,
+        claim_folder=claim_folder,
+        faults=faults,
+    )
+    publisher = Publisher(section.key)
+    outbox = OutboxWriter(section.data_dir / OUTBOX_FOLDER, faults)
+    alerts = AlertSender(section.key, outbox, clock.now_ns, publisher.note_latest)
+    relay = make_relay(configuration.relay, faults)
+    wall_clock = WallClockMonitor(clock)
+    axes = configuration.device.axes
+    recalibration = RecalibrationService(
+        Recalibration(section.data_dir, axes, software=__version__, log_line=log.warning), wall_clock
+    )
+    marks = MarkService(wall_clock, lambda mark: _send_mark(mark, publisher, recording))
+    acknowledgements = AcknowledgementService()
+    security_log = SecurityLog(section.data_dir / SECURITY_LOG_NAME)
+    certificates = read_certificates(configuration.bus.tls)
+    dispatcher = RequestDispatcher(
+        section.key,
+        refuse_all(boot_id),
+        make_handlers(
+            publisher.latest,
+            recalibration,
+            marks,
+            acknowledgements,
+            AlertHistory(outbox),
+            changes.open(section.data_dir),
+        ),
+        security_log,
+        clock.now_ns,
+    )
+    rpc = RpcServer(
+        section.key,
+        dispatcher,
+        recalibration,
+        prepare=lambda: dispatcher.use(make_authoriser(boot_id, section.data_dir, configuration.bus.tls, certificates)),
+    )
+    users = publisher.attach, alerts.attach, rpc.attach
+    bus = BusConnection(partial(open_gateway_session, configuration.bus, section.key), users, faults)
+    page_channel = PageChannel(PageRequests({"acknowledge": acknowledgements.submit}).answer)
+    page = PageProcess(configuration, page_channel, faults) if configuration.page.enabled else None
+    state_files = FileWriter(faults)
+    drift_store = DriftStateStore(section.data_dir, state_files.inbox.put)
+    blocks: BoundedQueue[SamplerItem] = BoundedQueue(BLOCKS)
+    counters = SampleCounters()
+    sampler = Sampler(device, info, blocks, faults)
+    health = HealthReporter(
+        device=device,
+        device_kind=configuration.device.kind,
+        sampler=sampler,
+        counters=counters,
+        drift_store=drift_store,
+        recalibration=recalibration,
+        rpc=rpc,
+        security_log=security_log,
+        recording=recording,
+        publisher=publisher,
+        alerts=alerts,
+        page=page_channel,
+        relay=relay,
+        workers=(
+            recording,
+            compaction,
+            outbox,
+            rpc,
+            alerts,
+            publisher,
+            state_files,
+            *(() if relay is None else (relay,)),
+        ),
+        output=output,
+        faults=faults,
+        boot_id=boot_id,
+    )
+    processor = Processor(
+        configuration,
+        info,
+        blocks,
+        counters,
+        health,
+        CalibrationProvider(section.data_dir, axes),
+        drift_store,
+        wall_clock,
+        recalibration,
+        acknowledgements,
+        recording,
+        publisher,
+        outbox,
+        alerts,
+        page_channel,
+        relay,
+        make_rigger(configuration, device),
+    )
+    return Parts(
+        sampler=sampler,
+        processor=processor,
+        recording=recording,
+        compaction=compaction,
+        outbox=outbox,
+        state_files=state_files,
+        rpc=rpc,
+        alerts=alerts,
+        publisher=publisher,
+        bus=bus,
+        relay=relay,
+        page=page,
+        health=health,
+    )
+
+
+def _send_mark(mark: EncodedMessage, publisher: Publisher, recording: RecordingWorker) -> bool:
+    """Record a mark and publish it; return whether it is recorded. Called by the thread of the remote calls."""
+    publisher.inbox.put(mark)
+    return recording.inbox.put(mark)

@@ -1,0 +1,110 @@
+"""A gateway whose surroundings break while it runs: alerts go on, the fault is published, and SIGTERM is obeyed."""
+
+import os
+import signal
+import socket
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.ports import unused_port
+from tests.system.conftest import BusPeer, JoinBus, RunningGateway, StartGateway
+from tests.waiting import wait_until
+
+LONGEST_STOP_S = 5.0
+
+
+def alerts_go_on(peer: BusPeer) -> None:
+    """Wait for an alert that is newer than now."""
+    now_ns = peer.messages("alert")[-1]["time_ns"]
+    peer.wait_for("alert", lambda message: message["time_ns"] > now_ns)
+
+
+def ends_in_time(gateway: RunningGateway) -> int:
+    code, seconds, err = gateway.stop()
+    assert seconds < LONGEST_STOP_S
+    assert "Traceback" not in err
+    return code
+
+
+@pytest.mark.slow
+def test_a_disk_that_takes_nothing_stops_neither_alerts_nor_the_end(
+    start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
+) -> None:
+    gate = tmp_path / "stalled"
+    gateway = start_gateway(program=("tests.system.stalling_disk", str(gate)))
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("health", lambda message: message["recording"])
+    peer.wait_for("alert")
+    gate.touch()
+    samples = peer.wait_for("health")["samples"]
+    for _ in range(4):
+        alerts_go_on(peer)
+    now = peer.wait_for("health", lambda message: message["samples"] > samples + 300)
+    assert now["dropped"]["blocks"] == 0
+    ends_in_time(gateway)
+
+
+@pytest.mark.slow
+def test_a_disk_that_takes_nothing_at_start_delays_neither_samples_nor_the_end(
+    start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
+) -> None:
+    gate = tmp_path / "stalled"
+    gateway = start_gateway(program=("tests.system.stalling_disk", str(gate)))
+    gate.touch()
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("alert")
+    ends_in_time(gateway)
+
+
+@pytest.mark.slow
+def test_a_recording_that_was_deleted_while_it_was_written_is_followed_by_another(
+    start_gateway: StartGateway, join_bus: JoinBus
+) -> None:
+    gateway = start_gateway()
+    peer = join_bus(gateway.endpoint)
+    first = peer.wait_for("health", lambda message: message["recording"])["recording"]
+    Path(first).unlink()
+    second = peer.wait_for("health", lambda message: message["recording"] not in (None, first))
+    assert Path(second["recording"]).exists()
+    assert second["faults"]["segments_vanished"] == 1
+    assert second["recording_error"] is None
+    gateway.stop()
+
+
+@pytest.mark.slow
+def test_a_service_waits_for_its_sensor_and_says_so(start_gateway: StartGateway, join_bus: JoinBus) -> None:
+    gateway = start_gateway('[device]\nkind = "adxl355"\nbus = 77\n', arguments=("--service",))
+    peer = join_bus(gateway.endpoint)
+    said = peer.wait_for("health")
+    assert said["state"] == "recovering"
+    assert said["device_id"] is None
+    assert said["device_kind"] == "adxl355"
+    assert "/dev/i2c-77" in said["standing_faults"]["device"]
+    ends_in_time(gateway)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("after_s", [0.0, 0.3, 0.6, 1.0, 1.5, 2.5])
+def test_a_signal_at_any_time_of_the_start_ends_it(start_gateway: StartGateway, after_s: float) -> None:
+    port = unused_port()
+    environment = {"PLUMBLINE_BUS__MODE": "client", "PLUMBLINE_BUS__CONNECT": f'["tcp/127.0.0.1:{port}"]'}
+    with socket.create_server(("127.0.0.1", port)):  # accepts, and never answers
+        gateway = start_gateway(page=True, environment={**environment, "PLUMBLINE_BUS__LISTEN": "[]"})
+        time.sleep(after_s)
+        code, seconds, _ = gateway.stop()
+    assert seconds < LONGEST_STOP_S
+    assert code in (0, 3, -signal.SIGTERM)  # the last: before Python could take the signal
+
+
+@pytest.mark.slow
+def test_a_page_that_stands_still_delays_the_end_by_little(start_gateway: StartGateway, join_bus: JoinBus) -> None:
+    gateway = start_gateway(page=True)
+    join_bus(gateway.endpoint).wait_for("health")
+    children = Path(f"/proc/{gateway.process.pid}/task/{gateway.process.pid}/children")
+    wait_until(children.read_text, "the page")
+    (page,) = children.read_text().split()
+    os.kill(int(page), signal.SIGSTOP)
+    ends_in_time(gateway)
+    wait_until(lambda: not Path(f"/proc/{page}").exists(), "the page to end")
