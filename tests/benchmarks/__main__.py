@@ -11,6 +11,7 @@ from tests.benchmarks import (
     conditions,
     daemon,
     delay,
+    fleet,
     gateway_states,
     incident,
     inclinometer,
@@ -42,6 +43,7 @@ ALL: dict[str, Callable[..., None]] = {
     "recorder": recorder.main,
     "incident": incident.main,
     "serial_decoders": serial_decoders.main,
+    "fleet": fleet.main,
 }
 
 names = list(takewhile(lambda argument: not argument.startswith("-"), sys.argv[1:]))
