@@ -53,6 +53,8 @@ class GatewayStatus:
     device: str | None = None
     boot_id: str | None = None
     faults: int | None = None
+    page: str | None = None
+    """Address of the operator's page, as the gateway states it."""
     seen_s: float | None = None
     """Time since the last message; None: none was seen."""
 
@@ -105,6 +107,7 @@ def gateway_status(
         device=None if health is None else health.device_kind,
         boot_id=None if health is None else health.boot_id,
         faults=None if health is None else sum(health.faults.values()),
+        page=None if health is None else health.page,
         seen_s=seen_s,
     )
 
