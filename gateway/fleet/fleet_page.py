@@ -6,7 +6,7 @@ import socket
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict
-from typing import Any
+from typing import Any, get_args
 
 from pydantic_core import to_json
 from starlette.applications import Starlette
@@ -22,13 +22,13 @@ from gateway.page.hosts import AllowedHosts
 from gateway.page.http_server import HttpServer
 from gateway.page.hub import EventStream, event
 from gateway.page.static_files import static_routes
-from gateway.page.verdict import STYLES, VerdictStyle
+from gateway.page.verdict import STYLES, VerdictStyle, Word
 
 PUSH_S = 0.5
 STALE_S = 1.5
 """A browser without a push for this time shows that its data are old."""
 CARD_STYLES: dict[FleetWord, VerdictStyle] = {
-    **STYLES,
+    **{word: STYLES[word] for word in get_args(Word)},
     "MISSING": VerdictStyle("MISSING", "black", "empty"),
     "GONE": VerdictStyle("GONE", "black", "hourglass"),
     "DUPLICATE": VerdictStyle("DUPLICATE", "violet", "slash"),
