@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import Clock
@@ -14,6 +15,8 @@ from devices.errors import RecordingError
 from devices.recording import Recording, typical_interval
 
 LONGEST_WAIT_S = 0.5
+GYRO_DPS_PER_COUNT = 1e-2
+"""Resolution of the angular rates of a text recording: a fraction of the noise of any such gyroscope."""
 
 
 class Replay:
@@ -41,6 +44,7 @@ class Replay:
         self._offset_ns = recording.offset_ns()
         self._breaks = _breaks(recording)
         self._raw = np.rint(recording.raw).astype(np.int32) if info.unit == "counts" else recording.raw
+        self._gyro_counts = _gyro_counts(recording, info)
         self._start_ns = 0
         self._first_ns = 0
         self._next = len(recording)
@@ -70,6 +74,7 @@ class Replay:
             temperature_c=self._temperature_c(first, end),
             lost=int(self.recording.lost_before[first]),
             invalid=int(self.recording.unusable_before[first:end].sum()),
+            gyro_counts=None if self._gyro_counts is None else self._gyro_counts[first:end],
             saturated=None if self.recording.saturated is None else self.recording.saturated[first:end],
         )
 
@@ -123,10 +128,20 @@ def table_info(
         unit=recording.unit,
         odr_hz=float(f"{recording.rate_hz:.6g}"),
         units_per_g=units_per_g if recording.unit == "counts" and units_per_g else 1.0,
+        gyro_rad_s_per_count=None if recording.gyro_dps is None else math.radians(GYRO_DPS_PER_COUNT),
         calibrated_source=housing_frame,
         can_wait=True,
         details={"file": path.name, "sha256": digest},
     )
+
+
+def _gyro_counts(recording: Recording, info: DeviceInfo) -> NDArray[np.int32] | None:
+    """Return the angular rates in counts, shape (n, 3); a row without them gets a count beyond any range."""
+    if recording.gyro_dps is None or info.gyro_rad_s_per_count is None:
+        return None
+    counts = np.radians(recording.gyro_dps) / info.gyro_rad_s_per_count
+    beyond = np.iinfo(np.int16).max
+    return np.rint(np.where(np.isfinite(counts), np.clip(counts, -beyond, beyond), beyond)).astype(np.int32)
 
 
 def _breaks(recording: Recording) -> np.ndarray[tuple[int], np.dtype[np.int64]]:

@@ -181,7 +181,6 @@ def compose(
         output=output,
         faults=faults,
         boot_id=boot_id,
-        page_url=configuration.page.url if configuration.page.enabled else None,
     )
     processor = Processor(
         configuration,

@@ -8,6 +8,7 @@ import numpy as np
 
 from gateway.measurement.source import Source
 from gateway.motion.motion_monitor import MotionMonitor
+from gateway.numerics.array import Array
 from gateway.pipeline.motion_context import motion_context
 from gateway.stages.conditions.gates import MotionContext
 from gateway.stages.conditions.verdict import ConditionResult, judge_condition
@@ -61,11 +62,11 @@ def _judge_windows(source: Source) -> Iterator[ConditionResult]:
             force_g,
             int(np.count_nonzero(is_clipped)),
             int(recording.lost_before[block].sum() + recording.unusable_before[block].sum()),
-            None if recording.gyro_dps is None else np.radians(recording.gyro_dps[block]),
+            _turning(source, monitor, block),
         )
         motion = NOT_KNOWN
         if monitor is not None:
-            monitor.update(time_s, force_g, is_clipped)
+            monitor.update(time_s, force_g, is_clipped, None if source.rate_rad_s is None else source.rate_rad_s[block])
             estimate = monitor.estimate(float(time_s[-1]))
             motion = motion_context(estimate, source.housing, is_explained=monitor.is_explained)
         if number % BLOCKS_PER_VERDICT == 0:
@@ -75,4 +76,12 @@ def _judge_windows(source: Source) -> Iterator[ConditionResult]:
 def _motion_monitor(source: Source, noise_g: float | None) -> MotionMonitor | None:
     if source.housing is None:
         return None
-    return MotionMonitor(source.housing, mount_u_rad=source.mount_u_rad, noise_g=noise_g)
+    return MotionMonitor(source.housing, mount_u_rad=source.mount_u_rad, noise_g=noise_g, gyro=source.gyro)
+
+
+def _turning(source: Source, monitor: MotionMonitor | None, block: slice) -> Array | None:
+    """Return the angular rates of a block without the gyroscope's bias; as read where no motion is known."""
+    if source.rate_rad_s is None or monitor is None:
+        return None if source.rate_rad_s is None else source.rate_rad_s[block]
+    bias_rad_s = monitor.gyro_bias_rad_s()
+    return None if bias_rad_s is None else source.rate_rad_s[block] - bias_rad_s

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from devices.pendulum.small_swing import small_swing_period_s
 from gateway.measurement.source import Source
 from gateway.motion.estimate import MotionState
+from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.history import LargestAngle, MotionHistory, MotionPhase
 from gateway.motion.smoother import smooth_motion
 from gateway.numerics.saturation import saturation_level
@@ -23,6 +24,9 @@ MOVING: frozenset[MotionState] = frozenset({"driven", "hoisting"})
 """States in which the crane moves."""
 NEGLIGIBLE_PERIODS = 0.5
 """Time without a known angle up to which the largest angle of a recording is known, in periods of a small swing."""
+CONTRADICTION_SQUARED, CONTRADICTION_SHARE = 9.0, 0.05
+"""Squared difference of two angles over its variance that is a contradiction (three sigma), and the share of the time from which
+on a gyroscope is left out."""
 BY_SMOOTHING = "largest angle from the smoothed motion, because the crane worked"
 
 
@@ -37,6 +41,8 @@ class RecordingMotion:
     """None: not known at any time."""
     known_share: float
     """Part of the time at which the angle is known."""
+    uses_gyro: bool | None = None
+    """The motion includes a gyroscope; False: its rates contradict the accelerometer; None: there is none."""
 
     @property
     def crane_worked(self) -> bool:
@@ -68,16 +74,36 @@ def estimate_source_motion(source: Source, swing: SwingEstimate) -> RecordingMot
     is_usable = was_fitted or (is_clipped.any() and not is_clipped.all())
     if housing is None or not is_usable or find_fault_in_means(source.force_g[~is_clipped]) is not None:
         return None
-    history = smooth_motion(
+    history, uses_gyro = _smoothed(source, housing, is_clipped), None
+    if source.gyro is not None:
+        sharpened = _smoothed(source, housing, is_clipped, source.gyro)
+        uses_gyro = _agree(history, sharpened)
+        history = sharpened if uses_gyro else history
+    known_share = float(np.isfinite(history.angle_rad).mean())
+    return RecordingMotion(housing, history, history.phases(), history.largest_angle(), known_share, uses_gyro)
+
+
+def _smoothed(
+    source: Source, housing: MountedHousing, is_clipped: NDArray[np.bool_], gyro: GyroPrior | None = None
+) -> MotionHistory:
+    return smooth_motion(
         source.recording.time_s,
         source.force_g,
         housing,
         source.mount_u_rad,
         None if source.noise_g is None else float(np.min(source.noise_g)),
         is_clipped,
+        source.rate_rad_s,
+        gyro,
     )
-    known_share = float(np.isfinite(history.angle_rad).mean())
-    return RecordingMotion(housing, history, history.phases(), history.largest_angle(), known_share)
+
+
+def _agree(plain: MotionHistory, sharpened: MotionHistory) -> bool:
+    """Return whether the motion with a gyroscope agrees with that by the accelerometer alone."""
+    angles = [each.angle_rad * np.exp(1j * each.azimuth_rad) for each in (plain, sharpened)]
+    squared = np.abs(angles[0] - angles[1]) ** 2 / (plain.u_rad**2 + sharpened.u_rad**2)
+    known = squared[np.isfinite(squared)]
+    return len(known) > 0 and bool(np.mean(known > CONTRADICTION_SQUARED) < CONTRADICTION_SHARE)
 
 
 def _clipped_samples(source: Source) -> NDArray[np.bool_]:

@@ -12,6 +12,7 @@ from gateway.units import degrees
 
 MOST_PHASES = 12
 """Phases in the text for the terminal."""
+GYRO_TEXT = {True: "used", False: "left out: its rates contradict the accelerometer", None: None}
 STATE_TEXT: dict[MotionState, str] = {
     "rest": "at rest",
     "free": "free swing",
@@ -31,6 +32,7 @@ def motion_json(motion: RecordingMotion) -> dict[str, Any]:
     return {
         "largest": largest,
         "known_percent": 100 * motion.known_share,
+        "gyroscope": GYRO_TEXT[motion.uses_gyro],
         "phases": [
             {
                 "state": phase.state,
@@ -55,6 +57,8 @@ def _largest_json(largest: LargestAngle) -> dict[str, Any]:
 def motion_rows(motion: RecordingMotion) -> list[tuple[str, str]]:
     """Return label and text of each line: the largest angle, and one line for each phase."""
     rows = [("motion", _largest_text(motion))]
+    if (gyroscope := GYRO_TEXT[motion.uses_gyro]) is not None:
+        rows.append(("", f"gyroscope {gyroscope}"))
     for phase in motion.phases[:MOST_PHASES]:
         angle = "" if phase.largest is None else f", up to {_angle_text(phase.largest)}"
         rows.append(("", f"{phase.from_s:.1f}-{phase.to_s:.1f} s {STATE_TEXT[phase.state]}{angle}"))

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.axes_map import SAME_AXES
+from devices.axes_map import SAME_AXES, map_axes
 from devices.foreign_table import NOTHING_STATED, TableOptions, is_native
 from devices.recording import Recording
 from devices.table import read_table
@@ -19,6 +19,8 @@ from gateway.measurement.calibration import calibration_in_force
 from gateway.measurement.configuration import common_configuration
 from gateway.measurement.foreign_file import read_foreign
 from gateway.measurement.rig import Rig
+from gateway.motion.gyro_reading import GyroPrior
+from gateway.pipeline.angular_rate import device_gyro, gyro_prior
 from gateway.pipeline.mounting import mounted_housing, with_sensor
 from gateway.pipeline.temperature_filter import TemperatureFilter
 from gateway.recording.catalogue import list_recordings
@@ -57,6 +59,10 @@ class Source:
     """Correction applied to the readings, its uncertainty widened for the recording's temperatures; None: none was applied."""
     bandwidth_hz: float | None = None
     """Bandwidth of the low-pass inside the sensor."""
+    rate_rad_s: NDArray[np.float64] | None = None
+    """Angular rates in the housing frame, shape (n, 3), NaN where a sample has none; None without a gyroscope."""
+    gyro: GyroPrior | None = None
+    """What is known of the gyroscope; None: there is none."""
     mount_u_deg: float = ALIGNED_MOUNT_U_DEG
     """Standard uncertainty of the angle between the housing's z axis and the rope, as configured."""
     temperature_warnings: tuple[str, ...] = ()
@@ -143,6 +149,8 @@ def _table_source(
         force_g=recording.raw,
         permissible_norm_error_g=0.01,
         calibration=calibration,
+        rate_rad_s=None if recording.gyro_dps is None else np.radians(recording.gyro_dps),
+        gyro=None if recording.gyro_dps is None else gyro_prior(),
         remarks=(*(f"found: {finding}" for finding in findings), *interval.describe_excess(extent)),
     )
 
@@ -172,6 +180,8 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
         housing=None if configuration is None else mounted_housing(configuration, widened, bandwidth_hz),
         correction=widened,
         bandwidth_hz=bandwidth_hz,
+        rate_rad_s=None if recording.gyro_dps is None else np.radians(map_axes(recording.gyro_dps, axes)),
+        gyro=None if recording.gyro_dps is None else device_gyro(run.device),
         mount_u_deg=ALIGNED_MOUNT_U_DEG if configuration is None else configuration.housing.mount_u_deg,
         temperature_warnings=correction.range_warnings(extreme_c),
         remarks=(*joined.remarks, *interval.describe_excess(extent), *calibration_remarks),

@@ -20,6 +20,8 @@ class ForceBin:
     """Shape (3,)."""
     count: int
     is_clipped: bool
+    rate_rad_s: Array | None = None
+    """Mean angular rate, shape (3,); None where a sample has none."""
 
     @property
     def is_usable(self) -> bool:
@@ -39,11 +41,19 @@ class Binning:
         self._label: int | None = None
         self._time_sum_s, self._count, self._is_clipped = 0.0, 0, False
         self._force_sum_g = np.zeros(3)
+        self._rate_sum_rad_s: Array | None = None
 
-    def add(self, time_s: Array, force_g: Array, is_clipped: NDArray[np.bool_] | None = None) -> list[ForceBin]:
+    def add(
+        self,
+        time_s: Array,
+        force_g: Array,
+        is_clipped: NDArray[np.bool_] | None = None,
+        rate_rad_s: Array | None = None,
+    ) -> list[ForceBin]:
         """Add a block, shapes (n,) and (n, 3); return the bins that it completes.
 
-        `is_clipped`: which of its samples are, shape (n,); None: none.
+        `is_clipped`: which of its samples are, shape (n,); None: none. `rate_rad_s`: angular rates, shape (n, 3), NaN where a
+        sample has none; None without a gyroscope.
         """
         complete: list[ForceBin] = []
         begin, n = 0, len(time_s)
@@ -57,6 +67,10 @@ class Binning:
             self._force_sum_g += force_g[begin:end].sum(axis=0)
             self._time_sum_s += float(time_s[begin:end].sum())
             self._count += end - begin
+            if rate_rad_s is not None:
+                self._rate_sum_rad_s = rate_rad_s[begin:end].sum(axis=0) + (
+                    0.0 if self._rate_sum_rad_s is None else self._rate_sum_rad_s
+                )
             if is_clipped is not None and is_clipped[begin:end].any():
                 self._is_clipped = True
             begin = end
@@ -66,7 +80,9 @@ class Binning:
         if self._count == 0:
             return []
         count = self._count
-        closed = ForceBin(self._time_sum_s / count, self._force_sum_g / count, count, self._is_clipped)
+        total = self._rate_sum_rad_s
+        rate_rad_s = None if total is None or not np.isfinite(total).all() else total / count
+        closed = ForceBin(self._time_sum_s / count, self._force_sum_g / count, count, self._is_clipped, rate_rad_s)
         self._time_sum_s, self._count, self._is_clipped = 0.0, 0, False
-        self._force_sum_g = np.zeros(3)
+        self._force_sum_g, self._rate_sum_rad_s = np.zeros(3), None
         return [closed]

@@ -13,6 +13,7 @@ import numpy as np
 from gateway.motion.binning import ForceBin
 from gateway.motion.fast_oscillation import FastOscillation
 from gateway.motion.filter_run import FilterRun
+from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.hypotheses import INITIAL_WEIGHTS
 from gateway.motion.initial_state import Constants
 from gateway.motion.mixing import Mixture
@@ -23,6 +24,7 @@ from gateway.motion.state_vector import (
     AXIAL_OFFSET,
     DAMPING,
     GRAVITY,
+    GYRO_BIAS,
     HOIST_ACCELERATION,
     HOIST_SPEED,
     INPUT,
@@ -30,6 +32,7 @@ from gateway.motion.state_vector import (
     LINE_RATE,
     LN_LENGTH,
     MOUNT,
+    N_GYRO_STATES,
     N_STATES,
     OFFSET,
     PIVOT_VELOCITY,
@@ -48,7 +51,6 @@ KEPT = [
     *(AXIAL_OFFSET, LN_LENGTH, HOIST_SPEED, HOIST_ACCELERATION, DAMPING, PLACE, SPIN),
 ]
 """States that both directions estimate. Left out: the fast oscillation, and the pivot's velocity, which counts from a rest."""
-_OTHERS = [state for state in range(N_STATES) if state not in KEPT]
 KEPT_GRAVITY, KEPT_RATE, KEPT_INPUT, KEPT_SIDE_FORCE = slice(0, 2), slice(2, 4), slice(4, 6), slice(8, 10)
 KEPT_LN_LENGTH, KEPT_HOIST_SPEED = KEPT.index(LN_LENGTH), KEPT.index(HOIST_SPEED)
 
@@ -67,9 +69,9 @@ KEPT_SHARE = 1 / 16
 
 
 def _time_reversal_sign() -> Array:
-    sign = np.ones(N_STATES)
-    for pair in (RATE, INPUT_RATE, PIVOT_VELOCITY, LINE_RATE):
-        sign[pair] = -1.0
+    sign = np.ones(N_STATES + N_GYRO_STATES)
+    for states in (RATE, INPUT_RATE, PIVOT_VELOCITY, LINE_RATE, GYRO_BIAS):
+        sign[states] = -1.0
     sign[[HOIST_SPEED, DAMPING, SPIN]] = -1.0
     return sign
 
@@ -80,11 +82,8 @@ REVERSAL_SIGN = _time_reversal_sign()
 
 def reverse_time(mixture: Mixture) -> Mixture:
     """Return the same motion with time reversed."""
-    return Mixture(
-        mixture.state * REVERSAL_SIGN,
-        mixture.covariance * np.multiply.outer(REVERSAL_SIGN, REVERSAL_SIGN),
-        mixture.weight,
-    )
+    sign = REVERSAL_SIGN[: mixture.state.shape[1]]
+    return Mixture(mixture.state * sign, mixture.covariance * np.multiply.outer(sign, sign), mixture.weight)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,8 +115,10 @@ def stack(mixtures: Sequence[Mixture]) -> MixtureSeries:
 class _KeptFilter(MotionFilter):
     """A filter that keeps its last prediction."""
 
-    def __init__(self, model: RopeModel, constants: Constants, change: Callable[[Mixture], Mixture]) -> None:
-        super().__init__(model, constants)
+    def __init__(
+        self, model: RopeModel, constants: Constants, change: Callable[[Mixture], Mixture], gyro: GyroPrior | None
+    ) -> None:
+        super().__init__(model, constants, gyro)
         self._noise[:, SIDE_FORCE] = SIDE_FORCE_WALK**2
         self.mixture = self.predicted = change(self.mixture)
 
@@ -135,8 +136,9 @@ class _KeptRun(FilterRun):
         bin_s: float,
         noise_g: float | None,
         choose: Callable[[_KeptFilter], Mixture],
+        gyro: GyroPrior | None,
     ) -> None:
-        super().__init__(motion_filter, bin_s, noise_g)
+        super().__init__(motion_filter, bin_s, noise_g, gyro)
         self.kept: list[Mixture] = []
         self.log_evidence: list[float] = []
         self._kept_filter, self._choose = motion_filter, choose
@@ -161,13 +163,14 @@ class FilterHistory(MotionTracker):
         *,
         mount_u_rad: float,
         noise_g: float | None = None,
+        gyro: GyroPrior | None = None,
         is_backward: bool = False,
         turned: "FilterHistory | None" = None,
     ) -> None:
         """`is_backward`: takes the latest bin first; `turned`: the run in the opposite direction that this one continues."""
         self._is_backward = is_backward
         self._turned = None if turned is None else reverse_time(turned.mixture)
-        super().__init__(rig, mount_u_rad=mount_u_rad, noise_g=noise_g)
+        super().__init__(rig, mount_u_rad=mount_u_rad, noise_g=noise_g, gyro=gyro)
         self._steps_left = sys.maxsize
         self.mixtures: list[Mixture] = []
         """Kept states at each bin taken."""
@@ -193,7 +196,7 @@ class FilterHistory(MotionTracker):
     def take(self, one: ForceBin) -> None:
         """Take the next bin; the bins that a second account has taken before it takes over are described by that account."""
         before = self._run
-        self._take(replace(one, time_s=-one.time_s) if self._is_backward else one)
+        self._take(_reversed(one) if self._is_backward else one)
         run = self._run
         if not isinstance(run, _KeptRun):
             raise TypeError("a run without history")
@@ -211,14 +214,16 @@ class FilterHistory(MotionTracker):
         end = reverse_time(before.mixture)
         kept = with_share_of_information(kept_states(end), kept_states(self._fresh), KEPT_SHARE)
         state, covariance = end.state.copy(), np.zeros_like(end.covariance)
-        covariance[:, _OTHERS, _OTHERS] = end.covariance[:, _OTHERS, _OTHERS] / KEPT_SHARE
+        others = [place for place in range(state.shape[1]) if place not in KEPT]
+        covariance[:, others, others] = end.covariance[:, others, others] / KEPT_SHARE
         state[:, KEPT] = kept.state
         covariance[np.ix_(range(len(state)), KEPT, KEPT)] = kept.covariance
         first.mixture = Mixture(state, covariance, 0.5 * (end.weight + INITIAL_WEIGHTS))
 
     def _new_run(self) -> FilterRun:
         model = super()._new_run().filter.model
-        return _KeptRun(_KeptFilter(model, self._constants, self._start), self._bin_s, self._noise_g, self._chosen)
+        kept_filter = _KeptFilter(model, self._constants, self._start, self._gyro)
+        return _KeptRun(kept_filter, self._bin_s, self._noise_g, self._chosen, self._gyro)
 
     def _start(self, mixture: Mixture) -> Mixture:
         self._fresh = start = reverse_time(mixture) if self._is_backward else mixture
@@ -235,6 +240,10 @@ class FilterHistory(MotionTracker):
         if self._is_backward:
             return kept_states(reverse_time(motion_filter.predicted))
         return kept_states(motion_filter.mixture)
+
+
+def _reversed(one: ForceBin) -> ForceBin:
+    return replace(one, time_s=-one.time_s, rate_rad_s=None if one.rate_rad_s is None else -one.rate_rad_s)
 
 
 def _constants_of(mixture: Mixture) -> tuple[Array, Array]:

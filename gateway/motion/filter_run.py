@@ -6,6 +6,7 @@ from collections import deque
 from gateway.motion.bin_noise import BinNoise
 from gateway.motion.binning import ForceBin
 from gateway.motion.fast_oscillation import FastOscillation
+from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.hypotheses import PIVOT_SIGN, MotionHypothesis, probabilities
 from gateway.motion.motion_filter import EXPECTED_SQUARED, MotionFilter
 from gateway.motion.state_vector import HOIST_SPEED, INPUT, LINE, PIVOT_VELOCITY
@@ -35,8 +36,15 @@ IMPLAUSIBLE_SPEED_M_S, IMPLAUSIBLE_ACCELERATION_G = 6.0, 0.2
 class FilterRun:
     """A filter with the time and the noise of the bins that it has taken."""
 
-    def __init__(self, motion_filter: MotionFilter, bin_s: float, noise_g: float | None) -> None:
+    def __init__(
+        self, motion_filter: MotionFilter, bin_s: float, noise_g: float | None, gyro: GyroPrior | None = None
+    ) -> None:
+        """`noise_g`: stated, 1 sigma per sample; None: to be measured. `gyro`: that of the filter."""
         self.filter = motion_filter
+        self.has_gyro = gyro is not None
+        self.rate_squared = EXPECTED_SQUARED
+        """Mean of the normalised innovation squared of the gyroscope's readings."""
+        self._gyro_noise, self._stated_rate_rad_s = BinNoise(), 0.0 if gyro is None else gyro.noise_rad_s or 0.0
         self.newest_s: float | None = None
         self.outliers = 0
         self._bin_s, self._noise_g = bin_s, noise_g
@@ -77,13 +85,26 @@ class FilterRun:
         self.newest_s = one.time_s
         if not one.is_usable:
             self._noise.clear()
+            self._take_rate(one)
             return
         self._noise.add(self._without_line(one.force_g))
         self.outliers += self.filter.update(one.force_g, self._noise.sigma_g(self._stated_g(one.count)))
+        self._take_rate(one)
         self._evidence.append(self.filter.log_evidence)
         self._doubtful_s = self._doubtful_s + self._bin_s if self._acts() else 0.0
         squared = min(self.filter.squared_innovation, 10 * POOR_SQUARED)
         self._mean_squared += (1 - INNOVATION_MEMORY) * (squared - self._mean_squared)
+
+    def _take_rate(self, one: ForceBin) -> None:
+        """Take the reading of the gyroscope."""
+        if not self.has_gyro or one.rate_rad_s is None or self.is_broken:
+            return
+        self._gyro_noise.add(one.rate_rad_s)
+        if not self._gyro_noise.is_known:
+            return
+        sigma_rad_s = self._gyro_noise.sigma_g(self._stated_rate_rad_s / math.sqrt(one.count))
+        squared = min(self.filter.update_rate(one.rate_rad_s, sigma_rad_s), 10 * POOR_SQUARED)
+        self.rate_squared += (1 - INNOVATION_MEMORY) * (squared - self.rate_squared)
 
     def follow_line(self, found: FastOscillation | None) -> None:
         """Model the fast oscillation that was found."""

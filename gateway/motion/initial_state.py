@@ -33,6 +33,7 @@ from gateway.motion.state_vector import (
     SIDE_FORCE,
     SPIN,
 )
+from gateway.swing.rig import MountedHousing
 
 INITIAL_ANGLE_RAD = 0.12
 """Standard deviation of each component of the rope's angle before the first reading: 7 degrees."""
@@ -40,6 +41,8 @@ SIDE_FORCE_U = 3e-3
 """Standard uncertainty of each component of a steady side force over the weight. Basis: leans of 0.2 degrees by a breeze."""
 DAMPING_RATIO, DAMPING_RATIO_U = 0.005, 0.005
 """Damping ratio of a load on a rope before it is measured."""
+SMALLEST_OFFSET_U_G = 3e-4
+"""Standard uncertainty of an offset that is stated as exact."""
 SPIN_U_1_S = 0.01
 """Standard deviation of the housing's rate about the rope, 1/s."""
 
@@ -54,6 +57,20 @@ class Constants:
     place_u_m: float
     offset_u_g: tuple[float, float, float]
     mount_u_rad: float
+
+
+def constants_of(rig: MountedHousing, mount_u_rad: float) -> Constants:
+    """Return what is known of crane and sensor; `mount_u_rad`: of the housing's z axis against the rope."""
+    x, y, z = (max(SMALLEST_OFFSET_U_G, u_g) for u_g in rig.zero_g_offset_u_g)
+    place_m = rig.above_load_m if rig.above_load_m is not None else rig.position_m
+    return Constants(
+        length_m=rig.length_m,
+        length_u_rel=rig.length_u_rel,
+        place_m=float(place_m or 0.0),
+        place_u_m=rig.position_u_m,
+        offset_u_g=(x, y, float(np.hypot(z, rig.scale_u[2]))),
+        mount_u_rad=mount_u_rad,
+    )
 
 
 def initial_mixture(gravity_m_s2: float, constants: Constants) -> Mixture:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.motion.estimate import MotionEstimate
+from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.hypotheses import MotionHypothesis
 from gateway.motion.motion_tracker import MotionTracker
 from gateway.numerics.array import Array
@@ -28,8 +29,10 @@ FREE_PROBABILITY = 0.9
 class LengthCheckedTracker:
     """A motion tracker, and at times a second one."""
 
-    def __init__(self, rig: MountedHousing, *, mount_u_rad: float, noise_g: float | None) -> None:
-        self._rig, self._mount_u_rad, self._noise_g = rig, mount_u_rad, noise_g
+    def __init__(
+        self, rig: MountedHousing, *, mount_u_rad: float, noise_g: float | None, gyro: GyroPrior | None = None
+    ) -> None:
+        self._rig, self._mount_u_rad, self._noise_g, self._gyro = rig, mount_u_rad, noise_g, gyro
         self._tracker = self._new_tracker(rig)
         self._second: MotionTracker | None = None
         self._since_s = 0.0
@@ -42,11 +45,28 @@ class LengthCheckedTracker:
         """Bins that no hypothesis explained."""
         return self._outliers_before + self._tracker.outliers
 
-    def update(self, time_s: Array, force_g: Array, is_clipped: NDArray[np.bool_] | None) -> None:
-        """Take a block of specific force in the housing frame, shapes (n,) and (n, 3)."""
-        self._tracker.update(time_s, force_g, is_clipped)
+    @property
+    def rate_squared(self) -> float:
+        """Mean of the normalised innovation squared of the gyroscope's readings; 3 is expected."""
+        return self._tracker.rate_squared
+
+    def gyro_bias(self) -> tuple[Array, Array] | None:
+        """Return the gyroscope's bias and its standard uncertainty, rad/s, shapes (3,); None without one."""
+        return self._tracker.gyro_bias()
+
+    def update(
+        self, time_s: Array, force_g: Array, is_clipped: NDArray[np.bool_] | None, rate_rad_s: Array | None = None
+    ) -> None:
+        """Take a block of specific force and angular rate in the housing frame, shapes (n,), (n, 3) and (n, 3)."""
+        self._tracker.update(time_s, force_g, is_clipped, rate_rad_s)
         if self._second is not None:
-            self._second.update(time_s, force_g, is_clipped)
+            self._second.update(time_s, force_g, is_clipped, rate_rad_s)
+
+    def widen_gyro_bias(self, u_rad_s: float) -> None:
+        """Add an unknown change of the gyroscope's bias, as by a temperature."""
+        for tracker in (self._tracker, self._second):
+            if tracker is not None:
+                tracker.widen_gyro_bias(u_rad_s)
 
     def set_sensor(self, rig: MountedHousing, offset_u_g: Array, change_u_g: Array) -> None:
         """Set the same housing with other uncertainties of its sensor."""
@@ -84,7 +104,7 @@ class LengthCheckedTracker:
         self._pause_s = PAUSE_PERIODS * self._rig.small_swing_period_s
 
     def _new_tracker(self, rig: MountedHousing) -> MotionTracker:
-        return MotionTracker(rig, mount_u_rad=self._mount_u_rad, noise_g=self._noise_g)
+        return MotionTracker(rig, mount_u_rad=self._mount_u_rad, noise_g=self._noise_g, gyro=self._gyro)
 
 
 def _sees_free_swing(estimate: MotionEstimate) -> bool:

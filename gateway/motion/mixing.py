@@ -57,7 +57,7 @@ class Exchange:
     end, a transition has a Gaussian of its own.
     """
 
-    def __init__(self, transitions: tuple[Transition, ...]) -> None:
+    def __init__(self, transitions: tuple[Transition, ...], n_states: int = N_STATES) -> None:
         beginning = [t for t in transitions if not t.zeroed]
         self._endings = tuple(_Ending.of(group) for group in _by_zeroed_states(transitions))
         ending = [t for group in _by_zeroed_states(transitions) for t in group]
@@ -66,7 +66,8 @@ class Exchange:
         self._sources = np.array([t.source for t in ordered])
         self._ending_sources = np.array([t.source for t in ending])
         self._n_beginning, self._n_components = len(beginning), N_HYPOTHESES + len(ending)
-        self._opened = np.array([t.opened for t in beginning])
+        self._opened = np.zeros((len(beginning), n_states))
+        self._opened[:, :N_STATES] = [t.opened for t in beginning]
         self._opened_target = np.zeros((N_HYPOTHESES, len(beginning)))
         self._opened_target[[t.target for t in beginning], np.arange(len(beginning))] = 1.0
         targets = np.array([*range(N_HYPOTHESES), *(t.target for t in ordered)])
@@ -94,7 +95,7 @@ class Exchange:
         shares /= weight[:, None]
         state, covariance = _moments(shares, states, covariances)
         opened = self._opened_target @ (carried[: self._n_beginning, None] * self._opened)
-        covariance.reshape(N_HYPOTHESES, -1)[:, :: N_STATES + 1] += opened / weight[:, None]
+        covariance.reshape(N_HYPOTHESES, -1)[:, :: opened.shape[1] + 1] += opened / weight[:, None]
         return Mixture(state, covariance, weight / weight.sum())
 
 
@@ -117,7 +118,7 @@ class _Ending:
     def condition(self, states: Array, covariances: Array) -> Array:
         """Condition Gaussians on zero, in place; return how well that agrees with what was known of them, 0 to 1.
 
-        `states`, `covariances`: shapes (transitions, N_STATES) and (transitions, N_STATES, N_STATES).
+        `states`, `covariances`: shapes (transitions, n) and (transitions, n, n).
         """
         zeroed = self.zeroed
         rows, values = covariances[:, zeroed], states[:, zeroed]
@@ -148,6 +149,6 @@ def _moments(shares: Array, states: Array, covariances: Array) -> tuple[Array, A
     """
     state = shares @ states
     deviation = states - state[:, None]
-    covariance = (shares @ covariances.reshape(len(covariances), -1)).reshape(len(shares), N_STATES, N_STATES)
+    covariance = (shares @ covariances.reshape(len(covariances), -1)).reshape(len(shares), *covariances.shape[1:])
     covariance += (deviation * shares[:, :, None]).transpose(0, 2, 1) @ deviation
     return state, covariance

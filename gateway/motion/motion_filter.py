@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from gateway.motion.gyro_reading import GyroPrior, expected_rate, gyro_noise, rate_variance, with_gyro_states
 from gateway.motion.hypotheses import (
     GUST_RATE_1_S,
     GUST_SIGMA,
@@ -27,6 +28,7 @@ from gateway.motion.prediction import add_line, advance_covariance, taylor_step
 from gateway.motion.rope_model import RopeModel, axial_curvature
 from gateway.motion.state_vector import (
     AXIAL_OFFSET,
+    GYRO_BIAS,
     HOIST_ACCELERATION,
     HOIST_SPEED,
     INPUT,
@@ -83,11 +85,14 @@ EXPECTED_SQUARED = 3.0
 class MotionFilter:
     """Mean and covariance of the state under each hypothesis, and the hypotheses' weights."""
 
-    def __init__(self, model: RopeModel, constants: Constants) -> None:
+    def __init__(self, model: RopeModel, constants: Constants, gyro: GyroPrior | None = None) -> None:
+        """`gyro`: what is known of the gyroscope, for whose states the model has room; None: there is none."""
         self.model = model
-        self._exchange = Exchange(transitions())
-        self._noise = _process_noise()
-        self._prior = self.mixture = initial_mixture(model.gravity_m_s2, constants)
+        prior, self._noise = initial_mixture(model.gravity_m_s2, constants), _process_noise()
+        if gyro is not None:
+            prior, self._noise = with_gyro_states(prior, gyro), gyro_noise(self._noise)
+        self._exchange = Exchange(transitions(), prior.state.shape[1])
+        self._prior = self.mixture = prior
         self.line_rate_1_s: float | None = None
         """Angular frequency of a fast oscillation that is part of the state; None: there is none."""
         self._step_s = 0.0
@@ -126,7 +131,7 @@ class MotionFilter:
             noise[:, LINE_RATE] += (self.line_walk * self.line_rate_1_s) ** 2 * time_s
         self.model.keep_in_domain(x)
         advance_covariance(covariance, transition)
-        covariance.reshape(N_HYPOTHESES, -1)[:, :: N_STATES + 1] += noise
+        covariance.reshape(N_HYPOTHESES, -1)[:, :: x.shape[1] + 1] += noise
 
     def update(self, reading_g: Array, sigma_g: Array) -> bool:
         """Take the mean reading of a bin, shape (3,), with its standard deviation; return whether it was an outlier.
@@ -160,13 +165,46 @@ class MotionFilter:
         covariance = covariance - gain @ gain.transpose(0, 2, 1)
         log_density = found.log_density + _transverse_correction(found.transverse_log_density)
         log_weight = np.log(weight) + TEMPERING * (log_density - (0.5 * self._step_s) * _implausibility_1_s(x))
-        largest = float(log_weight.max())
-        weight = np.maximum(np.exp(log_weight - largest), SMALLEST_WEIGHT)
-        total = float(weight.sum())
-        self.log_evidence = largest + float(np.log(total))
-        self.mixture = Mixture(x, covariance, weight / total)
+        weight, self.log_evidence = _weighed(log_weight)
+        self.mixture = Mixture(x, covariance, weight)
         self.squared_innovation = float(found.squared[weight.argmax()])
         return is_outlier
+
+    def update_rate(self, rate_rad_s: Array, sigma_rad_s: Array) -> float:
+        """Take the mean of the gyroscope's readings in a bin, shape (3,); an outlier is not used.
+
+        Returns the normalised innovation squared under the hypothesis that explains it best. Rounding as in `update`.
+        """
+        try:
+            return self._update_rate(rate_rad_s, sigma_rad_s)
+        except np.linalg.LinAlgError:
+            self.mixture = replace(self.mixture, weight=np.full(N_HYPOTHESES, np.nan))
+            return np.inf
+
+    def _update_rate(self, rate_rad_s: Array, sigma_rad_s: Array) -> float:
+        x, covariance = self.mixture.state, self.mixture.covariance
+        expected, jacobian = expected_rate(x)
+        cross = covariance @ jacobian.transpose(0, 2, 1)
+        noise = rate_variance(rate_rad_s, x[:, GYRO_BIAS], sigma_rad_s)
+        found = Innovation.of(rate_rad_s - expected, jacobian @ cross, noise)
+        smallest = float(found.squared.min())
+        if not smallest < OUTLIER_SQUARED:
+            return smallest
+        gain = cross @ found.whitening.transpose(0, 2, 1)
+        x = x + np.matvec(gain, found.white)
+        self.model.keep_in_domain(x)
+        log_density = found.log_density + _transverse_correction(found.transverse_log_density)
+        weight, log_evidence = _weighed(np.log(self.mixture.weight) + TEMPERING * log_density)
+        self.log_evidence += log_evidence
+        self.mixture = Mixture(x, covariance - gain @ gain.transpose(0, 2, 1), weight)
+        return smallest
+
+    def widen_gyro_bias(self, u_rad_s: float) -> None:
+        """Add an unknown change of the gyroscope's bias, as by a temperature."""
+        covariance = self.mixture.covariance.copy()
+        places = list(range(GYRO_BIAS.start, GYRO_BIAS.stop))
+        covariance[:, places, places] += u_rad_s**2
+        self.mixture = replace(self.mixture, covariance=covariance)
 
     def widen_offset(self, u_g: Array) -> None:
         """Add an unknown change of the offsets, standard uncertainties of shape (3,), as by a temperature."""
@@ -194,6 +232,14 @@ class MotionFilter:
         self.mixture, self.line_rate_1_s = Mixture(state, covariance, self.mixture.weight), None
 
 
+def _weighed(log_weight: Array) -> tuple[Array, float]:
+    """Return the weights, which add up to 1, and the logarithm of what they were divided by."""
+    largest = float(log_weight.max())
+    weight = np.maximum(np.exp(log_weight - largest), SMALLEST_WEIGHT)
+    total = float(weight.sum())
+    return weight / total, largest + float(np.log(total))
+
+
 def _model_variance(x: Array, reading_g: Array, sigma_g: Array) -> Array:
     """Return the variance of a reading's error, shape (m, 3): its noise, and shares of what the equations simplify."""
     transverse = np.square(sigma_g) + READING_FLOOR_G**2
@@ -206,7 +252,7 @@ def _model_variance(x: Array, reading_g: Array, sigma_g: Array) -> Array:
 
 def _implausibility_1_s(x: Array) -> Array:
     """Return squared speeds and inputs over what cranes and gusts reach, over how long they last, shape (m,)."""
-    found: Array = np.vecdot(np.square(x), _IMPLAUSIBLE)
+    found: Array = np.vecdot(np.square(x[:, :N_STATES]), _IMPLAUSIBLE)
     return found
 
 

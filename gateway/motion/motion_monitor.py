@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.fault_detector import FaultDetector
+from gateway.motion.gyro_reading import GyroPrior
+from gateway.motion.gyro_tracker import GyroTracker
 from gateway.motion.length_check import LengthCheckedTracker
 from gateway.numerics.array import Array
 from gateway.swing.model.sensor_lowpass import delay_s
@@ -27,15 +29,25 @@ CONTRADICTION = "widened: x and y show another swing than z; the housing is not 
 class MotionMonitor:
     """Feeds a motion tracker and a fault detector."""
 
-    def __init__(self, rig: MountedHousing, *, mount_u_rad: float, noise_g: float | None = None) -> None:
-        """`mount_u_rad`: standard uncertainty of the housing's z axis against the rope; `noise_g`: stated, 1 sigma per sample."""
-        self._rig, self._mount_u_rad, self._noise_g = rig, mount_u_rad, noise_g
+    def __init__(
+        self,
+        rig: MountedHousing,
+        *,
+        mount_u_rad: float,
+        noise_g: float | None = None,
+        gyro: GyroPrior | None = None,
+    ) -> None:
+        """`mount_u_rad`: standard uncertainty of the housing's z axis against the rope; `noise_g`: stated, 1 sigma per sample.
+
+        `gyro`: what is known of the gyroscope; None: there is none.
+        """
+        self._rig, self._mount_u_rad, self._noise_g, self._gyro = rig, mount_u_rad, noise_g, gyro
         self._warnings: tuple[str, ...] = ()
         self.restart()
 
     def restart(self) -> None:
         """Forget the past, as after the housing was off the rope."""
-        self._tracker = self._new_tracker()
+        self._new_trackers()
         self._faults = FaultDetector(self._rig)
         self._unclipped_s: float | None = None
         self._outliers: deque[tuple[float, int]] = deque()
@@ -48,12 +60,31 @@ class MotionMonitor:
         """
         self._rig, self._warnings = rig, warnings
         x, y, z = rig.zero_g_offset_u_g
-        self._tracker.set_sensor(rig, np.array([x, y, np.hypot(z, rig.scale_u[2])]), change_u_g)
+        offset_u_g = np.array([x, y, np.hypot(z, rig.scale_u[2])])
+        self._tracker.set_sensor(rig, offset_u_g, change_u_g)
+        if self._sharpened is not None:
+            self._sharpened.tracker.set_sensor(rig, offset_u_g, change_u_g)
 
-    def update(self, time_s: Array, force_g: Array, is_clipped: NDArray[np.bool_] | None = None) -> None:
+    def gyro_bias_rad_s(self) -> Array | None:
+        """Return the reading of the gyroscope at rest, shape (3,); None where it is not known, or without a gyroscope in use."""
+        return None if self._sharpened is None else self._sharpened.bias_rad_s()
+
+    def widen_gyro_bias(self, u_rad_s: float) -> None:
+        """Add an unknown change of the gyroscope's bias, standard uncertainty, as by a temperature."""
+        if self._sharpened is not None:
+            self._sharpened.tracker.widen_gyro_bias(u_rad_s)
+
+    def update(
+        self,
+        time_s: Array,
+        force_g: Array,
+        is_clipped: NDArray[np.bool_] | None = None,
+        rate_rad_s: Array | None = None,
+    ) -> None:
         """Take a block of specific force in the housing frame, shapes (n,) and (n, 3).
 
-        `is_clipped`: which of its samples are, shape (n,); None: none.
+        `is_clipped`: which of its samples are, shape (n,); None: none. `rate_rad_s`: angular rates in the housing frame, shape
+        (n, 3), NaN where a sample has none; None without a gyroscope.
         """
         has_clipped = is_clipped is not None and bool(is_clipped.any())
         if not has_clipped or self._unclipped_s is None:
@@ -61,15 +92,20 @@ class MotionMonitor:
         had_fault = self._faults.fault is not None
         self._faults.update(time_s, force_g)
         if self._faults.fault is None:
-            self._tracker.update(time_s - delay_s(self._rig.bandwidth_hz), force_g, is_clipped if has_clipped else None)
+            at_s, clipped = time_s - delay_s(self._rig.bandwidth_hz), is_clipped if has_clipped else None
+            self._tracker.update(at_s, force_g, clipped)
+            if self._sharpened is not None and rate_rad_s is not None:
+                self._sharpened.update(at_s, force_g, clipped, rate_rad_s)
         elif not had_fault:
-            self._tracker = self._new_tracker()  # it has been fed with wrong readings
+            self._new_trackers()  # they have been fed with wrong readings
 
     def estimate(self, now_s: float) -> MotionEstimate:
         """Return the motion at a time not before the newest sample; call it once per update."""
         estimate = self._tracker.estimate(now_s, self._faults.free_swing_length_m)
         if estimate.u_rad is None and estimate.length_m is not None and not math.isfinite(estimate.length_m):
-            self._tracker = self._new_tracker()
+            self._new_trackers()
+        if self._sharpened is not None:
+            estimate = self._sharpened.choose(estimate, now_s, self._faults.free_swing_length_m)
         self._count_outliers(now_s)
         if (why := self._why_unknown(now_s)) is not None:
             return MotionEstimate(time_s=now_s, state="unknown", reasons=(why,))
@@ -79,7 +115,8 @@ class MotionMonitor:
         contradiction_u = self._faults.contradiction_u_rel
         parts = (max(self._rig.scale_u), _attenuation(self._rig, estimate.period_s), self._faults.undecided_u_rel)
         contradicting = (CONTRADICTION,) if contradiction_u > 0 else ()
-        reasons = (*estimate.reasons, *contradicting, *self._warnings)
+        fault = None if self._sharpened is None else self._sharpened.check.fault
+        reasons = (*estimate.reasons, *contradicting, *(() if fault is None else (fault,)), *self._warnings)
         return _with_relative_uncertainty(estimate, math.hypot(*parts), contradiction_u, reasons)
 
     @property
@@ -103,8 +140,11 @@ class MotionMonitor:
         while self._outliers[0][0] < now_s - UNEXPLAINED_S:
             self._outliers.popleft()
 
-    def _new_tracker(self) -> LengthCheckedTracker:
-        return LengthCheckedTracker(self._rig, mount_u_rad=self._mount_u_rad, noise_g=self._noise_g)
+    def _new_trackers(self) -> None:
+        self._tracker = LengthCheckedTracker(self._rig, mount_u_rad=self._mount_u_rad, noise_g=self._noise_g)
+        self._sharpened = None
+        if self._gyro is not None:
+            self._sharpened = GyroTracker(self._rig, self._mount_u_rad, self._noise_g, self._gyro)
 
 
 def _attenuation(rig: MountedHousing, period_s: float | None) -> float:

@@ -9,23 +9,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.motion.binning import Binning, ForceBin
-from gateway.motion.estimate import FastOscillationShare, MotionEstimate, MotionState, PeakEstimate
+from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.fast_oscillation import FastOscillationDetector
 from gateway.motion.filter_run import FilterRun
-from gateway.motion.hypotheses import LOAD_SIGN, probabilities
-from gateway.motion.initial_state import Constants
-from gateway.motion.moments import mixture_moments
+from gateway.motion.gyro_reading import GyroPrior
+from gateway.motion.hypotheses import LOAD_SIGN
+from gateway.motion.initial_state import SMALLEST_OFFSET_U_G, constants_of
+from gateway.motion.moments import mixture_moments, variance_along
 from gateway.motion.motion_filter import MotionFilter
-from gateway.motion.peaks import SwingPhase, ellipse, next_peak
+from gateway.motion.motion_state import motion_state
+from gateway.motion.oscillation_estimate import oscillation_share
+from gateway.motion.peaks import PHASE_STATES, SwingPhase, ellipse, next_peak
 from gateway.motion.rope_model import RopeModel
 from gateway.motion.state_vector import (
     DAMPING,
     GRAVITY,
+    GYRO_BIAS,
     HOIST_SPEED,
     INPUT,
-    LINE,
-    LINE_RATE,
     LN_LENGTH,
+    N_GYRO_STATES,
+    N_STATES,
     RATE,
     SIDE_FORCE,
 )
@@ -43,8 +47,6 @@ LARGEST_U_RAD = np.radians(5.0)
 """Standard uncertainty from which on an angle counts as not known."""
 LONGEST_GAP_S = 120.0
 """A longer gap starts the motion anew; the sensor's constants stay."""
-SMALLEST_OFFSET_U_G = 3e-4
-"""Standard uncertainty of an offset that is stated as exact."""
 SECOND_ACCOUNT_BINS = 192
 """Bins of which a second account is made: twenty seconds, at least one swing."""
 RECENT_BINS = 20
@@ -58,13 +60,6 @@ FEWEST_SECOND_BINS, SETTLING_BINS = 60, 30
 """Bins before a second account is compared, and its first ones, which are not: it knows nothing before them."""
 TAKE_OVER_EVIDENCE = 15.0
 """Gain in log evidence that lets it take over."""
-REST_RAD = np.radians(0.15)
-"""Amplitude below which a load rests."""
-SIGNIFICANT = 3.0
-"""Standard uncertainties."""
-SLOWEST_HOIST_M_S = 0.02
-LIKELY = 0.5
-"""Definition: the more probable of two."""
 
 
 class MotionTracker:
@@ -74,10 +69,20 @@ class MotionTracker:
     It takes over where the bins are clearly more probable under it.
     """
 
-    def __init__(self, rig: MountedHousing, *, mount_u_rad: float, noise_g: float | None = None) -> None:
-        """`mount_u_rad`: standard uncertainty of the housing's z axis against the rope; `noise_g`: stated, 1 sigma per sample."""
-        self._rig, self._noise_g = rig, noise_g
-        self._constants = _constants(rig, mount_u_rad)
+    def __init__(
+        self,
+        rig: MountedHousing,
+        *,
+        mount_u_rad: float,
+        noise_g: float | None = None,
+        gyro: GyroPrior | None = None,
+    ) -> None:
+        """`mount_u_rad`: standard uncertainty of the housing's z axis against the rope; `noise_g`: stated, 1 sigma per sample.
+
+        `gyro`: what is known of the gyroscope; None: there is none.
+        """
+        self._rig, self._noise_g, self._gyro = rig, noise_g, gyro
+        self._constants = constants_of(rig, mount_u_rad)
         self._bin_s = min(LONGEST_BIN_S, rig.small_swing_period_s / BINS_PER_PERIOD)
         self._binning = Binning(self._bin_s)
         self._run = self._new_run()
@@ -101,12 +106,33 @@ class MotionTracker:
         """Bins that no hypothesis explained."""
         return self._run.outliers
 
-    def update(self, time_s: Array, force_g: Array, is_clipped: NDArray[np.bool_] | None = None) -> bool:
-        """Take a block of specific force in the housing frame, shapes (n,) and (n, 3); return whether a bin was completed."""
+    @property
+    def rate_squared(self) -> float:
+        """Mean of the normalised innovation squared of the gyroscope's readings; 3 is expected."""
+        return self._run.rate_squared
+
+    def gyro_bias(self) -> tuple[Array, Array] | None:
+        """Return the gyroscope's bias and its standard uncertainty, rad/s, shapes (3,); None without one."""
+        if self._gyro is None or self._run.is_broken:
+            return None
+        mean, covariance = mixture_moments(self._run.filter.mixture)
+        return mean[GYRO_BIAS], np.sqrt(np.diagonal(covariance)[GYRO_BIAS])
+
+    def update(
+        self,
+        time_s: Array,
+        force_g: Array,
+        is_clipped: NDArray[np.bool_] | None = None,
+        rate_rad_s: Array | None = None,
+    ) -> bool:
+        """Take a block of specific force in the housing frame, shapes (n,) and (n, 3); return whether a bin was completed.
+
+        `is_clipped`: shape (n,); `rate_rad_s`: angular rates in the housing frame, shape (n, 3), NaN where a sample has none.
+        """
         if len(time_s) == 0:
             return False
         self._steps_left = MOST_BRIDGING_STEPS
-        bins = self._binning.add(time_s, force_g, is_clipped)
+        bins = self._binning.add(time_s, force_g, is_clipped, None if self._gyro is None else rate_rad_s)
         for one in bins:
             self._take(one)
         return bool(bins)
@@ -120,8 +146,15 @@ class MotionTracker:
                 run.filter.widen_offset(change_u_g)
 
     def _new_run(self) -> FilterRun:
-        model = RopeModel(self._rig.gravity_m_s2, self._rig.above_load_m is not None)
-        return FilterRun(MotionFilter(model, self._constants), self._bin_s, self._noise_g)
+        n_states = N_STATES if self._gyro is None else N_STATES + N_GYRO_STATES
+        model = RopeModel(self._rig.gravity_m_s2, self._rig.above_load_m is not None, n_states)
+        return FilterRun(MotionFilter(model, self._constants, self._gyro), self._bin_s, self._noise_g, self._gyro)
+
+    def widen_gyro_bias(self, u_rad_s: float) -> None:
+        """Add an unknown change of the gyroscope's bias, standard uncertainty, as by a temperature."""
+        for run in (self._run, self._second):
+            if run is not None and run.has_gyro:
+                run.filter.widen_gyro_bias(u_rad_s)
 
     def _take(self, one: ForceBin) -> None:
         newest_s = self._waiting[-1].time_s if self._waiting else self._run.newest_s
@@ -215,7 +248,7 @@ class MotionTracker:
 
         sine = min(abs(u), 1.0)
         angle_rad, towards = math.asin(sine), u / max(sine, 1e-9)
-        along = _variance_along(covariance[GRAVITY, GRAVITY].tolist(), towards)
+        along = variance_along(covariance[GRAVITY, GRAVITY].tolist(), towards)
         total = sigma[0] ** 2 + sigma[1] ** 2
         share = sine**2 / (sine**2 + total)
         u_rad = math.sqrt(share * along + (1 - share) * total)
@@ -223,10 +256,12 @@ class MotionTracker:
         self._remember(now_s, angle_rad, u_rad, 2 * math.pi / rate_1_s)
         is_known = u_rad < LARGEST_U_RAD
         start = np.array([part for pair in (u, w, side, pivot) for part in (pair.real, pair.imag)])
-        phase = SwingPhase(start, covariance[_PHASE_STATES], rate_1_s)
+        phase = SwingPhase(start, covariance[PHASE_STATES], rate_1_s)
         return MotionEstimate(
             time_s=now_s,
-            state=self._state(major, math.sqrt(total), x[HOIST_SPEED], sigma[HOIST_SPEED]) if is_known else "unknown",
+            state=motion_state(mixture.weight, major, math.sqrt(total), x[HOIST_SPEED], sigma[HOIST_SPEED])
+            if is_known
+            else "unknown",
             angle_rad=angle_rad if is_known else None,
             u_rad=u_rad if is_known else None,
             azimuth_rad=cmath.phase(-u) if is_known else None,
@@ -248,18 +283,8 @@ class MotionTracker:
             period_s=2 * math.pi / rate_1_s,
             length_m=length_m,
             length_u_m=length_m * sigma[LN_LENGTH],
-            fast_oscillation=self._fast_oscillation(rate_1_s, x),
+            fast_oscillation=oscillation_share(self._rig, self._run.filter.line_rate_1_s, x),
         )
-
-    def _state(self, amplitude: float, u_amplitude: float, speed_m_s: float, speed_u_m_s: float) -> MotionState:
-        driven, gust, hoisting = probabilities(self._run.filter.mixture.weight)
-        if driven > LIKELY:
-            return "driven"
-        if hoisting > LIKELY and abs(speed_m_s) > max(SIGNIFICANT * speed_u_m_s, SLOWEST_HOIST_M_S):
-            return "hoisting"
-        if gust > LIKELY:
-            return "wind"
-        return "rest" if amplitude < max(REST_RAD, SIGNIFICANT * u_amplitude) else "free"
 
     def _remember(self, now_s: float, angle_rad: float, u_rad: float, period_s: float) -> None:
         self._angles.append((now_s, angle_rad, u_rad))
@@ -269,39 +294,3 @@ class MotionTracker:
     def _last_peak(self, now_s: float) -> PeakEstimate:
         time_s, angle_rad, u_rad = max(self._angles, key=lambda one: one[1])
         return PeakEstimate(angle_rad=angle_rad, u_rad=u_rad, in_s=time_s - now_s)
-
-    def _fast_oscillation(self, rate_1_s: float, x: list[float]) -> FastOscillationShare | None:
-        omega = self._run.filter.line_rate_1_s
-        if omega is None:
-            return None
-        amplitude, _, _ = ellipse(complex(*x[LINE]), complex(*x[LINE_RATE]) / omega)
-        length_m = math.exp(x[LN_LENGTH])
-        share = self._rig.position_at(length_m) / length_m
-        return FastOscillationShare(
-            frequency_hz=omega / (2 * math.pi),
-            reading_g=share * amplitude,
-            angle_rad=amplitude * (rate_1_s / omega) ** 2,
-        )
-
-
-def _variance_along(covariance: list[list[float]], direction: complex) -> float:
-    """Return the variance of a pair along a direction of length 0 or 1."""
-    (xx, xy), (_, yy) = covariance
-    x, y = direction.real, direction.imag
-    return xx * x * x + 2 * xy * x * y + yy * y * y
-
-
-def _constants(rig: MountedHousing, mount_u_rad: float) -> Constants:
-    x, y, z = (max(SMALLEST_OFFSET_U_G, u_g) for u_g in rig.zero_g_offset_u_g)
-    place_m = rig.above_load_m if rig.above_load_m is not None else rig.position_m
-    return Constants(
-        length_m=rig.length_m,
-        length_u_rel=rig.length_u_rel,
-        place_m=float(place_m or 0.0),
-        place_u_m=rig.position_u_m,
-        offset_u_g=(x, y, float(np.hypot(z, rig.scale_u[2]))),
-        mount_u_rad=mount_u_rad,
-    )
-
-
-_PHASE_STATES = np.ix_(*2 * ([i for pair in (GRAVITY, RATE, SIDE_FORCE, INPUT) for i in range(pair.start, pair.stop)],))

@@ -67,17 +67,18 @@ class RopeModel:
     arrays of the same shape.
     """
 
-    def __init__(self, gravity_m_s2: float, is_clamped: bool) -> None:
+    def __init__(self, gravity_m_s2: float, is_clamped: bool, n_states: int = N_STATES) -> None:
         """`is_clamped`: the housing moves with the rope (stated by its distance from the load); False: it keeps its distance
-        from the pivot.
+        from the pivot. `n_states`: with those of a gyroscope where there is one; they are constant and do not show in a force.
         """
         self.gravity_m_s2, self.is_clamped = gravity_m_s2, is_clamped
-        self._linear = _linear_equations(gravity_m_s2)
-        self._reading_constants = np.zeros((N_HYPOTHESES, 3, N_STATES))
+        self._linear = np.zeros((N_HYPOTHESES, n_states, n_states))
+        self._linear[:, :N_STATES, :N_STATES] = _linear_equations(gravity_m_s2)
+        self._reading_constants = np.zeros((N_HYPOTHESES, 3, n_states))
         self._reading_constants[:, 2, HOIST_ACCELERATION] = -float(is_clamped) / gravity_m_s2
 
     def rate(self, x: Array) -> tuple[Array, Array]:
-        """Return x' and its derivative by x, shapes (m, N_STATES) and (m, N_STATES, N_STATES); the line is propagated apart."""
+        """Return x' and its derivative by x, shapes (m, n) and (m, n, n); the line is propagated apart."""
         states = x.T.copy()
         u, w, spin = states[GRAVITY], states[RATE], states[SPIN]
         per_length = np.exp(-_twice(states, LN_LENGTH))
@@ -109,7 +110,7 @@ class RopeModel:
         return rate, jacobian
 
     def reading(self, x: Array) -> tuple[Array, Array, Array]:
-        """Return the reading and its derivative by x, shapes (m, 3) and (m, 3, N_STATES), and r/g, shape (m,)."""
+        """Return the reading and its derivative by x, shapes (m, 3) and (m, 3, n), and r/g, shape (m,)."""
         g, clamped = self.gravity_m_s2, float(self.is_clamped)
         states = x.T.copy()
         u, w, pivot, mount = states[GRAVITY], states[RATE], _PIVOT * states[INPUT], states[MOUNT]

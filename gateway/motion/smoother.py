@@ -18,16 +18,11 @@ from gateway.motion.filter_history import (
     MixtureSeries,
     stack,
 )
+from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.history import MotionHistory
 from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING, PIVOT_SIGN
-from gateway.motion.motion_tracker import (
-    LARGEST_U_RAD,
-    LIKELY,
-    LONGEST_GAP_S,
-    REST_RAD,
-    SIGNIFICANT,
-    SLOWEST_HOIST_M_S,
-)
+from gateway.motion.motion_state import LIKELY, REST_RAD, SIGNIFICANT, SLOWEST_HOIST_M_S
+from gateway.motion.motion_tracker import LARGEST_U_RAD, LONGEST_GAP_S
 from gateway.motion.recording_bins import bin_recording
 from gateway.motion.two_filter import combine, evidence_gain
 from gateway.numerics.array import Array
@@ -52,11 +47,15 @@ def smooth_motion(
     mount_u_rad: float,
     noise_g: float | None = None,
     is_clipped: NDArray[np.bool_] | None = None,
+    rate_rad_s: Array | None = None,
+    gyro: GyroPrior | None = None,
 ) -> MotionHistory:
     """Return the motion over a recording.
 
     `time_s`, shape (n,), rising; `force_g`, shape (n, 3): specific force in the housing frame. Rows with NaN are left out.
     `mount_u_rad`: standard uncertainty of the housing's z axis against the rope; `noise_g`: stated, 1 sigma per sample.
+    `rate_rad_s`, shape (n, 3): angular rates in the housing frame, NaN where a sample has none; `gyro`: what is known of the
+    gyroscope; None without one.
     """
     is_usable = np.isfinite(force_g).all(axis=1)
     clipped = np.zeros(len(time_s), dtype=bool) if is_clipped is None else is_clipped
@@ -65,20 +64,25 @@ def smooth_motion(
     bounds = [0, *(np.flatnonzero(np.diff(time_s) > longest_gap_s) + 1).tolist(), len(time_s)]
     histories = []
     for start, stop in pairwise(bounds):
-        smoother = _Smoother(rig, mount_u_rad, noise_g)
-        histories += smoother.smooth(time_s[start:stop], force_g[start:stop], clipped[start:stop])
+        smoother = _Smoother(rig, mount_u_rad, noise_g, gyro)
+        rates = None if rate_rad_s is None or gyro is None else rate_rad_s[is_usable][start:stop]
+        histories += smoother.smooth(time_s[start:stop], force_g[start:stop], clipped[start:stop], rates)
     return MotionHistory.join(histories)
 
 
 class _Smoother:
     """Smooths a recording without long gaps, block by block."""
 
-    def __init__(self, rig: MountedHousing, mount_u_rad: float, noise_g: float | None) -> None:
-        self._rig, self._mount_u_rad, self._noise_g = rig, mount_u_rad, noise_g
+    def __init__(
+        self, rig: MountedHousing, mount_u_rad: float, noise_g: float | None, gyro: GyroPrior | None = None
+    ) -> None:
+        self._rig, self._mount_u_rad, self._noise_g, self._gyro = rig, mount_u_rad, noise_g, gyro
         self._forward = self._new_run()
 
-    def smooth(self, time_s: Array, force_g: Array, is_clipped: NDArray[np.bool_]) -> list[MotionHistory]:
-        bins = bin_recording(time_s, force_g, is_clipped, self._forward.bin_s)
+    def smooth(
+        self, time_s: Array, force_g: Array, is_clipped: NDArray[np.bool_], rate_rad_s: Array | None = None
+    ) -> list[MotionHistory]:
+        bins = bin_recording(time_s, force_g, is_clipped, self._forward.bin_s, rate_rad_s)
         self._forward = self._settled_run(bins[:SETTLING_BINS])
         histories, done = [], 0
         for taken, one in enumerate(bins, start=1):
@@ -92,7 +96,12 @@ class _Smoother:
 
     def _new_run(self, *, is_backward: bool = False, turned: FilterHistory | None = None) -> FilterHistory:
         return FilterHistory(
-            self._rig, mount_u_rad=self._mount_u_rad, noise_g=self._noise_g, is_backward=is_backward, turned=turned
+            self._rig,
+            mount_u_rad=self._mount_u_rad,
+            noise_g=self._noise_g,
+            gyro=self._gyro,
+            is_backward=is_backward,
+            turned=turned,
         )
 
     def _settled_run(self, bins: list[ForceBin]) -> FilterHistory:

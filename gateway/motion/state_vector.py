@@ -39,7 +39,13 @@ LINE = slice(23, 25)
 LINE_RATE = slice(25, 27)
 """Its time derivative, 1/s."""
 N_STATES = 27
-"""Definition."""
+"""Definition: without a gyroscope."""
+GYRO_BIAS = slice(27, 30)
+"""Reading of the gyroscope at rest, 1/s."""
+GYRO_SCALE = slice(30, 32)
+"""Relative scale errors of the gyroscope about x and y."""
+N_GYRO_STATES = 5
+"""Definition: behind the others where there is a gyroscope."""
 TURNING = slice(0, 12)
 """Pairs that keep their direction in the world while the housing turns."""
 MOVING = slice(0, 15)

@@ -8,7 +8,7 @@ from gateway.messages import Formulas, Motion, MotionProbabilities, Swing
 from gateway.motion.description import engineer_reasons, operator_text
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.hypotheses import probabilities
-from gateway.motion.motion_tracker import REST_RAD, SIGNIFICANT
+from gateway.motion.motion_state import REST_RAD, SIGNIFICANT
 from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.header import Header
 from gateway.swing.estimate import FormulaAngles

@@ -14,6 +14,7 @@ from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
+from gateway.pipeline.angular_rate import device_gyro
 from gateway.pipeline.header import Header
 from gateway.pipeline.motion_context import motion_context
 from gateway.pipeline.motion_messages import motion_message, swing_message
@@ -23,6 +24,9 @@ from gateway.stages.conditions.gates import MotionContext
 from gateway.swing.data.recent_extremes import RecentExtremes
 from gateway.swing.formulas import as_published
 
+GYRO_BIAS_RAD_S_PER_K = np.radians(0.05)
+"""Change of a gyroscope's bias with temperature, standard uncertainty. Basis: 0.03 (MPU-9250) to 0.16 deg/s/K."""
+GYRO_STEP_K = 0.5
 NOT_CONFIGURED = "where the housing is on the rope is not configured"
 SWINGS_PER_PERIOD = 3
 """Messages of the swing in a period."""
@@ -43,7 +47,7 @@ class MotionStage:
         self._monitor = None
         if rig is not None:
             mount_u_rad = math.hypot(math.radians(configuration.housing.mount_u_deg), correction.u_cross_axis)
-            self._monitor = MotionMonitor(rig, mount_u_rad=mount_u_rad, noise_g=info.noise_g)
+            self._monitor = MotionMonitor(rig, mount_u_rad=mount_u_rad, noise_g=info.noise_g, gyro=device_gyro(info))
         longest_s = LONGEST_PERIODS * small_swing_period_s(
             configuration.rope.length_m, configuration.site.local_gravity_m_s2
         )
@@ -52,6 +56,8 @@ class MotionStage:
         """Time of the last clipped sample, by which the published formulas are wrong for a period."""
         self._is_new = True
         self._beyond_k = 0
+        self._gyro_temperature_c: float | None = None
+        """Temperature at which the gyroscope's bias was last widened."""
         self._swing_due_s = -math.inf
         self.estimate = _unknown(0.0, "no reading yet")
 
@@ -73,11 +79,12 @@ class MotionStage:
         lowpassed_g: Array,
         is_clipped: NDArray[np.bool_] | None = None,
         temperature_c: float | None = None,
+        rate_rad_s: Array | None = None,
     ) -> bool:
         """Take the samples since the last call; return whether a swing message is due.
 
         `is_clipped`: which of them are, shape (n,); None: none. `temperature_c`: that of the sensor; outside the calibration's
-        range it widens the intervals.
+        range it widens the intervals. `rate_rad_s`: angular rates in the housing frame, shape (n, 3); None without a gyroscope.
         """
         now_s = float(time_s[-1])
         if self._monitor is None:
@@ -85,12 +92,19 @@ class MotionStage:
             return False
         self._is_new = False
         self._follow_temperature(self._monitor, temperature_c)
-        self._monitor.update(time_s, force_g, is_clipped)
+        if rate_rad_s is not None:
+            self._follow_gyro_temperature(self._monitor, temperature_c)
+        self._monitor.update(time_s, force_g, is_clipped, rate_rad_s)
         self._extremes.update(time_s, lowpassed_g)
         if is_clipped is not None and is_clipped.any():
             self._clipped_s = now_s
         self.estimate = self._monitor.estimate(now_s)
         return self._is_swing_due(now_s)
+
+    def without_gyro_bias(self, rate_rad_s: Array | None) -> Array | None:
+        """Return a gyroscope's readings without that at rest; None where it is not known, or without a gyroscope in use."""
+        bias_rad_s = None if self._monitor is None else self._monitor.gyro_bias_rad_s()
+        return None if rate_rad_s is None or bias_rad_s is None else rate_rad_s - bias_rad_s
 
     def condition_context(self) -> MotionContext:
         """Return the part of the motion that the condition stage needs."""
@@ -135,6 +149,18 @@ class MotionStage:
             interval_s = min(self.estimate.period_s / SWINGS_PER_PERIOD, LONGEST_INTERVAL_S)
         self._swing_due_s = now_s + interval_s
         return True
+
+    def _follow_gyro_temperature(self, monitor: MotionMonitor, temperature_c: float | None) -> None:
+        """Let the gyroscope's bias change with the temperature."""
+        if temperature_c is None:
+            return
+        before_c, self._gyro_temperature_c = self._gyro_temperature_c, temperature_c
+        if before_c is None:
+            return
+        if abs(change_k := temperature_c - before_c) < GYRO_STEP_K:
+            self._gyro_temperature_c = before_c
+        else:
+            monitor.widen_gyro_bias(GYRO_BIAS_RAD_S_PER_K * abs(change_k))
 
     def _follow_temperature(self, monitor: MotionMonitor, temperature_c: float | None) -> None:
         """Widen the intervals where the temperature leaves, or returns to, that of the calibration."""

@@ -18,6 +18,7 @@ from gateway.packing import pack
 from gateway.pipeline import compose
 from gateway.pipeline.alert_manager import AlertChange, AlertManager
 from gateway.pipeline.alert_validity import ValidityMonitor
+from gateway.pipeline.angular_rate import housing_rates
 from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.force_stage import ForceBatch, ForceStage, split_long_block
@@ -57,6 +58,7 @@ class Pipeline:
         """`drift` monitors the calibration record; `incidents` numbers those of a boot and the changes of alerts."""
         self._info = info
         self._full_scale = None if info.full_scale_g is None else info.full_scale_g * info.units_per_g
+        self._axes = configuration.device.axes
         self._correction = correction
         self._headers = headers
         self._stale_ns = round(configuration.alerts.stale_s * 1e9)
@@ -154,13 +156,15 @@ class Pipeline:
     def _add_to_windows(self, batch: ForceBatch) -> bool:
         """Add the samples to condition window and motion; return whether a message of the swing is due."""
         clipped = [find_clipped(block.raw, block.saturated, self._full_scale) for block in batch.blocks]
+        rates = housing_rates(batch.blocks, self._info.gyro_rad_s_per_count, self._axes)
+        turning = self._motion.without_gyro_bias(rates)
         for (block, part), is_clipped in zip(batch.slices(), clipped, strict=True):
             missing = block.lost + block.invalid
-            self._condition_window.update(
-                batch.time_s[part], batch.force_g[part], int(np.count_nonzero(is_clipped)), missing
-            )
-        is_clipped = np.concatenate(clipped)
-        return self._motion.update(batch.time_s, batch.force_g, batch.lowpassed_g, is_clipped, self._temperature_c)
+            n_clipped, rate = int(np.count_nonzero(is_clipped)), None if turning is None else turning[part]
+            self._condition_window.update(batch.time_s[part], batch.force_g[part], n_clipped, missing, rate)
+        return self._motion.update(
+            batch.time_s, batch.force_g, batch.lowpassed_g, np.concatenate(clipped), self._temperature_c, rates
+        )
 
     def _idle(self, now: MessageTime) -> Iterator[OutgoingMessage]:
         newest_ns = self._forces.newest_ns

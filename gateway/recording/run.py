@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from devices.block import DeviceInfo, SampleBlock
 from devices.errors import RecordingError
 from devices.recording import Recording, longest_increasing_mask, missing_before
+from devices.saturation import GYRO_END_OF_RANGE, angular_rates
 from gateway import messages
 from gateway.packing import unpack
 from gateway.recording import header as names
@@ -72,6 +73,7 @@ class RecordedRun:
             lost_before=np.maximum(known_lost, missing_before(time_s)),
             unusable_before=self._before([block.invalid for block in self.blocks])[kept],
             temperature_c=self._temperature_c()[kept],
+            gyro_dps=None if (gyro_dps := self._gyro_dps()) is None else gyro_dps[kept],
             saturated=None if (saturated := self._saturated()) is None else saturated[kept],
             repeated=int(repeated.sum()),
             backward=int((~repeated).sum()),
@@ -85,6 +87,18 @@ class RecordedRun:
         spread = np.zeros(lengths.sum(), dtype=np.int64)
         spread[np.cumsum(lengths) - lengths] = counts
         return spread
+
+    def _gyro_dps(self) -> NDArray[np.float64] | None:
+        """Return the angular rates in the sensor's axes, shape (n, 3), NaN where a block has none; None without a gyroscope."""
+        scale = self.device.gyro_rad_s_per_count
+        if scale is None or all(block.gyro_counts is None for block in self.blocks):
+            return None
+        none = np.zeros((1, 3), dtype=np.int32) + GYRO_END_OF_RANGE
+        counts = [
+            np.repeat(none, len(block), axis=0) if block.gyro_counts is None else block.gyro_counts
+            for block in self.blocks
+        ]
+        return np.degrees(angular_rates(np.concatenate(counts), scale))
 
     def _saturated(self) -> NDArray[np.bool_] | None:
         """Return the saturated samples, shape (n,); None where a block does not mark them."""

@@ -18,6 +18,7 @@ from tests.benchmarks import (
     killed_session,
     laser,
     motion,
+    motion_gyro,
     record_info,
     recorder,
     rotation,
@@ -33,6 +34,7 @@ ALL: dict[str, Callable[..., None]] = {
     "gateway_states": gateway_states.main,
     "swing": swing.main,
     "motion": motion.main,
+    "motion_gyro": motion_gyro.main,
     "conditions": conditions.main,
     "calibration": calibration.main,
     "inclinometer": inclinometer.main,
@@ -51,7 +53,7 @@ options = sys.argv[1 + len(names) :]
 unknown = [name for name in names if name not in ALL]
 if unknown:
     sys.exit(f"no benchmark {', '.join(unknown)}; there are {', '.join(ALL)}")
-if options and names not in (["motion"], ["record_info"]):
-    sys.exit("only the benchmarks motion and record_info have options")
+if options and names not in (["motion"], ["motion_gyro"], ["record_info"]):
+    sys.exit("only the benchmarks motion, motion_gyro and record_info have options")
 for name in names or ALL:
     ALL[name](*([options] if options else []))

@@ -36,6 +36,8 @@ class WorkRecording:
     time_s: Array
     force_g: Array
     truth: dict[str, Array]
+    rate_rad_s: Array | None = None
+    """True angular rate of the housing in its own frame, shape (n, 3); None: not in the files."""
 
     @property
     def rig(self) -> MountedHousing:
@@ -90,6 +92,7 @@ def generate(kind: str, seed: int, count: int) -> Iterator[WorkRecording]:
             made.time_s,
             made.reading_g,
             made.truth,
+            made.rate_rad_s,
         )
 
 

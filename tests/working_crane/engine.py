@@ -32,6 +32,8 @@ class Motion:
     rigging: Array
     """Unit vector from hook to load; without a hook that of the rope."""
     paid_out_m: Array
+    rate_rad_s: Array
+    """Angular rate of the housing in the frame of `force_m_s2`, shape (n, 3)."""
 
 
 def step_s(crane: Crane) -> float:
@@ -55,8 +57,8 @@ def simulate(
             row[:] = data.sensordata
     finally:
         mujoco.set_mjcb_control(None)
-    force, up, spin, rigging_up, paid_out = np.split(rows, [3, 6, 9, 12], axis=1)
-    return Motion(force, -up, -np.cross(spin, up), -rigging_up, paid_out[:, 0])
+    force, up, spin, rigging_up, paid_out, rate = np.split(rows, [3, 6, 9, 12, 13], axis=1)
+    return Motion(force, -up, -np.cross(spin, up), -rigging_up, paid_out[:, 0], rate)
 
 
 def model_xml(crane: Crane) -> str:
@@ -76,7 +78,7 @@ def model_xml(crane: Crane) -> str:
   <sensor>
     <accelerometer site="housing"/><framezaxis objtype="site" objname="housing"/>
     <frameangvel objtype="site" objname="housing"/><framezaxis objtype="xbody" objname="load"/>
-    <jointpos joint="paid_out"/>
+    <jointpos joint="paid_out"/><gyro site="housing"/>
   </sensor>
 </mujoco>"""
 

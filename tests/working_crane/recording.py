@@ -18,6 +18,8 @@ class Recording:
     time_s: Array
     reading_g: Array
     truth: dict[str, Array]
+    rate_rad_s: Array
+    """True angular rate of the housing in its own frame, at the rows of `reading_g`, shape (n, 3)."""
 
     @property
     def largest_deg(self) -> float:
@@ -37,7 +39,9 @@ def record(case: Case) -> Recording:
     truth = _truth(case, motion, kept, given, slice(2 * start, None, 2 * per_sample))
     heading = np.radians(truth["heading_deg"])
     kept_rows, reading_g = readings(case, truth["time_s"], _turned(motion.force_m_s2[kept], heading))
-    return Recording(truth["time_s"][kept_rows], reading_g, truth)
+    rate_rad_s = _turned(motion.rate_rad_s[kept], heading)
+    rate_rad_s[:, 2] += np.gradient(heading, truth["time_s"])
+    return Recording(truth["time_s"][kept_rows], reading_g, truth, rate_rad_s[kept_rows])
 
 
 def _truth(case: Case, motion: Motion, rows: slice, given: Commands, half: slice) -> dict[str, Array]:

@@ -23,7 +23,7 @@ from gateway.recording import replay_result
 from gateway.recording.reader import open_recording
 from gateway.recording.replay_steps import RECOMPUTED
 from gateway.recording.run import read_samples
-from tests.gateway.recording.recorded_crane import CLOCK, RecordedCrane
+from tests.gateway.recording.recorded_crane import CLOCK, START_NS, RecordedCrane
 
 SUSPENSION = "SUSPENDED: the sensor is being recalibrated (six_position, by ann)"
 
@@ -127,6 +127,34 @@ def test_saturated_samples_are_replayed(tmp_path: Path, capsys: pytest.CaptureFi
     assert recorded.saturated is not None
     assert np.array_equal(recorded.saturated, recorded.raw[:, 0] == LARGEST_COUNT)
     assert recorded.saturated.sum() == len(recorded) // 50
+
+
+class TurningCrane(RecordedCrane):
+    """With a gyroscope of 16 bits whose readings are noise about a bias; one of them is at the end of its range."""
+
+    def __post_init__(self) -> None:
+        self.random = np.random.default_rng(5)
+        super().__post_init__()
+        self.info = replace(self.info, gyro_rad_s_per_count=1e-4, gyro_bias_rad_s=0.1)
+        self.recorder.set_device(self.info, START_NS)
+        self.pipeline = self.make_pipeline()
+
+    def process(self, block: SampleBlock) -> None:
+        counts = self.random.integers(95, 106, (len(block), 3)).astype(np.int32)
+        counts[0, 1] = 32767 if self.random.random() < 0.05 else counts[0, 1]
+        super().process(replace(block, gyro_counts=counts))
+
+
+def test_a_gyroscope_is_recorded_and_replayed_to_the_byte(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    crane = TurningCrane(tmp_path)
+    crane.record(25)
+    crane.close()
+    code, result = replay(tmp_path, capsys)
+    assert (code, result["differing"]) == (0, {})
+    gyro_dps = read_samples(sorted(tmp_path.glob("*.mcap"))[0]).recording().gyro_dps
+    assert gyro_dps is not None
+    assert np.nanmean(np.radians(gyro_dps)) == pytest.approx(0.01, rel=0.01)
+    assert 0 < np.isnan(gyro_dps).sum() < 20
 
 
 def test_time_without_samples_is_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gateway.swing.offline import estimate_swing
-from gateway.swing.rig import MountedHousing
+from gateway.swing import MountedHousing, estimate_swing
 from tests.gateway.swing.conftest import Recording, Simulate
 from tests.values import present
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from gateway.numerics.spikes import lone_spikes
-from gateway.swing.offline import estimate_swing
-from gateway.swing.rig import MountedHousing
+from gateway.swing import MountedHousing, estimate_swing
 from tests.gateway.swing.conftest import Simulate
 from tests.values import present
 
