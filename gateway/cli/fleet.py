@@ -3,7 +3,7 @@
 import argparse
 from importlib import import_module
 
-VERBS = ("status", "metrics", "router", "drift", "deflection")
+VERBS = ("status", "page", "metrics", "router", "drift", "deflection")
 """The verbs, in the order of the help; `gateway.cli.fleet_<name>` adds its own parser."""
 
 

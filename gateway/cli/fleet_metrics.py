@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.argument_types import parsed_by
+from gateway.cli.argument_types import parse_address, parsed_by
 from gateway.cli.bus_link import add_connect, client_credentials, connect_endpoint
 from gateway.cli.optional_dependencies import require_http
 
@@ -32,8 +32,8 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     )
     verb.add_argument(
         "--listen",
-        type=parsed_by(_parse_address),
-        default=_parse_address(DEFAULT_LISTEN),
+        type=parsed_by(parse_address),
+        default=parse_address(DEFAULT_LISTEN),
         metavar="ADDRESS:PORT",
         help=f"where to serve (default {DEFAULT_LISTEN}: only this machine)",
     )
@@ -42,13 +42,6 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     )
     add_connect(verb)
     verb.set_defaults(run=_run)
-
-
-def _parse_address(text: str) -> tuple[str, int]:
-    host, _, port = text.rpartition(":")
-    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
-        raise ValueError(f"{text} is no address such as {DEFAULT_LISTEN}")
-    return host, int(port)
 
 
 def _run(arguments: argparse.Namespace) -> int:

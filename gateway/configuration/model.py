@@ -155,6 +155,12 @@ class PageSection(Section):
         default_factory=list,
         description="names under which browsers may reach the page, beside its address, such as crane-1.local",
     )
+    url: str | None = Field(
+        None,
+        max_length=200,
+        pattern=r"^https?://[^\s\"'<>]+$",
+        description="address of this page for other machines, to which the page of a site links",
+    )
     names: list[str] = Field(
         default_factory=list,
         max_length=8,

@@ -21,6 +21,7 @@ from gateway.daemon.device_check import examine_device
 from gateway.daemon.device_factory import make_device
 from gateway.daemon.instance import is_in_use
 from gateway.daemon.page_process import PAGE_MODULES
+from gateway.daemon.relay_check import check_relay
 from gateway.daemon.resources import disk_free_mb
 from gateway.daemon.service_check import examine_running
 from gateway.daemon.wall_clock import WallClockMonitor
@@ -37,7 +38,7 @@ def examine(configuration: Configuration) -> Iterator[CheckResult]:
         yield from examine_running(configuration)
         checks = [_disk, _clock, _housing]
     else:
-        checks = [_data_folder, _device, _bus, _page, _clock, _housing]
+        checks = [_data_folder, _device, _bus, _page, check_relay, _clock, _housing]
     for check in checks:
         yield from check(configuration)
 

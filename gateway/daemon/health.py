@@ -54,6 +54,7 @@ class HealthReporter:
     output: LineWriter
     faults: FaultRegister
     boot_id: str
+    page_url: str | None
     stopping: bool = False
     _cpu: CpuMeter = field(default_factory=CpuMeter)
     _started_s: float = field(default_factory=time.monotonic)
@@ -88,6 +89,7 @@ class HealthReporter:
             },
             standing_faults=standing,
             refused=dict(self.security_log.counts),
+            page=self.page_url,
             recording=None if path is None else str(path),
             recording_error=standing.get("recording"),
             disk_free_mb=self.recording.disk_free_mb,

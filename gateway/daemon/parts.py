@@ -181,6 +181,7 @@ def compose(
         output=output,
         faults=faults,
         boot_id=boot_id,
+        page_url=configuration.page.url if configuration.page.enabled else None,
     )
     processor = Processor(
         configuration,

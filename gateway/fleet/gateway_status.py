@@ -8,13 +8,14 @@ from gateway.messages import Alert, Calibration, Health, Level, Swing
 from gateway.page.calibration_time import created_utc
 from gateway.page.verdict import STYLES, PageEvidence, Word, is_fresh, is_swing_known, verdict
 
-FleetWord = Literal["MISSING", "GONE", "DUPLICATE", "BATTERY LOW"] | Word
-"""The words of the operator's page, and four that only a list of gateways needs."""
+FleetWord = Literal["MISSING", "GONE", "DUPLICATE", "FAULT", "BATTERY LOW"] | Word
+"""The words of the operator's page, and five that only a list of gateways needs."""
 LABELS: dict[FleetWord, str] = {
     "MISSING": "MISSING",
     "GONE": "GONE",
     "DUPLICATE": "DUPLICATE",
     **{word: style.label for word, style in STYLES.items() if word != "OK"},
+    "FAULT": "FAULT",
     "BATTERY LOW": "BATTERY LOW",
     "OK": STYLES["OK"].label,
 }
@@ -53,6 +54,8 @@ class GatewayStatus:
     device: str | None = None
     boot_id: str | None = None
     faults: int | None = None
+    page: str | None = None
+    """Address of the operator's page, as the gateway states it."""
     seen_s: float | None = None
     """Time since the last message; None: none was seen."""
 
@@ -85,6 +88,8 @@ def gateway_status(
         state = "GONE"
     elif duplicate:
         state, reasons = "DUPLICATE", ["two gateways use this name at the same time", *reasons]
+    elif state == "OK" and health is not None and health.standing_faults:
+        state, reasons = "FAULT", list(health.standing_faults.values())
     elif state == "OK" and health is not None and health.battery_low:
         state, reasons = "BATTERY LOW", ["the battery of the sensor is low"]
     current = alert is not None and evidence.gateway and is_fresh(evidence, "alert")
@@ -105,6 +110,7 @@ def gateway_status(
         device=None if health is None else health.device_kind,
         boot_id=None if health is None else health.boot_id,
         faults=None if health is None else sum(health.faults.values()),
+        page=None if health is None else health.page,
         seen_s=seen_s,
     )
 

@@ -30,6 +30,14 @@ class Health(Message):
     refused: Annotated[dict[str, int], Field(description="requests refused since start, by kind")] = field(
         default_factory=dict
     )
+    page: Annotated[
+        str | None,
+        Field(
+            max_length=200,
+            pattern=r"^https?://[^\s\"'<>]+$",
+            description="address of the operator's page; null: not stated",
+        ),
+    ] = None
     recording: str | None = None
     recording_error: str | None = None
     disk_free_mb: float | None = None

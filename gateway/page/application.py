@@ -1,8 +1,6 @@
 """The routes of the page: its files, its state, and the actions of people who have entered the PIN."""
 
 import time
-from functools import partial
-from importlib import resources
 
 from pydantic_core import to_json
 from starlette.applications import Starlette
@@ -16,20 +14,7 @@ from gateway.page.guard import Guard
 from gateway.page.hosts import AllowedHosts
 from gateway.page.hub import EventStream, event
 from gateway.page.state import PageState
-
-STATIC = {
-    ".html": "text/html; charset=utf-8",
-    ".css": "text/css; charset=utf-8",
-    ".js": "text/javascript; charset=utf-8",
-    ".svg": "image/svg+xml",
-}
-HEADERS = [
-    ("Content-Security-Policy", "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"),
-    ("X-Content-Type-Options", "nosniff"),
-    ("Referrer-Policy", "no-referrer"),
-    ("Cache-Control", "no-store"),
-]
-"""The headers of every response. Nothing is cached, so that an old script never shows the data of an upgraded gateway."""
+from gateway.page.static_files import static_routes
 
 
 def make_application(state: PageState, hub: EventStream, actions: Actions, hosts: AllowedHosts) -> Guard:
@@ -63,22 +48,9 @@ def make_application(state: PageState, hub: EventStream, actions: Actions, hosts
     endpoints = {"/healthz": healthz, "/api/state": api_state, "/api/events": api_events, "/metrics": prometheus}
     reading = (Route(path, endpoint) for path, endpoint in endpoints.items())
     changing = actions.changing_routes()
-    routes = [*_static_routes(), *reading, *actions.reading_routes(), *changing]
+    routes = [*static_routes("index.html"), *reading, *actions.reading_routes(), *changing]
     return Guard(Starlette(routes=routes), hosts, {route.path for route in changing})
 
 
 def _json(content: object, status: int = 200) -> Response:
     return Response(to_json(content, inf_nan_mode="null"), status, media_type="application/json")
-
-
-def _static_routes() -> list[Route]:
-    routes = []
-    for file in resources.files("gateway.page").joinpath("static").iterdir():
-        media_type = STATIC["." + file.name.rpartition(".")[2]]
-        path = "/" if file.name == "index.html" else f"/{file.name}"
-        routes.append(Route(path, partial(_serve_file, file.read_bytes(), media_type)))
-    return routes
-
-
-async def _serve_file(content: bytes, media_type: str, _request: Request) -> Response:
-    return Response(content, media_type=media_type)

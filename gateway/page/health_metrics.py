@@ -35,6 +35,10 @@ def _sample_families(health: Health) -> Iterator[Family]:
     yield counter("invalid_samples", "Samples that arrived and could not be used.", health.invalid)
     yield gauge("sample_rate_hertz", "Measured sample rate.", health.measured_rate_hz)
     yield labelled_counter("faults", "fault", "Faults since the gateway's start that did not stop it.", health.faults)
+    standing = dict.fromkeys(health.standing_faults, 1)
+    yield labelled_gauge(
+        "part_faulty", "part", "1 for each part of the gateway that does not work at present.", standing
+    )
     yield labelled_counter("dropped_messages", "queue", "Messages dropped by a bounded queue.", health.dropped)
     yield labelled_counter("refused_requests", "kind", "Requests that were refused.", health.refused)
     latency_ms = {name: value for name, value in (health.alert_latency_ms or {}).items() if name != "count"}

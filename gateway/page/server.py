@@ -1,23 +1,19 @@
 """The page process: receives from its gateway and serves HTTP until the channel ends or a signal comes."""
 
 import asyncio
-import logging
 import os
 import signal
 import socket
 import sys
 import time
 
-import uvicorn
-
 from gateway.page.actions import Actions
-from gateway.page.application import HEADERS, make_application
+from gateway.page.application import make_application
 from gateway.page.channel import ANSWER, PARAMETERS, Frame, receive_frame
 from gateway.page.gateway_requests import GatewayRequests
 from gateway.page.hosts import AllowedHosts
-from gateway.page.http_protocol import LARGEST_HEAD, make_protocol
+from gateway.page.http_server import HttpServer, log_to_stderr
 from gateway.page.hub import EventStream, event
-from gateway.page.log_limit import LogLimit
 from gateway.page.parameters import Parameters, parse
 from gateway.page.state import PageState
 
@@ -26,19 +22,13 @@ HEARTBEAT_S = 0.25
 """Longest interval between two pushes. Silence shows a browser that the page has ended."""
 GATHER_S = 0.01
 """Short wait that joins the messages of one block into one push."""
-STALLED_MS = 5000
-SEND_BUFFER_BYTES = 32768
 MOST_FRAMES = 256
 """Frames that are taken before browsers are served again."""
-
-log = logging.getLogger("page")
 
 
 def main() -> int:
     """Receive the start parameters and serve. Return 0 when asked to end, 2 for wrong start parameters."""
-    limited = logging.StreamHandler()
-    limited.addFilter(LogLimit())
-    logging.basicConfig(level=logging.WARNING, format="page: %(message)s", handlers=[limited])
+    log_to_stderr("page")
     try:
         channel = socket.socket(fileno=os.dup(sys.stdin.fileno()))
         parameters = _receive_parameters(channel)
@@ -54,18 +44,6 @@ def main() -> int:
     return 0
 
 
-class _UvicornServer(uvicorn.Server):
-    """Ends the event streams before it stops, for it would wait for them without limit."""
-
-    def __init__(self, config: uvicorn.Config, hub: EventStream) -> None:
-        super().__init__(config)
-        self._hub = hub
-
-    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        self._hub.close()
-        await super().shutdown(sockets)
-
-
 class Page:
     """Connects channel, state and browsers."""
 
@@ -78,7 +56,7 @@ class Page:
         host, port = listener.getsockname()[:2]
         hosts = AllowedHosts(host, state.parameters.hosts)
         application = make_application(state, hub, Actions(state, self._requests, port), hosts)
-        self._server = _UvicornServer(_http_settings(application), hub)
+        self._server = HttpServer(application, hub)
         self._news = asyncio.Event()
 
     async def serve(self) -> None:
@@ -86,19 +64,14 @@ class Page:
         loop = asyncio.get_running_loop()
         self._channel.setblocking(False)
         loop.add_reader(self._channel, self._receive)
-        pushing = asyncio.create_task(self._push_forever())
-        pushing.add_done_callback(lambda _: self.stop())
         try:
-            await self._server.serve(sockets=[self._listener])
+            await self._server.serve_with(self._listener, lambda: asyncio.create_task(self._push_forever()))
         finally:
             loop.remove_reader(self._channel)
-        if pushing.done():
-            pushing.result()
-        pushing.cancel()
 
     def stop(self) -> None:
-        """Ask to end; the server checks ten times a second."""
-        self._server.should_exit = True
+        """Ask to end."""
+        self._server.stop()
 
     def _receive(self) -> None:
         """Take what has come through the channel, and end with it."""
@@ -147,25 +120,6 @@ class Page:
         self._news.clear()
 
 
-def _http_settings(app: object) -> uvicorn.Config:
-    return uvicorn.Config(
-        app,  # type: ignore[arg-type]
-        loop="asyncio",
-        http=make_protocol(),
-        h11_max_incomplete_event_size=LARGEST_HEAD,
-        ws="none",
-        lifespan="off",
-        log_config=None,
-        log_level="warning",
-        access_log=False,
-        server_header=False,
-        proxy_headers=False,
-        headers=HEADERS,
-        workers=1,
-        timeout_graceful_shutdown=1,
-    )
-
-
 def _receive_parameters(channel: socket.socket) -> Parameters:
     frame = receive_frame(channel)
     if frame is None or frame.kind != PARAMETERS:
@@ -174,12 +128,7 @@ def _receive_parameters(channel: socket.socket) -> Parameters:
 
 
 def _inherit_socket(fd: int) -> socket.socket:
-    """Return the inherited listening socket; accepted sockets inherit its options."""
     try:
-        listener = socket.socket(fileno=fd)
+        return socket.socket(fileno=fd)
     except OSError as error:
         raise ValueError(f"fd: {fd} is not a socket: {error.strerror}") from None
-    # A browser that stops reading costs at most this buffer and is disconnected by the kernel.
-    listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
-    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, STALLED_MS)
-    return listener

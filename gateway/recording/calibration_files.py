@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gateway.calibration.record import CalibrationRecord
-from gateway.certificate.page import render_certificate
 from gateway.recording import header as names
 
 FORBIDDEN_IN_NAME = re.compile(r"[^A-Za-z0-9._-]")
@@ -36,6 +35,8 @@ def calibration_files(
     record: CalibrationRecord, parent: CalibrationRecord | None, earlier: Sequence[CalibrationRecord] = ()
 ) -> CalibrationFiles:
     """Return the record as JSON and its certificate: some 10 to 40 kB, made in a few milliseconds."""
+    from gateway.certificate.page import render_certificate
+
     name = FORBIDDEN_IN_NAME.sub("_", record.id)[:LONGEST_ID]  # an attachment is extracted by its name
     content = json.dumps(record.model_dump(mode="json"), indent=1, allow_nan=False) + "\n"
     return CalibrationFiles(

@@ -7,6 +7,8 @@ from gateway.configuration.relay_section import RelaySection
 from gateway.messages import ActiveAlert, Alert, Level
 
 DROP_LEVELS: dict[str, tuple[Level, ...]] = {"warn": ("warn", "trip"), "trip": ("trip",)}
+VALID = ("valid", None)
+"""None: from a pipeline that states no validity."""
 RULES = ("swing", "lean")
 """The rules with a measured value, which can be unknown."""
 
@@ -47,7 +49,11 @@ class RelayLogic:
 
 
 def _is_unknown(alert: Alert) -> bool:
-    """Return whether a level is unknown, or stands without a known value."""
-    return alert.level == "unknown" or any(
-        active.level == "unknown" or (active.rule in RULES and active.value_deg is None) for active in alert.active
+    """Return whether a level is unknown, is not valid, or stands without a known value."""
+    return (
+        alert.validity not in VALID
+        or alert.level == "unknown"
+        or any(
+            active.level == "unknown" or (active.rule in RULES and active.value_deg is None) for active in alert.active
+        )
     )

@@ -157,7 +157,8 @@ def judge_swing(name: str) -> Outcome:
 
 
 def _judge_offline(case: SwingCase) -> Outcome:
-    from gateway.swing import MountedHousing, estimate_swing  # noqa: PLC0415
+    from gateway.swing.offline import estimate_swing  # noqa: PLC0415
+    from gateway.swing.rig import MountedHousing  # noqa: PLC0415
 
     time_s = np.arange(len(case.force_g)) / RATE_HZ
     e = estimate_swing(time_s, case.force_g, rig=MountedHousing(**case.rig), noise_g=case.noise_g)
@@ -178,7 +179,7 @@ def _judge_offline(case: SwingCase) -> Outcome:
 
 def _judge_live(case: SwingCase) -> Outcome:
     from gateway.motion.motion_monitor import MotionMonitor  # noqa: PLC0415
-    from gateway.swing import MountedHousing  # noqa: PLC0415
+    from gateway.swing.rig import MountedHousing  # noqa: PLC0415
 
     monitor = MotionMonitor(MountedHousing(**case.rig), mount_u_rad=MOUNT_U_RAD, noise_g=case.noise_g)
     states, errors, widths = Counter[str](), [], []

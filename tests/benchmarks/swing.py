@@ -12,16 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from gateway.stages.lowpass import LowPass
-from gateway.swing import (
-    Extremes,
-    FormulaAngles,
-    LowpassGain,
-    SwingEstimate,
-    as_published,
-    corrected,
-    estimate_swing,
-    extremes,
-)
+from gateway.swing.estimate import FormulaAngles, SwingEstimate
+from gateway.swing.formulas import Extremes, LowpassGain, as_published, corrected, extremes
+from gateway.swing.offline import estimate_swing
 from tests.benchmarks.swing_cases import (
     AMPLITUDES_DEG,
     GRAVITY_M_S2,

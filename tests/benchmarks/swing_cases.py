@@ -7,7 +7,8 @@ import numpy as np
 
 from devices.pendulum import pendulum
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
-from gateway.swing import MountedHousing, SwingEstimate
+from gateway.swing.estimate import SwingEstimate
+from gateway.swing.rig import MountedHousing
 
 GRAVITY_M_S2 = STANDARD_GRAVITY_M_S2
 RHOS = (0.02, 0.2, 0.5, 0.8, 0.95, 1.0)

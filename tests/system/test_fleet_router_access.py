@@ -95,5 +95,3 @@ def test_each_party_may_do_what_its_certificate_allows(router: Router, certifica
         open_session("client", [router.endpoint], [], TlsFiles(certificates.of("ann").ca, None, None), 1000)
     for session in (gateway, ann, stranger):
         session.close()
-
-

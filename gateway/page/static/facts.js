@@ -29,7 +29,7 @@ export function showFacts(state, waitedS) {
   setFact("calibration", status ? status.replace("_", " ") : NONE, Boolean(status) && !calibrated);
   const newest = tilt ?? swing;
   setText("clock-quality", newest ? text(`clock_${newest.clock}`) : text("fact_clock"));
-  setFact("clock", newest ? timeWithZone(newest.time_ns) : NONE, newest?.clock === "free_running");
+  setFact("clock", newest ? timeWithZone(newest.time_ns) : NONE, newest?.clock === "free_running" && health?.device_kind !== "simulated");
   if (health) showHealth(health);
 }
 

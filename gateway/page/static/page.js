@@ -12,6 +12,7 @@ import {Mounting} from "./mounting.js";
 import {ago, degrees, directionWords, fixed, isKnown, NONE, upwards} from "./number.js";
 import {Person} from "./person.js";
 import {comingPeak, motionKey, sentence} from "./sentence.js";
+import {addSymbols} from "./shapes.js";
 import {Sound} from "./sound.js";
 import {setLanguage, text} from "./texts.js";
 import {timeWithZone} from "./time.js";
@@ -26,6 +27,7 @@ const LEAN_SIGNIFICANT = 2; // standard uncertainties from which a lean has a di
 const MOST_REASONS = 8;
 const NORMAL_975 = 1.959964;
 
+addSymbols();
 const element = (id) => document.getElementById(id);
 const bullseye = new Bullseye(element("bullseye"));
 const gauge = new Gauge(element("gauge"));

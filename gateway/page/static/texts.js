@@ -9,6 +9,9 @@ const TABLES = {
 
     word_OK: "OK", word_WARN: "WARNING", word_TRIP: "LIMIT", word_UNKNOWN: "NOT KNOWN", word_DISTURBED: "DISTURBED",
     word_UNCALIBRATED: "UNCALIBRATED", word_SUSPENDED: "SUSPENDED", word_STALE: "STALE", "word_NO DATA": "NO DATA",
+    word_MISSING: "MISSING", word_GONE: "GONE", word_DUPLICATE: "TWO OF ONE NAME", "word_BATTERY LOW": "BATTERY LOW",
+    fleet_title: "Cranes", fleet_summary: "{acting} of {count} ask for action", fleet_no_router: "No connection to the router: the list is old.",
+    fleet_none: "No gateway answers.", fleet_never_seen: "never seen",
     also: "also: {words}", last_known: "last: {words}",
 
     rest: "Load at rest.", free: "Load swings freely.", driven: "Trolley or bridge moving.", lowering: "Lowering.", hoisting: "Hoisting.",
@@ -73,6 +76,9 @@ const TABLES = {
 
     word_OK: "OK", word_WARN: "WARNUNG", word_TRIP: "GRENZWERT", word_UNKNOWN: "UNBEKANNT", word_DISTURBED: "GESTÖRT",
     word_UNCALIBRATED: "UNKALIBRIERT", word_SUSPENDED: "AUSGESETZT", word_STALE: "VERALTET", "word_NO DATA": "KEINE DATEN",
+    word_MISSING: "FEHLT", word_GONE: "WEG", word_DUPLICATE: "NAME DOPPELT", "word_BATTERY LOW": "BATTERIE SCHWACH",
+    fleet_title: "Krane", fleet_summary: "{acting} von {count} verlangen Eingriff", fleet_no_router: "Keine Verbindung zum Router: die Liste ist alt.",
+    fleet_none: "Kein Gateway antwortet.", fleet_never_seen: "nie gesehen",
     also: "auch: {words}", last_known: "zuletzt: {words}",
 
     rest: "Last in Ruhe.", free: "Last pendelt frei.", driven: "Katze oder Brücke fährt.", lowering: "Senken.", hoisting: "Heben.",

@@ -28,6 +28,7 @@ def everything() -> PageEvidence:
     health = replace(
         scene.health(),
         battery_v=3.1, battery_percent=50.0, battery_low=False, signal_dbm=-70.0, relay="energised", refused={"role": 1},
+        standing_faults={"recording": "the disk is full"},
         alert_latency_ms={"count": 2, "p50": 10.0, "p99": 20.0, "max": 30.0}, drift={"norm_error_mg": 1.0, "state": "ok"},
     )  # fmt: skip
     active = ActiveAlert(rule="swing", level="trip", since_ns=0, incident="b-1", acknowledged_by="ann", text="t")

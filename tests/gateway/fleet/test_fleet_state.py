@@ -156,6 +156,16 @@ def test_a_low_battery_is_a_state_of_its_own(scene: Scene) -> None:
     assert (status.state, status.battery_percent, status.signal_dbm) == ("BATTERY LOW", 7.0, -80.0)
 
 
+def test_a_part_that_does_not_work_is_a_state_with_its_reason(scene: Scene) -> None:
+    fleet = Fleet()
+    fleet.hear_all(scene, 10.0)
+    fleet.hear(replace(scene.health(), standing_faults={"recording": "the disk is full"}, battery_low=True), 10.0)
+    assert (fleet.status(10.0).state, fleet.status(10.0).reasons) == ("FAULT", ("the disk is full",))
+    scene.level = "trip"
+    fleet.hear(scene.alert(), 10.1)
+    assert fleet.status(10.1).state == "TRIP"
+
+
 def test_the_age_of_the_calibration_is_that_of_its_record(scene: Scene) -> None:
     fleet = Fleet()
     fleet.hear_all(scene, 10.0)

@@ -8,7 +8,7 @@ const SCROLLING = ".scroll, #title, #acknowledged, #person"; // the list of aler
 const MOVING = ["title", "word", "sentence", "phi", "gauge", "tile-peak", "tile-lean", "tile-crane", "bullseye", "trend"];
 
 function isClipped(element) {
-  const clips = getComputedStyle(element).overflowY !== "visible" && !element.matches("#service-screen, .track");
+  const clips = getComputedStyle(element).overflowY !== "visible" && !element.matches("#service-screen, #fleet, .track");
   return clips && (element.scrollWidth > element.clientWidth + 1 || element.scrollHeight > element.clientHeight + 2);
 }
 

@@ -1,5 +1,6 @@
 """The relay is energised only while every level is known and below the one at which it drops."""
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -83,6 +84,14 @@ def test_a_warning_does_not_hide_that_another_rule_is_unknown() -> None:
 
 def test_a_warning_of_the_calibration_has_no_value_and_is_not_unknown() -> None:
     assert logic().judge(alert(active("warn", "calibration", None)), UNKNOWN_S + 1.0).energised
+
+
+@pytest.mark.parametrize("validity", ["no_samples", "suspended", "uncalibrated", "not_known"])
+def test_a_normal_level_that_is_not_valid_counts_as_unknown(validity: Any) -> None:
+    relay = logic()
+    assert relay.judge(replace(NORMAL, validity=validity), UNKNOWN_S).energised
+    assert not relay.judge(replace(NORMAL, validity=validity), UNKNOWN_S + 0.1).energised
+    assert relay.judge(replace(NORMAL, validity="valid"), UNKNOWN_S + 0.2).energised
 
 
 def test_an_acknowledged_incident_holds_the_relay_dropped_unless_it_drives_a_horn() -> None:

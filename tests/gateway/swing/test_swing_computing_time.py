@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from gateway.swing import MountedHousing
 from gateway.swing.data.bins import bin_samples
 from gateway.swing.fit.gauss_newton import SwingFit, iterate, linearise
 from gateway.swing.fit.harmonics import find_harmonics
 from gateway.swing.fit.initial_guess import initial_motions
 from gateway.swing.fit.priors import nominal_prior
+from gateway.swing.rig import MountedHousing
 from tests.gateway.swing.conftest import Recording, Simulate
 from tests.values import present
 

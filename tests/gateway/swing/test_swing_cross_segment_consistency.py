@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from gateway.swing import MountedHousing
 from gateway.swing.data.bins import bin_samples
 from gateway.swing.estimation.cross_segment_consistency import enforce_common_sensor_errors
 from gateway.swing.estimation.hoist_tracking import FittedInterval
 from gateway.swing.fit.priors import nominal_prior
 from gateway.swing.offline import grow_window
+from gateway.swing.rig import MountedHousing
 from gateway.swing.uncertainty.peaks import largest_angle
 from tests.gateway.swing.conftest import Recording, Simulate
 from tests.values import present

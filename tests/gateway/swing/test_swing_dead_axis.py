@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gateway.swing import MountedHousing, estimate_swing
+from gateway.swing.offline import estimate_swing
+from gateway.swing.rig import MountedHousing
 from tests.gateway.swing.conftest import Recording, Simulate
 from tests.values import present
 

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from gateway.numerics.spikes import lone_spikes
-from gateway.swing import MountedHousing, estimate_swing
+from gateway.swing.offline import estimate_swing
+from gateway.swing.rig import MountedHousing
 from tests.gateway.swing.conftest import Simulate
 from tests.values import present
 

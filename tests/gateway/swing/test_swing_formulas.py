@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from gateway.swing import Extremes, LowpassGain, as_published, corrected, extremes
+from gateway.swing.formulas import Extremes, LowpassGain, as_published, corrected, extremes
 from tests.values import present
 
 PHI = np.radians(10.0)

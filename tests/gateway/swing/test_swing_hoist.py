@@ -9,9 +9,10 @@ from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane, GroundTruth
 from devices.simulated.schedule import Hoist, TrolleyMove
-from gateway.swing import MountedHousing, estimate_swing
 from gateway.swing.model.rope_spline import SplineGrid
 from gateway.swing.model.spherical_pendulum import SensorPlacement, TrajectoryInput, integrate, specific_force_g
+from gateway.swing.offline import estimate_swing
+from gateway.swing.rig import MountedHousing
 from tests.values import present
 
 NOISE_G = 4e-4

@@ -12,8 +12,9 @@ from hypothesis import Phase, example, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from gateway.swing import MountedHousing, estimate_swing
 from gateway.swing.estimate import SwingEstimate
+from gateway.swing.offline import estimate_swing
+from gateway.swing.rig import MountedHousing
 from tests.gateway.swing.conftest import Recording, Simulate
 from tests.values import present
 

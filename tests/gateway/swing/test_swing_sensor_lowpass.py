@@ -5,8 +5,9 @@ import pytest
 from numpy.typing import NDArray
 
 from gateway.motion.motion_monitor import MotionMonitor
-from gateway.swing import MountedHousing, estimate_swing
 from gateway.swing.estimate import SwingEstimate
+from gateway.swing.offline import estimate_swing
+from gateway.swing.rig import MountedHousing
 from tests.gateway.swing.conftest import Recording, Simulate
 from tests.values import present
 

@@ -1,0 +1,82 @@
+"""The HTTP server of a page with its events: uvicorn with limits, on a socket that is already bound."""
+
+import asyncio
+import logging
+import socket
+from collections.abc import Callable
+
+import uvicorn
+from starlette.types import ASGIApp
+
+from gateway.page.http_protocol import LARGEST_HEAD, make_protocol
+from gateway.page.hub import EventStream
+from gateway.page.log_limit import LogLimit
+
+HEADERS = [
+    ("Content-Security-Policy", "default-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"),
+    ("X-Content-Type-Options", "nosniff"),
+    ("Referrer-Policy", "no-referrer"),
+    ("Cache-Control", "no-store"),
+]
+"""The headers of every response. Nothing is cached, so that an old script never shows the data of an upgraded gateway."""
+STALLED_MS = 5000
+SEND_BUFFER_BYTES = 32768
+
+
+class HttpServer(uvicorn.Server):
+    """Ends the event streams before it stops, for it would wait for them without limit."""
+
+    def __init__(self, application: ASGIApp, hub: EventStream) -> None:
+        super().__init__(_settings(application))
+        self._hub = hub
+
+    async def serve_with(self, listener: socket.socket, work: Callable[[], "asyncio.Task[None]"]) -> None:
+        """Serve until asked to stop; the task that `work` begins ends with the server, and the server with a failed task."""
+        limit_stalled_browsers(listener)
+        task = work()
+        task.add_done_callback(lambda _: self.stop())
+        await self.serve(sockets=[listener])
+        if task.done():
+            task.result()
+        task.cancel()
+
+    def stop(self) -> None:
+        """Ask to end; the server checks ten times a second."""
+        self.should_exit = True
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        """End the streams, then the server."""
+        self._hub.close()
+        await super().shutdown(sockets)
+
+
+def log_to_stderr(prefix: str) -> None:
+    """Write warnings to standard error, as many lines as `LogLimit` allows."""
+    handler = logging.StreamHandler()
+    handler.addFilter(LogLimit())
+    logging.basicConfig(level=logging.WARNING, format=f"{prefix}: %(message)s", handlers=[handler])
+
+
+def limit_stalled_browsers(listener: socket.socket) -> None:
+    """Bound what a browser that stops reading costs; accepted sockets inherit the options. Raises `OSError`."""
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+    listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, STALLED_MS)
+
+
+def _settings(application: ASGIApp) -> uvicorn.Config:
+    return uvicorn.Config(
+        application,
+        loop="asyncio",
+        http=make_protocol(),
+        h11_max_incomplete_event_size=LARGEST_HEAD,
+        ws="none",
+        lifespan="off",
+        log_config=None,
+        log_level="warning",
+        access_log=False,
+        server_header=False,
+        proxy_headers=False,
+        headers=HEADERS,
+        workers=1,
+        timeout_graceful_shutdown=1,
+    )

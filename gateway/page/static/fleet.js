@@ -1,0 +1,107 @@
+// The page of a site: a card for each crane in the order of the server, what asks for action first.
+
+import {Link} from "./link.js";
+import {ago, degrees, NONE, upwards} from "./number.js";
+import {addSymbols} from "./shapes.js";
+import {setLanguage, text} from "./texts.js";
+import {timeWithZone} from "./time.js";
+import {setText} from "./facts.js";
+
+const REFRESH_MS = 250;
+const CALM = new Set(["OK", "UNKNOWN", "DISTURBED"]); // they ask for no action
+const LONGEST_REASON = 110;
+
+addSymbols();
+const element = (id) => document.getElementById(id);
+const cards = new Map(); // elements by key, which stay while their content changes
+let state = null;
+let announced = null;
+
+const link = new Link(() => {}, (pushed) => { state = pushed; show(); });
+
+function show() {
+  if (state !== null) setLanguage(state.page.language);
+  const complaint = link.complaint();
+  const notice = complaint !== null ? text(complaint.key, {seconds: complaint.seconds}) : state === null ? text("starting")
+    : !state.connected ? text("fleet_no_router") : state.gateways.length === 0 ? text("fleet_none") : "";
+  setText("notice", notice);
+  document.body.classList.toggle("old", complaint !== null || !state?.connected);
+  setText("time", timeWithZone(Date.now() * 1e6));
+  if (state === null) return;
+  const acting = state.gateways.filter((gateway) => !CALM.has(gateway.word)).length;
+  const summary = text("fleet_summary", {count: state.gateways.length, acting});
+  setText("summary", summary);
+  announce(notice || summary);
+  showCards(state.gateways);
+}
+
+function showCards(gateways) {
+  const order = gateways.map((gateway) => gateway.key);
+  for (const [key, card] of cards) if (!order.includes(key)) { card.remove(); cards.delete(key); }
+  for (const gateway of gateways) {
+    if (!cards.has(gateway.key)) cards.set(gateway.key, makeCard());
+    fill(cards.get(gateway.key), gateway);
+  }
+  const list = element("cards");
+  if ([...list.children].some((card, i) => card !== cards.get(order[i])) || list.children.length !== order.length) {
+    const focused = document.activeElement;
+    list.replaceChildren(...order.map((key) => cards.get(key)));
+    if (focused?.isConnected) focused.focus(); // a card that moves keeps the focus
+  }
+}
+
+function makeCard() {
+  const card = document.createElement("li");
+  const part = (name, css) => Object.assign(document.createElement(name), {className: css});
+  const band = part("p", "state");
+  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+  svg.setAttribute("aria-hidden", "true");
+  svg.append(document.createElementNS("http://www.w3.org/2000/svg", "use"));
+  band.append(svg, document.createElement("strong"));
+  const foot = part("p", "foot");
+  foot.append(part("span", "swing"), part("span", "age"));
+  card.append(part("h2", "name"), band, part("p", "why"), foot);
+  card.prepend(band);
+  return card;
+}
+
+function fill(card, gateway) {
+  const set = (selector, content) => {
+    const found = card.querySelector(selector);
+    if (found.textContent !== content) found.textContent = content;
+  };
+  card.dataset.colour = gateway.colour;
+  card.querySelector("use").setAttribute("href", `#shape-${gateway.shape}`);
+  set("strong", text(`word_${gateway.word}`));
+  fillName(card.querySelector(".name"), gateway);
+  const why = gateway.reasons[0] ?? "";
+  set(".why", why.length > LONGEST_REASON ? `${why.slice(0, LONGEST_REASON)}…` : why);
+  set(".swing", swingText(gateway.swing));
+  set(".age", gateway.seen_s === null ? text("fleet_never_seen") : ago(gateway.seen_s));
+}
+
+// The card links to the crane's own page where its address is known.
+function fillName(heading, {site, crane, sensor, page}) {
+  const name = `${site} / ${crane} / ${sensor}`;
+  const linked = heading.querySelector("a");
+  if (heading.textContent === name && (linked?.getAttribute("href") ?? null) === page) return;
+  if (page === null) heading.textContent = name;
+  else heading.replaceChildren(Object.assign(document.createElement("a"), {href: page, textContent: name, rel: "noopener noreferrer"}));
+}
+
+function swingText(swing) {
+  if (swing === null) return NONE;
+  return swing.swinging ? degrees(swing.phi_max_deg) : `≤ ${upwards(swing.upper95_deg)}`;
+}
+
+// Tell a screen reader when the number of cranes that ask for action changes.
+function announce(words) {
+  if (words === announced) return;
+  announced = words;
+  setText("announcement", words);
+}
+
+setInterval(() => {
+  link.reconnect();
+  show();
+}, REFRESH_MS);
