@@ -1,7 +1,8 @@
 """The conditions of a recording, judged window by window with the motion filter and the gates of the live pipeline."""
 
+import re
 from collections import Counter, defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,7 +29,7 @@ class ConditionSummary:
     cause: str | None
     """The most frequent cause of that verdict."""
     reasons: tuple[str, ...]
-    """Reasons of the first window with that verdict and cause."""
+    """Reasons of the first window with that verdict and cause, and with the most frequent reasons among these."""
     windows: dict[str, int]
     """Number of windows by verdict."""
 
@@ -41,10 +42,18 @@ def summarise_conditions(source: Source) -> ConditionSummary:
     if not by_verdict:
         return ConditionSummary("unknown", None, ("less than a second of data",), {})
     verdict = max(by_verdict, key=lambda verdict: len(by_verdict[verdict]))
-    cause = Counter(result.cause for result in by_verdict[verdict]).most_common(1)[0][0]
-    first = next(result for result in by_verdict[verdict] if result.cause == cause)
+    kinds = Counter((result.cause, _without_numbers(result.reasons)) for result in by_verdict[verdict])
+    (cause, wording), _ = kinds.most_common(1)[0]
+    first = next(
+        result for result in by_verdict[verdict] if (result.cause, _without_numbers(result.reasons)) == (cause, wording)
+    )
     windows = {name: len(results) for name, results in by_verdict.items()}
     return ConditionSummary(verdict, cause, first.reasons, windows)
+
+
+def _without_numbers(reasons: Sequence[str]) -> tuple[str, ...]:
+    """Return reasons so that those of several windows are the same, whatever their numbers."""
+    return tuple(re.sub(r"[-+]?\d[\d.]*", "#", reason) for reason in reasons)
 
 
 def _judge_windows(source: Source) -> Iterator[ConditionResult]:

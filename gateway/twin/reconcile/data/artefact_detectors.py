@@ -9,6 +9,8 @@ from gateway.twin.reconcile.data.observations import Observations
 Array = NDArray[np.float64]
 MIN_SATURATED_SHARE = 0.004
 """Share of an axis' readings at exactly its extreme value; noise puts one there, a limit puts many."""
+MIN_SATURATED_READINGS = 3
+"""Readings of an axis at exactly its extreme value that chance can put there, in readings with six digits."""
 WRITTEN_RESOLUTION_G = 1e-6
 """Readings that differ by less are equal, g: recordings are written with six or seven digits."""
 MIN_ON_LATTICE_SHARE = 0.98
@@ -16,12 +18,18 @@ MIN_ON_LATTICE_SHARE = 0.98
 
 
 def detect_saturation(force_g: Array) -> float | None:
-    """Return the level in g at which readings (n, 3) stop; None where they do not."""
+    """Return the level in g at which readings (n, 3) stop; None where they do not.
+
+    A reading that a slow sensor repeats in all axes counts once.
+    """
+    fresh = np.concatenate([[True], np.any(np.diff(force_g, axis=0) != 0, axis=1)])
+    readings_g = force_g[fresh]
+    fewest = max(MIN_SATURATED_SHARE * len(readings_g), MIN_SATURATED_READINGS)
     levels = []
-    for axis in force_g.T:
+    for axis in readings_g.T:
         for signed in (axis, -axis):
             largest = float(signed.max())
-            if largest > 0 and np.mean(signed > largest - WRITTEN_RESOLUTION_G) > MIN_SATURATED_SHARE:
+            if largest > 0 and np.count_nonzero(signed > largest - WRITTEN_RESOLUTION_G) > fewest:
                 levels.append(largest)
     return max(levels, default=None)
 

@@ -251,3 +251,8 @@ class Reconciliation:
     """What the crane did in the log, where that is taken as known."""
     held_out_inputs: tuple[EstimatedInput, ...] = ()
     """The same in a second recording; empty where the end of the log is held out."""
+
+    @property
+    def best_attempt(self) -> Mapping[str, Mapping[str, Value]]:
+        """The effects of the best model, where it does not explain the data: they have no claim to be the cause."""
+        return self.model if self.verdict == "unmodelled" else {}

@@ -2,6 +2,8 @@
 
 from typing import Any
 
+import numpy as np
+
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.result import Estimate, Gap, NamedEffect, Reconciliation
 
@@ -26,6 +28,10 @@ def to_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
             for part in result.parts
         ],
         "effects": [_effect(effect) for effect in result.effects],
+        "best_attempt": {
+            name: {parameter: np.asarray(value).tolist() for parameter, value in values.items()}
+            for name, values in result.best_attempt.items()
+        },
         "candidates": list(result.candidates),
         "split_by": result.split_by,
         "disagreement": [

@@ -1,9 +1,11 @@
 """The answer for a terminal."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.parameter import Value
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.output.result import Estimate, Gap, Reconciliation
 
@@ -32,6 +34,8 @@ def to_text(result: Reconciliation) -> str:
     for effect in result.effects:
         lines.append(f"  {effect.name}: {effect.explains}")
         lines += [f"    {name} = {_estimate(estimate)}" for name, estimate in effect.parameters.items()]
+    if result.best_attempt:
+        lines.append(f"best attempt {_best_attempt(result.best_attempt)}; not an explanation: a pattern remains")
     if result.split_by is not None:
         lines.append(f"to decide    {result.split_by}")
     if result.inputs:
@@ -50,6 +54,19 @@ def _inputs(found: Sequence[EstimatedInput]) -> str:
     counts = [(sum(each.kind == kind for each in found), kind, plural) for kind, plural in kinds]
     text = " and ".join(f"{count} {kind if count == 1 else plural}" for count, kind, plural in counts if count)
     return f"{text} of the crane, as estimated from the recording; their samples are not fitted"
+
+
+def _best_attempt(effects: Mapping[str, Mapping[str, Value]]) -> str:
+    return "; ".join(
+        f"{name} ({', '.join(_value(name, parameter, value) for parameter, value in values.items())})"
+        for name, values in effects.items()
+    )
+
+
+def _value(effect: str, parameter: str, value: Value) -> str:
+    unit = next((each.unit for each in EFFECTS[effect].parameters if each.name == parameter), "1")
+    numbers = ",".join(f"{each:.4g}" for each in np.atleast_1d(np.asarray(value, dtype=np.float64)))
+    return f"{parameter} {numbers}" + ("" if unit == "1" else f" {unit}")
 
 
 def _estimate(estimate: Estimate) -> str:

@@ -35,6 +35,17 @@ def test_saturation_level_is_found_and_the_maximum_of_noise_is_none(record: Reco
     assert detect_saturation(force_g) is None
 
 
+def test_a_short_log_and_repeated_readings_are_not_saturated(record: Record) -> None:
+    """One reading of 200 is more than the share that shows a limit; a slow sensor gives each reading three times."""
+    force_g = record({}).force_g[:200]
+
+    assert detect_saturation(force_g) is None
+    assert detect_saturation(np.repeat(force_g, 5, axis=0)) is None
+    assert detect_saturation(np.minimum(force_g, np.sort(force_g[:, 2])[-20])) == pytest.approx(
+        np.sort(force_g[:, 2])[-20]
+    )
+
+
 def test_quantised_mean_equals_the_mean_of_many_noisy_readings() -> None:
     rng = np.random.default_rng(1)
     force_g = np.linspace(-0.013, 0.013, 30).reshape(10, 3)
