@@ -1,6 +1,8 @@
 """Analog Devices ADXL345: 13-bit triaxial MEMS accelerometer, its registers and decoding.
 
 Registers and tables by the data sheet Rev. G, sections "Register map", "Register definitions" and "FIFO", and Table 1.
+Registers and scale agree with Linux, adxl345_core.c, those of the FIFO with Adafruit's library. Not confirmed by a second source:
+the limits of the self-test (a warning only), noise, zero-g offset and temperature coefficients.
 """
 
 import math
