@@ -18,11 +18,12 @@ import zenoh
 from pydantic import TypeAdapter, ValidationError
 
 from gateway.atomic_io import write_durably
-from gateway.bus.alert_sequence import AlertPage, AlertRequest, AlertSequence, MissedChanges, SequenceState
+from gateway.bus.alert_event import AlertEvent, events_of
+from gateway.bus.alert_sequence import AlertPage, AlertRequest, AlertSequence, SequenceState
 from gateway.bus.client import open_client_session
 from gateway.bus.credentials import Credentials
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD
-from gateway.bus.gateway_state import GatewayPresence, GatewayState
+from gateway.bus.gateway_state import LATE_S, GatewayPresence, GatewayState
 from gateway.bus.session import UnreachableError
 from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.errors import InputError
@@ -36,23 +37,10 @@ STEP_S = 0.1
 """Longest wait before the states are judged again."""
 ANSWER_S = 2.0
 """A request for missed changes without an answer is repeated after this time."""
+GIVE_UP_S = 10.0
+"""A gateway that sends and does not answer holds up its alerts no longer than this."""
 CONNECT_MS = 1000
 _STATES = TypeAdapter(dict[str, SequenceState])
-
-
-@dataclass(frozen=True, slots=True)
-class AlertEvent:
-    """Something that a consumer must know; `gateway` is its key on the bus."""
-
-    gateway: str
-    change: Alert | None = None
-    """A change of an alert, each once and in order."""
-    missed: MissedChanges | None = None
-    """Changes that the gateway no longer has."""
-    state: GatewayState | None = None
-    """What is known of the gateway now, where that has changed."""
-    standing: Alert | None = None
-    """With a state: the last alert message, with all alerts that are active."""
 
 
 @dataclass(slots=True)
@@ -63,6 +51,8 @@ class _Gateway:
     presence: GatewayPresence
     state: GatewayState | None = None
     asked_s: float = float("-inf")
+    waiting_since_s: float | None = None
+    """Since when earlier changes are missing, and the gateway is heard."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,6 +124,7 @@ class AlertReceiver:
             self._open()
             yield from self._take_arrivals(min(STEP_S, max(0.0, end_s - time.monotonic())))
             self._ask()
+            yield from self._give_up()
             yield from self._judge()
             self.save()
             if time.monotonic() >= end_s:
@@ -230,12 +221,19 @@ class AlertReceiver:
         except ValidationError:
             self.refused += 1
             return
-        gateway.asked_s = float("-inf")
-        for event in gateway.sequence.take_page(request, page):
-            if isinstance(event, MissedChanges):
-                yield AlertEvent(key, missed=event)
-            else:
-                yield AlertEvent(key, change=event)
+        gateway.asked_s, gateway.waiting_since_s = float("-inf"), None
+        yield from events_of(key, gateway.sequence.take_page(request, page))
+
+    def _give_up(self) -> Iterator[AlertEvent]:
+        """Go on where a gateway is heard and answers nothing."""
+        now_s = time.monotonic()
+        for key, gateway in self._gateways.items():
+            if not gateway.sequence.is_waiting or now_s - gateway.presence.heard_s > LATE_S:
+                gateway.waiting_since_s = None
+            elif gateway.waiting_since_s is None:
+                gateway.waiting_since_s = now_s
+            elif now_s - gateway.waiting_since_s > GIVE_UP_S:
+                yield from events_of(key, gateway.sequence.give_up())
 
     def _ask(self) -> None:
         """Ask for missed changes, again where an answer does not come."""

@@ -14,6 +14,7 @@ from gateway.messages import Alert
 from gateway.outbox.position import Position
 
 REMEMBERED_BOOTS = 32
+MOST_EARLY = 256
 
 
 class SequenceState(BaseModel):
@@ -73,6 +74,8 @@ class AlertSequence:
         self._request = AlertRequest(0, Position(0))
         self._skip = 0
         """At the first contact: changes up to this number came before."""
+        self._early: list[Alert] = []
+        """Changes that came while earlier ones are missing."""
         self._held: list[Alert] | None = None
         """Changes of a page that is not complete; they count only if the gateway has nothing that was seen before."""
 
@@ -98,7 +101,7 @@ class AlertSequence:
 
     def take(self, alert: Alert) -> Iterator[Alert]:
         """Take a live message; yield the change in it if it is the next one."""
-        if alert.boot_id is None or alert.alert_number is None:  # of a gateway without numbers
+        if alert.boot_id is None or alert.alert_number is None or alert.clock == "replayed":  # nobody to ask
             if alert.rule is not None:
                 yield alert
             return
@@ -108,11 +111,23 @@ class AlertSequence:
             return
         if self._cursor is not None:
             self._target = boot_id, number
+            self._keep_early(alert)
         elif is_change and known is not None and number == known + 1:
             self._note(boot_id, number)
             yield alert
         else:
             self._begin(boot_id, number, is_change=is_change)
+            self._keep_early(alert)
+
+    def give_up(self) -> Iterator[Alert | MissedChanges]:
+        """Go on without an answer, so that a gateway which answers nothing cannot hold up what it sends."""
+        if self._cursor is None or self._target is None:
+            return
+        self._held = None
+        for alert in self._early:
+            if alert.boot_id is not None and alert.alert_number is not None:
+                yield from self._take_missing(alert, alert.boot_id, alert.alert_number)
+        yield from self._settle(*self._target)
 
     def take_page(self, request: AlertRequest, page: AlertPage) -> Iterator[Alert | MissedChanges]:
         """Take the answer to a request; yield the changes that were missing, and which are lost."""
@@ -163,6 +178,10 @@ class AlertSequence:
         if self._target != self._asked:
             self._cursor = self._last or Position(self._baseline)
             return
+        yield from self._settle(boot_id, number)
+
+    def _settle(self, boot_id: str, number: int) -> Iterator[MissedChanges]:
+        """Count everything up to a number as known."""
         known = self._boots.get(boot_id, self._baseline if self._last is None else self._last.number)
         if known < number:
             yield MissedChanges(known + 1, number)
@@ -172,6 +191,12 @@ class AlertSequence:
         self._trim()
         self._cursor = self._target = self._asked = None
         self._skip = 0
+        self._early = []
+
+    def _keep_early(self, alert: Alert) -> None:
+        """Keep a change for the case that no answer comes."""
+        if alert.rule is not None:
+            self._early = [*self._early[-MOST_EARLY + 1 :], alert]
 
     @property
     def _baseline(self) -> int:

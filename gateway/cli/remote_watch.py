@@ -13,7 +13,8 @@ from gateway.text import printable
 if TYPE_CHECKING:
     import zenoh
 
-    from gateway.bus.alert_receiver import AlertEvent, AlertReceiver
+    from gateway.bus.alert_event import AlertEvent
+    from gateway.bus.alert_receiver import AlertReceiver
     from gateway.daemon.bounded_queue import BoundedQueue
 
 ALERT = "alert"

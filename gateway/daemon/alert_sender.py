@@ -16,7 +16,7 @@ from gateway.outbox.change import StoredChange
 from gateway.topics import encode
 
 log = logging.getLogger("plumbline.alert_sender")
-INBOX = 1024
+INBOX = 512
 STORE_PATIENCE_S = 0.25
 """Longest delay of an alert by the disk. Basis: an SD card needs 5 to 50 ms, and an alert must not wait for a broken one."""
 
@@ -62,13 +62,17 @@ class AlertSender(Worker[QueuedAlert]):
             express=True,  # an alert does not wait for a batch to fill
         )
 
-    def submit(self, message: Alert, log_time_ns: int) -> None:
-        """Store and send a message; it never waits. Called by the processing thread."""
+    def submit(self, message: Alert, log_time_ns: int, patience_s: float = 0.0) -> None:
+        """Store and send a message, as soon as there is room within a time. Called by the processing thread."""
         request = None
         if message.rule is not None and message.boot_id is not None and message.alert_number is not None:
             payload = encode(replace(message, stored=True))
             request = self._outbox.submit(StoredChange(message.boot_id, message.alert_number, payload))
-        self.inbox.put(QueuedAlert(message, log_time_ns, time.monotonic() + STORE_PATIENCE_S, request))
+        queued = QueuedAlert(message, log_time_ns, time.monotonic() + STORE_PATIENCE_S, request)
+        if patience_s <= 0:
+            self.inbox.put(queued)  # counts what it drops
+        elif not self.inbox.put_waiting(queued, patience_s):
+            self.not_sent += 1
 
     def latency_ms(self) -> dict[str, float] | None:
         """Return the latency from sample to sending over the last hour. Called by the processing thread."""

@@ -215,7 +215,9 @@ class Processor(Worker[SamplerItem]):
             topic = TOPICS[message.topic]
             self._page.put(encoded.topic, encoded.payload)
             if isinstance(message.message, Alert):
-                self._alerts.submit(message.message, message.log_time_ns)
+                self._alerts.submit(
+                    message.message, message.log_time_ns, SINK_PATIENCE_S if self.info.can_wait else 0.0
+                )
             elif topic.published:
                 self._publisher.inbox.put(encoded)
             if topic.logged and self.info is not None and self.info.can_wait:

@@ -73,17 +73,17 @@ class Receiver:
         self.sequence = AlertSequence(self.since, kept)
 
     def take(self, message: Alert) -> None:
-        self._deliver(self.sequence.take(message))
+        self.deliver(self.sequence.take(message))
 
     def take_page(self, request: AlertRequest, page: AlertPage) -> None:
-        self._deliver(self.sequence.take_page(request, page))
+        self.deliver(self.sequence.take_page(request, page))
 
     def catch_up(self, gateway: Gateway) -> "Receiver":
         while (request := self.sequence.ask()) is not None:
             self.take_page(request, gateway.answer(request))
         return self
 
-    def _deliver(self, events: Iterator[Alert | MissedChanges]) -> None:
+    def deliver(self, events: Iterator[Alert | MissedChanges]) -> None:
         for event in events:
             if isinstance(event, MissedChanges):
                 self.missed.append(event)
@@ -247,6 +247,40 @@ class Link:
                 self.receiver.take_page(*self.answers.pop())
             case "lose answer":
                 self.answers = self.answers[1:]
+
+
+def test_a_gateway_that_answers_nothing_holds_up_no_alert_for_ever() -> None:
+    gateway, receiver = Gateway(), Receiver()
+    receiver.take(gateway.heartbeat())
+    receiver.catch_up(gateway)
+    receiver.take(gateway.change())
+    gateway.change()
+    receiver.take(gateway.change())
+    receiver.take(gateway.heartbeat())
+    gateway.change()
+    receiver.take(gateway.change())
+    assert receiver.delivered == [("b0", 1)]
+    receiver.deliver(receiver.sequence.give_up())
+    assert receiver.delivered == [("b0", 1), ("b0", 3), ("b0", 5)]
+    assert receiver.missed == [MissedChanges(2, 2), MissedChanges(4, 4)]
+    receiver.take(gateway.change())
+    assert receiver.delivered[-1] == ("b0", 6)
+    assert not receiver.sequence.is_waiting
+
+
+def test_giving_up_at_a_heartbeat_says_what_is_missing() -> None:
+    gateway, receiver = Gateway(), Receiver()
+    receiver.take(gateway.heartbeat())
+    receiver.catch_up(gateway)
+    gateway.change(), gateway.change()
+    receiver.take(gateway.heartbeat())
+    receiver.deliver(receiver.sequence.give_up())
+    assert (receiver.delivered, receiver.missed) == ([], [MissedChanges(1, 2)])
+
+
+def test_a_playback_is_passed_on_although_nobody_can_be_asked() -> None:
+    message = replace(alert("b", 7), clock="replayed")
+    assert list(Receiver().sequence.take(message)) == [message]
 
 
 STEPS = st.lists(

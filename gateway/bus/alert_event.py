@@ -1,0 +1,29 @@
+"""What a receiver of alerts passes on to its consumer."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from gateway.bus.alert_sequence import MissedChanges
+from gateway.bus.gateway_state import GatewayState
+from gateway.messages import Alert
+
+
+@dataclass(frozen=True, slots=True)
+class AlertEvent:
+    """Something that a consumer must know; `gateway` is its key on the bus."""
+
+    gateway: str
+    change: Alert | None = None
+    """A change of an alert, each once and in order."""
+    missed: MissedChanges | None = None
+    """Changes that the gateway no longer has."""
+    state: GatewayState | None = None
+    """What is known of the gateway now, where that has changed."""
+    standing: Alert | None = None
+    """With a state: the last alert message, with all alerts that are active."""
+
+
+def events_of(gateway: str, changes: Iterator[Alert | MissedChanges]) -> Iterator[AlertEvent]:
+    """Yield the events of changes, and of those that are lost."""
+    for each in changes:
+        yield AlertEvent(gateway, missed=each) if isinstance(each, MissedChanges) else AlertEvent(gateway, change=each)
