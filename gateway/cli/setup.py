@@ -45,6 +45,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Ask, write and check."""
     from gateway.cli.setup_dialogue import ask_all, confirm
     from gateway.configuration.answers import Answers
+    from gateway.configuration.loading import load_text
     from gateway.configuration.service_configuration import SETTINGS, require_sensor
     from gateway.errors import InputError
 
@@ -62,6 +63,7 @@ def run(arguments: argparse.Namespace) -> int:
     configuration = answers.complete(where)
     require_sensor(configuration, where)
     text = f"# Written by plumbline setup; plumbline config show {path} prints all keys.\n\n{answers.to_toml()}"
+    load_text(text, where)  # the very text that is written
     if asking:
         print(f"\n{text}")
         if not confirm(f"Write this to {path}?", default=True):

@@ -1,6 +1,7 @@
 """The questions of `plumbline setup` on a terminal: each with a default, each answer checked at once."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, get_args
 
 from devices.clock import HostClock
@@ -12,6 +13,9 @@ from gateway.errors import InputError
 
 Ask = Callable[[str], str]
 
+NONE = "none"
+CERTIFICATE_FILES = {"ca": "ca.pem", "certificate": "certificate.pem", "key": "key.pem"}
+NETWORK_LISTENERS = ["tls/0.0.0.0:7447", "tcp/127.0.0.1:7447"]
 WARN_SHARE, CLEAR_SHARE = 2 / 3, 1 / 3
 """Default levels as shares of the trip level."""
 
@@ -24,6 +28,7 @@ def ask_all(answers: Answers, ask: Ask = input) -> None:
         _ask_rope(answers, ask)
         _ask_limits(answers, ask)
         _ask_page(answers, ask)
+        _ask_certificates(answers, ask)
     except EOFError as error:
         raise InputError("the answers have ended; nothing was written") from error
 
@@ -122,6 +127,24 @@ def _ask_page(answers: Answers, ask: Ask) -> None:
     print("\nThe operator's page: 127.0.0.1 is seen on this machine alone, 0.0.0.0 by the whole network.")
     _ask_key(answers, "page.listen", "Address and port", "127.0.0.1:8321", ask)
     _ask_key(answers, "page.language", "Language, en or de", "en", ask)
+
+
+def _ask_certificates(answers: Answers, ask: Ask) -> None:
+    print(
+        "\nOther computers reach the gateway with certificates only (plumbline keys issue gateway NAME makes a folder)."
+    )
+
+    def take(text: str) -> None:
+        if text == NONE:
+            return
+        folder = Path(text).expanduser().absolute()
+        files = {key: folder / name for key, name in CERTIFICATE_FILES.items()}
+        if missing := [str(path) for path in files.values() if not path.is_file()]:
+            raise ConfigurationError(f"{missing[0]}: no such file")
+        answers.set(bus__listen=NETWORK_LISTENERS, bus__tls={key: str(path) for key, path in files.items()})
+        print(f"  the service must be able to read them: chown -R plumbline {folder}")
+
+    _repeat("Folder with the gateway's certificates", NONE, take, ask)
 
 
 def _ask_key(answers: Answers, name: str, text: str, default: str | None, ask: Ask) -> None:

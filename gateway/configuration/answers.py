@@ -58,11 +58,12 @@ def _copied(keys: Any) -> Any:
 
 
 def _section(name: str, keys: Table, section: Section) -> str:
-    lines = [f"[{name}]"]
+    lines, tables = [f"[{name}]"], []
     for key, value in keys.items():
         if isinstance(value, dict):
-            lines.append(tomli_w.dumps({name: {key: value}}).partition("\n")[2].strip())
+            tables.append("\n" + tomli_w.dumps({name: {key: value}}))
             continue
         description = type(section).model_fields[key].description
-        lines.append(tomli_w.dumps({key: value}).rstrip() + (f"  # {description}" if description else ""))
-    return "\n".join(lines) + "\n"
+        setting = tomli_w.dumps({key: value}).rstrip().replace("\n", " ")
+        lines.append(setting + (f"  # {description}" if description else ""))
+    return "\n".join(lines) + "\n" + "".join(tables)

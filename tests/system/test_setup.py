@@ -75,7 +75,10 @@ class Terminal:
 
 
 def test_a_person_sets_up_a_gateway_on_a_terminal(dev: Path, tmp_path: Path) -> None:
-    out = tmp_path / "crane.toml"
+    out, certificates = tmp_path / "crane.toml", tmp_path / "crane-7"
+    certificates.mkdir()
+    for name in ("ca.pem", "certificate.pem", "key.pem"):
+        (certificates / name).touch()
     person = Terminal(dev, "--out", out)
     person.expect("1  ADXL355 at 0x1d on I2C bus 1")
     person.answer("Which one is in the housing? [1]:", "7")
@@ -105,6 +108,9 @@ def test_a_person_sets_up_a_gateway_on_a_terminal(dev: Path, tmp_path: Path) -> 
     person.answer("by a side pull, degrees [3]:")
     person.answer("Address and port [127.0.0.1:8321]:")
     person.answer("Language, en or de [en]:", "de")
+    person.answer("Folder with the gateway's certificates [none]:", str(dev))
+    person.expect("ca.pem: no such file")
+    person.answer("Folder with the gateway's certificates [none]:", str(certificates))
     assert not out.exists()
     person.answer(f"Write this to {out}? [Y/n]")
     person.expect(r"adxl355-01-i2c1-1d|H-0042")
@@ -116,6 +122,8 @@ def test_a_person_sets_up_a_gateway_on_a_terminal(dev: Path, tmp_path: Path) -> 
     assert table["device"] == {"kind": "adxl355", "bus": 1, "address": 0x1D, "serial": "H-0042", "axes_map": "x,y,z"}
     assert table["rope"] == {"length_m": 21.5}
     assert table["alerts"] == {"trip_deg": 5.0, "warn_deg": 3.0, "clear_deg": 1.67, "lean_trip_deg": 3.0}
+    assert table["bus"]["listen"] == ["tls/0.0.0.0:7447", "tcp/127.0.0.1:7447"]
+    assert table["bus"]["tls"]["key"] == str(certificates / "key.pem")
     assert "# pivot to the load's centre" in out.read_text()
 
 
