@@ -12,6 +12,7 @@ from tests.benchmarks import (
     daemon,
     delay,
     fleet,
+    footprint,
     gateway_states,
     incident,
     inclinometer,
@@ -29,6 +30,7 @@ from tests.benchmarks import (
 ALL: dict[str, Callable[..., None]] = {
     "chain": chain.main,
     "daemon": daemon.main,
+    "footprint": footprint.main,
     "delay": delay.main,
     "alert_latency": alert_latency.main,
     "gateway_states": gateway_states.main,
@@ -53,7 +55,7 @@ options = sys.argv[1 + len(names) :]
 unknown = [name for name in names if name not in ALL]
 if unknown:
     sys.exit(f"no benchmark {', '.join(unknown)}; there are {', '.join(ALL)}")
-if options and names not in (["motion"], ["motion_gyro"], ["record_info"]):
-    sys.exit("only the benchmarks motion, motion_gyro and record_info have options")
+if options and names not in (["footprint"], ["motion"], ["motion_gyro"], ["record_info"]):
+    sys.exit("only the benchmarks footprint, motion, motion_gyro and record_info have options")
 for name in names or ALL:
     ALL[name](*([options] if options else []))
