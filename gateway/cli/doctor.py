@@ -90,6 +90,8 @@ def _without_hooks(configuration: "Configuration") -> "Configuration":
 def print_result(result: "CheckResult") -> None:
     """Print one result at once."""
     print(f"{paint(MARKS[result.grade], STYLES[result.grade])} {result.place:<12} {result.text}", flush=True)
+    for line in result.sketch:
+        print(f"{'':<18}{line}", flush=True)
 
 
 def _record(results: "list[CheckResult]") -> dict[str, Any]:

@@ -15,3 +15,5 @@ class CheckResult:
     text: str
     values: dict[str, Any] = field(default_factory=dict)
     """What was measured, for a record of the check."""
+    sketch: tuple[str, ...] = ()
+    """Lines of a drawing for people."""

@@ -4,8 +4,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import asdict
 from pathlib import Path
 
-import numpy as np
-from numpy.typing import NDArray
 from smbus2 import SMBus
 
 from devices.block import DeviceInfo, SampleBlock
@@ -20,14 +18,11 @@ from gateway.configuration.i2c_devices import I2cDevice, I2cSection
 from gateway.configuration.model import Configuration
 from gateway.configuration.serial_devices import SerialSection
 from gateway.daemon.check_result import CheckResult, Grade
+from gateway.daemon.face_check import check_attitude
 from gateway.daemon.serial_check import examine_ports, examine_radio
 
 READING_S = 3.0
-SCALE_TOLERANCE = 0.1
-"""Relative tolerance of the magnitude at rest, besides the zero-g offsets of the data sheet."""
 RATE_TOLERANCE = 0.1
-FACE_UP_G = 0.8
-"""Least share of one g along the axis that points up."""
 
 MakeDevice = Callable[[Configuration, Clock], Device]
 
@@ -105,7 +100,7 @@ def _reading(configuration: Configuration, make_device: MakeDevice, clock: Clock
         device = make_device(configuration, clock)
         info = device.open()
         try:
-            blocks = _read_blocks(device, clock)
+            blocks = read_blocks(device, clock, READING_S)
         finally:
             device.close()
     except DeviceError as error:
@@ -115,14 +110,15 @@ def _reading(configuration: Configuration, make_device: MakeDevice, clock: Clock
         yield CheckResult("bad", "reading", f"{info.device_id}: no samples in {READING_S:g} s")
         return
     yield _rate(info, blocks)
-    yield from _attitude(info, configuration.device.axes, blocks)
+    yield from check_attitude(info, configuration.device.axes, blocks)
     yield from examine_radio(blocks)
     if faults := {name: count for name, count in device.faults.items() if count}:
         yield CheckResult("note", "faults", ", ".join(f"{name} {count}" for name, count in faults.items()))
 
 
-def _read_blocks(device: Device, clock: Clock) -> list[SampleBlock]:
-    end_ns = clock.now_ns() + round(READING_S * 1e9)
+def read_blocks(device: Device, clock: Clock, duration_s: float) -> list[SampleBlock]:
+    """Return what an open device delivers in a time. Raises `DeviceError`."""
+    end_ns = clock.now_ns() + round(duration_s * 1e9)
     blocks = []
     while clock.now_ns() < end_ns:
         block = device.read()
@@ -147,23 +143,3 @@ def _rate(info: DeviceInfo, blocks: list[SampleBlock]) -> CheckResult:
         "temperature_c": temperatures[-1] if temperatures else None,
     }
     return CheckResult("good" if good else "bad", "reading", text, values)
-
-
-def _attitude(info: DeviceInfo, axes: tuple[tuple[int, int], ...], blocks: list[SampleBlock]) -> Iterator[CheckResult]:
-    sensor_g: NDArray[np.float64] = np.concatenate([block.raw for block in blocks]).mean(axis=0) / info.units_per_g
-    magnitude_g = float(np.linalg.norm(sensor_g))
-    tolerance_g = 3**0.5 * (info.zero_g_offset_g or 0.0) + SCALE_TOLERANCE
-    if abs(magnitude_g - 1) > tolerance_g:
-        possible = f"{max(1 - tolerance_g, 0):.2f} to {1 + tolerance_g:.2f} is possible"
-        text = f"{magnitude_g:.3f} g at rest, {possible}; check kind and range"
-        yield CheckResult("bad", "reading", text, {"sensor_g": sensor_g.tolist(), "magnitude_g": magnitude_g})
-        return
-    housing_g = np.array([sign * sensor_g[index] for index, sign in axes])
-    readings = ", ".join(f"{axis} {value:+.3f}" for axis, value in zip("xyz", housing_g, strict=True))
-    values = {"housing_g": housing_g.tolist(), "magnitude_g": magnitude_g}
-    largest = int(np.abs(housing_g).argmax())
-    up = ("-" if housing_g[largest] < 0 else "+") + "xyz"[largest]
-    upright = largest == 2 and housing_g[2] > FACE_UP_G
-    advice = "" if upright else "; on the rope +z must point up: turn the housing or set device.axes_map"
-    text = f"the housing's {up} face is up ({readings} g){advice}"
-    yield CheckResult("good" if upright else "note", "attitude", text, values)

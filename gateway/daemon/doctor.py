@@ -17,8 +17,9 @@ from gateway.configuration.bus_section import is_loopback
 from gateway.configuration.i2c_devices import I2cSection
 from gateway.configuration.model import Configuration
 from gateway.daemon.check_result import CheckResult
-from gateway.daemon.device_check import examine_device
+from gateway.daemon.device_check import examine_device, read_blocks
 from gateway.daemon.device_factory import make_device
+from gateway.daemon.face_check import check_attitude
 from gateway.daemon.instance import is_in_use
 from gateway.daemon.page_process import PAGE_MODULES
 from gateway.daemon.relay_check import check_relay
@@ -28,6 +29,8 @@ from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.errors import PlumblineError
 
 LOW_DISK_MB = 500.0
+ATTITUDE_S = 0.5
+"""Time for which the sensor is read to say which face is up."""
 
 
 def examine(configuration: Configuration) -> Iterator[CheckResult]:
@@ -84,11 +87,17 @@ def _device(configuration: Configuration) -> Iterator[CheckResult]:
     try:
         device = make_device(configuration, HostClock())
         info = device.open()
+        try:
+            blocks = [] if info.can_wait else read_blocks(device, HostClock(), ATTITUDE_S)
+        finally:
+            device.close()
     except DeviceError as error:
         yield CheckResult("bad", "device", str(error))
         return
-    device.close()
     yield CheckResult("good", "device", f"{info.kind} {info.device_id} at {info.odr_hz:g} Hz")
+    if blocks:
+        attitude = check_attitude(info, configuration.device.axes, blocks)
+        yield from (result for result in attitude if result.grade != "bad")  # the crane may be working
     try:
         stored = find_record_in_force(configuration.gateway.data_dir, info.device_id)
         correction = correction_for(info, configuration.device.axes, stored)

@@ -2,8 +2,11 @@
 
 from typing import Any
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from devices.axes_map import SAME_AXES
 from devices.chips import CHIPS
 from devices.clock import Clock
 from devices.device import Device
@@ -11,7 +14,9 @@ from devices.fifo_accelerometer import FifoAccelerometer
 from gateway.configuration.i2c_devices import I2cDevice
 from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
+from gateway.daemon.check_result import CheckResult
 from gateway.daemon.device_check import check_self_test, examine_device
+from gateway.daemon.face_check import sketch_housing
 from tests.devices.adxl345_chip import Adxl345Chip
 from tests.devices.adxl355_chip import Adxl355Chip, Adxl357Chip
 from tests.devices.chip_bus import ChipBus
@@ -19,8 +24,7 @@ from tests.devices.i2c_chip import FakeClock, I2cChip
 from tests.devices.lis3dh_chip import Lis3dhChip
 
 
-def examined(device: dict[str, Any], *chips: I2cChip) -> dict[str, list[tuple[str, str]]]:
-    """Results by place: grade and text."""
+def results_of(device: dict[str, Any], *chips: I2cChip) -> list[CheckResult]:
     clock = chips[0].clock
     bus = ChipBus(clock, *chips)
 
@@ -30,8 +34,13 @@ def examined(device: dict[str, Any], *chips: I2cChip) -> dict[str, list[tuple[st
         chip = CHIPS[section.kind](section.odr_hz, section.range_g)
         return FifoAccelerometer(chip, section.bus, section.address, clock=clock, open_bus=bus)
 
+    return list(examine_device(validate({"device": device}, "test"), make, clock, bus))
+
+
+def examined(device: dict[str, Any], *chips: I2cChip) -> dict[str, list[tuple[str, str]]]:
+    """Results by place: grade and text."""
     results: dict[str, list[tuple[str, str]]] = {}
-    for result in examine_device(validate({"device": device}, "test"), make, clock, bus):
+    for result in results_of(device, *chips):
         results.setdefault(result.place, []).append((result.grade, result.text))
     return results
 
@@ -102,6 +111,29 @@ def test_a_housing_that_does_not_hang_upright_is_described(force_g: tuple[float,
     assert grade == "note"
     assert f"the housing's {face} face is up" in text
     assert "set device.axes_map" in text
+
+
+def test_the_sketch_shows_the_face_that_is_up_and_the_axes_of_the_sensor() -> None:
+    chip = Adxl355Chip(FakeClock(), lambda _: (-1.0, 0.0, 0.0))
+    attitude = next(result for result in results_of({"kind": "adxl355", "axes_map": "z,-y,x"}, chip) if result.sketch)
+    top, front = attitude.sketch[1], attitude.sketch[4]
+    assert "-z" in top
+    assert "+y" in front
+    assert "+x" in attitude.sketch[3]
+    assert attitude.sketch[5].endswith("x is +z, y is -y, z is +x")
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+@pytest.mark.parametrize("sign", [-1, 1])
+def test_the_faces_of_the_sketch_are_right_handed(axis: int, sign: int) -> None:
+    lines = sketch_housing(axis, sign, SAME_AXES)
+    up, right, front = (_direction(lines[row][column : column + 2]) for row, column in ((1, 6), (3, 10), (4, 5)))
+    assert np.array_equal(np.cross(right, -front), up)
+
+
+def _direction(face: str) -> NDArray[np.float64]:
+    found: NDArray[np.float64] = np.eye(3)["xyz".index(face[1])] * (-1 if face[0] == "-" else 1)
+    return found
 
 
 def test_the_axes_map_is_applied() -> None:
