@@ -74,6 +74,8 @@ class AlertSequence:
         self._request = AlertRequest(0, Position(0))
         self._skip = 0
         """At the first contact: changes up to this number came before."""
+        self._unknown: tuple[str, int] | None = None
+        """The last message whose number the gateway itself does not know: damaged on its disk, or not from that gateway."""
         self._early: list[Alert] = []
         """Changes that came while earlier ones are missing."""
         self._held: list[Alert] | None = None
@@ -107,7 +109,7 @@ class AlertSequence:
             return
         boot_id, number, is_change = alert.boot_id, alert.alert_number, alert.rule is not None
         known = self._boots.get(boot_id)
-        if known is not None and number <= known:
+        if (known is not None and number <= known) or (boot_id, number) == self._unknown:
             return
         if self._cursor is not None:
             self._target = boot_id, number
@@ -127,7 +129,7 @@ class AlertSequence:
         for alert in self._early:
             if alert.boot_id is not None and alert.alert_number is not None:
                 yield from self._take_missing(alert, alert.boot_id, alert.alert_number)
-        yield from self._settle(*self._target)
+        yield from self._settle(*self._target, is_answered=False)
 
     def take_page(self, request: AlertRequest, page: AlertPage) -> Iterator[Alert | MissedChanges]:
         """Take the answer to a request; yield the changes that were missing, and which are lost."""
@@ -178,16 +180,19 @@ class AlertSequence:
         if self._target != self._asked:
             self._cursor = self._last or Position(self._baseline)
             return
-        yield from self._settle(boot_id, number)
+        yield from self._settle(boot_id, number, is_answered=True)
 
-    def _settle(self, boot_id: str, number: int) -> Iterator[MissedChanges]:
-        """Count everything up to a number as known."""
-        known = self._boots.get(boot_id, self._baseline if self._last is None else self._last.number)
+    def _settle(self, boot_id: str, number: int, *, is_answered: bool) -> Iterator[MissedChanges]:
+        """End the wait for a message. A number that the gateway's answer does not confirm is not believed."""
+        before = self._baseline if self._last is None else self._last.number
+        known = self._boots.get(boot_id, before)
         if known < number:
             yield MissedChanges(known + 1, number)
+            self._unknown = boot_id, number
+        if boot_id not in self._boots or not is_answered:
+            self._boots[boot_id] = min(number, known) if is_answered else max(number, known)
         if self._last is None:
-            self._last = Position(number)
-        self._boots[boot_id] = max(number, known)
+            self._last = Position(self._boots[boot_id])
         self._trim()
         self._cursor = self._target = self._asked = None
         self._skip = 0

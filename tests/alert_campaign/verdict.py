@@ -13,6 +13,9 @@ from gateway.outbox.position import Position
 from tests.alert_campaign.site import GATEWAYS, RECEIVERS, Site
 
 Change = tuple[str, int]
+BLOCK_MS = 100.0
+STARTING_BLOCKS = 20
+"""The first blocks of a boot, which wait for its threads to start, are left out."""
 
 
 @dataclass
@@ -82,7 +85,8 @@ def judge(site: Site) -> dict[str, Any]:
 def sampling(site: Site) -> dict[str, Any]:
     """Return the delays of blocks at the observer, and what the gateways lost or dropped."""
     lines = lines_of(site.folder / "observed.jsonl")
-    delays_ms = np.array([line["delay_ms"] for line in lines if line["topic"] == "samples"])
+    blocks = [line for line in lines if line["topic"] == "samples" and line["sequence"] >= STARTING_BLOCKS]
+    delays_ms = np.array([line["delay_ms"] for line in blocks])
     last: dict[str, dict[str, Any]] = {line["boot_id"]: line for line in lines if line["topic"] == "health"}
     latencies = [each["alert_latency_ms"] for each in last.values() if each["alert_latency_ms"]]
     return {
@@ -91,6 +95,7 @@ def sampling(site: Site) -> dict[str, Any]:
             name: round(float(np.percentile(delays_ms, q)), 2)
             for name, q in (("p50", 50), ("p99", 99), ("p99.9", 99.9), ("max", 100))
         },
+        "later_than_a_block": int(np.sum(delays_ms > BLOCK_MS)),
         "boots": len(last),
         "lost_samples": sum(each["lost"] for each in last.values()),
         "dropped_blocks": sum(each["dropped"]["blocks"] for each in last.values()),

@@ -278,6 +278,42 @@ def test_giving_up_at_a_heartbeat_says_what_is_missing() -> None:
     assert (receiver.delivered, receiver.missed) == ([], [MissedChanges(1, 2)])
 
 
+def test_a_message_with_an_invented_number_suppresses_no_later_change() -> None:
+    gateway, receiver = Gateway(), Receiver()
+    receiver.take(gateway.heartbeat())
+    receiver.catch_up(gateway)
+    receiver.take(gateway.change())
+    for forged in (
+        alert("b0", 10**9),
+        alert("b0", 10**9),
+        alert("elsewhere", 10**9),
+        alert("b0", 10**9, is_change=False),
+    ):
+        receiver.take(forged)
+        receiver.catch_up(gateway)
+    for _ in range(3):
+        receiver.take(gateway.change())
+        receiver.take(gateway.heartbeat())
+        receiver.catch_up(gateway)
+    assert receiver.delivered == gateway.changes
+    assert len(receiver.missed) <= 3
+
+
+def test_a_boot_whose_numbers_begin_again_before_its_first_change_is_heard() -> None:
+    """The disk could not be read at that start: the gateway numbers its changes from 1."""
+    gateway, receiver = Gateway(number=100), Receiver()
+    receiver.take(gateway.change())
+    receiver.catch_up(gateway)
+    gateway.boot, gateway.number = 1, 0
+    receiver.take(gateway.heartbeat())
+    receiver.catch_up(gateway)
+    for _ in range(3):
+        receiver.take(gateway.change())
+        receiver.catch_up(gateway)
+    assert receiver.delivered == gateway.changes
+    assert receiver.missed == []
+
+
 def test_a_playback_is_passed_on_although_nobody_can_be_asked() -> None:
     message = replace(alert("b", 7), clock="replayed")
     assert list(Receiver().sequence.take(message)) == [message]
