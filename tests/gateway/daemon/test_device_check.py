@@ -127,7 +127,7 @@ def test_the_sketch_shows_the_face_that_is_up_and_the_axes_of_the_sensor() -> No
 @pytest.mark.parametrize("sign", [-1, 1])
 def test_the_faces_of_the_sketch_are_right_handed(axis: int, sign: int) -> None:
     lines = sketch_housing(axis, sign, SAME_AXES)
-    up, right, front = (_direction(lines[row][column : column + 2]) for row, column in ((1, 6), (3, 10), (4, 5)))
+    up, right, front = (_direction(lines[row][column : column + 2]) for row, column in ((1, 6), (3, 11), (4, 5)))
     assert np.array_equal(np.cross(right, -front), up)
 
 
