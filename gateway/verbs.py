@@ -13,6 +13,8 @@ from gateway.recalibration import requests
 
 READ_LIMIT = RateLimit(burst=100, per_s=50.0)
 """For all callers together: who only reads is not authenticated by the request."""
+CHALLENGE_LIMIT = RateLimit(burst=1000, per_s=1000.0)
+"""It costs little, and without it a flood of other requests would keep everybody from proving who they are."""
 CHANGE_LIMIT = RateLimit(burst=20, per_s=2.0)
 """For each caller."""
 
@@ -42,7 +44,8 @@ VERBS: dict[str, Verb] = {
     verb.name: verb
     for verb in (
         _read("status"),
-        _read("challenge"),
+        Verb("challenge", requests.NoContent, None, CHALLENGE_LIMIT),
+        _read("schema", requests.FetchSchema),
         _read("fetch", requests.Fetch),
         _read("alerts", requests.FetchAlerts),
         _change("acknowledge", requests.Acknowledge, Role.OPERATOR),

@@ -24,6 +24,7 @@ ANSWER_S = 5.0
 """A request without an answer is repeated after this time. The gateway does a request with the same id once."""
 PAUSE_S = 0.5
 STATUS = "rpc/status"
+ALIVE = "alive"
 PASSING = ("rate_limited", "stale_credential")
 
 
@@ -71,6 +72,12 @@ def query_status(session: zenoh.Session, pattern: str) -> dict[str, dict[str, An
     return found
 
 
+def _keys_alive(session: zenoh.Session, pattern: str) -> set[str]:
+    """Return the keys of the gateways that are alive, by their tokens: no flood of requests hides them."""
+    found = {gateway_of(reply.ok, ALIVE) for reply in session.liveliness().get(f"{pattern}/{ALIVE}") if reply.ok}
+    return {key for key in found if key is not None}
+
+
 class GatewayClient:
     """Sends requests to one gateway and receives its messages. The link may be lost and restored in between."""
 
@@ -89,7 +96,7 @@ class GatewayClient:
             raise
 
     def _resolve_single_gateway(self, pattern: str) -> str:
-        keys = sorted(query_status(self._session, pattern))
+        keys = sorted(_keys_alive(self._session, pattern))
         if not keys:
             raise InputError(f"no gateway {pattern} answers at {self._connect}")
         if len(keys) > 1:

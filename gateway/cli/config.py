@@ -55,8 +55,12 @@ def _show(arguments: argparse.Namespace) -> int:
 def _check(arguments: argparse.Namespace) -> int:
     from gateway.configuration.loading import load
     from gateway.configuration.service_configuration import require_sensor
+    from gateway.errors import InputError
+    from gateway.pki.check_files import find_problems
 
     configuration = load(arguments.file)
+    if problems := list(find_problems(configuration.bus.tls.files)):
+        raise InputError(f"{arguments.file}: {'; '.join(problems)}")
     if arguments.service:
         require_sensor(configuration, str(arguments.file))
     print(f"{arguments.file}: good; {configuration.device.kind} as {configuration.gateway.key}")

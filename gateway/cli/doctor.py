@@ -36,6 +36,11 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         help="examine the sensor alone: the parts on its bus, its self-test, its readings; it must rest, and no gateway may run",
     )
     command.add_argument(
+        "--security",
+        action="store_true",
+        help="state what is open and to whom: listeners, rights, certificates, files, page",
+    )
+    command.add_argument(
         "--json", type=Path, metavar="FILE|-", help="write the results as JSON, with what was measured"
     )
     command.add_argument(
@@ -54,6 +59,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.configuration.service_configuration import SETTINGS, is_installed, load_installed
     from gateway.daemon.check_result import CheckResult
     from gateway.daemon.doctor import examine, examine_sensor
+    from gateway.daemon.security_check import examine_security
 
     installed = is_installed() and arguments.config in (None, SETTINGS)
     configuration = _without_hooks(load_installed() if installed else load(arguments.config))
@@ -62,7 +68,8 @@ def run(arguments: argparse.Namespace) -> int:
     quiet = arguments.json == STANDARD_OUTPUT
     if not quiet:
         print_result(results[0])
-    for result in examine_sensor(configuration) if arguments.device else examine(configuration):
+    checks = examine_security if arguments.security else examine_sensor if arguments.device else examine
+    for result in checks(configuration):
         if not quiet:
             print_result(result)
         results.append(result)

@@ -3,7 +3,7 @@
 import time
 from collections import deque
 from dataclasses import asdict, dataclass, field
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from devices.block import DeviceInfo
 from devices.device import Device
@@ -11,6 +11,7 @@ from gateway import __version__
 from gateway.daemon.alert_sender import AlertSender
 from gateway.daemon.counters import SampleCounters
 from gateway.daemon.drift_state_store import DriftStateStore
+from gateway.daemon.duplicate_watch import DuplicateWatch
 from gateway.daemon.faults import FaultRegister
 from gateway.daemon.line_writer import LineWriter
 from gateway.daemon.page_channel import PageChannel
@@ -25,6 +26,9 @@ from gateway.daemon.security_log import SecurityLog
 from gateway.daemon.worker import Worker
 from gateway.messages import Health
 from gateway.pipeline.header import Header
+
+if TYPE_CHECKING:
+    from gateway.daemon.site_certificates import SiteCertificates  # its library is an extra
 
 RATE_WINDOW = 60
 """The rate is computed over this many messages, one per second."""
@@ -44,6 +48,8 @@ class HealthReporter:
     recalibration: RecalibrationService
     rpc: RpcServer
     security_log: SecurityLog
+    duplicates: DuplicateWatch
+    certificates: "SiteCertificates | None"
     recording: RecordingWorker
     publisher: Publisher
     alerts: AlertSender
@@ -65,6 +71,7 @@ class HealthReporter:
 
     def make(self, header: Header, info: DeviceInfo | None) -> Health:
         """Return the present state of the gateway."""
+        self.duplicates.poll()
         counters, path, standing = self.counters, self.recording.path, self.faults.standing
         return Health(
             **header,
@@ -90,6 +97,7 @@ class HealthReporter:
             standing_faults=standing,
             refused=dict(self.security_log.counts),
             page=self.page_url,
+            certificate_days_left=None if self.certificates is None else self.certificates.watch_expiry(),
             recording=None if path is None else str(path),
             recording_error=standing.get("recording"),
             disk_free_mb=self.recording.disk_free_mb,

@@ -25,6 +25,7 @@ from gateway.daemon.configuration_service import ConfigurationService
 from gateway.daemon.counters import SampleCounters
 from gateway.daemon.device_factory import make_rigger
 from gateway.daemon.drift_state_store import DriftStateStore
+from gateway.daemon.duplicate_watch import DuplicateWatch
 from gateway.daemon.faults import FaultRegister
 from gateway.daemon.file_writer import FileWriter
 from gateway.daemon.health import HealthReporter
@@ -145,7 +146,8 @@ def compose(
         recalibration,
         prepare=lambda: dispatcher.use(make_authoriser(boot_id, section.data_dir, configuration.bus.tls, certificates)),
     )
-    users = publisher.attach, alerts.attach, rpc.attach
+    duplicates = DuplicateWatch(section.key, boot_id, faults)
+    users = duplicates.attach, publisher.attach, alerts.attach, rpc.attach
     bus = BusConnection(partial(open_gateway_session, configuration.bus, section.key), users, faults)
     page_channel = PageChannel(PageRequests({"acknowledge": acknowledgements.submit}).answer)
     page = PageProcess(configuration, page_channel, faults) if configuration.page.enabled else None
@@ -163,6 +165,8 @@ def compose(
         recalibration=recalibration,
         rpc=rpc,
         security_log=security_log,
+        duplicates=duplicates,
+        certificates=certificates,
         recording=recording,
         publisher=publisher,
         alerts=alerts,

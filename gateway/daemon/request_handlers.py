@@ -8,8 +8,11 @@ from gateway.daemon.alert_history import AlertHistory
 from gateway.daemon.mark_service import MarkService
 from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.remote_request import RemoteRequest, RequestHandler
-from gateway.recalibration.requests import VERBS, SetMark
+from gateway.recalibration.requests import VERBS, FetchSchema, SetMark
+from gateway.topics import TOPICS, json_schema
+from gateway.verbs import VERBS as TABLE
 
+JSON = "application/json"
 NOT_IN_STATUS = "samples"
 
 
@@ -29,6 +32,7 @@ def make_handlers(
 
     return {
         "status": report_status,
+        "schema": _answer_schema,
         "fetch": recalibration.fetch,
         "alerts": alert_history.answer,
         "mark": lambda request: request.answer(marks.answer(request.expect(SetMark))),
@@ -36,3 +40,20 @@ def make_handlers(
         **configuration,
         **dict.fromkeys(VERBS, recalibration.submit),
     }
+
+
+def _answer_schema(request: RemoteRequest) -> None:
+    """Answer with the JSON Schema of a topic, or with what there is: topics with their encoding, verbs with their requests."""
+    topic = request.expect(FetchSchema).topic
+    if topic is None:
+        topics = {
+            name: {"schema": each.schema_name, "encoding": JSON, "rate": each.rate}
+            for name, each in TOPICS.items()
+            if each.published
+        }
+        verbs = {name: {"role": verb.role, "request": verb.request.model_json_schema()} for name, verb in TABLE.items()}
+        request.reply(True, {"topics": topics, "verbs": verbs})
+    elif topic in TOPICS and TOPICS[topic].published:
+        request.reply(True, json_schema(topic))
+    else:
+        request.refuse(f"no topic {topic!r} is published; rpc/schema without a topic lists them")

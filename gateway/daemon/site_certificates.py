@@ -1,5 +1,7 @@
 """The certificate files of a gateway: what commands are checked with, and when its own certificate expires."""
 
+import logging
+import time
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -9,7 +11,9 @@ from gateway.authorization.certificates import CertificateVerifier
 from gateway.configuration.bus_section import TlsSection
 from gateway.pki.inspect import CertificateError, identity_of, parse_authorities, parse_certificate, revoked_serials
 
+log = logging.getLogger("plumbline.security")
 EXPIRES_SOON_DAYS = 30
+LOOK_S, WARNING_S = 3600.0, 86_400.0
 NOTHING_REVOKED: frozenset[int] = frozenset()
 
 
@@ -26,6 +30,8 @@ class SiteCertificates:
         self._authorities: tuple[x509.Certificate, ...] = ()
         self._list_version: tuple[int, int] | None = None
         self._revoked = NOTHING_REVOKED
+        self._days_left: int | None = None
+        self._next_look_s = self._next_warning_s = 0.0
 
     def verifier(self) -> CertificateVerifier:
         """Return what checks the callers' certificates. Raises `CertificateError` for a CA file that cannot be used."""
@@ -45,6 +51,18 @@ class SiteCertificates:
             self._revoked = revoked_serials(_read(self._tls.revoked), self._authorities)
             self._list_version = version
         return self._revoked
+
+    def watch_expiry(self) -> int | None:
+        """Return the days until the certificate expires, read once an hour, and warn of it in the log once a day."""
+        now_s = time.monotonic()
+        if now_s >= self._next_look_s:
+            self._next_look_s = now_s + LOOK_S
+            self._days_left = self.days_left()
+        soon = self._days_left is not None and self._days_left < EXPIRES_SOON_DAYS
+        if soon and now_s >= self._next_warning_s:
+            self._next_warning_s = now_s + WARNING_S
+            log.warning("bus.tls.certificate expires in %s days; plumbline keys renew makes a new one", self._days_left)
+        return self._days_left
 
     def days_left(self) -> int | None:
         """Return the days until the gateway's own certificate expires; None where it cannot be read."""

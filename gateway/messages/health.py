@@ -27,6 +27,9 @@ class Health(Message):
         dict[str, str], Field(description="parts that do not work at present, with the reason")
     ] = field(default_factory=dict)
     dropped: Annotated[dict[str, int], Field(description="items dropped by each bounded queue")]
+    certificate_days_left: Annotated[
+        int | None, Field(description="days until the gateway's bus certificate expires; null: it has none")
+    ] = None
     refused: Annotated[dict[str, int], Field(description="requests refused since start, by kind")] = field(
         default_factory=dict
     )

@@ -104,6 +104,14 @@ class LoadSignal(BaseModel):
     loaded: bool
 
 
+class FetchSchema(BaseModel):
+    """Read the JSON Schema of a topic; without one the list of topics and verbs."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    topic: str | None = Field(None, max_length=64)
+
+
 class FetchAlerts(BaseModel):
     """Read the changes of alerts behind the last one that the caller has, page by page."""
 

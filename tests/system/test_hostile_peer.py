@@ -1,0 +1,258 @@
+"""A hostile peer on loopback, without any credential, in a process of its own: it forges, floods, stalls and sends garbage."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import zenoh
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gateway.authorization.credential import Challenge
+from gateway.bus.credentials import load_credentials
+from gateway.topics import TOPICS
+from gateway.verbs import VERBS
+from tests.ports import unused_port
+from tests.system.conftest import ROOT, BusPeer, JoinBus, Plumbline, RunningGateway, StartGateway
+from tests.waiting import PATIENCE_S, wait_until
+
+pytestmark = pytest.mark.slow
+KEY = "plumbline/v1/demo-site/crane-1/hook-1"
+ODR_HZ = 1000
+TOML = f'[device]\nkind = "simulated"\nodr_hz = {ODR_HZ}\n'
+TRIP = "[alerts]\nwarn_deg = 0.2\ntrip_deg = 0.3\nclear_deg = 0.1\n"
+
+HOSTILE = """
+import json, sys, time, zenoh
+config = zenoh.Config()
+for key, value in {{"mode": "client", "connect/endpoints": [sys.argv[1]], "scouting/multicast/enabled": False}}.items():
+    config.insert_json5(key, json.dumps(value))
+session = zenoh.open(config)
+print("ready", flush=True)
+{work}
+"""
+
+
+@pytest.fixture
+def hostile(request: pytest.FixtureRequest) -> Iterator[Any]:
+    """Starts hostile processes."""
+    running: list[subprocess.Popen[str]] = []
+
+    def start(endpoint: str, work: str) -> subprocess.Popen[str]:
+        command = [sys.executable, "-c", HOSTILE.format(work=work), endpoint]
+        running.append(subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT))
+        assert running[-1].stdout is not None
+        assert running[-1].stdout.readline() == "ready\n"
+        return running[-1]
+
+    yield start
+    for process in running:
+        process.kill()
+        process.communicate()
+
+
+def health(peer: BusPeer, after_s: float = 1.5) -> Any:
+    """A health message that describes what comes from now on."""
+    begun_ns = time.time_ns() + round(after_s * 1e9)
+    return peer.wait_for("health", lambda message: message["time_ns"] > begun_ns)
+
+
+def resident_mb(gateway: RunningGateway) -> float:
+    lines = Path(f"/proc/{gateway.process.pid}/status").read_text().splitlines()
+    (line,) = [line for line in lines if line.startswith("VmRSS:")]
+    return int(line.split()[1]) / 1024
+
+
+def query(peer: BusPeer, verb: str, payload: bytes = b"", attachment: bytes | None = None) -> tuple[bool, Any] | None:
+    for reply in peer.session.get(f"{KEY}/rpc/{verb}", payload=payload, attachment=attachment, timeout=PATIENCE_S):
+        answer = reply.ok or reply.err
+        if answer is not None:
+            return reply.ok is not None, json.loads(answer.payload.to_bytes())
+    return None
+
+
+def test_forged_messages_of_every_topic_reach_no_client(
+    start_gateway: StartGateway, join_bus: JoinBus, hostile: Any
+) -> None:
+    gateway = start_gateway(TOML + TRIP)
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("alert", lambda alert: alert["level"] == "trip")
+    hostile(
+        gateway.endpoint,
+        f"""
+while True:
+    for topic in {[*TOPICS, "load/x", "*"]}:
+        session.put("{KEY}/" + topic, json.dumps({{"level": "normal", "note": "by eve"}}))
+    session.put("plumbline/v1/**", b"by eve")
+    session.delete("{KEY}/alert")
+    time.sleep(0.01)
+""",
+    )
+    seen = len(peer.heard)
+    wait_until(lambda: len(peer.heard) > seen + 200, "messages after the forged ones")
+    assert not any(b"by eve" in payload for _, _, payload in list(peer.heard))
+    assert {alert["level"] for alert in peer.messages("alert")[-5:]} == {"trip"}
+
+
+def test_no_request_without_a_credential_changes_anything(start_gateway: StartGateway, join_bus: JoinBus) -> None:
+    gateway = start_gateway(TOML)
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("health")
+    changing = [verb.name for verb in VERBS.values() if verb.role is not None]
+    payload = json.dumps({"id": "request-1", "by": "ann", "housing_off_rope": True}).encode()
+    for verb in changing:
+        answer = query(peer, verb, payload)
+        assert answer is not None
+        assert (answer[0], answer[1]["kind"]) == (False, "no_credential")
+    assert health(peer)["refused"] == {"no_credential": len(changing)}
+    assert not (gateway.data_dir / "calibration" / "audit.jsonl").exists()
+    lines = (gateway.data_dir / "security.jsonl").read_text().splitlines()
+    assert {json.loads(line)["key"] for line in lines} == {f"rpc/{verb}" for verb in changing}
+    assert all(json.loads(line)["origin"].startswith("tcp/127.0.0.1:") for line in lines)
+
+
+def test_a_flood_of_requests_loses_no_sample_and_the_engineer_gets_through(
+    start_gateway: StartGateway, join_bus: JoinBus, hostile: Any, plumbline: Plumbline
+) -> None:
+    gateway = start_gateway(TOML)
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("health")
+    before = health(peer)
+    for _ in range(2):
+        hostile(
+            gateway.endpoint,
+            f"""
+while True:
+    for verb in ("cancel", "fetch", "status"):
+        session.get("{KEY}/rpc/" + verb, lambda reply: None, payload=b'{{"id": "request-1", "by": "eve"}}')
+    time.sleep(0.0005)
+""",
+        )
+    marked = plumbline(
+        "remote", "mark", "still here", "--by", "ann", "--connect", gateway.endpoint, "--credentials", gateway.data_dir
+    )
+    assert marked.returncode == 0, marked.stderr
+    after = health(peer, 5.0)
+    assert sum(after["refused"].values()) > 500
+    assert after["lost"] == before["lost"]
+    assert after["dropped"]["blocks"] == before["dropped"]["blocks"]
+    assert (gateway.data_dir / "security.jsonl").stat().st_size < 20_000
+
+
+def test_large_messages_and_a_stalled_peer_cost_no_memory_and_no_alert(
+    start_gateway: StartGateway, join_bus: JoinBus, hostile: Any
+) -> None:
+    gateway = start_gateway(TOML)
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("health")
+    before_mb = resident_mb(gateway)
+    stalled = hostile(gateway.endpoint, 'subscriber = session.declare_subscriber("**", print)\ntime.sleep(3600)')
+    os.kill(stalled.pid, signal.SIGSTOP)
+    large = hostile(
+        gateway.endpoint,
+        f"""
+for _ in range(3):
+    session.put("{KEY}/load", bytes(100_000_000), congestion_control=zenoh.CongestionControl.BLOCK)
+    for reply in session.get("{KEY}/rpc/cancel", payload=bytes(50_000_000), timeout=2.0):
+        pass
+print("sent", flush=True)
+time.sleep(3600)
+""",
+    )
+    assert large.stdout is not None
+    assert large.stdout.readline() == "sent\n"
+    alerts = len(peer.messages("alert"))
+    wait_until(lambda: len(peer.messages("alert")) > alerts + 3, "heartbeats of the alerts")
+    assert resident_mb(gateway) < before_mb + 50
+    assert health(peer)["dropped"]["blocks"] == 0
+    os.kill(stalled.pid, signal.SIGCONT)
+
+
+def test_garbage_on_every_verb_and_signal_stops_nothing(start_gateway: StartGateway, join_bus: JoinBus) -> None:
+    gateway = start_gateway(TOML)
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("health")
+    credentials = load_credentials(gateway.data_dir)
+    deep = b"[" * 8000
+
+    @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+    @given(
+        st.sampled_from(sorted(VERBS)),
+        st.one_of(st.binary(max_size=400), st.just(deep), st.just(b'{"id": ' + deep), st.builds(_json, st.text())),
+        st.booleans(),
+    )
+    def attack(verb: str, payload: bytes, signed: bool) -> None:
+        attachment: bytes | None = payload
+        if signed:
+            answer = query(peer, "challenge")
+            assert answer is not None
+            if answer[0]:
+                attachment = credentials.prove(f"{KEY}/rpc/{verb}", payload, Challenge.model_validate(answer[1]))
+        query(peer, verb, payload, attachment)
+        peer.session.put(f"{KEY}/load", payload)
+
+    attack()
+    assert gateway.process.poll() is None
+    after = health(peer)
+    assert after["lost"] == 0
+    assert after["refused"]["invalid_signal"] > 0
+    code, _, err = gateway.stop()
+    assert (code, "Traceback" in err) == (0, False)
+
+
+def _json(text: str) -> bytes:
+    return json.dumps({"id": text, "by": text, "reason": text, "text": text, "loaded": text}).encode()
+
+
+def test_a_second_gateway_with_the_same_key_is_noticed(tmp_path: Path) -> None:
+    endpoint = f"tcp/127.0.0.1:{unused_port()}"
+    config = zenoh.Config()
+    for key, value in {"mode": "router", "listen/endpoints": [endpoint], "scouting/multicast/enabled": False}.items():
+        config.insert_json5(key, json.dumps(value))
+    gateways = []
+    with zenoh.open(config):
+        try:
+            for name in ("one", "two"):
+                (tmp_path / name).mkdir()
+                connect = {"PLUMBLINE_BUS__CONNECT": json.dumps([endpoint])}
+                gateways.append(RunningGateway(tmp_path / name, environment=connect))
+            peer = BusPeer(endpoint, f"{KEY}/health")
+            warned = peer.wait_for("health", lambda message: "identity" in message["standing_faults"])
+            assert f"another gateway has the same key {KEY}" in warned["standing_faults"]["identity"]
+            gateways[0].stop()
+            peer.wait_for(
+                "health",
+                lambda message: (
+                    message["faults"].get("identity_failures") and "identity" not in message["standing_faults"]
+                ),
+            )
+            peer.close()
+        finally:
+            for gateway in gateways:
+                gateway.process.kill()
+                gateway.process.communicate()
+
+
+def test_schemas_of_topics_and_requests_are_published(start_gateway: StartGateway, join_bus: JoinBus) -> None:
+    gateway = start_gateway()
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("health")
+    answer = query(peer, "schema")
+    assert answer is not None
+    published = {name for name, topic in TOPICS.items() if topic.published}
+    assert set(answer[1]["topics"]) == published
+    assert set(answer[1]["verbs"]) == set(VERBS)
+    for topic in published:
+        schema = query(peer, "schema", json.dumps({"topic": topic}).encode())
+        assert schema is not None
+        assert schema[1]["title"] == TOPICS[topic].schema_name
+    refused = query(peer, "schema", b'{"topic": "log"}')
+    assert refused is not None
+    assert "no topic 'log' is published" in refused[1]["reason"]
