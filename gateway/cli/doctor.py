@@ -73,6 +73,8 @@ def run(arguments: argparse.Namespace) -> int:
         if not quiet:
             print_result(result)
         results.append(result)
+    if not quiet:
+        print(_summary(results))
     if quiet:
         print_json(_record(results))
     elif arguments.json is not None:
@@ -99,6 +101,14 @@ def print_result(result: "CheckResult") -> None:
     print(f"{paint(MARKS[result.grade], STYLES[result.grade])} {result.place:<12} {result.text}", flush=True)
     for line in result.sketch:
         print(f"{'':<18}{line}", flush=True)
+
+
+def _summary(results: "list[CheckResult]") -> str:
+    """Return the result of all checks in one line."""
+    bad = sum(result.grade == "bad" for result in results)
+    if bad:
+        return f"{bad} to correct, marked {MARKS['bad'].strip()}"
+    return "running, all well" if any(result.place == "gateway" for result in results) else "all well"
 
 
 def _record(results: "list[CheckResult]") -> dict[str, Any]:
