@@ -3,7 +3,8 @@
 A late arrival alone is no loss, for delays vary. A loss of m samples delays all later arrivals by at least m periods against
 the line of the sample clock, which lies below all earlier ones. The latest delays are compared with the delays before them: if
 each is as unlikely as q, k of them by chance have the probability q^k. They must last, for a host that stalled reads its
-backlog at once; and they must be so many that the least of them states the number of periods.
+backlog at once; and they must be so many that the least of them states the number of periods. Before that, only what exceeds the
+largest delay before them is taken for lost.
 """
 
 from collections import deque
@@ -43,10 +44,13 @@ class UncountedLoss:
         least_ns, count, start_ns = self._least_likely()
         if read_ns - start_ns < LEAST_RUN_NS or self._chance(least_ns, count) > CHANCE:
             return 0
-        if self._chance(round(period_ns / 2), count) > MISCOUNT:
-            return 0
-        self._run.clear()
-        return max(round(least_ns / period_ns), 1)
+        if self._chance(round(period_ns / 2), count) <= MISCOUNT:
+            lost = max(round(least_ns / period_ns), 1)
+        else:  # the rest is found later
+            lost = int(max(least_ns - max(self._usual, default=0), 0) / period_ns)
+        if lost:
+            self._run.clear()
+        return lost
 
     def _least_likely(self) -> tuple[int, int, int]:
         """Return the least delay, number and start of those latest delays that are least likely by chance."""

@@ -92,13 +92,13 @@ def test_a_node_that_is_not_heard_is_reported_with_those_that_are(
 
     with pytest.raises(DeviceError, match=r"node 7 is not heard; heard are 8 \(\d+ frames\), 9 \(\d+ frames\); set"):
         listen()
-    assert clock.now_ns() - SetClock().now_ns() == pytest.approx(2.5e9, rel=0.05)
+    assert clock.now_ns() - SetClock().now_ns() == pytest.approx(2.5e9, abs=0.3e9)
     device.open()
     exchange(device, peer, clock, Node().frame())
     heard_ns = clock.now_ns()
     with pytest.raises(DeviceError, match="node 7 is not heard"):
         listen()
-    assert clock.now_ns() - heard_ns == pytest.approx(10e9, rel=0.02)
+    assert clock.now_ns() - heard_ns == pytest.approx(10e9, abs=0.3e9)
 
 
 def test_a_newer_version_is_counted(device: SerialSensor, peer: Peer, clock: SetClock) -> None:
