@@ -187,10 +187,12 @@ def _traffic(what: str, router: Process, groups: list[Process], client: FleetCli
         sum(group.cpu_s - cpu_s for group, cpu_s in zip(groups, before[1], strict=True)) / passed_s / GATEWAYS
     )
     own_share = (time.process_time() - before[2]) / passed_s
+    connected = round(sum(group.report["connected"] for group in groups))
     put = (sum(group.report["sent"] for group in groups) - sent) / passed_s
     print(
-        f"  {what}: {put:.0f} messages/s put, at most {late_s:.2f} s late, {batches / passed_s:.0f} states/s; CPU: router "
-        f"{100 * router_share:.0f} %, a gateway's bus {100 * gateway_share:.2f} %, listener {100 * own_share:.0f} % of a core; "
+        f"  {what}: {put:.0f} messages/s put by {connected} connected gateways, at most {late_s:.2f} s late, "
+        f"{batches / passed_s:.0f} states/s; CPU: router {100 * router_share:.0f} %, "
+        f"a gateway's bus {100 * gateway_share:.2f} %, listener {100 * own_share:.0f} % of a core; "
         f"router {router.resident_mb:.0f} MB; {load()}"
     )
 

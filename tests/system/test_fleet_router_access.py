@@ -10,6 +10,7 @@ from cryptography.hazmat.primitives import serialization
 from gateway.bus.session import BusError, TlsFiles, open_session
 from gateway.pki.issue import Holder, KeyPair, issue, make_authority
 from tests.ports import unused_port
+from tests.system.conftest import Plumbline, RunningGateway
 from tests.system.test_fleet_router import CONNECT_MS, OWN, Router, stored
 from tests.waiting import wait_until
 
@@ -95,3 +96,54 @@ def test_each_party_may_do_what_its_certificate_allows(router: Router, certifica
         open_session("client", [router.endpoint], [], TlsFiles(certificates.of("ann").ca, None, None), 1000)
     for session in (gateway, ann, stranger):
         session.close()
+
+
+@pytest.mark.slow
+def test_a_gateway_behind_a_router_is_listed_and_commanded_by_certificates(
+    tmp_path: Path, plumbline: Plumbline
+) -> None:
+    keys = tmp_path / "keys"
+    for arguments in (
+        ("init", "--site", "yard"),
+        ("issue", "router", "router", "--host", "127.0.0.1"),
+        ("issue", "gateway", "c1"),
+        ("issue", "operator", "ann"),
+    ):
+        made = plumbline("keys", *arguments, "--folder", keys)
+        assert made.returncode == 0, made.stderr
+    gateways = tmp_path / "gateways.txt"
+    gateways.write_text("yard/c1/hook\n")
+    endpoint, own = f"tls/127.0.0.1:{unused_port()}", keys / "router-router"
+    router = Router(
+        endpoint, "--gateways", gateways, "--reader", "ann",
+        "--ca", own / "ca.pem", "--certificate", own / "certificate.pem", "--key", own / "key.pem",
+    )  # fmt: skip
+    files = "\n".join(
+        f'{key} = "{keys / "gateway-c1" / name}.pem"'
+        for key, name in (("ca", "ca"), ("certificate", "certificate"), ("key", "key"))
+    )
+    toml = (
+        '[gateway]\nsite = "yard"\ncrane = "c1"\nsensor = "hook"\n'
+        f'[bus]\nmode = "client"\nconnect = ["{endpoint}"]\n[bus.tls]\n{files}\n'
+        "[alerts]\nwarn_deg = 80\ntrip_deg = 85\nclear_deg = 70\nlean_trip_deg = 80\n"
+    )
+    gateway = RunningGateway(tmp_path, toml)
+    ann = ("--connect", endpoint, "--credentials", str(keys / "operator-ann"))
+    try:
+
+        def is_well() -> bool:
+            return (
+                plumbline("fleet", "status", *ann, "--expect", gateways, "--accept", "disturbed,unknown").returncode
+                == 0
+            )
+
+        wait_until(is_well, "the gateway in the list")
+        marked = plumbline("remote", "mark", "sling slipped", "--by", "ann", *ann)
+        assert marked.returncode == 0, marked.stderr
+        refused = plumbline("remote", "cancel", "--by", "ann", "--reason", "none", *ann)
+        assert refused.returncode != 0  # an operator may mark, and not recalibrate
+        assert plumbline("fleet", "status", "--connect", endpoint, "--credentials", tmp_path).returncode == 2
+    finally:
+        gateway.process.kill()
+        gateway.process.communicate()
+        assert router.stop() == 0
