@@ -4,6 +4,8 @@ from devices.errors import DeviceError
 
 FIRST_PATIENCE_NS, PATIENCE_NS = 2_500_000_000, 10_000_000_000
 """Before the wanted node was heard for the first time, which more often has a cause in the configuration, and later."""
+LONGEST_PATIENCE_NS = 600_000_000_000
+"""A node may sleep for days beside others: each report doubles the time to the next one."""
 MOST_NODES = 32
 
 
@@ -36,5 +38,6 @@ class HeardNodes:
     def check(self, read_ns: int) -> None:
         """Raise `DeviceError` when only frames of other nodes have come for some seconds."""
         if self._others and self._since_ns is not None and read_ns - self._since_ns > self._patience_ns:
+            self._patience_ns = min(2 * self._patience_ns, LONGEST_PATIENCE_NS)
             heard = ", ".join(f"{node} ({count} frames)" for node, count in sorted(self._others.items()))
             raise DeviceError(f"node {self._wanted} is not heard; heard are {heard}; set device.node, or wake the node")

@@ -1,7 +1,5 @@
 """What health says about a wireless sensor's battery and link."""
 
-import logging
-
 import numpy as np
 import pytest
 
@@ -35,16 +33,16 @@ def test_each_quantity_is_kept_until_it_is_stale() -> None:
     assert monitor.status() == RadioStatus()
 
 
-def test_a_low_battery_is_a_warning_once(caplog: pytest.LogCaptureFixture) -> None:
-    caplog.set_level(logging.INFO)
-    monitor = RadioMonitor()
-    for low in (False, True, True, None, True, False, True):
+def test_a_low_battery_is_one_warning_an_hour(caplog: pytest.LogCaptureFixture) -> None:
+    now = SetTime()
+    monitor = RadioMonitor(now)
+    for low in (False, True, True, None, False, True):
         monitor.add(RadioStatus(battery_v=3.2, battery_low=low))
-    assert [(record.levelname, record.message) for record in caplog.records] == [
-        ("WARNING", "the sensor's battery is low (3.20 V); charge or change it"),
-        ("INFO", "the sensor's battery is no longer low"),
-        ("WARNING", "the sensor's battery is low (3.20 V); charge or change it"),
-    ]
+    said = ("WARNING", "the sensor's battery is low (3.20 V); charge or change it")
+    assert [(record.levelname, record.message) for record in caplog.records] == [said]
+    now.now_s += 3600
+    monitor.add(RadioStatus(battery_v=3.2, battery_low=True))
+    assert len(caplog.records) == 2
 
 
 def test_a_low_battery_without_a_voltage_is_a_warning(caplog: pytest.LogCaptureFixture) -> None:
