@@ -7,6 +7,7 @@ from gateway.messages import Health
 from gateway.page.exposition import Family, counter, gauge, info_gauge, labelled_counter, labelled_gauge
 
 MEGA = 1e6
+DAY_S = 86400
 HEALTH_STATES = ("starting", "running", "recovering", "stopping")
 
 
@@ -56,6 +57,8 @@ def _resource_families(health: Health) -> Iterator[Family]:
     yield gauge("disk_free_bytes", "Free space for recordings.", _scaled(health.disk_free_mb, MEGA))
     yield gauge("gateway_cpu_ratio", "Processor time of the gateway; 1 is one core.", _scaled(health.cpu_percent, 0.01))
     yield gauge("gateway_resident_memory_bytes", "Resident memory of the gateway.", _scaled(health.resident_mb, MEGA))
+    text = "Time until the bus certificate of the gateway expires, in whole days."
+    yield gauge("certificate_remaining_seconds", text, _scaled(health.certificate_days_left, DAY_S))
     if health.relay is not None:
         yield gauge(
             "relay_energised", "1 while the relay is energised, because all is well.", health.relay == "energised"

@@ -27,7 +27,8 @@ def everything() -> PageEvidence:
     scene = Scene()
     health = replace(
         scene.health(),
-        battery_v=3.1, battery_percent=50.0, battery_low=False, signal_dbm=-70.0, relay="energised", refused={"role": 1},
+        battery_v=3.1, battery_percent=50.0, battery_low=False, signal_dbm=-70.0, relay="energised",
+        certificate_days_left=20, refused={"role": 1},
         standing_faults={"recording": "the disk is full"},
         alert_latency_ms={"count": 2, "p50": 10.0, "p99": 20.0, "max": 30.0}, drift={"norm_error_mg": 1.0, "state": "ok"},
     )  # fmt: skip
@@ -55,6 +56,7 @@ def test_an_open_incident_has_its_rule_its_level_and_its_acknowledgement() -> No
     assert f'plumbline_alert_rule_level{{{labels},level="trip"}} 1' in text
     assert f"plumbline_incident_open{{{labels}}} 1" in text
     assert f"plumbline_incident_acknowledged{{{labels}}} 1" in text
+    assert 'plumbline_certificate_remaining_seconds{site="y",crane="c1",sensor="h"} 1728000' in text
     assert 'plumbline_alert_changes_total{site="y",crane="c1",sensor="h"} 7' in text
     assert 'plumbline_alert_latency_seconds{site="y",crane="c1",sensor="h",statistic="p99"} 0.02' in text
 
