@@ -17,7 +17,8 @@ from gateway.page.hub import EventStream, event
 from gateway.page.parameters import Parameters, parse
 from gateway.page.state import PageState
 
-PUSH_INTERVAL_S = 0.1
+PUSH_INTERVAL_S = 0.04
+"""Shortest interval between two pushes; motion comes at 10 Hz, so that a message seldom waits for it."""
 HEARTBEAT_S = 0.25
 """Longest interval between two pushes. Silence shows a browser that the page has ended."""
 GATHER_S = 0.01

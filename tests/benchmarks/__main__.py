@@ -20,6 +20,7 @@ from tests.benchmarks import (
     laser,
     motion,
     motion_gyro,
+    page,
     record_info,
     recorder,
     rotation,
@@ -48,6 +49,7 @@ ALL: dict[str, Callable[..., None]] = {
     "incident": incident.main,
     "serial_decoders": serial_decoders.main,
     "fleet": fleet.main,
+    "page": page.main,
 }
 
 names = list(takewhile(lambda argument: not argument.startswith("-"), sys.argv[1:]))

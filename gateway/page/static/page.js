@@ -10,6 +10,7 @@ import {Gauge} from "./gauge.js";
 import {Link, nowS} from "./link.js";
 import {Mounting} from "./mounting.js";
 import {ago, degrees, directionWords, fixed, isKnown, NONE, upwards} from "./number.js";
+import {operatorNotice, serviceNotices} from "./notices.js";
 import {Person} from "./person.js";
 import {comingPeak, motionKey, sentence} from "./sentence.js";
 import {addSymbols} from "./shapes.js";
@@ -25,6 +26,7 @@ const GONE = new Set(["STALE", "NO DATA"]);
 const SCREENS = {"#alerts": "alerts", "#service": "service"};
 const LEAN_SIGNIFICANT = 2; // standard uncertainties from which a lean has a direction
 const MOST_REASONS = 8;
+const NS_PER_MS = 1e6;
 const NORMAL_975 = 1.959964;
 
 addSymbols();
@@ -137,9 +139,11 @@ function announce(verdict, word) {
 
 function showReasons(verdict, {condition, motion, health}) {
   const list = element("reasons");
-  const recording = health?.recording_error ? [`${text("not_recording")} ${health.recording_error}`] : [];
-  const gateway = health && health.state !== "running" ? [`gateway ${health.state}`] : [];
-  const all = [...verdict.reasons, ...(condition?.reasons ?? []), ...(motion?.reasons ?? []), ...recording, ...gateway];
+  const notices = serviceNotices(health);
+  element("to-service").classList.toggle("faulty", notices.length > 0);
+  setText("service-faults", notices.length > 0 ? text("service_faults", {count: notices.length}) : "");
+  setText("note", operatorNotice(health));
+  const all = [...notices, ...verdict.reasons, ...(condition?.reasons ?? []), ...(motion?.reasons ?? [])];
   const texts = [...new Set(all)].slice(0, MOST_REASONS);
   if (texts.length === 0) texts.push(text("none"));
   if (texts.join("\n") === [...list.children].map((item) => item.textContent).join("\n")) return;
@@ -154,6 +158,7 @@ function showSwing({swing, motion}, verdict, waitedS) {
   setText("phi", value.isBound ? upwards(value.highDeg) : degrees(value.phiDeg));
   setText("interval", intervalText(value, waitedS));
   const peak = comingPeak(motion);
+  document.body.dataset.sampleMs = isKnown(motion?.time_ns) ? (motion.time_ns / NS_PER_MS).toFixed(1) : "";
   gauge.draw(state.page, value, peak, motion?.angle_deg);
   showTiles(swing, motion, peak, waitedS);
 }

@@ -45,6 +45,9 @@ const TABLES = {
     pin_wrong: "The PIN is wrong.", pin_pause: "Wait {seconds} s before the next attempt.", no_pin: "This gateway has no PIN: nobody can acknowledge here.",
     sign_in_first: "Sign in first.", request_invalid: "The request was not valid.", no_answer: "no answer",
 
+    note_recording: "Not recording. Tell the service engineer.", note_relay: "The relay for horn and lamp does not work. Tell the service engineer.",
+    note_battery: "The sensor's battery is low. Charge or change it.", service_faults: ", faults: {count}",
+
     sound_on: "Sound is on", sound_off: "Turn sound on", silence: "Silence",
     now_ago: "now", seconds_ago: "{count} s ago", minutes_ago: "{count} min ago", hours_ago: "{count} h ago",
 
@@ -111,6 +114,10 @@ const TABLES = {
     sign_in_title: "Wer quittiert?", name: "Name", cancel: "Abbrechen", delete: "löschen", name_missing: "Namen eingeben.",
     pin_wrong: "Die PIN ist falsch.", pin_pause: "Nächster Versuch in {seconds} s.", no_pin: "Dieses Gateway hat keine PIN: hier kann niemand quittieren.",
     sign_in_first: "Erst anmelden.", request_invalid: "Die Anfrage war ungültig.", no_answer: "keine Antwort",
+
+    note_recording: "Keine Aufzeichnung. Servicetechniker verständigen.",
+    note_relay: "Das Relais für Hupe und Lampe arbeitet nicht. Servicetechniker verständigen.",
+    note_battery: "Die Batterie des Sensors ist schwach. Laden oder wechseln.", service_faults: ", Störungen: {count}",
 
     sound_on: "Ton ist ein", sound_off: "Ton einschalten", silence: "Ton aus",
     now_ago: "jetzt", seconds_ago: "vor {count} s", minutes_ago: "vor {count} min", hours_ago: "vor {count} h",

@@ -68,6 +68,8 @@ class Scene:
         self.session = NO_SESSION
         self.pitch_deg, self.roll_deg = 0.5, 0.6
         self.drift: dict[str, Any] | None = None
+        self.standing_faults: dict[str, str] = {}
+        self.battery_low: bool | None = None
         self.incident: str | None = "b00t-1"
         self.acknowledged_by: str | None = None
 
@@ -219,6 +221,8 @@ class Scene:
             cpu_percent=3.0,
             resident_mb=51.0,
             drift=self.drift,
+            standing_faults=self.standing_faults,
+            battery_low=self.battery_low,
         )
 
 

@@ -193,3 +193,25 @@ def test_field_values_are_not_interpreted_as_markup(
     expect(screen.page).to_have_title("WARNING · Crane 3")
     expect(screen.page.locator("img, script:not([src])")).to_have_count(0)
     assert screen.errors == []
+
+
+def test_the_operator_is_told_only_of_faults_that_ask_for_action(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    screen = Screen(browser, page.url)
+    screen.shows("OK", "circle")
+    gateway.scene.standing_faults = {"bus": "bus: nobody answers there"}
+    expect(screen.page.locator("#to-service")).to_have_class("faulty")
+    screen.text("#service-faults", ", faults: 1")
+    screen.text("#note", "")
+    screen.text("#reasons li >> nth=0", "bus: nobody answers there")
+    gateway.scene.standing_faults = {"recording": "no space left"}
+    gateway.scene.recording_error = "no space left"
+    screen.text("#note", "Not recording. Tell the service engineer.")
+    screen.text("#reasons li >> nth=0", "Not recording. no space left")
+    gateway.scene.battery_low = True
+    screen.text("#note", "The sensor's battery is low. Charge or change it.")
+    gateway.scene.standing_faults, gateway.scene.recording_error, gateway.scene.battery_low = {}, None, None
+    screen.text("#note", "")
+    expect(screen.page.locator("#to-service")).not_to_have_class("faulty")
+    assert screen.errors == []

@@ -33,6 +33,17 @@ def _trip_by_wind_uncalibrated(scene: Scene) -> None:
     scene.recording_error = "no space left on device; " * 4
 
 
+def _faulty(scene: Scene) -> None:
+    """Every fault at once: the disk is full, the bus is down, the page's PIN cannot be made, the relay does not switch."""
+    scene.recording_error = "no space left on device; " * 4
+    scene.standing_faults = {
+        "recording": scene.recording_error,
+        "bus": "bus: tls/10.0.0.2:7447: nobody answers there; is the gateway running, and its bus.listen the same?",
+        "relay": "gpiochip0 line 17: the command did not end; the relay may not follow the alerts",
+        "page_pin": "/var/lib/plumbline/page-pin: read-only file system; nobody can acknowledge on the page",
+    }
+
+
 def _acknowledged(scene: Scene) -> None:
     _trip_by_wind_uncalibrated(scene)
     scene.acknowledged_by = "Maximiliane Hohenzollern-Wartenberg"
@@ -75,6 +86,7 @@ def _disturbed(scene: Scene) -> None:
 
 STATES: dict[str, Callable[[Scene], None]] = {
     "OK": lambda scene: None,
+    "OK with faults of the gateway": _faulty,
     "TRIP": _trip,
     "TRIP with other findings": _trip_by_wind_uncalibrated,
     "TRIP acknowledged": _acknowledged,

@@ -1,0 +1,22 @@
+// Faults of the gateway: one line on the operator's screen where the operator must act, everything on the service screen.
+
+import {text} from "./texts.js";
+
+// Return the operator's line; empty where the operator need not act.
+export function operatorNotice(health) {
+  if (!health) return "";
+  const faults = health.standing_faults ?? {};
+  if (health.relay === "failed" || faults.relay) return text("note_relay");
+  if (health.battery_low) return text("note_battery");
+  if (health.recording_error || faults.recording) return text("note_recording");
+  return "";
+}
+
+// Return the lines for the service engineer.
+export function serviceNotices(health) {
+  if (!health) return [];
+  const state = health.state === "running" ? [] : [`gateway ${health.state}`];
+  const recording = health.recording_error ? [`${text("not_recording")} ${health.recording_error}`] : [];
+  const others = Object.entries(health.standing_faults ?? {}).filter(([part]) => part !== "recording").map(([, reason]) => reason);
+  return [...state, ...recording, ...others];
+}
