@@ -22,6 +22,8 @@ import {Trend} from "./trend.js";
 const LOST = {word: "STALE", colour: "black", shape: "hourglass", sound: false, reasons: []};
 const REFRESH_MS = 100;
 const TREND_S = 1;
+const URGENT = new Set(["TRIP", "WARN", "STALE", "NO DATA", "SUSPENDED"]);
+const ANNOUNCE_S = 10; // shortest time between two announcements that ask for no action
 const GONE = new Set(["STALE", "NO DATA"]);
 const SCREENS = {"#alerts": "alerts", "#service": "service"};
 const LEAN_SIGNIFICANT = 2; // standard uncertainties from which a lean has a direction
@@ -44,6 +46,7 @@ const trend = new Trend(element("trend"), element("trend-labels"), element("tren
 let state = null;
 let trendS = 0;
 let announced = null;
+let announcedS = -Infinity;
 
 const link = new Link(
   (history) => trend.replace(history.points),
@@ -130,10 +133,12 @@ function showVerdict(verdict) {
   setText("time", timeWithZone(Date.now() * 1e6));
 }
 
-// Tell a screen reader when the word changes, and not when only a number does.
+// Tell a screen reader when the word changes, and not when only a number does; what asks for no action is said rarely.
 function announce(verdict, word) {
-  if (verdict.word === announced) return;
+  const isUrgent = URGENT.has(verdict.word) || URGENT.has(announced);
+  if (verdict.word === announced || (!isUrgent && nowS() - announcedS < ANNOUNCE_S)) return;
   announced = verdict.word;
+  announcedS = nowS();
   setText("announcement", `${word}. ${verdict.sentence}`);
 }
 

@@ -1,6 +1,6 @@
 // The operator's sentence: what happens, and what to expect, in two lines at most. A pure function of the state.
 
-import {degrees, isKnown, upwards} from "./number.js";
+import {ago, degrees, isKnown, upwards} from "./number.js";
 import {text} from "./texts.js";
 
 const ALARMS = ["trip", "warn"];
@@ -14,7 +14,7 @@ export function sentence(verdict, state) {
     case "SUSPENDED": return text(isActive(calibration?.session) ? "suspended" : "suspended_after");
     case "UNCALIBRATED": return text("uncalibrated");
     case "DISTURBED": return text("disturbed");
-    case "UNKNOWN": return text("not_known", {reason: firstReason(verdict, motion)});
+    case "UNKNOWN": return `${capital(firstReason(verdict, motion))}. ${whenBack(state)}`;
     case "STALE": return staleSentence(state);
     case "NO DATA": return text(state.gateway ? "starting" : "gateway_gone");
     default: return [doing(motion), swingWords(motion)].filter(Boolean).join(" ");
@@ -74,6 +74,16 @@ const isActive = (session) => session?.phase === "collecting" || session?.phase 
 function firstReason(verdict, motion) {
   const reason = motion?.state === "unknown" ? motion.reasons[0] : verdict.reasons[0];
   return reason ?? "no reason given";
+}
+
+const capital = (words) => words.charAt(0).toUpperCase() + words.slice(1);
+
+// Return when the swing is usually known again: within a period, unless it has been unknown for longer.
+function whenBack({topics: {swing}, last_good: good}) {
+  const periodS = swing?.period_s;
+  if (!good) return text("known_soon");
+  if (isKnown(periodS) && good.age_s < 2 * periodS) return text("back_within", {seconds: Math.ceil(periodS)});
+  return text("known_last", {ago: ago(good.age_s)});
 }
 
 function staleSentence(state) {

@@ -15,7 +15,8 @@ const TABLES = {
     also: "also: {words}", last_known: "last: {words}",
 
     rest: "Load at rest.", free: "Load swings freely.", driven: "Trolley or bridge moving.", lowering: "Lowering.", hoisting: "Hoisting.",
-    wind: "A gust pushes the load.", not_known: "Swing not known: {reason}.",
+    wind: "A gust pushes the load.", known_soon: "It is known after one full swing.",
+    back_within: "Usually back within {seconds} s.", known_last: "Known last {ago}.",
     swing_is: "Swing {angle}.", alarm_now: "Swing up to {angle}; limit {limit}.", alarm_coming: "Swing up to {angle} expected; limit {limit}.",
     alarm_unknown: "The limit was exceeded, and the swing is not known now.", lean_alarm: "The rope leans {angle}; limit {limit}.",
     calibration_alarm: "The calibration must be checked: the reading at rest has drifted.", clears: "Clears below {angle}.",
@@ -85,7 +86,8 @@ const TABLES = {
     also: "auch: {words}", last_known: "zuletzt: {words}",
 
     rest: "Last in Ruhe.", free: "Last pendelt frei.", driven: "Katze oder Brücke fährt.", lowering: "Senken.", hoisting: "Heben.",
-    wind: "Eine Böe drückt auf die Last.", not_known: "Pendelwinkel unbekannt: {reason}.",
+    wind: "Eine Böe drückt auf die Last.", known_soon: "Bekannt nach einem ganzen Pendeln.",
+    back_within: "Meist nach {seconds} s wieder bekannt.", known_last: "Zuletzt bekannt {ago}.",
     swing_is: "Pendeln {angle}.", alarm_now: "Pendeln bis {angle}; Grenze {limit}.", alarm_coming: "Pendeln bis {angle} erwartet; Grenze {limit}.",
     alarm_unknown: "Die Grenze war überschritten, der Pendelwinkel ist jetzt unbekannt.", lean_alarm: "Das Seil steht {angle} schräg; Grenze {limit}.",
     calibration_alarm: "Kalibrierung prüfen: die Anzeige in Ruhe hat sich verschoben.", clears: "Endet unter {angle}.",

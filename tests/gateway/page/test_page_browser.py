@@ -68,9 +68,11 @@ def test_the_angle_is_updated(gateway: FakeGateway, page: PageUnderTest, browser
     gateway.scene.phi_max_deg, gateway.scene.phi_max_u_deg = 0.1, 0.08
     screen.text("#bound", "≤ ")
     screen.text("#phi", "0.3°")  # a bound is rounded up
+    gateway.scene.motion_reasons = ["too short a stretch"]
     gateway.scene.swinging = gateway.scene.coverage95_deg = None
     screen.text("#phi", "—")
     screen.shows("NOT KNOWN", "question")
+    screen.text("#sentence", "Too short a stretch. Usually back within 7 s.")
     assert screen.errors == []
     assert all(url.startswith(page.url) for url in screen.requested)
 
@@ -215,3 +217,48 @@ def test_the_operator_is_told_only_of_faults_that_ask_for_action(
     screen.text("#note", "")
     expect(screen.page.locator("#to-service")).not_to_have_class("faulty")
     assert screen.errors == []
+
+
+def test_what_asks_for_no_action_is_announced_rarely(
+    gateway: FakeGateway, page: PageUnderTest, browser: Browser
+) -> None:
+    screen = Screen(browser, page.url)
+    screen.shows("OK", "circle")
+    screen.page.evaluate(
+        """() => {
+          window.spoken = [];
+          const spoken = document.getElementById('announcement');
+          new MutationObserver(() => window.spoken.push(spoken.textContent)).observe(spoken, {childList: true});
+        }"""
+    )
+    for _ in range(3):
+        gateway.scene.condition, gateway.scene.trusted = "disturbed", False
+        screen.shows("DISTURBED", "zigzag")
+        gateway.scene.condition, gateway.scene.trusted = "swinging", True
+        screen.shows("OK", "circle")
+    gateway.scene.level = "trip"
+    screen.shows("LIMIT", "octagon")
+    spoken = screen.page.evaluate("window.spoken")
+    assert len(spoken) <= 3
+    assert spoken[-1].startswith("LIMIT. ")
+    assert screen.page.locator("[aria-live=assertive]").count() == 0
+
+
+def test_the_keyboard_alone_reaches_everything(gateway: FakeGateway, page: PageUnderTest, browser: Browser) -> None:
+    gateway.scene.level = "trip"
+    screen = Screen(browser, page.url)
+    expect(screen.page.locator("#acknowledge")).to_be_visible()
+    reached = []
+    for _ in range(6):
+        screen.page.keyboard.press("Tab")
+        reached.append(screen.page.evaluate("document.activeElement.id"))
+    assert reached[:5] == ["to-swing", "to-alerts", "to-service", "acknowledge", "sound"]
+    screen.page.locator("#acknowledge").focus()
+    screen.page.keyboard.press("Enter")
+    expect(screen.page.locator("#sign-in")).to_be_visible()
+    screen.page.keyboard.press("Escape")
+    expect(screen.page.locator("#sign-in")).to_be_hidden()
+    expect(screen.page.locator("#acknowledge")).to_be_focused()
+    screen.page.locator("#to-alerts").focus()
+    screen.page.keyboard.press("Enter")
+    expect(screen.page.locator("#alerts-screen")).to_be_visible()
