@@ -41,10 +41,11 @@ put_settings() {
     mkdir -p "$settings"
     if [ -e "$installed" ] && ! cmp -s "$1" "$installed"; then
         kept=$installed.until-$(date -u +%Y%m%dT%H%M%SZ)
-        cp -p "$installed" "$kept"
+        cp -p --remove-destination "$installed" "$kept"
         echo "settings   the former ones are kept: $kept"
     fi
-    cp "$1" "$installed.new"
+    # The service may write here: a link in place of the new file is not followed.
+    cp --remove-destination "$1" "$installed.new"
     mv "$installed.new" "$installed"
 }
 

@@ -30,7 +30,8 @@ def replace_file(path: Path, mode: int = 0o644) -> Iterator[int]:
     """
     partial = partial_of(path)
     try:
-        descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, mode)
+        # A link there would be another user's: root writes settings into a folder that the service may write.
+        descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, mode)
         try:
             yield descriptor
             os.fsync(descriptor)

@@ -40,3 +40,15 @@ def test_lines_are_appended_after_an_incomplete_one(tmp_path: Path) -> None:
         file.write(b"tor")
     append_durably(path, b"two")
     assert path.read_bytes() == b"one\ntor\ntwo\n"
+
+
+def test_a_link_in_place_of_the_incomplete_file_is_not_followed(tmp_path: Path) -> None:
+    victim, path = tmp_path / "victim", tmp_path / "folder" / "c.json"
+    victim.write_bytes(b"whole")
+    path.parent.mkdir()
+    path.with_name(".c.json.part").symlink_to(victim)
+    with pytest.raises(OSError, match="symbolic links"):
+        write_durably(path, b"new")
+    assert victim.read_bytes() == b"whole"
+    write_durably(path, b"new")
+    assert path.read_bytes() == b"new"
