@@ -4,9 +4,11 @@ Faults are counted by kind and never guessed at: a row that cannot be used is le
 sample times. A file is refused only if it cannot be understood as a whole.
 """
 
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from io import TextIOWrapper
 from pathlib import Path
 from typing import TextIO
 
@@ -15,6 +17,7 @@ from numpy.typing import NDArray
 
 from devices.errors import RecordingError
 from devices.recording import Recording, SampleRows, recording_from_rows
+from devices.regular_file import open_regular
 from devices.table_layout import (
     NATIVE,
     UNITS_PER_G,
@@ -27,6 +30,8 @@ from devices.table_layout import (
 )
 
 BLOCK_CHARS = 1 << 20
+MAX_BYTES = 256_000_000
+"""Largest table that is read: some six million rows, which need 2 GB of memory."""
 HEADER_LINES = 64
 """The header, or the first row of numbers, must be within this many lines."""
 BINARY = re.compile(rb"[\x00-\x08\x0e-\x1a]")
@@ -73,7 +78,8 @@ def read_table(path: Path | str, layout: TableLayout = NATIVE) -> Recording:
     check_layout(path, layout)
     try:
         _check_text(path)
-        with path.open(encoding="utf-8-sig", errors="replace") as file:
+        with TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
+            _check_size(path, file.fileno())
             columns, read = _read_rows(path, file, layout)
     except OSError as error:
         raise RecordingError(_access_text(path, error)) from error
@@ -95,13 +101,21 @@ def _access_text(path: Path, error: OSError) -> str:
 
 
 def _check_text(path: Path) -> None:
-    with path.open("rb") as file:
+    with open_regular(path) as file:
         head = file.read(512)
     if not head.strip():
         raise RecordingError(f"{path}: is empty; choose another recording")
     if found := BINARY.search(head):
         raise RecordingError(
             f"{path}: is not UTF-8 text (byte {found.group()[0]:#04x} at {found.start()}); export it as CSV"
+        )
+
+
+def _check_size(path: Path, descriptor: int) -> None:
+    size = os.fstat(descriptor).st_size
+    if size > MAX_BYTES:
+        raise RecordingError(
+            f"{path}: has {size / 1e6:.0f} MB; a table of at most {MAX_BYTES / 1e6:.0f} MB is read into memory; cut it into parts"
         )
 
 

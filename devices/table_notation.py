@@ -2,13 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
+from io import TextIOWrapper
 from pathlib import Path
 from typing import Literal
 
+from devices.regular_file import open_regular
 from devices.table_layout import Delimiter, TableLayout, split_line
 
 HEAD_LINES = 1000
+HEAD_CHARS = 1 << 20
 """Lines that are looked at."""
 MIN_NUMBERS = 3
 """Fewest numbers in a row of readings."""
@@ -44,8 +46,9 @@ class TableHead:
 def read_head(path: Path) -> TableHead:
     """Return the begin of a table. A file that cannot be read has no rows."""
     try:
-        with path.open(encoding="utf-8-sig", errors="replace") as file:
-            lines = [line for line in islice(file, HEAD_LINES) if line.strip()]
+        with TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
+            head = file.read(HEAD_CHARS).split("\n", HEAD_LINES)
+        lines = [line for line in head[:HEAD_LINES] if line.strip()]
     except OSError:
         lines = []
     return max((_head(lines, *notation) for notation in NOTATIONS), key=_count_numbers)

@@ -1,7 +1,9 @@
 """Files that survive a kill and a power failure: written completely or not at all, and on the disk when the call returns."""
 
 import contextlib
+import errno
 import os
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -28,6 +30,7 @@ def replace_file(path: Path, mode: int = 0o644) -> Iterator[int]:
     It is synced, renamed, and the folder is synced. After an error in the block the old file stays and nothing else is left.
     Raises `OSError`.
     """
+    _require_replaceable(path)
     partial = partial_of(path)
     try:
         # A link there would be another user's: root writes settings into a folder that the service may write.
@@ -43,6 +46,17 @@ def replace_file(path: Path, mode: int = 0o644) -> Iterator[int]:
             partial.unlink()
         raise
     sync_folder(path.parent)
+
+
+def _require_replaceable(path: Path) -> None:
+    """Raise `OSError` where a device, a pipe or a folder has the name: a rename would put a file in its place."""
+    with contextlib.suppress(FileNotFoundError):
+        mode = path.stat().st_mode
+        if not stat.S_ISREG(mode):
+            number, text = (
+                (errno.EISDIR, "is a folder") if stat.S_ISDIR(mode) else (errno.EINVAL, "is a device or a pipe")
+            )
+            raise OSError(number, text, str(path))
 
 
 def partial_of(path: Path) -> Path:

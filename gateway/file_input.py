@@ -3,22 +3,25 @@
 import errno
 import json
 import os
-import stat
+import re
+import tomllib
 from pathlib import Path
 from typing import Any
 
+from devices.regular_file import open_regular
+
+MAX_TOML_BYTES = 256_000
+"""Largest configuration or rig that is read."""
+DEEP_KEY = re.compile(r"(?:[\w\"'-]+\s*\.\s*){32}")
+"""The time of the parser grows with the square of the number of parts of a key."""
 MAX_STATE_BYTES = 16_000_000
-"""Largest state file, configuration or record that is read: a hundred times the largest that the gateway writes."""
+"""Largest state file or record that is read: a hundred times the largest that the gateway writes."""
 
 
 def read_bounded(path: Path, max_bytes: int = MAX_STATE_BYTES) -> bytes:
     """Return the content of a regular file. Raises `OSError`, also for a pipe, a device and a file that is too large."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK)
-    with os.fdopen(descriptor, "rb") as file:
-        status = os.fstat(descriptor)
-        if not stat.S_ISREG(status.st_mode):
-            raise OSError(errno.EINVAL, "is not a regular file", str(path))
-        if status.st_size > max_bytes:
+    with open_regular(path) as file:
+        if os.fstat(file.fileno()).st_size > max_bytes:
             raise OSError(errno.EFBIG, f"has more than {max_bytes / 1e6:g} MB", str(path))
         return file.read(max_bytes)
 
@@ -27,5 +30,15 @@ def parse_json(content: bytes | str) -> Any:
     """Return the value of a JSON text. Raises `ValueError`, also for one that is nested too deeply."""
     try:
         return json.loads(content)
+    except RecursionError:
+        raise ValueError("is nested too deeply") from None
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the content of a TOML text. Raises `ValueError`, also for one that is nested too deeply."""
+    if DEEP_KEY.search(text):
+        raise ValueError("a key of more than 32 parts is nested too deeply")
+    try:
+        return tomllib.loads(text)
     except RecursionError:
         raise ValueError("is nested too deeply") from None

@@ -53,7 +53,8 @@ def _show(arguments: argparse.Namespace) -> int:
 
 
 def _check(arguments: argparse.Namespace) -> int:
-    from gateway.configuration.loading import load
+    from gateway.configuration.files import missing_files
+    from gateway.configuration.loading import ConfigurationError, load
     from gateway.configuration.service_configuration import require_sensor
     from gateway.errors import InputError
     from gateway.pki.check_files import find_problems
@@ -63,6 +64,8 @@ def _check(arguments: argparse.Namespace) -> int:
         raise InputError(f"{arguments.file}: {'; '.join(problems)}")
     if arguments.service:
         require_sensor(configuration, str(arguments.file))
+    if missing := missing_files(configuration):
+        raise ConfigurationError(f"{arguments.file}: {'; '.join(missing)}")
     print(f"{arguments.file}: good; {configuration.device.kind} as {configuration.gateway.key}")
     if configuration.housing_position_m is None:
         print("note: [housing] position_m or above_load_m is not given; without it there is no swing estimate")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from gateway.atomic_io import replace_file
 from gateway.errors import InputError
+from gateway.text import printable
 
 STANDARD_OUTPUT = Path("-")
 """The value of `--json` for the standard output."""
@@ -21,7 +22,7 @@ def show(text: str, content: object, json_path: Path | None) -> None:
         return
     if json_path is not None:
         write_json(json_path, content)
-    print(text)
+    print("\n".join(map(printable, text.split("\n"))))  # a file may contain what steers a terminal
 
 
 def write_json(path: Path, content: object) -> None:

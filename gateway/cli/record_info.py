@@ -5,6 +5,8 @@ import argparse
 from gateway.cli.interval import interval
 from gateway.cli.record_options import add_json, add_selection
 
+DAMAGED = 3
+"""Something in a recording cannot be read. One that is still being written is not damaged."""
 EXAMPLE = """examples:
   plumbline record info plumbline-data
   plumbline record info plumbline-data --last 1:00:00 --local
@@ -33,6 +35,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.recording.catalogue import open_timelines
     from gateway.recording.info import summarise_timeline
     from gateway.recording.info_text import info_text
+    from gateway.recording.mcap_salvage import is_damaged
 
     chosen = interval(arguments)
     found = []
@@ -41,4 +44,4 @@ def run(arguments: argparse.Namespace) -> int:
             found.append(summarise_timeline(timeline, chosen, bar.update))
     content = [info.as_json() for info in found] if len(found) > 1 else found[0].as_json()
     show("\n\n".join(info_text(info, is_local=arguments.local) for info in found), content, arguments.json)
-    return 0
+    return DAMAGED if any(is_damaged(info.losses) for info in found) else 0

@@ -2,7 +2,6 @@
 
 import difflib
 import os
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
@@ -13,6 +12,7 @@ from gateway.configuration.device_plugins import PluginError, load_plugin, plugi
 from gateway.configuration.device_sections import DEVICE_KINDS, AnyDevice
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
+from gateway.file_input import MAX_TOML_BYTES, parse_toml, read_bounded
 
 ENVIRONMENT_PREFIX = "PLUMBLINE_"
 
@@ -67,8 +67,8 @@ def configuration_class(device_kind: object) -> type[Configuration]:
 def load_text(text: str, where: str, environment: Mapping[str, str] = os.environ) -> Configuration:
     """Return the configuration of a TOML text with the environment's overrides. Raises `ConfigurationError`."""
     try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+        table = parse_toml(text)
+    except ValueError as error:
         raise ConfigurationError(f"{where}: is not TOML: {error}") from error
     _override(table, environment)
     return validate(table, where)
@@ -77,14 +77,14 @@ def load_text(text: str, where: str, environment: Mapping[str, str] = os.environ
 def read_table(path: Path) -> dict[str, Any]:
     """Return the content of a TOML file. Raises `ConfigurationError`."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return parse_toml(read_bounded(path, MAX_TOML_BYTES).decode())
     except FileNotFoundError as error:
         raise ConfigurationError(f"{path}: no such file; `plumbline config show` prints one to start from") from error
     except OSError as error:
         raise ConfigurationError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
         raise ConfigurationError(f"{path}: is not UTF-8 text; a TOML file is needed") from error
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise ConfigurationError(f"{path}: is not TOML: {error}") from error
 
 
@@ -108,8 +108,8 @@ def _override(table: dict[str, Any], environment: Mapping[str, str]) -> list[str
 def _environment_value(text: str) -> Any:
     """Return the TOML value of a text, or the text itself where it is none."""
     try:
-        return tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        return parse_toml(f"value = {text}")["value"]
+    except ValueError:
         return text
 
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2, normal_gravity_m_s2
 from gateway.configuration.bus_section import BusSection
@@ -22,6 +22,14 @@ class GatewaySection(Section):
     crane: str = Field("crane-1", pattern=KEY_PATTERN, description="second part of the bus key")
     sensor: str = Field("hook-1", pattern=KEY_PATTERN, description="third part of the bus key")
     data_dir: Path = Field(Path("plumbline-data"), description="folder of recordings and calibration records")
+
+    @field_validator("data_dir")
+    @classmethod
+    def _check_path(cls, path: Path) -> Path:
+        if "\0" in str(path):
+            raise ValueError("data_dir: a path cannot contain a NUL character")
+        return path
+
     demonstration: bool = Field(
         False, description="allows the service to run without a sensor: a simulated crane or a recording"
     )
@@ -116,16 +124,28 @@ class AlertsSection(Section):
         return self
 
 
+LONGEST_EVENT_S = 86_400.0
+LARGEST_QUOTA_MB = 1e9
+LARGEST_PORT = 65535
+
+
 class RecorderSection(Section):
     """The flight recorder."""
 
     segment_s: float = Field(600.0, ge=1, le=86400, description="length of a file")
-    quota_mb: float = Field(16000.0, gt=0, description="total size beyond which the oldest closed files are deleted")
+    quota_mb: float = Field(
+        16000.0, gt=0, le=LARGEST_QUOTA_MB, description="total size beyond which the oldest closed files are deleted"
+    )
     fsync_s: float = Field(1.0, gt=0, le=60, description="interval of syncs: the most that a power failure costs")
     pre_event_s: float = Field(
-        60.0, ge=0, description="time before an alert, recalibration, fault or mark that is deleted last"
+        60.0,
+        ge=0,
+        le=LONGEST_EVENT_S,
+        description="time before an alert, recalibration, fault or mark that is deleted last",
     )
-    post_event_s: float = Field(120.0, ge=0, description="time after such an event that is deleted last")
+    post_event_s: float = Field(
+        120.0, ge=0, le=LONGEST_EVENT_S, description="time after such an event that is deleted last"
+    )
     key: Path | None = Field(
         None,
         description="Ed25519 key in PEM that signs the recordings; default: data_dir/signing-key.pem, made at first start",
@@ -166,6 +186,13 @@ class PageSection(Section):
         max_length=8,
         description="names offered to a person who acknowledges, for a panel without keys",
     )
+
+    @field_validator("listen")
+    @classmethod
+    def _check_port(cls, listen: str) -> str:
+        if int(listen.rpartition(":")[2]) > LARGEST_PORT:
+            raise ValueError(f"listen: a port is at most {LARGEST_PORT}")
+        return listen
 
     @property
     def address(self) -> tuple[str, int]:

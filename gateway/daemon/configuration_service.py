@@ -2,7 +2,6 @@
 
 import json
 import logging
-import tomllib
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from pathlib import Path
@@ -17,6 +16,7 @@ from gateway.configuration.remote_keys import visible_part
 from gateway.configuration.service_configuration import require_sensor
 from gateway.configuration.trial import ConfigurationTrial, Outcome, TrialJournal
 from gateway.daemon.remote_request import RemoteRequest, RequestHandler
+from gateway.file_input import parse_toml
 from gateway.recalibration.audit import Audit
 from gateway.recalibration.requests import ApplyConfiguration, ProposeConfiguration, ReadConfiguration, Request
 
@@ -111,7 +111,7 @@ class ConfigurationService:
 
     def _read(self, request: RemoteRequest, path: Path) -> dict[str, Any]:
         request.expect(ReadConfiguration)
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = parse_toml(path.read_text(encoding="utf-8"))
         journal = self._journal()
         return {
             "text": f"configuration of {path}",

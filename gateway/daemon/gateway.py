@@ -192,7 +192,12 @@ class Gateway:
         }
         parts.sampler.stop()
         shutdown.join(parts.sampler, JOIN_S)
-        for worker in (parts.processor, *parts.sinks):
+        parts.processor.finish()
+        shutdown.join(parts.processor, patience_s)
+        for worker in parts.sinks:
+            if worker is not parts.compaction:  # which gets the last segment from the recorder
+                worker.finish()
+        for worker in parts.sinks:
             worker.finish()
             shutdown.join(worker, patience_of_s.get(worker, patience_s))
         parts.bus.stop()

@@ -1,6 +1,5 @@
 """The file `rig.toml`: the nominal description of rope, housing, sensor and site."""
 
-import tomllib
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -8,6 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from gateway.errors import InputError, describe_problems
+from gateway.file_input import MAX_TOML_BYTES, parse_toml, read_bounded
 from gateway.swing.rig import MountedHousing
 
 LARGEST_RHO = 2.0
@@ -81,11 +81,11 @@ class Rig(RigTable):
 def read_rig(path: Path) -> Rig:
     """Return the rig of a file. Raises `InputError` with the place and the remedy."""
     try:
-        return Rig.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        return Rig.model_validate(parse_toml(read_bounded(path, MAX_TOML_BYTES).decode()))
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: is not TOML: {error}") from error
     except ValidationError as error:
         problem = describe_problems(error, "rig")[0]
         raise InputError(f"{path}: {problem}; needed are [rope] length_m and [housing] position_m") from error
+    except ValueError as error:
+        raise InputError(f"{path}: is not TOML: {error}") from error

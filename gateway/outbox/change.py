@@ -5,6 +5,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 
+MOST_DIGITS = 18
+"""Of a number; Python refuses to read one of thousands."""
+
+
 @dataclass(frozen=True, slots=True)
 class StoredChange:
     """A change, identified by boot id and number: where the disk had failed, a number can occur in two boots."""
@@ -29,7 +33,7 @@ def parse_line(line: bytes) -> StoredChange | None:
     if checksum != b"%08x" % zlib.crc32(content):
         return None
     parts = content.split(b" ", 2)
-    if len(parts) != 3 or not parts[1].isdigit():
+    if len(parts) != 3 or not parts[1].isdigit() or len(parts[1]) > MOST_DIGITS:
         return None
     return StoredChange(parts[0].decode(errors="replace"), int(parts[1]), parts[2])
 

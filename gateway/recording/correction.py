@@ -1,6 +1,5 @@
 """The correction that was in force in a recording: by its device, its axes and its calibration messages."""
 
-import tomllib
 from dataclasses import replace
 
 from devices.axes_map import AxesMap
@@ -10,6 +9,7 @@ from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.store import parse_record
 from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
+from gateway.file_input import parse_toml
 from gateway.messages import Calibration
 
 
@@ -28,6 +28,7 @@ def correction_of(message: Calibration | None, device: DeviceInfo, axes: AxesMap
 def parse_configuration(toml: str, place: str) -> Configuration:
     """Return the configuration of a recording. Raises `RecordingError`, and `ConfigurationError` where it is not valid."""
     try:
-        return validate(tomllib.loads(toml), f"{place}: its configuration")
-    except tomllib.TOMLDecodeError as error:
+        table = parse_toml(toml)
+    except ValueError as error:
         raise RecordingError(f"{place}: its configuration is not TOML: {error}") from error
+    return validate(table, f"{place}: its configuration")

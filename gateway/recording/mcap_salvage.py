@@ -18,10 +18,11 @@ from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Footer, Header, McapRecord, Message, Metadata, Schema
-from mcap.stream_reader import breakup_chunk
 from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
+from devices.regular_file import open_regular
+from gateway.recording.mcap_chunks import ChunkReader
 from gateway.recording.mcap_frames import RECORD_HEAD, find_chunk, next_frame
 
 FOOTER = struct.Struct("<BQQQI")
@@ -75,6 +76,11 @@ def describe_losses(report: SalvageReport) -> list[str]:
     return [phrase for phrase, occurred in phrases.items() if occurred]
 
 
+def is_damaged(report: SalvageReport) -> bool:
+    """Return whether something was altered or cannot be read; an incomplete end alone is how a running recording looks."""
+    return report.altered or report.damaged_records > 0 or report.unreadable_messages > 0
+
+
 def sum_losses(losses: Sequence[SalvageReport]) -> SalvageReport:
     """Return the losses of several files together."""
     return SalvageReport(
@@ -89,7 +95,7 @@ def sum_losses(losses: Sequence[SalvageReport]) -> SalvageReport:
 def open_mcap(path: Path) -> BinaryIO:
     """Open a file and skip its magic bytes. Raises `RecordingError` where it is not an MCAP file."""
     try:
-        file = path.open("rb")
+        file = open_regular(path)
     except OSError as error:
         raise RecordingError(f"{path}: {(error.strerror or str(error)).lower()}; check the path") from error
     magic = file.read(len(MCAP0_MAGIC))
@@ -109,6 +115,7 @@ def read_records(
     Chunks whose first and last time are not wanted are left out.
     """
     size = os.fstat(file.fileno()).st_size
+    chunks = ChunkReader(size)
     checksum = zlib.crc32(MCAP0_MAGIC)
     yield from _definitions_of_summary(file, size)
     while (frame := next_frame(file, size)) is not None or find_chunk(file, size):
@@ -120,7 +127,7 @@ def read_records(
             losses.altered = _promised_checksum(content) not in (0, checksum)
         checksum = zlib.crc32(content, zlib.crc32(head, checksum))
         if opcode in PARSERS and (opcode != Opcode.CHUNK or _is_chunk_wanted(content, is_wanted)):
-            yield from _parse(opcode, content, losses)
+            yield from _parse(opcode, content, chunks, losses)
         if opcode == Opcode.FOOTER:
             break
     losses.closed = frame is not None and file.read(len(MCAP0_MAGIC)) == MCAP0_MAGIC
@@ -159,10 +166,13 @@ def _promised_checksum(content: bytes) -> int:
     return int.from_bytes(content[:4], "little")
 
 
-def _parse(opcode: int, content: bytes, losses: SalvageReport) -> list[McapRecord]:
+def _parse(opcode: int, content: bytes, chunks: ChunkReader, losses: SalvageReport) -> Iterator[McapRecord]:
     try:
         record = PARSERS[opcode](content)
-        return breakup_chunk(record, validate_crc=True) if isinstance(record, Chunk) else [record]
+        if not isinstance(record, Chunk):
+            yield record
+            return
+        for opcode_inside, content_inside in chunks.frames(record):
+            yield PARSERS[opcode_inside](content_inside)
     except DAMAGED:
         losses.damaged_records += 1
-        return []

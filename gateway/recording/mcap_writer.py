@@ -100,7 +100,7 @@ class McapWriter:
     ) -> int:
         """Add a channel to the open chunk; return its id."""
         channel = Channel(
-            id=len(self._channels) + 1,
+            id=(len(self._channels) + 1) & 0xFFFF,  # 0 is an id too, and so the 65536th
             topic=topic,
             message_encoding=message_encoding,
             metadata=dict(metadata or {}),

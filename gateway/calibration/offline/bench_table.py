@@ -2,10 +2,12 @@
 
 import csv
 import math
+from io import TextIOWrapper
 from pathlib import Path
 
 import numpy as np
 
+from devices.regular_file import open_regular
 from gateway.errors import InputError
 from gateway.numerics.array import Array
 
@@ -38,7 +40,7 @@ def read_columns(
 
 def _read_rows(path: Path) -> list[list[str]]:
     try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
+        with TextIOWrapper(open_regular(path), encoding="utf-8-sig", newline="") as file:
             rows = [
                 [cell.strip() for cell in row] for row, _ in zip(csv.reader(file), range(ROW_LIMIT + 1), strict=False)
             ]

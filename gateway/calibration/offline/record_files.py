@@ -1,6 +1,5 @@
 """Reads many calibration records, from files and folders that the user names."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -8,6 +7,7 @@ from pydantic import ValidationError
 
 from gateway.calibration.record import CalibrationRecord
 from gateway.errors import InputError, describe_problems
+from gateway.file_input import parse_json, read_bounded
 
 
 def read_records(paths: Sequence[Path]) -> tuple[list[CalibrationRecord], tuple[str, ...]]:
@@ -38,8 +38,8 @@ def read_records(paths: Sequence[Path]) -> tuple[list[CalibrationRecord], tuple[
 def read_record(path: Path) -> CalibrationRecord:
     """Return the record of a file. Raises `InputError` where it is none."""
     try:
-        return CalibrationRecord.model_validate(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as a calibration record ({error}); name another file") from error
+        return CalibrationRecord.model_validate(parse_json(read_bounded(path)))
     except ValidationError as error:
         raise InputError(f"{path}: is no calibration record: {describe_problems(error)[0]}") from error
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read as a calibration record ({error}); name another file") from error

@@ -1,0 +1,134 @@
+"""Recordings that claim or contain far more than their size: refused within bounded memory and time."""
+
+import os
+import resource
+import struct
+import subprocess
+import sys
+import time
+import zlib
+from io import BytesIO
+from pathlib import Path
+
+import lz4.frame
+import pytest
+import zstandard
+from mcap.opcode import Opcode
+from mcap.records import Chunk
+from mcap.writer import MCAP0_MAGIC
+
+from devices.errors import RecordingError
+from gateway.recording.mcap_chunks import MAX_CHUNK_BYTES, ChunkError, ChunkReader
+from gateway.recording.mcap_frames import RECORD_HEAD
+from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
+from gateway.recording.mcap_writer import McapWriter
+from gateway.recording.recovery import recover
+
+ROOT = Path(__file__).parents[3]
+MEMORY_BYTES = 1_500_000_000
+MESSAGE = RECORD_HEAD.pack(Opcode.MESSAGE, 22) + struct.pack("<HIQQ", 1, 0, 0, 0)
+
+
+def zstd(data: bytes) -> bytes:
+    return zstandard.ZstdCompressor(level=3).compress(data)
+
+
+def chunk(data: bytes, compressed: bytes, compression: str, size: int | None = None, crc: int | None = None) -> bytes:
+    size = len(data) if size is None else size
+    crc = zlib.crc32(data) if crc is None else crc
+    name = compression.encode()
+    content = struct.pack("<QQQII", 0, 0, size, crc, len(name)) + name + struct.pack("<Q", len(compressed)) + compressed
+    return RECORD_HEAD.pack(Opcode.CHUNK, len(content)) + content
+
+
+def write(path: Path, *records: bytes) -> Path:
+    path.write_bytes(MCAP0_MAGIC + RECORD_HEAD.pack(Opcode.HEADER, 8) + bytes(8) + b"".join(records))
+    return path
+
+
+@pytest.fixture(scope="module")
+def zeros() -> bytes:
+    """A hundred megabytes of zeros, compressed to a few kilobytes."""
+    compressor = zstandard.ZstdCompressor(level=3).compressobj()
+    part = bytes(1_000_000)
+    return b"".join([*(compressor.compress(part) for _ in range(100)), compressor.flush()])
+
+
+def bombs(zeros: bytes) -> dict[str, bytes]:
+    much = bytes(50_000_000) if zeros else b""
+    return {
+        "100 MB of zeros": chunk(b"", zeros, "zstd", size=100_000_000, crc=0),
+        "zeros that claim to be few": chunk(b"", zeros, "zstd", size=1000, crc=0),
+        "10 GB claimed": chunk(b"", b"x", "zstd", size=10**10, crc=0),
+        "zeros within the limit": chunk(much, zstd(much), "zstd"),
+        "lz4 of zeros": chunk(b"", lz4.frame.compress(much), "lz4", size=1000, crc=0),
+        "no compression known": chunk(b"x", b"x", "snappy"),
+    }
+
+
+@pytest.mark.parametrize("name", list(bombs(b"")))
+def test_a_bomb_is_one_damaged_record(zeros: bytes, tmp_path: Path, name: str) -> None:
+    path = write(tmp_path / "bomb.mcap", bombs(zeros)[name])
+    losses = SalvageReport()
+    with open_mcap(path) as file:
+        assert len(list(read_records(file, losses))) == 1  # the header
+    assert losses.damaged_records == 1
+
+
+def test_all_chunks_together_are_bounded() -> None:
+    data = MESSAGE * 100_000
+    record = Chunk("zstd", zstd(data), 0, 0, zlib.crc32(data), len(data))
+    reader = ChunkReader(file_bytes=10_000)
+    for _ in range((MAX_CHUNK_BYTES + 2_000_000) // len(data)):
+        assert next(iter(reader.frames(record)))
+    with pytest.raises(ChunkError, match="larger than any that is read"):
+        reader.frames(record)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", [["record", "info"], ["measure"], ["record", "recover", "--out", "out.mcap"]])
+def test_a_bomb_costs_a_command_little_memory_and_time(zeros: bytes, tmp_path: Path, command: list[str]) -> None:
+    path = write(tmp_path / "bomb.mcap", *[bombs(zeros)["100 MB of zeros"]] * 20)
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+        resource.setrlimit(resource.RLIMIT_CPU, (30, 30))
+
+    done = subprocess.run(
+        [sys.executable, "-m", "gateway", *command, str(path)],
+        cwd=tmp_path,
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        preexec_fn=limit,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode in (2, 3)
+    assert "Traceback" not in done.stderr
+    assert not (tmp_path / "out.mcap").exists()
+
+
+@pytest.mark.parametrize("kind", ["pipe", "device", "folder"])
+def test_what_is_no_file_is_refused_at_once(tmp_path: Path, kind: str) -> None:
+    path = {"pipe": tmp_path / "pipe", "device": Path("/dev/zero"), "folder": tmp_path}[kind]
+    if kind == "pipe":
+        os.mkfifo(path)
+    with pytest.raises(RecordingError, match=r"is a (pipe|folder)"):
+        open_mcap(path)
+
+
+@pytest.mark.slow
+def test_as_many_channels_as_the_format_has_are_recovered(tmp_path: Path) -> None:
+    written = BytesIO()
+    writer = McapWriter(written)
+    writer.start("", "")
+    for number in range(65_536):
+        writer.register_channel(f"/{number}", "json", 0)
+    writer.add_message(0, 0, 0, 0, b"{}")
+    writer.finish()
+    path = tmp_path / "many.mcap"
+    path.write_bytes(written.getvalue())
+    begun_s = time.monotonic()
+    assert recover(path, tmp_path / "out.mcap").messages == 1
+    assert time.monotonic() - begun_s < 60
