@@ -15,5 +15,5 @@ def open_regular(path: Path) -> BinaryIO:
         return os.fdopen(descriptor, "rb")
     os.close(descriptor)
     if stat.S_ISDIR(mode):
-        raise IsADirectoryError(errno.EISDIR, "is a folder", str(path))
+        raise IsADirectoryError(errno.EISDIR, "is a directory", str(path))
     raise OSError(errno.EINVAL, "is a pipe or a device, not a file", str(path))

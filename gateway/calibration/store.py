@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from gateway.atomic_io import write_durably
 from gateway.calibration.record import CalibrationError, CalibrationRecord
+from gateway.disk_job import PerformJob, perform_now
 from gateway.errors import describe_problems
 from gateway.file_input import parse_json, read_bounded
 
@@ -60,8 +61,10 @@ class InForceState(BaseModel):
 class CalibrationStore:
     """The records of one device. Each call reads the disk, so its answer is what a restart would find."""
 
-    def __init__(self, data_dir: Path, device_id: str) -> None:
+    def __init__(self, data_dir: Path, device_id: str, perform: PerformJob = perform_now) -> None:
+        """`perform` carries out what is to be written."""
         self.device_id = device_id
+        self._perform = perform
         name = quote(device_id, safe=" ")
         self.folder = data_dir / "calibration" / (name if not name.startswith(".") else f"%2E{name[1:]}")
 
@@ -111,7 +114,7 @@ class CalibrationStore:
             if self.record(record.id).sha256 != record.sha256:
                 raise CalibrationError(f"{path}: another record has this id; records are never changed")
             return
-        write_durably(path, _json_bytes(record.model_dump(mode="json")))
+        self._write(path, _json_bytes(record.model_dump(mode="json")))
 
     def put_in_force(self, record_id: str | None, *, by: str, reason: str, request: str, time_utc: str) -> None:
         """Change the record in force. Raises `CalibrationError` if the record cannot be used, and `OSError`."""
@@ -121,13 +124,16 @@ class CalibrationStore:
         try:
             before = self.state()
         except CalibrationError:  # a person may put a record in force nevertheless; the unreadable file is kept
-            write_durably(self.folder / "in_force.unreadable.json", path.read_bytes())
+            self._write(self.folder / "in_force.unreadable.json", path.read_bytes())
             before = InForceState(device_id=self.device_id, in_force=None, history=())
         change = InForceChange(
             time_utc=time_utc, by=by, reason=reason, request=request, before=before.in_force, after=record_id
         )
         after = InForceState(device_id=self.device_id, in_force=record_id, history=(*before.history, change))
-        write_durably(path, _json_bytes(after.model_dump(mode="json", by_alias=True)))
+        self._write(path, _json_bytes(after.model_dump(mode="json", by_alias=True)))
+
+    def _write(self, path: Path, content: bytes) -> None:
+        self._perform(lambda is_wanted: write_durably(path, content, is_wanted))
 
     @property
     def _in_force_path(self) -> Path:

@@ -154,7 +154,7 @@ class Gateway:
                 parts.publisher: SLOW_DISK_S,
                 parts.recording: SLOW_DISK_S,
             },
-            optional=(parts.outbox, parts.rpc, parts.state_files),
+            optional=(parts.outbox, parts.rpc, parts.state_files, parts.calibration_disk),
             notifier=self._notifier,
             faults=self.faults,
         )

@@ -16,6 +16,7 @@ from gateway.configuration.model import Configuration
 from gateway.daemon.acknowledgement_service import AcknowledgementService
 from gateway.daemon.alert_history import AlertHistory
 from gateway.daemon.alert_sender import AlertSender
+from gateway.daemon.bounded_disk import BoundedDisk
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.bus_connection import BusConnection
 from gateway.daemon.calibration_provider import CalibrationProvider
@@ -68,6 +69,7 @@ class Parts:
     compaction: CompactionWorker
     outbox: OutboxWriter
     state_files: FileWriter
+    calibration_disk: BoundedDisk
     rpc: RpcServer
     alerts: AlertSender
     publisher: Publisher
@@ -80,7 +82,7 @@ class Parts:
     def sinks(self) -> tuple[Worker[Any], ...]:
         """What the processor feeds, in the order of the end; the bus must end after them."""
         relay = () if self.relay is None else (self.relay,)
-        disk = self.outbox, self.recording, self.state_files, self.compaction
+        disk = self.outbox, self.recording, self.state_files, self.calibration_disk, self.compaction
         return *relay, self.alerts, *disk, self.rpc, self.publisher
 
     @property
@@ -119,8 +121,12 @@ def compose(
     relay = make_relay(configuration.relay, faults)
     wall_clock = WallClockMonitor(clock)
     axes = configuration.device.axes
+    calibration_disk = BoundedDisk()
     recalibration = RecalibrationService(
-        Recalibration(section.data_dir, axes, software=__version__, log_line=log.warning), wall_clock
+        Recalibration(
+            section.data_dir, axes, software=__version__, log_line=log.warning, perform=calibration_disk.perform
+        ),
+        wall_clock,
     )
     marks = MarkService(wall_clock, lambda mark: _send_mark(mark, publisher, recording))
     acknowledgements = AcknowledgementService()
@@ -180,6 +186,7 @@ def compose(
             alerts,
             publisher,
             state_files,
+            calibration_disk,
             *(() if relay is None else (relay,)),
         ),
         output=output,
@@ -213,6 +220,7 @@ def compose(
         compaction=compaction,
         outbox=outbox,
         state_files=state_files,
+        calibration_disk=calibration_disk,
         rpc=rpc,
         alerts=alerts,
         publisher=publisher,

@@ -4,7 +4,6 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-
 MOST_DIGITS = 18
 """Of a number; Python refuses to read one of thousands."""
 

@@ -7,6 +7,7 @@ from typing import Any, Literal
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gateway.atomic_io import write_durably
+from gateway.disk_job import PerformJob, perform_now
 from gateway.errors import describe_problems
 from gateway.file_input import parse_json, read_bounded
 from gateway.recalibration.session import Session
@@ -46,8 +47,10 @@ class JournalContent(BaseModel):
 class Journal:
     """`<data_dir>/calibration/session.json`."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, perform: PerformJob = perform_now) -> None:
+        """`perform` carries out what is to be written."""
         self._path = path
+        self._perform = perform
         self._session: Session | None = None
         self._answers: OrderedDict[str, RequestAnswer] = OrderedDict()
         self._refusals: OrderedDict[str, RequestAnswer] = OrderedDict()
@@ -70,7 +73,8 @@ class Journal:
         if answer is not None:
             _add(answer, answers)
         content = JournalContent(session=session, answers=tuple(answers.values()))
-        write_durably(self._path, content.model_dump_json(indent=1).encode())
+        text = content.model_dump_json(indent=1).encode()
+        self._perform(lambda is_wanted: write_durably(self._path, text, is_wanted))
         self._session, self._answers = session, answers
 
     def remember(self, answer: RequestAnswer) -> None:

@@ -19,6 +19,7 @@ from gateway.calibration.procedures.pose_procedure import PoseProcedure, PosePro
 from gateway.calibration.procedures.procedure_factory import make_procedure
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
+from gateway.disk_job import PerformJob, perform_now
 from gateway.errors import PlumblineError
 from gateway.recalibration.audit import Audit
 from gateway.recalibration.commands import CommandHandler, CommandResult
@@ -46,15 +47,27 @@ class Response:
 class Recalibration:
     """The sessions of one gateway. Its owner feeds it blocks, requests and the time."""
 
-    def __init__(self, data_dir: Path, axes: AxesMap, *, software: str, log_line: Callable[[str], None]) -> None:
-        """`log_line` writes a line to the log. No request can be answered before `open`."""
+    def __init__(
+        self,
+        data_dir: Path,
+        axes: AxesMap,
+        *,
+        software: str,
+        log_line: Callable[[str], None],
+        perform: PerformJob = perform_now,
+    ) -> None:
+        """`log_line` writes a line to the log, `perform` carries out what is to be written.
+
+        No request can be answered before `open`.
+        """
         folder = data_dir / "calibration"
         self._data_dir = data_dir
+        self._perform = perform
         self._axes = axes
         self._software = software
         self._log_line = log_line
-        self._journal = Journal(folder / "session.json")
-        self._audit = Audit(folder / "audit.jsonl", log_line)
+        self._journal = Journal(folder / "session.json", perform)
+        self._audit = Audit(folder / "audit.jsonl", log_line, perform)
         self._recent_samples = RecentSamples(MIN_REST_S + BUFFER_MARGIN_S)
         self._procedure: PoseProcedure | None = None
         self._progress: PoseProgress | None = None
@@ -65,7 +78,7 @@ class Recalibration:
 
     def open(self, device: DeviceInfo, now: Timestamp) -> None:
         """Start with an opened device: an unfinished session continues with it, or ends."""
-        store = CalibrationStore(self._data_dir, device.device_id)
+        store = CalibrationStore(self._data_dir, device.device_id, self._perform)
         self._handler = CommandHandler(
             device=device,
             store=store,

@@ -114,7 +114,7 @@ def test_what_is_no_file_is_refused_at_once(tmp_path: Path, kind: str) -> None:
     path = {"pipe": tmp_path / "pipe", "device": Path("/dev/zero"), "folder": tmp_path}[kind]
     if kind == "pipe":
         os.mkfifo(path)
-    with pytest.raises(RecordingError, match=r"is a (pipe|folder)"):
+    with pytest.raises(RecordingError, match=r"is a (pipe|directory)"):
         open_mcap(path)
 
 

@@ -1,0 +1,61 @@
+"""A disk that hangs costs the thread that writes a moment, and nothing of what failed is carried out later."""
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from gateway.daemon.bounded_disk import PATIENCE_S, BoundedDisk
+from tests.waiting import wait_until
+
+
+@pytest.fixture
+def disk() -> Iterator[BoundedDisk]:
+    made = BoundedDisk()
+    made.start()
+    yield made
+    made.finish()
+    made.join(5)
+
+
+def test_a_job_is_done_when_the_call_returns(disk: BoundedDisk) -> None:
+    done: list[bool] = []
+    disk.perform(lambda is_wanted: done.append(is_wanted()))
+    assert done == [True]
+
+
+def test_an_error_is_that_of_the_job(disk: BoundedDisk) -> None:
+    def fail(_is_wanted: Callable[[], bool]) -> None:
+        raise PermissionError("no")
+
+    with pytest.raises(PermissionError, match="no"):
+        disk.perform(fail)
+
+
+def test_a_job_that_hangs_fails_soon_and_is_not_finished_later(disk: BoundedDisk) -> None:
+    gate, finished = threading.Event(), list[bool]()
+
+    def hang(is_wanted: Callable[[], bool]) -> None:
+        gate.wait(30)
+        finished.append(is_wanted())
+
+    begun_s = time.monotonic()
+    with pytest.raises(TimeoutError):
+        disk.perform(hang)
+    with pytest.raises(TimeoutError):
+        disk.perform(lambda is_wanted: finished.append(True))  # at once, while the other one hangs
+    assert time.monotonic() - begun_s < 10 * PATIENCE_S
+    gate.set()
+    wait_until(lambda: finished, "the job to go on")
+    assert finished == [False]
+    wait_until(lambda: works(disk), "the disk to be used again")
+    assert finished == [False]
+
+
+def works(disk: BoundedDisk) -> bool:
+    try:
+        disk.perform(lambda is_wanted: None)
+    except TimeoutError:
+        return False
+    return True
