@@ -206,6 +206,7 @@ class Processor(Worker[SamplerItem]):
 
     def _send(self, messages: Iterable[OutgoingMessage]) -> None:
         """Encode each message once and put it into the queues of its sinks; alerts go first."""
+        can_wait = self.info is not None and self.info.can_wait
         for message in sorted(messages, key=_is_no_alert):
             if isinstance(message.message, Alert) and message.message.change is not None:
                 _log_change(message.message)
@@ -215,12 +216,10 @@ class Processor(Worker[SamplerItem]):
             topic = TOPICS[message.topic]
             self._page.put(encoded.topic, encoded.payload)
             if isinstance(message.message, Alert):
-                self._alerts.submit(
-                    message.message, message.log_time_ns, SINK_PATIENCE_S if self.info.can_wait else 0.0
-                )
+                self._alerts.submit(message.message, message.log_time_ns, SINK_PATIENCE_S if can_wait else 0.0)
             elif topic.published:
                 self._publisher.inbox.put(encoded)
-            if topic.logged and self.info is not None and self.info.can_wait:
+            if topic.logged and can_wait:
                 self._recording.inbox.put_waiting(encoded, SINK_PATIENCE_S)
             elif topic.logged:
                 self._recording.inbox.put(encoded)

@@ -139,7 +139,7 @@ def _definitions_of_summary(file: BinaryIO, size: int) -> Iterator[McapRecord]:
     place = file.tell()
     file.seek(max(0, size - FOOTER.size - len(MCAP0_MAGIC)))
     end = file.read()
-    if end.endswith(MCAP0_MAGIC) and len(end) > len(MCAP0_MAGIC):
+    if end.endswith(MCAP0_MAGIC) and len(end) == FOOTER.size + len(MCAP0_MAGIC):
         opcode, length, start, _, checksum = FOOTER.unpack(end[: FOOTER.size])
         if (opcode, length) == (Opcode.FOOTER, FOOTER.size - RECORD_HEAD.size) and 0 < start < size:
             file.seek(start)

@@ -31,6 +31,16 @@ WORDS = st.sampled_from(
 PIECES = st.lists(st.one_of(WORDS, st.binary(max_size=40)), max_size=12).map(b"".join)
 
 
+FOUND = {"mcap": [b"\x01\x00\x00A\x89MCAP0\r\n"]}
+"""Inputs that had ended in another error than one that a person reads: an MCAP file too short for a footer, which ends like one."""
+
+
+@pytest.mark.parametrize("target", FOUND)
+def test_what_the_fuzzer_has_found(target: str) -> None:
+    for content in FOUND[target]:
+        TARGETS[target](content)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("target", TARGETS)
 @settings(max_examples=120, deadline=None)
