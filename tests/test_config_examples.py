@@ -9,7 +9,7 @@ from gateway.configuration.model import Configuration
 
 FOLDER = Path(__file__).parents[1] / "config"
 CHIPS = ("ads1115", "adxl345", "adxl355", "adxl357", "lis2dw12", "lis3dh", "mpu6050", "mpu9250")
-KINDS = {f"{kind}.toml": kind for kind in ("aspp", "iio", "node", "simulated", "witmotion", *CHIPS)}
+KINDS = {f"{kind}.toml": kind for kind in ("aspp", "iio", "node", "simulated", "single_axis", "witmotion", *CHIPS)}
 
 
 def test_there_are_no_others() -> None:

@@ -17,6 +17,7 @@ from gateway.configuration.i2c_devices import (
     Mpu9250Device,
 )
 from gateway.configuration.serial_devices import AsppDevice, NodeDevice, WitMotionDevice
+from gateway.configuration.single_axis_device import SingleAxisDevice
 
 
 class SimulatedDevice(DeviceSection):
@@ -75,6 +76,7 @@ AnyDevice = Annotated[
     | Mpu6050Device
     | Ads1115Device
     | IioDevice
+    | SingleAxisDevice
     | WitMotionDevice
     | NodeDevice
     | AsppDevice,

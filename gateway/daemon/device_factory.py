@@ -12,6 +12,7 @@ from gateway.configuration.device_sections import IioDevice, ReplayDevice, Simul
 from gateway.configuration.i2c_devices import Ads1115Device, I2cDevice, I2cSection
 from gateway.configuration.model import Configuration
 from gateway.configuration.serial_devices import AsppDevice, NodeDevice, SerialSection, WitMotionDevice
+from gateway.configuration.single_axis_device import SingleAxisDevice
 from gateway.daemon.recovery_hook import run_hook
 from gateway.daemon.simulated_rigger import SimulatedRigger
 
@@ -38,8 +39,8 @@ def make_device(configuration: Configuration, clock: Clock) -> Device:
                 return _make_simulated(configuration, device, n, clock)
             case I2cSection():
                 return _make_recovering(device, _make_i2c(device, n, clock), clock)
-            case IioDevice():
-                return _make_iio(device, n, clock)
+            case IioDevice() | SingleAxisDevice():
+                return _make_without_hooks(device, n, clock)
             case SerialSection():
                 return _make_serial(device, n, clock)
             case ReplayDevice():
@@ -124,6 +125,21 @@ def _make_ads1115(device: Ads1115Device, block: int, clock: Clock) -> Device:
         block_samples=block,
         serial=device.serial,
     )
+
+
+def _make_without_hooks(device: IioDevice | SingleAxisDevice, block: int, clock: Clock) -> Device:
+    if isinstance(device, IioDevice):
+        return _make_iio(device, block, clock)
+    from devices.chips import CHIPS
+    from devices.combined_axes import CombinedAxes, SensitiveAxis
+    from devices.fifo_accelerometer import FifoAccelerometer
+
+    axes = []
+    for sensor in device.sensors:
+        chip = CHIPS[sensor.part](device.odr_hz, sensor.range_g)
+        driver = FifoAccelerometer(chip, sensor.bus, sensor.address, clock=clock, block_samples=block)
+        axes.append(SensitiveAxis(driver, *sensor.axis))
+    return CombinedAxes(axes, odr_hz=device.odr_hz, serial=device.serial)
 
 
 def _make_iio(device: IioDevice, block: int, clock: Clock) -> Device:
