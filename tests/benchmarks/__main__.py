@@ -24,6 +24,7 @@ from tests.benchmarks import (
     record_info,
     recorder,
     rotation,
+    sensors,
     serial_decoders,
     swing,
 )
@@ -47,6 +48,7 @@ ALL: dict[str, Callable[..., None]] = {
     "record_info": record_info.main,
     "recorder": recorder.main,
     "incident": incident.main,
+    "sensors": sensors.main,
     "serial_decoders": serial_decoders.main,
     "fleet": fleet.main,
     "page": page.main,
