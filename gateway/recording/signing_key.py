@@ -6,12 +6,11 @@ The package `cryptography` is an extra: without it recordings are chained by has
 from __future__ import annotations
 
 import hashlib
-import os
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.atomic_io import make_folder, partial_of, sync_folder
+from gateway.atomic_io import write_private
 from gateway.errors import PlumblineError
 from gateway.file_input import read_bounded
 
@@ -61,14 +60,14 @@ def load_or_create_key(path: Path) -> SigningKey | None:
             pem = private.private_bytes(
                 serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
             )
-            _write_new(path, pem, 0o600)
+            write_private(path, pem, 0o600)
         loaded = serialization.load_pem_private_key(read_bounded(path), password=None)
         if not isinstance(loaded, Ed25519PrivateKey):
             raise KeyFileError(f"{path}: is not an Ed25519 key; give one in PEM, or move it away so that one is made")
         key = SigningKey(loaded)
         public = path.with_name(path.name + PUBLIC_SUFFIX)
         if not public.exists():
-            _write_new(public, f"{key.public_hex}\n".encode(), 0o644)
+            write_private(public, f"{key.public_hex}\n".encode(), 0o644)
     except OSError as error:
         raise KeyFileError(
             f"{path}: {error.strerror or error}; set recorder.key to a path that this user may write"
@@ -113,18 +112,3 @@ def is_valid(public_hex: str, text: str, signature_hex: str) -> bool:
     except (InvalidSignature, ValueError):
         return False
     return True
-
-
-def _write_new(path: Path, content: bytes, mode: int) -> None:
-    """Write a new file with this mode from its first byte on. Raises `OSError`."""
-    make_folder(path.parent)
-    partial = partial_of(path)
-    partial.unlink(missing_ok=True)
-    descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
-    try:
-        os.write(descriptor, content)
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
-    partial.replace(path)
-    sync_folder(path.parent)
