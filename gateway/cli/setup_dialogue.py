@@ -82,9 +82,13 @@ def _ask_kind(answers: Answers, settings: dict[str, Any], ask: Ask) -> None:
     def take(kind: str) -> None:
         if kind not in possible:
             raise ConfigurationError(f"one of {', '.join(possible)}, not {kind}")
-        if "port" in kinds[kind].model_fields and "port" not in settings:
-            settings["port"] = ask("Serial port, such as /dev/serial/by-id/...: ").strip()
-        answers.set(device__kind=kind, **{f"device__{key}": value for key, value in settings.items()})
+        needed = {key: field for key, field in kinds[kind].model_fields.items() if field.is_required()}
+        asked = {
+            key: _plain_value(ask(f"{key}: {field.description}: ").strip())
+            for key, field in needed.items()
+            if key not in ("kind", *settings)
+        }
+        answers.set(device__kind=kind, **{f"device__{key}": value for key, value in (settings | asked).items()})
 
     _repeat(f"Kind ({', '.join(possible)})", possible[0], take, ask)
 
@@ -169,6 +173,14 @@ def _repeat(text: str, default: str | None, take: Callable[[str], None], ask: As
             print(f"  {str(error).removeprefix('answer: ')}")
         else:
             return
+
+
+def _plain_value(text: str) -> int | float | str:
+    """Return a number where the answer is one: what a configuration file would contain."""
+    try:
+        return int(text) if text.isdecimal() else float(text)
+    except ValueError:
+        return text
 
 
 def _whole(text: str) -> int:
