@@ -49,8 +49,9 @@ def main() -> int:
     parser.add_argument("--faults", type=int, default=600)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--out", type=Path, default=Path("alert_campaign.json"))
+    parser.add_argument("--real-time", action="store_true", help="on a busy machine: gateways with real-time priority")
     arguments = parser.parse_args()
-    site = Site(Path(tempfile.mkdtemp(prefix="alert-campaign-")))
+    site = Site(Path(tempfile.mkdtemp(prefix="alert-campaign-")), arguments.real_time)
     begin_s = time.monotonic()
     try:
         site.lay()

@@ -21,6 +21,7 @@ def note(sample: zenoh.Sample) -> None:
         "gateway": gateway,
         "topic": topic,
         "sequence": message["sequence"],
+        "at_s": arrived_ns / 1e9,
         "delay_ms": (arrived_ns - message["time_ns"]) / 1e6,
     }
     if topic == "health":

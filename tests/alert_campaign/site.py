@@ -51,6 +51,8 @@ class Site:
     """Everything that runs."""
 
     folder: Path
+    real_time: bool = False
+    """Gateways and observer have real-time priority, so that other work on this machine does not delay them."""
     processes: dict[str, subprocess.Popen[bytes]] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -94,13 +96,16 @@ class Site:
         """Start a process in a namespace; its output goes to a file."""
         with (self.folder / f"{name}.log").open("ab") as output:
             self.processes[name] = subprocess.Popen(
-                ["ip", "netns", "exec", self.spaces[space], sys.executable, *arguments],
+                ["ip", "netns", "exec", self.spaces[space], *self._priority(space), sys.executable, *arguments],
                 cwd=ROOT,
                 env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
                 stdin=subprocess.PIPE,
                 stdout=output,
                 stderr=output,
             )
+
+    def _priority(self, space: str) -> list[str]:
+        return ["chrt", "--rr", "1"] if self.real_time and space == "gw" else []
 
     def start_party(self, name: str) -> None:
         """Start a gateway, the router, the wire, a receiver or the observer by its name."""

@@ -15,13 +15,13 @@ STALE_NS = 1_100_000_000
 class HearingCrane(RecordedCrane):
     """Keeps the alert messages."""
 
+    def __init__(self, folder: Path) -> None:
+        self.heard: list[tuple[int, Alert]] = []
+        super().__init__(folder)
+
     def write(self, message: OutgoingMessage) -> None:
         if isinstance(message.message, Alert):
             self.heard.append((message.log_time_ns, message.message))
-
-    @property
-    def heard(self) -> list[tuple[int, Alert]]:
-        return self.__dict__.setdefault("_heard", [])
 
     def validities(self, since: int = 0) -> list[str | None]:
         return [message.validity for _, message in self.heard[since:]]
