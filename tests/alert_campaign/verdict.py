@@ -52,15 +52,6 @@ def deliveries(path: Path) -> dict[str, Delivery]:
     return found
 
 
-def is_caught_up(site: Site) -> bool:
-    """Return whether every receiver has as many changes as there are."""
-    for receiver in RECEIVERS:
-        found = deliveries(site.log_of(receiver))
-        if any(len(found[crane].got) < len(sent_changes(site.folder / crane)) for crane in GATEWAYS):
-            return False
-    return True
-
-
 def judge(site: Site) -> dict[str, Any]:
     """Return, for each receiver and crane, how many changes were sent, got, lost, repeated, out of order, unknown."""
     result: dict[str, Any] = {}
