@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal, Self, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, StrictBool, ValidationError, model_validator
 
 from gateway.calibration.pose_method import PoseMethod
 from gateway.calibration.store import ID_PATTERN
@@ -36,7 +36,7 @@ class Recalibrate(Request):
     """Start a session."""
 
     method: PoseMethod = PoseMethod.SIX_POSITION
-    housing_off_rope: bool = False
+    housing_off_rope: StrictBool = False
     """Confirmation that the housing has been taken off the rope."""
 
 

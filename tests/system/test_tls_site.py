@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +12,16 @@ import pytest
 import zenoh
 
 from gateway.authorization.credential import Challenge
-from gateway.bus.client import open_client_session
+from gateway.bus.client import GatewayClient, open_client_session
 from gateway.bus.credentials import Credentials, load_credentials
 from gateway.bus.session import BusError, TlsFiles
+from gateway.errors import InputError
 from gateway.pki.issue import Holder
 from gateway.pki.site_folder import utc_now
 from tests.gateway.pki.site import Site
 from tests.ports import unused_port
 from tests.system.conftest import ROOT, RunningGateway, StartGateway
+from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.slow
@@ -175,3 +178,52 @@ def test_names_on_the_link_restrict_who_may_read_and_send_the_load_signal(
 
     wait_until(lambda: reads("bob"), "an answer for bob")
     assert not reads("eve")
+
+
+def test_through_a_router_commands_stay_authorised_and_an_operator_forges_nothing(
+    tmp_path: Path, start_gateway: StartGateway
+) -> None:
+    keys = Site(tmp_path / "keys")
+    endpoint = f"tls/127.0.0.1:{unused_port()}"
+    environment = {"PLUMBLINE_BUS__MODE": "client", "PLUMBLINE_BUS__CONNECT": json.dumps([endpoint])}
+    start_gateway(keys.gateway_toml(), environment=environment)  # the router is down at the start
+    files, names = keys.folder.issue("router-1", Holder.ROUTER, [], 30, utc_now()), tmp_path / "gateways.txt"
+    names.write_text("demo-site/crane-1/hook-1 crane-1\n")
+    options = [f"--{name}={files / f'{name}.pem'}" for name in ("ca", "certificate", "key")]
+    readers = ["--reader=ann", "--reader=bob", f"--gateways={names}"]
+    command = [sys.executable, "-m", "gateway", "fleet", "router", f"--listen={endpoint}", *options, *readers]
+    folders = {name: keys.issue(name, holder) for name, holder in (("ann", Holder.SERVICE), ("bob", Holder.OPERATOR))}
+    for _ in range(2):  # the second router is started after the first one was killed
+        router = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        try:
+            wait_until(lambda: _answer_to_cancel(endpoint, folders["ann"]) is not None, "an answer through the router")
+            assert "no session is active" in present(_answer_to_cancel(endpoint, folders["ann"]))
+            assert "needs the role service" in present(_answer_to_cancel(endpoint, folders["bob"]))
+            _forge_through(endpoint, folders)
+        finally:
+            router.kill()
+            router.wait()
+
+
+def _answer_to_cancel(endpoint: str, folder: Path) -> str | None:
+    try:
+        client = GatewayClient(endpoint, KEY, load_credentials(folder))
+    except (BusError, InputError):
+        return None
+    try:
+        reply = client.ask("cancel", {"id": f"request-{time.time_ns()}", "by": "x"}, 0.0)
+    finally:
+        client.close()
+    return None if reply is None else reply.text
+
+
+def _forge_through(endpoint: str, folders: dict[str, Path]) -> None:
+    seen: list[bytes] = []
+    viewer, hostile = (open_client_session(endpoint, load_credentials(folders[name])) for name in ("ann", "bob"))
+    viewer.declare_subscriber("plumbline/v1/**", lambda sample: seen.append(sample.payload.to_bytes()))
+    for topic in ("alert", "health", "*"):
+        hostile.put(f"{KEY}/{topic}", b"by eve")
+    wait_until(lambda: len(seen) > 20, "true messages after the forged ones")
+    assert b"by eve" not in seen
+    viewer.close()
+    hostile.close()

@@ -32,6 +32,8 @@ def test_id_and_person_are_sufficient(verb: str) -> None:
         ("rollback", {"to": ".."}, "to"),
         ("recalibrate", {"method": "guess"}, "method"),
         ("recalibrate", {"housing_off_rope": "perhaps"}, "housing_off_rope"),
+        ("recalibrate", {"housing_off_rope": "yes"}, "housing_off_rope"),
+        ("recalibrate", {"housing_off_rope": 1}, "housing_off_rope"),
     ],
 )
 def test_an_invalid_field_is_named(verb: str, change: dict[str, Any], place: str) -> None:
