@@ -16,6 +16,8 @@ UNKNOWN_NOISE_G = 1e-3
 """Of one sample of a sensor whose noise is not stated, before it is measured."""
 EVIDENCE_BINS = 192
 """Newest bins over which two accounts are compared."""
+COMPARED_BINS = 60
+"""Newest bins whose forces are compared between the accounts with and without a gyroscope."""
 INNOVATION_MEMORY = 0.95
 """Weight of the earlier innovations in their mean: two seconds."""
 POOR_SQUARED = 4.0 * EXPECTED_SQUARED
@@ -50,6 +52,7 @@ class FilterRun:
         self._bin_s, self._noise_g = bin_s, noise_g
         self._noise = BinNoise()
         self._evidence: deque[float] = deque(maxlen=EVIDENCE_BINS)
+        self._force_evidence: deque[float] = deque(maxlen=COMPARED_BINS)
         self._mean_squared = EXPECTED_SQUARED
         self._first_line_rate_1_s: float | None = None
         self._doubtful_s = 0.0
@@ -89,6 +92,7 @@ class FilterRun:
             return
         self._noise.add(self._without_line(one.force_g))
         self.outliers += self.filter.update(one.force_g, self._noise.sigma_g(self._stated_g(one.count)))
+        self._force_evidence.append(self.filter.log_evidence)
         self._take_rate(one)
         self._evidence.append(self.filter.log_evidence)
         self._doubtful_s = self._doubtful_s + self._bin_s if self._acts() else 0.0
@@ -126,6 +130,11 @@ class FilterRun:
     def evidence(self, bins: int) -> float:
         """Return the log evidence of the newest bins."""
         return sum(list(self._evidence)[-bins:])
+
+    @property
+    def force_evidence(self) -> float:
+        """Log evidence of the accelerometer's newest readings, without those of a gyroscope."""
+        return sum(self._force_evidence)
 
     def _acts(self) -> bool:
         """Return whether a drive or a gust goes on, or a hoist without speed."""

@@ -27,10 +27,15 @@ class GyroTracker:
         self.check.add_rates(time_s, rate_rad_s)
         self.tracker.update(time_s, force_g, is_clipped, rate_rad_s)
 
-    def choose(self, plain: MotionEstimate, now_s: float, free_swing_length_m: float | None) -> MotionEstimate:
-        """Return the motion with the gyroscope where it may be believed, or else the given one without."""
+    def choose(
+        self, plain: MotionEstimate, plain_evidence: float, now_s: float, free_swing_length_m: float | None
+    ) -> MotionEstimate:
+        """Return the motion with the gyroscope where it may be believed, or else the given one without.
+
+        `plain_evidence`: log evidence of the newest forces without it.
+        """
         sharpened = self.tracker.estimate(now_s, free_swing_length_m)
-        if self.check.compare(plain, sharpened, self.tracker.rate_squared):
+        if self.check.compare(self.tracker.force_evidence - plain_evidence, self.tracker.rate_squared):
             self.tracker = self._new_tracker()
             return plain
         return sharpened if self.check.is_used and sharpened.angle_rad is not None else plain

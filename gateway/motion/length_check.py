@@ -50,6 +50,11 @@ class LengthCheckedTracker:
         """Mean of the normalised innovation squared of the gyroscope's readings; 3 is expected."""
         return self._tracker.rate_squared
 
+    @property
+    def force_evidence(self) -> float:
+        """Log evidence of the accelerometer's newest readings, without those of a gyroscope."""
+        return self._tracker.force_evidence
+
     def gyro_bias(self) -> tuple[Array, Array] | None:
         """Return the gyroscope's bias and its standard uncertainty, rad/s, shapes (3,); None without one."""
         return self._tracker.gyro_bias()

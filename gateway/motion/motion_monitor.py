@@ -105,7 +105,8 @@ class MotionMonitor:
         if estimate.u_rad is None and estimate.length_m is not None and not math.isfinite(estimate.length_m):
             self._new_trackers()
         if self._sharpened is not None:
-            estimate = self._sharpened.choose(estimate, now_s, self._faults.free_swing_length_m)
+            evidence = self._tracker.force_evidence
+            estimate = self._sharpened.choose(estimate, evidence, now_s, self._faults.free_swing_length_m)
         self._count_outliers(now_s)
         if (why := self._why_unknown(now_s)) is not None:
             return MotionEstimate(time_s=now_s, state="unknown", reasons=(why,))

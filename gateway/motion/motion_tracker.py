@@ -111,6 +111,11 @@ class MotionTracker:
         """Mean of the normalised innovation squared of the gyroscope's readings; 3 is expected."""
         return self._run.rate_squared
 
+    @property
+    def force_evidence(self) -> float:
+        """Log evidence of the newest forces, without that of a gyroscope's rates."""
+        return self._run.force_evidence
+
     def gyro_bias(self) -> tuple[Array, Array] | None:
         """Return the gyroscope's bias and its standard uncertainty, rad/s, shapes (3,); None without one."""
         if self._gyro is None or self._run.is_broken:
@@ -125,10 +130,7 @@ class MotionTracker:
         is_clipped: NDArray[np.bool_] | None = None,
         rate_rad_s: Array | None = None,
     ) -> bool:
-        """Take a block of specific force in the housing frame, shapes (n,) and (n, 3); return whether a bin was completed.
-
-        `is_clipped`: shape (n,); `rate_rad_s`: angular rates in the housing frame, shape (n, 3), NaN where a sample has none.
-        """
+        """Take a block in the housing frame, shapes (n,), (n, 3), (n,) and (n, 3); return whether a bin was completed."""
         if len(time_s) == 0:
             return False
         self._steps_left = MOST_BRIDGING_STEPS
