@@ -46,6 +46,7 @@ JOIN_S = 0.8
 """Longest wait for a thread to end: a read takes at most half a second."""
 SWITCH_S = 0.0005
 """Longest wait of a thread for the interpreter. The usual 5 ms of a swing fit would delay an alert."""
+PAGE_END_S = 3.0
 WRITING_S = 10.0
 """Longest wait for a disk to take what is queued."""
 DRAIN_S = 60.0
@@ -194,6 +195,10 @@ class Gateway:
         shutdown.join(parts.sampler, JOIN_S)
         parts.processor.finish()
         shutdown.join(parts.processor, patience_s)
+        page_end = threading.Thread(
+            target=parts.page.stop if parts.page is not None else bool, name="page", daemon=True
+        )
+        page_end.start()  # beside the others: a page that hangs is killed after two seconds
         for worker in parts.sinks:
             if worker is not parts.compaction:  # which gets the last segment from the recorder
                 worker.finish()
@@ -202,8 +207,7 @@ class Gateway:
             shutdown.join(worker, patience_of_s.get(worker, patience_s))
         parts.bus.stop()
         shutdown.join(parts.bus, JOIN_S)
-        if parts.page is not None:
-            parts.page.stop()
+        shutdown.join(page_end, PAGE_END_S)
         log.removeHandler(self._log_handler)
         if not shutdown.stuck:
             self._lock.release()

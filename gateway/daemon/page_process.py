@@ -3,6 +3,7 @@
 import importlib.util
 import socket
 import subprocess
+import threading
 import time
 
 from gateway.configuration.model import Configuration
@@ -70,7 +71,7 @@ class PageProcess:
                     f"page: {', '.join(missing)} not installed; install plumbline-gateway[page], or set page.enabled = false"
                 )
             self._socket = _bind(*self._address)
-        self._make_pin()
+        threading.Thread(target=self._make_pin, name="page-pin", daemon=True).start()  # the disk may not answer
         try:
             return launch.start(self._parameters, self._socket, self._channel.open)
         except OSError as error:

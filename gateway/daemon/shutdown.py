@@ -3,7 +3,7 @@
 import threading
 import time
 
-STOP_S = 3.5
+STOP_S = 3.0
 """Longest time from a signal to the end of the wait for all threads."""
 LOOK_S = 0.05
 

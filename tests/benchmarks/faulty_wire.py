@@ -109,7 +109,7 @@ def main() -> int:
         chip.closed = False
         return chip
 
-    smbus2.SMBus = open_bus
+    smbus2.SMBus = open_bus  # type: ignore[misc, assignment]
     threading.Thread(target=FaultyWire(chip, int(seed), float(period_s)).run, daemon=True).start()
     from gateway.cli.main import main as plumbline  # noqa: PLC0415  (after the bus was replaced)
 

@@ -32,7 +32,7 @@ PIECES = st.lists(st.one_of(WORDS, st.binary(max_size=40)), max_size=12).map(b""
 
 
 FOUND = {"mcap": [b"\x01\x00\x00A\x89MCAP0\r\n"]}
-"""Inputs that had ended in another error than one that a person reads: an MCAP file too short for a footer, which ends like one."""
+"""Inputs that had ended in a traceback: an MCAP file that is too short for a footer and ends like one."""
 
 
 @pytest.mark.parametrize("target", FOUND)
