@@ -29,3 +29,9 @@ export function directionWords(azimuthDeg, {plus_x, plus_y, minus_x, minus_y}) {
   if (beyond > 0.75) return names[(from + 1) % 4];
   return `${names[from % 4]} / ${names[(from + 1) % 4]}`;
 }
+
+// Return the crane's word that is nearest to an azimuth.
+export function nearestDirection(azimuthDeg, {plus_x, plus_y, minus_x, minus_y}) {
+  if (!known(azimuthDeg)) return "";
+  return [plus_x, plus_y, minus_x, minus_y][Math.round((((azimuthDeg % 360) + 360) % 360) / 90) % 4];
+}

@@ -9,7 +9,7 @@ import {setText, showFacts} from "./facts.js";
 import {Gauge} from "./gauge.js";
 import {Link, nowS} from "./link.js";
 import {Mounting} from "./mounting.js";
-import {ago, degrees, directionWords, fixed, isKnown, NONE, upwards} from "./number.js";
+import {ago, degrees, fixed, isKnown, nearestDirection, NONE, upwards} from "./number.js";
 import {operatorNotice, serviceNotices} from "./notices.js";
 import {Person} from "./person.js";
 import {comingPeak, motionKey, sentence} from "./sentence.js";
@@ -26,6 +26,7 @@ const URGENT = new Set(["TRIP", "WARN", "STALE", "NO DATA", "SUSPENDED"]);
 const ANNOUNCE_S = 10; // shortest time between two announcements that ask for no action
 const GONE = new Set(["STALE", "NO DATA"]);
 const SCREENS = {"#alerts": "alerts", "#service": "service"};
+const LEAN_SHOWN_DEG = 0.05; // a smaller lean is shown as 0.0°, which has no direction
 const LEAN_SIGNIFICANT = 2; // standard uncertainties from which a lean has a direction
 const MOST_REASONS = 8;
 const NS_PER_MS = 1e6;
@@ -187,10 +188,10 @@ function showTiles(swing, motion, peak, waitedS) {
   setText("coming-when", inS > 0 ? text("in_seconds", {seconds: inS.toFixed(1)}) : "");
   element("tile-peak").classList.toggle("bad", inS > 0 && peak.angleDeg >= state.page.trip_deg);
   const leanDeg = motion?.lean_deg ?? swing?.lean_deg;
-  const isDirected = isKnown(leanDeg) && leanDeg > LEAN_SIGNIFICANT * (motion?.lean_u_deg ?? Infinity);
+  const isDirected = isKnown(leanDeg) && leanDeg >= LEAN_SHOWN_DEG && leanDeg > LEAN_SIGNIFICANT * (motion?.lean_u_deg ?? Infinity);
   setText("lean", degrees(leanDeg));
-  const direction = directionWords(swing?.lean_azimuth_deg, state.page.directions);
-  setText("lean-direction", isDirected && direction ? text("toward", {direction}) : "");
+  const direction = nearestDirection(swing?.lean_azimuth_deg, state.page.directions);
+  setText("lean-direction", isDirected ? direction : "");
   const limitDeg = state.page.lean_trip_deg;
   element("tile-lean").classList.toggle("bad", isKnown(leanDeg) && isKnown(limitDeg) && leanDeg >= limitDeg);
   const key = motionKey(motion);

@@ -30,7 +30,7 @@ const TABLES = {
     page_fault: "Fault of the page: {reason}.", not_recording: "Not recording.",
 
     crane_rest: "at rest", crane_free: "at rest", crane_driven: "moving", crane_lowering: "lowering", crane_hoisting: "hoisting",
-    crane_wind: "gust", crane_unknown: "not known", in_seconds: "in {seconds} s", toward: "toward {direction}", no_swing: "no swing detected",
+    crane_wind: "gust", crane_unknown: "not known", in_seconds: "in {seconds} s", no_swing: "no swing detected",
     was: "not known; was {angle} {ago}", never: "not known", plus_minus: "± {angle} (95 %)",
     warn_at: "warning {angle}", limit_at: "limit {angle}",
     no_reading: "no reading", swing_words: "swing {angle}", along: " along {direction}", lean_words: ", lean {angle}",
@@ -101,7 +101,7 @@ const TABLES = {
     page_fault: "Fehler der Seite: {reason}.", not_recording: "Keine Aufzeichnung.",
 
     crane_rest: "in Ruhe", crane_free: "in Ruhe", crane_driven: "fährt", crane_lowering: "senkt", crane_hoisting: "hebt",
-    crane_wind: "Böe", crane_unknown: "unbekannt", in_seconds: "in {seconds} s", toward: "nach {direction}", no_swing: "kein Pendeln erkannt",
+    crane_wind: "Böe", crane_unknown: "unbekannt", in_seconds: "in {seconds} s", no_swing: "kein Pendeln erkannt",
     was: "unbekannt; war {angle} {ago}", never: "unbekannt", plus_minus: "± {angle} (95 %)",
     warn_at: "Warnung {angle}", limit_at: "Grenze {angle}",
     no_reading: "keine Anzeige", swing_words: "Pendeln {angle}", along: " entlang {direction}", lean_words: ", Schräglage {angle}",

@@ -99,6 +99,9 @@ CALLS = [
     ("number.js", "directionWords", 100, "left"),
     ("number.js", "directionWords", 359, "out"),
     ("number.js", "directionWords", None, ""),
+    ("number.js", "nearestDirection", 50, "left"),
+    ("number.js", "nearestDirection", -40, "out"),
+    ("number.js", "nearestDirection", None, ""),
 ]
 
 

@@ -12,6 +12,7 @@ from playwright.sync_api import Browser, Page, expect
 
 from gateway.daemon.page_channel import PageChannel
 from gateway.messages import NO_SESSION, SessionPose
+from gateway.page.parameters import CraneDirections
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest, Scene
 
 pytestmark = pytest.mark.slow
@@ -19,6 +20,12 @@ pytestmark = pytest.mark.slow
 PANEL, DESKTOP, PHONE = (800, 480), (1280, 800), (390, 844)
 SMALLEST_TEXT_PX = 15.9  # 16, with a rounding error of the unit
 LANGUAGES = ("en", "de")
+DIRECTIONS = {
+    "en": CraneDirections(plus_x="trolley out", minus_x="trolley in", plus_y="bridge right", minus_y="bridge left"),
+    "de": CraneDirections(
+        plus_x="Katze hinaus", minus_x="Katze herein", plus_y="Brücke rechts", minus_y="Brücke links"
+    ),
+}
 INSPECTION = Path(__file__).with_name("layout.js").read_text(encoding="utf-8")
 
 
@@ -104,7 +111,7 @@ def language(request: pytest.FixtureRequest) -> str:
 
 @pytest.fixture
 def page_in_language(channel: PageChannel, language: str) -> Any:
-    under_test = PageUnderTest(channel, language=language)
+    under_test = PageUnderTest(channel, language=language, directions=DIRECTIONS[language])
     yield under_test
     under_test.close()
 
