@@ -149,6 +149,8 @@ class AlertReceiver:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
+        if kind is None:  # else the last event may not have been handled
+            self.save()
         self.close()
 
     def _open(self) -> None:

@@ -75,7 +75,6 @@ def _watch(arguments: argparse.Namespace) -> int:
                 connect, arguments.gateway, since=since, state_file=resume, credentials=credentials
             ) as receiver:
                 printer.print_all(_alerts_and_messages(receiver, samples))
-                receiver.save()
         else:
             printer.print_all(_messages(samples, 1.0))
         for subscriber in subscribers:
