@@ -9,8 +9,6 @@ from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, MOST_GATEWAYS
 from gateway.bus.router_settings import STORED_TOPICS
 from gateway.bus.untrusted import GATEWAY_KEY
 
-END_S = 2.0
-
 
 class LatestStates:
     """Keeps the last messages in memory and answers queries for them, from `start` to `close`."""
@@ -39,8 +37,6 @@ class LatestStates:
                 queryable.undeclare()
             for subscriber in self._subscribers:
                 subscriber.undeclare()
-        for thread in self._threads:
-            thread.join(END_S)  # one that is still in the library would abort the interpreter at its end
 
     def __len__(self) -> int:
         return len(self._latest)

@@ -2,15 +2,22 @@
 
 import argparse
 import json
+import os
 import signal
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 if TYPE_CHECKING:
+    import zenoh
+
+    from gateway.bus.latest_states import LatestStates
     from gateway.bus.session import TlsFiles
 
 DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
+LOOK_S = 0.5
+CLOSE_S = 2.0
+"""Longest wait for the links to close at the end."""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -79,7 +86,7 @@ def _run(arguments: argparse.Namespace) -> int:
     return _serve(configuration, ", ".join(listen), encrypted=tls is not None)
 
 
-def _serve(configuration: dict[str, Any], listen: str, *, encrypted: bool) -> int:
+def _serve(configuration: dict[str, Any], listen: str, *, encrypted: bool) -> NoReturn:
     import zenoh
 
     from gateway.bus.latest_states import LatestStates
@@ -95,13 +102,22 @@ def _serve(configuration: dict[str, Any], listen: str, *, encrypted: bool) -> in
         raise InputError(
             f"{listen}: the router cannot listen there ({reason}); choose another --listen, or check the files"
         ) from error
-    with session:
-        states = LatestStates(session)
-        states.start()
-        print(f"routing at {listen}, {'mutual TLS' if encrypted else 'not encrypted'}", flush=True)
-        stopping.wait()
-        states.close()
-    return 0
+    states = LatestStates(session)
+    states.start()
+    print(f"routing at {listen}, {'mutual TLS' if encrypted else 'not encrypted'}", flush=True)
+    while not stopping.wait(LOOK_S):  # a signal that another thread receives does not end a wait without a limit
+        pass
+    closing = threading.Thread(target=_close, args=(states, session), daemon=True)
+    closing.start()
+    closing.join(CLOSE_S)
+    os._exit(
+        0
+    )  # a link that does not close, or a thread of the library, would hold the process; there is nothing to save
+
+
+def _close(states: "LatestStates", session: "zenoh.Session") -> None:
+    states.close()
+    session.close()
 
 
 def _tls(arguments: argparse.Namespace) -> "TlsFiles | None":

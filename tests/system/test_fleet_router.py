@@ -4,7 +4,7 @@ import json
 import signal
 import subprocess
 import sys
-import time
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -14,7 +14,7 @@ from gateway.bus.router_settings import STORED_TOPICS, router_configuration, wit
 from gateway.bus.session import TlsFiles, open_session
 from tests.ports import unused_port
 from tests.system.conftest import ROOT, Plumbline
-from tests.waiting import PATIENCE_S
+from tests.waiting import PATIENCE_S, wait_until
 
 OWN = "plumbline/v1/yard/c1/hook"
 CONNECT_MS = 5000
@@ -44,6 +44,10 @@ def stored(session: zenoh.Session, key: str) -> list[bytes]:
     return [reply.ok.payload.to_bytes() for reply in session.get(key, timeout=5.0) if reply.ok is not None]
 
 
+def _is_last(session: zenoh.Session, topic: str) -> bool:
+    return stored(session, f"plumbline/v1/*/*/*/{topic}") == [b"last"]
+
+
 @pytest.mark.slow
 def test_a_late_joiner_gets_the_last_message_of_each_topic_also_of_a_gateway_that_is_gone() -> None:
     router = Router(f"tcp/127.0.0.1:{unused_port()}")
@@ -53,10 +57,10 @@ def test_a_late_joiner_gets_the_last_message_of_each_topic_also_of_a_gateway_tha
             gateway.put(f"{OWN}/{topic}", text)
     gateway.put(f"{OWN}/health", b"x" * 100_000)
     gateway.put("plumbline/v1/a b/c/d/health", b"a name that no configuration allows")
-    time.sleep(0.5)
     gateway.close()
     late = open_session("client", [router.endpoint], [], None, CONNECT_MS)
-    assert [stored(late, f"plumbline/v1/*/*/*/{topic}") for topic in STORED_TOPICS] == [[b"last"]] * len(STORED_TOPICS)
+    for topic in STORED_TOPICS:
+        wait_until(partial(_is_last, late, topic), f"the last message of {topic}")
     assert stored(late, "plumbline/v1/*/*/*/samples") == []
     late.close()
     assert router.stop() == 0
