@@ -23,7 +23,7 @@ class _Ticket:
 
 
 class BoundedDisk(Worker[_Ticket]):
-    """Carries out the jobs one after the other. While one hangs, others fail at once."""
+    """Carries out the jobs one after the other. While one hangs, others fail at once. It must be started before the first job."""
 
     def __init__(self) -> None:
         super().__init__("calibration-disk", BoundedQueue(INBOX))
@@ -31,9 +31,6 @@ class BoundedDisk(Worker[_Ticket]):
 
     def perform(self, job: DiskJob) -> None:
         """Carry a job out within a bounded time. Raises `OSError`, `TimeoutError` where the disk takes too long."""
-        if not self.is_alive():  # before the start, and at the end
-            job(lambda: True)
-            return
         ticket = _Ticket(job)
         if self._hanging.is_set() or not self.inbox.put(ticket):
             raise TimeoutError("the disk does not answer")

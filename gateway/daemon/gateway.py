@@ -119,7 +119,8 @@ class Gateway:
         log.addHandler(self._log_handler)
         try:
             for thread in reversed(self._parts.threads):
-                thread.start()
+                if thread is not self._parts.calibration_disk:
+                    thread.start()
             self._notifier.send("READY=1\nSTATUS=sampling")
             self._await_first_attempts(stopping)
             announce(self._describe())

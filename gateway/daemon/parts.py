@@ -1,4 +1,4 @@
-"""The parts of a gateway, composed: threads, queues between them, and what they share. Nothing is started or opened here."""
+"""The parts of a gateway, composed: threads, queues between them, and what they share. Nothing is opened here."""
 
 import logging
 import threading
@@ -122,6 +122,7 @@ def compose(
     wall_clock = WallClockMonitor(clock)
     axes = configuration.device.axes
     calibration_disk = BoundedDisk()
+    calibration_disk.start()  # a damaged journal is audited when the device is opened, before the others start
     recalibration = RecalibrationService(
         Recalibration(
             section.data_dir, axes, software=__version__, log_line=log.warning, perform=calibration_disk.perform
