@@ -89,8 +89,9 @@ def _motion_monitor(source: Source, noise_g: float | None) -> MotionMonitor | No
 
 
 def _turning(source: Source, monitor: MotionMonitor | None, block: slice) -> Array | None:
-    """Return the angular rates of a block without the gyroscope's bias; as read where no motion is known."""
-    if source.rate_rad_s is None or monitor is None:
-        return None if source.rate_rad_s is None else source.rate_rad_s[block]
-    bias_rad_s = monitor.gyro_bias_rad_s()
-    return None if bias_rad_s is None else source.rate_rad_s[block] - bias_rad_s
+    """Return the angular rates of a block without the gyroscope's bias; as read where that is not known."""
+    if source.rate_rad_s is None:
+        return None
+    bias_rad_s = None if monitor is None else monitor.gyro_bias_rad_s()
+    rate_rad_s = source.rate_rad_s[block]
+    return rate_rad_s if bias_rad_s is None else rate_rad_s - bias_rad_s

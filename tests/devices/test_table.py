@@ -352,7 +352,7 @@ def test_a_file_that_cannot_be_read_is_reported(
     def refuse(*_: object, **__: object) -> None:
         raise error
 
-    monkeypatch.setattr(Path, "open", refuse)
+    monkeypatch.setattr("os.open", refuse)
     with pytest.raises(RecordingError, match=message):
         read_table(path)
 

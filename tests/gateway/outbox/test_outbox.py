@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.outbox import outbox as files
-from gateway.outbox.change import StoredChange, encode_line, parse_line, readable_size
+from gateway.outbox.change import MOST_DIGITS, StoredChange, encode_line, parse_line, readable_size
 from gateway.outbox.outbox import FILE_CHANGES, KEPT_FILES, MOST_FILES, AlertOutbox
 from gateway.outbox.position import Position
 
@@ -37,7 +37,7 @@ def filled(folder: Path, count: int, boot_id: str = "a", first: int = 1) -> Aler
     return outbox
 
 
-@given(st.text(), st.integers(0), st.binary())
+@given(st.text(), st.integers(0, 10**MOST_DIGITS - 1), st.binary())
 def test_a_line_is_read_again_and_any_flipped_bit_is_noticed(boot_id: str, number: int, payload: bytes) -> None:
     known = StoredChange(boot_id, number, payload)
     try:
