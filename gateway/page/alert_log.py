@@ -25,6 +25,7 @@ class LoggedAlert:
     until_ns: int | None
     """None while it is active."""
     largest_deg: float | None
+    """Largest angle since it began, best estimate: a peak that was only expected does not count. None: no angle was known."""
     limit_deg: float | None
     """The limit of the highest level."""
     acknowledged_by: str | None
@@ -47,7 +48,7 @@ class AlertLog:
         for index, logged in enumerate(self._alerts):
             if logged.until_ns is None:
                 same = active.pop(logged.rule) if _is_same(logged, active.get(logged.rule)) else None
-                self._alerts[index] = _updated(logged, same, message.time_ns)
+                self._alerts[index] = _updated(logged, same, message)
             elif message.event == "acknowledged" and message.incident == logged.incident:
                 self._alerts[index] = replace(
                     logged, acknowledged_by=message.acknowledged_by, acknowledged_ns=message.time_ns
@@ -80,24 +81,28 @@ def _begun(alert: ActiveAlert) -> LoggedAlert:
         level=alert.level,
         since_ns=alert.since_ns,
         until_ns=None,
-        largest_deg=alert.value_deg,
+        largest_deg=alert.largest_deg,
         limit_deg=alert.limit_deg,
         acknowledged_by=alert.acknowledged_by,
         acknowledged_ns=alert.acknowledged_ns,
     )
 
 
-def _updated(logged: LoggedAlert, alert: ActiveAlert | None, time_ns: int) -> LoggedAlert:
+def _updated(logged: LoggedAlert, alert: ActiveAlert | None, message: Alert) -> LoggedAlert:
     """Return the entry after a message. An alert that becomes unknown stays active, because its end is not known."""
     if alert is None:
-        return replace(logged, until_ns=time_ns)
-    values = [value for value in (logged.largest_deg, alert.value_deg) if value is not None]
-    logged = replace(logged, largest_deg=max(values, default=None))
+        ended = message.largest_deg if message.incident == logged.incident else None
+        return replace(logged, until_ns=message.time_ns, largest_deg=_larger(logged.largest_deg, ended))
+    logged = replace(logged, largest_deg=_larger(logged.largest_deg, alert.largest_deg))
     if alert.incident is not None:
         logged = replace(logged, acknowledged_by=alert.acknowledged_by, acknowledged_ns=alert.acknowledged_ns)
     if RANK[alert.level] > RANK[logged.level]:
         return replace(logged, level=alert.level, limit_deg=alert.limit_deg)
     return logged
+
+
+def _larger(first: float | None, second: float | None) -> float | None:
+    return max((value for value in (first, second) if value is not None), default=None)
 
 
 def _end_ns(logged: LoggedAlert, time_ns: int) -> int:

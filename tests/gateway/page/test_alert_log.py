@@ -17,7 +17,13 @@ def _message(time_s: float, *active: tuple[str, Level, float | None], since_s: f
     since_ns = round(since_s * 1e9)
     alerts = [
         ActiveAlert(
-            rule=rule, level=level, since_ns=since_ns, value_deg=value_deg, limit_deg=LIMITS_DEG.get(level), text=""
+            rule=rule,
+            level=level,
+            since_ns=since_ns,
+            value_deg=None if value_deg is None else value_deg + 1.5,  # a coming peak, which the list does not show
+            largest_deg=value_deg,
+            limit_deg=LIMITS_DEG.get(level),
+            text="",
         )
         for rule, level, value_deg in active
     ]
