@@ -39,10 +39,10 @@ def _load(path: Path) -> Mapping[str, Any]:
         from scipy.io.matlab import MatReadError
     except ImportError as error:
         raise InputError(f"{path}: MATLAB files need scipy; install plumbline-gateway[twin]") from error
+    if not path.exists():
+        raise InputError(f"{path}: no such file; check the path")
     try:
         content: Mapping[str, Any] = loadmat(path, squeeze_me=True, struct_as_record=True)
-    except FileNotFoundError as error:
-        raise InputError(f"{path}: no such file; check the path") from error
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
     except NotImplementedError as error:

@@ -69,6 +69,11 @@ def test_what_is_no_matlab_file_is_refused(tmp_path: Path, content: bytes, fault
         read_foreign(tmp_path / "bad.mat", NOTHING_STATED)
 
 
+def test_a_missing_matlab_file_is_said(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none\.mat: no such file"):
+        read_foreign(tmp_path / "none.mat", NOTHING_STATED)
+
+
 def test_a_fault_of_the_table_names_the_matlab_file(tmp_path: Path) -> None:
     savemat(tmp_path / "log.mat", {"p": np.ones(50), "q": np.ones(50)})
     with pytest.raises(RecordingError, match=r"log\.mat: .*which columns are the axes|log\.mat: "):
