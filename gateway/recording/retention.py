@@ -1,6 +1,8 @@
 """The names of segments, and the deletion of segments beyond the quota."""
 
+import math
 import re
+import shutil
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -11,6 +13,8 @@ from pathlib import Path
 from gateway.recording.markers import is_trimmed, marker_path, uncompacted_marker
 
 BYTES_PER_MB = 1_000_000
+USED_SHARE = 0.95
+"""Share of recordings and free space together that recordings may take; the rest is for compaction and state files."""
 
 
 class Protection(IntEnum):
@@ -91,11 +95,20 @@ def _protection(path: Path) -> Protection:
     return Protection.TRIMMED if is_trimmed(path) else Protection.EVENT
 
 
+def free_disk_bytes(folder: Path) -> float:
+    """Return the free space of the disk; infinite where it is not known."""
+    try:
+        return shutil.disk_usage(folder).free
+    except OSError:
+        return math.inf
+
+
 class Retention:
     """Deletes closed segments beyond the quota, oldest first, and touches no other file.
 
     Where only segments with events are left, it asks for the oldest one to be trimmed to the time around them. When all are
-    trimmed, or cannot be, the oldest one is deleted.
+    trimmed, or cannot be, the oldest one is deleted. Where the disk is smaller than the quota, segments without events make
+    room for new ones; those with events stay, because another program may have filled the disk.
     """
 
     def __init__(
@@ -104,8 +117,10 @@ class Retention:
         data_dir: Path,
         quota_mb: float,
         before_deletion: Callable[[Path], None] = lambda path: None,
+        free_bytes: Callable[[Path], float] = free_disk_bytes,
     ) -> None:
         """`before_deletion` is called with each segment that is to be deleted, and may raise `OSError`."""
+        self._free_bytes = free_bytes
         self._before_deletion = before_deletion
         self._names = names
         self._data_dir = data_dir
@@ -131,7 +146,10 @@ class Retention:
         """
         deleted = []
         total_bytes = open_bytes + sum(segment.size_bytes for segment in self._closed)
-        while self._closed and total_bytes > self._quota_bytes:
+        room_bytes = min(self._quota_bytes, USED_SHARE * (total_bytes + self._free_bytes(self._data_dir)))
+        while self._closed and total_bytes > room_bytes:
+            if total_bytes <= self._quota_bytes and self._closed[0].protection is not Protection.NONE:
+                break
             oldest = self._closed.pop(0)
             if oldest.protection is Protection.EVENT and oldest.path not in self._asked:
                 self._asked.add(oldest.path)

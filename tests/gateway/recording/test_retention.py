@@ -2,6 +2,7 @@ from pathlib import Path
 
 import pytest
 
+from gateway.recording.markers import marker_path
 from gateway.recording.retention import Retention, SegmentNames
 
 NAMES = SegmentNames("yard", "crane-2", "hook")
@@ -24,6 +25,27 @@ def test_only_the_oldest_segments_are_deleted(tmp_path: Path) -> None:
     assert retention.enforce(open_bytes=1400) == [copy]
     assert retention.enforce(open_bytes=1500) == []
     assert sorted(tmp_path.iterdir()) == [middle, last]
+
+
+def test_a_disk_that_is_smaller_than_the_quota_is_a_ring(tmp_path: Path) -> None:
+    """Five segments of 1 kB on a disk with 100 bytes left: the oldest makes room; one with an event stays."""
+    event, second, *others = make(tmp_path, *(f"2026010{day}T000000Z" for day in range(1, 6)))
+    marker_path(event).write_text("")
+    retention = Retention(NAMES, tmp_path, quota_mb=1.0, free_bytes=lambda _: 100.0)
+    retention.rescan()
+    assert retention.enforce(open_bytes=0) == [second]
+    assert event.exists()
+    assert all(path.exists() for path in others)
+
+
+def test_segments_with_events_do_not_make_room_for_another_programs_files(tmp_path: Path) -> None:
+    paths = make(tmp_path, "20260101T000000Z", "20260102T000000Z")
+    for path in paths:
+        marker_path(path).write_text("")
+    retention = Retention(NAMES, tmp_path, quota_mb=1.0, free_bytes=lambda _: 0.0)
+    retention.rescan()
+    assert retention.enforce(open_bytes=0) == []
+    assert retention.take_segments_to_trim() == []
 
 
 def test_a_segment_that_cannot_be_deleted_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
