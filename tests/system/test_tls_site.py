@@ -104,7 +104,7 @@ def test_a_revoked_certificate_commands_nothing_from_that_moment(site: TlsSite) 
     refused = site.remote(ann, "recalibrate", "--by", "ann", "--housing-off-rope")
     assert (refused.returncode, "was revoked" in refused.stderr) == (1, True)
     assert not site.is_suspended
-    assert site.refused() == {"revoked_certificate": 1}
+    wait_until(lambda: site.refused() == {"revoked_certificate": 1}, "the count of the refusal in health")
 
 
 def test_without_a_valid_certificate_of_the_site_nobody_gets_a_link(site: TlsSite, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from playwright.sync_api import Browser, Page, expect
 from gateway.daemon.page_channel import PageChannel
 from tests.gateway.page.conftest import PIN, FakeGateway, PageUnderTest, Services
 from tests.values import present
-from tests.waiting import PATIENCE_S
+from tests.waiting import PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -187,6 +187,7 @@ def test_the_list_offers_a_button_for_an_alert_that_has_ended(
     window.locator("#alert-rows button").click()
     _enter(window)
     expect(window.locator("#sign-in")).to_be_hidden()
+    wait_until(lambda: bool(services.requests), "the request")
     assert [request.incident for request in services.requests] == ["b00t-1"]
     window.context.close()
 
