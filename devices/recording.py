@@ -79,6 +79,19 @@ class Recording:
         lost_before, unusable_before = self.lost_before[kept].copy(), self.unusable_before[kept].copy()
         if start > 0:
             lost_before[0] = unusable_before[0] = 0
+        return self._select(kept, lost_before, unusable_before)
+
+    def without_repeats(self, fresh: NDArray[np.bool_]) -> "Recording":
+        """Return the rows with a new reading, of `fresh` (n,), the first of which is one; each keeps the time of its first row.
+
+        Rows lost in a gap are counted as readings, of the median number of rows each.
+        """
+        first = np.flatnonzero(fresh)
+        rows_per_reading = float(np.median(np.diff(first)))
+        lost = np.rint(np.add.reduceat(self.lost_before, first) / rows_per_reading).astype(np.int64)
+        return self._select(fresh, lost, np.add.reduceat(self.unusable_before, first))
+
+    def _select(self, kept: slice | NDArray[np.bool_], lost_before: Integers, unusable_before: Integers) -> "Recording":
         return replace(
             self,
             time_s=self.time_s[kept],

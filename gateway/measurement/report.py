@@ -22,7 +22,7 @@ def as_json(source: Source, found: Measurement) -> dict[str, Any]:
         "files": [str(path) for path in source.files],
         "interval": _interval(source),
         "remarks": list(source.remarks),
-        "samples": _samples(source.recording),
+        "samples": _samples(source.recording) | {"repeated_readings": source.repeated_readings},
         "calibration": source.calibration,
         "formulas_deg": _formulas_deg(found.formulas.as_published),
         "formulas_corrected_deg": _formulas_deg(found.formulas.corrected),

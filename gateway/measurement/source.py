@@ -20,6 +20,7 @@ from gateway.measurement.configuration import common_configuration
 from gateway.measurement.foreign_file import read_foreign
 from gateway.measurement.rig import Rig
 from gateway.motion.gyro_reading import GyroPrior
+from gateway.numerics.repeated_readings import find_fresh_rows
 from gateway.pipeline.angular_rate import device_gyro, gyro_prior
 from gateway.pipeline.mounting import mounted_housing, with_sensor
 from gateway.pipeline.temperature_filter import TemperatureFilter
@@ -63,6 +64,8 @@ class Source:
     """Angular rates in the housing frame, shape (n, 3), NaN where a sample has none; None without a gyroscope."""
     gyro: GyroPrior | None = None
     """What is known of the gyroscope; None: there is none."""
+    repeated_readings: int = 0
+    """Rows left out because the sensor repeats its reading until it has a new one."""
     mount_u_deg: float = ALIGNED_MOUNT_U_DEG
     """Standard uncertainty of the angle between the housing's z axis and the rope, as configured."""
     temperature_warnings: tuple[str, ...] = ()
@@ -109,6 +112,7 @@ def read_source(
         )
     else:
         source = _from_run(files, rig, interval)
+    source = _without_repeated_readings(source)
     if rig is None:
         return source
     sensor = rig.sensor
@@ -118,6 +122,27 @@ def read_source(
         housing=_mounted_housing(rig, source),
         noise_g=source.noise_g if stated is None else stated,
         full_scale_g=sensor.full_scale_g or source.full_scale_g,
+    )
+
+
+def _without_repeated_readings(source: Source) -> Source:
+    """Return the source with each reading once, where the sensor is slower than its file."""
+    recording = source.recording
+    fresh = find_fresh_rows(recording.raw)
+    if fresh is None:
+        return source
+    found = recording.without_repeats(fresh)
+    remark = (
+        f"found: the sensor is slower than its file: {found.rate_hz:.4g} readings per second in {recording.rate_hz:.4g} rows; "
+        f"{len(recording) - len(found)} repeated rows left out, each reading has the time of its first row"
+    )
+    return replace(
+        source,
+        recording=found,
+        force_g=source.force_g[fresh],
+        repeated_readings=len(recording) - len(found),
+        rate_rad_s=None if source.rate_rad_s is None else source.rate_rad_s[fresh],
+        remarks=(*source.remarks, remark),
     )
 
 

@@ -163,3 +163,16 @@ def test_text_tables_are_not_joined(tmp_path: Path, write: Write) -> None:
         InputError, match=r"07:30:00: this recording has no UTC; give seconds from its start, 0 to 4\.9"
     ):
         read_source([table], interval=interval("07:30:00"))
+
+
+def test_a_reading_that_is_repeated_counts_once_at_the_time_of_its_first_row(tmp_path: Path) -> None:
+    table = tmp_path / "log.csv"
+    readings = np.random.default_rng(2).normal(0.0, 0.01, 200).round(6).repeat(3)
+    rows = "".join(f"{n / 100:.2f},{reading},0,1\n" for n, reading in enumerate(readings))
+    table.write_text("time_s,ax_g,ay_g,az_g\n" + rows)
+    source = read_source([table])
+    np.testing.assert_array_equal(source.force_g[:, 0], readings[::3])
+    np.testing.assert_allclose(source.recording.time_s, np.arange(200) * 0.03)
+    assert source.repeated_readings == 400
+    assert source.recording.lost == 0
+    assert "found: the sensor is slower than its file: 33.33 readings per second in 100 rows" in source.remarks[0]
