@@ -60,9 +60,9 @@ def model_xml(mechanics: Mechanics, step_s: float) -> str:
     if mechanics.release is not None:
         end = _two_parts(length_m, mechanics.release.shift_m)
     elif hook is None:
-        end = f'<body name="load">{_point(LOAD_KG)}</body>'
+        end = f'<body name="load">{_load(mechanics)}</body>'
     else:
-        below = f'<joint type="ball"/>{_point(LOAD_KG, -hook.rigging_length_m)}'
+        below = f'<joint type="ball"/>{_load(mechanics, -hook.rigging_length_m)}'
         end = f'{_point(hook.mass_ratio * LOAD_KG)}<body name="load">{below}</body>'
     return f"""<mujoco>
   <option timestep="{step_s}" gravity="0 0 {-mechanics.gravity_m_s2}" integrator="RK4"/>
@@ -85,6 +85,11 @@ def _two_parts(length_m: float, shift_m: float) -> str:
     goes_m = (length_m + np.sqrt(length_m**2 - 4 * stays_m * shift_m)) / 2  # (stays^2 + goes^2)/(stays + goes) = length
     stays, goes = (f'pos="0 0 {length_m - each_m}">{_point(LOAD_KG / 2)}</body>' for each_m in (stays_m, goes_m))
     return f'<body name="load" {stays}<body name="let_go" {goes}'
+
+
+def _load(mechanics: Mechanics, height_m: float = 0.0) -> str:
+    across = POINT_KG_M2 + LOAD_KG * mechanics.gyration_m**2
+    return f'<inertial pos="0 0 {height_m}" mass="{LOAD_KG}" diaginertia="{across} {across} {POINT_KG_M2}"/>'
 
 
 def _point(mass_kg: float, height_m: float = 0.0) -> str:

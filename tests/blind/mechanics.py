@@ -50,6 +50,8 @@ class Mechanics:
     length_m: float
     position_m: float
     gravity_m_s2: float
+    gyration_m: float = 0.0
+    """Radius of gyration of the load, which turns with the rope, about horizontal axes through its centre."""
     share: float = 1.0
     """How much of a change of the rope's length the housing follows: 1 keeps its distance to the load, 0 to the pivot."""
     spin_rad_s: float = 0.0

@@ -4,21 +4,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from tests.blind.body_effects import BODIES
 from tests.blind.mechanics_effects import MECHANICS
 from tests.blind.outside import OUTSIDE
 from tests.blind.sensor_effects import SENSOR
 
-CATALOGUE = {**MECHANICS, **SENSOR}
+CATALOGUE = {**MECHANICS, **BODIES, **SENSOR}
 
 ALIKE = (
     {"axis_offset", "mount_misalignment", "steady_wind", "cross_axis", "scale_error", "housing_position"},
-    {"rope_length", "clock_drift", "housing_position", "sample_loss", "double_pendulum"},
+    {"rope_length", "load_inertia", "clock_drift", "housing_position", "sample_loss", "double_pendulum"},
     {"viscous_damping", "quadratic_drag", "coulomb_friction"},
     {"wind_gust", "trolley_acceleration", "impact", "hoisting", "load_change"},
     {"slewing", "housing_spin"},
     {"lowpass_lag", "vibration"},
     {"rope_stretch", "hoisting", "load_change", "double_pendulum"},
-    {"rope_stretch", "rope_length", "clock_drift", "housing_position"},
+    {"rope_stretch", "rope_length", "load_inertia", "clock_drift", "housing_position"},
     *({"load_change", force} for force in ("steady_wind", "viscous_damping", "quadratic_drag", "coulomb_friction")),
 )
 """No pair is drawn from one of these: the two are not separable, one hides the other, or (the last) one changes the other."""

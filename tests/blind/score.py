@@ -9,7 +9,7 @@ import csv
 import statistics
 import tomllib
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from tests.blind.plan import CATALOGUE
 INSEPARABLE = (
     {"axis_offset", "mount_misalignment", "steady_wind", "cross_axis"},
     {"axis_offset", "scale_error", "housing_position"},
-    {"rope_length", "clock_drift", "housing_position"},
+    {"rope_length", "load_inertia", "clock_drift", "housing_position"},
     {"viscous_damping", "quadratic_drag", "coulomb_friction"},
     {"wind_gust", "trolley_acceleration", "impact", "hoisting"},
     {"slewing", "housing_spin"},
@@ -43,6 +43,8 @@ class Answer:
     verdict: str
     named: frozenset[str]
     group: frozenset[str]
+    equivalents: Mapping[str, str]
+    """Effects that are stated to give the same samples, each with the one of the answer that it stands beside."""
     before: float | None
     """Reduced chi-square on the held-out recording before anything is added, as reported."""
 
@@ -53,6 +55,7 @@ def answer_of(report: Mapping[str, Any]) -> Answer:
         verdict=report["verdict"],
         named=frozenset(effect["name"] for effect in report.get("effects") or []),
         group=frozenset(report.get("candidates") or []),
+        equivalents={each["name"]: each["of"] for each in report.get("equivalents") or []},
         before=report.get("gap", {}).get("before", {}).get("held_out"),
     )
 
@@ -66,11 +69,22 @@ def judge(truth: frozenset[str], answer: Answer) -> str:
         return RIGHT if answer.verdict == "none_missing" else "false_alarm"
     if truth - CATALOGUE.keys():
         return _judge_outside(truth, answer)
+    answer = _with_equivalents(truth, answer)
     if answer.verdict == "one_of":
         return _judge_group(truth, answer)
     if answer.verdict in ("named", "named_with_remainder"):
         return _judge_names(truth, answer.named)
     return "missed"
+
+
+def _with_equivalents(truth: frozenset[str], answer: Answer) -> Answer:
+    """The group that an answer states by an equivalent of one of its effects, where that is what is hidden."""
+    of = {answer.equivalents[name] for name in truth - answer.named if name in answer.equivalents}
+    if not of:
+        return answer
+    beside = {name for name, each in answer.equivalents.items() if each in of}
+    group = answer.group | of | beside
+    return replace(answer, verdict="one_of", named=answer.named - of, group=frozenset(group))
 
 
 def _judge_outside(truth: frozenset[str], answer: Answer) -> str:

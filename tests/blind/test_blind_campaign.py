@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +36,33 @@ time.sleep(1)  # its memory is looked at while it runs
 """
 
 
-def judged(truth: str, verdict: str, named: Sequence[str] = (), group: Sequence[str] = ()) -> str:
-    return judge(frozenset(truth.split()), Answer(verdict, frozenset(named), frozenset(group), None))
+def judged(
+    truth: str,
+    verdict: str,
+    named: Sequence[str] = (),
+    group: Sequence[str] = (),
+    equivalents: Mapping[str, str] | None = None,
+) -> str:
+    answer = Answer(verdict, frozenset(named), frozenset(group), equivalents or {}, None)
+    return judge(frozenset(truth.split()), answer)
+
+
+@pytest.mark.parametrize(
+    ("truth", "named", "group", "worth"),
+    [
+        ("load_inertia", ["rope_length"], [], "right_group"),
+        ("rope_length", ["rope_length"], [], "right"),
+        ("load_inertia", [], ["clock_drift", "rope_length"], "right_group"),
+        ("load_inertia", ["rope_length", "vibration"], [], "wrong_name"),
+        ("load_inertia vibration", ["rope_length", "vibration"], [], "beside_group"),
+        ("slewing", ["rope_length"], [], "wrong_name"),
+    ],
+)
+def test_effect_stated_beside_a_name_as_equivalent_counts_as_one_of_a_group(
+    truth: str, named: list[str], group: list[str], worth: str
+) -> None:
+    verdict = "one_of" if group else "named"
+    assert judged(truth, verdict, named, group, {"load_inertia": "rope_length"}) == worth
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,8 @@ EVENTS = ("wind_gust", "hoisting", "trolley_acceleration", "impact", "load_chang
 """They begin later than a short recording ends."""
 UNITS = {
     "viscous_damping quadratic_drag coulomb_friction steady_wind wind_gust hoisting trolley_acceleration slewing "
-    "double_pendulum housing_position rope_length rope_stretch housing_spin impact load_change axis_offset scale_error "
+    "double_pendulum housing_position rope_length rope_stretch housing_spin impact load_change load_inertia "
+    "axis_offset scale_error "
     "cross_axis mount_misalignment thermal_drift lowpass_lag clipping quantization clock_drift sample_loss vibration"
 }
 G = 9.80665

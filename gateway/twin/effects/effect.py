@@ -86,6 +86,8 @@ class Effect:
     """The effect changes the rate of the whole motion, as a slow clock does."""
     length_like: ClassVar[bool] = False
     """The effect compensates for a wrong distance along the rope: a nuisance after an event that changed it."""
+    coincides_with: ClassVar[str | None] = None
+    """The effect with the same signature as long as no length changes: this one is stated beside it and is no rival."""
     mixes_axes: ClassVar[bool] = False
     """The sensor reads a constant linear combination of its axes; several such effects are one matrix."""
     needs_temperature: ClassVar[bool] = False
@@ -106,12 +108,14 @@ class Effect:
     @property
     def is_scored(self) -> bool:
         """Whether a score test ranks the effect: by default a persistent one that is linear at its neutral values."""
-        return not self.transient and (self.linear_at_neutral if self.scored is None else self.scored)
+        if self.transient or self.coincides_with is not None:
+            return False
+        return self.linear_at_neutral if self.scored is None else self.scored
 
     @property
     def is_guessed_from_residual(self) -> bool:
         """Whether the search starts this persistent effect from initial guesses that come from the residual."""
-        return not (self.transient or self.is_scored or self.found_before_search)
+        return not (self.transient or self.is_scored or self.found_before_search or self.coincides_with)
 
     @property
     def guesses_from_data(self) -> bool:
@@ -159,6 +163,13 @@ class Effect:
     def upper_bound(self, parameter: Parameter, length_m: float) -> float:
         """Return the upper bound of a parameter on a rope of this nominal length."""
         return parameter.upper
+
+    def equivalent_values(self, coincident: Values, length_m: float) -> Values | None:
+        """Return the parameters that give the same samples as the effect of `coincides_with` at its parameters.
+
+        None if none do, for instance because of a sign.
+        """
+        return None
 
     # what the integration needs to know
 

@@ -42,6 +42,17 @@ class RopeGeometry:
     """From the pivot to the centre of the load; with a double pendulum to the hook."""
     position: WithDerivatives
     """From the pivot to the accelerometer."""
+    gyration_squared_m2: Scalar = 0.0
+    """Square of the load's radius of gyration about a horizontal axis through its centre; 0 for a point load."""
+
+    @property
+    def oscillation_length(self) -> WithDerivatives:
+        """Distance to the load's centre of oscillation, L + k²/L, with the derivatives of L.
+
+        The angular momentum (L² + k²) n′ gives n″ = (I − n nᵀ) d/(L + k²/L) − 2 L′ n′/(L + k²/L) − |n′|² n.
+        """
+        length, rate, acceleration = self.length
+        return length + self.gyration_squared_m2 / length, rate, acceleration
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +63,16 @@ class Rigging:
     """From the hook to the centre of the load."""
     hook_mass_ratio: Scalar
     """Mass of the hook block divided by the mass of the load."""
+
+    def with_load_inertia(self, gyration_squared_m2: Scalar) -> "Rigging":
+        """Return the rigging with two point loads, at hook and centre of oscillation, that move as a load with inertia does.
+
+        Equimomental system: both have the load's mass, centre and moment of inertia (Routh 1905, section 32).
+        """
+        beyond_m = gyration_squared_m2 / self.length_m
+        to_oscillation_m = self.length_m + beyond_m
+        at_hook, below = beyond_m / to_oscillation_m, self.length_m / to_oscillation_m
+        return Rigging(to_oscillation_m, (self.hook_mass_ratio + at_hook) / below)
 
 
 @dataclass(frozen=True, slots=True)

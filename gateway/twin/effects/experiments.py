@@ -1,6 +1,10 @@
 """Measurements and manoeuvres that separate effects with the same signature, in an operator's words."""
 
 MEASURE_ROPE = "measure the rope, or compare the recording's clock with another over some minutes"
+MEASURE_TO_CENTRE = (
+    "measure the length to the load's centre; or swing with another length: an error of the length keeps its share of the "
+    "length, the load's inertia loses weight as the rope grows"
+)
 MEASURE_HOUSING = (
     "turn the sensor upside down at rest: an offset keeps its sign, a scale error does not; measure the housing's place"
 )

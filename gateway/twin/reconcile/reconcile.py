@@ -27,6 +27,7 @@ from gateway.twin.reconcile.residual.surrogate_test import normal_score, null_th
 from gateway.twin.reconcile.search.baseline import MIN_REPEATED_GAIN, Values, detect_in_samples, fit_baseline
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
+from gateway.twin.reconcile.search.coincident import fit_coincident_effects
 from gateway.twin.reconcile.search.context import SearchContext, make_context
 from gateway.twin.reconcile.search.events import has_event
 from gateway.twin.reconcile.search.persistent import baseline_of
@@ -157,6 +158,7 @@ def _finish(run: SearchRun) -> SearchRun:
     table = run_steps(SINGLE_EFFECT_STEPS, run.table, run.context)
     table, best = choose_single_effect(table, run.context)
     table, best = grow(table, run.context, best)
+    table = fit_coincident_effects(table, run.context, best)
     return replace(run, table=table.start_round(), best=best)
 
 

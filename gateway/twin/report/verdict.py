@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from gateway.documents.format import format_number, format_time_span
 from gateway.documents.text import as_sentence, human_name, join_names
 from gateway.twin.effects import EFFECTS
-from gateway.twin.reconcile.output.result import NamedEffect, Reconciliation
+from gateway.twin.reconcile.output.result import Equivalent, NamedEffect, Reconciliation
 from gateway.twin.report.effect_size import Size, effect_sizes
 from gateway.twin.report.formatting import format_noise_ratio
 from gateway.twin.report.gap_table import PartRow, part_rows
@@ -146,13 +148,21 @@ def _acted(when_s: tuple[float, float] | None) -> str:
 
 def _paragraphs(result: Reconciliation) -> tuple[str, ...]:
     """Return advice and reason; the reason comes first where it says what to mend."""
-    advice = _advice(result)
+    advice = " ".join((_advice(result), *map(_equivalent, result.equivalents)))
     if not result.reason.strip():
         return (advice,)
     reason = as_sentence(result.reason)
     if result.verdict == "data_unusable":
         return (reason, advice)
     return (advice, f"Reason for this verdict: {reason}")
+
+
+def _equivalent(each: Equivalent) -> str:
+    values = ", ".join(
+        f"{format_number(float(np.asarray(each.parameters[p.name])))} {p.unit}" for p in EFFECTS[each.name].parameters
+    )
+    same = f"{human_name(each.name)} ({values}) would look the same in this recording as {human_name(each.of)}."
+    return f"{same} To distinguish them: {as_sentence(each.split_by)}"
 
 
 def _advice(result: Reconciliation) -> str:

@@ -91,9 +91,10 @@ class SymbolicModel:
             raise ValueError(f"{effect.name} has no impulse")
         state = State.of(x, self.structure)
         context = replace(self.context(time_s, time_s), stretch=(state.stretch, 0.0, 0.0))
-        length = self._rope_geometry(context).length[0]
+        geometry = self._rope_geometry(context)
+        geometry = replace(geometry, length=(geometry.length[0], 0.0, 0.0))
         at_rest = replace(state, n_rate=ZERO_VECTOR, m_rate=ZERO_VECTOR)
-        n_jump, m_jump = self._accelerations(at_rest, (length, 0.0, 0.0), ZERO_VECTOR, jump)
+        n_jump, m_jump = self._accelerations(at_rest, geometry, ZERO_VECTOR, jump)
         change = State(ZERO_VECTOR, n_jump, ZERO_VECTOR, ZERO_VECTOR, m_jump, 0.0, eq.dot(state.n, jump))
         return x + change.column(self.structure)
 
@@ -112,20 +113,20 @@ class SymbolicModel:
         geometry, pivot = self._rope_geometry(context), self._pivot_acceleration(context)
         hook = eq.add((0.0, 0.0, -self.rig.gravity_m_s2), eq.scale(-1, pivot))
         load = eq.add(hook, self._force(context, self._load(state, geometry)))
-        n_acceleration, m_acceleration = self._accelerations(state, geometry.length, hook, load)
+        n_acceleration, m_acceleration = self._accelerations(state, geometry, hook, load)
         stretching = self._stretch_acceleration(state, context, geometry, load)
         if self.structure is ModelStructure.ELASTIC:
             stretch = (state.stretch, state.stretch_rate, stretching)
             geometry = self._rope_geometry(replace(context, stretch=stretch))
         return _Kinematics(geometry, pivot, n_acceleration, m_acceleration, stretching)
 
-    def _accelerations(
-        self, state: State, length: WithDerivatives, hook: Vector, load: Vector
-    ) -> tuple[Vector, Vector]:
+    def _accelerations(self, state: State, geometry: RopeGeometry, hook: Vector, load: Vector) -> tuple[Vector, Vector]:
         """Return n'' and m'' for the forces over mass, inertial ones included, on the hook and on the load."""
         rigging = self._rigging()
         if rigging is None:
+            length = geometry.oscillation_length
             return eq.acceleration_of_direction(state.n, state.n_rate, load, length[0], length[1]), ZERO_VECTOR
+        length, rigging = geometry.length, rigging.with_load_inertia(geometry.gyration_squared_m2)
         lengths, directions = (length[0], rigging.length_m), (state.n, state.n_rate, state.m, state.m_rate)
         return eq.accelerations_of_two(*directions, hook, load, lengths, length[1], length[2], rigging.hook_mass_ratio)
 

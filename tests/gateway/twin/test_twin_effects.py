@@ -45,6 +45,7 @@ VOCABULARY = {  # of the published interface
     "housing_spin",
     "impact",
     "load_change",
+    "load_inertia",
     "axis_offset",
     "scale_error",
     "cross_axis",

@@ -113,6 +113,19 @@ class Candidate:
 
 
 @dataclass(frozen=True, slots=True)
+class Equivalent:
+    """An effect that gives the same samples as one of the answer: no recording in which no length changes separates them."""
+
+    name: str
+    of: str
+    """The effect of the answer."""
+    parameters: Mapping[str, Value]
+    """The values at which it does."""
+    split_by: str
+    """The measurement or manoeuvre that separates the two."""
+
+
+@dataclass(frozen=True, slots=True)
 class ScoreTestResult:
     """What the score test says of an effect before it is fitted."""
 
@@ -251,6 +264,8 @@ class Reconciliation:
     """What the crane did in the log, where that is taken as known."""
     held_out_inputs: tuple[EstimatedInput, ...] = ()
     """The same in a second recording; empty where the end of the log is held out."""
+    equivalents: tuple[Equivalent, ...] = ()
+    """Effects that coincide with named ones or with candidates."""
 
     @property
     def best_attempt(self) -> Mapping[str, Mapping[str, Value]]:

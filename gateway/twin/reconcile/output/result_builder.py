@@ -21,6 +21,7 @@ from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN, RankedC
 from gateway.twin.reconcile.decision.verdict import Decision
 from gateway.twin.reconcile.fit.validation import block_bootstrap_gain, evaluate_on_validation
 from gateway.twin.reconcile.output.data_parts import list_data_parts
+from gateway.twin.reconcile.output.equivalents import find_equivalents
 from gateway.twin.reconcile.output.result import (
     Candidate,
     Curves,
@@ -101,6 +102,7 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
         model=_final_model(found),
         inputs=found.inputs,
         held_out_inputs=found.held_out_inputs,
+        equivalents=find_equivalents(decision, found.table, found.context, found.base),
     )
 
 

@@ -34,6 +34,10 @@ def to_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
         },
         "candidates": list(result.candidates),
         "split_by": result.split_by,
+        "equivalents": [
+            {"name": e.name, "of": e.of, "parameters": dict(e.parameters), "split_by": e.split_by}
+            for e in result.equivalents
+        ],
         "disagreement": [
             {"axis": d.axis, "from_s": d.from_s, "to_s": d.to_s, "band_hz": list(d.band_hz), "rms_sigma": d.rms_sigma}
             for d in result.disagreement

@@ -34,8 +34,11 @@ def to_text(result: Reconciliation) -> str:
     for effect in result.effects:
         lines.append(f"  {effect.name}: {effect.explains}")
         lines += [f"    {name} = {_estimate(estimate)}" for name, estimate in effect.parameters.items()]
+    for each in result.equivalents:
+        lines.append(f"or equally   {_effects({each.name: each.parameters})}, which gives the samples of {each.of}")
+        lines.append(f"to decide    {each.split_by}")
     if result.best_attempt:
-        lines.append(f"best attempt {_best_attempt(result.best_attempt)}; not an explanation: a pattern remains")
+        lines.append(f"best attempt {_effects(result.best_attempt)}; not an explanation: a pattern remains")
     if result.split_by is not None:
         lines.append(f"to decide    {result.split_by}")
     if result.inputs:
@@ -56,7 +59,7 @@ def _inputs(found: Sequence[EstimatedInput]) -> str:
     return f"{text} of the crane, as estimated from the recording; their samples are not fitted"
 
 
-def _best_attempt(effects: Mapping[str, Mapping[str, Value]]) -> str:
+def _effects(effects: Mapping[str, Mapping[str, Value]]) -> str:
     return "; ".join(
         f"{name} ({', '.join(_value(name, parameter, value) for parameter, value in values.items())})"
         for name, values in effects.items()
