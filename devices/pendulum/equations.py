@@ -18,6 +18,8 @@ from typing import Any, TypeAlias
 
 Scalar: TypeAlias = Any
 Vector: TypeAlias = tuple[Scalar, Scalar, Scalar]
+WithDerivatives: TypeAlias = tuple[Scalar, Scalar, Scalar]
+"""A quantity with its first and second derivative by time."""
 
 
 def dot(a: Vector, b: Vector) -> Scalar:
@@ -53,6 +55,30 @@ def acceleration_of_direction(n: Vector, n_rate: Vector, drive: Vector, length: 
 def transport_rate(n: Vector, n_rate: Vector, x_axis: Vector) -> Vector:
     """x' in 1/s of an axis at right angles to the rope that has no angular velocity along it."""
     return scale(-dot(x_axis, n_rate), n)
+
+
+def lever_arm_acceleration(
+    n: Vector,
+    n_rate: Vector,
+    n_acceleration: Vector,
+    x_axis: Vector,
+    along_x: WithDerivatives,
+    along_y: WithDerivatives,
+) -> Vector:
+    """d'' in m/s^2 of a lever arm d across the rope with components (m, m/s, m/s^2) along x_axis and (-n) x x_axis.
+
+    Of an axis e that is carried along by parallel transport, e' = -(n'.e) n and e'' = -(n''.e) n - (n'.e) n'.
+    """
+    total: Vector = (0.0, 0.0, 0.0)
+    for axis, (place, rate, acceleration) in (
+        (x_axis, along_x),
+        (cross(scale(-1, n), x_axis), along_y),
+    ):
+        turning = dot(axis, n_rate)
+        along_rope = -place * dot(axis, n_acceleration) - 2 * rate * turning
+        carried = add(scale(along_rope, n), scale(-place * turning, n_rate))
+        total = add(total, add(carried, scale(acceleration, axis)))
+    return total
 
 
 def specific_force(

@@ -56,6 +56,7 @@ def simulate(mechanics: Mechanics, start: Start, duration_s: float, step_s: floa
 def model_xml(mechanics: Mechanics, step_s: float) -> str:
     """The bodies, in MuJoCo's own language."""
     hook, length_m = mechanics.hook, mechanics.length_m
+    beside = " ".join(str(place_m) for place_m in mechanics.beside_m)
     rope_m = length_m if hook is None else length_m - hook.rigging_length_m
     if mechanics.release is not None:
         end = _two_parts(length_m, mechanics.release.shift_m)
@@ -68,9 +69,9 @@ def model_xml(mechanics: Mechanics, step_s: float) -> str:
   <option timestep="{step_s}" gravity="0 0 {-mechanics.gravity_m_s2}" integrator="RK4"/>
   <worldbody><body name="pivot">{_pivot_joints(mechanics)}
     <body name="rope"><joint name="swing" type="ball"/>{_point(MASSLESS_KG)}
-      <site name="on_rope" pos="0 0 {-mechanics.position_m}"/>
+      <site name="on_rope" pos="{beside} {-mechanics.position_m}"/>
       <body name="end" pos="0 0 {-rope_m}">{_rope_joints(mechanics)}
-        <site name="with_load" pos="0 0 {rope_m - mechanics.position_m}"/>
+        <site name="with_load" pos="{beside} {rope_m - mechanics.position_m}"/>
         {end}
       </body>
     </body>

@@ -54,6 +54,8 @@ class Mechanics:
     """Radius of gyration of the load, which turns with the rope, about horizontal axes through its centre."""
     share: float = 1.0
     """How much of a change of the rope's length the housing follows: 1 keeps its distance to the load, 0 to the pivot."""
+    beside_m: tuple[float, float] = (0.0, 0.0)
+    """The sensor's place beside the rope's line, along the housing's x and y."""
     spin_rad_s: float = 0.0
     hook: Hook | None = None
     spring: Spring | None = None

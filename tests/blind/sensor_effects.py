@@ -5,10 +5,20 @@ from collections.abc import Callable
 import numpy as np
 
 from tests.blind.mechanics import Array
-from tests.blind.scene import Draw, Effect, Rig, Scene, changing_sensor, signed
+from tests.blind.scene import Draw, Effect, Rig, Scene, changing_sensor, horizontal, signed
 from tests.blind.sensor import Lag
 
 Generator = np.random.Generator
+
+
+def lever_arm(rng: Generator, rig: Rig, size: float) -> Effect:
+    """A sensor on the side of its housing, 1 to 5 cm from the rope's line."""
+    beside_m = horizontal(rng, size * rng.uniform(0.01, 0.05))
+
+    def apply(scene: Scene, _run: Generator) -> Scene:
+        return scene.with_mechanics(beside_m=beside_m)
+
+    return Effect("lever_arm", {"offset_m": beside_m}, apply)
 
 
 def axis_offset(rng: Generator, rig: Rig, size: float) -> Effect:
@@ -123,5 +133,6 @@ SENSOR: dict[str, Draw] = {
         clock_drift,
         sample_loss,
         vibration,
+        lever_arm,
     )
 }

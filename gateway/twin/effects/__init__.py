@@ -9,7 +9,7 @@ from gateway.twin.effects.driving import Impact, SteadyWind, TrolleyAcceleration
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext, Rigging, RopeGeometry
 from gateway.twin.effects.guess_context import EventWindow, GuessContext
-from gateway.twin.effects.housing import HousingPosition, HousingSpin, Slewing
+from gateway.twin.effects.housing import HousingPosition, HousingSpin, LeverArm, Slewing
 from gateway.twin.effects.load import LoadInertia
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values
 from gateway.twin.effects.pulse import Pulse, PulseEffect, duration, ramp_fraction, start
@@ -63,6 +63,7 @@ EFFECTS = EffectRegistry(
         LoadChange(),
         LoadInertia(),
         HousingPosition(),
+        LeverArm(),
         HousingSpin(),
         Slewing(),
         Vibration(),

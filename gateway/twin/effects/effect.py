@@ -220,6 +220,10 @@ class Effect:
         """Return the rotation of the housing about the rope, right-handed about its z axis."""
         return 0.0
 
+    def lever_arm_m(self, p: Symbols) -> tuple[Scalar, Scalar]:
+        """Return the place of the accelerometer beside the rope's line, along the housing's x and y axes."""
+        return 0.0, 0.0
+
     def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
         """Return the sensor's reading of a specific force in g, before its low-pass."""
         return reading

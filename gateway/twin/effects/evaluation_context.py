@@ -2,11 +2,9 @@
 
 from dataclasses import dataclass
 
-from devices.pendulum.equations import Scalar, Vector
+from devices.pendulum.equations import Scalar, Vector, WithDerivatives
 
 ZERO_VECTOR: Vector = (0.0, 0.0, 0.0)
-WithDerivatives = tuple[Scalar, Scalar, Scalar]
-"""A quantity with its first and second derivative by time."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import casadi as ca
 from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext, RopeGeometry
-from gateway.twin.effects.experiments import LOCK_SLEWING, MEASURE_HOUSING
+from gateway.twin.effects.experiments import LOCK_SLEWING, MEASURE_HOUSING, MEASURE_LEVER_ARM
 from gateway.twin.effects.guess_context import GuessContext
 from gateway.twin.effects.parameter import Parameter, Symbols, Values
 from gateway.twin.effects.rope import add_length
@@ -41,6 +41,35 @@ class HousingPosition(Effect):
     def rope_geometry(self, p: Symbols, context: EvaluationContext, geometry: RopeGeometry) -> RopeGeometry:
         """Move the housing alone."""
         return replace(geometry, position=add_length(geometry.position, p["error_m"]))
+
+
+class LeverArm(Effect):
+    """A place of the sensor beside the rope's line."""
+
+    name = "lever_arm"
+    equation = "a = a_rope + α × d + ω × (ω × d), d = (d_x, d_y, 0) in the housing's axes"
+    explains = "The sensor sits beside the rope's line, so that the rotation of the rope accelerates it along the rope."
+    reference = "acceleration of a point of a rigid body (Euler and centripetal terms); d_z is housing_position"
+    enters = "housing"
+    discriminating_experiment = MEASURE_LEVER_ARM
+    parameters = (
+        Parameter(
+            "offset_m",
+            "m",
+            "d, from the rope's line to the accelerometer",
+            lower=-1.0,
+            upper=1.0,
+            neutral=0.0,
+            scale=2e-3,
+            typical=(0.03, 0.0),
+            components=("x", "y"),
+        ),
+    )
+
+    def lever_arm_m(self, p: Symbols) -> tuple[Scalar, Scalar]:
+        """Return the two components."""
+        x, y = p["offset_m"]
+        return x, y
 
 
 class HousingSpin(Effect):

@@ -5,9 +5,9 @@ from dataclasses import replace
 import casadi as ca
 
 from devices.pendulum.double_pendulum import modes
-from devices.pendulum.equations import Scalar
+from devices.pendulum.equations import Scalar, WithDerivatives
 from gateway.twin.effects.effect import Effect, ModelStructure
-from gateway.twin.effects.evaluation_context import EvaluationContext, Rigging, RopeGeometry, WithDerivatives
+from gateway.twin.effects.evaluation_context import EvaluationContext, Rigging, RopeGeometry
 from gateway.twin.effects.experiments import MEASURE_ROPE, RECORD_DRIVES
 from gateway.twin.effects.guess_context import GuessContext
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Values

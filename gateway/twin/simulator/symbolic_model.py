@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 
 from devices.pendulum import equations as eq
-from devices.pendulum.equations import Scalar, Vector
+from devices.pendulum.equations import Scalar, Vector, WithDerivatives
 from devices.pendulum.small_swing import small_swing_rate_1_s
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import (
@@ -16,7 +16,6 @@ from gateway.twin.effects.evaluation_context import (
     EvaluationContext,
     Rigging,
     RopeGeometry,
-    WithDerivatives,
 )
 from gateway.twin.effects.parameter import Symbols
 from gateway.twin.simulator.state import Expression, State, structure_of, vector
@@ -206,17 +205,36 @@ class SymbolicModel:
             *kinematics.geometry.position,
         )
         force = eq.add(force, self._fictitious_acceleration(state, context, kinematics.geometry))
-        reading = eq.scale(1 / gravity, self._in_housing_axes(eq.in_housing(state.n, state.x_axis, force), context))
+        rotation = self._housing_rotation(context)
+        along_x, along_y = self._lever_arm(rotation)
+        motion = (state.n, state.n_rate, kinematics.n_acceleration, state.x_axis)
+        force = eq.add(force, eq.lever_arm_acceleration(*motion, along_x, along_y))
+        reading = eq.scale(1 / gravity, _in_housing_axes(eq.in_housing(state.n, state.x_axis, force), rotation[0]))
         for effect, p in self.active_effects():
             reading = effect.reading_g(p, context, reading)
         return ca.vertcat(*reading)
 
-    def _in_housing_axes(self, force: Vector, context: EvaluationContext) -> Vector:
-        angle: Scalar = 0.0
+    def _housing_rotation(self, context: EvaluationContext) -> WithDerivatives:
+        """Return the rotation of the housing about the rope, beyond parallel transport, in rad, rad/s, rad/s²."""
+        time = ca.SX.sym("time")
+        at_time, angle = replace(context, time_s=time), ca.SX(0.0)
         for effect, p in self.active_effects():
-            angle = angle + effect.housing_rotation_rad(p, context)
-        x, y, z = force
-        return ca.cos(angle) * x + ca.sin(angle) * y, ca.cos(angle) * y - ca.sin(angle) * x, z
+            angle = angle + effect.housing_rotation_rad(p, at_time)
+        rate = ca.jacobian(angle, time)
+        rotation = ca.vertcat(angle, rate, ca.jacobian(rate, time))
+        return vector(ca.substitute(rotation, time, context.time_s), 0)
+
+    def _lever_arm(self, rotation: WithDerivatives) -> tuple[WithDerivatives, WithDerivatives]:
+        """Return the lever arm along the axes of parallel transport, from that along the axes of the housing."""
+        x, y = 0.0, 0.0
+        for effect, p in self.active_effects():
+            more_x, more_y = effect.lever_arm_m(p)
+            x, y = x + more_x, y + more_y
+        angle, rate, acceleration = rotation
+        x, y = ca.cos(angle) * x - ca.sin(angle) * y, ca.sin(angle) * x + ca.cos(angle) * y
+        along_x = (x, -rate * y, -acceleration * y - rate**2 * x)
+        along_y = (y, rate * x, acceleration * x - rate**2 * y)
+        return along_x, along_y
 
     def output(self, reading: Expression) -> Expression:
         """Return the sensor's output for a filtered reading."""
@@ -230,3 +248,9 @@ def _on_rope(state: State, distance: WithDerivatives) -> tuple[Vector, Vector]:
     """Return position and velocity of a point on the rope."""
     velocity = eq.add(eq.scale(distance[0], state.n_rate), eq.scale(distance[1], state.n))
     return eq.scale(distance[0], state.n), velocity
+
+
+def _in_housing_axes(force: Vector, angle: Scalar) -> Vector:
+    """Return components along the housing's axes, which are rotated by an angle about z."""
+    x, y, z = force
+    return ca.cos(angle) * x + ca.sin(angle) * y, ca.cos(angle) * y - ca.sin(angle) * x, z

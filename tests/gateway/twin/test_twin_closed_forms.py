@@ -104,3 +104,23 @@ def test_rope_angle_of_a_conical_pendulum_is_constant() -> None:
     rate = np.sqrt(G / (LENGTH_M * np.cos(phi)))
     force = predicted(at_pivot(), {}, [phi, 0, 0, rate * np.sin(phi)], np.arange(0, 120, 0.05))
     assert rope_angle(force) == pytest.approx(phi, abs=1e-6)
+
+
+def test_lever_arm_adds_the_tangential_and_the_centripetal_acceleration() -> None:
+    """At release the sensor d beside the rope reads -d/L sin phi more along z, at the bottom -2 d/L (1 - cos phi) along x."""
+    phi, arm_m = 0.3, 0.04
+    time_s = np.arange(0, PERIOD_S, 0.002)
+    beside = predicted(RIG, {"lever_arm": {"offset_m": (arm_m, 0.0)}}, [phi, 0, 0, 0], time_s)
+    added = beside - predicted(RIG, {}, [phi, 0, 0, 0], time_s)
+
+    assert added[0] == pytest.approx([0.0, 0.0, -arm_m / LENGTH_M * np.sin(phi)], abs=1e-9)
+    assert added[:, 0].min() == pytest.approx(-2 * arm_m / LENGTH_M * (1 - np.cos(phi)), abs=1e-9)
+    assert added[:, 1] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_lever_arm_of_a_turning_housing_reads_the_centripetal_acceleration() -> None:
+    effects: EffectValues = {"lever_arm": {"offset_m": (0.03, -0.02)}, "housing_spin": {"rate_deg_s": 20.0}}
+    force = predicted(RIG, effects, np.zeros(5), np.arange(0, 5, 0.1))
+    towards_rope_g = -(np.radians(20.0) ** 2) / G * np.array([0.03, -0.02])
+
+    assert force == pytest.approx(np.tile([*towards_rope_g, 1.0], (50, 1)), abs=1e-12)

@@ -40,6 +40,7 @@ VOCABULARY = {  # of the published interface
     "slewing",
     "double_pendulum",
     "housing_position",
+    "lever_arm",
     "rope_length",
     "rope_stretch",
     "housing_spin",

@@ -14,14 +14,14 @@ EVERY = 25
 """Steps from one sample to the next."""
 LENGTH_M, POSITION_M = 9.0, 4.0
 ONE = """<mujoco><option timestep="{step}" gravity="0 0 -{g}" integrator="RK4"><flag contact="disable"/></option><worldbody>
-<body><joint type="ball"/><site name="housing" pos="0 0 -{r}"/>
+<body><joint type="ball"/><site name="housing" pos="{beside} -{r}"/>
 <geom type="sphere" size=".001" pos="0 0 -{upper}" mass="{hook}"/>{below}</body></worldbody>
 <sensor><accelerometer site="housing"/></sensor></mujoco>"""
 BELOW = """<body pos="0 0 -{upper}"><joint type="ball"/><geom type="sphere" size=".001" pos="0 0 -{lower}" mass="1"/></body>"""
 
 
-def engine(below: str = "", upper: float = LENGTH_M, hook: float = 1.0) -> tuple[Any, Any]:
-    text = ONE.format(step=STEP_S, g=G, r=POSITION_M, upper=upper, hook=hook, below=below)
+def engine(below: str = "", upper: float = LENGTH_M, hook: float = 1.0, beside: str = "0 0") -> tuple[Any, Any]:
+    text = ONE.format(step=STEP_S, g=G, r=POSITION_M, upper=upper, hook=hook, below=below, beside=beside)
     model = mujoco.MjModel.from_xml_string(text)
     return model, mujoco.MjData(model)
 
@@ -53,6 +53,18 @@ def test_spherical_pendulum_agrees_with_mujoco() -> None:
     assert found[:, 2] == pytest.approx(reading[:, 2], abs=5e-6)
     assert np.hypot(*found[:, :2].T) == pytest.approx(np.hypot(*reading[:, :2].T), abs=5e-6)
     assert found == pytest.approx(reading, abs=2e-5)  # the axes, too: a ball joint keeps what parallel transport keeps
+
+
+def test_sensor_beside_the_rope_of_a_turning_housing_agrees_with_mujoco() -> None:
+    """A housing that turns at 0.4 rad/s on a rope that turns about two axes: tangential, centripetal and Coriolis parts."""
+    model, data = engine(beside="0.3 -0.2")
+    tilt, across, spin_rad_s = 0.3, 0.1, 0.4
+    data.qpos[:4] = tilted(tilt)
+    data.qvel[:3] = [across, 0.0, spin_rad_s]
+    time_s, reading = recorded(model, data, 20.0)
+    effects = {"lever_arm": {"offset_m": (0.3, -0.2)}, "housing_spin": {"rate_deg_s": np.degrees(spin_rad_s)}}
+    found = predicted(TwinRig(LENGTH_M, POSITION_M), effects, [tilt, 0.0, 0.0, across, 0.0], time_s)
+    assert found == pytest.approx(reading, abs=5e-5)
 
 
 def test_double_pendulum_agrees_with_mujoco() -> None:
