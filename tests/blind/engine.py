@@ -19,6 +19,9 @@ LOAD_KG = 1.0
 POINT_KG_M2 = 1e-7
 """Turning inertia of what stands for a point; beside mass times length squared it is nothing."""
 MASSLESS_KG = 1e-9
+HOUSING_KG = 1e-9
+"""Of a housing on a clamp that yields."""
+ROCKING_DAMPING_RATIO = 0.3
 PRESCRIBED_KG = 1e9
 """Inertia of a joint whose motion is prescribed."""
 
@@ -56,7 +59,6 @@ def simulate(mechanics: Mechanics, start: Start, duration_s: float, step_s: floa
 def model_xml(mechanics: Mechanics, step_s: float) -> str:
     """The bodies, in MuJoCo's own language."""
     hook, length_m = mechanics.hook, mechanics.length_m
-    beside = " ".join(str(place_m) for place_m in mechanics.beside_m)
     rope_m = length_m if hook is None else length_m - hook.rigging_length_m
     if mechanics.release is not None:
         end = _two_parts(length_m, mechanics.release.shift_m)
@@ -69,15 +71,39 @@ def model_xml(mechanics: Mechanics, step_s: float) -> str:
   <option timestep="{step_s}" gravity="0 0 {-mechanics.gravity_m_s2}" integrator="RK4"/>
   <worldbody><body name="pivot">{_pivot_joints(mechanics)}
     <body name="rope"><joint name="swing" type="ball"/>{_point(MASSLESS_KG)}
-      <site name="on_rope" pos="{beside} {-mechanics.position_m}"/>
+      {_housing("on_rope", -mechanics.position_m, mechanics)}
       <body name="end" pos="0 0 {-rope_m}">{_rope_joints(mechanics)}
-        <site name="with_load" pos="{beside} {rope_m - mechanics.position_m}"/>
+        {_housing("with_load", rope_m - mechanics.position_m, mechanics)}
         {end}
       </body>
     </body>
   </body></worldbody>
   <sensor><accelerometer site="on_rope"/><accelerometer site="with_load"/></sensor>
 </mujoco>"""
+
+
+def _housing(name: str, height_m: float, mechanics: Mechanics) -> str:
+    """The accelerometer, on the rope or on a clamp that yields."""
+    x, y = mechanics.beside_m
+    clamp = mechanics.clamp
+    if clamp is None:
+        return f'<site name="{name}" pos="{x} {y} {height_m}"/>'
+    joints, across = "", 2 * HOUSING_KG * clamp.below_m**2
+    for axis, hz in zip(("1 0 0", "0 1 0"), clamp.rocking_hz or (), strict=False):
+        joints += _spring_hinge(axis, across, hz, ROCKING_DAMPING_RATIO)
+    if clamp.torsion_hz is not None:
+        about_rope = HOUSING_KG * clamp.below_m**2
+        hinge = _spring_hinge("0 0 1", about_rope, clamp.torsion_hz, clamp.torsion_damping_ratio)
+        joints += hinge.replace("<joint ", f'<joint name="twist_{name}" ')
+    inertia = " ".join([str(HOUSING_KG * clamp.below_m**2)] * 3)
+    mass = f'<inertial pos="0 0 {-clamp.below_m}" mass="{HOUSING_KG}" diaginertia="{inertia}"/>'
+    return f'<body pos="0 0 {height_m}">{joints}{mass}<site name="{name}" pos="{x} {y} 0"/></body>'
+
+
+def _spring_hinge(axis: str, inertia_kg_m2: float, hz: float, damping_ratio: float) -> str:
+    rate = 2 * np.pi * hz
+    stiffness, damping = inertia_kg_m2 * rate**2, 2 * damping_ratio * rate * inertia_kg_m2
+    return f'<joint type="hinge" axis="{axis}" stiffness="{stiffness}" damping="{damping}"/>'
 
 
 def _two_parts(length_m: float, shift_m: float) -> str:
@@ -178,6 +204,10 @@ def _set_start(model: mujoco.MjModel, data: mujoco.MjData, mechanics: Mechanics,
     data.qpos[swing.qposadr[0] : swing.qposadr[0] + 4] = rope
     spin = np.array([0.0, 0.0, mechanics.spin_rad_s])
     data.qvel[swing.dofadr[0] : swing.dofadr[0] + 3] = _in_body(rope, rope_rate) + spin
+    if mechanics.clamp is not None and mechanics.clamp.torsion_hz is not None:
+        for name in ("twist_on_rope", "twist_with_load"):
+            twist = model.joint(name)
+            data.qpos[twist.qposadr[0]], data.qvel[twist.dofadr[0]] = start.twist_rad, start.twist_rate_rad_s
     if mechanics.spring is not None:
         sag_m = mechanics.gravity_m_s2 / (2 * np.pi * mechanics.spring.frequency_hz) ** 2
         data.qpos[model.joint("stretch").qposadr[0]] = sag_m + start.stretch_m

@@ -44,6 +44,19 @@ class Release:
 
 
 @dataclass(frozen=True, slots=True)
+class Clamp:
+    """A housing that turns against the rope on springs; it weighs next to nothing beside the load."""
+
+    rocking_hz: tuple[float, float] | None = None
+    """Frequencies about the housing's x and y axes, damped well; None is rigid."""
+    below_m: float = 0.05
+    """The housing's centre of mass below the clamp, and its radius of gyration."""
+    torsion_hz: float | None = None
+    """About the rope; None is rigid."""
+    torsion_damping_ratio: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
 class Mechanics:
     """The true crane. Profiles of one kind are summed."""
 
@@ -56,6 +69,7 @@ class Mechanics:
     """How much of a change of the rope's length the housing follows: 1 keeps its distance to the load, 0 to the pivot."""
     beside_m: tuple[float, float] = (0.0, 0.0)
     """The sensor's place beside the rope's line, along the housing's x and y."""
+    clamp: Clamp | None = None
     spin_rad_s: float = 0.0
     hook: Hook | None = None
     spring: Spring | None = None
@@ -82,6 +96,9 @@ class Start:
     """Lean of the rigging below a hook beside the rope's."""
     stretch_m: float = 0.0
     """Beyond that of the load at rest."""
+    twist_rad: float = 0.0
+    twist_rate_rad_s: float = 0.0
+    """Of the housing against the rope."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,6 +25,7 @@ INSEPARABLE = (
     {"viscous_damping", "quadratic_drag", "coulomb_friction"},
     {"wind_gust", "trolley_acceleration", "impact", "hoisting"},
     {"slewing", "housing_spin"},
+    {"scale_error", "housing_position", "housing_rocking"},
 )
 LARGEST_GROUP = 4
 SEEN_THE_DATA = 0.85

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from tests.blind.mechanics import Array
+from tests.blind.mechanics import Array, Clamp
 from tests.blind.scene import Draw, Effect, Rig, Scene, changing_sensor, horizontal, signed
 from tests.blind.sensor import Lag
 
@@ -19,6 +19,37 @@ def lever_arm(rng: Generator, rig: Rig, size: float) -> Effect:
         return scene.with_mechanics(beside_m=beside_m)
 
     return Effect("lever_arm", {"offset_m": beside_m}, apply)
+
+
+def housing_rocking(rng: Generator, rig: Rig, size: float) -> Effect:
+    """A clamp that yields, about the two axes not equally: 2 to 6 degrees for a force of 1 g across the rope."""
+    deg_per_g = size * rng.uniform(2.0, 6.0) * rng.uniform(0.7, 1.3, 2)
+    below_m = float(rng.uniform(0.03, 0.08))
+    # A spring k = 2 m h^2 w^2 with the weight m g h below it turns by m h g/(k + m h g) per g.
+    rates = np.sqrt(rig.gravity_m_s2 * (1 / np.radians(deg_per_g) - 1) / (2 * below_m))
+    about_y_hz, about_x_hz = (rates / (2 * np.pi)).tolist()
+    clamp = Clamp(rocking_hz=(about_x_hz, about_y_hz), below_m=below_m)
+
+    def apply(scene: Scene, _run: Generator) -> Scene:
+        return scene.with_mechanics(clamp=clamp)
+
+    return Effect("housing_rocking", {"deg_per_g": deg_per_g.tolist()}, apply)
+
+
+def housing_torsion(rng: Generator, rig: Rig, size: float) -> Effect:
+    """The rope twists to and fro with the housing; how far differs from run to run."""
+    frequency_hz, damping_ratio = float(rng.uniform(0.02, 0.3)), float(rng.uniform(0.0, 0.03))
+    amplitude_deg = size * float(rng.uniform(3, 15))
+    clamp = Clamp(torsion_hz=frequency_hz, torsion_damping_ratio=damping_ratio)
+
+    def apply(scene: Scene, run: Generator) -> Scene:
+        twist_rad, phase = np.radians(amplitude_deg) * run.uniform(0.7, 1.0), run.uniform(0, 2 * np.pi)
+        rate_rad_s = -2 * np.pi * frequency_hz * twist_rad * np.sin(phase)
+        twisted = scene.with_start(twist_rad=float(twist_rad * np.cos(phase)), twist_rate_rad_s=float(rate_rad_s))
+        return twisted.with_mechanics(clamp=clamp)
+
+    parameters = {"frequency_hz": frequency_hz, "damping_ratio": damping_ratio, "amplitude_deg": amplitude_deg}
+    return Effect("housing_torsion", parameters, apply)
 
 
 def axis_offset(rng: Generator, rig: Rig, size: float) -> Effect:
@@ -134,5 +165,7 @@ SENSOR: dict[str, Draw] = {
         sample_loss,
         vibration,
         lever_arm,
+        housing_rocking,
+        housing_torsion,
     )
 }

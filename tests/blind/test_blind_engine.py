@@ -1,11 +1,13 @@
 """The second simulator against closed forms: period, decay, modes, the formulas at the turning points, the frame."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from tests.blind.engine import simulate
-from tests.blind.mechanics import Hook, Mechanics, Release, Spring, Start
+from tests.blind.mechanics import Clamp, Hook, Mechanics, Release, Spring, Start
 from tests.blind.mechanics_effects import coulomb_friction, quadratic_drag, viscous_damping
 from tests.blind.scene import Effect, Rig, Scene, pulse
 from tests.blind.sensor import Sensor
@@ -167,3 +169,37 @@ def test_steady_wind_leans_the_rope_and_reads_sideways() -> None:
     np.testing.assert_allclose(motion.angle_rad, np.arctan(lean), atol=1e-8)
     across = np.hypot(*motion.force_m_s2[-1, :2])
     assert across == pytest.approx(G * np.sin(np.arctan(lean)), abs=1e-6)
+
+
+def test_sensor_beside_the_rope_reads_its_tangential_acceleration() -> None:
+    beside = simulate(replace(FREE, beside_m=(0.04, 0.0)), planar(0.2), 12.0)
+    added = (beside.force_m_s2 - simulate(FREE, planar(0.2), 12.0).force_m_s2) / G
+    assert added[0] == pytest.approx([0.0, 0.0, -0.04 / 10 * np.sin(0.2)], abs=1e-8)
+    assert added[:, 0].min() == pytest.approx(-2 * 0.04 / 10 * (1 - np.cos(0.2)), abs=1e-7)
+
+
+def test_soft_clamp_turns_the_housing_by_its_compliance() -> None:
+    """Rocking at w about an axis through the clamp, the housing hangs h/(2 h^2 w^2) further to the force than its rope."""
+    rocking_hz, below_m, phi = 6.0, 0.05, 0.15
+    clamp = Clamp(rocking_hz=(rocking_hz, rocking_hz), below_m=below_m)
+    soft = simulate(replace(FREE, clamp=clamp), planar(phi), 12.0, 0.001)
+    rigid = simulate(FREE, planar(phi), 12.0, 0.001)
+    settled = soft.time_s > 1.0
+    turned, across = (np.arctan2(each.force_m_s2[settled, 0], each.force_m_s2[settled, 2]) for each in (soft, rigid))
+    compliance = 1 / (2 * below_m * (2 * np.pi * rocking_hz) ** 2)
+    # the stiffness includes that of the weight, which the housing hangs below its clamp by
+    expected = compliance / (1 + compliance * G) * rigid.force_m_s2[settled, 0]
+    assert across - turned == pytest.approx(expected, abs=2e-4)
+
+
+def test_torsion_turns_the_housing_as_a_damped_oscillator() -> None:
+    frequency_hz, damping_ratio = 0.1, 0.02
+    clamp = Clamp(torsion_hz=frequency_hz, torsion_damping_ratio=damping_ratio)
+    twisted = simulate(replace(FREE, clamp=clamp), replace(planar(0.15), twist_rad=0.2), 40.0)
+    rigid = simulate(FREE, planar(0.15), 40.0)
+    figure, turned = (each.force_m_s2[:, 0] + 1j * each.force_m_s2[:, 1] for each in (rigid, twisted))
+    wide = np.abs(figure) > 0.3
+    rate, damped = 2 * np.pi * frequency_hz, 2 * np.pi * frequency_hz * np.sqrt(1 - damping_ratio**2)
+    sine = damping_ratio * rate / damped * np.sin(damped * rigid.time_s)
+    angle = 0.2 * np.exp(-damping_ratio * rate * rigid.time_s) * (np.cos(damped * rigid.time_s) + sine)
+    assert -np.angle(turned / figure)[wide] == pytest.approx(angle[wide], abs=1e-4)

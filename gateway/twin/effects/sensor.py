@@ -2,7 +2,7 @@
 
 import casadi as ca
 
-from devices.pendulum.equations import Vector
+from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import EvaluationContext
 from gateway.twin.effects.experiments import MEASURE_HOUSING, TURN_HOUSING
@@ -11,6 +11,13 @@ from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Va
 from gateway.twin.effects.spectral_guesses import guess_vibration
 
 AXES = ("x", "y", "z")
+
+
+def rotate_across(reading: Vector, about_x: Scalar, about_y: Scalar) -> Vector:
+    """Return a vector after a rotation about x, then about y, by angles in rad."""
+    x, y, z = reading
+    y, z = ca.cos(about_x) * y - ca.sin(about_x) * z, ca.sin(about_x) * y + ca.cos(about_x) * z
+    return ca.cos(about_y) * x + ca.sin(about_y) * z, y, ca.cos(about_y) * z - ca.sin(about_y) * x
 
 
 class MountMisalignment(Effect):
@@ -40,9 +47,7 @@ class MountMisalignment(Effect):
     def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
         """Rotate about x, then about y."""
         about_x, about_y = (ca.pi / 180 * angle for angle in p["deg"])
-        x, y, z = reading
-        y, z = ca.cos(about_x) * y - ca.sin(about_x) * z, ca.sin(about_x) * y + ca.cos(about_x) * z
-        return ca.cos(about_y) * x + ca.sin(about_y) * z, y, ca.cos(about_y) * z - ca.sin(about_y) * x
+        return rotate_across(reading, about_x, about_y)
 
 
 class CrossAxis(Effect):

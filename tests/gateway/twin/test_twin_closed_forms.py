@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from devices.pendulum.double_pendulum import modes
+from gateway.twin.effects import Values
 from gateway.twin.model import EffectValues, TwinRig
 from tests.gateway.twin.swings import (
     LENGTH_M,
@@ -124,3 +125,38 @@ def test_lever_arm_of_a_turning_housing_reads_the_centripetal_acceleration() -> 
     towards_rope_g = -(np.radians(20.0) ** 2) / G * np.array([0.03, -0.02])
 
     assert force == pytest.approx(np.tile([*towards_rope_g, 1.0], (50, 1)), abs=1e-12)
+
+
+def test_housing_on_a_soft_clamp_leans_towards_the_force_across_the_rope() -> None:
+    """A clamp that yields by C per g turns the direction of the reading by C f_x of f_x, and leaves its magnitude."""
+    time_s, start = np.arange(0, PERIOD_S, 0.05), [0.2, 0, 0, 0]
+    rigid = predicted(RIG, {}, start, time_s)
+    soft = predicted(RIG, {"housing_rocking": {"deg_per_g": (5.0, -3.0)}}, start, time_s)
+    direction, turned = (np.arctan2(force[:, 0], force[:, 2]) for force in (rigid, soft))
+
+    assert direction - turned == pytest.approx(np.radians(5.0) * rigid[:, 0], abs=1e-12)
+    assert np.linalg.norm(soft, axis=1) == pytest.approx(np.linalg.norm(rigid, axis=1), abs=1e-12)
+    across = predicted(RIG, {"housing_rocking": {"deg_per_g": (5.0, -3.0)}}, [0, 0.2, 0, 0], time_s)
+    assert np.abs(across[:, 1]).max() > np.abs(rigid[:, 0]).max()
+
+
+def test_torsion_turns_the_readings_as_a_damped_oscillator() -> None:
+    """Angle and rate at the start are those that are given; each period lasts 1/(f sqrt(1 - z^2)) and takes exp(-2 pi z ...)."""
+    frequency_hz, damping_ratio = 0.1, 0.05
+    values: Values = {"frequency_hz": frequency_hz, "damping_ratio": damping_ratio, "start_deg": (10.0, 3.0)}
+    damped = np.sqrt(1 - damping_ratio**2)
+    period_s = 1 / (frequency_hz * damped)
+    time_s = np.sort(np.concatenate([np.arange(0, 30, 0.01), period_s * np.array([1.0, 2.0])]))
+    plain, twisted = (
+        predicted(RIG, effects, [0.1, 0, 0, 0.05], time_s) for effects in ({}, {"housing_torsion": values})
+    )
+    turned = -np.angle((twisted[:, 0] + 1j * twisted[:, 1]) / (plain[:, 0] + 1j * plain[:, 1]))
+    decay = np.exp(-2 * np.pi * damping_ratio / damped)
+
+    assert np.degrees(turned[0]) == pytest.approx(10.0, abs=1e-9)
+    assert np.degrees(turned[np.searchsorted(time_s, period_s * np.array([1.0, 2.0]))]) == pytest.approx(
+        10.0 * decay ** np.array([1, 2]), abs=1e-6
+    )
+    rate_deg_s = 2 * np.pi * frequency_hz * (damped * 3.0 - damping_ratio * 10.0)
+    assert np.degrees(turned[1] - turned[0]) / 0.01 == pytest.approx(rate_deg_s, abs=0.03)
+    assert twisted[:, 2] == pytest.approx(plain[:, 2], abs=1e-12)

@@ -41,6 +41,8 @@ VOCABULARY = {  # of the published interface
     "double_pendulum",
     "housing_position",
     "lever_arm",
+    "housing_rocking",
+    "housing_torsion",
     "rope_length",
     "rope_stretch",
     "housing_spin",
