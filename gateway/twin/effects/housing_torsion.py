@@ -91,9 +91,9 @@ def guess_torsion(context: GuessContext) -> list[Values]:
     """
     angle_rad, weight, time_s, total = _rotation_in_residual(context)
     count = int(MAX_GUESS_HZ * context.duration_s * FREQUENCIES_PER_CYCLE)
-    tried_hz: Array = (np.arange(count) + 2.0) / (FREQUENCIES_PER_CYCLE * context.duration_s)
+    tried_hz: Array = np.arange(2.0, count + 2.0) / (FREQUENCIES_PER_CYCLE * context.duration_s)
     drift = np.stack([np.ones_like(time_s), time_s], axis=1) * np.sqrt(weight)[:, None]
-    basis: Array = np.linalg.qr(drift)[0]
+    basis = np.asarray(np.linalg.qr(drift)[0], dtype=np.float64)
 
     def without_drift(columns: Array) -> Array:
         left: Array = columns - basis @ (basis.T @ columns)

@@ -51,7 +51,14 @@ def test_ambiguity_groups_are_those_of_the_physics(rig: TwinRig) -> None:
 
 def test_effects_that_an_ordinary_recording_separates_are_in_no_group() -> None:
     named = {hypothesis.effect for group in ambiguity_groups(RIG, {}) for hypothesis in group}
-    assert named.isdisjoint({"thermal_drift", "housing_position", "vibration", "wind_gust"})
+    assert named.isdisjoint({"thermal_drift", "lever_arm", "vibration", "wind_gust"})
+
+
+def test_small_swing_in_one_plane_does_not_tell_a_soft_clamp_from_a_wrong_position() -> None:
+    """Both change the gain across the rope; they differ in the second order of the angle, and across the plane."""
+    groups = [{hypothesis.effect for hypothesis in group} for group in ambiguity_groups(RIG, {})]
+    assert {"housing_position", "housing_rocking"} in groups
+    assert separation("housing_position,housing_rocking", FREE_SWING).cosine > 0.9
 
 
 @pytest.mark.parametrize("other", ["rope_length", "clock_drift"])
