@@ -19,4 +19,6 @@ MEASURE_LEVER_ARM = (
     "measure how far beside the rope's line the sensor sits; or turn the housing on its clamp by 180 degrees and record again: "
     "a lever arm changes sides with the housing, a tilt of the sensor in the housing does not"
 )
-MEASURE_CLAMP = "push the housing across the rope by hand at rest and see whether it turns; tighten its clamp and record again"
+MEASURE_CLAMP = (
+    "push the housing across the rope by hand at rest and see whether it turns; tighten its clamp and record again"
+)
