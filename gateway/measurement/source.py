@@ -18,7 +18,7 @@ from gateway.errors import InputError
 from gateway.measurement.calibration import calibration_in_force
 from gateway.measurement.configuration import common_configuration
 from gateway.measurement.foreign_file import read_foreign
-from gateway.measurement.rig import Rig
+from gateway.measurement.rig import CALIBRATED, UNCALIBRATED, DefaultUncertainty, Rig
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.numerics.repeated_readings import find_fresh_rows
 from gateway.pipeline.angular_rate import device_gyro, gyro_prior
@@ -66,6 +66,8 @@ class Source:
     """What is known of the gyroscope; None: there is none."""
     repeated_readings: int = 0
     """Rows left out because the sensor repeats its reading until it has a new one."""
+    limits: DefaultUncertainty = CALIBRATED
+    """What is known of the sensor's errors where neither a calibration nor the rig says it."""
     mount_u_deg: float = ALIGNED_MOUNT_U_DEG
     """Standard uncertainty of the angle between the housing's z axis and the rope, as configured."""
     temperature_warnings: tuple[str, ...] = ()
@@ -119,6 +121,9 @@ def read_source(
     stated = np.array(sensor.noise_g) if isinstance(sensor.noise_g, list) else sensor.noise_g
     return replace(
         source,
+        force_g=rig.correct(source.force_g),
+        rate_rad_s=None if source.rate_rad_s is None else rig.turn(source.rate_rad_s),
+        mount_u_deg=source.mount_u_deg if rig.housing.mount_u_deg is None else rig.housing.mount_u_deg,
         housing=_mounted_housing(rig, source),
         noise_g=source.noise_g if stated is None else stated,
         full_scale_g=sensor.full_scale_g or source.full_scale_g,
@@ -147,11 +152,12 @@ def _without_repeated_readings(source: Source) -> Source:
 
 
 def _mounted_housing(rig: Rig, source: Source) -> MountedHousing:
-    """Return the housing at the position of the rig, with the uncertainties of the sensor's calibration."""
-    housing, bandwidth_hz = rig.mounted_housing(), rig.sensor.bandwidth_hz or source.bandwidth_hz
+    """Return the housing at the position of the rig, with the uncertainties of the sensor's calibration where it has one."""
+    housing, bandwidth_hz = rig.mounted_housing(source.limits), rig.sensor.bandwidth_hz or source.bandwidth_hz
     if source.correction is None:
         return replace(housing, bandwidth_hz=bandwidth_hz)
-    return with_sensor(housing, source.correction, bandwidth_hz)
+    aligned = replace(housing, mount_u_rad=housing.mount_u_rad or 0.0)  # a gateway zeroes the mount
+    return with_sensor(aligned, source.correction, bandwidth_hz)
 
 
 def _from_table(path: Path, interval: RecordingInterval, options: TableOptions) -> Source:
@@ -159,7 +165,12 @@ def _from_table(path: Path, interval: RecordingInterval, options: TableOptions) 
         return _table_source(path, read_table(path), interval, "as recorded", ())
     whole, findings = read_foreign(path, options)
     source = _table_source(path, whole, interval, "not known: a recording of another program", findings)
-    return replace(source, permissible_norm_error_g=UNCALIBRATED_NORM_ERROR_G, mount_u_deg=UNALIGNED_MOUNT_U_DEG)
+    return replace(
+        source,
+        permissible_norm_error_g=UNCALIBRATED_NORM_ERROR_G,
+        limits=UNCALIBRATED,
+        mount_u_deg=UNALIGNED_MOUNT_U_DEG,
+    )
 
 
 def _table_source(

@@ -59,6 +59,11 @@ class SwingEstimate:
     length_m: float | None = None
     length_u_m: float | None = None
     damping_ratio: float | None = None
+    """Viscous damping of a small swing."""
+    drag: float | None = None
+    """Coefficient q of a drag force per mass q |v| v/L; None: the decay does not show any."""
+    friction_rad: float | None = None
+    """Angle at which dry friction holds the rope; None: the decay does not show any."""
     hoists_s: tuple[tuple[float, float], ...] = ()
     """Intervals in which the rope's length significantly changed, in a recording."""
     swings: tuple[SwingPeak, ...] = ()

@@ -6,9 +6,9 @@ import numpy as np
 
 from gateway.numerics.array import Array
 from gateway.numerics.spikes import lone_spikes
-from gateway.swing.data.bins import BINS_PER_PERIOD, Bins, bin_samples, validated_samples
+from gateway.swing.data.bins import BINS_PER_PERIOD, SHARED_BINS, Bins, bin_samples, validated_samples
 from gateway.swing.data.input_checks import find_fault
-from gateway.swing.data.noise import effective_noise_g
+from gateway.swing.data.noise import effective_noise_g, shared_quantisation
 from gateway.swing.detection.dead_axis import check_axes
 from gateway.swing.detection.rest_detection import (
     FAINTEST_AXIAL_GAIN,
@@ -21,10 +21,13 @@ from gateway.swing.detection.rest_detection import (
     likelihood_gains,
     upper_bound_amplitude,
 )
+from gateway.swing.detection.upright import turn_upright
 from gateway.swing.estimate import SwingEstimate
 from gateway.swing.estimation.make_estimate import NO_MOTION, make_estimate
+from gateway.swing.estimation.opposite_phase import choose_phase
 from gateway.swing.estimation.robust_fit import (
     FitResult,
+    choose_damping,
     choose_fit,
     choose_prior,
     fit_robust,
@@ -34,7 +37,7 @@ from gateway.swing.estimation.robust_fit import (
 from gateway.swing.estimation.segmentation import Segmenter, combine_segments, fit_gaps_with_hoisting
 from gateway.swing.fit.harmonics import Harmonics, find_harmonics
 from gateway.swing.fit.initial_guess import initial_motions
-from gateway.swing.fit.priors import Prior, nominal_prior, relaxed_prior
+from gateway.swing.fit.priors import Prior, damped_prior, nominal_prior, relaxed_prior
 from gateway.swing.model.sensor_lowpass import delay_s
 from gateway.swing.rig import MountedHousing
 
@@ -71,9 +74,11 @@ def estimate_swing(
     if fault is not None:
         return SwingEstimate(from_s=from_s, to_s=to_s, swinging=None, reasons=(fault,))
     noise = effective_noise_g(force_g, noise_g)
+    force_g, rig = turn_upright(force_g, rig)
     is_spike = lone_spikes(force_g, noise)
     bin_s = nominal_period_s / BINS_PER_PERIOD
-    bins = bin_samples(time_s[~is_spike], force_g[~is_spike], bin_s, rig.bandwidth_hz)
+    shared = shared_quantisation(time_s, force_g, noise, SHARED_BINS * bin_s)
+    bins = bin_samples(time_s[~is_spike], force_g[~is_spike], bin_s, rig.bandwidth_hz).with_shared_error(shared)
     estimate = _estimate(bins, noise, rig, from_s, to_s)
     reasons = (f"spikes left out: {count} samples",) if (count := int(is_spike.sum())) else ()
     return replace(estimate, reasons=(*estimate.reasons, *reasons))
@@ -112,6 +117,9 @@ def _swinging_estimate(
     axes = check_axes(bins, noise_g, rig, _length_m(result, harmonics, rig))
     if axes.fault is not None:
         return SwingEstimate(from_s=from_s, to_s=to_s, swinging=None, reasons=(axes.fault,))
+    if result is not None and result.fit.converged and len(result.fit.bins) > len(bins) / 2:
+        result = choose_phase(result, bins, noise_g, FIRST_ITERATIONS)
+    result = choose_damping(result, _damped_fit(result, bins, noise_g, rig, from_s, to_s))
     if result is None or not result.is_explained:
         result = choose_prior(result, grow_window(bins, noise_g, relaxed_prior(rig), from_s, to_s))
     if result is not None and result.is_valid and is_below_detection(result):
@@ -119,6 +127,17 @@ def _swinging_estimate(
     if result is not None and result.is_valid and result.uncertainty.misfit < NO_EVENT_MISFIT:
         return make_estimate(inflate_uncertainty(result, axes.angle_u_rel), noise_g, from_s, to_s)
     return _segmented_estimate(result, bins, noise_g, rig, from_s, to_s)
+
+
+def _damped_fit(
+    viscous: FitResult | None, bins: Bins, noise_g: Array, rig: MountedHousing, from_s: float, to_s: float
+) -> FitResult | None:
+    """Return the fit with quadratic drag and dry friction beside the viscous damping."""
+    prior = damped_prior(rig)
+    if viscous is None or not viscous.is_valid:
+        return grow_window(bins, noise_g, prior, from_s, to_s)
+    start = viscous.fit.motion.with_parameters(prior.n_parameters)
+    return fit_robust(bins, noise_g, start, prior, FIRST_ITERATIONS, viscous.fit.sensor)
 
 
 def _length_m(result: FitResult | None, harmonics: Harmonics, rig: MountedHousing) -> float:

@@ -30,6 +30,14 @@ class MountedHousing:
     cross_axis_u: float = 0.0
     """Standard uncertainty of the response of z to x and y, relative: cross-axis sensitivity, and the axes' misalignment with the
     rope. In a swing it resembles a lean."""
+    mount_rad: tuple[float, float] = (0.0, 0.0)
+    """Expected angles of the housing against the rope, about x and y."""
+    mount_u_rad: float | None = 0.0
+    """Their standard uncertainty; None: nothing is known, and a tilt that the readings show may be the mount's."""
+    beside_u_m: float = 0.0
+    """Standard uncertainty of the accelerometer's place across the rope, per axis: the lever arm beside the line."""
+    pull_u: float = 0.3
+    """Standard uncertainty of a steady side pull over the weight, per axis."""
     bandwidth_hz: float | None = None
     """-3 dB of the low-pass inside the sensor; None: there is none, or it is not known."""
 
@@ -42,6 +50,8 @@ class MountedHousing:
             raise ValueError("the housing's position and its uncertainty must not be negative")
         if min(*self.zero_g_offset_u_g, *self.scale_u, self.cross_axis_u) < 0:
             raise ValueError("uncertainties of offset, scale and cross-axis sensitivity must not be negative")
+        if min(self.mount_u_rad or 0.0, self.beside_u_m) < 0:
+            raise ValueError("uncertainties of the mount and of the place beside the rope must not be negative")
         if self.bandwidth_hz is not None and not self.bandwidth_hz > 0:
             raise ValueError("the sensor's bandwidth must be positive")
 

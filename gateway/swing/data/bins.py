@@ -1,6 +1,6 @@
 """Means of samples over short bins: a fit sees a few hundred means where the recording has thousands of samples."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,9 @@ from gateway.swing.model.sensor_lowpass import delay_s, spread_s
 BINS_PER_PERIOD = 32
 """Bins in the period of a small swing. Basis: the two-point quadrature leaves 1e-5 of a signal at twice the swing's frequency,
 and the axial force swings at that frequency."""
+
+SHARED_BINS = 4
+"""Bins over which an error of quantisation is taken to be the same: an eighth of a period."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +39,10 @@ class Bins:
         therefore part of the model and needs no correction.
         """
         return np.stack([self.time_s - self.spread_s, self.time_s + self.spread_s])
+
+    def with_shared_error(self, ratio: float) -> "Bins":
+        """Return the bins with the counts of independent samples, for an error over the noise that a few bins share."""
+        return replace(self, count=self.count / (1 + SHARED_BINS * self.count * ratio**2))
 
     def select(self, chosen: slice | NDArray[np.bool_]) -> "Bins":
         """Return some of the bins."""

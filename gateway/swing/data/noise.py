@@ -51,3 +51,18 @@ def effective_noise_g(force_g: Array, stated_g: float | Array | None) -> Array:
     if measured_g is not None:
         noise_g = np.where(measured_g > MIN_EXCESS_RATIO * noise_g, measured_g, noise_g)
     return noise_g
+
+
+def shared_quantisation(time_s: Array, force_g: Array, noise_g: Array, span_s: float) -> float:
+    """Return the quantisation error that all samples within a span share, over the noise of a sample: the largest of the axes.
+
+    A mean does not make it smaller. Noise of standard deviation sigma dithers steps of q: the error's first harmonic falls by
+    exp(-2 (pi sigma/q)^2), the characteristic function of the noise at 1/q. A signal that crosses many
+    steps within the span makes it another each time.
+    """
+    step_g = np.maximum(smallest_steps(force_g), MIN_NOISE_G)
+    dither = np.maximum(noise_g**2 - step_g**2 / 12, 0.0) / step_g**2
+    shared_g = step_g / np.sqrt(12) * np.exp(-2 * np.pi**2 * dither)
+    spans = max(float(time_s[-1] - time_s[0]) / span_s, 1.0)
+    travel_g = np.maximum(np.abs(np.diff(force_g, axis=0)).sum(axis=0) / spans - noise_g * len(force_g) / spans, 0.0)
+    return float((shared_g / noise_g / np.sqrt(1 + travel_g / step_g)).max())

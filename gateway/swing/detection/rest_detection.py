@@ -61,8 +61,9 @@ def irregular_motion_estimate(bins: Bins, noise_g: Array, rig: MountedHousing, f
 def _estimate_without_swing(
     bins: Bins, noise_g: Array, rig: MountedHousing, mean_g: Array, from_s: float, swing_rad: float, u_mean_g: Array
 ) -> SwingEstimate:
-    lean_rad = float(np.arctan2(np.hypot(mean_g[0], mean_g[1]), mean_g[2]))
-    lean_u_rad = float(np.hypot(max(rig.zero_g_offset_u_g[:2]), u_mean_g.max()))
+    lean, mount_share_rad = _lean(mean_g, rig)
+    lean_rad = float(np.arctan(np.hypot(*lean)))
+    lean_u_rad = float(np.linalg.norm([max(rig.zero_g_offset_u_g[:2]), u_mean_g.max(), mount_share_rad]))
     return SwingEstimate(
         from_s=from_s,
         to_s=float(bins.time_s[-1] + bins.spread_s[-1]),
@@ -73,9 +74,18 @@ def _estimate_without_swing(
         ),
         lean_rad=lean_rad,
         lean_u_rad=lean_u_rad,
-        lean_azimuth_rad=float(np.arctan2(mean_g[1], mean_g[0])),
+        lean_azimuth_rad=float(np.arctan2(lean[1], lean[0])),
         noise_g=(float(noise_g[0]), float(noise_g[1]), float(noise_g[2])),
     )
+
+
+def _lean(mean_g: Array, rig: MountedHousing) -> tuple[Array, float]:
+    """Return the side pull over the weight (2,) of the tilt that the mean shows, and its uncertainty by the mount's share."""
+    mount_u_rad = rig.mount_u_rad or 0.0
+    about_x_rad, about_y_rad = rig.mount_rad
+    tilt = np.array([mean_g[0] / mean_g[2] - about_y_rad, mean_g[1] / mean_g[2] + about_x_rad])
+    share = rig.pull_u**2 / (rig.pull_u**2 + mount_u_rad**2)
+    return share * tilt, mount_u_rad * float(np.sqrt(share))
 
 
 def upper_bound_amplitude(estimate: SwingEstimate, at_rest: SwingEstimate) -> SwingEstimate:

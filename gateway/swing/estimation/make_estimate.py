@@ -47,6 +47,8 @@ def make_estimate(result: FitResult, noise_g: Array, from_s: float, to_s: float)
         length_m=fit.motion.length_m,
         length_u_m=fit.motion.length_m * uncertainty.length_u_rel,
         damping_ratio=fit.motion.damping_ratio,
+        drag=fit.motion.drag,
+        friction_rad=fit.motion.friction_rad,
         swings=full_swings(peaks, from_s, to_s, period_s),
         reduced_chi_square=uncertainty.reduced_chi_square,
         noise_g=_three(noise_g),

@@ -11,7 +11,7 @@ from gateway.numerics.robust import robust_sigma
 from gateway.swing.data.bins import Bins
 from gateway.swing.fit.gauss_newton import SwingFit, iterate, linearise, maximum_a_posteriori, reweight
 from gateway.swing.fit.priors import Prior, SensorModel
-from gateway.swing.model.motion import N_BASE_PARAMETERS, N_STATES, PendulumMotion
+from gateway.swing.model.motion import DRAG, FRICTION, N_BASE_PARAMETERS, N_STATES, PendulumMotion
 from gateway.swing.uncertainty.peaks import largest_angle
 from gateway.swing.uncertainty.uncertainty_model import MAX_MISFIT, UncertaintyModel, misfit, uncertainty_of
 
@@ -30,6 +30,9 @@ GOOD_REDUCED_CHI_SQUARE = 1.3
 """Reduced chi-square at which no other start is tried."""
 SIGNIFICANT_SIGMA = 3.0
 """Standard uncertainties that an error must have to be named."""
+DAMPING_GAIN = 2.0
+"""Fall of chi-square from which on drag and friction are kept. Basis: Akaike's criterion for two unknowns, each of which is at
+least zero."""
 MAX_NAMED_ERRORS = 4
 MAX_PRIOR_SIGMA = 4.0
 """Prior standard deviations beyond which an error of the rig is no explanation."""
@@ -117,6 +120,7 @@ def _hopeless(weight: Array, max_misfit: float, rival: SwingFit | None = None) -
 
 def _refined(fit: SwingFit, weight: Array) -> FitResult | None:
     """Return the fit without outliers and with disturbed axes weighted down; `weight` is by sensor noise alone."""
+    fit = _without_driving(fit)
     outliers = _outliers(fit) & fit.converged
     if outliers.any():
         bins, weight = fit.bins.select(~outliers), weight[~outliers]
@@ -131,6 +135,22 @@ def _refined(fit: SwingFit, weight: Array) -> FitResult | None:
         fit = iterate(reweight(fit, weight / uncertainty.variance_inflation), REFIT_ITERATIONS)
         uncertainty = uncertainty_of(fit, weight)
     return FitResult(fit, uncertainty, float(np.sqrt(inflation)), int(outliers.sum()))
+
+
+def _without_driving(fit: SwingFit) -> SwingFit:
+    """Return the fit without damping, drag and friction that would drive the swing: the negative ones are zero."""
+    count = len(fit.motion.parameters)
+    if fit.motion.splines is not None or count == N_BASE_PARAMETERS or not fit.converged:
+        return fit
+    negative = [place for place in (DRAG, FRICTION) if fit.motion.parameters[place] < 0]
+    if not negative:
+        return fit
+    parameters, sigma = fit.motion.parameters.copy(), fit.prior.sigma.copy()
+    parameters[negative] = 0.0
+    sigma[[N_STATES + place for place in negative]] = 0.0
+    motion, prior = replace(fit.motion, parameters=parameters), replace(fit.prior, sigma=sigma)
+    bounded = maximum_a_posteriori(fit.bins, fit.weight, motion, prior, REFIT_ITERATIONS, fit.sensor)
+    return fit if bounded is None else _without_driving(bounded)
 
 
 def choose_prior(nominal: FitResult | None, relaxed: FitResult | None) -> FitResult | None:
@@ -152,6 +172,15 @@ def inflate_uncertainty(result: FitResult, angle_u_rel: float) -> FitResult:
     """Return the fit with a further relative uncertainty of its angles."""
     u_rel = float(np.hypot(result.uncertainty.systematic_u_rel, angle_u_rel))
     return replace(result, uncertainty=replace(result.uncertainty, systematic_u_rel=u_rel))
+
+
+def choose_damping(viscous: FitResult | None, damped: FitResult | None) -> FitResult | None:
+    """Return the fit with drag and friction where the decay shows them, or else the one with viscous damping alone."""
+    if viscous is None or damped is None or not (viscous.is_valid and damped.is_valid):
+        return choose_fit(viscous, damped)
+    before, after = (each.uncertainty.reduced_chi_square for each in (viscous, damped))
+    gain = (before - after) / max(after, 1.0) * damped.fit.weight.size
+    return damped if gain > DAMPING_GAIN else viscous
 
 
 def choose_fit(first: FitResult | None, second: FitResult | None) -> FitResult | None:
@@ -179,23 +208,26 @@ def _angle_u_rad(result: FitResult) -> float:
 
 def _has_plausible_errors(fit: SwingFit) -> bool:
     """Return whether no error of the sensor is far outside its prior."""
-    sigma = fit.prior.sigma[N_STATES + len(fit.motion.parameters) :]
-    return bool((np.abs(fit.sensor.errors) <= MAX_PRIOR_SIGMA * sigma).all())
+    first = N_STATES + len(fit.motion.parameters)
+    deviation, sigma = fit.sensor.errors - fit.prior.mean[first:], fit.prior.sigma[first:]
+    return bool((np.abs(deviation) <= MAX_PRIOR_SIGMA * sigma)[sigma > 0].all())
 
 
 def _significant_errors(result: FitResult) -> tuple[str, ...]:
     """Return in words the errors of rig and sensor that the data demand, the most significant first."""
-    fit = result.fit
-    errors = np.concatenate([fit.motion.parameters[N_BASE_PARAMETERS:], fit.sensor.errors])
-    sigma = np.sqrt(np.diag(result.uncertainty.covariance))[-len(errors) :]
-    order = np.argsort(-np.abs(errors) / sigma)[:MAX_NAMED_ERRORS]
-    named = tuple(_in_words(errors)[i] for i in order if abs(errors[i]) > SIGNIFICANT_SIGMA * sigma[i])
+    fit, first = result.fit, N_STATES + N_BASE_PARAMETERS
+    errors = (fit.unknowns - fit.prior.mean)[first:]
+    sigma = np.full(len(fit.free), np.inf)
+    sigma[fit.free] = np.sqrt(np.diag(result.uncertainty.covariance))
+    ratio = np.abs(errors) / sigma[first:]
+    order = np.argsort(-ratio)[:MAX_NAMED_ERRORS]
+    named = tuple(_in_words(errors)[i] for i in order if ratio[i] > SIGNIFICANT_SIGMA)
     return named or ("several small errors together",)
 
 
 def _in_words(errors: Array) -> list[str]:
-    """Return drag, spin, position, offsets and matrix in words."""
-    drag, spin_1_s, position_m, *rest = errors
+    """Return drag, spin, friction, place, mount, offsets and matrix in words."""
+    drag, spin_1_s, friction_rad, position_m, x_m, y_m, about_x_rad, about_y_rad, *rest = errors
     offsets = [f"{axis} zero-g offset {1e3 * g:+.1f} mg" for axis, g in zip("xyz", rest[:3], strict=True)]
     entries = [(row, column) for row in "xyz" for column in "xyz"]
     matrix = [
@@ -205,7 +237,10 @@ def _in_words(errors: Array) -> list[str]:
     return [
         f"quadratic drag {drag:+.3f}",
         f"housing turning {np.degrees(spin_1_s):+.2f} deg/s",
+        f"dry friction {np.degrees(friction_rad):+.2f} deg",
         f"housing {position_m:+.2f} m along the rope",
+        *(f"sensor {m:+.3f} m beside the rope in {axis}" for axis, m in (("x", x_m), ("y", y_m))),
+        *(f"mount {np.degrees(rad):+.1f} deg about {axis}" for axis, rad in (("x", about_x_rad), ("y", about_y_rad))),
         *offsets,
         *matrix,
     ]

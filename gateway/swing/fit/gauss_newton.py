@@ -135,9 +135,8 @@ def _linearise(
     by_motion, shift_g = linearised.condense(variants_g, times)
     by_position = position_jacobian(states[..., 0], field.unperturbed()) / prior.rig.gravity_m_s2
     ideal_g = _bin_mean(variants_g[..., 0] + shift_g)
-    jacobian = np.concatenate(
-        [_bin_mean(by_motion), _bin_mean(by_position)[..., None], sensor.jacobian(ideal_g)], axis=-1
-    )
+    by_motion_and_place = np.concatenate([_bin_mean(by_motion), _bin_mean(by_position)], axis=-1)
+    jacobian = np.concatenate([sensor.response @ by_motion_and_place, sensor.jacobian(ideal_g)], axis=-1)
     residual_g = bins.force_g - sensor.read(ideal_g)
     unknowns = _unknowns(motion, sensor)
     return SwingFit(
@@ -169,13 +168,15 @@ def _cost(residual_g: Array, weight: Array, unknowns: Array, prior: Prior) -> fl
 def _placement(rope: RopeLengthSpline, motion: PendulumMotion, sensor: SensorModel, prior: Prior) -> SensorPlacement:
     """Return the place of the housing in every variant; one clamped above the load moves with the rope."""
     rig, gravity_m_s2 = prior.rig, prior.rig.gravity_m_s2
+    beside_s2 = sensor.beside_m / gravity_m_s2
     if rig.above_load_m is None:
-        return SensorPlacement((float(rig.position_m or 0.0) + sensor.position_error_m) / gravity_m_s2)
+        position_s2 = (float(rig.position_m or 0.0) + sensor.position_error_m) / gravity_m_s2
+        return SensorPlacement(position_s2, beside_s2=beside_s2)
     position_m = np.maximum(rope.length_m - rig.above_load_m, 0.0) + sensor.position_error_m
     if motion.splines is None:
-        return SensorPlacement(position_m / gravity_m_s2)
+        return SensorPlacement(position_m / gravity_m_s2, beside_s2=beside_s2)
     velocity_s, acceleration = rope.rate_m_s / gravity_m_s2, rope.acceleration_m_s2 / gravity_m_s2
-    return SensorPlacement(position_m / gravity_m_s2, velocity_s, acceleration)
+    return SensorPlacement(position_m / gravity_m_s2, velocity_s, acceleration, beside_s2)
 
 
 def _bin_mean(at_nodes: Array) -> Array:

@@ -12,9 +12,9 @@ from gateway.swing.model.spherical_pendulum import ComplexArray, ForceField, Sta
 
 N_STATES = 6
 """Definition: u_x, u_y, w_x/w0, w_y/w0, l_x, l_y, a state without dimension."""
-LN_LENGTH, DAMPING, DRAG, SPIN = range(4)
-"""Definition: places in the parameters of a motion. A short vector has the first two alone, without drag and spin; while the
-rope's length changes they are followed by the speeds of the splines."""
+LN_LENGTH, DAMPING, DRAG, SPIN, FRICTION = range(5)
+"""Definition: places in the parameters of a motion. A short vector has the first two alone, without drag, spin and friction;
+while the rope's length changes they are followed by the speeds of the splines."""
 N_BASE_PARAMETERS = 2
 """Definition: length of a short vector of parameters."""
 STEPS_PER_PERIOD = 36
@@ -91,7 +91,7 @@ class PendulumMotion:
     nodes: ComplexArray
     """States at the starts of the segments, shape (3, segments): u, w in 1/s, l."""
     parameters: Array
-    """ln(L/m), damping ratio and, where they are fitted, drag and spin in 1/s.
+    """ln(L/m), damping ratio and, where they are fitted, drag, spin in 1/s and friction in rad.
 
     With splines: ln(L/m) before the first, damping ratio on that length, speeds in m/s, shape (N_BASE_PARAMETERS + count,).
     """
@@ -110,6 +110,20 @@ class PendulumMotion:
     def damping_ratio(self) -> float:
         """Damping ratio of a small swing."""
         return float(self.parameters[DAMPING])
+
+    @property
+    def drag(self) -> float | None:
+        """Coefficient of quadratic drag; None where it is not fitted."""
+        return self._fitted(DRAG)
+
+    @property
+    def friction_rad(self) -> float | None:
+        """Angle at which dry friction holds the rope; None where it is not fitted."""
+        return self._fitted(FRICTION)
+
+    def _fitted(self, place: int) -> float | None:
+        is_fitted = self.splines is None and len(self.parameters) > N_BASE_PARAMETERS
+        return float(self.parameters[place]) if is_fitted else None
 
     @property
     def damping_1_s(self) -> float:
@@ -186,4 +200,4 @@ def force_field(parameters: Array, gravity_m_s2: float) -> ForceField:
     damping = 2 * parameters[DAMPING] * np.sqrt(stiffness)
     if len(parameters) == N_BASE_PARAMETERS:
         return ForceField(stiffness, damping)
-    return ForceField(stiffness, damping, parameters[DRAG], parameters[SPIN])
+    return ForceField(stiffness, damping, parameters[DRAG], parameters[SPIN], friction=parameters[FRICTION])

@@ -4,18 +4,19 @@ All quantities are components in the housing's frame. A horizontal pair (x, y) i
 
     u   unit vector of gravity        w   rate of the rope's direction n = -z, in 1/s        l   side pull per weight
 
-and with k = g/L, the viscous damping rate c and the drag coefficient q (drag force per mass = q |v| v/L) Newton's law reads
+and with k = g/L, the viscous damping rate c, the drag coefficient q (drag force per mass = q |v| v/L) and the angle h at which
+dry friction holds the rope, Newton's law reads
 
-    u' = u_z w      l' = l_z w      w' = k (u + l) - (c + q |w| + 2 L'/L) w
+    u' = u_z w      l' = l_z w      w' = k (u + l) - (c + q |w| + h k/|w| + 2 L'/L) w
     u_z = -sqrt(1 - |u|^2)          l_z = -Re(conj(l) u)/u_z        (the side pull is horizontal: l . u = 0)
 
 These equations have no singularity below 90 degrees. Parallel transport of the housing's axes is part of them, so no frame has to
 be carried along. A housing that spins about the rope adds -i s to the rate of each of u, l and w. An accelerometer at the
 distance r from the pivot reads, in units of g,
 
-    f_x + i f_y = (r a + 2 r' w)/g - u      f_z = (r |w|^2 - r'')/g - u_z
+    f_x + i f_y = (r a + 2 r' w - (w . e) w)/g - u      f_z = (r |w|^2 - r'' + a . e)/g - u_z
 
-where a is the right-hand side of w' without the spin.
+where a is the right-hand side of w' without the spin, and e = e_x + i e_y the place of the accelerometer beside the rope.
 
 The physics is that of `devices.pendulum.pendulum` in other coordinates; a test compares the two.
 """
@@ -34,6 +35,9 @@ ComplexValue = complex | NDArray[Any]
 """One motion in Python's own numbers, which cost a tenth of arrays of one element, or arrays of many motions."""
 State = tuple[ComplexValue, ComplexValue, ComplexValue]
 """u, w in 1/s, l."""
+SMOOTH_FRICTION_RAD = 0.004
+"""Amplitude of a swing whose rate is that below which dry friction falls with the rate. Basis: a jump within one step of the
+integration would not be integrated; swings as small as this hardly slide."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +54,8 @@ class ForceField:
     """s, the rate at which the housing turns about the rope; None: it does not turn."""
     lengthening_1_s: Array | float | None = None
     """L'/L; None: the rope keeps its length."""
+    friction: Array | float | None = None
+    """h, the angle in rad at which dry friction holds the rope; None: there is none."""
 
     def at(self, _half_step: int) -> "ForceField":
         """Return the coefficients at a half step of an integration: they are constant."""
@@ -63,6 +69,7 @@ class ForceField:
             None if self.drag is None else _first(self.drag),
             None if self.spin_1_s is None else _first(self.spin_1_s),
             None if self.lengthening_1_s is None else _first(self.lengthening_1_s),
+            None if self.friction is None else _first(self.friction),
         )
 
 
@@ -96,6 +103,8 @@ class SensorPlacement:
     """r'/g."""
     acceleration: Array | float = 0.0
     """r''/g."""
+    beside_s2: complex = 0j
+    """e/g."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,10 +132,18 @@ def transverse_acceleration(u: ComplexValue, w: ComplexValue, pull: ComplexValue
     damping = field.damping_1_s
     if field.drag is not None:
         damping = damping + field.drag * np.abs(w)
+    if field.friction is not None:
+        stiffness = field.stiffness_1_s2
+        damping = damping + field.friction * stiffness / np.sqrt(_square(w) + SMOOTH_FRICTION_RAD**2 * stiffness)
     if field.lengthening_1_s is not None:
         damping = damping + 2 * field.lengthening_1_s
     acceleration: ComplexValue = field.stiffness_1_s2 * (u + pull) - damping * w
     return acceleration
+
+
+def _square(w: ComplexValue) -> Array | float:
+    squared: Array | float = w.real * w.real + w.imag * w.imag
+    return squared
 
 
 def state_rate(state: State, field: ForceField) -> State:
@@ -200,16 +217,27 @@ def interpolate(
 
 
 def position_jacobian(state: ComplexArray, field: ForceField) -> Array:
-    """Return the derivative of the reading by r/g, shape (n, 3, ...) for states of shape (n, 3, ...)."""
+    """Return the derivative of the reading by r/g, e_x/g and e_y/g, shape (n, 3, 3) for states of shape (n, 3)."""
     w = state[:, 1]
     across = transverse_acceleration(state[:, 0], w, state[:, 2], field)
-    return np.stack([across.real, across.imag, w.real * w.real + w.imag * w.imag], axis=1)
+    by_distance = np.stack([across.real, across.imag, _square(w)], axis=1)
+    by_x = np.stack([-w.real * w.real, -w.real * w.imag, across.real], axis=1)
+    by_y = np.stack([-w.imag * w.real, -w.imag * w.imag, across.imag], axis=1)
+    return np.stack([by_distance, by_x, by_y], axis=2)
 
 
 def specific_force_g(state: ComplexArray, field: ForceField, place: SensorPlacement) -> Array:
     """Return the reading of an ideal accelerometer, shape (n, 3, ...) for states of shape (n, 3, ...)."""
     u, w, pull = state[:, 0], state[:, 1], state[:, 2]
-    across = place.distance_s2 * transverse_acceleration(u, w, pull, field) + 2 * place.velocity_s * w - u
-    speed_squared = w.real * w.real + w.imag * w.imag
-    along = place.distance_s2 * speed_squared - place.acceleration - vertical_component(u)
+    acceleration = transverse_acceleration(u, w, pull, field)
+    across = place.distance_s2 * acceleration + 2 * place.velocity_s * w - u
+    along = place.distance_s2 * _square(w) - place.acceleration - vertical_component(u)
+    if place.beside_s2 != 0:
+        across = across - _dot(w, place.beside_s2) * w
+        along = along + _dot(acceleration, place.beside_s2)
     return np.stack([across.real, across.imag, along], axis=1)
+
+
+def _dot(a: ComplexValue, b: complex) -> Array | float:
+    product: Array | float = a.real * b.real + a.imag * b.imag
+    return product
