@@ -11,6 +11,7 @@ from gateway.errors import InputError
 from gateway.measurement.rig import Rig
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Parameter, Value
+from gateway.twin.effects.term_library import register_terms
 
 EffectValues = Mapping[str, Mapping[str, Value]]
 """Effects by name, each with its parameters by name."""
@@ -69,7 +70,11 @@ def model_of(rig: Rig, source: str = "rig") -> Model:
 
 
 def validate_effects(tables: Mapping[str, Mapping[str, Any]], source: str) -> EffectValues:
-    """Return effects with all their parameters. Raises `InputError` for unknown names, missing values and broken bounds."""
+    """Return effects with all their parameters. Raises `InputError` for unknown names, missing values and broken bounds.
+
+    The terms of a law that `reconcile --write-model` has written are effects from here on.
+    """
+    register_terms(tables)
     return {name: _validate_effect(name, values, f"{source}: [model.{name}]") for name, values in tables.items()}
 
 

@@ -50,9 +50,9 @@ class Effect:
     """Base class of all effects."""
 
     name: str
-    equation: ClassVar[str]
+    equation: str
     """The equation as the report prints it."""
-    explains: ClassVar[str]
+    explains: str
     """The physical cause in an operator's words."""
     reference: ClassVar[str]
     """The source of the equation: authors, year and equation, a standard, or the physical law."""
@@ -74,7 +74,7 @@ class Effect:
     """The values of the samples themselves show the effect; backward elimination keeps it."""
     structure: ClassVar[ModelStructure] = ModelStructure.ROPE
     """The structure that the effect gives to the model; effects with different structures exclude each other."""
-    world_directed: ClassVar[bool] = False
+    world_directed: bool = False
     """The effect has a direction in the world, so that the heading of the housing matters."""
     changes_length: bool = False
     """The rope has another length after the event."""
@@ -92,6 +92,8 @@ class Effect:
     """The sensor reads a constant linear combination of its axes; several such effects are one matrix."""
     needs_temperature: ClassVar[bool] = False
     """Only recordings with a temperature can show the effect."""
+    needs_quadrature: ClassVar[bool] = False
+    """The reading depends on its own derivative by time, `EvaluationContext.quadrature_g`."""
     steady_frequency: ClassVar[bool] = False
     """The effect has a parameter `frequency_hz`; residual lines close to it contradict the effect."""
     slow_convergence: ClassVar[bool] = False

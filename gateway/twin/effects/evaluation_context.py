@@ -22,6 +22,8 @@ class EvaluationContext:
     """Temperature of the sensor above the one at which its offsets are known."""
     stretch: WithDerivatives = ZERO_VECTOR
     """Stretch of an elastic rope beyond that under a load at rest, in m, m/s, m/s²."""
+    quadrature_g: Vector = ZERO_VECTOR
+    """Derivative of the reading by time over √(g/L), for effects that need it: in a steady swing a quarter period ahead."""
 
     def is_between(self, start_s: Scalar, end_s: Scalar) -> Scalar:
         """Return 1 between two discontinuities, else 0."""

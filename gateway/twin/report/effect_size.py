@@ -8,7 +8,7 @@ from gateway.documents.format import format_with_interval
 from gateway.documents.text import human_name
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Value
-from gateway.twin.reconcile.output.result import Estimate, NamedEffect
+from gateway.twin.reconcile.output.estimates import Estimate, NamedEffect
 
 UNIT_SUFFIX = re.compile(r"(^|_)(m_s2|m_s|rad_s|deg_s|per_s|per_m|mg_per_c|hz|deg|rad|g|m|s)$")
 

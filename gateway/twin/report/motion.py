@@ -11,7 +11,8 @@ from gateway.documents.palette import AFTER, BEFORE, EVENT, INK, LINE, MEASURED
 from gateway.documents.plots import add_legend, add_panels, plot_curve, render_svg
 from gateway.documents.text import human_name, join_names
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
-from gateway.twin.reconcile.output.result import Curves, NamedEffect, Reconciliation
+from gateway.twin.reconcile.output.estimates import NamedEffect
+from gateway.twin.reconcile.output.result import Curves, Reconciliation
 from gateway.twin.report.data_parts import fitted_part_name, held_out_name
 from gateway.twin.report.formatting import AXES
 from gateway.twin.report.models import NOMINAL, caution, final_model_name, is_same_model, single_model_name

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from gateway.documents.format import format_time_span, format_with_interval
 from gateway.documents.text import as_sentence, human_name
 from gateway.twin.effects import EFFECTS
-from gateway.twin.reconcile.output.result import NamedEffect, Reconciliation
+from gateway.twin.reconcile.output.estimates import NamedEffect
+from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.report.effect_size import components, numbers, unit_text
 from gateway.twin.report.models import is_same_model
 

@@ -7,7 +7,8 @@ import numpy as np
 from gateway.documents.format import format_number, format_time_span
 from gateway.documents.text import as_sentence, human_name, join_names
 from gateway.twin.effects import EFFECTS
-from gateway.twin.reconcile.output.result import Equivalent, NamedEffect, Reconciliation
+from gateway.twin.reconcile.output.estimates import NamedEffect
+from gateway.twin.reconcile.output.result import Equivalent, Reconciliation
 from gateway.twin.report.effect_size import Size, effect_sizes
 from gateway.twin.report.formatting import format_noise_ratio
 from gateway.twin.report.gap_table import PartRow, part_rows

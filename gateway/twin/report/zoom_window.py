@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.reconcile.output.result import Curves, Disagreement, NamedEffect, Reconciliation
+from gateway.twin.reconcile.output.estimates import NamedEffect
+from gateway.twin.reconcile.output.result import Curves, Disagreement, Reconciliation
 from gateway.twin.report.models import is_same_model
 
 Array = NDArray[np.float64]

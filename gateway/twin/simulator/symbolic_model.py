@@ -193,6 +193,15 @@ class SymbolicModel:
 
     def reading(self, x: Expression, context: EvaluationContext) -> Expression:
         """Return the specific force in g that the sensor reads, before its low-pass."""
+        reading = self._ideal_reading(x, context)
+        if any(effect.needs_quadrature for effect in self.effects):
+            context = replace(context, quadrature_g=self._quadrature(x, context))
+        for effect, p in self.active_effects():
+            reading = effect.reading_g(p, context, reading)
+        return ca.vertcat(*reading)
+
+    def _ideal_reading(self, x: Expression, context: EvaluationContext) -> Vector:
+        """Return the specific force in g in the housing's axes."""
         state = State.of(x, self.structure)
         kinematics = self._kinematics(state, context)
         gravity = self.rig.gravity_m_s2
@@ -209,10 +218,14 @@ class SymbolicModel:
         along_x, along_y = self._lever_arm(rotation)
         motion = (state.n, state.n_rate, kinematics.n_acceleration, state.x_axis)
         force = eq.add(force, eq.lever_arm_acceleration(*motion, along_x, along_y))
-        reading = eq.scale(1 / gravity, _in_housing_axes(eq.in_housing(state.n, state.x_axis, force), rotation[0]))
-        for effect, p in self.active_effects():
-            reading = effect.reading_g(p, context, reading)
-        return ca.vertcat(*reading)
+        in_housing = _in_housing_axes(eq.in_housing(state.n, state.x_axis, force), rotation[0])
+        return eq.scale(1 / gravity, in_housing)
+
+    def _quadrature(self, x: Expression, context: EvaluationContext) -> Vector:
+        """Return the derivative of the ideal reading along the motion over √(g/L)."""
+        state = ca.SX.sym("state", self.structure.n_states)
+        rate = ca.jtimes(ca.vertcat(*self._ideal_reading(state, context)), state, self.rate(state, context))
+        return vector(ca.substitute(rate, state, x) / self._small_swing_rate_1_s, 0)
 
     def _housing_rotation(self, context: EvaluationContext) -> WithDerivatives:
         """Return the rotation of the housing about the rope, beyond parallel transport, in rad, rad/s, rad/s²."""

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from gateway.twin.effects.parameter import Value
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
+from gateway.twin.reconcile.output.estimates import Law, NamedEffect
 
 Array = NDArray[np.float64]
 Verdict = Literal["data_unusable", "none_missing", "named", "one_of", "named_with_remainder", "unmodelled"]
@@ -69,30 +70,6 @@ class Disagreement:
     to_s: float
     band_hz: tuple[float, float]
     rms_sigma: float
-
-
-@dataclass(frozen=True, slots=True)
-class Estimate:
-    """A parameter of a named effect."""
-
-    value: Value
-    ci95: tuple[Value, Value]
-    unit: str
-    meaning: str
-    plausible: bool
-    """Inside its physical bounds, not resting on one."""
-
-
-@dataclass(frozen=True, slots=True)
-class NamedEffect:
-    """An effect that the data hold."""
-
-    name: str
-    explains: str
-    equation: str
-    parameters: Mapping[str, Estimate]
-    when_s: tuple[float, float] | None
-    """When a transient effect acted."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -266,8 +243,13 @@ class Reconciliation:
     """The same in a second recording; empty where the end of the log is held out."""
     equivalents: tuple[Equivalent, ...] = ()
     """Effects that coincide with named ones or with candidates."""
+    law: Law | None = None
+    """What describes the remainder where no effect explains it; part of the final model."""
 
     @property
     def best_attempt(self) -> Mapping[str, Mapping[str, Value]]:
         """The effects of the best model, where it does not explain the data: they have no claim to be the cause."""
-        return self.model if self.verdict == "unmodelled" else {}
+        if self.verdict != "unmodelled":
+            return {}
+        law = set() if self.law is None else {term.name for term in self.law.terms}
+        return {name: values for name, values in self.model.items() if name not in law}

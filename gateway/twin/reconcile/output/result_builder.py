@@ -19,15 +19,15 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.data.recordings import Recordings, selection_part, test_part
 from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN, RankedCandidate
 from gateway.twin.reconcile.decision.verdict import Decision
+from gateway.twin.reconcile.equation.selection import FoundLaw
 from gateway.twin.reconcile.fit.validation import block_bootstrap_gain, evaluate_on_validation
 from gateway.twin.reconcile.output.data_parts import list_data_parts
 from gateway.twin.reconcile.output.equivalents import find_equivalents
+from gateway.twin.reconcile.output.estimates import Estimate, NamedEffect
 from gateway.twin.reconcile.output.result import (
     Candidate,
     Curves,
-    Estimate,
     Gap,
-    NamedEffect,
     Reconciliation,
     ScoreTestResult,
     Step,
@@ -67,6 +67,13 @@ class SearchOutcome:
     inputs: tuple[EstimatedInput, ...]
     held_out_inputs: tuple[EstimatedInput, ...]
     """What the crane did in the log, and in a second recording."""
+    law: FoundLaw | None = None
+    """The law of what no effect explains; part of the decision's model."""
+
+    @property
+    def noise_inflation(self) -> float:
+        """Noise inflation of the residual of the final model: what a law describes is no noise."""
+        return self.table.noise_inflation if self.law is None else self.law.noise_inflation
 
 
 def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.random.Generator) -> Reconciliation:
@@ -81,7 +88,8 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
         parts=list_data_parts(recordings),
         rig=found.model.rig,
         effects=tuple(
-            _sample_loss(found) if name == SampleLoss.name else _named(name, final, found) for name in decision.named
+            _sample_loss(found) if name == SampleLoss.name else named_effect(name, final, found)
+            for name in decision.named
         ),
         candidates=decision.candidates,
         split_by=_discriminating_experiments(decision.candidates),
@@ -209,13 +217,14 @@ def _reduced_chi2(curves: Curves, used: NDArray[np.bool_]) -> tuple[float, float
     return before, after
 
 
-def _named(name: str, final: RankedCandidate, found: SearchOutcome) -> NamedEffect:
+def named_effect(name: str, final: RankedCandidate, found: SearchOutcome) -> NamedEffect:
+    """Return an effect of a model with its parameters and their intervals."""
     effect = EFFECTS[name]
     values = final.candidate.values[name]
     simulator = found.context.setting.simulator(tuple(final.candidate.values))
     fit = final.candidate.fit
     sigma = np.zeros(len(simulator.parameters))
-    sigma[fit.free] = np.sqrt(np.maximum(np.diag(fit.covariance()), 0.0) * found.table.noise_inflation)
+    sigma[fit.free] = np.sqrt(np.maximum(np.diag(fit.covariance()), 0.0) * found.noise_inflation)
     of = {
         p.name: [
             s

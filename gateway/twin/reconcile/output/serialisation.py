@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
-from gateway.twin.reconcile.output.result import Estimate, Gap, NamedEffect, Reconciliation
+from gateway.twin.reconcile.output.estimates import Estimate, Law, NamedEffect
+from gateway.twin.reconcile.output.result import Gap, Reconciliation
 
 SCHEMA_VERSION = 2
 """Raised when a field changes its meaning; fields are added without."""
@@ -38,6 +39,7 @@ def to_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
             {"name": e.name, "of": e.of, "parameters": dict(e.parameters), "split_by": e.split_by}
             for e in result.equivalents
         ],
+        "equation": None if result.law is None else _equation(result.law),
         "disagreement": [
             {"axis": d.axis, "from_s": d.from_s, "to_s": d.to_s, "band_hz": list(d.band_hz), "rms_sigma": d.rms_sigma}
             for d in result.disagreement
@@ -79,6 +81,28 @@ def _effect(effect: NamedEffect) -> dict[str, Any]:
         "name": effect.name,
         "parameters": {name: _estimate(estimate) for name, estimate in effect.parameters.items()},
         "when_s": None if effect.when_s is None else list(effect.when_s),
+    }
+
+
+def _equation(law: Law) -> dict[str, Any]:
+    return {
+        "text": law.text,
+        "terms": [
+            {
+                "name": term.name,
+                "text": term.text,
+                "meaning": term.meaning,
+                "parameters": {name: _estimate(estimate) for name, estimate in term.parameters.items()},
+                "alternatives": list(term.alternatives),
+                "closest_effects": [
+                    {"name": each.name, "cosine": each.cosine, "reversed": each.reversed}
+                    for each in term.closest_effects
+                ],
+            }
+            for term in law.terms
+        ],
+        "beside": list(law.beside),
+        "closed_test_percent": law.closed_test_percent,
     }
 
 

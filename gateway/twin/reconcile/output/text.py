@@ -7,7 +7,8 @@ import numpy as np
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Value
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
-from gateway.twin.reconcile.output.result import Estimate, Gap, Reconciliation
+from gateway.twin.reconcile.output.estimates import Estimate, Law, Resemblance
+from gateway.twin.reconcile.output.result import Gap, Reconciliation
 
 VERDICT_SENTENCES = {
     "data_unusable": "the data cannot be used",
@@ -23,10 +24,7 @@ def to_text(result: Reconciliation) -> str:
     """A few lines."""
     named = tuple(effect.name for effect in result.effects)
     names = result.candidates if result.verdict == "one_of" else named
-    lines = [
-        f"verdict      {VERDICT_SENTENCES[result.verdict]} {', '.join(names)}".rstrip(),
-        f"because      {result.reason}",
-    ]
+    lines = [f"verdict      {_verdict(result, names)}".rstrip(), f"because      {result.reason}"]
     if result.verdict == "one_of" and named:
         lines.append(f"also missing {', '.join(named)}")
     if result.verdict != "one_of" and result.candidates:
@@ -39,6 +37,8 @@ def to_text(result: Reconciliation) -> str:
         lines.append(f"to decide    {each.split_by}")
     if result.best_attempt:
         lines.append(f"best attempt {_effects(result.best_attempt)}; not an explanation: a pattern remains")
+    if result.law is not None:
+        lines += _law(result.law)
     if result.split_by is not None:
         lines.append(f"to decide    {result.split_by}")
     if result.inputs:
@@ -50,6 +50,31 @@ def to_text(result: Reconciliation) -> str:
             f"residual     {p.amplitude_g * 1e3:.3g} mg at {p.hz:.4g} Hz on {p.axis}" for p in result.residual.peaks
         ]
     return "\n".join(lines)
+
+
+def _verdict(result: Reconciliation, names: Sequence[str]) -> str:
+    if result.verdict == "unmodelled" and result.law is not None:
+        return f"unmodelled: {result.law.text}"
+    return f"{VERDICT_SENTENCES[result.verdict]} {', '.join(names)}"
+
+
+def _law(law: Law) -> list[str]:
+    """A description of the remainder, which is no cause."""
+    lines = []
+    for term in law.terms:
+        lines.append(f"equation     {term.text}: {term.meaning}")
+        lines += [f"    {name} = {_estimate(estimate)}" for name, estimate in term.parameters.items()]
+        if term.alternatives:
+            lines.append(f"    nearly as good: {', '.join(term.alternatives)}")
+        if term.closest_effects:
+            lines.append(f"    resembles {', '.join(_resemblance(each) for each in term.closest_effects)}")
+    if law.closed_test_percent is not None:
+        lines.append(f"    closes {min(law.closed_test_percent, 100.0):.1f} % of the gap on the test part")
+    return lines
+
+
+def _resemblance(found: Resemblance) -> str:
+    return f"{found.name}{' of the opposite sign' if found.reversed else ''} ({found.cosine:.3f})"
 
 
 def _inputs(found: Sequence[EstimatedInput]) -> str:

@@ -6,11 +6,13 @@ anyway, over its own covariance. One linearisation serves all effects.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
+from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.fit_result import Fit
@@ -25,6 +27,7 @@ from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
+NO_SHAPES: EffectValues = MappingProxyType({})
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,13 +51,21 @@ class Signatures:
 
 
 def compute_signatures(
-    setting: FitContext, fit: Fit, values: Mapping[str, Mapping[str, object]], names: Sequence[str]
+    setting: FitContext,
+    fit: Fit,
+    values: Mapping[str, Mapping[str, object]],
+    names: Sequence[str],
+    shapes: EffectValues = NO_SHAPES,
 ) -> Signatures:
-    """Of effects that are smooth where they vanish, beside a fitted model."""
+    """Of effects that are smooth where they vanish, beside a fitted model.
+
+    `shapes` are the values of parameters that do not make an effect vanish, such as a frequency, where they are not the neutral
+    ones.
+    """
     own = frozenset(values)
-    tried = [n for n in names if n not in own and EFFECTS[n].is_scored]
+    tried = [n for n in names if n not in own]
     simulator = setting.simulator((*own, *tried))
-    model = setting.simulator(tuple(own)).effects(fit.values)
+    model = {**shapes, **setting.simulator(tuple(own)).effects(fit.values)}
     at = simulator.values(fit.values[: simulator.n_initial_states], model)
     o = setting.log
     if o.has_large_amplitude:
@@ -63,7 +74,9 @@ def compute_signatures(
     weight = (o.used[:, None] / o.noise_g)[:, :, None]
     flat = (found.jacobian * weight).reshape(-1, len(simulator.parameters))
     nuisance = [
-        i for i, slot in enumerate(simulator.parameters) if (slot.refitted or slot.effect in own) and i != HEADING
+        i
+        for i, slot in enumerate(simulator.parameters)
+        if (slot.effect in own or (slot.refitted and slot.effect not in tried)) and i != HEADING
     ]
     basis = orthonormal(flat[:, nuisance])
     residual = o.residual_sigma(fit.force_g).ravel()

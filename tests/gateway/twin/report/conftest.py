@@ -10,15 +10,14 @@ import pytest
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.model import TwinRig
+from gateway.twin.reconcile.output.estimates import Estimate, NamedEffect
 from gateway.twin.reconcile.output.result import (
     Candidate,
     Confusable,
     Curves,
     DataPart,
     Disagreement,
-    Estimate,
     Gap,
-    NamedEffect,
     Peak,
     Reconciliation,
     Residual,

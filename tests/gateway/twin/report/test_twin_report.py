@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from gateway.documents.environment import render
-from gateway.twin.reconcile.output.result import Confusable, Disagreement, NamedEffect, Peak, Reconciliation, Residual
+from gateway.twin.reconcile.output.estimates import NamedEffect
+from gateway.twin.reconcile.output.result import Confusable, Disagreement, Peak, Reconciliation, Residual
 from gateway.twin.report.page import MODEL_SECTIONS, render_report
 from gateway.twin.report.provenance import computed_view, data_view
 from gateway.twin.report.verdict import verdict_view

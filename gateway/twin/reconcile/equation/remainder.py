@@ -1,0 +1,76 @@
+"""The remainder of a reconciliation: where something is left that no effect explains, a law describes it."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numpy as np
+
+from gateway.twin.effects.term_library import registered_library
+from gateway.twin.reconcile.decision.ranking import RankedCandidate
+from gateway.twin.reconcile.equation.selection import FoundLaw, find_law, leaves_residual
+from gateway.twin.reconcile.output.result_builder import SearchOutcome
+from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, Values
+
+VERDICTS_WITH_REMAINDER = frozenset({"unmodelled", "named_with_remainder"})
+MIN_ATTEMPT_CLOSED = 0.5
+"""Share of the gap on the selection part that a best attempt closes if a law is sought beside it as well."""
+
+
+@contextmanager
+def remainder_described(found: SearchOutcome, random: np.random.Generator) -> Iterator[SearchOutcome]:
+    """Add the law of what is left to an outcome, if there is one; its terms are in the registry for as long."""
+    if found.decision.verdict not in VERDICTS_WITH_REMAINDER:
+        yield found
+        return
+    with registered_library():
+        yield _describe(found, random)
+
+
+def _describe(found: SearchOutcome, random: np.random.Generator) -> SearchOutcome:
+    """Seek a law beside what is certain, and beside the best attempt where that one does not explain everything."""
+    decision, attempt = found.decision, found.decision.model
+    known = {*decision.named, *decision.candidates}
+    certain = {name: each for name, each in attempt.candidate.values.items() if name in known}
+    law = _law_beside(found, certain, (), random)
+    if (law is None or leaves_residual(found.context, law, found.validator)) and _is_worth_extending(found):
+        other = _law_beside(found, attempt.candidate.values, tuple(attempt.names - known), random)
+        if other is not None and (law is None or _evidence(found, other) < _evidence(found, law)):
+            law = other
+    if law is None or _evidence(found, law) > _evidence_of(found, attempt, law.noise_inflation):
+        return found
+    model = RankedCandidate(law.candidate, law.after, found.table.bic(law.candidate), 0.0)
+    return replace(found, decision=replace(decision, model=model), law=law)
+
+
+def _law_beside(
+    found: SearchOutcome, values: Values, optional: tuple[str, ...], random: np.random.Generator
+) -> FoundLaw | None:
+    base = _base(found, values)
+    return None if base is None else find_law(found.context, base, found.validator, random, optional)
+
+
+def _base(found: SearchOutcome, values: Values) -> CandidateFit | None:
+    known = found.table.get(values)
+    if known is not None:
+        return known
+    return found.context.fit(CandidateTable(found.recordings.log), values).get(values)
+
+
+def _is_worth_extending(found: SearchOutcome) -> bool:
+    """Whether the best attempt has effects that are not certain and closes a good part of the gap."""
+    decision, attempt = found.decision, found.decision.model
+    if attempt.names <= {*decision.named, *decision.candidates}:
+        return False
+    before = found.validator.evaluate(found.base).reduced_chi2
+    return before - attempt.validation.reduced_chi2 > MIN_ATTEMPT_CLOSED * (before - 1)
+
+
+def _evidence(found: SearchOutcome, law: FoundLaw) -> float:
+    table = replace(found.table, noise_inflation=law.noise_inflation)
+    return table.bic(law.candidate) + law.after.fit.chi2 / law.noise_inflation
+
+
+def _evidence_of(found: SearchOutcome, attempt: RankedCandidate, noise_inflation: float) -> float:
+    table = replace(found.table, noise_inflation=noise_inflation)
+    return table.bic(attempt.candidate) + attempt.validation.fit.chi2 / noise_inflation

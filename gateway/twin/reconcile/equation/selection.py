@@ -1,0 +1,183 @@
+"""Selection of terms: forward by evidence on the log and the selection part, then backward; never by the test part.
+
+Each round screens the library by linearisations, fits the best few terms beside what the law has already, and keeps the one
+with the most evidence if it is significant on the log, in coloured noise too, and lowers the residual of the selection part.
+"""
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from gateway.twin.effects.term_library import TERMS
+from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN, VALIDATED_MARGIN
+from gateway.twin.reconcile.equation.screening import ScreenedTerm, screen_terms
+from gateway.twin.reconcile.fit.validation import ValidationFit
+from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_factor
+from gateway.twin.reconcile.residual.residual_tests import warrants_another_effect
+from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, Values
+from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.validation_cache import Validator
+from gateway.twin.reconcile.search.validation_search import improves
+
+MAX_TERMS = 3
+MAX_FITTED = 4
+"""Terms of a round that are fitted."""
+MAX_WORK = 3e7
+"""State derivatives evaluated in fits after which no further term is sought, some 8 s on one core of a desk."""
+MIN_GAIN_SHARE = 0.3
+"""Gain of a term by linearisation over the largest of the round, below which it is not fitted."""
+MIN_SHARE_CLOSED = 0.1
+"""Share of the residual's excess on the selection part that each term must close: less is no description of it."""
+COLLINEAR_COSINE = 0.999
+"""Cosine of two terms' signatures from which one may stand for the other."""
+
+
+@dataclass(frozen=True, slots=True)
+class FoundLaw:
+    """A law beside the effects of a model, with what came near it."""
+
+    base: CandidateFit
+    """The model that the law is added to."""
+    candidate: CandidateFit
+    before: ValidationFit
+    """Of the base on the selection part; it predicts the test part."""
+    after: ValidationFit
+    terms: tuple[str, ...]
+    """In the order in which they were chosen."""
+    alternatives: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    """For each term others that describe the data nearly as well, the closest first."""
+    signatures: dict[str, np.ndarray] = field(default_factory=dict)
+    """What each term changes in the log, in sigma, the initial motion and the base projected out, shape (3 n,)."""
+    noise_inflation: float = 1.0
+
+
+def find_law(
+    context: SearchContext,
+    base: CandidateFit,
+    validator: Validator,
+    random: np.random.Generator,
+    optional: Collection[str] = (),
+) -> FoundLaw | None:
+    """Return the law of what a model leaves; None where no term describes it. The library must be registered.
+
+    `optional` are effects of the base that the law may make superfluous.
+    """
+    before = validator.evaluate(base)
+    law = FoundLaw(base, base, before, before, ())
+    limit = context.budget.work + MAX_WORK
+    while len(law.terms) < MAX_TERMS and context.budget.work < limit:
+        table = CandidateTable(context.setting.log).with_fit(law.candidate)
+        longer = _with_one_more(context, table, law, validator, random)
+        if longer is None:
+            break
+        law = longer
+        if not leaves_residual(context, law, validator):
+            break
+    return _without_idle_parts(context, law, validator, optional) if law.terms else None
+
+
+def leaves_residual(context: SearchContext, law: FoundLaw, validator: Validator) -> bool:
+    """Return whether a law leaves more than noise."""
+    on_log = warrants_another_effect(context.setting.log, law.candidate.fit)
+    return on_log or warrants_another_effect(validator.selection, law.after.fit)
+
+
+def _with_one_more(
+    context: SearchContext, table: CandidateTable, law: FoundLaw, validator: Validator, random: np.random.Generator
+) -> FoundLaw | None:
+    screened = sorted(screen_terms(context.setting, law.candidate), key=lambda each: -_score(each, context, law))
+    largest = max((each.gain for each in screened), default=0.0)
+    chosen = [each for each in screened if each.gain > MIN_GAIN_SHARE * largest][:MAX_FITTED]
+    starts = context.segment_starts(law.candidate)
+    for each in chosen:
+        values = {**law.candidate.values, each.name: each.values}
+        table = context.fit(table, values, starts, give_up_above=table.give_up_above)
+    table = table.start_round()
+    limit = table.bic(table.best) + VALIDATED_MARGIN
+    fitted = [(each, table.get({*law.candidate.values, each.name})) for each in chosen]
+    rivals = [
+        _Rival(each, fit, validator.evaluate(fit), table)
+        for each, fit in fitted
+        if fit is not None and table.bic(fit) < limit and table.is_significant(law.candidate, fit)
+    ]
+    rivals.sort(key=lambda each: each.evidence)
+    if not rivals or not _holds(law, rivals[0], validator, random):
+        return None
+    best = rivals[0]
+    near = [each.name for each in rivals[1:] if each.evidence - best.evidence < MIN_EVIDENCE_MARGIN]
+    near += [
+        each.name
+        for each in screened
+        if each.name not in (best.name, *near) and _cosine(each, best.screened) > COLLINEAR_COSINE
+    ]
+    others = tuple(name for name in near if TERMS[name].extends != best.name)
+    return replace(
+        law,
+        candidate=best.fit,
+        after=best.validation,
+        terms=(*law.terms, best.name),
+        alternatives={**law.alternatives, best.name: others},
+        signatures={**law.signatures, best.name: best.screened.signature},
+        noise_inflation=table.noise_inflation,
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Rival:
+    """A term that was fitted in a round."""
+
+    screened: ScreenedTerm
+    fit: CandidateFit
+    validation: ValidationFit
+    table: CandidateTable
+
+    @property
+    def name(self) -> str:
+        return self.screened.name
+
+    @property
+    def evidence(self) -> float:
+        """BIC on the log and chi-square on the selection part: the lower, the better."""
+        return self.table.bic(self.fit) + self.validation.fit.chi2 / self.table.noise_inflation
+
+
+def _score(screened: ScreenedTerm, context: SearchContext, law: FoundLaw) -> float:
+    """Gain of a linearisation over the noise inflation, less the penalty of its parameters."""
+    log = context.setting.log
+    residual = log.residual_sigma(law.candidate.fit.force_g)
+    inflation = noise_inflation_factor(log.time_s, residual - screened.signature.reshape(residual.shape))
+    return screened.gain / inflation - screened.n_parameters * math.log(log.n_values)
+
+
+def _holds(law: FoundLaw, rival: _Rival, validator: Validator, random: np.random.Generator) -> bool:
+    """Whether a term describes the selection part, too."""
+    before, after = law.after, rival.validation
+    closed = (before.reduced_chi2 - after.reduced_chi2) / max(before.reduced_chi2 - 1, 1e-9)
+    return closed > MIN_SHARE_CLOSED and improves(before, after, validator, random)
+
+
+def _cosine(first: ScreenedTerm, second: ScreenedTerm) -> float:
+    norms = np.linalg.norm(first.signature) * np.linalg.norm(second.signature)
+    return 0.0 if norms == 0 else float(abs(first.signature @ second.signature) / norms)
+
+
+def _without_idle_parts(
+    context: SearchContext, law: FoundLaw, validator: Validator, optional: Collection[str]
+) -> FoundLaw:
+    """Remove terms and effects of a best attempt whose absence costs no evidence: a later term may have replaced them."""
+    table = CandidateTable(context.setting.log).with_fit(law.candidate)
+    table = replace(table, noise_inflation=law.noise_inflation)
+    for name in [*law.terms[:-1], *optional]:
+        values: Values = {other: each for other, each in law.candidate.values.items() if other != name}
+        table = context.fit(table, values)
+        shorter = table.get(values)
+        if shorter is None:
+            continue
+        after = validator.evaluate(shorter)
+        worse = table.bic(shorter) - table.bic(law.candidate)
+        worse += (after.fit.chi2 - law.after.fit.chi2) / table.noise_inflation
+        if worse < MIN_EVIDENCE_MARGIN:
+            law = replace(law, candidate=shorter, after=after, terms=tuple(t for t in law.terms if t != name))
+    return law
