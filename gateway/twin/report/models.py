@@ -12,6 +12,9 @@ CAUTION = {
     "named_with_remainder": "Effects of “after” that are not named in the verdict are not established.",
 }
 
+WITH_EQUATION = "model with the equation"
+EQUATION_CAUTION = "“After” shows the model with the equation, which describes the data and names no cause."
+
 
 def single_model_name(result: Reconciliation) -> str:
     """Return the name of the one model where before and after simulate the same."""
@@ -25,11 +28,11 @@ def is_same_model(curves: Curves) -> bool:
 
 def final_model_name(result: Reconciliation) -> str:
     """Return the name of the model after, as the verdict allows to call it."""
-    return FINAL.get(result.verdict, "final model")
+    return WITH_EQUATION if result.law is not None else FINAL.get(result.verdict, "final model")
 
 
 def caution(result: Reconciliation) -> str:
     """Return what must not be read into the model after; empty where there is nothing to warn of."""
     if result.log is None or is_same_model(result.log):
         return ""
-    return CAUTION.get(result.verdict, "")
+    return EQUATION_CAUTION if result.law is not None else CAUTION.get(result.verdict, "")

@@ -7,7 +7,7 @@ import numpy as np
 from gateway.documents.format import format_number, format_time_span
 from gateway.documents.text import as_sentence, human_name, join_names
 from gateway.twin.effects import EFFECTS
-from gateway.twin.reconcile.output.estimates import NamedEffect
+from gateway.twin.reconcile.output.estimates import Law, NamedEffect
 from gateway.twin.reconcile.output.result import Equivalent, Reconciliation
 from gateway.twin.report.effect_size import Size, effect_sizes
 from gateway.twin.report.formatting import format_noise_ratio
@@ -155,7 +155,19 @@ def _paragraphs(result: Reconciliation) -> tuple[str, ...]:
     reason = as_sentence(result.reason)
     if result.verdict == "data_unusable":
         return (reason, advice)
-    return (advice, f"Reason for this verdict: {reason}")
+    equation = () if result.law is None else (_equation(result.law),)
+    return (*equation, advice, f"Reason for this verdict: {reason}")
+
+
+def _equation(law: Law) -> str:
+    """Return what describes the remainder, and what it resembles."""
+    text = f"An equation describes the remainder: {law.text}."
+    if law.closed_test_percent is not None:
+        text += f" It closes {min(law.closed_test_percent, 100.0):.1f} % of the gap on the test part."
+    alike = dict.fromkeys(each.name for term in law.terms for each in term.closest_effects)
+    if alike:
+        text += f" The closest known effects do not explain it: {join_names(list(alike))}."
+    return f"{text} It is a description and names no cause."
 
 
 def _equivalent(each: Equivalent) -> str:

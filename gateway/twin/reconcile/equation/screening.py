@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from gateway.twin.effects.parameter import Values
 from gateway.twin.effects.term import Term
 from gateway.twin.effects.term_library import TERMS
-from gateway.twin.reconcile.equation.periods import shape_choices
+from gateway.twin.reconcile.equation.shapes import shape_choices
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.search.candidates import CandidateFit
 from gateway.twin.reconcile.search.score_test import Signatures, compute_signatures

@@ -1,4 +1,4 @@
-"""Frequencies and time constants at which terms are tried, from the residual of the model so far.
+"""Frequencies, time constants and gaps at which terms are tried, from the residual of the model so far.
 
 A force or a motion of the pivot shows as a line at its own frequency. A rotation of the housing or a changing stiffness
 multiplies the swing, so its lines stand on both sides of the swing's: the product of residual and swing has the frequency itself.

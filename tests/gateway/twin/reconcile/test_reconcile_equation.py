@@ -1,0 +1,61 @@
+"""The equation of a remainder, from the search to a model that simulates."""
+
+import tomllib
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gateway.cli.main import main
+from gateway.measurement.rig import read_rig
+from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.registry import BUILT_IN
+from gateway.twin.model import Model, model_of
+from gateway.twin.reconcile.data.data_checks import CheckedRecording
+from gateway.twin.reconcile.output.export import format_model_toml
+from gateway.twin.reconcile.output.text import to_text
+from gateway.twin.reconcile.reconcile import reconcile
+from gateway.twin.reconcile.search.budget import Budget
+from tests.values import present
+
+CREEP_G, SETTLE_S = np.array([0.008, -0.005, 0.006]), 7.0
+
+pytestmark = pytest.mark.usefixtures("vocabulary")
+
+
+def creeping(recording: CheckedRecording) -> CheckedRecording:
+    o = present(recording.observations)
+    crept = o.force_g + np.outer(np.exp(-o.time_s / SETTLE_S), CREEP_G)
+    return replace(recording, observations=replace(o, force_g=crept))
+
+
+@pytest.mark.slow
+def test_remainder_is_told_as_an_equation_and_its_model_simulates(
+    model: Model, loaded: Callable[..., CheckedRecording], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(
+        "gateway.twin.reconcile.reconcile.Budget", lambda: Budget(max_fits=4)
+    )  # the search finds nothing
+    found = reconcile(model, creeping(loaded({})), creeping(loaded({}, "held_out")))
+
+    assert found.verdict == "unmodelled"
+    assert "verdict      unmodelled: reading = (+0.00" in to_text(found)
+    law = present(found.law)
+    (term,) = law.terms
+    assert term.name == "creeping_offset"
+    low, high = term.parameters["time_constant_s"].ci95
+    assert isinstance(low, float)
+    assert isinstance(high, float)
+    assert low < SETTLE_S < high
+    assert present(law.closed_test_percent) > 95
+    assert present(found.gap).after_test == pytest.approx(1, abs=0.15)
+    assert found.best_attempt == {}
+    assert EFFECTS.sources == {BUILT_IN}
+
+    rig = tmp_path / "model.toml"
+    rig.write_text(format_model_toml(found))
+    tau_s = tomllib.loads(rig.read_text())["model"]["creeping_offset"]["time_constant_s"]
+    assert model_of(read_rig(rig)).effects["creeping_offset"]["time_constant_s"] == tau_s
+    assert main(["simulate", str(rig), "--out", str(tmp_path / "again.csv"), "--duration", "5"]) == 0

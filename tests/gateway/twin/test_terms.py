@@ -1,0 +1,117 @@
+"""Terms of a law: each vanishes at zero coefficients, has its unit, and acts as its closed form says."""
+
+import numpy as np
+import pytest
+
+from gateway.twin.effects import EFFECTS, BodyState, EvaluationContext, Values
+from gateway.twin.effects.term import Term
+from gateway.twin.effects.term_library import TERMS, registered_library
+from gateway.twin.simulator.equation_checks import check_equations
+from gateway.twin.simulator.simulator import Simulator
+from tests.gateway.twin.swings import LENGTH_M, PERIOD_S, POSITION_M, RIG, SWING_RATE, G
+
+LATER_S = 7.3
+LOAD = BodyState((0.7, -0.4, -11.9), (0.5, 0.8, 0.1), SWING_RATE)
+READING = (0.03, -0.05, 0.99)
+CHANGING = [
+    name for name in TERMS if "slope" in {p.name for p in TERMS[name].parameters} or TERMS[name].shape_parameters
+]
+
+
+def typical(term: Term) -> Values:
+    return {p.name: p.typical for p in term.parameters}
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_term_is_linear_at_zero_and_vanishes_there(name: str) -> None:
+    with registered_library():
+        check_equations(TERMS[name], "the library")
+
+
+def test_library_leaves_the_vocabulary_as_it_was() -> None:
+    before = tuple(EFFECTS)
+    with registered_library():
+        assert set(TERMS) < set(EFFECTS)
+        assert not set(EFFECTS.choose(is_scored=True)) & set(TERMS)
+        assert not [name for name in TERMS if EFFECTS[name].is_guessed_from_residual]
+    assert tuple(EFFECTS) == before
+
+
+@pytest.mark.parametrize(
+    ("name", "unit"),
+    [
+        ("force_by_velocity", "1/s"),
+        ("force_by_speed_squared", "1/m"),
+        ("force_by_speed_cubed", "s/m²"),
+        ("force_along_motion", "m/s²"),
+        ("force_by_displacement", "1/s²"),
+        ("force_by_displacement_cubed", "1/(m² s²)"),
+        ("force_across_velocity", "1/s"),
+        ("constant_force", "m/s²"),
+        ("changing_force_by_velocity", "1/s²"),
+        ("periodic_force", "m/s²"),
+        ("periodic_stiffness", "1/s²"),
+        ("periodic_rotation", "rad"),
+        ("changing_offset", "g/s"),
+        ("quadratic_reading", "1/g"),
+    ],
+)
+def test_coefficient_has_the_unit_of_its_type(name: str, unit: str) -> None:
+    assert TERMS[name].coefficients[0].unit == unit
+
+
+@pytest.mark.parametrize("name", CHANGING)
+def test_term_counted_from_a_later_sample_is_the_same_term(name: str) -> None:
+    term = TERMS[name]
+    values = typical(term)
+    shifted = term.shift_start(values, LATER_S)
+
+    def acts(p: Values, time_s: float) -> list[float]:
+        context = EvaluationContext(time_s, time_s, G, quadrature_g=(0.02, 0.03, 0.0))
+        parts = [
+            *term.force_m_s2(p, context, LOAD),
+            *term.pivot_acceleration_m_s2(p, context),
+            term.housing_rotation_rad(p, context),
+            *term.reading_g(p, context, READING),
+        ]
+        return [float(each) for each in parts]
+
+    assert acts(shifted, 1.9) == pytest.approx(acts(values, 1.9 + LATER_S), abs=1e-12)
+
+
+def test_force_by_velocity_feeds_an_amplitude_that_grows_by_half_its_rate() -> None:
+    rate = 0.02
+    with registered_library():
+        simulator = Simulator(RIG, ("force_by_velocity",))
+        values = simulator.values([0.05, 0, 0, 0, 0], {"force_by_velocity": {"coefficient": rate}})
+        time_s = np.linspace(0.0, 5 * PERIOD_S, 400)
+        force_g = simulator.predict(values, time_s)
+    assert force_g[-1, 0] / force_g[0, 0] == pytest.approx(np.exp(rate / 2 * time_s[-1]), rel=3e-3)
+
+
+def test_backlash_follows_the_play_of_a_steady_swing() -> None:
+    gap_g = 0.004
+    time_s = np.linspace(0, 3 * PERIOD_S, 6000)
+    with registered_library():
+        simulator = Simulator(RIG, ("backlash",))
+        start = [0.06, 0, 0, 0, 0]
+        plain_g = simulator.predict(simulator.values(start, {}), time_s)[:, 0]
+        values = simulator.values(start, {"backlash": {"gap_g": gap_g, "share": (1.0, 0.0)}})
+        lagging_g = simulator.predict(values, time_s)[:, 0]
+    follower = np.empty_like(plain_g)
+    place = plain_g[0] - gap_g
+    for i, driver in enumerate(plain_g):
+        place = min(max(place, driver - gap_g), driver + gap_g)
+        follower[i] = place
+    assert np.abs(plain_g).max() == pytest.approx((1 - POSITION_M / LENGTH_M) * 0.06, rel=0.01)
+    assert lagging_g == pytest.approx(follower, abs=0.01 * gap_g)
+
+
+def test_law_of_a_term_is_told_with_sign_unit_and_meaning() -> None:
+    term = TERMS["force_by_velocity"]
+    assert term.law({"coefficient": 0.0042}) == "+0.0042 1/s v"
+    assert term.in_words({"coefficient": 0.0042}) == "energy is fed in"
+    assert term.in_words({"coefficient": -0.0042}) == "energy is taken out"
+    sway = TERMS["pivot_sway"]
+    values: Values = {"frequency_hz": 0.41, "sine": (0.03, 0.0), "cosine": (0.0, 0.04)}
+    assert sway.law(values) == "0.04 m/s² sin(2π f t + φ), horizontal, f = 0.41 Hz"
