@@ -37,7 +37,7 @@ RIGHT_TERMS = {
     "backlash": ("backlash",),
     "periodic_wind": ("periodic_force",),
     "pivot_vibration": ("pivot_sway",),
-    "housing_torsion": ("periodic_rotation", "housing_torsion"),
+    "driven_torsion": ("periodic_rotation", "housing_torsion"),
     "offset_creep": ("creeping_offset",),
 }
 """What describes each hidden law: terms, or an effect of the catalogue that has come to hold it."""

@@ -84,6 +84,22 @@ def rope_mode(rng: Generator, rig: Rig, size: float) -> Effect:
     return Effect("rope_mode", {"frequency_hz": frequency_hz, "decay_s": decay_s, "amplitude_g": size_g}, apply)
 
 
+def driven_torsion(rng: Generator, rig: Rig, size: float) -> Effect:
+    """The housing twists to and fro about the rope at one frequency and does not die away."""
+    frequency_hz, amplitude_deg = float(rng.uniform(0.04, 0.3)), size * float(rng.uniform(3, 15))
+
+    def apply(scene: Scene, run: Generator) -> Scene:
+        level = sine(frequency_hz, run.uniform(0, 2 * np.pi))
+
+        def twist(time_s: Array, reading_g: Array) -> Array:
+            turned = (reading_g[:, 0] + 1j * reading_g[:, 1]) * np.exp(-1j * np.radians(amplitude_deg) * level(time_s))
+            return np.stack([turned.real, turned.imag, reading_g[:, 2]], axis=1)
+
+        return _distort(twist)(scene, run)
+
+    return Effect("driven_torsion", {"frequency_hz": frequency_hz, "amplitude_deg": amplitude_deg}, apply)
+
+
 def backlash(rng: Generator, rig: Rig, size: float) -> Effect:
     """A mount with play: part of the sideways reading follows late."""
     gap_g, gain = _gap_g(rng, rig, size), float(rng.uniform(0.4, 1.0))
@@ -201,6 +217,7 @@ OUTSIDE: dict[str, Draw] = {
         periodic_wind,
         periodic_hoisting,
         rope_mode,
+        driven_torsion,
         backlash,
         hysteresis,
         sticking_axis,

@@ -17,12 +17,11 @@ from gateway.twin.reconcile.decision.evidence import gather_evidence
 from gateway.twin.reconcile.decision.identifiability import FittedRecording, indistinguishable_from
 from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates, rivals_of
 from gateway.twin.reconcile.decision.verdict import decide
-from gateway.twin.reconcile.equation.remainder import remainder_described
+from gateway.twin.reconcile.equation.remainder import describe_result
 from gateway.twin.reconcile.fit.fit_context import is_world_directed
 from gateway.twin.reconcile.known_model import KnownModel
-from gateway.twin.reconcile.output.law_builder import add_law
 from gateway.twin.reconcile.output.result import Reconciliation
-from gateway.twin.reconcile.output.result_builder import SearchOutcome, build_result, unusable_result
+from gateway.twin.reconcile.output.result_builder import SearchOutcome, unusable_result
 from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
 from gateway.twin.reconcile.residual.residual_tests import excess_chi2, has_excess
 from gateway.twin.reconcile.residual.surrogate_test import normal_score, null_threshold
@@ -119,9 +118,7 @@ def _reconcile(
     table, best = extend_by_validation(run.table, run.context, run.best, run.validator, random)
     run = replace(run, table=table.start_round(), best=best)
     outcome = _decide(known, run, random)
-    tick("equation")
-    with remainder_described(outcome, random) as found:
-        return add_law(build_result(found, log.counts, random), found)
+    return describe_result(outcome, log.counts, random)
 
 
 def _search(

@@ -1,7 +1,6 @@
 """The remainder of a reconciliation: where something is left that no effect explains, a law describes it."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +8,9 @@ import numpy as np
 from gateway.twin.effects.term_library import registered_library
 from gateway.twin.reconcile.decision.ranking import RankedCandidate
 from gateway.twin.reconcile.equation.selection import FoundLaw, find_law, leaves_residual
-from gateway.twin.reconcile.output.result_builder import SearchOutcome
+from gateway.twin.reconcile.output.law_builder import add_law
+from gateway.twin.reconcile.output.result import Reconciliation
+from gateway.twin.reconcile.output.result_builder import SearchOutcome, build_result
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, Values
 
 VERDICTS_WITH_REMAINDER = frozenset({"unmodelled", "named_with_remainder"})
@@ -17,14 +18,13 @@ MIN_ATTEMPT_CLOSED = 0.5
 """Share of the gap on the selection part that a best attempt closes if a law is sought beside it as well."""
 
 
-@contextmanager
-def remainder_described(found: SearchOutcome, random: np.random.Generator) -> Iterator[SearchOutcome]:
-    """Add the law of what is left to an outcome, if there is one; its terms are in the registry for as long."""
+def describe_result(found: SearchOutcome, counts: Mapping[str, int], random: np.random.Generator) -> Reconciliation:
+    """Return the result of a search, with the law of what is left where something is."""
     if found.decision.verdict not in VERDICTS_WITH_REMAINDER:
-        yield found
-        return
+        return build_result(found, counts, random)
     with registered_library():
-        yield _describe(found, random)
+        described = _describe(found, random)
+        return add_law(build_result(described, counts, random), described)
 
 
 def _describe(found: SearchOutcome, random: np.random.Generator) -> SearchOutcome:

@@ -37,8 +37,7 @@ def to_text(result: Reconciliation) -> str:
         lines.append(f"to decide    {each.split_by}")
     if result.best_attempt:
         lines.append(f"best attempt {_effects(result.best_attempt)}; not an explanation: a pattern remains")
-    if result.law is not None:
-        lines += _law(result.law)
+    lines += _law(result.law)
     if result.split_by is not None:
         lines.append(f"to decide    {result.split_by}")
     if result.inputs:
@@ -58,8 +57,10 @@ def _verdict(result: Reconciliation, names: Sequence[str]) -> str:
     return f"{VERDICT_SENTENCES[result.verdict]} {', '.join(names)}"
 
 
-def _law(law: Law) -> list[str]:
+def _law(law: Law | None) -> list[str]:
     """A description of the remainder, which is no cause."""
+    if law is None:
+        return []
     lines = []
     for term in law.terms:
         lines.append(f"equation     {term.text}: {term.meaning}")
