@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from gateway.twin.simulator.compiled_model import compile_model
 from gateway.twin.simulator.first_order_lowpass import first_order_lowpass, initial_transient, lowpass_sensitivity
 from gateway.twin.simulator.integrate import Trajectory, integrate
 from gateway.twin.simulator.parameter_vector import ParameterSpec, effect_parameter_specs, initial_state_specs
+from gateway.twin.simulator.sensitivities import Sensitivities, sensitivities
 from gateway.twin.simulator.symbolic_model import NominalRig
 
 Array = NDArray[np.float64]
@@ -122,8 +122,9 @@ class Simulator:
         """
         initial, p = values[: self.n_initial_states], values[self.n_initial_states :]
         recorded_s = _recorded_time(time_s)
-        trajectory = integrate(self._compiled, initial, p, recorded_s[0], recorded_s[-1], with_sensitivities=False)
-        inputs, _ = self._reading_inputs(trajectory, recorded_s, self._temperature(temperature_c, recorded_s), p)
+        trajectory = integrate(self._compiled, initial[None, :], p, [(recorded_s[0], recorded_s[-1])])
+        temperature_c = self._temperature(temperature_c, recorded_s)
+        inputs, _ = self._reading_inputs(trajectory, recorded_s, [0], temperature_c, p)
         reading = self._compiled.reading(inputs, p)
         if self._cutoff is not None:
             cutoff_hz, initial_g = p[self._cutoff], p[self._cutoff + 1 : self._cutoff + 4]
@@ -152,18 +153,16 @@ class Simulator:
         sensitivity by that time; a discontinuity that passes a sample makes this sample jump.
         """
         recorded_s = _recorded_time(time_s)
-        temperature_c = self._temperature(temperature_c, recorded_s)
-        bounds = [*firsts, len(time_s)]
-        readings, arrivals = [], []
-        for start, (first, last) in zip(starts, pairwise(bounds), strict=True):
-            until_s = recorded_s[min(last, len(recorded_s) - 1)]
-            trajectory = integrate(self._compiled, start, effects, recorded_s[first], until_s, with_sensitivities=True)
-            readings.append(
-                self._linearise_readings(trajectory, recorded_s[first:last], temperature_c[first:last], effects)
-            )
-            arrivals.append(self._final_state(trajectory))
-        force, by = self._apply_sensor_dynamics(*_concatenate(readings), recorded_s, effects)
-        ends, ends_by = (np.array(each) for each in zip(*arrivals, strict=True))
+        ends_s = [recorded_s[min(last, len(recorded_s) - 1)] for last in (*firsts[1:], len(recorded_s))]
+        bounds_s = list(zip(recorded_s[list(firsts)], ends_s, strict=True))
+        trajectory = integrate(self._compiled, starts, effects, bounds_s)
+        by_values = sensitivities(self._compiled, trajectory, starts, effects)
+        inputs, step = self._reading_inputs(
+            trajectory, recorded_s, firsts, self._temperature(temperature_c, recorded_s), effects
+        )
+        reading, by = self._linearise_readings(trajectory, by_values, inputs, step, effects)
+        force, by = self._apply_sensor_dynamics(reading, by, recorded_s, effects)
+        ends, ends_by = self._final_states(trajectory, by_values)
         n = self.n_initial_states
         return SegmentBatch(force, ends, by[..., :n], by[..., n:], ends_by[..., :n], ends_by[..., n:])
 
@@ -175,33 +174,30 @@ class Simulator:
             raise ValueError(f"{needing[0]} needs temperature_c, the temperature of each sample")
         return np.zeros_like(recorded_s)
 
-    def _final_state(self, trajectory: Trajectory) -> tuple[Array, Array]:
-        """Return the last state in the coordinates of an initial state, with its derivatives."""
-        z, z_by_x = (each.full() for each in self._compiled.initial_state(trajectory.step_ends[-1]))
-        return z[:, 0], z_by_x @ _sensitivities(trajectory)[1][-1]
+    def _final_states(self, trajectory: Trajectory, by: Sensitivities) -> tuple[Array, Array]:
+        """Return the last state of each segment in the coordinates of an initial state, with its derivatives."""
+        last = trajectory.first_steps[1:] - 1
+        found = [[each.full() for each in self._compiled.initial_state(trajectory.ends[step])] for step in last]
+        ends = np.array([z[:, 0] for z, _ in found])
+        return ends, np.array([z_by_x for _, z_by_x in found]) @ by.at_step_end[last]
 
     def _reading_inputs(
-        self, trajectory: Trajectory, recorded_s: Array, temperature_c: Array, p: Array
+        self, trajectory: Trajectory, recorded_s: Array, firsts: Sequence[int], temperature_c: Array, p: Array
     ) -> tuple[list[Array], NDArray[np.int64]]:
         """Return the inputs of the reading at each sample, and the step in which it lies."""
-        nodes_s, steps_s = trajectory.grid.nodes_s, trajectory.grid.steps_s
-        true_s = self._compiled.true_time([recorded_s], p)[:, 0]
-        step = np.clip(np.searchsorted(nodes_s, true_s, side="right") - 1, 0, len(steps_s) - 1)
-        states = [trajectory.step_starts[step].T, trajectory.step_ends[step].T]
-        return [*states, nodes_s[step], steps_s[step], recorded_s, temperature_c], step
+        step = trajectory.steps_at(self._compiled.true_time([recorded_s], p)[:, 0], firsts)
+        states = [trajectory.starts[step].T, trajectory.ends[step].T]
+        return [*states, trajectory.begins_s[step], trajectory.lengths_s[step], recorded_s, temperature_c], step
 
     def _linearise_readings(
-        self, trajectory: Trajectory, recorded_s: Array, temperature_c: Array, p: Array
+        self, trajectory: Trajectory, of: Sensitivities, inputs: list[Array], step: NDArray[np.int64], p: Array
     ) -> tuple[Array, Array]:
         """Return the readings before the low-pass, with their total derivatives."""
-        inputs, step = self._reading_inputs(trajectory, recorded_s, temperature_c, p)
         jacobian = self._compiled.reading_jacobian(inputs, p)
-        starts_by, ends_by = _sensitivities(trajectory)
-        k, n = trajectory.step_starts.shape[1], self.n_initial_states
-        by = jacobian[..., :k] @ starts_by[step] + jacobian[..., k : 2 * k] @ ends_by[step]
-        nodes_by = trajectory.grid.nodes_by
-        by[..., n:] += jacobian[..., 2 * k, None] * nodes_by[step][:, None]
-        by[..., n:] += jacobian[..., 2 * k + 1, None] * np.diff(nodes_by, axis=0)[step][:, None]
+        k, n = trajectory.starts.shape[1], self.n_initial_states
+        by = jacobian[..., :k] @ of.at_step_start[step] + jacobian[..., k : 2 * k] @ of.at_step_end[step]
+        by[..., n:] += jacobian[..., 2 * k, None] * trajectory.begins_by[step][:, None]
+        by[..., n:] += jacobian[..., 2 * k + 1, None] * trajectory.lengths_by[step][:, None]
         by[..., n:] += jacobian[..., 2 * k + 2 :]
         return self._compiled.reading(inputs, p), by
 
@@ -230,14 +226,3 @@ def _recorded_time(time_s: Array) -> Array:
     if len(recorded_s) < 2 or not (np.diff(recorded_s) > 0).all():
         raise ValueError("a prediction needs two sample times or more, each later than the one before")
     return recorded_s
-
-
-def _sensitivities(trajectory: Trajectory) -> tuple[Array, Array]:
-    if trajectory.sensitivities is None:
-        raise ValueError("this trajectory was integrated without sensitivities")
-    return trajectory.sensitivities.at_step_start, trajectory.sensitivities.at_step_end
-
-
-def _concatenate(pieces: Sequence[tuple[Array, Array]]) -> tuple[Array, Array]:
-    force, by = zip(*pieces, strict=True)
-    return np.concatenate(force), np.concatenate(by)
