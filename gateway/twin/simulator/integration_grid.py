@@ -45,8 +45,7 @@ def make_grid(bounds: Times, discontinuities: Times, with_impulse: Collection[in
     first_s, last_s = bounds.time_s
     steps = max(1, int(np.ceil((last_s - first_s) / step_s - ROUNDING_STEPS)))
     regular_s = np.linspace(first_s, last_s, steps + 1)
-    regular_by = np.zeros((steps + 1, bounds.by.shape[1]))
-    regular_by[[0, -1]] = bounds.by
+    regular_by = np.linspace(bounds.by[0], bounds.by[1], steps + 1)
     inside = np.flatnonzero(
         (discontinuities.time_s > first_s + MIN_SPACING_S) & (discontinuities.time_s < last_s - MIN_SPACING_S)
     )
