@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.pendulum.small_swing import small_swing_period_s, small_swing_rate_1_s
 from gateway.errors import InputError
@@ -31,6 +33,10 @@ class TwinRig:
     full_scale_g: float | None = None
     reference_temperature_c: float = 22.0
     """The temperature at which the sensor's offsets are known; thermal drift counts from here."""
+    offset_limit_g: float | None = None
+    """Largest zero-g offset that the sensor can have; None where the rig does not state it."""
+    scale_limit: float | None = None
+    """Largest scale-factor error that it can have."""
 
     @property
     def small_swing_period_s(self) -> float:
@@ -65,8 +71,15 @@ def model_of(rig: Rig, source: str = "rig") -> Model:
         (noise_g[0], noise_g[1], noise_g[2]),
         rig.sensor.sample_rate_hz,
         rig.sensor.full_scale_g,
+        offset_limit_g=_limit(rig.sensor.offset_u_mg, 1e-3),
+        scale_limit=_limit(rig.sensor.scale_u, 1.0),
     )
     return Model(nominal, validate_effects(rig.model, source))
+
+
+def _limit(standard_uncertainty: float | list[float] | None, unit: float) -> float | None:
+    """Return the half-width of the rectangular distribution with this standard uncertainty (GUM 4.3.7), of the largest axis."""
+    return None if standard_uncertainty is None else math.sqrt(3) * unit * float(np.max(standard_uncertainty))
 
 
 def validate_effects(tables: Mapping[str, Mapping[str, Any]], source: str) -> EffectValues:

@@ -76,8 +76,10 @@ def cross_axis(rng: Generator, rig: Rig, size: float) -> Effect:
 
 
 def mount_misalignment(rng: Generator, rig: Rig, size: float) -> Effect:
-    """A turn of the sensor about an axis across the rope."""
+    """A turn of the sensor about an axis across the rope; one housing in three hangs well askew."""
     angle_deg = (signed(rng, 0.3 * size, 1.5 * size), signed(rng, 0.3 * size, 1.5 * size))
+    if rng.random() < 1 / 3:
+        angle_deg = horizontal(rng, size * rng.uniform(10, 30))
     x, y = np.radians(angle_deg)
     skew = np.array([[0.0, 0.0, -x], [0.0, 0.0, -y], [x, y, 0.0]])
     angle = np.hypot(x, y)  # Rodrigues; at rest the readings are about (-x, -y, 1)

@@ -62,6 +62,7 @@ class LeverArm(Effect):
             neutral=0.0,
             scale=2e-3,
             typical=(0.03, 0.0),
+            limit=0.1,
             components=("x", "y"),
         ),
     )

@@ -34,6 +34,7 @@ class HousingRocking(Effect):
             neutral=0.0,
             scale=0.05,
             typical=(3.0, 3.0),
+            limit=10.0,
             components=("x", "y"),
         ),
     )

@@ -61,6 +61,11 @@ class Parameter:
     """The largest change in one step of a fit: the range in which the samples are nearly linear in the parameter."""
     prior_sigma: float | None = None
     """Standard deviation of the nominal value, for a parameter that corrects a nominal length of the rig."""
+    limit: float | None = None
+    """Largest deviation from the neutral value that parts or mounts usually have, as data sheets state it; a larger one weighs
+    against the effect (`plausibility`)."""
+    limit_of_rig: str = ""
+    """Field of the rig that replaces this limit where it is stated."""
     operator_sigma: float | None = None
     """Standard deviation of the value that an operator achieves by intention."""
 

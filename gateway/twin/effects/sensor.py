@@ -1,6 +1,7 @@
 """Errors of the sensor that act before its low-pass: alignment, cross-axis sensitivity, scale factor, offset, vibration."""
 
 import casadi as ca
+import numpy as np
 
 from devices.pendulum.equations import Scalar, Vector
 from gateway.twin.effects.effect import Effect
@@ -11,6 +12,16 @@ from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Va
 from gateway.twin.effects.spectral_guesses import guess_vibration
 
 AXES = ("x", "y", "z")
+MIN_GUESSED_MOUNT_DEG = 5.0
+"""Smallest angle between the mean reading and the z axis that needs a guess; a fit finds smaller ones from zero."""
+
+
+def guess_mount(context: GuessContext) -> list[Values]:
+    """Return the mount in which the mean of the readings, along which the rope hangs on average, would be the z axis."""
+    x, y, z = context.force_g.mean(axis=0)
+    about_x_deg, about_y_deg = np.degrees([np.arctan2(-y, np.hypot(x, z)), np.arctan2(x, z)])
+    askew = np.hypot(about_x_deg, about_y_deg) > MIN_GUESSED_MOUNT_DEG
+    return [{"deg": (float(about_x_deg), float(about_y_deg))}] if askew else [{}]
 
 
 def rotate_across(reading: Vector, about_x: Scalar, about_y: Scalar) -> Vector:
@@ -35,14 +46,19 @@ class MountMisalignment(Effect):
             "deg",
             "°",
             "α about x and β about y",
-            lower=-20.0,
-            upper=20.0,
+            lower=-60.0,
+            upper=60.0,
             neutral=0.0,
             scale=0.05,
             typical=(0.5, -0.5),
+            limit=30.0,
             components=("x", "y"),
         ),
     )
+
+    def initial_guesses(self, context: GuessContext) -> list[Values]:
+        """Return the rotation that makes the mean reading vertical, where a fit from zero would not find it."""
+        return guess_mount(context)
 
     def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
         """Rotate about x, then about y."""
@@ -70,6 +86,7 @@ class CrossAxis(Effect):
             neutral=0.0,
             scale=1e-3,
             typical=0.01,
+            limit=0.03,
         )
         for pair in ("xy", "xz", "yz")
     )
@@ -99,6 +116,8 @@ class ScaleError(Effect):
             neutral=0.0,
             scale=1e-3,
             typical=(0.01, 0.01, 0.01),
+            limit=0.03,
+            limit_of_rig="scale_limit",
             components=AXES,
         ),
     )
@@ -128,6 +147,8 @@ class AxisOffset(Effect):
             neutral=0.0,
             scale=1e-3,
             typical=(0.01, 0.01, 0.01),
+            limit=0.06,
+            limit_of_rig="offset_limit_g",
             components=AXES,
         ),
     )

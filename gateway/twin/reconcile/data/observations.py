@@ -14,6 +14,7 @@ from gateway.twin.reconcile.data.swing_amplitude import (
     LARGE_AMPLITUDE_RAD,
     estimate_amplitude_rad,
     has_swing_at_half_axial_frequency,
+    make_upright,
 )
 
 Array = NDArray[np.float64]
@@ -53,12 +54,14 @@ class Observations:
     @cached_property
     def amplitude_rad(self) -> float:
         """Amplitude of the swing at the start of the recording."""
-        return estimate_amplitude_rad(self.time_s, self.force_g, self.used)
+        return estimate_amplitude_rad(self.time_s, make_upright(self.force_g), self.used)
 
     @cached_property
     def has_large_amplitude(self) -> bool:
         """Whether only the right model follows the swing as one trajectory; never true of a load that bounces."""
-        return self.amplitude_rad > LARGE_AMPLITUDE_RAD and has_swing_at_half_axial_frequency(self.time_s, self.force_g)
+        return self.amplitude_rad > LARGE_AMPLITUDE_RAD and has_swing_at_half_axial_frequency(
+            self.time_s, make_upright(self.force_g)
+        )
 
     def residual_sigma(self, simulated_g: Array) -> Array:
         """Return (measured - simulated)/noise, 0 where a sample does not count, shape (n, 3)."""

@@ -8,6 +8,8 @@ from gateway.numerics.spectrum import ZERO_PADDING
 Array = NDArray[np.float64]
 LARGE_AMPLITUDE_RAD = 0.45
 """Amplitude beyond which a fit needs initial conditions from the samples: one that starts at rest does not converge."""
+ASKEW_RAD = 0.17
+"""Angle of the mean reading to the z axis from which the housing hangs askew: beyond the lean of a load in a strong wind."""
 INITIAL_SHARE = 0.25
 """Share of the recording, from its start, that determines the amplitude. A short share shows a swing that decays; an event that
 sets a load at rest in motion usually comes later."""
@@ -17,6 +19,21 @@ HALF_FREQUENCY_TOLERANCE = 0.4
 """Relative tolerance within which the swing's frequency is half that of the axial reading."""
 MIN_SWING_POWER_SHARE = 0.1
 """Least share of the lateral power at the swing's frequency."""
+
+
+def make_upright(force_g: Array) -> Array:
+    """Return samples (n, 3) in axes whose z is the mean reading, where the housing hangs well askew; else the samples themselves.
+
+    A load at rest would read 1 g along z then. The axes are turned about the line at right angles to both (Rodrigues).
+    """
+    used = force_g[np.isfinite(force_g).all(axis=1)]
+    mean = used.mean(axis=0) / max(float(np.linalg.norm(used.mean(axis=0))), 1e-9)
+    if mean[2] > np.cos(ASKEW_RAD) or mean[2] < 0:
+        return force_g
+    x, y, z = mean
+    skew = np.array([[0.0, 0.0, -x], [0.0, 0.0, -y], [x, y, 0.0]])
+    upright: Array = force_g @ (np.eye(3) + skew + skew @ skew / (1 + z)).T
+    return upright
 
 
 def estimate_amplitude_rad(time_s: Array, force_g: Array, used: NDArray[np.bool_]) -> float:

@@ -15,7 +15,9 @@ class Estimate:
     unit: str
     meaning: str
     plausible: bool
-    """Inside its physical bounds, not resting on one."""
+    """Inside its physical bounds, not resting on one, and within what a part or a mount can have."""
+    limit: float | None = None
+    """Largest size that a part or a mount can have; None where there is no such limit."""
 
 
 @dataclass(frozen=True, slots=True)

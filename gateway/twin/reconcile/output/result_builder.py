@@ -10,8 +10,9 @@ from gateway.numerics.stats import NORMAL_975
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.clock import SampleLoss
 from gateway.twin.effects.parameter import Parameter, Value
+from gateway.twin.effects.plausibility import excess, limit_of
 from gateway.twin.effects.sensor_output import Quantization
-from gateway.twin.model import Model
+from gateway.twin.model import Model, TwinRig
 from gateway.twin.reconcile.data.artefact_detectors import quantised_mean
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
@@ -233,7 +234,8 @@ def named_effect(name: str, final: RankedCandidate, found: SearchOutcome) -> Nam
         ]
         for p in effect.parameters
     }
-    parameters = {p.name: _estimate(p, values[p.name], of[p.name]) for p in effect.parameters}
+    rig = found.model.rig
+    parameters = {p.name: _estimate(p, values[p.name], of[p.name], rig) for p in effect.parameters}
     return NamedEffect(name, effect.explains, effect.equation, parameters, effect.interval_s(values))
 
 
@@ -242,19 +244,21 @@ def _sample_loss(found: SearchOutcome) -> NamedEffect:
     fraction = found.lost_fraction or 0.0
     count = len(found.recordings.log.time_s)
     sigma = float(np.sqrt(fraction * (1 - fraction) / count))  # binomial
-    estimate = _estimate(effect.parameters[0], fraction, [sigma])
+    estimate = _estimate(effect.parameters[0], fraction, [sigma], found.model.rig)
     return NamedEffect(effect.name, effect.explains, effect.equation, {"fraction": estimate}, None)
 
 
-def _estimate(parameter: Parameter, value: Value, sigma: Sequence[float]) -> Estimate:
+def _estimate(parameter: Parameter, value: Value, sigma: Sequence[float], rig: TwinRig) -> Estimate:
     numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
     spread = NORMAL_975 * (np.array(sigma) if len(sigma) == len(numbers) else np.zeros(len(numbers)))
     low, high = np.maximum(numbers - spread, parameter.lower), np.minimum(numbers + spread, parameter.upper)
     resting = bool(((numbers <= parameter.lower) | (numbers >= parameter.upper)).any())
+    plausible, limit = not (resting or excess(parameter, value, rig).any()), limit_of(parameter, rig)
     if parameter.components:
         ci95: tuple[Value, Value] = (tuple(map(float, low)), tuple(map(float, high)))
-        return Estimate(tuple(map(float, numbers)), ci95, parameter.unit, parameter.meaning, not resting)
-    return Estimate(float(numbers[0]), (float(low[0]), float(high[0])), parameter.unit, parameter.meaning, not resting)
+        return Estimate(tuple(map(float, numbers)), ci95, parameter.unit, parameter.meaning, plausible, limit)
+    interval = (float(low[0]), float(high[0]))
+    return Estimate(float(numbers[0]), interval, parameter.unit, parameter.meaning, plausible, limit)
 
 
 def _steps(found: SearchOutcome) -> tuple[Step, ...]:

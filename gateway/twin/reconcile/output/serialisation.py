@@ -121,7 +121,13 @@ def _estimate(estimate: Estimate) -> dict[str, Any]:
     def plain(value: Any) -> Any:
         return list(value) if isinstance(value, tuple) else value
 
-    return {"value": plain(estimate.value), "ci95": [plain(bound) for bound in estimate.ci95], "unit": estimate.unit}
+    return {
+        "value": plain(estimate.value),
+        "ci95": [plain(bound) for bound in estimate.ci95],
+        "unit": estimate.unit,
+        "plausible": estimate.plausible,
+        "limit": estimate.limit,
+    }
 
 
 def _gap(gap: Gap | None) -> dict[str, Any]:

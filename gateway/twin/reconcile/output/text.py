@@ -31,7 +31,9 @@ def to_text(result: Reconciliation) -> str:
         lines.append(f"also missing one of {', '.join(result.candidates)}")
     for effect in result.effects:
         lines.append(f"  {effect.name}: {effect.explains}")
-        lines += [f"    {name} = {_estimate(estimate)}" for name, estimate in effect.parameters.items()]
+        lines += [
+            f"    {name} = {_estimate(estimate)}{_doubt(estimate)}" for name, estimate in effect.parameters.items()
+        ]
     for each in result.equivalents:
         lines.append(f"or equally   {_effects({each.name: each.parameters})}, which gives the samples of {each.of}")
         lines.append(f"to decide    {each.split_by}")
@@ -106,6 +108,15 @@ def _estimate(estimate: Estimate) -> str:
         for value, least, most in zip(np.atleast_1d(estimate.value), low, high, strict=True)
     ]
     return ", ".join(values)
+
+
+def _doubt(estimate: Estimate) -> str:
+    if estimate.plausible:
+        return ""
+    if estimate.limit is None:
+        return "; doubtful: at the edge of what is possible"
+    unit = "" if estimate.unit == "1" else f" {estimate.unit}"
+    return f"; implausible: beyond {estimate.limit:.3g}{unit}, the most that is usual"
 
 
 def _gap(gap: Gap) -> str:

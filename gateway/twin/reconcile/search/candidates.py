@@ -9,6 +9,7 @@ import numpy as np
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.crane_input import LENGTH_CORRECTION
 from gateway.twin.effects.parameter import Value
+from gateway.twin.effects.plausibility import implausibility
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.fit_result import Fit
@@ -42,6 +43,8 @@ class CandidateFit:
     """Of the effects, and of the further initial states of their structure."""
     has_unexplained_residual: bool
     """The residual is larger than noise, or has lines in it: the search should continue."""
+    implausibility: float = 0.0
+    """Minus twice the logarithm of the prior density of the values; 0 where a part or a mount can have them."""
     crane_inputs: Values = field(default_factory=dict)
     """The inputs of the crane with their corrections, which belong to the recording."""
     length_limits: Limits = field(default_factory=dict)
@@ -100,8 +103,12 @@ class CandidateTable:
         )
 
     def bic(self, fit: CandidateFit) -> float:
-        """Bayesian information criterion: chi-square over the noise inflation + parameters x ln(values) (Schwarz 1978)."""
-        return fit.fit.chi2 / self.noise_inflation + fit.n_parameters * math.log(self.log.n_values)
+        """Bayesian information criterion: chi-square over the noise inflation + parameters x ln(values) (Schwarz 1978).
+
+        Values that no part has count against the set.
+        """
+        explained = fit.fit.chi2 / self.noise_inflation + fit.implausibility
+        return explained + fit.n_parameters * math.log(self.log.n_values)
 
     def ranked(self, size: int | None = None) -> list[CandidateFit]:
         """Fits by BIC, best first; with a `size`, those of sets of so many effects."""
@@ -150,7 +157,8 @@ def make_candidate(setting: FitContext, values: Values, fit: Fit) -> CandidateFi
     unexplained = warrants_another_effect(setting.log, fit)
     inputs = {name: model[name] for name in setting.crane_inputs}
     limits = _length_limits(simulator, fit)
-    return CandidateFit(fitted, fit, fit.chi2 / setting.log.n_values, n_parameters, unexplained, inputs, limits)
+    reduced_chi2, doubt = fit.chi2 / setting.log.n_values, implausibility(fitted, setting.rig)
+    return CandidateFit(fitted, fit, reduced_chi2, n_parameters, unexplained, doubt, inputs, limits)
 
 
 def _length_limits(simulator: Simulator, fit: Fit) -> Limits:
