@@ -8,6 +8,7 @@ import pytest
 from gateway.measurement.rig import Rig
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.plausibility import TAIL_SHARE, implausibility, limit_of
+from gateway.twin.model import model_of
 from tests.gateway.twin.swings import RIG
 
 OFFSET, TILT = 0.136, 7.8

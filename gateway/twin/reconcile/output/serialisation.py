@@ -79,7 +79,10 @@ def to_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
 def _effect(effect: NamedEffect) -> dict[str, Any]:
     return {
         "name": effect.name,
-        "parameters": {name: _estimate(estimate) for name, estimate in effect.parameters.items()},
+        "parameters": {
+            name: _estimate(estimate) | {"plausible": estimate.plausible, "limit": estimate.limit}
+            for name, estimate in effect.parameters.items()
+        },
         "when_s": None if effect.when_s is None else list(effect.when_s),
     }
 
@@ -121,13 +124,7 @@ def _estimate(estimate: Estimate) -> dict[str, Any]:
     def plain(value: Any) -> Any:
         return list(value) if isinstance(value, tuple) else value
 
-    return {
-        "value": plain(estimate.value),
-        "ci95": [plain(bound) for bound in estimate.ci95],
-        "unit": estimate.unit,
-        "plausible": estimate.plausible,
-        "limit": estimate.limit,
-    }
+    return {"value": plain(estimate.value), "ci95": [plain(bound) for bound in estimate.ci95], "unit": estimate.unit}
 
 
 def _gap(gap: Gap | None) -> dict[str, Any]:

@@ -125,3 +125,13 @@ def test_drag_and_friction_of_the_arm_are_found_and_hold_on_the_validation_recor
     )
     assert (before.reduced_chi2 - after.reduced_chi2) / before.reduced_chi2 > 0.95
     assert error_mrad(arm[1], after.fit.force_g) < 13.0
+
+
+def test_housing_that_hangs_askew_is_no_large_swing() -> None:
+    """A load at rest under a housing askew by 35 degrees reads cos 35 along z, as the top of a swing of 35 degrees does."""
+    askew: EffectValues = {"mount_misalignment": {"deg": (25.0, -25.0)}}
+    small, large = release(0.1, 3.0, askew), release(0.8, 3.0)
+
+    assert not small.has_large_amplitude
+    assert small.amplitude_rad == pytest.approx(0.1, abs=0.05)
+    assert large.has_large_amplitude
