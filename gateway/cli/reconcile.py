@@ -117,7 +117,7 @@ def run(arguments: argparse.Namespace) -> int:
             )
             runtime_s = time.monotonic() - begin_s
             progress.tick("report")
-            texts = output_texts(arguments, result, runtime_s)
+            texts = output_texts(arguments, result, runtime_s, (second_source or source).held_rows)
     except KeyboardInterrupt:
         print("plumbline reconcile: stopped; nothing was written", file=sys.stderr)
         raise

@@ -10,6 +10,7 @@ from gateway.cli.output import STANDARD_OUTPUT
 from gateway.errors import InputError
 
 if TYPE_CHECKING:
+    from gateway.measurement.source import HeldRows
     from gateway.twin.reconcile.output.result import Curves, Reconciliation
 
 
@@ -35,13 +36,18 @@ def _fault(path: Path) -> str:
     return "" if os.access(path.parent, os.W_OK) else f"no permission in {path.parent}"
 
 
-def output_texts(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float) -> dict[Path, str]:
-    """Return the texts of the requested outputs (prediction, model, report) by their paths."""
+def output_texts(
+    arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float, held: "HeldRows | None"
+) -> dict[Path, str]:
+    """Return the texts of the requested outputs (prediction, model, report) by their paths.
+
+    `held` are the rows of the predicted recording, where they repeat readings.
+    """
     from gateway.twin.reconcile.output.export import format_model_toml
 
     found = {}
     if arguments.prediction is not None:
-        found[arguments.prediction] = _prediction(result, of_second=arguments.held_out is not None)
+        found[arguments.prediction] = _prediction(result, held, of_second=arguments.held_out is not None)
     if arguments.write_model is not None:
         found[arguments.write_model] = format_model_toml(result)
     if arguments.report is not None:
@@ -49,12 +55,13 @@ def output_texts(arguments: argparse.Namespace, result: "Reconciliation", runtim
     return found
 
 
-def _prediction(result: "Reconciliation", *, of_second: bool) -> str:
+def _prediction(result: "Reconciliation", held: "HeldRows | None", *, of_second: bool) -> str:
     """Return the prediction of the held-out recording, or of both parts of the log."""
     from gateway.twin.reconcile.output.export import format_prediction_csv
 
     curves: list[Curves | None] = [result.held_out] if of_second else [result.log, result.held_out]
-    return format_prediction_csv([each for each in curves if each is not None])
+    predicted = [each for each in curves if each is not None]
+    return format_prediction_csv(predicted, held if predicted else None)
 
 
 def _report(arguments: argparse.Namespace, result: "Reconciliation", runtime_s: float) -> str:

@@ -39,6 +39,16 @@ UNALIGNED_MOUNT_U_DEG = 0.57
 
 
 @dataclass(frozen=True, slots=True)
+class HeldRows:
+    """The rows of a file in which a sensor repeats its readings."""
+
+    time_s: NDArray[np.float64]
+    """Of all n rows, shape (n,)."""
+    reading: NDArray[np.int64]
+    """The reading that each row holds, counted from 0, shape (n,)."""
+
+
+@dataclass(frozen=True, slots=True)
 class Source:
     """The input of `measure`: specific force, with what is known of sensor and housing."""
 
@@ -66,6 +76,8 @@ class Source:
     """What is known of the gyroscope; None: there is none."""
     repeated_readings: int = 0
     """Rows left out because the sensor repeats its reading until it has a new one."""
+    held_rows: HeldRows | None = None
+    """The rows before that; None where no reading is repeated."""
     limits: DefaultUncertainty = CALIBRATED
     """What is known of the sensor's errors where neither a calibration nor the rig says it."""
     mount_u_deg: float = ALIGNED_MOUNT_U_DEG
@@ -146,6 +158,7 @@ def _without_repeated_readings(source: Source) -> Source:
         recording=found,
         force_g=source.force_g[fresh],
         repeated_readings=len(recording) - len(found),
+        held_rows=HeldRows(recording.time_s, np.cumsum(fresh) - 1),
         rate_rad_s=None if source.rate_rad_s is None else source.rate_rad_s[fresh],
         remarks=(*source.remarks, remark),
     )

@@ -23,6 +23,8 @@ ALIKE = (
     {"housing_rocking", "scale_error"},
     {"housing_rocking", "cross_axis"},
     {"lever_arm", "mount_misalignment"},
+    {"sample_hold", "sample_loss"},
+    {"sample_hold", "vibration"},
     {"lever_arm", "cross_axis"},
     {"lowpass_lag", "vibration"},
     {"rope_stretch", "hoisting", "load_change", "double_pendulum"},

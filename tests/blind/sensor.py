@@ -4,6 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from tests.blind.mechanics import Array, Motion
@@ -43,6 +44,10 @@ class Sensor:
     lag: Lag | None = None
     full_scale_g: float = 2.0
     lsb_g: float = 0.0
+    hold_s: float = 0.0
+    """The sensor's own interval, in which a row of the file shows the latest reading; 0: it has one for each row."""
+    averages: bool = False
+    """A reading is the mean over the interval before it."""
     clock_relative: float = 0.0
     """Stated seconds for one true second, less one."""
     loss_fraction: float = 0.0
@@ -105,8 +110,14 @@ def record(
     """`count` even samples, less those that are lost."""
     even_s = np.arange(count) / sampling.rate_hz
     instant_s = np.maximum(even_s + sampling.jitter_s * rng.normal(size=count), 0.0)
-    reading_g = at_times(motion.time_s, analogue(motion, sensor, temperature), instant_s)
-    reading_g = reading_g + sampling.noise_g * _noise(rng, count, sampling.noise_memory)
+    analogue_g = analogue(motion, sensor, temperature)
+    taken_s, latest = instant_s, np.arange(count)
+    if sensor.hold_s:
+        taken_s, latest = _own_instants(instant_s, sensor.hold_s, float(rng.random()))
+    reading_g = at_times(motion.time_s, analogue_g, taken_s)
+    if sensor.averages:
+        reading_g = _mean_before(motion.time_s, analogue_g, taken_s, sensor.hold_s)
+    reading_g = (reading_g + sampling.noise_g * _noise(rng, len(taken_s), sampling.noise_memory))[latest]
     reading_g = np.clip(reading_g, -sensor.full_scale_g, sensor.full_scale_g)
     if sensor.lsb_g:
         reading_g = sensor.lsb_g * np.round(reading_g / sensor.lsb_g)
@@ -115,6 +126,22 @@ def record(
     kept = np.flatnonzero(rng.random(count) >= sensor.loss_fraction)
     # A logger that counts samples does not see the lost ones: the times stay even.
     return Recording(stated_s[: len(kept)], reading_g[kept], warmth_c[kept])
+
+
+def _own_instants(row_s: Array, hold_s: float, phase: float) -> tuple[Array, NDArray[np.int64]]:
+    """When a sensor with its own interval samples, and the latest of its samples at each row."""
+    number = np.floor(row_s / hold_s - phase).astype(np.int64)
+    own, latest = np.unique(number, return_inverse=True)
+    return np.maximum((own + phase) * hold_s, 0.0), latest
+
+
+def _mean_before(grid_s: Array, values: Array, time_s: Array, over_s: float) -> Array:
+    """Mean of the columns over an interval that ends at each time, or begins at 0."""
+    area = np.zeros_like(values)
+    area[1:] = np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(grid_s)[:, None], axis=0)
+    from_s = np.minimum(np.maximum(time_s - over_s, 0.0), time_s - 1e-4)
+    mean: Array = (at_times(grid_s, area, time_s) - at_times(grid_s, area, from_s)) / (time_s - from_s)[:, None]
+    return mean
 
 
 def at_times(grid_s: Array, values: Array, time_s: Array) -> Array:

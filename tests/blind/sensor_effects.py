@@ -112,6 +112,14 @@ def quantization(rng: Generator, rig: Rig, size: float) -> Effect:
     return Effect("quantization", {"lsb_g": lsb_g}, changing_sensor(lsb_g=lsb_g))
 
 
+def sample_hold(rng: Generator, rig: Rig, size: float) -> Effect:
+    """A sensor of 8 to 25 readings per second in a file of 50 rows per second; half of them average over their interval."""
+    rows = float(rng.uniform(2.0, 6.0)) if rng.random() < 0.5 else float(rng.integers(2, 7))
+    averages = bool(rng.random() < 0.5)
+    held = changing_sensor(hold_s=rows / rig.rate_hz, averages=averages)
+    return Effect("sample_hold", {"rows": rows, "averages": averages}, held)
+
+
 def clock_drift(rng: Generator, rig: Rig, size: float) -> Effect:
     relative = size * signed(rng, 0.003, 0.015)
     return Effect("clock_drift", {"relative": relative}, changing_sensor(clock_relative=relative))
@@ -169,5 +177,6 @@ SENSOR: dict[str, Draw] = {
         lever_arm,
         housing_rocking,
         housing_torsion,
+        sample_hold,
     )
 }

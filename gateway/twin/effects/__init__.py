@@ -25,7 +25,7 @@ from gateway.twin.effects.sensor import (
     ThermalDrift,
     Vibration,
 )
-from gateway.twin.effects.sensor_output import Clipping, LowpassLag, Quantization
+from gateway.twin.effects.sensor_output import Clipping, LowpassLag, Quantization, SampleHold
 
 __all__ = [
     "EFFECTS",
@@ -79,6 +79,7 @@ EFFECTS = EffectRegistry(
         LowpassLag(),
         Quantization(),
         Clipping(),
+        SampleHold(),
         ClockDrift(),
         SampleLoss(),
     )

@@ -13,6 +13,8 @@ from gateway.twin.effects.sensor import AXES
 
 SAME_READING_G = 1e-6
 """Readings that differ by less are the same: recordings are written with six or seven digits."""
+ROUNDING = 1e-9
+"""Rounding of the quotient of whole numbers."""
 MIN_SATURATED_SAMPLES = 3
 """Samples that stand exactly at a limit: several, since noise comes before the limit; noise alone puts one at the extreme."""
 
@@ -85,6 +87,37 @@ class Quantization(Effect):
         """Round to multiples of the step; a step of 0 leaves the samples unchanged."""
         lsb_g = float(np.asarray(values["lsb_g"]))
         return force_g if lsb_g == 0 else np.rint(force_g / lsb_g) * lsb_g
+
+
+class SampleHold(Effect):
+    """Repetition of each reading until the sensor has a new one."""
+
+    name = "sample_hold"
+    equation = "row i holds the reading of row ⌈k N⌉, k = ⌊i/N⌋"
+    explains = "The sensor is slower than its file: each reading is repeated over several rows."
+    reference = "zero-order hold; the repeated rows carry no information and are left out, each reading counts once"
+    enters = "sensor"
+    linear_at_neutral = False
+    detected_in_samples = True
+    found_before_search = True
+    parameters = (
+        Parameter(
+            "rows",
+            "1",
+            "N, rows of the file per reading of the sensor",
+            lower=1.0,
+            upper=1000.0,
+            neutral=1.0,
+            scale=0.1,
+            typical=3.0,
+        ),
+    )
+
+    def sample_output_g(self, values: Values, force_g: Array) -> Array:
+        """Hold each reading; one row per reading leaves the samples unchanged."""
+        rows = float(np.asarray(values["rows"]))
+        held = np.ceil(np.floor(np.arange(len(force_g)) / rows + ROUNDING) * rows - ROUNDING)
+        return force_g[held.astype(np.int64)]
 
 
 class Clipping(Effect):

@@ -107,7 +107,7 @@ def reconcile(
 def _reconcile(
     known: KnownModel, recordings: Recordings, log: CheckedRecording, seed: int, tick: ReportProgress
 ) -> Reconciliation:
-    recordings, detected = detect_in_samples(recordings)
+    recordings, detected = detect_in_samples(recordings, log.rows_per_reading, known.model.effects)
     random = np.random.default_rng(seed)
     tick("baseline")
     run = _search(known, recordings, detected, Budget(), tick)

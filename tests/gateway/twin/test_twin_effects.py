@@ -1,5 +1,7 @@
 """Each effect against what is known of it without integration."""
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
@@ -43,6 +45,7 @@ VOCABULARY = {  # of the published interface
     "lever_arm",
     "housing_rocking",
     "housing_torsion",
+    "sample_hold",
     "rope_length",
     "rope_stretch",
     "housing_spin",
@@ -314,3 +317,15 @@ def test_vibration_follows_an_ellipse() -> None:
 
     np.testing.assert_allclose(shaken[:, 0], 0.01 * np.sin(angle), atol=1e-9)
     np.testing.assert_allclose(shaken[:, 1], -0.02 * np.cos(angle), atol=1e-9)
+
+
+@pytest.mark.parametrize("rows", [Fraction(1), Fraction(5, 2), Fraction(3), Fraction(21, 5)])
+def test_sample_hold_repeats_the_latest_reading(rows: Fraction) -> None:
+    """Reading k is taken at k N rows and shown from the first row after that on."""
+    count = 60
+    samples = np.arange(count, dtype=np.float64)[:, None] * np.ones(3)
+    held = EFFECTS["sample_hold"].sample_output_g({"rows": float(rows)}, samples)[:, 0]
+    latest = [max(row for row in range(i + 1) if (row == 0 or row // rows > (row - 1) // rows)) for i in range(count)]
+
+    assert held.tolist() == latest
+    assert len(set(held)) == pytest.approx(count / float(rows), abs=1)

@@ -34,6 +34,24 @@ def detect_saturation(force_g: Array) -> float | None:
     return max(levels, default=None)
 
 
+def regular_reading_times(time_s: Array, rows_per_reading: float) -> Array:
+    """Return the times of readings that a sensor takes at a steady rate, from the times (n,) of the first row that shows each.
+
+    A row shows a reading up to one row late. Where the rate is steady a straight line through the times removes what changes of
+    that delay; its mean is a shift of all times. The first reading was there before the first row. The times stay as they are
+    where the others do not lie within a row of the line.
+    """
+    shown_s = time_s[1:]
+    steps_s = np.diff(shown_s)
+    interval_s = float(np.median(steps_s))
+    interval_s = float(steps_s[np.rint(steps_s / interval_s) == 1].mean())  # across a gap the median would miscount
+    number = np.concatenate([[0.0], np.cumsum(np.rint(steps_s / interval_s))])
+    slope_s, start_s = np.polyfit(number, shown_s, 1)
+    regular: Array = start_s + slope_s * np.concatenate([[-1.0], number])
+    is_steady = np.abs(shown_s - regular[1:]).max() < slope_s / rows_per_reading and (np.diff(number) > 0).all()
+    return regular if is_steady else time_s
+
+
 def detect_quantisation_step(force_g: Array, noise_g: Array) -> float | None:
     """Return the step in g of which all readings (n, 3) are multiples; None where none is as large as the noise (3,).
 

@@ -11,7 +11,11 @@ from gateway.measurement.source import Source
 from gateway.numerics.robust import robust_sigma
 from gateway.numerics.runs import true_runs
 from gateway.twin.model import Model, TwinRig
-from gateway.twin.reconcile.data.artefact_detectors import constant_share, detect_quantisation_step
+from gateway.twin.reconcile.data.artefact_detectors import (
+    constant_share,
+    detect_quantisation_step,
+    regular_reading_times,
+)
 from gateway.twin.reconcile.data.observations import Observations, make_observations
 
 Array = NDArray[np.float64]
@@ -55,6 +59,8 @@ class CheckedRecording:
     """Numbers of samples by what happened to them."""
     time_s: Array
     """As recorded, shape (n,)."""
+    rows_per_reading: float = 1.0
+    """Rows of the file over readings of the sensor; more than 1 where it repeats them."""
 
 
 def model_from_recording(source: Source) -> Model:
@@ -88,12 +94,17 @@ def check_recording(source: Source, twin: TwinRig) -> CheckedRecording:
     fault = find_fault(recording.time_s, source.force_g, twin)
     if fault is not None:
         return CheckedRecording(None, fault, counts, recording.time_s)
+    time_s, rows_per_reading = recording.time_s, 1.0
+    if source.repeated_readings:
+        counts["repeated_readings"] = source.repeated_readings
+        rows_per_reading += source.repeated_readings / len(time_s)
+        time_s = regular_reading_times(time_s, rows_per_reading)
     temperature_c = recording.temperature_c
     if temperature_c is not None and np.isfinite(temperature_c).sum() < MIN_SAMPLES:
         temperature_c = None
-    observations = make_observations(recording.time_s, source.force_g, temperature_c, np.array(twin.noise_g))
+    observations = make_observations(time_s, source.force_g, temperature_c, np.array(twin.noise_g))
     counts["spikes"] = int((~observations.used).sum())
-    return CheckedRecording(observations, None, counts, recording.time_s)
+    return CheckedRecording(observations, None, counts, recording.time_s, rows_per_reading)
 
 
 def find_lack_of_rest(twin: TwinRig, *parts: Observations) -> str | None:

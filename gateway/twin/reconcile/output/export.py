@@ -5,19 +5,25 @@ from collections.abc import Sequence
 import numpy as np
 import tomli_w
 
+from gateway.measurement.source import HeldRows
 from gateway.twin.model import as_tables
 from gateway.twin.reconcile.output.result import Curves, Reconciliation
 
 
-def format_prediction_csv(curves: Sequence[Curves]) -> str:
-    """The final model's prediction, one row per row of the recording; parts of one recording follow each other."""
-    lines = ["time_s,ax_g,ay_g,az_g"]
-    begin_s = 0.0
+def format_prediction_csv(curves: Sequence[Curves], held: HeldRows | None = None) -> str:
+    """The final model's prediction, one row per row of the recording; parts of one recording follow each other.
+
+    Rows that repeat a reading repeat its prediction.
+    """
+    parts, begin_s = [], 0.0
     for each in curves:
-        rows = np.column_stack([each.time_s + begin_s, each.after_g])
-        lines += ["{:.6f},{:.7f},{:.7f},{:.7f}".format(*row) for row in rows.tolist()]
+        parts.append(np.column_stack([each.time_s + begin_s, each.after_g]))
         begin_s += 2 * float(each.time_s[-1]) - float(each.time_s[-2])
-    return "\n".join([*lines, ""])
+    rows = np.concatenate(parts) if parts else np.empty((0, 4))
+    if held is not None:
+        rows = np.column_stack([held.time_s - held.time_s[0], rows[held.reading, 1:]])
+    lines = ["{:.6f},{:.7f},{:.7f},{:.7f}".format(*row) for row in rows.tolist()]
+    return "\n".join(["time_s,ax_g,ay_g,az_g", *lines, ""])
 
 
 def format_model_toml(result: Reconciliation) -> str:

@@ -7,7 +7,7 @@ from gateway.numerics.spectrum import find_machine_line
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Value
 from gateway.twin.effects.sensor import Vibration
-from gateway.twin.effects.sensor_output import Clipping, Quantization
+from gateway.twin.effects.sensor_output import Clipping, Quantization, SampleHold
 from gateway.twin.reconcile.data.artefact_detectors import (
     detect_quantisation_step,
     detect_saturation,
@@ -24,8 +24,18 @@ MIN_REPEATED_GAIN = 0.5
 """Gain of an effect on another part of the data over its gain on the log, from which it is no accident of the log."""
 
 
-def detect_in_samples(recordings: Recordings) -> tuple[Recordings, Values]:
-    """Detect steps and limits of the samples, which need no model; steps add their variance to the noise."""
+def detect_in_samples(recordings: Recordings, rows_per_reading: float, model: Values) -> tuple[Recordings, Values]:
+    """Detect steps, limits and repeats of the samples, which need no model; steps add their variance to the noise.
+
+    `model` are the effects that are known already.
+    """
+    recordings, detected = _detect_steps_or_limits(recordings)
+    if rows_per_reading > 1 and SampleHold.name not in model:
+        detected = {**detected, SampleHold.name: {"rows": rows_per_reading}}
+    return recordings, detected
+
+
+def _detect_steps_or_limits(recordings: Recordings) -> tuple[Recordings, Values]:
     log, held_out = recordings.log, recordings.held_out
     step_g = detect_quantisation_step(log.force_g, log.noise_g)
     if step_g is not None:

@@ -7,10 +7,18 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from gateway.measurement.source import HeldRows
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.data.artefact_detectors import detect_quantisation_step, detect_saturation, quantised_mean
+from gateway.twin.reconcile.data.artefact_detectors import (
+    detect_quantisation_step,
+    detect_saturation,
+    quantised_mean,
+    regular_reading_times,
+)
 from gateway.twin.reconcile.data.data_checks import find_fault
 from gateway.twin.reconcile.data.observations import Observations, detect_spikes
+from gateway.twin.reconcile.output.export import format_prediction_csv
+from gateway.twin.reconcile.output.result import Curves
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
@@ -140,3 +148,31 @@ def test_usable_recording_is_not_refused(record: Record, rig: TwinRig) -> None:
     observations = record({})
 
     assert find_fault(observations.time_s, observations.force_g, rig) is None
+
+
+@pytest.mark.parametrize("rows_per_reading", [2.5, 3.0, 5.7])
+def test_readings_at_a_steady_rate_lose_the_changing_delay_of_their_rows(rows_per_reading: float) -> None:
+    """A row shows a reading 0 to 1 row late; the delay that is left is the same for all, also across a gap."""
+    number = np.delete(np.arange(400), slice(150, 171))
+    taken_s = 0.02 * rows_per_reading * number
+    row_s = 0.02 * np.ceil(taken_s / 0.02 - 1e-9)
+    row_s[0] += 0.04  # the recording began while this reading was held
+    found_s = regular_reading_times(row_s, rows_per_reading)
+
+    assert np.ptp(found_s - taken_s) < 0.2 * np.ptp(row_s[1:] - taken_s[1:]) + 1e-9
+    assert -1e-9 < np.mean(found_s - taken_s) < 0.02
+
+
+def test_readings_at_uneven_times_keep_them() -> None:
+    time_s = np.cumsum(np.random.default_rng(2).uniform(0.03, 0.09, 300))
+    assert regular_reading_times(time_s, 3.0) is time_s
+
+
+def test_prediction_of_repeated_readings_has_a_row_for_each_of_them() -> None:
+    time_s, force_g = 0.06 * np.arange(4.0), np.arange(12.0).reshape(4, 3)
+    curves = Curves(time_s, force_g, force_g, force_g, np.ones(4, dtype=bool), np.ones(3))
+    held = HeldRows(5.0 + 0.02 * np.arange(12.0), np.arange(12) // 3)
+    rows = format_prediction_csv([curves], held).splitlines()[1:]
+
+    assert [row.split(",")[0] for row in rows] == [f"{0.02 * i:.6f}" for i in range(12)]
+    assert [float(row.split(",")[1]) for row in rows] == [0.0] * 3 + [3.0] * 3 + [6.0] * 3 + [9.0] * 3
