@@ -25,7 +25,7 @@ MAX_TERMS = 3
 MAX_FITTED = 4
 """Terms of a round that are fitted."""
 MAX_WORK = 3e7
-"""State derivatives evaluated in fits after which no further term is sought, some 8 s on one core of a desk."""
+"""Derivatives of states and readings in fits after which no further term is sought, some 4 s on one core of a desk."""
 MIN_GAIN_SHARE = 0.3
 """Gain of a term by linearisation over the largest of the round, below which it is not fitted."""
 MIN_SHARE_CLOSED = 0.1

@@ -82,10 +82,11 @@ class FitContext:
         return Simulator(self.rig, sorted({*self.model_effects, *names}))
 
     def work_per_evaluation(self, values: EffectValues) -> float:
-        """State derivatives that one linearisation of a model evaluates: its cost, but for the speed of the machine."""
+        """Derivatives of states and readings in one linearisation of a model: its cost, but for the speed of the machine."""
         simulator = self.simulator(tuple(values))
         steps = self.log.duration_s / simulator.step_s(simulator.values([], {**self.model_effects, **values}))
-        return float(steps * simulator.n_states * len(simulator.parameters))
+        readings = 3 * len(self.log.time_s)
+        return float((steps * simulator.n_states + readings) * len(simulator.parameters))
 
     def guess_context(
         self, residual_g: Array, windows: tuple[EventWindow, ...] = (), changepoints: EventWindow | None = None

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 MAX_FITS = 60
 """Fits after which what is still missing is no single effect and no pair: searches that end with a name make 10 to 45."""
 MAX_WORK = 1.6e8
-"""State derivatives evaluated in fits, some 40 s on one core of a desk; searches that end with a name spend a third of it."""
+"""Derivatives of states and readings in fits, some 20 s on one core of a desk; searches that end with a name spend half of it."""
 
 
 @dataclass(slots=True)
