@@ -74,10 +74,10 @@ def estimate_swing(
     if fault is not None:
         return SwingEstimate(from_s=from_s, to_s=to_s, swinging=None, reasons=(fault,))
     noise = effective_noise_g(force_g, noise_g)
-    force_g, rig = turn_upright(force_g, rig)
-    is_spike = lone_spikes(force_g, noise)
     bin_s = nominal_period_s / BINS_PER_PERIOD
     shared = shared_quantisation(time_s, force_g, noise, SHARED_BINS * bin_s)
+    force_g, rig = turn_upright(force_g, rig)
+    is_spike = lone_spikes(force_g, noise)
     bins = bin_samples(time_s[~is_spike], force_g[~is_spike], bin_s, rig.bandwidth_hz).with_shared_error(shared)
     estimate = _estimate(bins, noise, rig, from_s, to_s)
     reasons = (f"spikes left out: {count} samples",) if (count := int(is_spike.sum())) else ()
