@@ -1,6 +1,7 @@
 """The swing in a whole recording."""
 
 from dataclasses import replace
+from typing import TypeGuard
 
 import numpy as np
 
@@ -38,6 +39,7 @@ from gateway.swing.estimation.segmentation import Segmenter, combine_segments, f
 from gateway.swing.fit.harmonics import Harmonics, find_harmonics
 from gateway.swing.fit.initial_guess import initial_motions
 from gateway.swing.fit.priors import Prior, damped_prior, nominal_prior, relaxed_prior
+from gateway.swing.model.motion import PendulumMotion
 from gateway.swing.model.sensor_lowpass import delay_s
 from gateway.swing.rig import MountedHousing
 
@@ -110,18 +112,14 @@ def _swinging_estimate(
     bins: Bins, noise_g: Array, rig: MountedHousing, harmonics: Harmonics, from_s: float, to_s: float
 ) -> SwingEstimate:
     """Return the estimate of a load that moves: a pendulum on the nominal rig, with the relaxed prior, or in segments."""
-    result = grow_window(bins, noise_g, nominal_prior(rig), from_s, to_s)
-    if result is None or not result.is_explained:  # the first periods may have been taken for a swing of opposite sign
-        guesses = initial_motions(harmonics, rig, from_s, to_s + MARGIN * rig.small_swing_period_s)
-        result = choose_fit(result, fit_robust_from(bins, noise_g, guesses, nominal_prior(rig), FIRST_ITERATIONS))
+    guesses = initial_motions(harmonics, rig, from_s, to_s + MARGIN * rig.small_swing_period_s)
+    result = _whole_fit(bins, noise_g, guesses, nominal_prior(rig), from_s, to_s)
     axes = check_axes(bins, noise_g, rig, _length_m(result, harmonics, rig))
     if axes.fault is not None:
         return SwingEstimate(from_s=from_s, to_s=to_s, swinging=None, reasons=(axes.fault,))
-    if result is not None and result.fit.converged and len(result.fit.bins) > len(bins) / 2:
-        result = choose_phase(result, bins, noise_g, FIRST_ITERATIONS)
-    result = choose_damping(result, _damped_fit(result, bins, noise_g, rig, from_s, to_s))
+    result = choose_damping(result, _damped_fit(result, bins, noise_g, damped_prior(rig), from_s, to_s))
     if result is None or not result.is_explained:
-        result = choose_prior(result, grow_window(bins, noise_g, relaxed_prior(rig), from_s, to_s))
+        result = choose_prior(result, _whole_fit(bins, noise_g, guesses, relaxed_prior(rig), from_s, to_s))
     if result is not None and result.is_valid and is_below_detection(result):
         return _faint_estimate(bins, noise_g, rig, at_rest_estimate(bins, noise_g, rig, harmonics, from_s))
     if result is not None and result.is_valid and result.uncertainty.misfit < NO_EVENT_MISFIT:
@@ -129,15 +127,32 @@ def _swinging_estimate(
     return _segmented_estimate(result, bins, noise_g, rig, from_s, to_s)
 
 
+def _whole_fit(
+    bins: Bins, noise_g: Array, guesses: list[PendulumMotion], prior: Prior, from_s: float, to_s: float
+) -> FitResult | None:
+    """Return the fit of the recording from its first periods on, or from guesses for all of it, with the more likely phase."""
+    result = grow_window(bins, noise_g, prior, from_s, to_s)
+    if result is None or not result.is_explained:  # the first periods may have been taken for a swing of opposite sign
+        result = choose_fit(result, fit_robust_from(bins, noise_g, guesses, prior, FIRST_ITERATIONS))
+    return choose_phase(result, bins, noise_g, FIRST_ITERATIONS) if _is_whole(result, bins) else result
+
+
+def _is_whole(result: FitResult | None, bins: Bins) -> TypeGuard[FitResult]:
+    """Return whether a fit converged on a recording, and not only on its first periods."""
+    return result is not None and result.fit.converged and len(result.fit.bins) > len(bins) / 2
+
+
 def _damped_fit(
-    viscous: FitResult | None, bins: Bins, noise_g: Array, rig: MountedHousing, from_s: float, to_s: float
+    viscous: FitResult | None, bins: Bins, noise_g: Array, prior: Prior, from_s: float, to_s: float
 ) -> FitResult | None:
     """Return the fit with quadratic drag and dry friction beside the viscous damping."""
-    prior = damped_prior(rig)
-    if viscous is None or not viscous.is_valid:
-        return grow_window(bins, noise_g, prior, from_s, to_s)
-    start = viscous.fit.motion.with_parameters(prior.n_parameters)
-    return fit_robust(bins, noise_g, start, prior, FIRST_ITERATIONS, viscous.fit.sensor)
+    found: FitResult | None = None
+    if _is_whole(viscous, bins):
+        start = viscous.fit.motion.with_parameters(prior.n_parameters)
+        found = fit_robust(bins, noise_g, start, prior, FIRST_ITERATIONS, viscous.fit.sensor)
+    if found is None or not found.is_valid:
+        found = choose_fit(found, grow_window(bins, noise_g, prior, from_s, to_s))
+    return found
 
 
 def _length_m(result: FitResult | None, harmonics: Harmonics, rig: MountedHousing) -> float:

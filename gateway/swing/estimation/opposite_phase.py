@@ -11,7 +11,7 @@ import numpy as np
 from gateway.numerics.array import Array
 from gateway.swing.data.bins import Bins
 from gateway.swing.estimation.robust_fit import FitResult, fit_robust, inflate_uncertainty
-from gateway.swing.fit.priors import SensorModel
+from gateway.swing.fit.priors import N_SENSOR_ERRORS, SensorModel
 from gateway.swing.uncertainty.peaks import largest_angle
 
 LARGEST_DISTANCE = 3.0
@@ -25,7 +25,8 @@ def choose_phase(result: FitResult, bins: Bins, noise_g: Array, iterations: int)
     fit, rig = result.fit, result.fit.prior.rig
     length_m = fit.motion.length_m
     sensor_m = rig.position_at(length_m) + fit.sensor.position_error_m
-    if abs(length_m - sensor_m) > LARGEST_DISTANCE * rig.position_u_m:
+    position_u_m = float(fit.prior.sigma[-N_SENSOR_ERRORS])
+    if abs(length_m - sensor_m) > LARGEST_DISTANCE * position_u_m:
         return result
     u, w, pull = fit.motion.nodes
     equilibrium = -pull / np.sqrt(1 + np.abs(pull) ** 2)
