@@ -12,10 +12,7 @@ from devices.foreign_table import TableOptions, read_foreign_table
 from devices.recording import Recording
 from gateway.errors import InputError
 from gateway.measurement.matlab import write_matlab_table
-
-LEAST_GRAVITY_SHARE = 0.3
-"""Ratio of the mean reading's magnitude to the mean magnitude below which gravity is missing. Basis: 0.64 for a load that swings
-to 90 degrees; 0 for readings without gravity."""
+from gateway.swing.data.input_checks import lacks_gravity
 
 
 def read_foreign(path: Path, options: TableOptions) -> tuple[Recording, tuple[str, ...]]:
@@ -48,8 +45,7 @@ def _in_g(path: Path, options: TableOptions) -> tuple[Recording, tuple[str, ...]
 
 def _check_gravity(path: Path, force_g: NDArray[np.float64]) -> None:
     """Raise `InputError` for readings from which gravity was removed: they point nowhere on average."""
-    typical_g = float(np.linalg.norm(force_g, axis=1).mean())
-    if float(np.linalg.norm(force_g.mean(axis=0))) < LEAST_GRAVITY_SHARE * typical_g:
+    if lacks_gravity(force_g):
         raise InputError(
             f"{path}: its readings point nowhere on average: gravity was removed, or the sensor was turned over; "
             "export the acceleration with gravity, of a sensor that hangs"

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from gateway.measurement.conditions import ConditionSummary, summarise_conditions
 from gateway.measurement.formulas import FormulaEvaluation, FormulaResult
+from gateway.measurement.free_swing import cut_to_free_swing
 from gateway.measurement.motion import (
     RecordingMotion,
     estimate_source_motion,
@@ -14,6 +15,7 @@ from gateway.measurement.source import Source
 from gateway.measurement.swing import estimate_source_swing
 from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt, plain_tilt, roll_about_x
+from gateway.swing.detection.free_swing import FreeSwing
 from gateway.swing.estimate import SwingEstimate
 
 HIGHEST_CUTOFF = 0.4
@@ -36,6 +38,10 @@ class Measurement:
     """Roll about the housing's x axis (Zams and Łuczak 2024, eq. 7)."""
     axial_rad: float
     conditions: ConditionSummary
+    judged: Source
+    """What the results are of: the recording, or its longest free swing."""
+    free_swing: FreeSwing | None
+    """Where the recording swings freely between hands; None: nothing was held."""
     motion: RecordingMotion | None
     """None: the crane does not work in the recording, or nothing can be said."""
 
@@ -43,8 +49,10 @@ class Measurement:
 def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2, with_motion: bool = False) -> Measurement:
     """Return the results of a recording; without a position of the housing the swing is not known.
 
-    `with_motion`: smooth the motion of a free swing too.
+    What was held or moved by hand is not judged. `with_motion`: smooth the motion of a free swing too.
     """
+    cut = cut_to_free_swing(source)
+    source = cut.source
     rate_hz = source.recording.rate_hz
     lowpass = LowPass(min(cutoff_hz, HIGHEST_CUTOFF * rate_hz), order, rate_hz)
     lowpassed_g = lowpass.apply(source.force_g)
@@ -63,5 +71,7 @@ def measure(source: Source, *, cutoff_hz: float = 1.0, order: int = 2, with_moti
         roll_gamma_rad=roll_about_x(mean_g),
         axial_rad=axial_tilt(mean_g),
         conditions=summarise_conditions(source),
+        judged=source,
+        free_swing=cut.free_swing,
         motion=motion,
     )

@@ -3,7 +3,9 @@
 from dataclasses import asdict
 from typing import Any
 
+from devices.pendulum.small_swing import period_ratio
 from devices.recording import Recording
+from gateway.measurement.free_swing import relative_s
 from gateway.measurement.measure import Measurement
 from gateway.measurement.motion_report import motion_json, motion_rows
 from gateway.measurement.source import Source
@@ -21,7 +23,8 @@ def as_json(source: Source, found: Measurement) -> dict[str, Any]:
     return {
         "files": [str(path) for path in source.files],
         "interval": _interval(source),
-        "remarks": list(source.remarks),
+        "free_swing": _free_swing(source, found),
+        "remarks": list(found.judged.remarks),
         "samples": _samples(source.recording) | {"repeated_readings": source.repeated_readings},
         "calibration": source.calibration,
         "formulas_deg": _formulas_deg(found.formulas.as_published),
@@ -63,6 +66,19 @@ def _interval(source: Source) -> dict[str, float | str | None]:
     }
 
 
+def _free_swing(source: Source, found: Measurement) -> dict[str, Any] | None:
+    """Return the judged interval, all free swings and what was held, from the start of the recording; None: nothing was held."""
+    if found.free_swing is None:
+        return None
+    from_s, to_s = relative_s(source, found.free_swing.longest)
+    return {
+        "from_s": from_s,
+        "to_s": to_s,
+        "intervals_s": [list(relative_s(source, each)) for each in found.free_swing.intervals],
+        "held_s": [list(relative_s(source, each)) for each in found.free_swing.held],
+    }
+
+
 def _samples(recording: Recording) -> dict[str, float]:
     return {
         "count": len(recording),
@@ -101,6 +117,7 @@ def _swing(estimate: SwingEstimate) -> dict[str, Any]:
         "u_deg": degrees(estimate.u_rad),
         "coverage95_deg": None if coverage is None else [degrees(coverage[0]), degrees(coverage[1])],
         "period_s": estimate.period_s,
+        "period_measured_s": measured_period_s(estimate),
         "minor_phi_max_deg": degrees(estimate.minor_phi_max_rad),
         "azimuth_deg": degrees(estimate.azimuth_rad),
         "lean_deg": degrees(estimate.lean_rad),
@@ -132,7 +149,7 @@ def as_text(source: Source, found: Measurement) -> str:
     samples = f"{len(recording)} samples in {duration_s:.4g} s at {recording.rate_hz:.4g} Hz, {faulty}"
     rows = [
         ("recording", f"{source.name}, {samples}"),
-        *(("remark", text) for text in _remarks(source)),
+        *(("remark", text) for text in _remarks(found.judged)),
         ("calibration", source.calibration),
         ("swing", _swing_text(found.swing)),
         *(() if found.motion is None else motion_rows(found.motion)),
@@ -153,6 +170,16 @@ def _remarks(source: Source) -> list[str]:
     return [*source.remarks[:MOST_REMARKS], *more]
 
 
+def measured_period_s(estimate: SwingEstimate) -> float | None:
+    """Return the period at the largest angle, which grows with the amplitude; None where it is not known.
+
+    That of a planar swing; a circular one is a little faster than a small swing.
+    """
+    if estimate.period_s is None or estimate.phi_max_rad is None:
+        return None
+    return estimate.period_s * period_ratio(estimate.phi_max_rad)
+
+
 def _angle_text(angle_rad: float | None) -> str:
     value = degrees(angle_rad)
     return "-" if value is None else f"{value:.3f}°"
@@ -168,6 +195,9 @@ def _swing_text(estimate: SwingEstimate) -> str:
     if estimate.coverage95_rad is None:
         return f"{_angle_text(estimate.phi_max_rad)}, uncertainty unknown{reasons}"
     low, high = (_angle_text(end) for end in estimate.coverage95_rad)
-    period = "" if estimate.period_s is None else f", period {estimate.period_s:.2f} s"
+    measured_s = measured_period_s(estimate)
+    period = "" if measured_s is None else f", period {measured_s:.3g} s (small swing {estimate.period_s:.3g} s)"
+    if estimate.length_m is not None and estimate.length_u_m is not None:
+        period += f", rope {estimate.length_m:.4g} m +- {estimate.length_u_m:.2g} m by the period"
     lean = f", lean {_angle_text(estimate.lean_rad)}"
     return f"{_angle_text(estimate.phi_max_rad)}, 95 % within {low} to {high}{period}{lean}{reasons}"

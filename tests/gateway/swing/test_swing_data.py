@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from gateway.numerics.quantisation import smallest_steps
 from gateway.swing.data.bins import bin_samples, concatenate, merge
-from gateway.swing.data.input_checks import find_fault
+from gateway.swing.data.input_checks import find_fault, find_fault_in_means
 from gateway.swing.data.noise import effective_noise_g, measured_noise_g
+from tests.gateway.swing.held_pendulum import readings_g, swing
 from tests.values import present
 
 RNG = np.random.default_rng(3)
@@ -80,6 +81,7 @@ def swinging_g() -> NDArray[np.float64]:
         (lambda f: np.maximum(f, [-9, -0.02, -9]), "clipped: many readings of y are exactly -0.0200 g"),
         (lambda f: f * 1.25, "wrong unit or scale"),
         (lambda f: f * 9.80665, "wrong unit or scale"),
+        (lambda f: f - [0, 0, 1], "gravity is missing"),
         (lambda f: f * [1, -1, -1], "not upright"),
         (lambda f: f[:, [2, 0, 1]], "not upright"),
     ],
@@ -92,3 +94,26 @@ def test_a_swing_and_a_coarse_sensor_at_rest_have_no_fault() -> None:
     assert find_fault(swinging_g()) is None
     rest = np.array([[0.0, 0.0, 1.0]]) + 1e-3 * RNG.normal(size=(3000, 3))
     assert find_fault(np.round(rest / 0.0039) * 0.0039) is None
+
+
+@pytest.mark.parametrize("amplitude_deg", [5.0, 30.0, 60.0, 90.0])
+@pytest.mark.parametrize("rho", [0.0, 0.3, 0.7, 1.0])
+def test_the_mean_of_a_wide_swing_is_plausible_in_g_alone(amplitude_deg: float, rho: float) -> None:
+    amplitude_rad = np.radians([amplitude_deg])
+    _, motion = swing(amplitude_rad, 0 * amplitude_rad, 0 * amplitude_rad, 4)
+    force_g, _ = readings_g(motion[:, 0], rho)
+    assert find_fault_in_means(force_g + 1e-3 * RNG.normal(size=force_g.shape)) is None
+    for units_per_g in (9.80665, 1000.0, 32.174):
+        assert "wrong unit" in present(
+            find_fault_in_means(units_per_g * force_g + 1e-3 * RNG.normal(size=force_g.shape))
+        )
+
+
+@pytest.mark.parametrize("rho", [0.1, 0.5, 1.0])
+def test_a_swing_without_gravity_is_said_so(rho: float) -> None:
+    amplitude_rad = np.radians([40.0])
+    _, motion = swing(amplitude_rad, 0 * amplitude_rad, 0 * amplitude_rad, 8)
+    force_g, still_g = readings_g(motion[:, 0], rho)
+    upright = np.sqrt(1 - (still_g**2).sum(axis=1))
+    linear_g = force_g - np.column_stack([still_g, upright]) + 1e-3 * RNG.normal(size=force_g.shape)
+    assert "gravity is missing" in present(find_fault_in_means(linear_g))

@@ -10,6 +10,7 @@ from gateway.errors import InputError
 from gateway.measurement.source import Source
 from gateway.numerics.robust import robust_sigma
 from gateway.numerics.runs import true_runs
+from gateway.swing.data.input_checks import WITHOUT_GRAVITY, lacks_gravity
 from gateway.twin.model import Model, TwinRig
 from gateway.twin.reconcile.data.artefact_detectors import (
     constant_share,
@@ -129,6 +130,8 @@ def find_fault(time_s: Array, force_g: Array, twin: TwinRig) -> str | None:
     if not PLAUSIBLE_NORM_G[0] < norm_g < PLAUSIBLE_NORM_G[1]:
         unit = " (m/s²?)" if 9 < norm_g < 11 else " (mg?)" if 500 < norm_g < 2000 else ""
         return f"wrong units: the norm of the readings is {norm_g:.3g}{unit}, at rest it is 1 g; give them in g"
+    if lacks_gravity(force_g):
+        return WITHOUT_GRAVITY
     falling_s = _longest_free_fall_s(time_s, force_g)
     if falling_s > SHORT_PERIODS * period_s and twin.position_m < MAX_FREE_FALL_RHO * twin.length_m:
         return (

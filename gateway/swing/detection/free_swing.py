@@ -1,0 +1,169 @@
+"""The free swing of a recording that may begin and end under a hand, found by the data alone.
+
+A free swing repeats itself: harmonics of one period, whose amplitudes drift slowly, describe any two periods of it to the
+noise. What precedes or follows it is taken for a hand's work only where no rope could have done it; a crane at work, a load at
+rest and a recording without a swing keep their whole length.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from gateway.numerics.array import Array
+from gateway.numerics.runs import true_runs
+from gateway.swing.data.bins import validated_samples
+from gateway.swing.detection.held import LARGEST_ACCELERATION_G, pivot_acceleration_g
+from gateway.swing.detection.periodicity import (
+    Series,
+    find_period_s,
+    fit_drifting_windows,
+    resample,
+)
+from gateway.swing.detection.swing_boundary import swing_boundary
+
+SAMPLES_PER_PERIOD = 32
+SHORTEST_PERIODS = 3.0
+"""Shortest free swing."""
+LEAST_SIZE = 0.1
+"""Least swing relative to the largest one of the recording, for a free swing of its own."""
+SEEN = 1.5
+"""Least rms of a swing over the noise of one sample."""
+NEGLIGIBLE_PERIODS = 0.2
+"""Length of an end without a free swing that is left with it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A part of a recording."""
+
+    from_s: float
+    to_s: float
+
+    @property
+    def duration_s(self) -> float:
+        """Length."""
+        return self.to_s - self.from_s
+
+
+@dataclass(frozen=True, slots=True)
+class FreeSwing:
+    """Where a recording swings freely."""
+
+    intervals: tuple[Interval, ...]
+    """Oldest first, at least one; the whole recording where nothing was held."""
+    held: tuple[Interval, ...]
+    """What lies before, between and after them: held, released or caught."""
+    period_s: float | None
+    """Measured period, of the strongest repetition: near the load, where only the axial force shows it, half of the swing's. None
+    where nothing repeats."""
+
+    @property
+    def longest(self) -> Interval:
+        """The longest interval."""
+        return max(self.intervals, key=lambda interval: interval.duration_s)
+
+    @property
+    def is_whole(self) -> bool:
+        """Nothing was held."""
+        return not self.held
+
+
+def find_free_swing(time_s: Array, force_g: Array, noise_g: float | Array | None = None) -> FreeSwing:
+    """Return where a recording swings freely; times (n,) never falling, specific force (n, 3), noise per sample and axis.
+
+    Needs no rope length and no position of the housing, which may be askew. Raises `ValueError` for arrays of wrong shape or
+    falling times.
+    """
+    time_s, force_g = validated_samples(time_s, force_g)
+    time_s, first = np.unique(time_s, return_index=True)
+    if len(time_s) < SAMPLES_PER_PERIOD:
+        ends = (float(time_s[0]), float(time_s[-1])) if len(time_s) else (0.0, 0.0)
+        return FreeSwing((Interval(*ends),), (), None)
+    force_g = force_g[first]
+    whole = Interval(float(time_s[0]), float(time_s[-1]))
+    period_s = find_period_s(time_s, force_g, noise_g)
+    if period_s is None:
+        return FreeSwing((whole,), (), None)
+    series = resample(time_s, force_g, period_s / SAMPLES_PER_PERIOD, noise_g)
+    swings = _swinging_parts(series, period_s / series.interval_s)
+    if not swings:
+        return FreeSwing((whole,), (), period_s)
+    found = _between_hands(series, period_s / series.interval_s, swings)
+    return found if found.held else replace(found, intervals=(whole,))
+
+
+def _swinging_parts(series: Series, period: float) -> list[tuple[int, int]]:
+    """Return first and last sample of each part that repeats itself, oldest first."""
+    fits = fit_drifting_windows(series, period)
+    if fits is None:
+        return []
+    length = fits.length
+    found = []
+    for start, stop in true_runs(fits.is_consistent(series.total_noise_g)):
+        size_g = float(fits.swing_g[start:stop].max())
+        if stop - 1 + length - start >= SHORTEST_PERIODS * period and size_g > SEEN * series.total_noise_g:
+            found.append((start, stop + length - 2, size_g))
+    largest_g = max((size_g for _, _, size_g in found), default=0.0)
+    tolerance = fits.tolerance(series.total_noise_g)
+    refined = [
+        _refined(series, period, (start, stop), tolerance)
+        for start, stop, size_g in found
+        if size_g >= LEAST_SIZE * largest_g
+    ]
+    return [(start, stop) for start, stop in refined if stop - start >= SHORTEST_PERIODS * period]
+
+
+def _refined(series: Series, period: float, part: tuple[int, int], tolerance: float) -> tuple[int, int]:
+    """Return a part with the ends by extrapolation; an end of the recording stays."""
+    first, last = part
+    if first > 0:
+        first = swing_boundary(series, period, part, tolerance, forward=False)
+    if last < len(series) - 1:
+        last = swing_boundary(series, period, part, tolerance, forward=True)
+    return first, last
+
+
+def _between_hands(series: Series, period: float, swings: list[tuple[int, int]]) -> FreeSwing:
+    """Return the parts that are free; all of the recording where no hand shows, at its ends together or between two swings.
+
+    Where one shows, no crane is at work, and nothing beside a free swing belongs to it.
+    """
+    negligible = NEGLIGIBLE_PERIODS * period
+    last = len(series) - 1
+    period_s = period * series.interval_s
+    before, after = _accelerations_g(series, period, swings)
+    ends = math.hypot(before[0], after[-1]) > LARGEST_ACCELERATION_G
+    inner = list(zip(after[:-1], before[1:], strict=True))
+    if not (ends or any(min(pair) > LARGEST_ACCELERATION_G for pair in inner)):
+        return FreeSwing(_intervals(series, [(0, last)]), (), period_s)
+    free = [list(swings[0])]
+    for other, pair in zip(swings[1:], inner, strict=True):
+        if max(pair) > LARGEST_ACCELERATION_G:
+            free.append(list(other))
+        free[-1][1] = other[1]
+    free[0][0] = free[0][0] if free[0][0] > negligible else 0
+    free[-1][1] = free[-1][1] if last - free[-1][1] > negligible else last
+    edges = [0, *(edge for part in free for edge in part), last]
+    held = [(begin, end) for begin, end in zip(edges[::2], edges[1::2], strict=True) if end > begin]
+    return FreeSwing(_intervals(series, free), _intervals(series, held), period_s)
+
+
+def _accelerations_g(series: Series, period: float, swings: list[tuple[int, int]]) -> tuple[list[float], list[float]]:
+    """Return for each free swing the pivot's acceleration that explains what precedes it, and what follows it."""
+    values, last = series.force_g, len(series) - 1
+    negligible = NEGLIGIBLE_PERIODS * period
+    starts = [0, *(swing[1] + 1 for swing in swings[:-1])]
+    stops = [*(swing[0] for swing in swings[1:]), last + 1]
+    before, after = [], []
+    for (first, end), start, stop in zip(swings, starts, stops, strict=True):
+        swing_g = values[first : end + 1]
+        earlier, later = values[start:first][::-1], values[end + 1 : stop]
+        before.append(pivot_acceleration_g(swing_g[::-1], earlier, period) if len(earlier) > negligible else 0.0)
+        after.append(pivot_acceleration_g(swing_g, later, period) if len(later) > negligible else 0.0)
+    return before, after
+
+
+def _intervals(series: Series, parts: Sequence[Sequence[int]]) -> tuple[Interval, ...]:
+    return tuple(Interval(series.time_s(begin), series.time_s(end)) for begin, end in parts)
