@@ -15,6 +15,8 @@ from gateway.twin.reconcile.search.candidates import CandidateFit
 from gateway.twin.reconcile.search.score_test import Signatures, compute_signatures
 
 Array = NDArray[np.float64]
+MAX_WORK = 4e6
+"""State derivatives evaluated in linearisations at further frequencies: all of them on 120 s of a rope of 12 m."""
 LINEAR_REACH = 0.5
 """Share of its range that a coefficient may start a fit at."""
 
@@ -58,9 +60,10 @@ def _shapes(setting: FitContext, parent: CandidateFit, names: Sequence[str]) -> 
     log = setting.log
     choices = shape_choices(log.time_s, log.residual_sigma(parent.fit.force_g), parent.fit.force_g)
     shape_of = {name: TERMS[name].shape_parameters[0].name for name in names}
+    affordable = max(1, int(MAX_WORK / setting.work_per_evaluation({**parent.values, **{name: {} for name in names}})))
     return [
         {name: {shape: choices[shape][i]} for name, shape in shape_of.items() if i < len(choices[shape])}
-        for i in range(max(len(each) for each in choices.values()))
+        for i in range(min(affordable, max(len(each) for each in choices.values())))
     ]
 
 

@@ -24,12 +24,14 @@ from gateway.twin.reconcile.search.validation_search import improves
 MAX_TERMS = 3
 MAX_FITTED = 4
 """Terms of a round that are fitted."""
-MAX_WORK = 3e7
-"""Derivatives of states and readings in fits after which no further term is sought, some 4 s on one core of a desk."""
+MAX_WORK = 2.5e7
+"""Derivatives of states and readings in fits after which nothing further is fitted, some 3 s on one core of a desk."""
 MIN_GAIN_SHARE = 0.3
 """Gain of a term by linearisation over the largest of the round, below which it is not fitted."""
 MIN_SHARE_CLOSED = 0.1
 """Share of the residual's excess on the selection part that each term must close: less is no description of it."""
+MIN_LAW_CLOSED = 0.5
+"""Share of the base's excess on the selection part that a law must close: one that leaves more than it describes misleads."""
 COLLINEAR_COSINE = 0.999
 """Cosine of two terms' signatures from which one may stand for the other."""
 
@@ -66,16 +68,18 @@ def find_law(
     """
     before = validator.evaluate(base)
     law = FoundLaw(base, base, before, before, ())
-    limit = context.budget.work + MAX_WORK
-    while len(law.terms) < MAX_TERMS and context.budget.work < limit:
+    work = context.budget.work + MAX_WORK
+    while len(law.terms) < MAX_TERMS and context.budget.work < work:
         table = CandidateTable(context.setting.log).with_fit(law.candidate)
-        longer = _with_one_more(context, table, law, validator, random)
+        longer = _with_one_more(context, table, law, validator, random, work)
         if longer is None:
             break
         law = longer
         if not leaves_residual(context, law, validator):
             break
-    return _without_idle_parts(context, law, validator, optional) if law.terms else None
+    if not law.terms or _share_closed(before, law.after) < MIN_LAW_CLOSED:
+        return None
+    return _without_idle_parts(context, law, validator, optional, work)
 
 
 def leaves_residual(context: SearchContext, law: FoundLaw, validator: Validator) -> bool:
@@ -85,13 +89,21 @@ def leaves_residual(context: SearchContext, law: FoundLaw, validator: Validator)
 
 
 def _with_one_more(
-    context: SearchContext, table: CandidateTable, law: FoundLaw, validator: Validator, random: np.random.Generator
+    context: SearchContext,
+    table: CandidateTable,
+    law: FoundLaw,
+    validator: Validator,
+    random: np.random.Generator,
+    max_work: float,
 ) -> FoundLaw | None:
+    """Return the law with the term of most evidence; None where none is significant. Fits end at `max_work`."""
     screened = sorted(screen_terms(context.setting, law.candidate), key=lambda each: -_score(each, context, law))
     largest = max((each.gain for each in screened), default=0.0)
     chosen = [each for each in screened if each.gain > MIN_GAIN_SHARE * largest][:MAX_FITTED]
     starts = context.segment_starts(law.candidate)
     for each in chosen:
+        if context.budget.work > max_work:
+            break
         values = {**law.candidate.values, each.name: each.values}
         table = context.fit(table, values, starts, give_up_above=table.give_up_above)
     table = table.start_round()
@@ -154,8 +166,11 @@ def _score(screened: ScreenedTerm, context: SearchContext, law: FoundLaw) -> flo
 def _holds(law: FoundLaw, rival: _Rival, validator: Validator, random: np.random.Generator) -> bool:
     """Whether a term describes the selection part, too."""
     before, after = law.after, rival.validation
-    closed = (before.reduced_chi2 - after.reduced_chi2) / max(before.reduced_chi2 - 1, 1e-9)
-    return closed > MIN_SHARE_CLOSED and improves(before, after, validator, random)
+    return _share_closed(before, after) > MIN_SHARE_CLOSED and improves(before, after, validator, random)
+
+
+def _share_closed(before: ValidationFit, after: ValidationFit) -> float:
+    return (before.reduced_chi2 - after.reduced_chi2) / max(before.reduced_chi2 - 1, 1e-9)
 
 
 def _cosine(first: ScreenedTerm, second: ScreenedTerm) -> float:
@@ -164,12 +179,14 @@ def _cosine(first: ScreenedTerm, second: ScreenedTerm) -> float:
 
 
 def _without_idle_parts(
-    context: SearchContext, law: FoundLaw, validator: Validator, optional: Collection[str]
+    context: SearchContext, law: FoundLaw, validator: Validator, optional: Collection[str], max_work: float
 ) -> FoundLaw:
     """Remove terms and effects of a best attempt whose absence costs no evidence: a later term may have replaced them."""
     table = CandidateTable(context.setting.log).with_fit(law.candidate)
     table = replace(table, noise_inflation=law.noise_inflation)
     for name in [*law.terms[:-1], *optional]:
+        if context.budget.work > max_work:
+            break
         values: Values = {other: each for other, each in law.candidate.values.items() if other != name}
         table = context.fit(table, values)
         shorter = table.get(values)

@@ -69,7 +69,7 @@ def compute_signatures(
     at = simulator.values(fit.values[: simulator.n_initial_states], model)
     o = setting.log
     if o.has_large_amplitude:
-        return _signatures_by_window(simulator, o, at[simulator.n_initial_states :], own)
+        return _signatures_by_window(simulator, setting.simulator(tuple(own)), o, at[simulator.n_initial_states :], own)
     found = simulator.linearise(at, o.time_s, o.temperature_c)
     weight = (o.used[:, None] / o.noise_g)[:, :, None]
     flat = (found.jacobian * weight).reshape(-1, len(simulator.parameters))
@@ -94,13 +94,19 @@ def scorable_effects(setting: FitContext) -> tuple[str, ...]:
 
 
 def _signatures_by_window(
-    simulator: Simulator, observations: Observations, effects: Array, own: frozenset[str]
+    simulator: Simulator, base: Simulator, observations: Observations, effects: Array, own: frozenset[str]
 ) -> Signatures:
-    """Of a wide swing: a model that lacks something cannot follow it as one motion, but each piece of it for itself."""
+    """Of a wide swing: a model that lacks something cannot follow it as one motion, but each piece of it for itself.
+
+    The windows are fitted by the `base`, the model without the effects that are scored; these vanish there.
+    """
     firsts = window_bounds(simulator.rig, observations)
-    starts = segment_initial_conditions(simulator, observations, effects, firsts)
-    held = np.zeros(len(effects), dtype=bool)
-    _, _, found = fit_windows(simulator, observations, starts, effects, held, firsts)
+    in_base = {spec.label for spec in base.effect_parameters}
+    known = effects[[spec.label in in_base for spec in simulator.effect_parameters]]
+    starts = segment_initial_conditions(base, observations, known, firsts)
+    starts, _, _ = fit_windows(base, observations, starts, known, np.zeros(len(known), dtype=bool), firsts)
+    time_s, temperature_c = observations.time_s, observations.temperature_c
+    found = simulator.linearise_segments(starts, effects, time_s, firsts, temperature_c)
     columns, residual = project_out_initial_states(found, observations, firsts)
     places = {
         name: [i for i, s in enumerate(simulator.effect_parameters) if s.effect == name]
