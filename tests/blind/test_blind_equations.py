@@ -1,5 +1,8 @@
 """Equations of what the catalogue does not hold: the campaign's rules, its published result, and a small fixed part of it."""
 
+import json
+from pathlib import Path
+
 import pytest
 
 from gateway.twin.reconcile.equation.selection import FoundLaw
@@ -7,6 +10,7 @@ from tests.blind import equations
 from tests.blind.cases import generate
 from tests.blind.plan import Plan
 
+RESULT = Path(__file__).parent / "results" / "equations.json"
 LENGTHS_S = {"log": 45.0, "held_out": 30.0}
 SEED = 7132
 
@@ -56,3 +60,15 @@ def test_plan_hides_each_law_eight_times_and_nothing_twenty_times() -> None:
     assert {name: hidden.count((name,)) for name in equations.RIGHT_TERMS} == dict.fromkeys(equations.RIGHT_TERMS, 8)
     assert hidden.count(()) == 20
     assert {names[0] for names in hidden if names} == {*equations.RIGHT_TERMS, *equations.KNOWN}
+
+
+def test_published_campaign_has_seven_of_ten_right_and_no_term_invented() -> None:
+    published = json.loads(RESULT.read_text())
+    plans = {plan.index: plan for plan in equations.plan_laws(published["seed"])}
+    rows = published["rows"]
+    assert len(rows) >= 0.6 * len(plans)
+    assert all(plans[row["index"]].hidden == ((row["hidden"],) if row["hidden"] else ()) for row in rows)
+    assert all(row["score"] == equations.score(row["hidden"], row["named"], row["terms"]) for row in rows)
+    worth = [(row["hidden"] in equations.RIGHT_TERMS, row["score"]) for row in rows]
+    assert worth.count((True, "right")) >= 0.7 * sum(is_law for is_law, _ in worth)
+    assert (False, "invented") not in worth

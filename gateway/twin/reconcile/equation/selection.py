@@ -115,10 +115,10 @@ def _with_one_more(
         if fit is not None and table.bic(fit) < limit and table.is_significant(law.candidate, fit)
     ]
     rivals.sort(key=lambda each: each.evidence)
-    if not rivals or not _holds(law, rivals[0], validator, random):
+    if not rivals or not _holds(law, _simplest(rivals), validator, random):
         return None
-    best = rivals[0]
-    near = [each.name for each in rivals[1:] if each.evidence - best.evidence < MIN_EVIDENCE_MARGIN]
+    best = _simplest(rivals)
+    near = [each.name for each in rivals if each is not best and each.evidence - best.evidence < MIN_EVIDENCE_MARGIN]
     near += [
         each.name
         for each in screened
@@ -153,6 +153,13 @@ class _Rival:
     def evidence(self) -> float:
         """BIC on the log and chi-square on the selection part: the lower, the better."""
         return self.table.bic(self.fit) + self.validation.fit.chi2 / self.table.noise_inflation
+
+
+def _simplest(rivals: list[_Rival]) -> _Rival:
+    """Return the best of rivals in the order of evidence, or the term that it extends if that one is as good."""
+    best = rivals[0]
+    simpler = [each for each in rivals[1:] if each.name == best.screened.term.extends]
+    return next((each for each in simpler if each.evidence - best.evidence < MIN_EVIDENCE_MARGIN), best)
 
 
 def _score(screened: ScreenedTerm, context: SearchContext, law: FoundLaw) -> float:
