@@ -15,8 +15,8 @@ from gateway.twin.reconcile.search.candidates import CandidateFit
 from gateway.twin.reconcile.search.score_test import Signatures, compute_signatures
 
 Array = NDArray[np.float64]
-MAX_WORK = 4e6
-"""State derivatives evaluated in linearisations at further frequencies: all of them on 120 s of a rope of 12 m."""
+MAX_WORK = 8e6
+"""Derivatives of states and readings in linearisations at further frequencies: all of them on 120 s of a rope of 12 m."""
 LINEAR_REACH = 0.5
 """Share of its range that a coefficient may start a fit at."""
 

@@ -7,7 +7,7 @@ multiplies the swing, so its lines stand on both sides of the swing's: the produ
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.numerics.spectrum import ZERO_PADDING, periodogram
+from gateway.numerics.spectrum import ZERO_PADDING, periodogram, refine_frequency
 from gateway.twin.effects.term import HIGHEST_FREQUENCY_HZ
 from gateway.twin.reconcile.residual.whiteness import noise_floor
 
@@ -65,8 +65,9 @@ def candidate_frequencies_hz(time_s: Array, residual: Array, swing: NDArray[np.c
 
 
 def _strongest_hz(time_s: Array, swing: NDArray[np.complex128]) -> float:
-    frequency_hz, power = periodogram(time_s, np.stack([swing.real, swing.imag], axis=1))
-    return float(frequency_hz[1:][np.argmax(power[1:].sum(axis=1))])
+    across = np.stack([swing.real, swing.imag], axis=1)
+    frequency_hz, power = periodogram(time_s, across)
+    return refine_frequency(time_s, across, float(frequency_hz[1:][np.argmax(power[1:].sum(axis=1))]))
 
 
 def _signals(residual: Array, swing: NDArray[np.complex128]) -> list[Array]:
