@@ -31,7 +31,7 @@ MIN_GAIN_SHARE = 0.3
 MIN_SHARE_CLOSED = 0.1
 """Share of the residual's excess on the selection part that each term must close: less is no description of it."""
 MIN_LAW_CLOSED = 0.5
-"""Share of the base's excess on the selection part that a law must close: one that leaves more than it describes misleads."""
+"""Share of the base's excess on the log and on the selection part that a law must close: one that leaves more misleads."""
 COLLINEAR_COSINE = 0.999
 """Cosine of two terms' signatures from which one may stand for the other."""
 
@@ -77,7 +77,7 @@ def find_law(
         law = longer
         if not leaves_residual(context, law, validator):
             break
-    if not law.terms or _share_closed(before, law.after) < MIN_LAW_CLOSED:
+    if not law.terms or min(_share_closed(base, law.candidate), _share_closed(before, law.after)) < MIN_LAW_CLOSED:
         return None
     return _without_idle_parts(context, law, validator, optional, work)
 
@@ -176,7 +176,7 @@ def _holds(law: FoundLaw, rival: _Rival, validator: Validator, random: np.random
     return _share_closed(before, after) > MIN_SHARE_CLOSED and improves(before, after, validator, random)
 
 
-def _share_closed(before: ValidationFit, after: ValidationFit) -> float:
+def _share_closed(before: CandidateFit | ValidationFit, after: CandidateFit | ValidationFit) -> float:
     return (before.reduced_chi2 - after.reduced_chi2) / max(before.reduced_chi2 - 1, 1e-9)
 
 
