@@ -18,8 +18,8 @@ from gateway.twin.simulator.vectorised_function import VectorisedFunction, Vecto
 Array = NDArray[np.float64]
 STEPS_AT_ONCE = 64
 """Integration steps in one call of the compiled function."""
-MAX_PHASE_STEP_RAD = 0.07
-"""Phase of the swing in one integration step: the relative error of the phase, its fourth power over 120, is then about 2e-7."""
+MAX_PHASE_STEP_RAD = 0.06
+"""Phase of the swing in one integration step: the relative error of the phase, its fourth power over 120, is then about 1e-7."""
 MAX_STEP_S = 0.1
 """Longest integration step."""
 STEPS_PER_OCTAVE = 4

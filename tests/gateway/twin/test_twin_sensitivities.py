@@ -21,7 +21,7 @@ EVENTS_S = {
     "hoisting": 11.019,
     "load_change": 17.023,
 }
-NOT_PREDICTED = ("quantization",)
+NOT_PREDICTED = ("quantization", "sample_hold")
 REACHED: EffectValues = {
     "clipping": {"full_scale_g": 1.0},
     "wind_gust": {"rising_share": 0.6},
