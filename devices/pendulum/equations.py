@@ -42,6 +42,11 @@ def scale(factor: Scalar, a: Vector) -> Vector:
     return factor * a[0], factor * a[1], factor * a[2]
 
 
+def horizontal_product(symmetric: Vector, a: Vector) -> Vector:
+    """A horizontal symmetric tensor (xx, xy, yy) times a vector."""
+    return symmetric[0] * a[0] + symmetric[1] * a[1], symmetric[1] * a[0] + symmetric[2] * a[1], 0.0
+
+
 def acceleration_of_direction(n: Vector, n_rate: Vector, drive: Vector, length: Scalar, length_rate: Scalar) -> Vector:
     """n'' in 1/s^2 of a rope whose load is driven by `drive` in m/s^2; lengths in m and m/s."""
     along, turning = dot(n, drive), dot(n_rate, n_rate)
@@ -50,6 +55,40 @@ def acceleration_of_direction(n: Vector, n_rate: Vector, drive: Vector, length: 
         for c, c_rate, d in zip(n, n_rate, drive, strict=True)
     )
     return x, y, z
+
+
+def acceleration_on_yielding_pivot(
+    n: Vector,
+    n_rate: Vector,
+    drive: Vector,
+    length: Scalar,
+    length_rate: Scalar,
+    gyration_squared: Scalar,
+    compliance: Vector,
+    gravity: Scalar,
+) -> Vector:
+    """n'' in 1/s^2 where the pivot stands at C n_h without mass of its own; C = (xx, xy, yy) in m, n_h horizontal.
+
+    Lagrange's equation of a load at B n, B = L I + C, on a spring that gives way by C n_h under the weight's pull along n:
+    (B^2 + k^2) n'' = B (d - 2 L' n') - g C n_h + lambda n, with lambda such that n stays a unit vector.
+    """
+    (xx, xy, yy), turning = compliance, dot(n_rate, n_rate)
+    b_xx, b_yy = length + xx, length + yy
+    x, y, z = (d - 2 * length_rate * rate for d, rate in zip(drive, n_rate, strict=True))
+    shift = horizontal_product(compliance, n)
+    pull = (
+        b_xx * x + xy * y - gravity * shift[0],
+        xy * x + b_yy * y - gravity * shift[1],
+        length * z,
+    )
+    m_xx, m_xy, m_yy = b_xx**2 + xy**2 + gyration_squared, xy * (b_xx + b_yy), b_yy**2 + xy**2 + gyration_squared
+    determinant, m_zz = m_xx * m_yy - m_xy**2, length**2 + gyration_squared
+
+    def over_inertia(a: Vector) -> Vector:
+        return (m_yy * a[0] - m_xy * a[1]) / determinant, (m_xx * a[1] - m_xy * a[0]) / determinant, a[2] / m_zz
+
+    free, along = over_inertia(pull), over_inertia(n)
+    return add(free, scale(-(turning + dot(n, free)) / dot(n, along), along))
 
 
 def transport_rate(n: Vector, n_rate: Vector, x_axis: Vector) -> Vector:

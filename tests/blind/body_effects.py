@@ -1,7 +1,10 @@
 """Effects of the catalogue by which load, rope and pivot are bodies: inertia, mass, friction, a structure that yields."""
 
+from dataclasses import asdict
+
 import numpy as np
 
+from tests.blind.mechanics import Structure
 from tests.blind.scene import Draw, Effect, Rig, Scene
 
 Generator = np.random.Generator
@@ -17,4 +20,20 @@ def load_inertia(rng: Generator, rig: Rig, size: float) -> Effect:
     return Effect("load_inertia", {"radius_of_gyration_m": gyration_m}, apply)
 
 
-BODIES: dict[str, Draw] = {draw.__name__: draw for draw in (load_inertia,)}
+def pivot_compliance(rng: Generator, rig: Rig, size: float) -> Effect:
+    """A jib or a girder that is soft sideways, with a mode of its own above the swing."""
+    soft_m = size * float(rng.uniform(0.006, 0.03)) * rig.length_m
+    structure = Structure(
+        frequency_hz=float(rng.uniform(0.8, 3.0)),
+        damping_ratio=float(rng.uniform(0.02, 0.06)),
+        deflection_m=(soft_m, soft_m * float(rng.uniform(0.02, 0.4))),
+        azimuth_rad=float(rng.uniform(0, np.pi)),
+    )
+
+    def apply(scene: Scene, _run: Generator) -> Scene:
+        return scene.with_mechanics(structure=structure)
+
+    return Effect("pivot_compliance", asdict(structure), apply)
+
+
+BODIES: dict[str, Draw] = {draw.__name__: draw for draw in (load_inertia, pivot_compliance)}

@@ -10,7 +10,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from tests.blind.mechanics import Array, Mechanics, Motion, Start
+from tests.blind.mechanics import Array, Mechanics, Motion, Start, Structure
 
 STEP_S = 0.005
 COARSE_STEP_S = 0.02
@@ -125,13 +125,34 @@ def _point(mass_kg: float, height_m: float = 0.0) -> str:
 
 
 def _pivot_joints(mechanics: Mechanics) -> str:
+    return _driven(mechanics) + _yielding(mechanics)
+
+
+def _yielding(mechanics: Mechanics) -> str:
+    """A mass on a spring and a damper in each of two horizontal directions."""
+    structure = mechanics.structure
+    if structure is None:
+        return ""
+    cos, sin = np.cos(structure.azimuth_rad), np.sin(structure.azimuth_rad)
+    rate = 2 * np.pi * structure.frequency_hz
+    stiffness = [hanging_kg(mechanics) * mechanics.gravity_m_s2 / each for each in structure.deflection_m]
+    mass_kg = stiffness[0] / rate**2
+    slides = [
+        f'<joint name="{name}" type="slide" axis="{axis}" stiffness="{each}" '
+        f'damping="{2 * structure.damping_ratio * np.sqrt(each * mass_kg)}"/>'
+        for name, axis, each in zip(("soft", "stiff"), (f"{cos} {sin} 0", f"{-sin} {cos} 0"), stiffness, strict=True)
+    ]
+    return "".join(slides) + _point(mass_kg)
+
+
+def _driven(mechanics: Mechanics) -> str:
     if not mechanics.pivot_acceleration:
         return ""
     axes = ("1 0 0", "0 1 0", "0 0 1")
     slides = [
         f'<joint name="pivot{i}" type="slide" axis="{a}" armature="{PRESCRIBED_KG}"/>' for i, a in enumerate(axes)
     ]
-    return "".join(slides) + _point(MASSLESS_KG)
+    return "".join(slides) + (_point(MASSLESS_KG) if mechanics.structure is None else "")
 
 
 def _rope_joints(mechanics: Mechanics) -> str:
@@ -208,6 +229,8 @@ def _set_start(model: mujoco.MjModel, data: mujoco.MjData, mechanics: Mechanics,
         for name in ("twist_on_rope", "twist_with_load"):
             twist = model.joint(name)
             data.qpos[twist.qposadr[0]], data.qvel[twist.dofadr[0]] = start.twist_rad, start.twist_rate_rad_s
+    if mechanics.structure is not None:
+        _bend(model, data, mechanics.structure, start)
     if mechanics.spring is not None:
         sag_m = mechanics.gravity_m_s2 / (2 * np.pi * mechanics.spring.frequency_hz) ** 2
         data.qpos[model.joint("stretch").qposadr[0]] = sag_m + start.stretch_m
@@ -221,6 +244,17 @@ def _set_start(model: mujoco.MjModel, data: mujoco.MjData, mechanics: Mechanics,
         place, speed = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
         data.qpos[place : place + 4] = relative
         data.qvel[speed : speed + 3] = _in_body(rigging, rigging_rate - rope_rate)
+
+
+def _bend(model: mujoco.MjModel, data: mujoco.MjData, structure: Structure, start: Start) -> None:
+    """Let the structure give way to the rope's pull from the beginning, so that its own mode hardly rings."""
+    slope, rate = (np.array([*pair]) for pair in (start.tilt_rad, start.tilt_rate_rad_s))
+    soft = np.array([np.cos(structure.azimuth_rad), np.sin(structure.azimuth_rad)])
+    across = np.array([-soft[1], soft[0]])
+    for name, axis, deflection_m in zip(("soft", "stiff"), (soft, across), structure.deflection_m, strict=True):
+        joint = model.joint(name)
+        data.qpos[joint.qposadr[0]] = deflection_m * float(axis @ slope)
+        data.qvel[joint.dofadr[0]] = deflection_m * float(axis @ rate)
 
 
 def _pose(tilt_rad: tuple[float, float], rate_rad_s: tuple[float, float], heading_rad: float) -> tuple[Array, Array]:

@@ -57,6 +57,19 @@ class Clamp:
 
 
 @dataclass(frozen=True, slots=True)
+class Structure:
+    """What carries the pivot: a mass on springs in two horizontal directions."""
+
+    frequency_hz: float
+    """Of the structure alone along its soft direction."""
+    damping_ratio: float
+    deflection_m: tuple[float, float]
+    """Under a horizontal force of the load's weight: along the soft direction, across it."""
+    azimuth_rad: float
+    """Of the soft direction."""
+
+
+@dataclass(frozen=True, slots=True)
 class Mechanics:
     """The true crane. Profiles of one kind are summed."""
 
@@ -75,6 +88,7 @@ class Mechanics:
     spring: Spring | None = None
     """`length_m` and `position_m` are those of the rope without a load."""
     release: Release | None = None
+    structure: Structure | None = None
     pivot_acceleration: tuple[VectorProfile, ...] = ()
     length_speed: tuple[ScalarProfile, ...] = ()
     """Rate of the rope's length, m/s."""

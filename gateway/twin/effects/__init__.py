@@ -14,6 +14,7 @@ from gateway.twin.effects.housing_rocking import HousingRocking
 from gateway.twin.effects.housing_torsion import HousingTorsion
 from gateway.twin.effects.load import LoadInertia
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values
+from gateway.twin.effects.pivot import PivotCompliance
 from gateway.twin.effects.pulse import Pulse, PulseEffect, duration, ramp_fraction, start
 from gateway.twin.effects.registry import EffectRegistry
 from gateway.twin.effects.rope import DoublePendulum, Hoisting, LoadChange, RopeLength, RopeStretch
@@ -58,6 +59,7 @@ EFFECTS = EffectRegistry(
         WindGust(),
         Impact(),
         TrolleyAcceleration(),
+        PivotCompliance(),
         RopeLength(),
         RopeStretch(),
         DoublePendulum(),

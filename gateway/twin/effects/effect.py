@@ -34,16 +34,22 @@ class ModelStructure(Enum):
     ROPE = "rope"
     RIGGING = "double pendulum"
     ELASTIC = "elastic rope"
+    YIELDING_PIVOT = "yielding pivot"
 
     @property
     def n_states(self) -> int:
         """Length of the state x."""
-        return {ModelStructure.ROPE: 9, ModelStructure.RIGGING: 15, ModelStructure.ELASTIC: 11}[self]
+        return {ModelStructure.RIGGING: 15, ModelStructure.ELASTIC: 11}.get(self, 9)
 
     @property
     def n_initial_states(self) -> int:
         """Length of the initial state z, the coordinates that are fitted."""
-        return {ModelStructure.ROPE: 5, ModelStructure.RIGGING: 9, ModelStructure.ELASTIC: 7}[self]
+        return {ModelStructure.RIGGING: 9, ModelStructure.ELASTIC: 7}.get(self, 5)
+
+    @property
+    def has_second_mode(self) -> bool:
+        """Whether the load oscillates at a second frequency."""
+        return self in (ModelStructure.RIGGING, ModelStructure.ELASTIC)
 
 
 class Effect:
@@ -211,6 +217,13 @@ class Effect:
     def pivot_acceleration_m_s2(self, p: Symbols, context: EvaluationContext) -> Vector:
         """Return the acceleration of the pivot."""
         return ZERO_VECTOR
+
+    def pivot_compliance_m(self, p: Symbols) -> Vector | None:
+        """Return by how much the pivot gives way under the load's weight as a horizontal pull: xx, xy, yy; None if not at all.
+
+        For effects with the structure YIELDING_PIVOT.
+        """
+        return None
 
     # the sensor's chain
 

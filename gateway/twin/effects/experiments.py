@@ -14,6 +14,9 @@ TURN_HOUSING = (
 )
 RECORD_DRIVES = "repeat the manoeuvre with the drives' own signals recorded, or with a second sensor at the pivot"
 LOCK_SLEWING = "repeat with the crane's slewing locked; or look at the housing while the load swings"
+SWING_BOTH_WAYS = (
+    "swing along the jib or girder, then across it, and compare the periods; or record a second sensor at the pivot"
+)
 LARGER_SWING = "record from a swing twice as wide until it has died away to a quarter"
 MEASURE_LEVER_ARM = (
     "measure how far beside the rope's line the sensor sits; or turn the housing on its clamp by 180 degrees and record again: "

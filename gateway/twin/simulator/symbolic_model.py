@@ -113,6 +113,9 @@ class SymbolicModel:
         hook = eq.add((0.0, 0.0, -self.rig.gravity_m_s2), eq.scale(-1, pivot))
         load = eq.add(hook, self._force(context, self._load(state, geometry)))
         n_acceleration, m_acceleration = self._accelerations(state, geometry, hook, load)
+        compliance = self._pivot_compliance()
+        if compliance is not None:
+            pivot = eq.add(pivot, eq.horizontal_product(compliance, n_acceleration))
         stretching = self._stretch_acceleration(state, context, geometry, load)
         if self.structure is ModelStructure.ELASTIC:
             stretch = (state.stretch, state.stretch_rate, stretching)
@@ -122,6 +125,11 @@ class SymbolicModel:
     def _accelerations(self, state: State, geometry: RopeGeometry, hook: Vector, load: Vector) -> tuple[Vector, Vector]:
         """Return n'' and m'' for the forces over mass, inertial ones included, on the hook and on the load."""
         rigging = self._rigging()
+        compliance = self._pivot_compliance()
+        if compliance is not None:
+            body = *geometry.length[:2], geometry.gyration_squared_m2
+            on_spring = compliance, self.rig.gravity_m_s2
+            return eq.acceleration_on_yielding_pivot(state.n, state.n_rate, load, *body, *on_spring), ZERO_VECTOR
         if rigging is None:
             length = geometry.oscillation_length
             return eq.acceleration_of_direction(state.n, state.n_rate, load, length[0], length[1]), ZERO_VECTOR
@@ -151,6 +159,10 @@ class SymbolicModel:
     def _rigging(self) -> Rigging | None:
         found = (effect.rigging(p) for effect, p in self.active_effects())
         return next((rigging for rigging in found if rigging is not None), None)
+
+    def _pivot_compliance(self) -> Vector | None:
+        found = (effect.pivot_compliance_m(p) for effect, p in self.active_effects())
+        return next((compliance for compliance in found if compliance is not None), None)
 
     def _pivot_acceleration(self, context: EvaluationContext) -> Vector:
         acceleration = ZERO_VECTOR

@@ -17,12 +17,21 @@ def fit_guessed_effects(table: CandidateTable, context: SearchContext, parent: C
     return table
 
 
+def fit_yielding_pivot(table: CandidateTable, context: SearchContext) -> CandidateTable:
+    """Fit a pivot that yields where the ellipse changes its shape as it does then: pairs of other effects imitate it."""
+    if table.is_explained or context.setting.large_amplitude:
+        return table
+    for name in EFFECTS.choose(structure=ModelStructure.YIELDING_PIVOT):
+        table = _fit_guessed(table, context, baseline_of(table, context), name)
+    return table
+
+
 def fit_second_mode(table: CandidateTable, context: SearchContext) -> tuple[CandidateTable, CandidateFit]:
     """Fit a second mode or a bounce beside the baseline; also return it where it closes most of the gap, else the baseline."""
     base = baseline_of(table, context)
     if context.setting.large_amplitude:
         return table, base
-    structural = [name for name, effect in EFFECTS.items() if effect.structure is not ModelStructure.ROPE]
+    structural = [name for name, effect in EFFECTS.items() if effect.structure.has_second_mode]
     for name in structural:
         table = _fit_guessed(table, context, base, name)
     found = [fit for name in structural if (fit := table.get(base.names | {name})) is not None]

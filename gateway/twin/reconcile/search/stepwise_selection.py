@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gateway.twin.effects import EFFECTS, ModelStructure
+from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext
 from gateway.twin.reconcile.search.events import NEARLY_EXPLAINED, fit_events_in_windows, needs_more, refine
@@ -128,5 +128,4 @@ def _eliminate_and_record(
 
 def _is_indispensable(name: str, without: CandidateFit, best: CandidateFit) -> bool:
     """Whether a mode of the motion is there beyond doubt."""
-    is_mode = EFFECTS[name].structure is not ModelStructure.ROPE
-    return is_mode and without.fit.chi2 > MAX_PARENT_CHI2_RATIO * best.fit.chi2
+    return EFFECTS[name].structure.has_second_mode and without.fit.chi2 > MAX_PARENT_CHI2_RATIO * best.fit.chi2
