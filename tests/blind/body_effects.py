@@ -36,4 +36,14 @@ def pivot_compliance(rng: Generator, rig: Rig, size: float) -> Effect:
     return Effect("pivot_compliance", asdict(structure), apply)
 
 
-BODIES: dict[str, Draw] = {draw.__name__: draw for draw in (load_inertia, pivot_compliance)}
+def rope_mass(rng: Generator, rig: Rig, size: float) -> Effect:
+    """A heavy rope, as a chain."""
+    rope_kg = size * float(rng.uniform(0.04, 0.2))
+
+    def apply(scene: Scene, _run: Generator) -> Scene:
+        return scene.with_mechanics(rope_kg=rope_kg, share=0.0)
+
+    return Effect("rope_mass", {"relative_density_1_m": rope_kg / rig.length_m}, apply)
+
+
+BODIES: dict[str, Draw] = {draw.__name__: draw for draw in (load_inertia, pivot_compliance, rope_mass)}

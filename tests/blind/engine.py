@@ -10,7 +10,9 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from tests.blind.mechanics import Array, Mechanics, Motion, Start, Structure
+from tests.blind.heavy_rope import chain_xml, slopes
+from tests.blind.mechanics import Array, Mechanics, Motion, Start
+from tests.blind.structure import bend, slides_xml
 
 STEP_S = 0.005
 COARSE_STEP_S = 0.02
@@ -67,16 +69,20 @@ def model_xml(mechanics: Mechanics, step_s: float) -> str:
     else:
         below = f'<joint type="ball"/>{_load(mechanics, -hook.rigging_length_m)}'
         end = f'{_point(hook.mass_ratio * LOAD_KG)}<body name="load">{below}</body>'
-    return f"""<mujoco>
-  <option timestep="{step_s}" gravity="0 0 {-mechanics.gravity_m_s2}" integrator="RK4"/>
-  <worldbody><body name="pivot">{_pivot_joints(mechanics)}
-    <body name="rope"><joint name="swing" type="ball"/>{_point(MASSLESS_KG)}
+    if mechanics.rope_kg:
+        rope = chain_xml(length_m, mechanics.position_m, mechanics.rope_kg, end)
+    else:
+        rope = f"""<body name="rope"><joint name="swing" type="ball"/>{_point(MASSLESS_KG)}
       {_housing("on_rope", -mechanics.position_m, mechanics)}
       <body name="end" pos="0 0 {-rope_m}">{_rope_joints(mechanics)}
         {_housing("with_load", rope_m - mechanics.position_m, mechanics)}
         {end}
       </body>
-    </body>
+    </body>"""
+    return f"""<mujoco>
+  <option timestep="{step_s}" gravity="0 0 {-mechanics.gravity_m_s2}" integrator="RK4"/>
+  <worldbody><body name="pivot">{_pivot_joints(mechanics)}
+    {rope}
   </body></worldbody>
   <sensor><accelerometer site="on_rope"/><accelerometer site="with_load"/></sensor>
 </mujoco>"""
@@ -125,24 +131,10 @@ def _point(mass_kg: float, height_m: float = 0.0) -> str:
 
 
 def _pivot_joints(mechanics: Mechanics) -> str:
-    return _driven(mechanics) + _yielding(mechanics)
-
-
-def _yielding(mechanics: Mechanics) -> str:
-    """A mass on a spring and a damper in each of two horizontal directions."""
-    structure = mechanics.structure
-    if structure is None:
-        return ""
-    cos, sin = np.cos(structure.azimuth_rad), np.sin(structure.azimuth_rad)
-    rate = 2 * np.pi * structure.frequency_hz
-    stiffness = [hanging_kg(mechanics) * mechanics.gravity_m_s2 / each for each in structure.deflection_m]
-    mass_kg = stiffness[0] / rate**2
-    slides = [
-        f'<joint name="{name}" type="slide" axis="{axis}" stiffness="{each}" '
-        f'damping="{2 * structure.damping_ratio * np.sqrt(each * mass_kg)}"/>'
-        for name, axis, each in zip(("soft", "stiff"), (f"{cos} {sin} 0", f"{-sin} {cos} 0"), stiffness, strict=True)
-    ]
-    return "".join(slides) + _point(mass_kg)
+    if mechanics.structure is None:
+        return _driven(mechanics)
+    slides, mass_kg = slides_xml(mechanics.structure, hanging_kg(mechanics) * mechanics.gravity_m_s2)
+    return _driven(mechanics) + slides + _point(mass_kg)
 
 
 def _driven(mechanics: Mechanics) -> str:
@@ -230,31 +222,39 @@ def _set_start(model: mujoco.MjModel, data: mujoco.MjData, mechanics: Mechanics,
             twist = model.joint(name)
             data.qpos[twist.qposadr[0]], data.qvel[twist.dofadr[0]] = start.twist_rad, start.twist_rate_rad_s
     if mechanics.structure is not None:
-        _bend(model, data, mechanics.structure, start)
+        bend(model, data, mechanics.structure, start)
     if mechanics.spring is not None:
         sag_m = mechanics.gravity_m_s2 / (2 * np.pi * mechanics.spring.frequency_hz) ** 2
         data.qpos[model.joint("stretch").qposadr[0]] = sag_m + start.stretch_m
+    if mechanics.rope_kg:
+        _bend_rope(model, data, mechanics.rope_kg, start)
     if mechanics.hook is not None:
         leans = (start.tilt_rad[0] + start.rigging_tilt_rad[0], start.tilt_rad[1] + start.rigging_tilt_rad[1])
         rigging, rigging_rate = _pose(leans, start.tilt_rate_rad_s, start.heading_rad)
-        inverse, relative = np.empty(4), np.empty(4)
-        mujoco.mju_negQuat(inverse, rope)
-        mujoco.mju_mulQuat(relative, inverse, rigging)
-        joint = model.body("load").jntadr[0]
-        place, speed = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
-        data.qpos[place : place + 4] = relative
-        data.qvel[speed : speed + 3] = _in_body(rigging, rigging_rate - rope_rate)
+        _turn(model, data, int(model.body("load").jntadr[0]), (rope, rope_rate), (rigging, rigging_rate))
 
 
-def _bend(model: mujoco.MjModel, data: mujoco.MjData, structure: Structure, start: Start) -> None:
-    """Let the structure give way to the rope's pull from the beginning, so that its own mode hardly rings."""
-    slope, rate = (np.array([*pair]) for pair in (start.tilt_rad, start.tilt_rate_rad_s))
-    soft = np.array([np.cos(structure.azimuth_rad), np.sin(structure.azimuth_rad)])
-    across = np.array([-soft[1], soft[0]])
-    for name, axis, deflection_m in zip(("soft", "stiff"), (soft, across), structure.deflection_m, strict=True):
-        joint = model.joint(name)
-        data.qpos[joint.qposadr[0]] = deflection_m * float(axis @ slope)
-        data.qvel[joint.dofadr[0]] = deflection_m * float(axis @ rate)
+def _bend_rope(model: mujoco.MjModel, data: mujoco.MjData, rope_kg: float, start: Start) -> None:
+    """Give the links the shape of the swing, so that the rope hardly rings as a string."""
+    above = None
+    for i, slope in enumerate(slopes(rope_kg / LOAD_KG)):
+        tilt, rate = ((slope * x, slope * y) for x, y in (start.tilt_rad, start.tilt_rate_rad_s))
+        link = _pose(tilt, rate, start.heading_rad)
+        joint = int(model.body(f"rope{i}").jntadr[0])
+        _turn(model, data, joint, above or (np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)), link)
+        above = link
+
+
+def _turn(
+    model: mujoco.MjModel, data: mujoco.MjData, joint: int, above: tuple[Array, Array], below: tuple[Array, Array]
+) -> None:
+    """Set a ball joint between two bodies by their poses and angular velocities in the world."""
+    inverse, relative = np.empty(4), np.empty(4)
+    mujoco.mju_negQuat(inverse, above[0])
+    mujoco.mju_mulQuat(relative, inverse, below[0])
+    place, speed = model.jnt_qposadr[joint], model.jnt_dofadr[joint]
+    data.qpos[place : place + 4] = relative
+    data.qvel[speed : speed + 3] = _in_body(below[0], below[1] - above[1])
 
 
 def _pose(tilt_rad: tuple[float, float], rate_rad_s: tuple[float, float], heading_rad: float) -> tuple[Array, Array]:

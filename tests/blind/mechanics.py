@@ -78,6 +78,8 @@ class Mechanics:
     gravity_m_s2: float
     gyration_m: float = 0.0
     """Radius of gyration of the load, which turns with the rope, about horizontal axes through its centre."""
+    rope_kg: float = 0.0
+    """Mass of the rope beside a load of 1 kg, as a chain of rigid links with damped joints."""
     share: float = 1.0
     """How much of a change of the rope's length the housing follows: 1 keeps its distance to the load, 0 to the pivot."""
     beside_m: tuple[float, float] = (0.0, 0.0)

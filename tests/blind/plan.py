@@ -13,7 +13,7 @@ CATALOGUE = {**MECHANICS, **BODIES, **SENSOR}
 
 ALIKE = (
     {"axis_offset", "mount_misalignment", "steady_wind", "cross_axis", "scale_error", "housing_position"},
-    {"rope_length", "load_inertia", "clock_drift", "housing_position", "sample_loss", "double_pendulum"},
+    {"rope_length", "load_inertia", "rope_mass", "clock_drift", "housing_position", "sample_loss", "double_pendulum"},
     {"viscous_damping", "quadratic_drag", "coulomb_friction"},
     {"wind_gust", "trolley_acceleration", "impact", "hoisting", "load_change"},
     {"slewing", "housing_spin"},
@@ -28,7 +28,7 @@ ALIKE = (
     {"lever_arm", "cross_axis"},
     {"lowpass_lag", "vibration"},
     {"rope_stretch", "hoisting", "load_change", "double_pendulum"},
-    {"rope_stretch", "rope_length", "load_inertia", "clock_drift", "housing_position"},
+    {"rope_stretch", "rope_length", "load_inertia", "rope_mass", "clock_drift", "housing_position"},
     *({"load_change", force} for force in ("steady_wind", "viscous_damping", "quadratic_drag", "coulomb_friction")),
 )
 """No pair is drawn from one of these: the two are not separable, one hides the other, or (the last) one changes the other."""

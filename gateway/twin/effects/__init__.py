@@ -12,7 +12,7 @@ from gateway.twin.effects.guess_context import EventWindow, GuessContext
 from gateway.twin.effects.housing import HousingPosition, HousingSpin, LeverArm, Slewing
 from gateway.twin.effects.housing_rocking import HousingRocking
 from gateway.twin.effects.housing_torsion import HousingTorsion
-from gateway.twin.effects.load import LoadInertia
+from gateway.twin.effects.load import LoadInertia, RopeMass
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values
 from gateway.twin.effects.pivot import PivotCompliance
 from gateway.twin.effects.pulse import Pulse, PulseEffect, duration, ramp_fraction, start
@@ -66,6 +66,7 @@ EFFECTS = EffectRegistry(
         Hoisting(),
         LoadChange(),
         LoadInertia(),
+        RopeMass(),
         HousingPosition(),
         LeverArm(),
         HousingSpin(),

@@ -5,6 +5,10 @@ MEASURE_TO_CENTRE = (
     "measure the length to the load's centre; or swing with another length: an error of the length keeps its share of the "
     "length, the load's inertia loses weight as the rope grows"
 )
+WEIGH_LOAD = (
+    "measure the rope and weigh rope and load; or swing with a heavier load on the same rope, which leaves an error of the "
+    "length as it is"
+)
 MEASURE_HOUSING = (
     "turn the sensor upside down at rest: an offset keeps its sign, a scale error does not; measure the housing's place"
 )

@@ -3,10 +3,12 @@
 import numpy as np
 import pytest
 
+from devices.pendulum.equations import acceleration_on_yielding_pivot
+from gateway.twin.effects import EFFECTS
 from gateway.twin.model import EffectValues, TwinRig
 from tests.blind.engine import simulate
 from tests.blind.mechanics import Hook, Mechanics, Start, Structure
-from tests.gateway.twin.swings import LENGTH_M, PERIOD_S, RIG, SWING_RATE, G, at_pivot, peaks, predicted
+from tests.gateway.twin.swings import LENGTH_M, RIG, SWING_RATE, G, at_pivot, peaks, predicted
 
 GYRATION_M = 2.5
 
@@ -20,13 +22,6 @@ def period_s(rig: TwinRig, effects: EffectValues, start: list[float], swings: in
 def test_period_of_a_load_with_inertia_is_that_of_a_compound_pendulum() -> None:
     found = period_s(at_pivot(), {"load_inertia": {"radius_of_gyration_m": GYRATION_M}}, [1e-3, 0, 0, 0])
     assert found == pytest.approx(2 * np.pi * np.sqrt((LENGTH_M**2 + GYRATION_M**2) / (G * LENGTH_M)), rel=1e-6)
-
-
-def test_inertia_gives_the_samples_of_a_longer_rope_while_no_length_changes() -> None:
-    time_s, start = np.arange(0, 40, 0.1), [0.3, -0.1, 0.05, 0.1, 0.2]
-    inertia = predicted(RIG, {"load_inertia": {"radius_of_gyration_m": GYRATION_M}}, start, time_s)
-    longer = {"rope_length": {"relative_error": GYRATION_M**2 / LENGTH_M**2}}
-    assert inertia == pytest.approx(predicted(RIG, longer, start, time_s), abs=1e-12)
 
 
 def test_hoisting_separates_inertia_from_a_longer_rope() -> None:
@@ -81,12 +76,22 @@ def test_two_periods_turn_an_ellipse_into_a_line_and_back_the_other_way_round() 
     assert turning[2] == pytest.approx(-turning[0], rel=0.02)
 
 
-def test_energy_stays_on_a_yielding_pivot() -> None:
-    """The load turns round at the same height after a hundred swings in the plane of the soft direction."""
-    effects = {"pivot_compliance": {"compliance_m": (0.6, 0.0, 0.1)}}
-    time_s = np.arange(0, 100 * PERIOD_S, 0.02)
-    _, height = peaks(time_s, predicted(at_pivot(), effects, [0.1, 0, 0, 0], time_s)[:, 0])
-    assert height[-1] == pytest.approx(height[0], rel=1e-5)
+def test_no_power_is_lost_on_a_yielding_pivot() -> None:
+    """E = n' (B^2 + k^2) n'/2 + g n C n/2 + g L n_z has no derivative, at any state and compliance."""
+    random = np.random.default_rng(3)
+    for _ in range(20):
+        n = random.normal(size=3)
+        n /= np.linalg.norm(n)
+        rate = np.cross(n, random.normal(size=3))
+        xx, xy, yy = random.uniform(-0.1, 0.5, 3)
+        compliance = np.array([[xx, xy, 0.0], [xy, yy, 0.0], [0.0, 0.0, 0.0]])
+        body = LENGTH_M, 0.0, GYRATION_M**2
+        state = (n[0], n[1], n[2]), (rate[0], rate[1], rate[2])
+        acceleration = acceleration_on_yielding_pivot(*state, (0.0, 0.0, -G), *body, (xx, xy, yy), G)
+        inertia = np.linalg.matrix_power(LENGTH_M * np.eye(3) + compliance, 2) + GYRATION_M**2 * np.eye(3)
+        power = rate @ inertia @ acceleration + G * rate @ compliance @ n + G * LENGTH_M * rate[2]
+        assert power == pytest.approx(0, abs=1e-10)
+        assert n @ np.array(acceleration) == pytest.approx(-rate @ rate, abs=1e-10)
 
 
 def test_stiff_limit_of_a_structure_with_a_mode_of_its_own_is_the_compliance() -> None:
@@ -101,3 +106,36 @@ def test_stiff_limit_of_a_structure_with_a_mode_of_its_own_is_the_compliance() -
     readings = motion.force_m_s2[::20] / G
     error_g, effect_g = (np.abs(readings - each)[settled].max() for each in (found, rigid))
     assert error_g < 0.02 * effect_g
+
+
+@pytest.mark.parametrize("mass_ratio", [0.02, 0.1])
+def test_heavy_rope_swings_faster_by_its_inertia_and_its_weight(mass_ratio: float) -> None:
+    """omega^2 = (g/L) (1 + mu/2)/(1 + mu/3)."""
+    effects = {"rope_mass": {"relative_density_1_m": mass_ratio / LENGTH_M}}
+    period = 2 * np.pi * np.sqrt(LENGTH_M / G * (1 + mass_ratio / 3) / (1 + mass_ratio / 2))
+    assert period_s(at_pivot(), effects, [1e-3, 0, 0, 0]) == pytest.approx(period, rel=1e-6)
+
+
+def test_chain_of_links_in_mujoco_has_the_period_of_the_heavy_rope_to_first_order() -> None:
+    mass_ratio = 0.1
+    mechanics = Mechanics(LENGTH_M, RIG.position_m, G, rope_kg=mass_ratio, share=0.0)
+    motion = simulate(mechanics, Start((1e-3, 0.0), (0.0, 0.0), 0.4), 60.0)
+    settled = motion.time_s > 12
+    time_s, reading = motion.time_s[settled], motion.force_m_s2[settled, 0]
+    upward = np.flatnonzero((reading[1:] > 0) & (reading[:-1] <= 0))
+    crossings_s = time_s[upward] - reading[upward] * (time_s[1] - time_s[0]) / (reading[upward + 1] - reading[upward])
+    effects = {"rope_mass": {"relative_density_1_m": mass_ratio / LENGTH_M}}
+    heavy, light = (period_s(at_pivot(), each, [1e-3, 0, 0, 0]) for each in (effects, {}))
+    assert float(np.diff(crossings_s).mean()) - heavy == pytest.approx(0, abs=mass_ratio / 4 * (light - heavy))
+
+
+@pytest.mark.parametrize(("name", "error"), [("load_inertia", 0.03), ("rope_mass", -0.03)])
+def test_equivalent_of_another_rope_length_gives_its_samples(name: str, error: float) -> None:
+    time_s, start = np.arange(0, 40, 0.1), [0.3, -0.1, 0.05, 0.1, 0.2]
+    same = EFFECTS[name].equivalent_values({"relative_error": error}, LENGTH_M)
+    assert same is not None
+    assert EFFECTS[name].equivalent_values({"relative_error": -error}, LENGTH_M) is None
+    other_length = {"rope_length": {"relative_error": error}}
+    assert predicted(RIG, {name: same}, start, time_s) == pytest.approx(
+        predicted(RIG, other_length, start, time_s), abs=1e-12
+    )

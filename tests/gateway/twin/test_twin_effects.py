@@ -52,6 +52,7 @@ VOCABULARY = {  # of the published interface
     "impact",
     "load_change",
     "load_inertia",
+    "rope_mass",
     "pivot_compliance",
     "axis_offset",
     "scale_error",
