@@ -28,12 +28,22 @@ class PivotCompliance(Effect):
             "compliance_m",
             "m",
             "C, deflection of the pivot under a horizontal force of the load's weight",
+            lower=0.0,
+            upper=10.0,
+            neutral=0.0,
+            scale=0.01,
+            typical=(0.15, 0.02),
+            components=("xx", "yy"),
+        ),
+        Parameter(
+            "coupling_m",
+            "m",
+            "C, deflection toward y under a force toward x",
             lower=-10.0,
             upper=10.0,
             neutral=0.0,
             scale=0.01,
-            typical=(0.15, 0.0, 0.02),
-            components=("xx", "xy", "yy"),
+            typical=0.02,
         ),
     )
 
@@ -43,5 +53,5 @@ class PivotCompliance(Effect):
 
     def pivot_compliance_m(self, p: Symbols) -> Vector:
         """Return the components of C."""
-        xx, xy, yy = p["compliance_m"]
-        return xx, xy, yy
+        xx, yy = p["compliance_m"]
+        return xx, p["coupling_m"], yy

@@ -50,7 +50,8 @@ def guess_pivot_compliance(context: GuessContext) -> list[Values]:
     rate_1_s = small_swing_rate_1_s(context.length_m, context.gravity_m_s2)
     soft_m = 2 * context.length_m * difference_rad_s / rate_1_s  # ω² = g/(L + c)
     cos, sin = rates / difference_rad_s
-    return [{"compliance_m": tuple(float(soft_m * each / 2) for each in (1 + cos, sin, 1 - cos))}]
+    along_x_m, coupling_m, along_y_m = (float(soft_m * each / 2) for each in (1 + cos, sin, 1 - cos))
+    return [{"compliance_m": (along_x_m, along_y_m), "coupling_m": coupling_m}]
 
 
 def _swing_frequency_hz(context: GuessContext) -> float | None:

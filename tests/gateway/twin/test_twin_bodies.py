@@ -52,7 +52,7 @@ def test_period_on_a_yielding_pivot_is_that_of_the_rope_and_the_deflection(
     direction: list[float], soft_m: float
 ) -> None:
     """omega^2 = g/(L + c) in each principal direction; a housing at r reads (L - r)/(L + c) of the angle."""
-    effects = {"pivot_compliance": {"compliance_m": (0.6, 0.0, 0.1)}}
+    effects = {"pivot_compliance": {"compliance_m": (0.6, 0.1)}}
     axis, period = int(direction[1] > 0), 2 * np.pi * np.sqrt((LENGTH_M + soft_m) / G)
     time_s = np.arange(0, 6.5 * period, 0.01)
     reading = predicted(RIG, effects, direction, time_s)[:, axis]
@@ -67,7 +67,7 @@ def test_two_periods_turn_an_ellipse_into_a_line_and_back_the_other_way_round() 
     rates = np.sqrt(G / np.array([LENGTH_M + soft_m, LENGTH_M]))
     half_beat_s = np.pi / (rates[1] - rates[0])
     time_s = np.array([3.5, half_beat_s / 2, half_beat_s])[:, None] + np.arange(-3.5, 3.5, 0.01)
-    effects = {"pivot_compliance": {"compliance_m": (soft_m, 0.0, 0.0)}}
+    effects = {"pivot_compliance": {"compliance_m": (soft_m, 0.0)}}
     reading = predicted(at_pivot(), effects, [1e-3, 0, 0, 1e-3 * rates[1]], time_s.ravel())[:, :2].reshape(3, -1, 2)
     x, y = reading[..., 0], reading[..., 1]
     turning = np.mean(x[:, :-1] * np.diff(y) - y[:, :-1] * np.diff(x), axis=1)
@@ -99,7 +99,7 @@ def test_stiff_limit_of_a_structure_with_a_mode_of_its_own_is_the_compliance() -
     structure = Structure(frequency_hz=8.0, damping_ratio=0.05, deflection_m=(0.3, 0.05), azimuth_rad=0.0)
     mechanics = Mechanics(LENGTH_M, RIG.position_m, G, structure=structure)
     motion = simulate(mechanics, Start((0.02, 0.01), (0.0, 0.01), 0.0), 30.0)
-    effects = {"pivot_compliance": {"compliance_m": (0.3, 0.0, 0.05)}}
+    effects = {"pivot_compliance": {"compliance_m": (0.3, 0.05)}}
     found = predicted(RIG, effects, [0.02, 0.01, 0, 0.01, 0], motion.time_s[::20])
     rigid = predicted(RIG, {}, [0.02, 0.01, 0, 0.01, 0], motion.time_s[::20])
     settled = slice(100, None)  # the structure's own mode has died away
