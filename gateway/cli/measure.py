@@ -1,6 +1,7 @@
 """`plumbline measure`: offline evaluation of a recording."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 from gateway.cli.interval import add_interval, interval
@@ -36,7 +37,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         "--rig",
         type=Path,
         metavar="RIG",
-        help="rig.toml with rope length and housing position (default: those in the gateway's .mcap)",
+        help="rig.toml with housing position and rope length, which may be left out (default: those in the gateway's .mcap)",
     )
     command.add_argument(
         "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
@@ -58,11 +59,14 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.measurement.measure import measure
     from gateway.measurement.motion_report import motion_table
     from gateway.measurement.report import as_json, as_text
-    from gateway.measurement.rig import read_rig
+    from gateway.measurement.rig_of_recording import read_rig_of_recording
     from gateway.measurement.source import read_source
 
-    rig = None if arguments.rig is None else read_rig(arguments.rig)
-    source = read_source(arguments.logs, rig, interval(arguments), table_options(arguments))
+    part, options = interval(arguments), table_options(arguments)
+    found = None if arguments.rig is None else read_rig_of_recording(arguments.rig, arguments.logs, part, options)
+    source = read_source(arguments.logs, None if found is None else found.rig, part, options)
+    if found is not None:
+        source = replace(source, remarks=(*source.remarks, *found.remarks))
     result = measure(source, with_motion=arguments.motion is not None)
     if arguments.motion is not None:
         if result.motion is None:

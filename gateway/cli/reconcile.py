@@ -85,7 +85,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     from gateway.cli.output import show, write_text
     from gateway.cli.progress import Progress
-    from gateway.measurement.rig import read_rig
+    from gateway.measurement.free_swing import cut_to_free_swing
+    from gateway.measurement.rig_of_recording import read_rig_of_recording
     from gateway.measurement.source import read_source
     from gateway.twin.model import model_of
     from gateway.twin.reconcile.data.data_checks import check_recording, model_from_recording
@@ -96,12 +97,17 @@ def run(arguments: argparse.Namespace) -> int:
     begin_s = time.monotonic()
     _check_files(arguments)
     load_user_effects(arguments)
-    rig = None if arguments.rig is None else read_rig(arguments.rig)
-    options = table_options(arguments)
-    source = read_source([arguments.log], rig, interval(arguments), options)
+    part, options = interval(arguments), table_options(arguments)
+    found = None if arguments.rig is None else read_rig_of_recording(arguments.rig, [arguments.log], part, options)
+    rig = None if found is None else found.rig
+    cut = cut_to_free_swing(read_source([arguments.log], rig, part, options))
+    source = cut.source
+    remarks = [*(() if found is None else found.remarks), *(() if cut.free_swing is None else source.remarks[-1:])]
     model = model_from_recording(source) if rig is None else model_of(rig, str(arguments.rig))
     log = check_recording(source, model.rig)
-    second_source = None if arguments.held_out is None else read_source([arguments.held_out], rig, options=options)
+    second_source = None
+    if arguments.held_out is not None:
+        second_source = cut_to_free_swing(read_source([arguments.held_out], rig, options=options)).source
     second = None if second_source is None else check_recording(second_source, model.rig)
     try:
         with Progress() as progress:
@@ -123,7 +129,8 @@ def run(arguments: argparse.Namespace) -> int:
         raise
     for path, text in texts.items():
         write_text(path, text)
-    show(to_text(result), to_json(result, runtime_s), arguments.json)
+    text = "\n".join([*(f"remark: {remark}" for remark in remarks), to_text(result)])
+    show(text, to_json(result, runtime_s) | {"remarks": remarks}, arguments.json)
     return 1 if result.verdict in ("unmodelled", "data_unusable") else 0
 
 

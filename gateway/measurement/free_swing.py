@@ -34,6 +34,7 @@ def cut_to_free_swing(source: Source) -> CutSource:
         source,
         recording=source.recording.part(start, stop),
         force_g=source.force_g[kept],
+        held_rows=None if source.held_rows is None else source.held_rows.part(start, stop),
         rate_rad_s=None if source.rate_rad_s is None else source.rate_rad_s[kept],
         remarks=(*source.remarks, describe_free_swing(source, found)),
     )

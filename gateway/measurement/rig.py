@@ -1,6 +1,7 @@
 """The file `rig.toml`: the nominal description of rope, housing, sensor and site."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,6 +16,8 @@ from gateway.numerics.array import Array
 from gateway.swing.model.mount import rotation
 from gateway.swing.rig import MountedHousing
 
+NO_LENGTH_M = 1e3
+"""Stands for a length that is not stated, while the rest of a rig is validated."""
 LARGEST_RHO = 2.0
 """Largest position of the housing relative to the nominal length: the hook may hang lower than the nominal length says."""
 BESIDE_U_M = 0.015
@@ -146,10 +149,24 @@ def _per_axis(stated: float | list[float] | None, unit: float, default: float) -
     return x, y, z
 
 
-def read_rig(path: Path) -> Rig:
-    """Return the rig of a file. Raises `InputError` with the place and the remedy."""
+def rig_without_length(path: Path) -> float | None:
+    """Return the site's gravity where a file states no rope length; None where it does, or is no rig."""
     try:
-        return Rig.model_validate(parse_toml(read_bounded(path, MAX_TOML_BYTES).decode()))
+        table = parse_toml(read_bounded(path, MAX_TOML_BYTES).decode())
+        if "length_m" in table.get("rope", {}):
+            return None
+        return Rig.model_validate(table | {"rope": {"length_m": NO_LENGTH_M}}).site.gravity_m_s2
+    except (OSError, ValueError, AttributeError):
+        return None
+
+
+def read_rig(path: Path, rope: Mapping[str, float] | None = None) -> Rig:
+    """Return the rig of a file, with values of the rope where the file states none. Raises `InputError` with the remedy."""
+    try:
+        table = parse_toml(read_bounded(path, MAX_TOML_BYTES).decode())
+        if rope is not None:
+            table = table | {"rope": dict(rope) | table.get("rope", {})}
+        return Rig.model_validate(table)
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except ValidationError as error:

@@ -47,6 +47,11 @@ class HeldRows:
     reading: NDArray[np.int64]
     """The reading that each row holds, counted from 0, shape (n,)."""
 
+    def part(self, start: int, stop: int) -> "HeldRows":
+        """Return the rows of the readings from `start` until before `stop`."""
+        kept = (self.reading >= start) & (self.reading < stop)
+        return HeldRows(self.time_s[kept], self.reading[kept] - start)
+
 
 @dataclass(frozen=True, slots=True)
 class Source:

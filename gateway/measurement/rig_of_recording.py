@@ -1,0 +1,45 @@
+"""The rig of a recording whose rope length may be left out of `rig.toml`: the period of the recording states it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from devices.foreign_table import NOTHING_STATED, TableOptions
+from gateway.errors import InputError
+from gateway.measurement.rig import Rig, read_rig, rig_without_length
+from gateway.measurement.source import read_source
+from gateway.recording.interval import WHOLE_RECORDING, RecordingInterval
+from gateway.swing.detection.rope_length import rope_length_by_period
+
+NOMINAL_RATIO, LARGEST_U_REL = 3.0, 0.2
+"""Standard uncertainty of the nominal length over that by the period, and the largest: the fit finds the length itself."""
+
+
+@dataclass(frozen=True, slots=True)
+class RigOfRecording:
+    """A rig, and what was found for it in a recording."""
+
+    rig: Rig
+    remarks: tuple[str, ...] = ()
+
+
+def read_rig_of_recording(
+    path: Path,
+    logs: Sequence[Path],
+    interval: RecordingInterval = WHOLE_RECORDING,
+    options: TableOptions = NOTHING_STATED,
+) -> RigOfRecording:
+    """Read a rig; a length that it does not state is that by the period of the recording. Raises `InputError`."""
+    gravity_m_s2 = rig_without_length(path)
+    if gravity_m_s2 is None:
+        return RigOfRecording(read_rig(path))
+    source = read_source(logs, None, interval, options)
+    found = rope_length_by_period(source.recording.time_s, source.force_g, gravity_m_s2)
+    if found is None:
+        raise InputError(f"{path}: rope.length_m is missing, and nothing in {source.name} repeats as a swing; state it")
+    u_rel = min(NOMINAL_RATIO * found.u_rel, LARGEST_U_REL)
+    remark = (
+        f"rope length {found.length_m:.3g} m +- {found.length_m * found.u_rel:.2g} m by the period of {found.period_s:.3g} s, "
+        "because the rig states none"
+    )
+    return RigOfRecording(read_rig(path, {"length_m": found.length_m, "length_u_rel": u_rel}), (remark,))

@@ -1,0 +1,25 @@
+"""The rope's length by the period."""
+
+import numpy as np
+import pytest
+
+from gateway.swing.detection.rope_length import rope_length_by_period
+from tests.gateway.swing.held_pendulum import GRAVITY_M_S2, readings_g, swing
+from tests.values import present
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize(("amplitude_deg", "length_m"), [(6.0, 12.0), (40.0, 0.4), (80.0, 0.8)])
+def test_the_length_is_that_of_the_period_with_the_amplitude(rho: float, amplitude_deg: float, length_m: float) -> None:
+    amplitude_rad = np.radians([amplitude_deg])
+    time_w0, motion = swing(amplitude_rad, 0 * amplitude_rad, np.array([0.002]), 12)
+    force_g, _ = readings_g(motion[:, 0], rho)
+    force_g = force_g + np.random.default_rng(1).normal(0.0, 0.001, force_g.shape)
+    found = present(rope_length_by_period(time_w0 * np.sqrt(length_m / GRAVITY_M_S2), force_g, GRAVITY_M_S2))
+    assert found.length_m == pytest.approx(length_m, rel=3 * found.u_rel)
+    assert found.u_rel < 0.06
+
+
+def test_a_load_at_rest_has_no_length() -> None:
+    still_g = np.array([0.0, 0.0, 1.0]) + np.random.default_rng(1).normal(0.0, 0.001, (2000, 3))
+    assert rope_length_by_period(np.arange(2000) / 50, still_g, GRAVITY_M_S2) is None
