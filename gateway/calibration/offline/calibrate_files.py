@@ -12,6 +12,7 @@ from gateway.calibration.offline.estimate_sensitivity import estimate_sensitivit
 from gateway.calibration.offline.readings_file import FileReadings
 from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
 from gateway.calibration.poses.pose import RawReadings
+from gateway.calibration.poses.pose_finder import READINGS_PER_POSE
 from gateway.calibration.procedures.pose_procedure import PoseProcedure
 from gateway.calibration.procedures.procedure_factory import make_procedure
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
@@ -68,10 +69,15 @@ def calibrate_files(files: Sequence[FileReadings], options: CalibrateOptions) ->
             notes.append(f"{one.path}: {one.n_skipped} rows could not be used")
         if len(procedure.progress().poses) == n_before:
             notes.append(f"{one.path}: no new pose found in it ({procedure.progress().text})")
+    n_poses = len(procedure.progress().poses)
+    if n_poses < procedure.rests:
+        notes.append(
+            f"{n_poses} of {procedure.rests} rests are used, at most {READINGS_PER_POSE} readings of each; the others were "
+            "turned by less than 5 degrees, were no new pose, or moved before their mean was known"
+        )
     try:
         fit = procedure.finish()
     except NotDeterminedError as error:
-        n_poses = len(procedure.progress().poses)
         where = str(files[0].path) if len(files) == 1 else f"{len(files)} files"
         raise NotDeterminedError("; ".join([f"{n_poses} poses in {where}: {error}", *notes])) from error
     return OfflineCalibration(fit, files[0].unit, nominal, tuple(notes))

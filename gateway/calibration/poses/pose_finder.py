@@ -90,6 +90,9 @@ class PoseFinder:
         """Whether the newest window is still."""
         self.text = PLACE_SENSOR
         """State of the pose for the rigger."""
+        self.rests = 0
+        """Number of rests that lasted long enough for a pose, whether or not one was taken."""
+        self._still_s = 0.0
         self._splitter = WindowSplitter()
         self._gate = StillnessGate(nominal.units_per_g)
         self._rest = _RestInterval()
@@ -123,6 +126,7 @@ class PoseFinder:
         """End the pose at the end of a segment of readings, and return it if its mean is good enough."""
         pose = self._end_rest()
         self._splitter.start_new_segment()
+        self._still_s = 0.0
         self._turned = True
         return [] if pose is None else [pose]
 
@@ -143,6 +147,7 @@ class PoseFinder:
             and np.linalg.norm(window.mean - self._last_mean) > MIN_TURN_G * self.nominal.units_per_g
         ):
             self._turned = True
+        self._count_rest(window)
         if window.after_gap or not self.still:
             return self._end_rest()
         if self._settling_windows > 0:
@@ -157,6 +162,11 @@ class PoseFinder:
         is_enough = self._rest.count >= READINGS_PER_POSE or float(np.max(self._rest.type_a())) <= self._target
         self.text = "hold still"
         return self._complete_pose() if is_enough and self._rest.duration_s >= MIN_REST_S else None
+
+    def _count_rest(self, window: Window) -> None:
+        before_s = self._still_s if self.still and not window.after_gap else 0.0
+        self._still_s = before_s + (window.end_s - window.start_s if self.still else 0.0)
+        self.rests += before_s < MIN_REST_S <= self._still_s
 
     @property
     def _target(self) -> float:

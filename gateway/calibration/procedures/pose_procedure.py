@@ -95,6 +95,11 @@ class PoseProcedure:
         if poses:
             self._finder.set_last_pose(poses[-1].mean)
 
+    @property
+    def rests(self) -> int:
+        """Number of rests in the readings so far that lasted long enough for a pose."""
+        return self._finder.rests
+
     def progress(self) -> PoseProgress:
         """Return the progress."""
         requested = self._plan.request_next(self._poses)

@@ -141,6 +141,15 @@ def test_a_nudge_does_not_start_another_pose() -> None:
     assert len(PoseFinder(NOMINAL).feed(make_readings(stream))) == 1
 
 
+def test_a_rest_without_a_turn_counts_as_a_rest_and_is_no_pose() -> None:
+    finder = PoseFinder(NOMINAL)
+    shake = np.array([0.05, 0, 0])
+    nudge = np.vstack([resting("+z", 4.0), resting("+z", 0.5) + shake, resting("+z", 0.5) - shake])
+    stream = np.vstack([turning(), nudge, resting("+z", 30.0), turning(), resting("-z", 0.5), turning()])
+
+    assert (len(finder.feed(make_readings(stream))), finder.rests) == (1, 2)
+
+
 def test_the_same_face_again_is_a_repeat() -> None:
     procedure = feed("six-position", make_readings(rest_on_faces(["+x", "-x", "+x"])))
     assert [pose.face for pose in procedure.progress().poses] == ["+x", "-x", "+x"]
