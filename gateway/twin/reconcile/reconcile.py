@@ -190,7 +190,7 @@ def _search_at_true_times(
         return None
     held_out = retime_validation(setting, lost, recordings.held_out)
     recordings = replace(recordings, log=lost.time_warp.retimed(recordings.log), held_out=held_out)
-    baseline = {name: run.context.baseline_effects[name] for name in detected}
+    baseline = {name: run.context.baseline_effects[name] for name in detected if name in run.context.baseline_effects}
     again = _begin(known, recordings, baseline, run.context.budget, tick)
     if again is None:
         return None

@@ -44,6 +44,8 @@ class Evidence:
     """Spectral lines remain although hardly more than noise is left."""
     necessary: frozenset[str]
     """Effects of the best set whose absence leaves a share of the gap open."""
+    baseline_closes_gap: bool
+    """The effects found without a search close a share of the gap of the nominal model; coarse steps alone close nothing."""
     closes_gap: bool
     """The best set closes nearly all of the gap on the selection part."""
 
@@ -86,6 +88,7 @@ def gather_evidence(
         baseline_leaves_excess=has_excess(seen_log, baseline.candidate.fit),
         best_leaves_lines=any(has_lines(*each) for each in on_both),
         necessary=_necessary_effects(best, baseline, fits, large_amplitude=large_amplitude),
+        baseline_closes_gap=_baseline_closes_gap(baseline.candidate, fits),
         closes_gap=_closes_gap(best, baseline, large_amplitude=large_amplitude),
     )
 
@@ -111,6 +114,14 @@ def _necessary_effects(
         if leaves_gap or leaves_excess or (large_amplitude and multiplies):
             found.add(name)
     return frozenset(found)
+
+
+def _baseline_closes_gap(baseline: CandidateFit, fits: Mapping[frozenset[str], CandidateFit]) -> bool:
+    nominal = fits.get(frozenset())
+    if nominal is None or not baseline.names:
+        return bool(baseline.names)
+    closed = nominal.reduced_chi2 - baseline.reduced_chi2
+    return closed > MIN_NECESSARY_SHARE * max(nominal.reduced_chi2 - 1, EXCESS_LINES)
 
 
 def _closes_gap(best: RankedCandidate, baseline: RankedCandidate, *, large_amplitude: bool) -> bool:

@@ -72,7 +72,8 @@ def _make(
     named: frozenset[str],
     candidates: frozenset[str] = frozenset(),
 ) -> Decision:
-    return Decision(verdict, reason, reason.value, model, tuple(sorted(named)), tuple(sorted(candidates)))
+    """Decide on a model; what it does not have, because it was eliminated, is not named."""
+    return Decision(verdict, reason, reason.value, model, tuple(sorted(named & model.names)), tuple(sorted(candidates)))
 
 
 def _baseline_wins(evidence: Evidence) -> bool:
@@ -86,7 +87,7 @@ def _baseline_unexplained(evidence: Evidence) -> bool:
 
 
 def _conclude_unexplained(evidence: Evidence) -> Decision:
-    verdict: Verdict = "named_with_remainder" if evidence.baseline_names else "unmodelled"
+    verdict: Verdict = "named_with_remainder" if evidence.baseline_closes_gap else "unmodelled"
     return _make(verdict, Reason.NOT_EXPLAINED, evidence.baseline, evidence.baseline_names)
 
 

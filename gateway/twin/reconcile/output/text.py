@@ -23,9 +23,9 @@ VERDICT_SENTENCES = {
 def to_text(result: Reconciliation) -> str:
     """A few lines."""
     named = tuple(effect.name for effect in result.effects)
-    names = result.candidates if result.verdict == "one_of" else named
+    names = {"one_of": result.candidates, "unmodelled": ()}.get(result.verdict, named)
     lines = [f"verdict      {_verdict(result, names)}".rstrip(), f"because      {result.reason}"]
-    if result.verdict == "one_of" and named:
+    if result.verdict in ("one_of", "unmodelled") and named:
         lines.append(f"also missing {', '.join(named)}")
     if result.verdict != "one_of" and result.candidates:
         lines.append(f"also missing one of {', '.join(result.candidates)}")

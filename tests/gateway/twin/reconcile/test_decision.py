@@ -36,6 +36,7 @@ def evidence(best: RankedCandidate, *rivals: RankedCandidate, **facts: Any) -> E
         "baseline_leaves_excess": True,
         "best_leaves_lines": False,
         "necessary": best.names,
+        "baseline_closes_gap": False,
         "closes_gap": True,
     }
     return Evidence(**(known | facts))
@@ -106,6 +107,26 @@ def test_a_set_that_does_not_improve_the_selection_part_is_not_named(log: Observ
     assert found.verdict == "none_missing"
     found = decided(log, evidence(ranked(0.0, "steady_wind"), improves_selection=False))
     assert found.verdict == "unmodelled"
+
+
+@pytest.mark.parametrize(("closes", "verdict"), [(True, "named_with_remainder"), (False, "unmodelled")])
+def test_what_the_samples_show_explains_only_what_it_closes(log: Observations, closes: bool, verdict: str) -> None:
+    base = ranked(0.0, "quantization", reduced_chi2=9.0)
+    found = decided(
+        log,
+        evidence(base, baseline=base, improves_selection=False, best_leaves_excess=True, baseline_closes_gap=closes),
+    )
+    assert (found.verdict, found.named) == (verdict, ("quantization",))
+
+
+def test_an_effect_that_was_eliminated_again_is_not_named(log: Observations) -> None:
+    baseline = ranked(90.0, "vibration", reduced_chi2=9.0)
+    facts = {"baseline": baseline, "best_leaves_excess": True, "necessary": frozenset({"vibration", "impact"})}
+    for found in (
+        decided(log, evidence(ranked(0.0, "impact"), **facts)),
+        decided(log, evidence(ranked(0.0, "impact"), **(facts | {"closes_gap": False}))),
+    ):
+        assert "vibration" not in found.named
 
 
 def test_the_only_set_that_explains_the_data_is_named(log: Observations) -> None:
