@@ -21,6 +21,7 @@ from gateway.twin.reconcile.data.recordings import Recordings, selection_part, t
 from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN, RankedCandidate
 from gateway.twin.reconcile.decision.verdict import Decision
 from gateway.twin.reconcile.equation.selection import FoundLaw
+from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
 from gateway.twin.reconcile.fit.validation import block_bootstrap_gain, evaluate_on_validation
 from gateway.twin.reconcile.output.data_parts import list_data_parts
 from gateway.twin.reconcile.output.equivalents import find_equivalents
@@ -70,11 +71,6 @@ class SearchOutcome:
     """What the crane did in the log, and in a second recording."""
     law: FoundLaw | None = None
     """The law of what no effect explains; part of the decision's model."""
-
-    @property
-    def noise_inflation(self) -> float:
-        """Noise inflation of the residual of the final model: what a law describes is no noise."""
-        return self.table.noise_inflation if self.law is None else self.law.noise_inflation
 
 
 def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.random.Generator) -> Reconciliation:
@@ -225,7 +221,7 @@ def named_effect(name: str, final: RankedCandidate, found: SearchOutcome) -> Nam
     simulator = found.context.setting.simulator(tuple(final.candidate.values))
     fit = final.candidate.fit
     sigma = np.zeros(len(simulator.parameters))
-    sigma[fit.free] = np.sqrt(np.maximum(np.diag(fit.covariance()), 0.0) * found.noise_inflation)
+    sigma[fit.free] = np.sqrt(np.maximum(np.diag(coloured_covariance(fit, found.recordings.log)), 0.0))
     of = {
         p.name: [
             s

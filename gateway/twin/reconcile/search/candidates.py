@@ -11,6 +11,7 @@ from gateway.twin.effects.crane_input import LENGTH_CORRECTION
 from gateway.twin.effects.parameter import Value
 from gateway.twin.effects.plausibility import implausibility
 from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.reparameterised_simulator import NO_LIMITS, Limits
@@ -156,12 +157,12 @@ def make_candidate(setting: FitContext, values: Values, fit: Fit) -> CandidateFi
     n_parameters += simulator.n_initial_states - setting.simulator(()).n_initial_states
     unexplained = warrants_another_effect(setting.log, fit)
     inputs = {name: model[name] for name in setting.crane_inputs}
-    limits = _length_limits(simulator, fit)
+    limits = _length_limits(simulator, fit, setting.log)
     reduced_chi2, doubt = fit.chi2 / setting.log.n_values, implausibility(fitted, setting.rig)
     return CandidateFit(fitted, fit, reduced_chi2, n_parameters, unexplained, doubt, inputs, limits)
 
 
-def _length_limits(simulator: Simulator, fit: Fit) -> Limits:
+def _length_limits(simulator: Simulator, fit: Fit, log: Observations) -> Limits:
     """Return the bounds of the fitted corrections of the rope's length by their labels."""
     chosen = [
         (i, spec) for i, spec in enumerate(simulator.parameters) if fit.free[i] and spec.parameter == LENGTH_CORRECTION
@@ -169,7 +170,7 @@ def _length_limits(simulator: Simulator, fit: Fit) -> Limits:
     if not chosen:
         return NO_LIMITS
     sigma = np.zeros(len(fit.values))
-    sigma[fit.free] = np.sqrt(np.maximum(np.diag(fit.covariance()), 0.0))
+    sigma[fit.free] = np.sqrt(np.maximum(np.diag(coloured_covariance(fit, log)), 0.0))
     return {
         spec.label: (
             max(spec.lower, float(fit.values[i] - LENGTH_SIGMAS * sigma[i])),
