@@ -65,7 +65,7 @@ def integrate(
     compiled: CompiledModel, initials: Array, p: Array, bounds_s: Sequence[tuple[float, float]]
 ) -> Trajectory:
     """Integrate from initial states (segments, z), each between two recorded times since the first sample."""
-    grids = [_grid(compiled, p, *bounds) for bounds in bounds_s]
+    grids = [_grid(compiled, initial, p, *bounds) for initial, bounds in zip(initials, bounds_s, strict=True)]
     pieces = [_integrate_segment(compiled, initial, p, grid) for initial, grid in zip(initials, grids, strict=True)]
     return Trajectory(
         grids,
@@ -91,8 +91,8 @@ def _integrate_segment(compiled: CompiledModel, initial: Array, p: Array, grid: 
     return starts, ends
 
 
-def _grid(compiled: CompiledModel, p: Array, from_s: float, until_s: float) -> IntegrationGrid:
+def _grid(compiled: CompiledModel, initial: Array, p: Array, from_s: float, until_s: float) -> IntegrationGrid:
     recorded = [np.array([from_s, until_s])]
     bounds = Times(compiled.true_time(recorded, p)[:, 0], compiled.true_time_by_p(recorded, p)[:, 0])
     times, times_by = (each.full() for each in compiled.discontinuities(p))
-    return make_grid(bounds, Times(times[:, 0], times_by), compiled.impulses, compiled.step_s(p))
+    return make_grid(bounds, Times(times[:, 0], times_by), compiled.impulses, compiled.step_s(p, initial))

@@ -21,6 +21,10 @@ from gateway.twin.simulator.symbolic_model import NominalRig
 Array = NDArray[np.float64]
 
 
+LARGEST_NUMBER = 1e100
+"""Value from which on a prediction or a derivative has diverged."""
+
+
 @dataclass(frozen=True, slots=True)
 class Linearisation:
     """A prediction with its derivatives."""
@@ -47,6 +51,12 @@ class SegmentBatch:
     """Shape (segments, z, z)."""
     ends_by_effects: Array
     """Shape (segments, z, effect values)."""
+
+    @property
+    def is_finite(self) -> bool:
+        """Whether no segment diverges, derivatives included: solvers need numbers whose squares are numbers."""
+        arrays = (self.force_g, self.ends, self.force_by_start, self.force_by_effects, self.ends_by_start)
+        return all(bool((np.abs(each) < LARGEST_NUMBER).all()) for each in (*arrays, self.ends_by_effects))
 
 
 class Simulator:
@@ -86,7 +96,7 @@ class Simulator:
 
     def step_s(self, values: Array) -> float:
         """Longest step of the integration at these values. Raises `IntegrationError` where none can follow them."""
-        return self._compiled.step_s(values[self.n_initial_states :])
+        return self._compiled.step_s(values[self.n_initial_states :], values[: self.n_initial_states])
 
     def neutral(self) -> Array:
         """Return the parameter vector of a load that hangs at rest without any effect, shape (values,)."""
@@ -138,6 +148,7 @@ class Simulator:
         batch = self.linearise_segments(values[None, :n], values[n:], time_s, [0], temperature_c)
         return Linearisation(batch.force_g, np.concatenate([batch.force_by_start, batch.force_by_effects], axis=2))
 
+    @np.errstate(over="ignore", invalid="ignore")  # see `SegmentBatch.is_finite`
     def linearise_segments(
         self,
         starts: Array,

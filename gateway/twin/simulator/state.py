@@ -7,10 +7,13 @@ and rates of the rigging, or the stretch and its rate.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
 
 from devices.pendulum import equations as eq
 from devices.pendulum.equations import Scalar, Vector
@@ -28,12 +31,6 @@ RIGGING_TILTS, RIGGING_RATES = slice(5, 7), slice(7, 9)
 """Positions in z of the rigging's tilts (x, y), and of their rates."""
 STRETCH, STRETCH_RATE = 5, 6
 """Positions in z of the stretch of an elastic rope, and of its rate."""
-
-
-def horizontal_pairs(structure: ModelStructure) -> tuple[slice, ...]:
-    """Return the pairs (x, y) of an initial state that rotate together when the world is turned about the vertical."""
-    rope = (ROPE_TILTS, ROPE_RATES)
-    return (*rope, RIGGING_TILTS, RIGGING_RATES) if structure is ModelStructure.RIGGING else rope
 
 
 def structure_of(effects: Iterable[Effect]) -> ModelStructure:
@@ -106,6 +103,27 @@ def initial_from_state(x: Expression, structure: ModelStructure) -> Expression:
     if structure is ModelStructure.ELASTIC:
         z += [state.stretch, state.stretch_rate]
     return ca.vertcat(*z)
+
+
+def swing_energy(z: NDArray[np.float64], small_swing_rate_1_s: float) -> float:
+    """Return the energy of the swing of an initial state over m g L: 1 - cos(amplitude) of a planar swing."""
+    (tilt_x, tilt_y), (rate_x, rate_y) = z[ROPE_TILTS], z[ROPE_RATES] / small_swing_rate_1_s
+    return float(1 - np.cos(tilt_x) * np.cos(tilt_y) + ((rate_x * np.cos(tilt_y)) ** 2 + rate_y**2) / 2)
+
+
+@lru_cache
+def rotation_about_vertical(structure: ModelStructure) -> Any:
+    """Return a function of an initial state and an angle in rad: the same state in a world rotated about the vertical."""
+    z, angle = ca.SX.sym("z", structure.n_initial_states), ca.SX.sym("angle")
+    cos, sin = ca.cos(angle), ca.sin(angle)
+
+    def turn(a: Vector) -> Vector:
+        return cos * a[0] - sin * a[1], sin * a[0] + cos * a[1], a[2]
+
+    state = State.of(state_from_initial(z, structure), structure)
+    turned = State(*map(turn, (state.n, state.n_rate, state.x_axis, state.m, state.m_rate)))
+    turned = replace(turned, stretch=state.stretch, stretch_rate=state.stretch_rate)
+    return ca.Function("rotation", [z, angle], [initial_from_state(turned.column(structure), structure)])
 
 
 def _direction(tilts: Expression, rates: Expression) -> tuple[Vector, Vector]:

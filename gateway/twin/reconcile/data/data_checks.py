@@ -18,6 +18,7 @@ from gateway.twin.reconcile.data.artefact_detectors import (
     regular_reading_times,
 )
 from gateway.twin.reconcile.data.observations import Observations, make_observations
+from gateway.twin.reconcile.data.swing_amplitude import NEIGHBOUR_RATIO, SAME_FREQUENCY_RATIO, has_axial_swing
 
 Array = NDArray[np.float64]
 MIN_PERIODS = 2.0
@@ -38,14 +39,10 @@ FREE_FALL_G = 0.3
 """Norm below which the rope is slack."""
 MAX_FREE_FALL_RHO = 0.7
 """Position over rope length up to which free fall is checked: nearer the load, the top of a large swing reads as little."""
-SAME_FREQUENCY_RATIO = 1.15
-"""Ratio of two frequencies up to which they are the same line."""
 WRONG_FREQUENCY_RATIO = 1.25
 """Ratio of the swing's frequency to the rig's from which the rig is wrong; the rope length is then wrong by 1.6."""
 MIN_POWER_SHARE = 0.01
 """Power at the rig's frequency, relative to the strongest line, from which the rig is right: a second mode may be stronger."""
-NEIGHBOUR_RATIO = 2.0
-"""Ratio of frequencies within which a weaker line at the rig's frequency is compared with its neighbours."""
 MIN_LINE_TO_NEIGHBOURS = 10.0
 """Power ratio to these neighbours from which the weaker line is the swing."""
 
@@ -175,7 +172,15 @@ def _hiding_step_g(force_g: Array, twin: TwinRig) -> float | None:
 
 
 def _find_swing_fault(time_s: Array, force_g: Array, twin: TwinRig) -> str | None:
-    """Return a fault where no swing exceeds the noise, or where its frequency is not that of the rig."""
+    """Return a fault where no swing exceeds the noise, or where its frequency is not that of the rig.
+
+    A swing shows across the rope, and along it at twice its frequency: near the load there alone.
+    """
+    fault = _find_lateral_fault(time_s, force_g, twin)
+    return None if fault is None or has_axial_swing(time_s, force_g, twin.small_swing_period_s) else fault
+
+
+def _find_lateral_fault(time_s: Array, force_g: Array, twin: TwinRig) -> str | None:
     duration_s, period_s = float(time_s[-1] - time_s[0]), twin.small_swing_period_s
     lateral_g = (force_g[:, :2] - force_g[:, :2].mean(axis=0)).T
     bin_samples = max(1, int(len(time_s) * SHORT_PERIODS * period_s / duration_s))

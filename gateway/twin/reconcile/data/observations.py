@@ -13,7 +13,7 @@ from gateway.numerics.stats import normal_quantile
 from gateway.twin.reconcile.data.swing_amplitude import (
     LARGE_AMPLITUDE_RAD,
     estimate_amplitude_rad,
-    has_swing_at_half_axial_frequency,
+    has_axial_reading_of_swing,
     make_upright,
 )
 
@@ -59,7 +59,7 @@ class Observations:
     @cached_property
     def has_large_amplitude(self) -> bool:
         """Whether only the right model follows the swing as one trajectory; never true of a load that bounces."""
-        return self.amplitude_rad > LARGE_AMPLITUDE_RAD and has_swing_at_half_axial_frequency(
+        return self.amplitude_rad > LARGE_AMPLITUDE_RAD and has_axial_reading_of_swing(
             self.time_s, make_upright(self.force_g)
         )
 

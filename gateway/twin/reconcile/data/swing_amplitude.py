@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.numerics.spectrum import ZERO_PADDING
+from devices.pendulum.small_swing import period_ratio
+from gateway.numerics.spectrum import ZERO_PADDING, periodogram
 
 Array = NDArray[np.float64]
 LARGE_AMPLITUDE_RAD = 0.45
@@ -19,6 +20,18 @@ HALF_FREQUENCY_TOLERANCE = 0.4
 """Relative tolerance within which the swing's frequency is half that of the axial reading."""
 MIN_SWING_POWER_SHARE = 0.1
 """Least share of the lateral power at the swing's frequency."""
+SAME_FREQUENCY_RATIO = 1.15
+"""Ratio of two frequencies up to which they are the same line."""
+NEIGHBOUR_RATIO = 2.0
+"""Ratio of frequencies within which a line is compared with its neighbours."""
+MIN_LINE_TO_NEIGHBOURS = 30.0
+"""Power over the median around it from which an axial line is a swing: noise alone gets there once in 10^9 frequencies."""
+MIN_LINE_SHARE = 0.01
+"""Power relative to the strongest axial line: a bounce may be stronger."""
+MIN_RELATIVE_FREQUENCY = 0.2
+"""Lowest frequency that counts, relative to the line's: slower is a drift."""
+MIN_RISE_TO_FALL = 1.5
+"""Rise of the axial reading above 1 g over its fall below, from which it is that of a swing: 2 rho for a housing at rho."""
 
 
 def make_upright(force_g: Array) -> Array:
@@ -41,15 +54,48 @@ def estimate_amplitude_rad(time_s: Array, force_g: Array, used: NDArray[np.bool_
 
     This holds wherever the housing is on the rope. Of the samples (n, 3) only those in `used` (n,) count.
     """
-    low_g = float(np.quantile(force_g[used & _is_initial(time_s), 2], AXIAL_QUANTILE))
-    return float(np.arccos(np.clip(low_g, -1.0, 1.0)))
+    return local_amplitude_rad(force_g[used & _is_initial(time_s)])
 
 
-def has_swing_at_half_axial_frequency(time_s: Array, force_g: Array) -> bool:
-    """Return whether the lateral readings have a line at half the frequency of the axial one.
+def local_amplitude_rad(force_g: Array) -> float:
+    """Return the amplitude of a swing in samples (n, 3) of about a period or more."""
+    return float(np.arccos(np.clip(float(np.quantile(force_g[:, 2], AXIAL_QUANTILE)), -1.0, 1.0)))
 
-    The rope force of a swing has two minima per period. A load that bounces on the rope has no such line.
+
+def has_axial_reading_of_swing(time_s: Array, force_g: Array) -> bool:
+    """Return whether the axial reading is that of a swing, and not of a load that bounces on the rope.
+
+    The rope force of a swing has two minima per period, so the lateral readings have a line at half its frequency. Near the load,
+    where they show no swing, the rope force rises twice as far above 1 g as it falls below, whereas a bounce is symmetric.
     """
+    return _has_lateral_line(time_s, force_g) or _rises_further_than_it_falls(force_g[_is_initial(time_s), 2])
+
+
+def has_axial_swing(time_s: Array, force_g: Array, small_swing_period_s: float) -> bool:
+    """Return whether the axial reading has a line at twice the frequency of a swing with this period and its amplitude.
+
+    It is strong beside the other lines of that reading, and stands out from the frequencies around it.
+    """
+    twice_hz = 2 / (small_swing_period_s * period_ratio(local_amplitude_rad(force_g)))
+    windowed = (force_g - force_g.mean(axis=0)) * np.hanning(len(force_g))[:, None]
+    frequency_hz, power = periodogram(time_s, windowed)
+    band = frequency_hz > MIN_RELATIVE_FREQUENCY * twice_hz
+    ratio, axial = np.abs(np.log(frequency_hz[band] / twice_hz)), power[band, 2]
+    at_line, around = ratio < np.log(SAME_FREQUENCY_RATIO), ratio < np.log(NEIGHBOUR_RATIO)
+    if not at_line.any():
+        return False
+    line = float(axial[at_line].max())
+    return line > MIN_LINE_SHARE * axial.max() and line > MIN_LINE_TO_NEIGHBOURS * float(
+        np.median(axial[around & ~at_line])
+    )
+
+
+def _rises_further_than_it_falls(axial_g: Array) -> bool:
+    low_g, high_g = np.quantile(axial_g, [AXIAL_QUANTILE, 1 - AXIAL_QUANTILE])
+    return bool(high_g - 1 > MIN_RISE_TO_FALL * (1 - low_g) > 0)
+
+
+def _has_lateral_line(time_s: Array, force_g: Array) -> bool:
     initial = force_g[_is_initial(time_s)]
     windowed = (initial - initial.mean(axis=0)) * np.hanning(len(initial))[:, None]
     power = np.abs(np.fft.rfft(windowed, ZERO_PADDING * len(initial), axis=0)) ** 2

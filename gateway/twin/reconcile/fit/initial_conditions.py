@@ -1,22 +1,43 @@
 """Initial guesses of the initial conditions of each segment, by a fit of that segment alone."""
 
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import ModelStructure
+from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.fit.harmonic_initial_states import harmonic_initial_states
 from gateway.twin.reconcile.fit.levenberg_marquardt import REFINEMENT_ITERATIONS, NormalEquations
 from gateway.twin.reconcile.fit.windowed_fit import initial_state_from_samples
 from gateway.twin.simulator.simulator import Simulator
-from gateway.twin.simulator.state import HEADING, horizontal_pairs
+from gateway.twin.simulator.state import HEADING, ROPE_RATES, ROPE_TILTS, rotation_about_vertical
 
 Array = NDArray[np.float64]
 LOCAL_DAMPING = 1e-4
 """Levenberg-Marquardt factor on the scaled diagonal, for segments that do not determine the whole initial state."""
+MIN_LATERAL_GAIN = 0.1
+"""Least |1 - p/L|, the lateral reading in g per unit of the tilt's sine, from which the lateral readings determine the state."""
+UNKNOWN_LATERAL_GAIN = 0.02
+"""|1 - p/L| up to which errors of length and position decide its sign."""
 MAX_LOCAL_STEP = 0.7
-"""Largest step of an angle or a rate, rad and rad/s."""
+"""Largest step of an angle, rad, and of a rate, rad/s; of a large swing or one at the load per angular frequency, if above 1."""
+MIN_LOCAL_DAMPING = 1e-9
+"""Least damping of a segment, after many steps that improve."""
+MIN_AZIMUTH_INFORMATION = 30.0
+"""Per square radian, from which the samples of a segment determine the azimuth: to 0.2 rad, and its sign beyond doubt."""
+SMALL_ANGLE_RAD = 1e-4
+"""Half the difference of two azimuths that gives a derivative."""
+MAX_LOCAL_DAMPING = 10.0
+"""Damping from which on no step improves."""
+DAMPING_STEP = 10.0
+"""Factor by which the damping of a segment falls after a step that improves, and rises after one that does not."""
+MIN_LOCAL_DECREASE = 1e-3
+"""Share of chi-square that a further step must take off: the fit only has to start the next one."""
+NONLINEAR_ITERATIONS = 30
+"""Iterations where the readings are not nearly linear in the initial state: a large swing, or one seen along the rope."""
 
 
 def segment_initial_conditions(
@@ -26,32 +47,154 @@ def segment_initial_conditions(
 
     The samples of one segment do not determine its heading. It is set so that the headings of consecutive segments agree.
     """
-    n_states = simulator.n_initial_states
-    initial_states = np.zeros((len(first_samples), n_states))
-    if observations.has_large_amplitude:
-        initial_states = initial_state_from_samples(simulator.rig, observations, first_samples, n_states)
-    free = np.arange(n_states) != HEADING
-    weight = (observations.used[:, None] / observations.noise_g)[:, :, None]
-    turns_rad = np.zeros(len(first_samples))
-    for _ in range(REFINEMENT_ITERATIONS):
-        batch = simulator.linearise_segments(
-            initial_states, effect_values, observations.time_s, first_samples, observations.temperature_c
+    n_states, rig = simulator.n_initial_states, simulator.rig
+    problem = (simulator, observations, effect_values, first_samples)
+    if abs(1 - rig.position_m / rig.length_m) < MIN_LATERAL_GAIN:
+        fitted = _fit_each_segment(*problem, harmonic_initial_states(rig, observations, first_samples, n_states))
+    elif observations.has_large_amplitude:
+        fitted = _fit_each_segment(*problem, initial_state_from_samples(rig, observations, first_samples, n_states))
+    else:
+        fitted = _refine_each_segment(*problem, np.zeros((len(first_samples), n_states)))
+    turned_rad = np.concatenate([[0.0], np.cumsum(fitted.ends[:-1, HEADING])])
+    starts = rotate_about_vertical(fitted.initial_states, turned_rad, simulator.structure)
+    ends = rotate_about_vertical(fitted.ends, turned_rad, simulator.structure)
+    undetermined = fitted.azimuth_information(simulator.structure) < MIN_AZIMUTH_INFORMATION
+    return _continue_azimuths(starts, ends, undetermined, simulator)
+
+
+@dataclass(frozen=True, slots=True)
+class _SegmentFits:
+    """Segments that are fitted one by one, at their best initial states so far."""
+
+    initial_states: Array
+    """Shape (segments, states)."""
+    ends: Array
+    """State of each segment at its end, shape (segments, states)."""
+    chi2: Array
+    """Shape (segments,)."""
+    equations: tuple[NormalEquations, ...]
+
+    def azimuth_information(self, structure: ModelStructure) -> Array:
+        """Return the increase of chi-square per square radian by which the azimuth of the swing is rotated, per segment."""
+        small_rad = np.full(len(self.initial_states), SMALL_ANGLE_RAD)
+        ahead, behind = (_rotate_azimuth(self.initial_states, sign * small_rad, structure) for sign in (1, -1))
+        by_rad = (ahead - behind) / (2 * SMALL_ANGLE_RAD)
+        return np.array([by @ each.normal @ by for by, each in zip(by_rad, self.equations, strict=True)])
+
+    def better_of(self, other: "_SegmentFits") -> "_SegmentFits":
+        """Return for each segment the better fit of two."""
+        taken = other.chi2 < self.chi2
+        equations = tuple(b if new else a for a, b, new in zip(self.equations, other.equations, taken, strict=True))
+        return _SegmentFits(
+            np.where(taken[:, None], other.initial_states, self.initial_states),
+            np.where(taken[:, None], other.ends, self.ends),
+            np.where(taken, other.chi2, self.chi2),
+            equations,
         )
-        residual, jacobian = observations.residual_sigma(batch.force_g), batch.force_by_start * weight
-        for i, (first, last) in enumerate(pairwise([*first_samples, len(residual)])):
-            equations = NormalEquations.from_jacobian(jacobian[first:last], residual[first:last])
-            initial_states[i] += np.clip(equations.step(free, LOCAL_DAMPING), -MAX_LOCAL_STEP, MAX_LOCAL_STEP)
-        turns_rad = batch.ends[:, HEADING]
-    turned_rad = np.concatenate([[0.0], np.cumsum(turns_rad[:-1])])
-    return rotate_about_vertical(initial_states, turned_rad, simulator.structure)
+
+
+def _refine_each_segment(
+    simulator: Simulator,
+    observations: Observations,
+    effect_values: Array,
+    first_samples: list[int],
+    initial_states: Array,
+) -> _SegmentFits:
+    """Fit the initial state of each segment, in which the readings are nearly linear (Gauss-Newton)."""
+    free = np.arange(simulator.n_initial_states) != HEADING
+    fits = _linearise_each(simulator, observations, initial_states, effect_values, first_samples)
+    for _ in range(REFINEMENT_ITERATIONS):
+        steps = [each.step(free, LOCAL_DAMPING) for each in fits.equations]
+        initial_states = fits.initial_states + np.clip(steps, -MAX_LOCAL_STEP, MAX_LOCAL_STEP)
+        fits = _linearise_each(simulator, observations, initial_states, effect_values, first_samples)
+    return fits
+
+
+def _fit_each_segment(
+    simulator: Simulator,
+    observations: Observations,
+    effect_values: Array,
+    first_samples: list[int],
+    initial_states: Array,
+) -> _SegmentFits:
+    """Fit the initial state of each segment by steps of its own, with its own damping (Levenberg-Marquardt)."""
+    free = np.arange(simulator.n_initial_states) != HEADING
+    limit = np.full(simulator.n_initial_states, MAX_LOCAL_STEP)
+    limit[ROPE_RATES] *= max(1.0, simulator.rig.small_swing_rate_1_s)
+    fits = _linearise_each(simulator, observations, initial_states, effect_values, first_samples)
+    damping = np.full(len(first_samples), LOCAL_DAMPING)
+    for _ in range(NONLINEAR_ITERATIONS):
+        steps = [each.step(free, factor) for each, factor in zip(fits.equations, damping, strict=True)]
+        proposed = fits.initial_states + np.clip(steps, -limit, limit)
+        after = fits.better_of(_linearise_each(simulator, observations, proposed, effect_values, first_samples))
+        decrease = fits.chi2 - after.chi2
+        damping = np.where(decrease > 0, np.maximum(damping / DAMPING_STEP, MIN_LOCAL_DAMPING), damping * DAMPING_STEP)
+        fits = after
+        improves, may_improve = (
+            decrease > MIN_LOCAL_DECREASE * fits.chi2,
+            (decrease == 0) & (damping < MAX_LOCAL_DAMPING),
+        )
+        if not (improves | may_improve).any():
+            break
+    return fits
+
+
+@np.errstate(over="ignore", invalid="ignore")  # a step to a trajectory that diverges is not taken
+def _linearise_each(
+    simulator: Simulator,
+    observations: Observations,
+    initial_states: Array,
+    effect_values: Array,
+    first_samples: list[int],
+) -> _SegmentFits:
+    batch = simulator.linearise_segments(
+        initial_states, effect_values, observations.time_s, first_samples, observations.temperature_c
+    )
+    weight = (observations.used[:, None] / observations.noise_g)[:, :, None]
+    residual, jacobian = observations.residual_sigma(batch.force_g), batch.force_by_start * weight
+    parts = list(pairwise([*first_samples, len(residual)]))
+    equations = tuple(NormalEquations.from_jacobian(jacobian[a:b], residual[a:b]) for a, b in parts)
+    is_finite = np.array([np.isfinite(each.normal).all() and np.isfinite(each.gradient).all() for each in equations])
+    chi2 = np.array([(residual[first:last] ** 2).sum() for first, last in parts])
+    return _SegmentFits(initial_states, batch.ends, np.where(is_finite, chi2, np.inf), equations)
+
+
+def _continue_azimuths(starts: Array, ends: Array, undetermined: NDArray[np.bool_], simulator: Simulator) -> Array:
+    """Return the initial states with each azimuth that the samples do not determine such that the swing continues.
+
+    At the load, the readings do not depend on the azimuth of the swing in the housing's axes.
+    """
+    before, after = (_horizontal(each, simulator.rig.small_swing_rate_1_s) for each in (ends[:-1], starts[1:]))
+    turns_rad = np.zeros(len(starts))
+    for i in np.flatnonzero(undetermined[1:]):
+        turns_rad[i + 1] = turns_rad[i] + np.angle(np.conj(after[i]) @ before[i])
+    return _rotate_azimuth(starts, turns_rad, simulator.structure)
+
+
+def _horizontal(states: Array, small_swing_rate_1_s: float) -> NDArray[np.complex128]:
+    """Return tilts, and rates per angular frequency of the swing, as x + iy, shape (segments, 2)."""
+    tilts, rates = states[:, ROPE_TILTS], states[:, ROPE_RATES] / small_swing_rate_1_s
+    return np.stack([tilts[:, 0] + 1j * tilts[:, 1], rates[:, 0] + 1j * rates[:, 1]], axis=1)
 
 
 def rotate_about_vertical(initial_states: Array, angle_rad: Array, structure: ModelStructure) -> Array:
     """Return initial states (segments, states) in a world rotated about the vertical; they give the same samples."""
-    rotated = initial_states.copy()
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    for pair in horizontal_pairs(structure):
-        x, y = initial_states[:, pair].T
-        rotated[:, pair] = np.stack([cos * x - sin * y, sin * x + cos * y], axis=1)
-    rotated[:, HEADING] += angle_rad
+    rotated: Array = rotation_about_vertical(structure)(initial_states.T, angle_rad[None]).full().T
+    return rotated
+
+
+def hides_sign_of_swing(rig: TwinRig) -> bool:
+    """Return whether the rig leaves open on which side of the load the housing is, and so to which side it swings."""
+    return abs(1 - rig.position_m / rig.length_m) < UNKNOWN_LATERAL_GAIN
+
+
+def reverse_swing(initial_states: Array, structure: ModelStructure) -> Array:
+    """Return initial states (segments, states) of the opposite swing; at the load it gives the same samples."""
+    return _rotate_azimuth(initial_states, np.full(len(initial_states), np.pi), structure)
+
+
+def _rotate_azimuth(initial_states: Array, angle_rad: Array, structure: ModelStructure) -> Array:
+    """Return initial states (segments, states) with the swing rotated about the vertical and the housing turned back."""
+    rotated = rotate_about_vertical(initial_states, angle_rad, structure)
+    rotated[:, HEADING] -= angle_rad
     return rotated

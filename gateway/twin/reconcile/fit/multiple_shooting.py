@@ -154,7 +154,7 @@ class _ShootingProblem:
     tick: Callable[[], None]
 
     def linearise(self, initial_states: Array, effect_values: Array, first_samples: Sequence[int]) -> _Iterate:
-        """Return an iterate. Raises `IntegrationError` where it cannot be simulated."""
+        """Return an iterate. Raises `IntegrationError` where it cannot be simulated, or diverges."""
         batch = self.simulator.linearise_segments(
             initial_states,
             effect_values,
@@ -162,6 +162,8 @@ class _ShootingProblem:
             first_samples,
             self.observations.temperature_c,
         )
+        if not batch.is_finite:
+            raise IntegrationError("the trajectory diverges from these values")
         system = condense(batch, self.observations, initial_states, first_samples)
         return _Iterate(initial_states, effect_values, first_samples, system, system.chi2)
 

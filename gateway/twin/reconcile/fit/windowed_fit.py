@@ -17,6 +17,7 @@ from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.data_checks import MIN_PERIODS
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS
+from gateway.twin.simulator.compiled_model import IntegrationError
 from gateway.twin.simulator.simulator import SegmentBatch, Simulator
 from gateway.twin.simulator.state import HEADING, ROPE_RATES, ROPE_TILTS
 
@@ -25,10 +26,11 @@ LOWEST_POINT_SEARCH_PERIODS = 0.55
 """Length of the interval, in periods, in which a lowest point is searched: there are two in each period."""
 RATE_INTERVAL_PERIODS = 0.02
 """Interval over which the difference of two tilts gives a rate, in periods."""
-MIN_LATERAL_GAIN = 0.1
-"""Smallest lateral reading, in g per unit of the tilt's sine, from which a tilt is computed."""
 STEP_FRACTIONS = (1.0, 0.3, 0.1)
 """Fractions of a step that are tried in turn until chi-square falls."""
+RANK_TOLERANCE = 1e-5
+"""Singular value, relative to the largest, below which samples do not determine a combination of values, such as the azimuth of a
+swing seen at the load."""
 MIN_RELATIVE_GAIN = 1e-3
 """A windowed fit ends when a step lowers chi-square by less than this share; it only has to start the next fit."""
 
@@ -58,12 +60,10 @@ def initial_state_from_samples(
 ) -> Array:
     """Return the tilts and rates that the lateral readings show at the first samples of windows, shape (windows, states).
 
-    The lateral reading of a free swing is (1 - p/L) sin(tilt) in g. Near the load it is too small; the states are then zero.
+    The lateral reading of a free swing is (1 - p/L) sin(tilt) in g, which is too small near the load.
     """
     initial_states = np.zeros((len(first_samples), n_states))
     gain = 1 - rig.position_m / rig.length_m
-    if gain < MIN_LATERAL_GAIN:
-        return initial_states
     interval_s = RATE_INTERVAL_PERIODS * swing_period_s(rig, observations)
     ahead = max(1, int(np.searchsorted(observations.time_s, interval_s)))
     at = np.minimum(np.array(first_samples), len(observations.time_s) - 1 - ahead)
@@ -95,7 +95,7 @@ class FitWindow:
     def state_step(self, effect_step: Array) -> Array:
         """Return the step of the whole initial state (states,) that goes with a step of the effect values."""
         remaining = self.residual - self.by_effects @ effect_step
-        step = np.linalg.lstsq(self.by_state, remaining, rcond=None)[0]
+        step = np.linalg.lstsq(self.by_state, remaining, rcond=RANK_TOLERANCE)[0]
         return np.asarray(np.insert(step, HEADING, 0.0), dtype=np.float64)
 
 
@@ -127,10 +127,12 @@ def fit_windows(
     """Return the fitted initial states (windows, states) and effect values (k,), and the linearisation there.
 
     Of the effect values those in `free` (k,) are fitted, inside their bounds, by Gauss-Newton with the initial states eliminated.
-    Raises `LinAlgError` and `ValueError` as the solver and the simulator do.
+    Raises `LinAlgError` as the solver does, and `IntegrationError` where the windows diverge.
     """
     time_s, temperature_c = observations.time_s, observations.temperature_c
     batch = simulator.linearise_segments(initial_states, effect_values, time_s, first_samples, temperature_c)
+    if not batch.is_finite:
+        raise IntegrationError("the trajectories of the windows diverge from these values")
     chi2 = observations.chi2(batch.force_g)
     for _ in range(FIT_ITERATIONS):
         windows = split_windows(batch, observations, first_samples)
@@ -144,7 +146,7 @@ def fit_windows(
                 effect_values + fraction * effect_step,
             )
             after = simulator.linearise_segments(states_after, effects_after, time_s, first_samples, temperature_c)
-            gain = chi2 - observations.chi2(after.force_g)
+            gain = chi2 - observations.chi2(after.force_g) if after.is_finite else 0.0
             if gain > 0:
                 initial_states, effect_values, batch, chi2 = states_after, effects_after, after, chi2 - gain
                 break
@@ -174,7 +176,7 @@ def _effect_step(
     if not free.any():
         return step
     by_effects, residual = _stack_projected(windows)
-    step[free] = np.linalg.lstsq(by_effects[:, free], residual, rcond=None)[0]
+    step[free] = np.linalg.lstsq(by_effects[:, free], residual, rcond=RANK_TOLERANCE)[0]
     lower = np.array([parameter.lower for parameter in simulator.effect_parameters])
     upper = np.array([parameter.upper for parameter in simulator.effect_parameters])
     inside: Array = np.clip(effect_values + step, lower, upper) - effect_values

@@ -1,0 +1,162 @@
+"""Initial states of segments from harmonics, for a housing near the load.
+
+There the readings across the rope hardly show the swing: the rope's force shows it, at twice the swing's frequency. With the
+load's displacement over the rope's length Re(X exp(i w t)) and a housing at rho (Łuczak et al. 2022, section 8, inverted)
+
+    f_x,y = (1 - rho) u - drag        f_z = 1 + (rho/2 - 1/4) |X|^2 - (rho/2 + 1/4) Re(X . X exp(2 i w t))
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.pendulum.small_swing import period_ratio
+from gateway.twin.model import TwinRig
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.data.swing_amplitude import local_amplitude_rad
+from gateway.twin.simulator.state import ROPE_RATES, ROPE_TILTS
+
+Array = NDArray[np.float64]
+Complex = NDArray[np.complex128]
+WINDOW_PERIODS = 3.0
+"""Length of the interval, from the start of a segment, in which the harmonics are fitted."""
+VISIBLE_SIGMA = 5.0
+"""Standard uncertainties from which a harmonic is used."""
+MIN_AXIS_RATIO = 0.05
+"""Least minor over major axis that a fit starts from: from a planar swing it finds no other, because the slope is zero there."""
+LARGEST_HORIZONTAL = 0.99
+"""Horizontal part of the rope's direction that a fit starts from at most: 82 degrees."""
+LARGEST_CHORD = 1.9
+"""Of an amplitude, 2 sin(amplitude/2): 144 degrees."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Swing:
+    """A swing at the start of a segment."""
+
+    amplitude_rad: float
+    phase_rad: float
+    """The tilt is amplitude cos(phase)."""
+    rate_1_s: float
+    """Angular frequency at this amplitude."""
+    azimuth_rad: float | None
+    """Direction in the housing's axes; None: the readings across the rope do not show it."""
+    axis_ratio: float
+    """Minor over major axis, positive where the swing turns from x to y."""
+
+
+def harmonic_initial_states(
+    rig: TwinRig, observations: Observations, first_samples: Sequence[int], n_states: int
+) -> Array:
+    """Return the tilts and rates at the first samples of segments, shape (segments, states); zero where no swing shows.
+
+    The axial force shows neither the azimuth nor the sign. The readings across the rope give them where they show the swing,
+    or a drag, which opposes the motion; elsewhere the swing continues that of the segment before.
+    """
+    initial_states = np.zeros((len(first_samples), n_states))
+    azimuth_rad, before, before_s = 0.0, None, 0.0
+    for i, (first, last) in enumerate(pairwise([*first_samples, len(observations.time_s)])):
+        swing = _fit_swing(rig, observations, first, last)
+        if swing is None:
+            continue
+        start_s = float(observations.time_s[first])
+        if swing.azimuth_rad is not None:
+            azimuth_rad = swing.azimuth_rad
+        elif before is not None and _is_reversed(before, swing, start_s - before_s):
+            azimuth_rad += np.pi
+        before, before_s = swing, start_s
+        across, across_rate = _horizontal(swing, rig.small_swing_rate_1_s)
+        direction = np.exp(1j * azimuth_rad)
+        initial_states[i, ROPE_TILTS], initial_states[i, ROPE_RATES] = _tilts(
+            across * direction, across_rate * direction
+        )
+    return initial_states
+
+
+def _fit_swing(rig: TwinRig, observations: Observations, first: int, last: int) -> _Swing | None:
+    """Return the swing at the start of a segment; None where neither harmonic exceeds the noise."""
+    time_s, used = observations.time_s[first:last] - observations.time_s[first], observations.used[first:last]
+    chosen = used & (time_s <= WINDOW_PERIODS * rig.small_swing_period_s)
+    if chosen.sum() < 4:
+        return None
+    force_g = observations.force_g[first:last][chosen]
+    rate_1_s = rig.small_swing_rate_1_s / period_ratio(local_amplitude_rad(force_g))
+    angle = rate_1_s * time_s[chosen]
+    (_, across), ([mean_g], [along]) = _harmonic(angle, force_g[:, :2]), _harmonic(2 * angle, force_g[:, 2:])
+    u_g = observations.noise_g * np.sqrt(2 / chosen.sum())
+    rho = rig.position_m / rig.length_m
+    seen_across = bool((np.abs(across) > VISIBLE_SIGMA * u_g[:2]).any())
+    direction, sideways = _principal_axis(across)
+    if abs(along) > VISIBLE_SIGMA * u_g[2]:
+        square = -along / (rho / 2 + 0.25)
+        size = max(float(mean_g - 1) / (rho / 2 - 0.25), abs(square))  # |X|^2
+        phase_rad = float(np.angle(square)) / 2
+        amplitude_rad = 2 * float(np.arcsin(min(np.sqrt((size + abs(square)) / 2), LARGEST_CHORD) / 2))
+        if not seen_across:
+            axis_ratio = float(np.sqrt((size - abs(square)) / (size + abs(square))))
+            return _Swing(amplitude_rad, phase_rad, rate_1_s, None, max(axis_ratio, MIN_AXIS_RATIO))
+        relative = sideways * np.exp(-1j * phase_rad)
+        is_expected = abs(1 - rho) * amplitude_rad > VISIBLE_SIGMA * float(u_g[:2].mean())
+        is_displacement = is_expected or abs(relative.real) > abs(relative.imag)
+        agrees = (relative.real > 0) == (rho <= 1) if is_displacement else relative.imag < 0
+        azimuth_rad = float(np.angle(direction)) + (0.0 if agrees else np.pi)
+        return _Swing(amplitude_rad, phase_rad, rate_1_s, azimuth_rad, _axis_ratio(across, sideways))
+    if seen_across and rho != 1:
+        displacement = sideways / (1 - rho)
+        amplitude_rad = min(float(abs(displacement)), local_amplitude_rad(force_g))
+        azimuth_rad, axis_ratio = float(np.angle(direction)), _axis_ratio(across, sideways)
+        return _Swing(amplitude_rad, float(np.angle(displacement)), rate_1_s, azimuth_rad, axis_ratio)
+    return None
+
+
+def _harmonic(angle: Array, values_g: Array) -> tuple[Array, Complex]:
+    """Return mean and c of values (n, columns) = mean + Re(c exp(i angle)), each of shape (columns,)."""
+    basis = np.stack([np.ones_like(angle), np.cos(angle), np.sin(angle)], axis=1)
+    mean, cosine, sine = np.linalg.lstsq(basis, values_g, rcond=None)[0]
+    return mean, cosine - 1j * sine
+
+
+def _principal_axis(across: Complex) -> tuple[complex, complex]:
+    """Return the direction x + iy of the largest motion across the rope, and the phasor along it."""
+    x, y = across
+    azimuth_rad = 0.5 * float(np.arctan2(2 * (x * np.conj(y)).real, abs(x) ** 2 - abs(y) ** 2))
+    return complex(np.exp(1j * azimuth_rad)), complex(np.cos(azimuth_rad) * x + np.sin(azimuth_rad) * y)
+
+
+def _axis_ratio(across: Complex, sideways: complex) -> float:
+    """Return minor over major axis of the ellipse of the readings across the rope, but not zero."""
+    ratio = -float((np.conj(across[0]) * across[1]).imag) / abs(sideways) ** 2
+    return ratio if abs(ratio) > MIN_AXIS_RATIO else MIN_AXIS_RATIO
+
+
+def _is_reversed(before: _Swing, after: _Swing, elapsed_s: float) -> bool:
+    """Return whether a swing continues an earlier one with the opposite sign."""
+    rate_1_s = (before.rate_1_s + after.rate_1_s) / 2
+    return bool(np.cos(before.phase_rad + rate_1_s * elapsed_s - after.phase_rad) < 0)
+
+
+def _horizontal(swing: _Swing, small_swing_rate_1_s: float) -> tuple[complex, complex]:
+    """Return the horizontal part of the rope's direction and its rate, along the azimuth and across it.
+
+    The rate along it follows from the energy of a pendulum.
+    """
+    amplitude, phase = swing.amplitude_rad, swing.phase_rad
+    tilt, minor = amplitude * np.cos(phase), swing.axis_ratio * np.sin(amplitude)
+    energy = max(2 * (np.cos(tilt) - np.cos(amplitude)), 0.0)
+    rate = -np.sign(np.sin(phase)) * small_swing_rate_1_s * np.sqrt(energy)
+    horizontal = complex(np.sin(tilt), minor * np.sin(phase))
+    horizontal *= min(1.0, LARGEST_HORIZONTAL / max(abs(horizontal), 1e-12))
+    return horizontal, complex(np.cos(tilt) * rate, minor * swing.rate_1_s * np.cos(phase))
+
+
+def _tilts(horizontal: complex, rate: complex) -> tuple[tuple[float, float], tuple[float, float]]:
+    """Return the tilts of a rope with this horizontal part x + iy of its direction, and their rates."""
+    x, y, x_rate, y_rate = horizontal.real, horizontal.imag, rate.real, rate.imag
+    down = np.sqrt(1 - x**2 - y**2)
+    down_rate = -(x * x_rate + y * y_rate) / down
+    cos_y_squared = 1 - y**2
+    rates = (x_rate * down - x * down_rate) / cos_y_squared, y_rate / np.sqrt(cos_y_squared)
+    return (float(np.arctan2(x, down)), float(np.arcsin(y))), (float(rates[0]), float(rates[1]))
