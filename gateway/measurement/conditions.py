@@ -37,7 +37,9 @@ class ConditionSummary:
 def summarise_conditions(source: Source) -> ConditionSummary:
     """Judge every window of a recording and return the most frequent verdict."""
     by_verdict: dict[str, list[ConditionResult]] = defaultdict(list)
-    for result in _judge_windows(source):
+    windows_judged = list(_judge_windows(source))
+    later = [result for result in windows_judged if result.gates.get("enough_data", True)]
+    for result in later or windows_judged:  # the first windows of a recording are always too short
         by_verdict[result.verdict].append(result)
     if not by_verdict:
         return ConditionSummary("unknown", None, ("less than a second of data",), {})

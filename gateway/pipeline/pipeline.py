@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
+from gateway.errors import InputError
 from gateway.messages import NO_SESSION, CalibrationSession
 from gateway.packing import pack
 from gateway.pipeline import compose
@@ -62,7 +63,13 @@ class Pipeline:
         self._correction = correction
         self._headers = headers
         self._stale_ns = round(configuration.alerts.stale_s * 1e9)
-        lowpass = LowPass(configuration.filter.cutoff_hz, configuration.filter.order, info.odr_hz)
+        cutoff_hz = configuration.filter.cutoff_hz
+        if cutoff_hz >= info.odr_hz / 2:
+            raise InputError(
+                f"{info.kind}: {info.odr_hz:.3g} samples per second are too few for filter.cutoff_hz = {cutoff_hz:g}; "
+                "take a faster sensor or a lower cut-off, and check whether the times of a replayed table are in seconds"
+            )
+        lowpass = LowPass(cutoff_hz, configuration.filter.order, info.odr_hz)
         self._delay_s = lowpass.delay_s()
         self._forces = ForceStage(correction, lowpass)
         self._motion = MotionStage(configuration, info, correction)

@@ -20,3 +20,13 @@ def test_the_most_frequent_reason_is_said_not_that_of_the_first_window(tmp_path:
     summary = summarise_conditions(read_source([path]))
     assert summary.verdict == "unknown"
     assert summary.reasons != ("less than a second of data",)
+
+
+def test_windows_that_are_too_short_do_not_count_beside_others(tmp_path: Path) -> None:
+    """A recording of 2.6 s has five windows, the first of which is too short."""
+    path = tmp_path / "log.csv"
+    rows = "".join(f"{n / 50:.2f},{0.001 * (n % 3)},{0.001 * (n % 2)},1\n" for n in range(130))
+    path.write_text("time_s,ax_g,ay_g,az_g\n" + rows)
+    summary = summarise_conditions(read_source([path]))
+    assert summary.reasons != ("less than a second of data",)
+    assert sum(summary.windows.values()) == 4
