@@ -16,8 +16,9 @@ CHOICE = 1.08
 FAINT = 0.2
 """Relative uncertainty from which on the interval reaches down to 0: the angle is no longer linear in what is measured."""
 LOOK_S = 0.25
-NOT_CONVERGED = "the fit did not converge"
-NO_MOTION = "no pendulum motion fits the data"
+REMEDY = "check the housing's position and mount in the rig and --axes, or choose a free swing with --from --to"
+NOT_CONVERGED = f"the fit of a pendulum did not converge: {REMEDY}"
+NO_MOTION = f"no pendulum motion fits the data: {REMEDY}"
 
 
 def make_estimate(result: FitResult, noise_g: Array, from_s: float, to_s: float) -> SwingEstimate:
