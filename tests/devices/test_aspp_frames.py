@@ -143,4 +143,6 @@ def test_any_bytes_are_decoded_or_counted_and_none_are_kept(pieces: list[bytes])
     sent = sum(len(piece) for piece in pieces)
     assert sum(one.length for one in found) + decoder.faults["discarded_bytes"] + decoder.buffered == sent
     assert decoder.buffered <= LONGEST_PAYLOAD + 15
-    assert [one.address for one in decoder.feed(AsppNode().frames(2))][-1:] == [50_001]
+    # The head of a packet in the noise may claim the longest payload of what follows.
+    frames = AsppNode().frames(2 + LONGEST_PAYLOAD // len(AsppNode().frame()))
+    assert [one.address for one in decoder.feed(frames)][-1:] == [50_001]
