@@ -33,6 +33,8 @@ from devices.table_notation import TableHead, is_number, read_head
 
 SLOWEST_HZ, FASTEST_HZ = 5.0, 5000.0
 """Sample rates of accelerometers. A table of time stamps has one unit among s, ms, µs and ns that gives such a rate."""
+CLOCK = "hms"
+"""Unit of a time of day that is written as one number, 161732.99 for 16:17:32.99."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +58,7 @@ class TableOptions:
     columns: tuple[str, str, str] | None = None
     """Names, or 1-based numbers, of the columns of the axes."""
     time: str | None = None
-    """Name or number of the column of the time, with `:ms` behind it where it is not in seconds."""
+    """Name or number of the column of the time, with `:ms` behind it where it is not in seconds, `:hms` for HHMMSS."""
     rate_hz: float | None = None
     """Sample rate of rows without time, or counts per second of the column `time`."""
     units_per_g: float | None = None
@@ -222,8 +224,12 @@ def _find_time(path: Path, head: TableHead, names: Sequence[str], options: Table
     if options.time is not None:
         column, _, unit = options.time.partition(":") if options.time not in names else (options.time, "", "")
         place = _place(path, head, names, column, "--time")
-        if unit and unit not in TIME_UNITS_PER_S:
-            raise RecordingError(f"{path}: --time: {unit} is no unit of time; {', '.join(TIME_UNITS_PER_S)} are")
+        if unit and unit not in (*TIME_UNITS_PER_S, CLOCK):
+            raise RecordingError(
+                f"{path}: --time: {unit} is no unit of time; {', '.join((*TIME_UNITS_PER_S, CLOCK))} are"
+            )
+        if unit == CLOCK:
+            return _Time(place, None, is_text=True, finding="")
         if options.rate_hz is not None:
             return _Time(place, options.rate_hz, is_text=False, finding="")
         return _time(path, head, names, place, TIME_UNITS_PER_S.get(unit))

@@ -81,6 +81,14 @@ class Recording:
             lost_before[0] = unusable_before[0] = 0
         return self._select(kept, lost_before, unusable_before)
 
+    def without_invalid(self, invalid: NDArray[np.bool_]) -> "Recording":
+        """Return the other rows; each counts the invalid ones before it as unusable."""
+        kept = ~invalid
+        lost_before = np.diff(np.cumsum(self.lost_before)[kept], prepend=0)
+        unusable_before = np.diff(np.cumsum(self.unusable_before + invalid)[kept], prepend=0)
+        found = self._select(kept, lost_before, unusable_before)
+        return replace(found, invalid=self.invalid + int(invalid.sum()))
+
     def without_repeats(self, fresh: NDArray[np.bool_]) -> "Recording":
         """Return the rows with a new reading, of `fresh` (n,), the first of which is one; each keeps the time of its first row.
 

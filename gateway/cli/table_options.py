@@ -34,7 +34,7 @@ def add_table_options(command: argparse.ArgumentParser) -> None:
     table.add_argument(
         "--time",
         metavar="COLUMN",
-        help="column of the time: seconds, NAME:ms (us, ns), a date with time, or, beside --rate, a sample counter",
+        help="column of the time: seconds, NAME:ms (us, ns, hms for HHMMSS), date with time, or, beside --rate, sample counter",
     )
     table.add_argument(
         "--axes",

@@ -20,6 +20,7 @@ from gateway.measurement.configuration import common_configuration
 from gateway.measurement.foreign_file import read_foreign
 from gateway.measurement.rig import CALIBRATED, UNCALIBRATED, DefaultUncertainty, Rig
 from gateway.motion.gyro_reading import GyroPrior
+from gateway.numerics.dropouts import find_dropouts
 from gateway.numerics.repeated_readings import find_fresh_rows
 from gateway.pipeline.angular_rate import device_gyro, gyro_prior
 from gateway.pipeline.mounting import mounted_housing, with_sensor
@@ -131,7 +132,7 @@ def read_source(
         )
     else:
         source = _from_run(files, rig, interval)
-    source = _without_repeated_readings(source)
+    source = _without_repeated_readings(_without_dropouts(source))
     if rig is None:
         return source
     sensor = rig.sensor
@@ -144,6 +145,23 @@ def read_source(
         housing=_mounted_housing(rig, source),
         noise_g=source.noise_g if stated is None else stated,
         full_scale_g=sensor.full_scale_g or source.full_scale_g,
+    )
+
+
+def _without_dropouts(source: Source) -> Source:
+    """Return the source without rows of zeros, which a logger writes where it has no reading."""
+    missing = find_dropouts(source.recording.raw)
+    if not missing.any():
+        return source
+    remark = (
+        f"found: {int(missing.sum())} rows are zero in all axes though the rows around them are not; they are left out"
+    )
+    return replace(
+        source,
+        recording=source.recording.without_invalid(missing),
+        force_g=source.force_g[~missing],
+        rate_rad_s=None if source.rate_rad_s is None else source.rate_rad_s[~missing],
+        remarks=(*source.remarks, remark),
     )
 
 

@@ -1,6 +1,7 @@
 """Recordings of other programs in `measure`: MATLAB files, counts, gravity, and the options of the command line."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -124,6 +125,22 @@ def test_measure_takes_a_turned_sensor_in_milliseconds(tmp_path: Path, capsys: p
     assert main(["measure", str(path), "--rig", str(rig), "--axes", "x,-z,y", "--json", "-"]) == 0
     swing = json.loads(capsys.readouterr().out)["swing"]
     assert swing["coverage95_deg"][0] < 5.0 < swing["coverage95_deg"][1]
+
+
+def test_a_clock_without_colons_and_rows_without_a_reading(tmp_path: Path) -> None:
+    time_s, force_g = swing_g(1000)
+    force_g[[300, 301, 700]] = 0.0
+    lines = []
+    for each_s, (x, y, z) in zip(time_s + 55.0, force_g, strict=True):
+        clock = f"1617{each_s:07.4f}" if each_s < 60 else f"1618{each_s - 60:07.4f}"
+        lines.append("\t".join([clock, *(f"{each:.5f}" for each in (x, y, z))]).replace(".", ","))
+    path = tmp_path / "log.txt"
+    path.write_text("\n".join(lines) + "\n")
+    source = read_source([path], options=replace(NOTHING_STATED, columns=("2", "3", "4"), time="1:hms"))
+    assert source.recording.rate_hz == pytest.approx(RATE_HZ)
+    assert source.recording.time_s[-1] - source.recording.time_s[0] == pytest.approx(9.99)
+    assert (len(source.recording), source.recording.invalid) == (997, 3)
+    assert any("3 rows are zero" in remark for remark in source.remarks)
 
 
 def test_a_gateways_recording_takes_no_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
