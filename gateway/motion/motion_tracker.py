@@ -20,7 +20,7 @@ from gateway.motion.motion_filter import MotionFilter
 from gateway.motion.motion_state import motion_state
 from gateway.motion.oscillation_estimate import oscillation_share
 from gateway.motion.peaks import PHASE_STATES, SwingPhase, ellipse, next_peak
-from gateway.motion.rope_model import RopeModel
+from gateway.motion.rope_model import LARGEST_ANGLE_RAD, RopeModel
 from gateway.motion.state_vector import (
     DAMPING,
     GRAVITY,
@@ -34,6 +34,7 @@ from gateway.motion.state_vector import (
     SIDE_FORCE,
 )
 from gateway.numerics.array import Array
+from gateway.numerics.stats import NORMAL_975
 from gateway.swing.rig import MountedHousing
 
 LONGEST_BIN_S = 0.1
@@ -256,7 +257,7 @@ class MotionTracker:
         u_rad = math.sqrt(share * along + (1 - share) * total)
         major, minor, direction = ellipse(u + side, -w / rate_1_s)
         self._remember(now_s, angle_rad, u_rad, 2 * math.pi / rate_1_s)
-        is_known = u_rad < LARGEST_U_RAD
+        is_known = u_rad < LARGEST_U_RAD and angle_rad + NORMAL_975 * u_rad < LARGEST_ANGLE_RAD
         start = np.array([part for pair in (u, w, side, pivot) for part in (pair.real, pair.imag)])
         phase = SwingPhase(start, covariance[PHASE_STATES], rate_1_s)
         return MotionEstimate(

@@ -47,6 +47,8 @@ from gateway.numerics.array import Array
 
 SMALLEST_COSINE = 0.2
 """Cosine of the rope's angle below which the equations are not continued: 78 degrees."""
+LARGEST_ANGLE_RAD = float(np.arccos(SMALLEST_COSINE))
+"""Definition. An angle whose interval reaches it is not known: the state may have been limited."""
 LARGEST_SINE_SQUARED = 1 - SMALLEST_COSINE**2
 """Definition."""
 LONGEST_ROPE_LN_M, SHORTEST_ROPE_LN_M = np.log(1000.0), np.log(0.05)

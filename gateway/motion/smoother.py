@@ -24,8 +24,10 @@ from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING, PIVOT_SIG
 from gateway.motion.motion_state import LIKELY, REST_RAD, SIGNIFICANT, SLOWEST_HOIST_M_S
 from gateway.motion.motion_tracker import LARGEST_U_RAD, LONGEST_GAP_S
 from gateway.motion.recording_bins import bin_recording
+from gateway.motion.rope_model import LARGEST_ANGLE_RAD
 from gateway.motion.two_filter import combine, evidence_gain
 from gateway.numerics.array import Array
+from gateway.numerics.stats import NORMAL_975
 from gateway.swing.model.sensor_lowpass import delay_s
 from gateway.swing.rig import MountedHousing
 
@@ -144,7 +146,7 @@ def _describe(time_s: Array, series: MixtureSeries, rig: MountedHousing) -> Moti
     sine = np.minimum(np.hypot(u[:, 0], u[:, 1]), 1.0)
     towards = u / np.maximum(sine, 1e-9)[:, None]
     angle_rad, u_rad = np.arcsin(sine), _angle_u_rad(sine, towards, covariance[:, KEPT_GRAVITY, KEPT_GRAVITY])
-    is_known = u_rad < LARGEST_U_RAD
+    is_known = (u_rad < LARGEST_U_RAD) & (angle_rad + NORMAL_975 * u_rad < LARGEST_ANGLE_RAD)
 
     def known(values: Array) -> Array:
         found: Array = np.where(is_known, values, np.nan)
