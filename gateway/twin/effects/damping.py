@@ -20,6 +20,7 @@ class ViscousDamping(Effect):
     explains = "The swing loses the same fraction in each period: losses in the rope, the sheaves and the joints."
     reference = "viscous damping, Inman 2014, section 1.3: A′ = −c A/2, c = 2 ζ √(g/L)"
     enters = "force on the load"
+    dissipative = True
     discriminating_experiment = LARGER_SWING
     parameters = (
         Parameter(
@@ -47,6 +48,7 @@ class QuadraticDrag(Effect):
     explains = "Large swings die away faster than small ones: air drag on a large, light load."
     reference = "drag law, k = ρ_air c_d A/(2 m); by the work in one period: A′ = −(4/3π) k L ω A²"
     enters = "force on the load"
+    dissipative = True
     discriminating_experiment = LARGER_SWING
     parameters = (
         Parameter(
@@ -74,6 +76,7 @@ class CoulombFriction(Effect):
     explains = "Small swings die away faster than large ones and come to a stop: dry friction at the pivot."
     reference = "Coulomb friction, Inman 2014, section 1.10: A′ = −2 μ/(π ω L)"
     enters = "force on the load"
+    dissipative = True
     discriminating_experiment = LARGER_SWING
     parameters = (
         Parameter(

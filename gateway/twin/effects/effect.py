@@ -80,6 +80,8 @@ class Effect:
     """The values of the samples themselves show the effect; backward elimination keeps it."""
     structure: ClassVar[ModelStructure] = ModelStructure.ROPE
     """The structure that the effect gives to the model; effects with different structures exclude each other."""
+    dissipative: ClassVar[bool] = False
+    """The effect takes energy out of the swing. No real swing is without such an effect."""
     world_directed: bool = False
     """The effect has a direction in the world, so that the heading of the housing matters."""
     changes_length: bool = False

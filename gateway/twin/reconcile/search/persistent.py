@@ -18,8 +18,16 @@ MAX_PARENT_CHI2_RATIO = 100.0
 
 
 def fit_persistent_effects(table: CandidateTable, context: SearchContext) -> CandidateTable:
-    """Fit persistent effects beside the baseline, in the order of their score, until the rest are no rivals."""
-    return fit_by_score(table, context, baseline_of(table, context), at_most=None)
+    """Fit persistent effects beside the baseline, in the order of their score, until the rest are no rivals.
+
+    A large swing is tried with each loss first: beside a nominal swing that does not decay, scores of all effects mean little.
+    """
+    base = baseline_of(table, context)
+    if context.setting.large_amplitude:
+        for name in EFFECTS.choose(dissipative=True, is_scored=True):
+            table = fit_persistent(table, context, base, name)
+        table = table.start_round()
+    return fit_by_score(table, context, base, at_most=None)
 
 
 def fit_persistent_pairs(table: CandidateTable, context: SearchContext) -> CandidateTable:
