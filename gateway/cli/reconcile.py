@@ -99,9 +99,9 @@ def run(arguments: argparse.Namespace) -> int:
     load_user_effects(arguments)
     part, options = interval(arguments), table_options(arguments)
     found = None if arguments.rig is None else read_rig_of_recording(arguments.rig, [arguments.log], part, options)
+    cut = cut_to_free_swing(read_source([arguments.log], None if found is None else found.rig, part, options))
+    source, found = cut.source, None if found is None else found.refined_by(cut.source)
     rig = None if found is None else found.rig
-    cut = cut_to_free_swing(read_source([arguments.log], rig, part, options))
-    source = cut.source
     remarks = [*(() if found is None else found.remarks), *(() if cut.free_swing is None else source.remarks[-1:])]
     model = model_from_recording(source) if rig is None else model_of(rig, str(arguments.rig))
     log = check_recording(source, model.rig)

@@ -1,18 +1,21 @@
 """The rig of a recording whose rope length may be left out of `rig.toml`: the period of the recording states it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from devices.foreign_table import NOTHING_STATED, TableOptions
 from gateway.errors import InputError
 from gateway.measurement.rig import Rig, read_rig, rig_without_length
-from gateway.measurement.source import read_source
+from gateway.measurement.source import Source, read_source
 from gateway.recording.interval import WHOLE_RECORDING, RecordingInterval
 from gateway.swing.detection.rope_length import rope_length_by_period
+from gateway.swing.offline import estimate_swing
 
 NOMINAL_RATIO, LARGEST_U_REL = 3.0, 0.2
 """Standard uncertainty of the nominal length over that by the period, and the largest: the fit finds the length itself."""
+AGREEMENT_SIGMA = 3.0
+"""Standard uncertainties within which a fitted length agrees with that by the period."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +24,25 @@ class RigOfRecording:
 
     rig: Rig
     remarks: tuple[str, ...] = ()
+    length_u_m: float | None = None
+    """Standard uncertainty of a length by the period; None: the rig states its length."""
+
+    def refined_by(self, source: Source) -> "RigOfRecording":
+        """Return the rig with the length of a pendulum fitted to its recording, which a twin needs to follow many periods.
+
+        The length by the period remains where no pendulum fits, or one of a length that contradicts the period.
+        """
+        if self.length_u_m is None or source.housing is None:
+            return self
+        found = estimate_swing(
+            source.recording.time_s, source.force_g, rig=source.housing, noise_g=source.noise_g
+        ).length_m
+        nominal_m = self.rig.rope.length_m
+        if found is None or abs(found - nominal_m) > AGREEMENT_SIGMA * self.length_u_m:
+            return self
+        remark = f"rope length {found:.4g} m by a pendulum fitted to the swing"
+        rope = self.rig.rope.model_copy(update={"length_m": found})
+        return replace(self, rig=self.rig.model_copy(update={"rope": rope}), remarks=(*self.remarks, remark))
 
 
 def read_rig_of_recording(
@@ -42,4 +64,5 @@ def read_rig_of_recording(
         f"rope length {found.length_m:.3g} m +- {found.length_m * found.u_rel:.2g} m by the period of {found.period_s:.3g} s, "
         "because the rig states none"
     )
-    return RigOfRecording(read_rig(path, {"length_m": found.length_m, "length_u_rel": u_rel}), (remark,))
+    rig = read_rig(path, {"length_m": found.length_m, "length_u_rel": u_rel})
+    return RigOfRecording(rig, (remark,), found.length_m * found.u_rel)
