@@ -31,11 +31,13 @@ RIDGE = 1e-9
 def scan_for_changepoints(
     time_s: Array, residual: Array, jacobian: Array, used: NDArray[np.bool_]
 ) -> tuple[EventWindow, ...]:
-    """Return the best window up to each of `MAX_LENGTHS_S`.
+    """Return the best window up to each of `MAX_LENGTHS_S`; none in a recording that is all margin.
 
     The residual (n, 3) is in sigma, and so is the jacobian (n, 3, k) by the values that may differ before and after.
     """
     edges_s = np.arange(MARGIN_S, time_s[-1] - MARGIN_S, TIME_RESOLUTION_S)
+    if not len(edges_s):
+        return ()
     edges = np.searchsorted(time_s, edges_s)
     sums = _CumulativeSums.of(residual, jacobian, used)
     before = np.array([sums.chi2(0, edge) for edge in edges])

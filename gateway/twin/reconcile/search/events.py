@@ -81,7 +81,8 @@ def fit_events_in_windows(table: CandidateTable, context: SearchContext, parent:
         between = context.changepoints(parent, length=changes_length)
         lenient = changes_length and (between is not None or is_baseline)
         share = MAX_LENGTH_WINDOW_REMAINDER if lenient else MAX_WINDOW_REMAINDER
-        remaining = min(window.remaining_chi2 for window in (*windows, *([] if between is None else [between])))
+        places = (*windows, *([] if between is None else [between]))
+        remaining = min((place.remaining_chi2 for place in places), default=np.inf)
         gap = table.best.fit.chi2 - log.n_values
         if remaining - log.n_values >= max(share * gap, EXCESS_SIGNIFICANT * log.n_values):
             continue
