@@ -19,12 +19,19 @@ MIN_ATTEMPT_CLOSED = 0.5
 
 
 def describe_result(found: SearchOutcome, counts: Mapping[str, int], random: np.random.Generator) -> Reconciliation:
-    """Return the result of a search, with the law of what is left where something is."""
+    """Return the result of a search, with the law of what is left where something is and the test part does not refute it."""
     if found.decision.verdict not in VERDICTS_WITH_REMAINDER:
         return build_result(found, counts, random)
     with registered_library():
         described = _describe(found, random)
-        return add_law(build_result(described, counts, random), described)
+        result = add_law(build_result(described, counts, random), described)
+        return build_result(found, counts, random) if _is_refuted(result) else result
+
+
+def _is_refuted(result: Reconciliation) -> bool:
+    """Return whether the law makes the prediction of the test part worse: then it describes nothing."""
+    closed_percent = None if result.law is None else result.law.closed_test_percent
+    return closed_percent is not None and closed_percent < 0
 
 
 def _describe(found: SearchOutcome, random: np.random.Generator) -> SearchOutcome:
