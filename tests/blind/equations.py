@@ -95,7 +95,7 @@ def find_law_of(case: Case, known: Collection[str] = ()) -> tuple[FoundLaw | Non
         make_observations(each.time_s, each.force_g, each.temperature_c, np.array(noise_g))
         for each in (case.recordings["log"], case.recordings["held_out"])
     )
-    recordings = split_recordings(log, held_out)
+    recordings = split_recordings(log, held_out, rig.small_swing_period_s)
     context = make_context(Model(rig, {}), recordings.log, Budget(), lambda: None)
     guess = {name: EFFECTS[name].default_guess for name in known}
     base = context.fit(CandidateTable(recordings.log), guess).fits[frozenset(known)]

@@ -92,7 +92,9 @@ def reconcile(
     second = None if held_out is None else held_out.observations
     known = KnownModel(model, inputs, inputs if second is None else held_out_inputs)
     recordings = split_recordings(
-        inputs.leave_out(log.observations), None if second is None else held_out_inputs.leave_out(second)
+        inputs.leave_out(log.observations),
+        None if second is None else held_out_inputs.leave_out(second),
+        model.rig.small_swing_period_s,
     )
     if inputs.found or held_out_inputs.found:  # without inputs nothing was left out
         fault = find_lack_of_rest(model.rig, recordings.log, recordings.held_out)

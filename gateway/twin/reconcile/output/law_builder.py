@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.term_library import TERMS
-from gateway.twin.reconcile.data.recordings import test_part
 from gateway.twin.reconcile.equation.selection import FoundLaw
 from gateway.twin.reconcile.output.estimates import Law, LawTerm, Resemblance
 from gateway.twin.reconcile.output.result import Gap, Reconciliation
@@ -27,7 +26,7 @@ def add_law(result: Reconciliation, found: SearchOutcome) -> Reconciliation:
 
 
 def _law(law: FoundLaw, found: SearchOutcome) -> Law:
-    test = test_part(found.recordings.held_out)
+    test = found.recordings.test
     before, after = (test.reduced_chi2(each.fit.force_g) for each in (law.before, law.after))
     return Law(
         terms=tuple(_term(name, law, found) for name in law.terms),

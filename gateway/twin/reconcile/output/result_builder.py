@@ -91,7 +91,7 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
         candidates=decision.candidates,
         split_by=_discriminating_experiments(decision.candidates),
         disagreement=localise_residual(recordings.log.time_s, sigma[0]),
-        gap=_gap(log_curves, held_curves, test_part(recordings.held_out_as_stamped).used, random),
+        gap=_gap(log_curves, held_curves, test_part(recordings.held_out_as_stamped, recordings.block_s).used, random),
         residual=analyse_residual(recordings.log.time_s, *sigma, log_curves.noise_g),
         steps=_steps(found),
         scores=_scores(found),
@@ -168,7 +168,7 @@ def _log_curves(found: SearchOutcome) -> Curves:
 def _held_out_curves(found: SearchOutcome) -> Curves:
     """The held-out recording as stamped: which samples are lost there cannot be predicted."""
     final, as_stamped = found.decision.model, found.recordings.held_out_as_stamped
-    selection = selection_part(as_stamped)
+    selection = selection_part(as_stamped, found.recordings.block_s)
     before = evaluate_on_validation(
         found.model.rig,
         found.validator.effects_of(found.nominal),
