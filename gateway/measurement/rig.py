@@ -150,14 +150,17 @@ def _per_axis(stated: float | list[float] | None, unit: float, default: float) -
 
 
 def rig_without_length(path: Path) -> float | None:
-    """Return the site's gravity where a file states no rope length; None where it does, or is no rig."""
+    """Return the site's gravity where a file states no rope length; None where it does, or cannot be read.
+
+    Raises `InputError` where another value is wrong.
+    """
     try:
-        table = parse_toml(read_bounded(path, MAX_TOML_BYTES).decode())
-        if "length_m" in table.get("rope", {}):
-            return None
-        return Rig.model_validate(table | {"rope": {"length_m": NO_LENGTH_M}}).site.gravity_m_s2
-    except (OSError, ValueError, AttributeError):
+        rope = parse_toml(read_bounded(path, MAX_TOML_BYTES).decode()).get("rope", {})
+    except (OSError, ValueError):
         return None
+    if not isinstance(rope, dict) or "length_m" in rope:
+        return None
+    return read_rig(path, {"length_m": NO_LENGTH_M}).site.gravity_m_s2
 
 
 def read_rig(path: Path, rope: Mapping[str, float] | None = None) -> Rig:
@@ -170,7 +173,8 @@ def read_rig(path: Path, rope: Mapping[str, float] | None = None) -> Rig:
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except ValidationError as error:
-        problem = describe_problems(error, "rig")[0]
-        raise InputError(f"{path}: {problem}; needed are [rope] length_m and [housing] position_m") from error
+        is_missing = error.errors(include_url=False)[0]["type"] == "missing"
+        remedy = "; needed are [rope] length_m and [housing] position_m" if is_missing else ""
+        raise InputError(f"{path}: {describe_problems(error, 'rig')[0]}{remedy}") from error
     except ValueError as error:
         raise InputError(f"{path}: is not TOML: {error}") from error
