@@ -255,6 +255,8 @@ def _to_sample_rows(layout: TableLayout, columns: _Columns, read: _ReadRows) -> 
     values = np.concatenate(read.values)
     rate_hz = layout.rate_hz or 1.0
     time = place.astype(np.float64) if layout.time is None else values[:, 0]
+    if layout.time_is_text:  # seconds since 1970 or midnight say nothing to a reader
+        time = time - time[0]
     raw = values[:, columns.required - 3 : columns.required]
     broken = ~(np.abs(raw) < READING_LIMIT)
     if layout.unit == "counts":
