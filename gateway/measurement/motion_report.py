@@ -23,6 +23,10 @@ STATE_TEXT: dict[MotionState, str] = {
 }
 
 
+WHOLLY_KNOWN = 0.99
+"""Share of the time with a known angle from which on the rest is not worth a word."""
+
+
 def motion_json(motion: RecordingMotion) -> dict[str, Any]:
     """Return the phases and the largest angle."""
     largest = None
@@ -71,7 +75,10 @@ def _largest_text(motion: RecordingMotion) -> str:
     if motion.largest is None or motion.state_at_largest is None:
         return "not known"
     moved = "the crane moved" if motion.crane_moved_at_largest else f"{STATE_TEXT[motion.state_at_largest]}"
-    return f"largest angle {_angle_text(motion.largest)} at {motion.largest.time_s:.1f} s, {moved}"
+    text = f"largest angle {_angle_text(motion.largest)} at {motion.largest.time_s:.1f} s, {moved}"
+    if motion.known_share > WHOLLY_KNOWN:
+        return text
+    return f"{text}; the angle is known {100 * motion.known_share:.0f} % of the time and may be larger in the rest"
 
 
 def _angle_text(largest: LargestAngle) -> str:

@@ -47,8 +47,9 @@ from gateway.numerics.array import Array
 
 SMALLEST_COSINE = 0.2
 """Cosine of the rope's angle below which the equations are not continued: 78 degrees."""
-LARGEST_ANGLE_RAD = float(np.arccos(SMALLEST_COSINE))
-"""Definition. An angle whose interval reaches it is not known: the state may have been limited."""
+LARGEST_ANGLE_RAD = float(np.arccos(SMALLEST_COSINE)) - np.radians(2.0)
+"""An angle whose interval reaches it is not known. Basis: a limited state swings on from the limit; on a real pendulum from 101
+degrees it was told up to two degrees below."""
 LARGEST_SINE_SQUARED = 1 - SMALLEST_COSINE**2
 """Definition."""
 LONGEST_ROPE_LN_M, SHORTEST_ROPE_LN_M = np.log(1000.0), np.log(0.05)
