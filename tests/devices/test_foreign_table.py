@@ -1,6 +1,5 @@
 """Tables of other programs: their columns, units and times are found, or stated."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,19 +9,9 @@ from devices.axes_map import parse_axes_map
 from devices.errors import RecordingError
 from devices.foreign_table import NOTHING_STATED, ForeignRecording, TableOptions, is_native, read_foreign_table
 from devices.table_columns import find_temperature, find_time, find_triples, is_acceleration, parse_name
+from tests.devices.table_lines import WriteTable
 
-WriteTable = Callable[..., Path]
 GRAVITY = 9.80665
-
-
-@pytest.fixture
-def table(tmp_path: Path) -> WriteTable:
-    def write(*lines: str, name: str = "log.csv") -> Path:
-        path = tmp_path / name
-        path.write_text("".join(f"{line}\n" for line in lines), encoding="utf-8")
-        return path
-
-    return write
 
 
 def rows(count: int, step: float, readings: str, form: str = "{:g}") -> list[str]:
