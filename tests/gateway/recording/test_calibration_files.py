@@ -21,6 +21,7 @@ from gateway.recording.reader import open_recording
 from gateway.recording.recovery import recover
 from gateway.recording.writer import RecorderError
 from tests.gateway.recording.conftest import MakeRecorder
+from tests.gateway.recording.recorded_files import segments
 from tests.values import present
 
 SECOND_NS = 1_000_000_000
@@ -56,10 +57,6 @@ def attachments(path: Path) -> dict[str, bytes]:
     with path.open("rb") as file:
         found = {attachment.name: attachment for attachment in make_reader(file, validate_crcs=True).iter_attachments()}
     return {name: attachment.data for name, attachment in found.items()}
-
-
-def segments(folder: Path) -> list[Path]:
-    return sorted(folder.glob("*.mcap"))
 
 
 def test_every_segment_contains_the_record_and_its_certificate(

@@ -1,0 +1,42 @@
+"""What a recorder wrote, read from its folder."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from mcap.reader import make_reader
+
+from gateway.pipeline.outgoing_message import encode_message
+from gateway.recording.reader import open_recording
+from gateway.recording.writer import Recorder
+
+SECOND_NS = 1_000_000_000
+
+
+def contents(path: Path) -> list[tuple[str, dict[str, Any]]]:
+    """Topics and contents of a closed file, by the reader of the public package."""
+    with path.open("rb") as file:
+        found = make_reader(file, validate_crcs=True).iter_messages(log_time_order=False)
+        return [(channel.topic, json.loads(message.data)) for _, channel, message in found]
+
+
+def segments(folder: Path) -> list[Path]:
+    return sorted(folder.glob("*.mcap"))
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def record_blocks(
+    recorder: Recorder, make_samples: Callable[..., Any], numbers: range, start_ns: int, block_s: float = 0.032
+) -> None:
+    for number in numbers:
+        now_ns = start_ns + round(number * block_s * 1e9)
+        recorder.write(encode_message("samples", make_samples(number), now_ns))
+        recorder.tick(now_ns)
+
+
+def sample_sequences(path: Path) -> list[int]:
+    return [message.sequence for message in open_recording(path).messages() if message.topic == "/samples"]
