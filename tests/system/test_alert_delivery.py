@@ -21,6 +21,7 @@ from gateway.bus.gateway_state import GatewayState
 from gateway.outbox.outbox import AlertOutbox
 from gateway.outbox.position import Position
 from tests.devices.witmotion_wire import frame
+from tests.system.bus_query import KEY
 from tests.system.bus_router import BusRouter
 from tests.system.conftest import ROOT, Plumbline, RunningGateway, StartGateway
 from tests.waiting import PATIENCE_S, wait_until
@@ -42,7 +43,6 @@ clear_deg = 7.2
 hold_s = 0
 """
 """A short rope and no hysteresis: a change of an alert every few seconds."""
-KEY = "plumbline/v1/demo-site/crane-1/hook-1"
 
 
 @pytest.fixture

@@ -20,11 +20,11 @@ from gateway.bus.credentials import load_credentials
 from gateway.topics import TOPICS
 from gateway.verbs import VERBS
 from tests.ports import unused_port
+from tests.system.bus_query import KEY, query
 from tests.system.conftest import ROOT, BusPeer, JoinBus, Plumbline, RunningGateway, StartGateway
-from tests.waiting import PATIENCE_S, wait_until
+from tests.waiting import wait_until
 
 pytestmark = pytest.mark.slow
-KEY = "plumbline/v1/demo-site/crane-1/hook-1"
 ODR_HZ = 1000
 TOML = f'[device]\nkind = "simulated"\nodr_hz = {ODR_HZ}\n'
 TRIP = "[alerts]\nwarn_deg = 0.2\ntrip_deg = 0.3\nclear_deg = 0.1\n"
@@ -70,14 +70,6 @@ def resident_mb(gateway: RunningGateway) -> float:
     return int(line.split()[1]) / 1024
 
 
-def query(peer: BusPeer, verb: str, payload: bytes = b"", attachment: bytes | None = None) -> tuple[bool, Any] | None:
-    for reply in peer.session.get(f"{KEY}/rpc/{verb}", payload=payload, attachment=attachment, timeout=PATIENCE_S):
-        answer = reply.ok or reply.err
-        if answer is not None:
-            return reply.ok is not None, json.loads(answer.payload.to_bytes())
-    return None
-
-
 def test_forged_messages_of_every_topic_reach_no_client(
     start_gateway: StartGateway, join_bus: JoinBus, hostile: Any
 ) -> None:
@@ -108,9 +100,8 @@ def test_no_request_without_a_credential_changes_anything(start_gateway: StartGa
     changing = [verb.name for verb in VERBS.values() if verb.role is not None]
     payload = json.dumps({"id": "request-1", "by": "ann", "housing_off_rope": True}).encode()
     for verb in changing:
-        answer = query(peer, verb, payload)
-        assert answer is not None
-        assert (answer[0], answer[1]["kind"]) == (False, "no_credential")
+        ((accepted, content),) = query(peer.session, verb, payload)
+        assert (accepted, content["kind"]) == (False, "no_credential")
     assert health(peer)["refused"] == {"no_credential": len(changing)}
     assert not (gateway.data_dir / "calibration" / "audit.jsonl").exists()
     lines = (gateway.data_dir / "security.jsonl").read_text().splitlines()
@@ -191,11 +182,10 @@ def test_garbage_on_every_verb_and_signal_stops_nothing(start_gateway: StartGate
     def attack(verb: str, payload: bytes, signed: bool) -> None:
         attachment: bytes | None = payload
         if signed:
-            answer = query(peer, "challenge")
-            assert answer is not None
-            if answer[0]:
-                attachment = credentials.prove(f"{KEY}/rpc/{verb}", payload, Challenge.model_validate(answer[1]))
-        query(peer, verb, payload, attachment)
+            ((accepted, challenge),) = query(peer.session, "challenge")
+            if accepted:
+                attachment = credentials.prove(f"{KEY}/rpc/{verb}", payload, Challenge.model_validate(challenge))
+        query(peer.session, verb, payload, attachment)
         peer.session.put(f"{KEY}/load", payload)
 
     attack()
@@ -244,15 +234,12 @@ def test_schemas_of_topics_and_requests_are_published(start_gateway: StartGatewa
     gateway = start_gateway()
     peer = join_bus(gateway.endpoint)
     peer.wait_for("health")
-    answer = query(peer, "schema")
-    assert answer is not None
+    ((_, listed),) = query(peer.session, "schema")
     published = {name for name, topic in TOPICS.items() if topic.published}
-    assert set(answer[1]["topics"]) == published
-    assert set(answer[1]["verbs"]) == set(VERBS)
+    assert set(listed["topics"]) == published
+    assert set(listed["verbs"]) == set(VERBS)
     for topic in published:
-        schema = query(peer, "schema", json.dumps({"topic": topic}).encode())
-        assert schema is not None
-        assert schema[1]["title"] == TOPICS[topic].schema_name
-    refused = query(peer, "schema", b'{"topic": "log"}')
-    assert refused is not None
-    assert "no topic 'log' is published" in refused[1]["reason"]
+        ((_, schema),) = query(peer.session, "schema", json.dumps({"topic": topic}).encode())
+        assert schema["title"] == TOPICS[topic].schema_name
+    ((_, refusal),) = query(peer.session, "schema", b'{"topic": "log"}')
+    assert "no topic 'log' is published" in refusal["reason"]

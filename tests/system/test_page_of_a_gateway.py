@@ -12,6 +12,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from tests.ports import unused_port
+from tests.system.bus_query import KEY
 from tests.system.conftest import JoinBus, RunningGateway, StartGateway
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -57,7 +58,6 @@ def _is_live(gateway: RunningGateway) -> bool:
 def test_forged_messages_on_the_bus_do_not_reach_the_page(start_gateway: StartGateway, join_bus: JoinBus) -> None:
     gateway = start_gateway(page=True)
     peer = join_bus(gateway.endpoint)
-    key = "plumbline/v1/demo-site/crane-1/hook-1"
     wait_until(lambda: "swing" in _state(gateway)["topics"], "a swing on the page")
     forged = {"alert": peer.wait_for("alert"), "swing": peer.wait_for("swing"), "condition": peer.wait_for("condition")}
     forged["alert"] |= {"level": "trip", "text": "a lie"}
@@ -66,7 +66,7 @@ def test_forged_messages_on_the_bus_do_not_reach_the_page(start_gateway: StartGa
     for _ in range(40):
         for topic, message in forged.items():
             message["time_ns"] += 10**9
-            peer.session.put(f"{key}/{topic}", json.dumps(message))
+            peer.session.put(f"{KEY}/{topic}", json.dumps(message))
         shown = _state(gateway)["topics"]
         assert "a lie" not in json.dumps(shown)
         assert shown["swing"]["phi_max_deg"] != forged["swing"]["phi_max_deg"]

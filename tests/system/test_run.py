@@ -14,6 +14,7 @@ import pytest
 
 from gateway.recording.info import summarise
 from gateway.recording.run import read_samples
+from tests.system.bus_query import KEY
 from tests.system.conftest import JoinBus, StartGateway
 from tests.values import present
 from tests.waiting import wait_until
@@ -40,9 +41,8 @@ def test_is_alive_and_answers_a_status_query(start_gateway: StartGateway, join_b
     peer = join_bus(gateway.endpoint)
     peer.wait_for("health")
     alive = [str(present(reply.ok).key_expr) for reply in peer.session.liveliness().get("plumbline/v1/**")]
-    key = "plumbline/v1/demo-site/crane-1/hook-1/alive"
-    assert sorted(alive)[0] == key
-    assert [token.startswith(f"{key}/") for token in sorted(alive)[1:]] == [True]  # one more, with the boot's id
+    assert sorted(alive)[0] == f"{KEY}/alive"
+    assert [token.startswith(f"{KEY}/alive/") for token in sorted(alive)[1:]] == [True]  # one more, with the boot's id
     (reply,) = peer.session.get("plumbline/v1/*/*/*/rpc/status")
     assert b'"health"' in present(reply.ok).payload.to_bytes()
 

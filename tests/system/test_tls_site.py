@@ -11,7 +11,6 @@ from typing import Any
 import pytest
 import zenoh
 
-from gateway.authorization.credential import Challenge
 from gateway.bus.client import GatewayClient, open_client_session
 from gateway.bus.credentials import Credentials, load_credentials
 from gateway.bus.session import BusError, TlsFiles
@@ -20,12 +19,12 @@ from gateway.pki.issue import Holder
 from gateway.pki.site_folder import utc_now
 from tests.gateway.pki.site import Site
 from tests.ports import unused_port
+from tests.system.bus_query import KEY, query, sign
 from tests.system.conftest import ROOT, RunningGateway, StartGateway
 from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.slow
-KEY = "plumbline/v1/demo-site/crane-1/hook-1"
 
 
 class TlsSite:
@@ -144,20 +143,14 @@ def test_an_operators_certificate_forges_and_replays_nothing(site: TlsSite) -> N
 
 def _signed_cancel(session: zenoh.Session, folder: Path) -> tuple[bytes, bytes]:
     """A request that somebody with the right to it has signed, as a peer on the way would capture it."""
-    (answer,) = session.get(f"{KEY}/rpc/challenge", timeout=PATIENCE_S)
-    assert answer.ok is not None
     payload = b'{"id": "captured-1", "by": "ann"}'
-    challenge = Challenge.model_validate_json(answer.ok.payload.to_bytes())
-    attachment = load_credentials(folder).prove(f"{KEY}/rpc/cancel", payload, challenge)
-    assert attachment is not None
-    return payload, attachment
+    return payload, sign(session, "cancel", payload, folder)
 
 
 def _ask(session: zenoh.Session, payload: bytes, attachment: bytes) -> str:
-    (reply,) = session.get(f"{KEY}/rpc/cancel", payload=payload, attachment=attachment, timeout=PATIENCE_S)
-    assert reply.err is not None
-    reason: str = json.loads(reply.err.payload.to_bytes())["reason"]
-    return reason
+    ((accepted, content),) = query(session, "cancel", payload, attachment)
+    assert not accepted
+    return str(content["reason"])
 
 
 def test_names_on_the_link_restrict_who_may_read_and_send_the_load_signal(
