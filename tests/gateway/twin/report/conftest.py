@@ -26,6 +26,7 @@ from gateway.twin.reconcile.output.result import (
     Step,
 )
 from gateway.twin.report.page import render_report
+from tests.gateway.twin.report.report_page import Pages
 
 RIG = TwinRig(14.0, 5.0, 9.80665, (3e-4, 3e-4, 3e-4), 50.0, 2.0)
 SWING_RAD_S = math.sqrt(RIG.gravity_m_s2 / RIG.length_m)
@@ -176,3 +177,8 @@ class Reports(dict[str, str]):
 @pytest.fixture(scope="session")
 def reports() -> Reports:
     return Reports()
+
+
+@pytest.fixture(scope="session")
+def pages(reports: Reports) -> Pages:
+    return Pages(reports)

@@ -1,6 +1,5 @@
 """Contents of the figures: decimated spectra, the most informative window, marked events, the rows of the gap."""
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import matplotlib as mpl
@@ -14,8 +13,7 @@ from gateway.twin.report.gap import gap_rows
 from gateway.twin.report.motion import motion_view
 from gateway.twin.report.residual import decimate_spectrum
 from gateway.twin.report.zoom_window import effects_acting_in, most_informative_window
-
-Maker = Callable[..., Reconciliation]
+from tests.gateway.twin.report.conftest import Maker
 
 
 def test_decimated_spectrum_keeps_the_level_of_white_noise_and_a_line() -> None:
