@@ -1,14 +1,12 @@
 """`plumbline fleet metrics`: the metrics of all gateways on a router, over HTTP."""
 
 import argparse
-import socket
 import time
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from gateway.cli.argument_types import parse_address, parsed_by
-from gateway.cli.bus_link import add_connect, client_credentials, connect_endpoint
+from gateway.cli.bus_link import add_connect
+from gateway.cli.fleet_options import add_expect, add_listen, expected_gateways, fleet_client, open_listener
 from gateway.cli.optional_dependencies import require_http
 
 if TYPE_CHECKING:
@@ -30,16 +28,8 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         description="Serve the metrics of all gateways on a router at /metrics, in the Prometheus text format, until Ctrl-C.",
         epilog="example: plumbline fleet metrics --connect tcp/10.0.0.2:7447 --expect gateways.txt",
     )
-    verb.add_argument(
-        "--listen",
-        type=parsed_by(parse_address),
-        default=parse_address(DEFAULT_LISTEN),
-        metavar="ADDRESS:PORT",
-        help=f"where to serve (default {DEFAULT_LISTEN}: only this machine)",
-    )
-    verb.add_argument(
-        "--expect", type=Path, metavar="FILE", help="gateways that must be there, one <site>/<crane>/<sensor> a line"
-    )
+    add_listen(verb, DEFAULT_LISTEN)
+    add_expect(verb)
     add_connect(verb)
     verb.set_defaults(run=_run)
 
@@ -48,37 +38,25 @@ def _run(arguments: argparse.Namespace) -> int:
     require_http()
     import uvicorn
 
-    from gateway.bus.fleet_client import FleetClient
-    from gateway.errors import InputError
-    from gateway.fleet.expected_gateways import read_expected
     from gateway.fleet.fleet_state import FleetState
     from gateway.fleet.selection import NamePatterns
 
-    expected = {} if arguments.expect is None else read_expected(arguments.expect)
+    state = FleetState(expected_gateways(arguments))
     host, port = arguments.listen
-    try:
-        listener = socket.create_server((host, port))
-    except OSError as error:
-        raise InputError(f"{host}:{port} cannot be used ({error.strerror}); choose another --listen") from error
-    with listener:
-        client = FleetClient(connect_endpoint(arguments), NamePatterns().key_pattern, client_credentials(arguments))
-        try:
-            client.request_latest()
-            hosts = list(LOOPBACK) if host in LOOPBACK else ["*"]
-            application = make_exporter(client, FleetState(frozenset(expected)), hosts)
-            server = uvicorn.Server(
-                uvicorn.Config(
-                    application,
-                    lifespan="off",
-                    access_log=False,
-                    log_level="warning",
-                    limit_concurrency=MOST_CONNECTIONS,
-                )
+    with open_listener(arguments) as listener, fleet_client(arguments, NamePatterns().key_pattern) as client:
+        client.request_latest()
+        hosts = list(LOOPBACK) if host in LOOPBACK else ["*"]
+        server = uvicorn.Server(
+            uvicorn.Config(
+                make_exporter(client, state, hosts),
+                lifespan="off",
+                access_log=False,
+                log_level="warning",
+                limit_concurrency=MOST_CONNECTIONS,
             )
-            print(f"serving the metrics of all gateways at http://{host}:{port}/metrics", flush=True)
-            server.run(sockets=[listener])
-        finally:
-            client.close()
+        )
+        print(f"serving the metrics of all gateways at http://{host}:{port}/metrics", flush=True)
+        server.run(sockets=[listener])
     return 0
 
 

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from gateway.cli.argument_types import above_zero, parsed_by, whole_number
-from gateway.cli.bus_link import add_connect, client_credentials, connect_endpoint
+from gateway.cli.bus_link import add_connect
+from gateway.cli.fleet_options import add_expect, expected_gateways, fleet_client
 
 if TYPE_CHECKING:
     from gateway.bus.fleet_client import FleetClient
@@ -61,9 +62,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         metavar="LIST",
         help="states beside ok that are no fault, such as disturbed, which occurs while cranes work",
     )
-    verb.add_argument(
-        "--expect", type=Path, metavar="FILE", help="gateways that must be there, one <site>/<crane>/<sensor> a line"
-    )
+    add_expect(verb)
     verb.add_argument(
         "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
     )
@@ -100,26 +99,21 @@ def _parse_levels(text: str) -> "frozenset[Level]":
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gateway.bus.fleet_client import FleetClient
     from gateway.cli.fleet_watch import watch_fleet
     from gateway.cli.output import show
-    from gateway.fleet.expected_gateways import read_expected
     from gateway.fleet.fleet_state import FleetState
     from gateway.fleet.report import FleetQuery
     from gateway.fleet.selection import ListFilter, NamePatterns
 
     names = NamePatterns(arguments.site, arguments.crane, arguments.sensor)
     query = FleetQuery(names, ListFilter(arguments.state, arguments.level), arguments.sort, arguments.accept)
-    expected = {} if arguments.expect is None else read_expected(arguments.expect)
-    client = FleetClient(connect_endpoint(arguments), names.key_pattern, client_credentials(arguments))
-    try:
-        fleet = LiveFleet(client, FleetState(frozenset(filter(names.matches, expected))), query)
+    state = FleetState(frozenset(filter(names.matches, expected_gateways(arguments))))
+    with fleet_client(arguments, names.key_pattern) as client:
+        fleet = LiveFleet(client, state, query)
         fleet.wait(arguments.wait_s)
         if arguments.watch:
             return watch_fleet(fleet.report, sys.stdout, arguments.interval_s, arguments.count)
         report = fleet.report()
-    finally:
-        client.close()
     show("\n".join(report.lines()), report.as_json(), arguments.json)
     return 0 if report.well else 1
 
