@@ -1,11 +1,12 @@
 """Parts that stand in for hardware, and tables of recordings, for the tests of this folder."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.devices.adxl355_rig import Rig
+from tests.devices.serial_peer import Peer, SetClock
 from tests.devices.table_lines import WriteTable
 
 
@@ -23,3 +24,15 @@ def table(tmp_path: Path) -> WriteTable:
         return path
 
     return write
+
+
+@pytest.fixture
+def peer(tmp_path: Path) -> Iterator[Peer]:
+    made = Peer(tmp_path / "sensor")
+    yield made
+    made.close()
+
+
+@pytest.fixture
+def clock() -> SetClock:
+    return SetClock()

@@ -5,6 +5,9 @@ import pty
 import tty
 from pathlib import Path
 
+from devices.block import SampleBlock
+from devices.serial_sensor import SerialSensor
+
 
 class SetClock:
     """Gateway time that the test sets."""
@@ -35,9 +38,14 @@ class Peer:
         self.name.symlink_to(self.number)
 
     def unplug(self) -> None:
-        os.close(self.master)
+        self.close()
         self.name.unlink()
-        self.master = -1
+
+    def close(self) -> None:
+        """Close the sensor's side, if that is not done."""
+        if self.master >= 0:
+            os.close(self.master)
+            self.master = -1
 
     def send(self, data: bytes) -> None:
         os.write(self.master, data)
@@ -45,3 +53,13 @@ class Peer:
     def received(self, count: int) -> bytes:
         """Return what the gateway has sent."""
         return os.read(self.master, count)
+
+
+def exchange(device: SerialSensor, peer: Peer, clock: SetClock, data: bytes, passed_s: float = 0.05) -> SampleBlock:
+    """The block that comes of the data, sent in the time that has passed since the last."""
+    clock.sleep_s(passed_s)
+    peer.send(data)
+    for _ in range(10):
+        if (block := device.read()) is not None:
+            return block
+    raise AssertionError("no block came")

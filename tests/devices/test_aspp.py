@@ -2,33 +2,23 @@
 
 import math
 from collections.abc import Iterator
-from pathlib import Path
+from functools import partial
 from typing import Any
 
 import numpy as np
 import pytest
 
 from devices.aspp import AsppPart, open_aspp
-from devices.block import RadioStatus, SampleBlock
+from devices.block import RadioStatus
 from devices.errors import DeviceError
 from devices.serial_sensor import SerialSensor
+from tests.devices import serial_peer
 from tests.devices.aspp_wire import AsppNode, diagnostic_payload, numbers_of, packet, sweep_payload
 from tests.devices.serial_peer import Peer, SetClock
 from tests.values import present
 
 PERIOD_S = 4 / 128
-
-
-@pytest.fixture
-def peer(tmp_path: Path) -> Iterator[Peer]:
-    peer = Peer(tmp_path / "base")
-    yield peer
-    peer.unplug()
-
-
-@pytest.fixture
-def clock() -> SetClock:
-    return SetClock()
+exchange = partial(serial_peer.exchange, passed_s=PERIOD_S)
 
 
 @pytest.fixture
@@ -37,15 +27,6 @@ def device(peer: Peer, clock: SetClock) -> Iterator[SerialSensor]:
     device.open()
     yield device
     device.close()
-
-
-def exchange(device: SerialSensor, peer: Peer, clock: SetClock, data: bytes, passed_s: float = PERIOD_S) -> SampleBlock:
-    clock.sleep_s(passed_s)
-    peer.send(data)
-    for _ in range(10):
-        if (block := device.read()) is not None:
-            return block
-    raise AssertionError("no block came")
 
 
 def test_a_packet_is_a_block_in_g(device: SerialSensor, peer: Peer, clock: SetClock) -> None:

@@ -1,7 +1,6 @@
 """A node behind its receiver: times by its clock, gaps by its numbers, and everything that can happen to it."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,20 +10,8 @@ from devices.errors import DeviceError
 from devices.node import NodePart, open_node
 from devices.serial_sensor import SerialSensor
 from tests.devices.node_wire import Node, numbers_of
-from tests.devices.serial_peer import Peer, SetClock
+from tests.devices.serial_peer import Peer, SetClock, exchange
 from tests.values import present
-
-
-@pytest.fixture
-def peer(tmp_path: Path) -> Iterator[Peer]:
-    peer = Peer(tmp_path / "receiver")
-    yield peer
-    peer.unplug()
-
-
-@pytest.fixture
-def clock() -> SetClock:
-    return SetClock()
 
 
 @pytest.fixture
@@ -32,15 +19,6 @@ def device(peer: Peer, clock: SetClock) -> Iterator[SerialSensor]:
     device = open_node(str(peer.name), node=7, clock=clock, odr_hz=100, block_samples=5)
     yield device
     device.close()
-
-
-def exchange(device: SerialSensor, peer: Peer, clock: SetClock, data: bytes, passed_s: float = 0.05) -> SampleBlock:
-    clock.sleep_s(passed_s)
-    peer.send(data)
-    for _ in range(10):
-        if (block := device.read()) is not None:
-            return block
-    raise AssertionError("no block came")
 
 
 def test_a_block_is_a_frame_in_g_with_what_the_node_reports(device: SerialSensor, peer: Peer, clock: SetClock) -> None:

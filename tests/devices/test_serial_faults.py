@@ -56,8 +56,7 @@ def peer(tmp_path: Path) -> Iterator[PacedPeer]:
     peer = PacedPeer(tmp_path / "port")
     yield peer
     peer.stop()
-    if peer.master >= 0:
-        peer.unplug()
+    peer.close()
 
 
 @pytest.fixture

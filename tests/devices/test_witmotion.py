@@ -24,19 +24,6 @@ from tests.values import present
 
 
 @pytest.fixture
-def peer(tmp_path: Path) -> Iterator[Peer]:
-    peer = Peer(tmp_path / "sensor")
-    yield peer
-    if peer.master >= 0:
-        os.close(peer.master)
-
-
-@pytest.fixture
-def clock() -> SetClock:
-    return SetClock()
-
-
-@pytest.fixture
 def device(peer: Peer, clock: SetClock, tmp_path: Path) -> Iterator[SerialSensor]:
     folders = PortFolders(by_id=tmp_path / "by-id")
     device = open_witmotion(str(peer.name), clock=clock, odr_hz=100, block_samples=5, folders=folders)

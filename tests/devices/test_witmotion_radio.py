@@ -1,7 +1,6 @@
 """A Bluetooth sensor behind its receiver: battery, temperature, rates, and frames that the radio lost without a trace."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,18 +14,6 @@ from tests.devices.witmotion_wire import radio_answer, radio_stream, stream
 from tests.values import present
 
 END = b"\x55\x61"
-
-
-@pytest.fixture
-def peer(tmp_path: Path) -> Iterator[Peer]:
-    peer = Peer(tmp_path / "receiver")
-    yield peer
-    peer.unplug()
-
-
-@pytest.fixture
-def clock() -> SetClock:
-    return SetClock()
 
 
 @pytest.fixture
