@@ -7,8 +7,7 @@ from pydantic import ValidationError
 
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.record_figure import FigureSeries, RecordFigure
-from gateway.certificate.residual_plot import BOTTOM, HEIGHT, LEFT, RIGHT, TOP, WIDTH, Tick
-from gateway.documents.figures import tick_step
+from gateway.certificate.plot_axes import AREA, PlotArea, Scale, Tick
 from gateway.documents.format import format_short
 from gateway.documents.text import printable_text
 
@@ -44,7 +43,7 @@ class PlottedSeries:
 
 @dataclass(frozen=True, slots=True)
 class MethodFigureView:
-    """All coordinates of the figure; y points down."""
+    """All coordinates of the figure."""
 
     title: str
     caption: str
@@ -54,34 +53,7 @@ class MethodFigureView:
     y_ticks: tuple[Tick, ...]
     bounds: tuple[float, ...]
     series: tuple[PlottedSeries, ...]
-    width: float = WIDTH
-    height: float = HEIGHT
-    left: float = LEFT
-    right: float = RIGHT
-    top: float = TOP
-    bottom: float = BOTTOM
-
-
-@dataclass(frozen=True, slots=True)
-class _Scale:
-    """A linear scale from values to coordinates."""
-
-    centre: float
-    half: float
-    low_place: float
-    high_place: float
-
-    def place(self, value: float) -> float:
-        middle = (self.low_place + self.high_place) / 2
-        return middle + (value - self.centre) / self.half * (self.high_place - self.low_place) / 2
-
-    def ticks(self) -> tuple[Tick, ...]:
-        step = tick_step(self.half)
-        first, last = math.ceil((self.centre - self.half) / step), math.floor((self.centre + self.half) / step)
-        return tuple(
-            Tick(self.place(count * step), format_short(count * step, 6), count == 0)
-            for count in range(first, last + 1)
-        )
+    area: PlotArea = AREA
 
 
 def method_figure_view(record: CalibrationRecord) -> MethodFigureView | None:
@@ -104,8 +76,8 @@ def figure_view(figure: RecordFigure) -> MethodFigureView | None:
     if not y_values or any(not len(series.x) == len(series.y) == len(series.u) for series in figure.series):
         return None
     x_scale, y_scale = (
-        _scale(x_values, X_MARGIN, LEFT, RIGHT),
-        _scale([*y_values, *figure.bounds], Y_MARGIN, BOTTOM, TOP),
+        _scale(x_values, X_MARGIN, AREA.left, AREA.right),
+        _scale([*y_values, *figure.bounds], Y_MARGIN, AREA.bottom, AREA.top),
     )
     if x_scale is None or y_scale is None:
         return None
@@ -121,14 +93,14 @@ def figure_view(figure: RecordFigure) -> MethodFigureView | None:
     )
 
 
-def _scale(values: list[float], margin: float, low_place: float, high_place: float) -> _Scale | None:
+def _scale(values: list[float], margin: float, low_place: float, high_place: float) -> Scale | None:
     """Return a scale that shows all values with a margin; None where their range overflows."""
     low, high = min(values), max(values)
     half = max(margin * (high - low) / 2, SMALLEST_SHARE * max(abs(low), abs(high)), SMALLEST_HALF)
-    return _Scale((low + high) / 2, half, low_place, high_place) if math.isfinite(half) else None
+    return Scale((low + high) / 2, half, low_place, high_place) if math.isfinite(half) else None
 
 
-def _plot(series: FigureSeries, place: int, x_scale: _Scale, y_scale: _Scale) -> PlottedSeries:
+def _plot(series: FigureSeries, place: int, x_scale: Scale, y_scale: Scale) -> PlottedSeries:
     every = math.ceil(len(series.x) / MOST_POINTS) or 1
     points = tuple(
         FigurePoint(
@@ -140,4 +112,4 @@ def _plot(series: FigureSeries, place: int, x_scale: _Scale, y_scale: _Scale) ->
         )
         for x, y, u in list(zip(series.x, series.y, series.u, strict=True))[::every]
     )
-    return PlottedSeries(printable_text(series.name, 24), points, LEFT + 8 + 80 * place)
+    return PlottedSeries(printable_text(series.name, 24), points, AREA.left + 8 + 80 * place)

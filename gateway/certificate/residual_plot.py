@@ -4,28 +4,17 @@ import math
 from dataclasses import dataclass
 
 from gateway.calibration.record import CalibrationRecord
+from gateway.certificate.plot_axes import AREA, PlotArea, Scale, Tick
 from gateway.certificate.residuals import PoseResidual, residuals
-from gateway.documents.figures import tick_step
 from gateway.documents.format import format_short
 from gateway.documents.text import printable_text
 
-WIDTH, HEIGHT = 380.0, 190.0
-LEFT, RIGHT, TOP, BOTTOM = 44.0, 372.0, 10.0, 160.0
 MOST_POSES = 160
 MOST_LABELS = 14
 BAND_SHOWN = 4.0
 """The prediction interval is drawn where it is at most so many times the residuals; else it would hide them."""
 BEYOND_U = 3.0
 """A residual of more standard uncertainties is counted in the caption."""
-
-
-@dataclass(frozen=True, slots=True)
-class Tick:
-    """A tick of an axis."""
-
-    place: float
-    label: str
-    is_zero: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +32,7 @@ class PoseMark:
 
 @dataclass(frozen=True, slots=True)
 class ResidualPlot:
-    """All coordinates of the plot; y points down."""
+    """All coordinates of the plot."""
 
     ticks: tuple[Tick, ...]
     pose_labels: tuple[Tick, ...]
@@ -52,12 +41,7 @@ class ResidualPlot:
     """Heights of its two lines, the upper one first; empty where it lies outside the plot."""
     prediction_interval_mg: str
     has_faces: bool
-    width: float = WIDTH
-    height: float = HEIGHT
-    left: float = LEFT
-    right: float = RIGHT
-    top: float = TOP
-    bottom: float = BOTTOM
+    area: PlotArea = AREA
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,31 +89,19 @@ def _plot(found: tuple[PoseResidual, ...], dm_mg: float) -> ResidualPlot:
     reach_mg = max(1000 * (abs(residual.residual_g) + 2 * residual.u_g) for residual in found) or dm_mg
     band_shown = dm_mg <= BAND_SHOWN * reach_mg
     half_mg = 1.12 * (max(reach_mg, dm_mg) if band_shown else reach_mg)
+    scale = Scale(0.0, half_mg, AREA.bottom, AREA.top)
     return ResidualPlot(
-        ticks=_ticks(half_mg),
+        ticks=scale.ticks(),
         pose_labels=_pose_labels(found),
-        poses=tuple(_mark(residual, _x(place, len(found)), half_mg) for place, residual in enumerate(found)),
-        prediction_interval=(_y(dm_mg, half_mg), _y(-dm_mg, half_mg)) if band_shown else (),
+        poses=tuple(_mark(residual, _x(place, len(found)), scale) for place, residual in enumerate(found)),
+        prediction_interval=(scale.place(dm_mg), scale.place(-dm_mg)) if band_shown else (),
         prediction_interval_mg=format_short(dm_mg),
         has_faces=any(residual.face is not None for residual in found),
     )
 
 
 def _x(place: int, count: int) -> float:
-    return LEFT + (place + 0.5) * (RIGHT - LEFT) / count
-
-
-def _y(value_mg: float, half_mg: float) -> float:
-    return (TOP + BOTTOM) / 2 - value_mg / half_mg * (BOTTOM - TOP) / 2
-
-
-def _ticks(half_mg: float) -> tuple[Tick, ...]:
-    step = tick_step(half_mg)
-    most = math.floor(half_mg / step)
-    return tuple(
-        Tick(_y(count * step, half_mg), f"{count * step:g}".replace("-", "−"), count == 0)
-        for count in range(-most, most + 1)
-    )
+    return AREA.left + (place + 0.5) * (AREA.right - AREA.left) / count
 
 
 def _pose_labels(found: tuple[PoseResidual, ...]) -> tuple[Tick, ...]:
@@ -145,14 +117,14 @@ def _pose_labels(found: tuple[PoseResidual, ...]) -> tuple[Tick, ...]:
     )
 
 
-def _mark(residual: PoseResidual, x: float, half_mg: float) -> PoseMark:
+def _mark(residual: PoseResidual, x: float, scale: Scale) -> PoseMark:
     value_mg, u_mg = 1000 * residual.residual_g, 1000 * residual.u_g
     return PoseMark(
         number=residual.number,
         used=residual.used,
         x=x,
-        y=_y(value_mg, half_mg),
-        bar_top=_y(value_mg + 2 * u_mg, half_mg),
-        bar_bottom=_y(value_mg - 2 * u_mg, half_mg),
+        y=scale.place(value_mg),
+        bar_top=scale.place(value_mg + 2 * u_mg),
+        bar_bottom=scale.place(value_mg - 2 * u_mg),
         title=f"pose {residual.number}: {format_short(value_mg)} mg, u {format_short(u_mg)} mg",
     )
