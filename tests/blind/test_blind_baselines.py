@@ -4,13 +4,22 @@ import json
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from gateway.twin.model import TwinRig
 from gateway.twin.simulator.simulator import Simulator
 from tests.blind.asking import case_arguments
 from tests.blind.baselines.files import Found, Measured, answer, read_measured
-from tests.blind.baselines.fitting import base_fit, conclude, free_on_log, levenberg_marquardt
+from tests.blind.baselines.fitting import (
+    base_fit,
+    conclude,
+    covariance_of,
+    first_start,
+    free_on_log,
+    levenberg_marquardt,
+    sensible,
+)
 from tests.blind.cases import Case, generate
 from tests.blind.plan import Plan
 from tests.blind.write import write_case
@@ -58,3 +67,27 @@ def test_answer_has_the_form_of_a_reconciliation(tmp_path: Path) -> None:
     assert found["gap"]["after"]["held_out"] == pytest.approx(found["gap"]["before"]["held_out"])
     assert found["gap"]["before"]["held_out"] > 1.5
     assert len(prediction.read_text().splitlines()) == 1 + 16 * 50
+
+
+def planar_swing(rig: TwinRig, tilt_rad: float) -> Measured:
+    simulator = Simulator(rig)
+    time_s = np.arange(0.0, 2.5, 0.02)
+    values = simulator.values([tilt_rad, 0.0, 0.0, 0.0, 0.0], {})
+    return Measured(time_s, simulator.predict(values, time_s), None, 1e-3, np.arange(len(time_s)) > 0)
+
+
+@pytest.mark.parametrize(("position_m", "tilt_deg"), [(0.0, 75.0), (1.0, 40.0)])
+def test_start_finds_a_large_swing_at_the_pivot_and_at_the_load(position_m: float, tilt_deg: float) -> None:
+    rig = TwinRig(1.0, position_m)
+    tilts_rad = first_start(rig, planar_swing(rig, np.radians(tilt_deg)))[:2]
+    assert np.degrees(np.hypot(*tilts_rad)) == pytest.approx(tilt_deg, abs=10.0)
+
+
+def test_parameters_that_only_their_sum_determines_have_no_finite_error() -> None:
+    assert (np.diag(covariance_of(np.ones((2, 2)))) > 1e11).all()
+
+
+def test_thermal_drift_is_not_fitted_to_a_recording_without_a_temperature() -> None:
+    recording = planar_swing(TwinRig(1.0, 0.0), 0.1)
+    assert "thermal_drift" not in sensible(recording)
+    assert {"axis_offset", "viscous_damping"} < set(sensible(recording))

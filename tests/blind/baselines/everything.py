@@ -7,44 +7,46 @@ import sys
 
 import numpy as np
 
-from gateway.twin.effects import EFFECTS
 from gateway.twin.model import TwinRig
 from gateway.twin.simulator.simulator import Simulator
 from tests.blind.baselines.files import Found, Measured, answer
 from tests.blind.baselines.fitting import (
-    NO_READING,
     Fit,
     base_fit,
     conclude,
+    fit_growing,
     free_on_log,
     guesses,
-    levenberg_marquardt,
     linear_gain,
+    sensible,
 )
 
 OTHER_STRUCTURE = {"double_pendulum", "rope_stretch"}
 """They put another body or a spring into the equations, so they cannot be a part of every model."""
 SIGNIFICANT = 4.0
 """Standard errors: one in 15,000 by chance."""
-ROUNDS = 10
+ROUNDS = 20
 
 
 def everything(rig: TwinRig, log: Measured, held_out: Measured) -> Found:
     """All at once."""
     base = base_fit(rig, log)
     residual_g = log.force_g - base.simulator.predict(base.values, log.time_s, log.temperature_c)
-    names = [name for name in EFFECTS if name not in NO_READING | OTHER_STRUCTURE]
+    names = [name for name in sensible(log) if name not in OTHER_STRUCTURE]
     start = {name: _best_guess(rig, log, base, name, residual_g) for name in names}
     simulator = Simulator(rig, names)
     values = simulator.values(list(base.values), start)
-    fit = levenberg_marquardt(simulator, log, values, free_on_log(simulator), ROUNDS)
-    return conclude(rig, log, held_out, base, fit, significant(fit))
+    fit = fit_growing(simulator, log, values, free_on_log(simulator), ROUNDS)
+    return conclude(rig, log, held_out, base, fit, significant(fit, log.n_values))
 
 
-def significant(fit: Fit) -> tuple[str, ...]:
-    """Effects of which an amplitude is further from neutral than its standard error allows."""
+def significant(fit: Fit, n_values: int) -> tuple[str, ...]:
+    """Effects of which an amplitude is further from neutral than its standard error allows.
+
+    Where the fit leaves more than the stated noise, what it leaves is taken for noise.
+    """
     errors = np.full(len(fit.values), np.inf)
-    errors[fit.free] = np.sqrt(np.diag(fit.covariance))
+    errors[fit.free] = np.sqrt(np.diag(fit.covariance) * max(1.0, fit.cost / n_values))
     named = set()
     for slot, value, error in zip(fit.simulator.parameters, fit.values, errors, strict=True):
         amplitude = slot.effect and not slot.parameter.endswith(

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.twin.model import TwinRig
 from tests.blind.mechanics import Array
@@ -23,14 +24,35 @@ class Measured:
 
     time_s: Array
     force_g: Array
-    temperature_c: Array
-    noise_g: float
+    temperature_c: Array | None
+    noise_g: float | Array
+    """1-sigma of each reading; one number, or one per axis."""
+    used: NDArray[np.bool_]
+    """Samples that count, shape (n,)."""
+
+    @property
+    def n_values(self) -> int:
+        """Number of readings that count: three for each sample used."""
+        return 3 * int(self.used.sum())
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last sample."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+    def first(self, count: int) -> "Measured":
+        """The first samples alone."""
+        temperature_c = None if self.temperature_c is None else self.temperature_c[:count]
+        return Measured(self.time_s[:count], self.force_g[:count], temperature_c, self.noise_g, self.used[:count])
 
     def misfit(self, simulated_g: Array) -> Array:
-        """Residual in sigma, shape (n, 3); the first sample, where an engine may not be in motion yet, does not count."""
-        residual: Array = (self.force_g - simulated_g) / self.noise_g
-        residual[0] = 0.0
+        """Residual in sigma, shape (n, 3); zero where a sample does not count."""
+        residual: Array = (self.force_g - simulated_g) / self.noise_g * self.used[:, None]
         return residual
+
+    def reduced_chi2(self, simulated_g: Array) -> float:
+        """Chi-square per reading that counts; 1 is noise alone."""
+        return float((self.misfit(simulated_g) ** 2).sum()) / self.n_values
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,11 +61,12 @@ class Found:
 
     names: tuple[str, ...]
     parameters: Mapping[str, Mapping[str, Any]]
-    before: tuple[float, float]
-    """Reduced chi-square with nothing added, on the log and on the held-out recording."""
+    log_chi2: tuple[float, float]
+    """Reduced chi-square on the log, with nothing added and with what was found."""
+    base_prediction_g: Array
+    """Of the held-out recording with nothing added, shape (n, 3)."""
     prediction_g: Array
-    """Of the held-out recording, shape (n, 3)."""
-    log_chi2: float
+    """Of the held-out recording with what was found, shape (n, 3)."""
 
 
 Method = Callable[[TwinRig, Measured, Measured], Found]
@@ -67,11 +90,11 @@ def answer(method: Method, arguments: Sequence[str] | None = None) -> int:
 
 
 def read_measured(path: Path, noise_g: float) -> Measured:
-    """Of a CSV recording with a temperature."""
+    """Of a CSV recording with a temperature; the first sample, where an engine may not be in motion yet, does not count."""
     with path.open(newline="") as file:
         rows = np.array([[float(row[name]) for name in COLUMNS] for row in csv.DictReader(file)])
     slow = np.polynomial.Polynomial.fit(rows[:, 0], rows[:, 4], 6)
-    return Measured(rows[:, 0], rows[:, 1:4], slow(rows[:, 0]), noise_g)
+    return Measured(rows[:, 0], rows[:, 1:4], slow(rows[:, 0]), noise_g, np.arange(len(rows)) > 0)
 
 
 def _read_rig(path: Path) -> tuple[TwinRig, float]:
@@ -82,14 +105,13 @@ def _read_rig(path: Path) -> tuple[TwinRig, float]:
 
 
 def _report(found: Found, held_out: Measured) -> dict[str, Any]:
-    after = float((held_out.misfit(found.prediction_g) ** 2).mean())
     effects = [{"name": name, "parameters": dict(found.parameters.get(name, {}))} for name in found.names]
     return {
         "verdict": "named" if found.names else "none_missing",
         "effects": effects,
         "candidates": [],
         "gap": {
-            "before": {"log": found.before[0], "held_out": found.before[1]},
-            "after": {"log": found.log_chi2, "held_out": after},
+            "before": {"log": found.log_chi2[0], "held_out": held_out.reduced_chi2(found.base_prediction_g)},
+            "after": {"log": found.log_chi2[1], "held_out": held_out.reduced_chi2(found.prediction_g)},
         },
     }

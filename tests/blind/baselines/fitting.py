@@ -1,4 +1,4 @@
-"""Least squares over the twin's equations of motion: one start, one shot, nothing clever."""
+"""Least squares over the twin's equations of motion, from the best of some starts."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -7,18 +7,29 @@ import numpy as np
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.model import EffectValues, TwinRig
+from gateway.twin.simulator.compiled_model import IntegrationError
 from gateway.twin.simulator.simulator import Simulator
 from tests.blind.baselines.files import Found, Measured
 from tests.blind.mechanics import Array
 
-NO_READING = {"quantization", "sample_loss"}
+NO_READING = {"quantization", "sample_loss", "sample_hold"}
 """They do not enter a prediction, so a fit cannot find them."""
 DIRECTED = {"steady_wind", "wind_gust", "impact", "trolley_acceleration"}
 """They have a direction in the world, so that the heading matters."""
 HEADING = 4
+ROUNDS = 12
 GROWING = (0.15, 0.4)
-"""Parts of a recording that are fitted before all of it, so that the phase stays within a turn."""
+"""Parts of a recording that are fitted before all of it, so that the phase stays within a turn while a length is corrected."""
 EVENTS_S = np.arange(22.5, 60.0, 5.0)
+"""Starts of events that are tried in a recording of `LONG_S`; in a shorter one as many, spread evenly."""
+LONG_S = 80.0
+START_AMPLITUDES_RAD = np.radians([1.0, 3.0, 6.0, 12.0, 20.0, 30.0, 42.0, 56.0, 72.0, 90.0, 110.0])
+START_PHASES_RAD = np.arange(0.0, 2 * np.pi, np.pi / 8)
+"""Planar swings that are tried over the first period, beside the harmonics of the sideways readings."""
+NEAR_LOAD = 0.05
+"""Distance of the housing from the load, in rope lengths, below which the sideways readings show no tilt."""
+NULL_EIGENVALUE = 1e-10
+"""Eigenvalue of the scaled normal matrix from which on a combination of parameters is not determined."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,28 +50,64 @@ class Fit:
 
 
 def first_start(rig: TwinRig, measured: Measured) -> Array:
-    """Tilts and rates from the sideways readings' harmonics over the first period, heading 0, shape (5,)."""
-    rate = np.sqrt(rig.gravity_m_s2 / rig.length_m)
-    time_s = measured.time_s - measured.time_s[0]
-    early = time_s < 2 * np.pi / rate
-    waves = np.stack([np.cos(rate * time_s), np.sin(rate * time_s), np.ones_like(time_s)], axis=1)[early]
-    cos, sin, _ = np.linalg.lstsq(waves, measured.force_g[early, :2])[0] / -(1 - rig.position_m / rig.length_m)
-    limit = np.array([1.0, 1.0, rate, rate, 0.0]) * 0.4
-    start: Array = np.clip([*cos, *(sin * rate), 0.0], -limit, limit)
-    return start
+    """Return the start, of some, that follows the first period best: tilts, rates and heading 0, shape (5,)."""
+    period_s = rig.small_swing_period_s
+    early = measured.first(max(8, int(np.searchsorted(measured.time_s, measured.time_s[0] + period_s))))
+    simulator = Simulator(rig)
+    limit = np.array([slot.upper for slot in simulator.parameters])
+    starts = [np.clip(start, -limit, limit) for start in (*_harmonic_start(rig, early), *_planar_starts(rig, early))]
+    return min(starts, key=lambda start: _cost(simulator, early, start))
+
+
+def _harmonic_start(rig: TwinRig, early: Measured) -> list[Array]:
+    """Tilts and rates from the sideways readings' harmonics; none where the housing is near the load."""
+    leverage = 1 - rig.position_m / rig.length_m
+    if abs(leverage) < NEAR_LOAD:
+        return []
+    rate, time_s = rig.small_swing_rate_1_s, early.time_s - early.time_s[0]
+    waves = np.stack([np.cos(rate * time_s), np.sin(rate * time_s), np.ones_like(time_s)], axis=1)
+    cos, sin, _ = np.linalg.lstsq(waves[early.used], early.force_g[early.used, :2])[0] / -leverage
+    return [np.array([*cos, *(sin * rate), 0.0])]
+
+
+def _planar_starts(rig: TwinRig, early: Measured) -> list[Array]:
+    """Swings in the plane of the largest sideways readings, of all amplitudes and phases."""
+    sideways_g = early.force_g[early.used, :2]
+    toward = np.linalg.svd(sideways_g - sideways_g.mean(axis=0), full_matrices=False)[2][0]
+    starts = []
+    for amplitude_rad in START_AMPLITUDES_RAD:
+        for phase_rad in START_PHASES_RAD:
+            tilt_rad = amplitude_rad * np.cos(phase_rad)
+            speed = np.sqrt(2 * max(np.cos(tilt_rad) - np.cos(amplitude_rad), 0.0)) * -np.sign(np.sin(phase_rad))
+            starts.append(_start(tilt_rad, rig.small_swing_rate_1_s * speed, toward))
+    return starts
+
+
+def _start(tilt_rad: float, rate_rad_s: float, toward: Array) -> Array:
+    """Return the start of a planar swing in the direction `toward`; the tilt toward y is an arc sine."""
+
+    def tilts(angle_rad: float) -> Array:
+        x, y = np.sin(angle_rad) * toward
+        return np.array([np.arctan2(x, np.cos(angle_rad)), np.arcsin(y)])
+
+    step_rad = 1e-4
+    slope = (tilts(tilt_rad + step_rad) - tilts(tilt_rad - step_rad)) / (2 * step_rad)
+    return np.array([*tilts(tilt_rad), *(slope * rate_rad_s), 0.0])
 
 
 def fit_nuisances(simulator: Simulator, measured: Measured, values: Array) -> Fit:
     """Only what belongs to a recording and not to the rig, on ever longer parts of it."""
     free = np.array([slot.refitted for slot in simulator.parameters])
     free[HEADING] = bool(DIRECTED & set(simulator.effect_names))
+    return fit_growing(simulator, measured, values, free)
+
+
+def fit_growing(simulator: Simulator, measured: Measured, values: Array, free: Array, rounds: int = ROUNDS) -> Fit:
+    """Fit ever longer parts of a recording."""
     for part in GROWING:
-        count = int(part * len(measured.time_s))
-        short = Measured(
-            measured.time_s[:count], measured.force_g[:count], measured.temperature_c[:count], measured.noise_g
-        )
-        values = levenberg_marquardt(simulator, short, values, free).values
-    return levenberg_marquardt(simulator, measured, values, free)
+        short = measured.first(int(part * len(measured.time_s)))
+        values = levenberg_marquardt(simulator, short, values, free, rounds).values
+    return levenberg_marquardt(simulator, measured, values, free, rounds)
 
 
 def free_on_log(simulator: Simulator) -> Array:
@@ -77,25 +124,30 @@ def base_fit(rig: TwinRig, measured: Measured) -> Fit:
 
 
 def conclude(rig: TwinRig, log: Measured, held_out: Measured, base: Fit, fit: Fit, names: tuple[str, ...]) -> Found:
-    """Fit the held-out recording's own nuisances under the model, and say what was found."""
+    """Fit the held-out recording's own nuisances to its samples that count, and say what was found."""
     held_base = base_fit(rig, held_out)
     start = list(held_base.values[: held_base.simulator.n_initial_states])
     there = fit_nuisances(fit.simulator, held_out, fit.simulator.values(start, fit.effects()))
-    prediction_g = there.simulator.predict(there.values, held_out.time_s, held_out.temperature_c)
-    before = base.cost / log.force_g.size, held_base.cost / held_out.force_g.size
-    return Found(names, fit.effects(), before, prediction_g, fit.cost / log.force_g.size)
+    predictions_g = [
+        each.simulator.predict(each.values, held_out.time_s, held_out.temperature_c) for each in (held_base, there)
+    ]
+    return Found(
+        names, fit.effects(), (base.cost / log.n_values, fit.cost / log.n_values), predictions_g[0], predictions_g[1]
+    )
 
 
-def levenberg_marquardt(simulator: Simulator, measured: Measured, values: Array, free: Array, rounds: int = 12) -> Fit:
+def levenberg_marquardt(
+    simulator: Simulator, measured: Measured, values: Array, free: Array, rounds: int = ROUNDS
+) -> Fit:
     """Until the cost falls by less than 1e-6 of itself."""
     lower, upper = (np.array([getattr(slot, side) for slot in simulator.parameters]) for side in ("lower", "upper"))
     damping, covariance = 1e-4, np.zeros((int(free.sum()),) * 2)
     residual, cost, by = _linearised(simulator, measured, values)
     for _ in range(rounds):
-        flat = by[..., free].reshape(-1, int(free.sum())) / measured.noise_g
+        flat = _in_sigma(measured, by[..., free])
         scale = np.sqrt((flat**2).sum(axis=0)) + 1e-12
         normal, gradient = (flat / scale).T @ (flat / scale), (flat / scale).T @ residual.ravel()
-        covariance = np.linalg.pinv(normal, rcond=1e-12, hermitian=True) / np.outer(scale, scale)
+        covariance = covariance_of(normal) / np.outer(scale, scale)
         better = False
         while not better and damping < 1e6:
             trial = values.copy()
@@ -117,17 +169,24 @@ def linear_gain(simulator: Simulator, measured: Measured, values: Array, free: A
     residual, _, by = _linearised(simulator, measured, values)
     if not (np.isfinite(residual).all() and np.isfinite(by).all()):
         return -np.inf, np.zeros(int(free.sum()))
-    flat = by[..., free].reshape(-1, int(free.sum())) / measured.noise_g
+    flat = _in_sigma(measured, by[..., free])
     step = np.asarray(np.linalg.lstsq(flat, residual.ravel(), rcond=1e-9)[0], dtype=np.float64)
     left = residual.ravel() - flat @ step
     return float((residual**2).sum() - left @ left), step
+
+
+def sensible(measured: Measured) -> list[str]:
+    """Effects that a fit can find in a recording."""
+    without = set() if measured.temperature_c is not None else {n for n, e in EFFECTS.items() if e.needs_temperature}
+    return [name for name in EFFECTS if name not in NO_READING | without]
 
 
 def guesses(name: str, measured: Measured, residual_g: Array) -> list[dict[str, float]]:
     """Values to start an effect from where it is not linear: moments, frequencies, limits."""
     parameters = {p.name for p in EFFECTS[name].parameters}
     if "start_s" in parameters:
-        return [{"start_s": float(at_s)} for at_s in EVENTS_S]
+        spread_s = np.linspace(0.1, 0.9, len(EVENTS_S)) * measured.duration_s
+        return [{"start_s": float(at_s)} for at_s in (EVENTS_S if measured.duration_s > LONG_S else spread_s)]
     if name == "vibration":
         return [{"frequency_hz": strongest_hz(measured, residual_g, 2.0, 24.0, (0, 1, 2))}]
     if name == "rope_stretch":
@@ -148,7 +207,10 @@ def strongest_hz(measured: Measured, residual_g: Array, low_hz: float, high_hz: 
 
 
 def _cost(simulator: Simulator, measured: Measured, values: Array) -> float:
-    residual = measured.misfit(simulator.predict(values, measured.time_s, measured.temperature_c))
+    try:
+        residual = measured.misfit(simulator.predict(values, measured.time_s, measured.temperature_c))
+    except IntegrationError:
+        return np.inf
     cost = float((residual**2).sum())
     return cost if np.isfinite(cost) else np.inf
 
@@ -158,5 +220,19 @@ def _linearised(simulator: Simulator, measured: Measured, values: Array) -> tupl
     residual = measured.misfit(found.force_g)
     cost = float((residual**2).sum())
     by = found.jacobian
-    by[0] = 0.0
+    by[~measured.used] = 0.0
     return residual, cost if np.isfinite(cost) else np.inf, by
+
+
+def _in_sigma(measured: Measured, by: Array) -> Array:
+    """Derivatives of the readings (n, 3, free) as rows in sigma, shape (3 n, free)."""
+    scaled: Array = by / np.broadcast_to(measured.noise_g, 3)[:, None]
+    return scaled.reshape(-1, by.shape[-1])
+
+
+def covariance_of(normal: Array) -> Array:
+    """Invert a scaled normal matrix; what it does not determine has a variance of 1e12, not of 0 as with a pseudo-inverse."""
+    eigenvalues, vectors = np.linalg.eigh(normal)
+    variance = np.where(eigenvalues > NULL_EIGENVALUE * eigenvalues[-1], 1 / np.abs(eigenvalues + 1e-300), 1e12)
+    inverse: Array = (vectors * variance) @ vectors.T
+    return inverse

@@ -7,12 +7,10 @@ import sys
 
 import numpy as np
 
-from gateway.twin.effects import EFFECTS
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.simulator.simulator import Simulator
 from tests.blind.baselines.files import Found, Measured, answer
 from tests.blind.baselines.fitting import (
-    NO_READING,
     Fit,
     base_fit,
     conclude,
@@ -20,6 +18,7 @@ from tests.blind.baselines.fitting import (
     guesses,
     levenberg_marquardt,
     linear_gain,
+    sensible,
 )
 from tests.blind.mechanics import Array
 
@@ -43,14 +42,14 @@ def greedy(rig: TwinRig, log: Measured, held_out: Measured) -> Found:
 
 def bic(fit: Fit, measured: Measured) -> float:
     """Of the stated noise."""
-    return fit.cost + len(fit.values) * float(np.log(measured.force_g.size))
+    return fit.cost + len(fit.values) * float(np.log(measured.n_values))
 
 
 def _best_addition(rig: TwinRig, log: Measured, fit: Fit, names: tuple[str, ...]) -> Fit | None:
     residual_g = log.force_g - fit.simulator.predict(fit.values, log.time_s, log.temperature_c)
     promises = []
-    for name in EFFECTS:
-        if name in names or name in NO_READING:
+    for name in sensible(log):
+        if name in names:
             continue
         simulator = Simulator(rig, [*names, name])
         for guess in guesses(name, log, residual_g):

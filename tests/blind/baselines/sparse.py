@@ -19,10 +19,13 @@ from pysindy.optimizers import STLSQ
 from gateway.twin.model import TwinRig
 from gateway.twin.simulator.simulator import Simulator
 from tests.blind.baselines.files import Found, Measured, answer
-from tests.blind.baselines.fitting import base_fit, conclude, free_on_log, levenberg_marquardt
+from tests.blind.baselines.fitting import NEAR_LOAD, base_fit, conclude, fit_growing, free_on_log
 from tests.blind.mechanics import Array
 
-WINDOW_S = 0.8
+WINDOW_PERIODS, POLYNOMIAL = 0.15, 3
+"""Part of a swing over which the readings are smoothed before they are differentiated, and the polynomial's order."""
+UPRIGHT = 0.03
+"""Least squared cosine of the lean, 80 degrees: beyond, the sideways readings do not show it."""
 TRAINED_ON = 0.6
 """Part of the log; the rest chooses the threshold."""
 THRESHOLDS = np.logspace(-3, 1, 25)
@@ -43,12 +46,13 @@ def sparse(rig: TwinRig, log: Measured, held_out: Measured) -> Found:
     base = base_fit(rig, log)
     simulated_g = base.simulator.predict(base.values, log.time_s, log.temperature_c)
     found = surviving(*_axial(log, simulated_g))
-    for axis in (0, 1):
-        found |= surviving(*_sideways(rig, log, axis))
+    if abs(1 - rig.position_m / rig.length_m) > NEAR_LOAD:
+        for axis in (0, 1):
+            found |= surviving(*_sideways(rig, log, axis))
     names = tuple(sorted(found))
     simulator = Simulator(rig, names)
     values = simulator.values(list(base.values), {})
-    fit = levenberg_marquardt(simulator, log, values, free_on_log(simulator)) if names else base
+    fit = fit_growing(simulator, log, values, free_on_log(simulator)) if names else base
     return conclude(rig, log, held_out, base, fit, names)
 
 
@@ -72,16 +76,18 @@ def surviving(terms: Mapping[str, tuple[str, Array]], residual: Array, noise2: f
 def _sideways(rig: TwinRig, log: Measured, axis: int) -> tuple[dict[str, tuple[str, Array]], Array, float]:
     """Terms of the residual of the lean's equation along one axis of the housing, a row for each test function; its noise."""
     time_s = log.time_s - log.time_s[0]
-    s = -log.force_g[:, :2] / (1 - rig.position_m / rig.length_m)
+    force_g = np.stack([np.interp(time_s, time_s[log.used], log.force_g[log.used, each]) for each in (0, 1)], axis=1)
+    s = -force_g / (1 - rig.position_m / rig.length_m)
     rate2 = rig.gravity_m_s2 / rig.length_m
-    window = int(WINDOW_S / np.median(np.diff(time_s))) | 1
-    v = SmoothedFiniteDifference(smoother_kws={"window_length": window, "polyorder": 3})(s, time_s)
+    window = int(WINDOW_PERIODS * rig.small_swing_period_s / np.median(np.diff(time_s))) | 1
+    smoothing = {"window_length": max(window, POLYNOMIAL + 2), "polyorder": POLYNOMIAL}
+    v = SmoothedFiniteDifference(smoother_kws=smoothing)(s, time_s)
     tests, slopes, bends = _test_functions(time_s, 2 * np.pi / np.sqrt(rate2))
     own, other, fast = s[:, axis], s[:, 1 - axis], np.hypot(*v.T) + 1e-9
-    cosine2 = 1 - (s**2).sum(axis=1)
+    cosine2 = np.maximum(1 - (s**2).sum(axis=1), UPRIGHT)
     residual = bends @ own + tests @ (np.sqrt(cosine2) * rate2 * own + (s * v).sum(axis=1) * v[:, axis] / cosine2)
     weights = (bends + rate2 * tests) / (1 - rig.position_m / rig.length_m)
-    noise2 = FEW_ROWS * float((weights**2).sum(axis=1).mean()) * log.noise_g**2
+    noise2 = FEW_ROWS * float((weights**2).sum(axis=1).mean()) * _noise_g(log, axis) ** 2
     terms = {
         "1": ("axis_offset", tests @ np.ones_like(own)),
         "s": ("rope_length", tests @ own),
@@ -90,9 +96,14 @@ def _sideways(rig: TwinRig, log: Measured, axis: int) -> tuple[dict[str, tuple[s
         "s'_other": ("housing_spin", -slopes @ other),
         "|s'|s'": ("quadratic_drag", tests @ (fast * v[:, axis])),
         "s'/|s'|": ("coulomb_friction", tests @ (v[:, axis] / fast)),
-        "T": ("thermal_drift", tests @ (log.temperature_c - log.temperature_c[0])),
     }
+    if log.temperature_c is not None:
+        terms["T"] = ("thermal_drift", tests @ (log.temperature_c - log.temperature_c[0]))
     return terms, residual, noise2
+
+
+def _noise_g(log: Measured, axis: int) -> float:
+    return float(np.broadcast_to(log.noise_g, 3)[axis])
 
 
 def _test_functions(time_s: Array, width_s: float) -> tuple[Array, Array, Array]:
@@ -109,16 +120,18 @@ def _test_functions(time_s: Array, width_s: float) -> tuple[Array, Array, Array]
 
 def _axial(log: Measured, simulated_g: Array) -> tuple[dict[str, tuple[str, Array]], Array, float]:
     """Terms of what the base model leaves along the rope; its noise."""
-    swing = simulated_g[1:, 2] - 1
+    used = log.used
+    swing = simulated_g[used, 2] - 1
     terms = {
         "1": ("axis_offset", np.ones_like(swing)),
         "f_z": ("housing_position", swing),
-        "f_z'": ("lowpass_lag", np.gradient(swing, log.time_s[1:])),
-        "f_x": ("cross_axis", log.force_g[1:, 0]),
-        "f_y": ("cross_axis", log.force_g[1:, 1]),
-        "T": ("thermal_drift", log.temperature_c[1:] - log.temperature_c[0]),
+        "f_z'": ("lowpass_lag", np.gradient(swing, log.time_s[used])),
+        "f_x": ("cross_axis", log.force_g[used, 0]),
+        "f_y": ("cross_axis", log.force_g[used, 1]),
     }
-    return terms, log.force_g[1:, 2] - simulated_g[1:, 2], MANY_ROWS * log.noise_g**2
+    if log.temperature_c is not None:
+        terms["T"] = ("thermal_drift", log.temperature_c[used] - log.temperature_c[0])
+    return terms, log.force_g[used, 2] - simulated_g[used, 2], MANY_ROWS * _noise_g(log, 2) ** 2
 
 
 if __name__ == "__main__":
