@@ -32,6 +32,7 @@ CARD_STYLES: dict[FleetWord, VerdictStyle] = {
     "MISSING": VerdictStyle("MISSING", "black", "empty"),
     "GONE": VerdictStyle("GONE", "black", "hourglass"),
     "DUPLICATE": VerdictStyle("DUPLICATE", "violet", "slash"),
+    "FAULT": VerdictStyle("FAULT", "amber", "triangle"),
     "BATTERY LOW": VerdictStyle("BATTERY LOW", "amber", "triangle"),
 }
 
@@ -107,6 +108,8 @@ def _card(status: GatewayStatus) -> dict[str, Any]:
         "reasons": status.reasons,
         "swing": None if status.swing is None else asdict(status.swing),
         "level": status.level,
+        "alive": status.alive,
+        "causes": asdict(status.causes),
         "seen_s": status.seen_s,
         "page": status.page,
     }

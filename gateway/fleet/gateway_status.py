@@ -1,9 +1,10 @@
 """The status of one gateway, judged from its latest messages: a pure function."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Literal
 
+from gateway.fleet.status_causes import StatusCauses, status_causes
 from gateway.messages import Alert, Calibration, Health, Level, Swing
 from gateway.page.calibration_time import created_utc
 from gateway.page.verdict import STYLES, PageEvidence, Word, is_fresh, is_swing_known, verdict
@@ -58,6 +59,7 @@ class GatewayStatus:
     """Address of the operator's page, as the gateway states it."""
     seen_s: float | None = None
     """Time since the last message; None: none was seen."""
+    causes: StatusCauses = field(default_factory=StatusCauses)
 
     @property
     def name(self) -> str:
@@ -112,6 +114,7 @@ def gateway_status(
         faults=None if health is None else sum(health.faults.values()),
         page=None if health is None else health.page,
         seen_s=seen_s,
+        causes=status_causes(evidence),
     )
 
 

@@ -1,5 +1,6 @@
 // The page of a site: a card for each crane in the order of the server, what asks for action first.
 
+import {cardSentence} from "./card_sentence.js";
 import {Link} from "./link.js";
 import {ago, degrees, NONE, upwards} from "./number.js";
 import {addSymbols} from "./shapes.js";
@@ -9,7 +10,6 @@ import {setText} from "./facts.js";
 
 const REFRESH_MS = 250;
 const CALM = new Set(["OK", "UNKNOWN", "DISTURBED"]); // they ask for no action
-const LONGEST_REASON = 110;
 
 addSymbols();
 const element = (id) => document.getElementById(id);
@@ -74,8 +74,7 @@ function fill(card, gateway) {
   card.querySelector("use").setAttribute("href", `#shape-${gateway.shape}`);
   set("strong", text(`word_${gateway.word}`));
   fillName(card.querySelector(".name"), gateway);
-  const why = gateway.reasons[0] ?? "";
-  set(".why", why.length > LONGEST_REASON ? `${why.slice(0, LONGEST_REASON)}…` : why);
+  set(".why", cardSentence(gateway));
   set(".swing", swingText(gateway.swing));
   set(".age", gateway.seen_s === null ? text("fleet_never_seen") : ago(gateway.seen_s));
 }

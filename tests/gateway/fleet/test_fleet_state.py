@@ -166,6 +166,20 @@ def test_a_part_that_does_not_work_is_a_state_with_its_reason(scene: Scene) -> N
     assert fleet.status(10.1).state == "TRIP"
 
 
+def test_the_causes_of_a_state_are_codes(scene: Scene) -> None:
+    scene.level, scene.condition, scene.trusted = "trip", "disturbed", False
+    scene.standing_faults = {"recording": "no space left on device"}
+    fleet = Fleet()
+    fleet.hear_all(scene, 10.0)
+    causes = fleet.status(10.5).causes
+    assert [(alert.rule, alert.level, alert.limit_deg) for alert in causes.alerts] == [("swing", "trip", 6.0)]
+    assert (causes.failed_gates, causes.faulty_parts) == (("still", "norm_hanging"), ("recording",))
+    assert (causes.session, causes.age_s) == ("idle", 0.5)
+    scene.condition, scene.trusted = "swinging", True
+    fleet.hear_all(scene, 11.0)
+    assert fleet.status(11.0).causes.failed_gates == ()
+
+
 def test_the_age_of_the_calibration_is_that_of_its_record(scene: Scene) -> None:
     fleet = Fleet()
     fleet.hear_all(scene, 10.0)

@@ -161,7 +161,7 @@ class Scene:
             cause=None,
             trusted=self.trusted,
             reasons=self.reasons,
-            gates={"norm": True, "pendulum": self.trusted},
+            gates={"still": False, "not_clipped": True, "norm_hanging": self.trusted},
             norm_g=1.0003,
             permissible_norm_error_g=0.004,
             calibration=self.calibration,

@@ -3,7 +3,7 @@
 const shown = (element) => !element.closest(".unseen, .symbols, svg") && element.checkVisibility();
 const name = (element) => `${element.tagName} ${element.id || element.className}: ${element.textContent.trim().slice(0, 60)}`;
 const texts = (element) => [...element.childNodes].filter((node) => node.nodeType === Node.TEXT_NODE && node.textContent.trim());
-const BOXES = ".tiles > div, .facts > div, section, header, .side, button, .doing, .next, dialog, main";
+const BOXES = "#cards li, .tiles > div, .facts > div, section, header, .side, button, .doing, .next, dialog, main";
 const SCROLLING = ".scroll, #title, #acknowledged, #person"; // the list of alerts scrolls, and names may end in an ellipsis
 const MOVING = ["title", "word", "sentence", "phi", "gauge", "tile-peak", "tile-lean", "tile-crane", "bullseye", "trend"];
 

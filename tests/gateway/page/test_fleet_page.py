@@ -1,6 +1,7 @@
 """The page of a site: real messages on a real router, the command's own process, and a browser."""
 
 import json
+import re
 import socket
 import subprocess
 import sys
@@ -18,7 +19,10 @@ import zenoh
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 
+from gateway.fleet.fleet_page import CARD_STYLES
+from gateway.fleet.gateway_status import LABELS
 from gateway.messages import Health
+from gateway.stages.conditions.verdict import DISTURBING, UNUSABLE
 from gateway.topics import TOPIC_OF, encode
 from tests.gateway.page.conftest import Scene
 from tests.ports import unused_port
@@ -27,6 +31,7 @@ from tests.waiting import PATIENCE_S, wait_until
 pytestmark = pytest.mark.slow
 
 SIZES = {"panel": (800, 480), "desktop": (1280, 800), "phone": (390, 844)}
+DAEMON = Path(__file__).parents[3] / "gateway" / "daemon"
 INSPECTION = Path(__file__).with_name("layout.js").read_text(encoding="utf-8")
 SMALLEST_TEXT_PX = 15.9
 URL = "http://crane-2.example:8321/"
@@ -155,6 +160,54 @@ def test_what_asks_for_action_comes_first(site: Site, serve: Callable[..., str],
     window.close()
 
 
+def test_cards_say_why_in_the_language_of_the_page(
+    site: Site, serve: Callable[..., str], browser: Browser, tmp_path: Path
+) -> None:
+    site.add("crane-1").level = "trip"
+    site.add("crane-2").calibration = "uncalibrated"
+    site.add("crane-3").standing_faults = {"recording": "no space left on device", "bus": "nobody answers there"}
+    site.add("crane-4").battery_low = True
+    site.add("crane-5").level = "unknown"
+    disturbed = site.add("crane-6")
+    disturbed.condition, disturbed.trusted = "disturbed", False
+    site.add("crane-7")
+    expected = tmp_path / "expected.txt"
+    expected.write_text("north-yard/crane-8/hook\n")
+    window = _open(browser, serve("--language", "de", "--expect", str(expected)))
+    site.remove("crane-7")
+    expect(window.locator("#cards .why")).to_have_text(
+        [
+            "Erwartet, und nie gesehen.",
+            "Das Gateway wurde beendet oder ist nicht verbunden.",
+            "Pendeln bis 6.4°; Grenze 6.0°. Endet unter 3.0°.",
+            "Der Sensor ist nicht kalibriert. Der Winkel kann um mehrere Grad falsch sein.",
+            "Die Kraft ist nicht die einer hängenden Last.",
+            "Das Pendeln ist zurzeit unbekannt.",
+            "Arbeitet nicht: Aufzeichnung, Netzwerk.",
+            "Die Batterie des Sensors ist schwach. Laden oder wechseln.",
+        ]
+    )
+    window.close()
+
+
+def test_every_word_gate_and_part_has_a_text(serve: Callable[..., str], browser: Browser) -> None:
+    window = _open(browser, serve())
+    tables = window.evaluate("import('/texts.js').then((texts) => texts.tables())")
+    parts = {
+        name for path in DAEMON.glob("*.py") for name in re.findall(r'(?m)^\w*(?:PART|PIN) = "(\w+)"', path.read_text())
+    }
+    assert {"device", "recording", "page_pin", "clock"} <= parts
+    wanted = {f"word_{word}" for word in CARD_STYLES}
+    wanted |= {f"gate_{gate}" for gate in {*UNUSABLE, *DISTURBING}} | {f"part_{part}" for part in parts}
+    for table in tables.values():
+        assert wanted - set(table) == set()
+    window.close()
+
+
+def test_every_state_has_a_card() -> None:
+    assert set(CARD_STYLES) == set(LABELS)
+
+
 def test_a_site_without_its_router_says_so(site: Site, serve: Callable[..., str], browser: Browser) -> None:
     site.add("crane-1")
     window = _open(browser, serve())
@@ -186,10 +239,11 @@ def test_every_state_fits_every_size_and_axe_finds_nothing(
     site.add("crane-4").calibration = "uncalibrated"
     disturbed = site.add("crane-with-a-rather-long-name-of-40-letters-5")
     disturbed.condition, disturbed.trusted, disturbed.reasons = "disturbed", False, [LONG_REASON]
+    site.add("crane-6").standing_faults = dict.fromkeys(("device", "outbox", "state_files", "signing"), LONG_REASON)
     expected = tmp_path / "expected.txt"
     expected.write_text("north-yard/crane-9/hook\n" + "".join(f"north-yard/{crane}/hook\n" for crane in site.scenes))
     window = _open(browser, serve("--language", language, "--expect", str(expected)))
-    expect(window.locator("#cards li")).to_have_count(6)
+    expect(window.locator("#cards li")).to_have_count(7)
     expect(window.locator("html")).to_have_attribute("lang", language)
     for name, size in SIZES.items():
         window.set_viewport_size({"width": size[0], "height": size[1]})

@@ -1,0 +1,32 @@
+// The sentence on the card of a gateway: why it asks for action, from the codes in its status, in the language of the page.
+
+import {sentence} from "./sentence.js";
+import {hasText, text} from "./texts.js";
+
+// Return the sentence of a card; empty where all is well.
+export function cardSentence({word, alive, causes}) {
+  switch (word) {
+    case "OK": return "";
+    case "MISSING": return text("fleet_missing");
+    case "GONE": return text("gateway_gone");
+    case "DUPLICATE": return text("fleet_duplicate");
+    case "FAULT": return text("fleet_fault", {parts: causes.faulty_parts.map(partName).join(", ")});
+    case "BATTERY LOW": return text("note_battery");
+    case "UNKNOWN": return causes.validity === "no_samples" ? text("fleet_no_samples") : doubt(causes) ?? text("fleet_unknown");
+    case "DISTURBED": return doubt(causes) ?? text("disturbed");
+    default: return sentence({word}, operatorState(alive, causes));
+  }
+}
+
+// Return what the operator's page would know of the gateway.
+function operatorState(alive, {alerts, session, age_s: ageS}) {
+  return {gateway: alive, age_s: {oldest: ageS}, topics: {alert: {active: alerts}, calibration: {session: {phase: session}}}};
+}
+
+// Return why the reading is doubted; null where the gates do not tell.
+function doubt({failed_gates: gates}) {
+  const told = gates.find((gate) => hasText(`gate_${gate}`));
+  return told === undefined ? null : text(`gate_${told}`);
+}
+
+const partName = (part) => (hasText(`part_${part}`) ? text(`part_${part}`) : part);
