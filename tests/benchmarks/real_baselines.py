@@ -88,7 +88,12 @@ def compare(method: Method, rig: TwinRig, recordings: Recordings) -> dict[str, A
 
 def _measured(observations: Observations) -> Measured:
     return Measured(
-        observations.time_s, observations.force_g, observations.temperature_c, observations.noise_g, observations.used
+        observations.time_s,
+        observations.force_g,
+        observations.temperature_c,
+        observations.noise_g,
+        observations.used,
+        observations.offset_s,
     )
 
 

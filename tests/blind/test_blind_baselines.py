@@ -1,6 +1,7 @@
 """The baselines' own parts, on short recordings: the base fit, and one answer from end to end."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from gateway.twin.simulator.simulator import Simulator
 from tests.blind.asking import case_arguments
 from tests.blind.baselines.files import Found, Measured, answer, read_measured
 from tests.blind.baselines.fitting import (
+    Fit,
     base_fit,
     conclude,
     covariance_of,
@@ -81,6 +83,17 @@ def test_start_finds_a_large_swing_at_the_pivot_and_at_the_load(position_m: floa
     rig = TwinRig(1.0, position_m)
     tilts_rad = first_start(rig, planar_swing(rig, np.radians(tilt_deg)))[:2]
     assert np.degrees(np.hypot(*tilts_rad)) == pytest.approx(tilt_deg, abs=10.0)
+
+
+def test_event_of_the_log_is_over_when_its_end_is_held_out() -> None:
+    rig = TwinRig(1.0, 0.0)
+    simulator = Simulator(rig, ["impact"])
+    values = simulator.values([0.1, 0.0, 0.0, 0.0, 0.0], {"impact": {"delta_v_m_s": (0.3, 0.0), "start_s": 1.0}})
+    log = planar_swing(rig, 0.1)
+    fit = Fit(simulator, values, 0.0, free_on_log(simulator), np.zeros((0, 0)))
+    held_out = replace(log, began_s=5.0)
+    found = conclude(rig, log, held_out, base_fit(rig, log), fit, ("impact",))
+    assert held_out.reduced_chi2(found.prediction_g) < 1e-3
 
 
 def test_parameters_that_only_their_sum_determines_have_no_finite_error() -> None:

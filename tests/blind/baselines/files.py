@@ -5,7 +5,7 @@ import csv
 import json
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,8 @@ class Measured:
     """1-sigma of each reading; one number, or one per axis."""
     used: NDArray[np.bool_]
     """Samples that count, shape (n,)."""
+    began_s: float = 0.0
+    """Time of the first sample in the log, where this is the end of the log."""
 
     @property
     def n_values(self) -> int:
@@ -43,7 +45,13 @@ class Measured:
     def first(self, count: int) -> "Measured":
         """The first samples alone."""
         temperature_c = None if self.temperature_c is None else self.temperature_c[:count]
-        return Measured(self.time_s[:count], self.force_g[:count], temperature_c, self.noise_g, self.used[:count])
+        return replace(
+            self,
+            time_s=self.time_s[:count],
+            force_g=self.force_g[:count],
+            temperature_c=temperature_c,
+            used=self.used[:count],
+        )
 
     def misfit(self, simulated_g: Array) -> Array:
         """Residual in sigma, shape (n, 3); zero where a sample does not count."""

@@ -124,10 +124,14 @@ def base_fit(rig: TwinRig, measured: Measured) -> Fit:
 
 
 def conclude(rig: TwinRig, log: Measured, held_out: Measured, base: Fit, fit: Fit, names: tuple[str, ...]) -> Found:
-    """Fit the held-out recording's own nuisances to its samples that count, and say what was found."""
+    """Fit the held-out recording's own nuisances to its samples that count, and say what was found.
+
+    Where it is the end of the log, events keep the time at which they were.
+    """
     held_base = base_fit(rig, held_out)
     start = list(held_base.values[: held_base.simulator.n_initial_states])
-    there = fit_nuisances(fit.simulator, held_out, fit.simulator.values(start, fit.effects()))
+    effects = {name: EFFECTS[name].shift_start(values, held_out.began_s) for name, values in fit.effects().items()}
+    there = fit_nuisances(fit.simulator, held_out, fit.simulator.values(start, effects))
     predictions_g = [
         each.simulator.predict(each.values, held_out.time_s, held_out.temperature_c) for each in (held_base, there)
     ]
