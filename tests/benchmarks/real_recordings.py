@@ -20,7 +20,7 @@ from typing import Any
 
 from tests.benchmarks.real_angles import as_at_pivot, known_angles
 from tests.benchmarks.real_manifest import RealRecording, read_manifest
-from tests.benchmarks.real_table import HEAD, Row, counts, line
+from tests.benchmarks.real_table import Row, markdown, measure_cells, reconcile_cells, tables
 
 LIMIT_S = 600.0
 COMMANDS = {
@@ -57,9 +57,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     rows = []
     for row in _rows(chosen.folder, chosen.only, question):
         rows.append(row)
-        print(line(row), flush=True)
+        print(markdown([*measure_cells(row), *reconcile_cells(row)[1:]]), flush=True)
     if chosen.out is not None:
-        chosen.out.write_text("\n".join([*HEAD, *map(line, rows), "", counts(rows), ""]), encoding="utf-8")
+        chosen.out.write_text(tables(rows), encoding="utf-8")
 
 
 def _rows(folder: Path, only: str, question: Question) -> Iterator[Row]:

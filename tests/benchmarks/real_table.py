@@ -1,6 +1,6 @@
 """The table of the recordings of real pendulums, and its counts."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,19 +9,17 @@ import numpy as np
 from tests.benchmarks.real_angles import Angles
 from tests.benchmarks.real_manifest import RealRecording
 
-COLUMNS = (
+MEASURE_COLUMNS = ("recording", "known, deg", "`measure`, deg", "s")
+RECONCILE_COLUMNS = (
     "recording",
-    "known, deg",
-    "`measure`, deg",
     "verdict",
     "effects",
-    "gap of the test part",
     "plausible",
+    "gap of the test part",
     "s",
     "least squares of everything",
     "pysindy",
 )
-HEAD = ("| " + " | ".join(COLUMNS) + " |", "|---" * len(COLUMNS) + "|")
 AROUND_S = 1.0
 """The angle at a time is known to be the largest within this."""
 Answers = Mapping[str, Mapping[str, Any]]
@@ -100,21 +98,43 @@ class Row:
         return min(float(np.degrees(part_rad.max(initial=0.0))), whole_deg), uncertainty_deg
 
 
-def line(row: Row) -> str:
-    """The line of the table."""
-    name = f"*{row.recording.name}*" if row.recording.is_asked_once else row.recording.name
-    cells = (
-        name,
-        _known(row),
-        _angle(row),
+def tables(rows: Sequence[Row]) -> str:
+    """What `measure` answers, and what `reconcile` and the simpler methods do; without those that must be refused."""
+    usable = [row for row in rows if not row.recording.refused_because]
+    parts = [
+        *_table(MEASURE_COLUMNS, map(measure_cells, rows)),
+        "",
+        *_table(RECONCILE_COLUMNS, map(reconcile_cells, usable)),
+    ]
+    return "\n".join([*parts, "", counts(rows), ""])
+
+
+def _table(columns: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    return [markdown(columns), "|---" * len(columns) + "|", *map(markdown, rows)]
+
+
+def markdown(cells: Sequence[str]) -> str:
+    """A line of a table."""
+    return "| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |"
+
+
+def measure_cells(row: Row) -> tuple[str, ...]:
+    """The line of what `measure` answers."""
+    return _name(row), _known(row), _angle(row), _seconds(row, "measure")
+
+
+def reconcile_cells(row: Row) -> tuple[str, ...]:
+    """The line of what is missing from the model."""
+    return (
+        _name(row),
         row.reconciled.get("verdict", "refused" if "error" in row.reconciled else "-"),
         _effects(row.reconciled),
-        _gap(row.reconciled),
         _plausible(row),
-        ", ".join(f"{row.answers[each]['seconds']:.0f}" for each in ("measure", "reconcile") if each in row.answers),
-        *(_baseline(row.answers.get(each)) for each in ("everything", "sparse")),
+        _gap(row.reconciled),
+        _seconds(row, "reconcile"),
+        _baseline(row.answers.get("everything")),
+        _baseline(row.answers.get("sparse")),
     )
-    return "| " + " | ".join(str(cell).replace("|", "/") for cell in cells) + " |"
 
 
 def counts(rows: Sequence[Row]) -> str:
@@ -138,6 +158,14 @@ def counts(rows: Sequence[Row]) -> str:
 def _holds(low_high_deg: tuple[float, float], known_deg: tuple[float, float]) -> bool:
     angle_deg, uncertainty_deg = known_deg
     return low_high_deg[0] - 2 * uncertainty_deg <= angle_deg <= low_high_deg[1] + 2 * uncertainty_deg
+
+
+def _name(row: Row) -> str:
+    return f"*{row.recording.name}*" if row.recording.is_asked_once else row.recording.name
+
+
+def _seconds(row: Row, method: str) -> str:
+    return f"{row.answers[method]['seconds']:.0f}" if method in row.answers else "-"
 
 
 def _known(row: Row) -> str:

@@ -7,7 +7,7 @@ import pytest
 
 from tests.benchmarks.real_angles import known_angles
 from tests.benchmarks.real_manifest import RealRecording, read_manifest
-from tests.benchmarks.real_table import Row, counts, line
+from tests.benchmarks.real_table import Row, counts, measure_cells
 
 
 def recording(**changed: object) -> RealRecording:
@@ -28,7 +28,7 @@ def test_interval_is_compared_with_the_angle_of_the_part_that_is_judged() -> Non
     held = {"measure": measured(38.5, 40.5, 5.0)}
     assert Row(recording(), DECAY, held).holds
     assert not Row(recording(), DECAY, {"measure": measured(58.0, 62.0, 5.0)}).holds
-    assert "40.0 ± 1 of the part judged, 60 of all" in line(Row(recording(), DECAY, held))
+    assert measure_cells(Row(recording(), DECAY, held))[1] == "40.0 ± 1 of the part judged, 60 of all"
 
 
 def test_effect_that_no_engineer_would_sign_is_counted_as_implausible() -> None:
