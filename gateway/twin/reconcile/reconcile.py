@@ -162,7 +162,7 @@ def _finish(run: SearchRun) -> SearchRun:
     table, best = choose_single_effect(table, run.context)
     table, best = grow(table, run.context, best)
     table = fit_coincident_effects(table, run.context, best)
-    return replace(run, table=table.start_round(), best=best)
+    return replace(run, context=run.context.without_eliminated(table, best), table=table.start_round(), best=best)
 
 
 def _clock_hypothesis(run: SearchRun) -> CandidateFit | None:

@@ -92,7 +92,7 @@ def _conclude_unexplained(evidence: Evidence) -> Decision:
 
 
 def _necessary_names(evidence: Evidence) -> frozenset[str]:
-    return nameable_with_residual(evidence.necessary)
+    return nameable_with_residual(evidence.necessary) | evidence.baseline_names
 
 
 def _nameable_with_residual(evidence: Evidence) -> bool:
@@ -212,9 +212,12 @@ def _name_one_mixture_of_axes(decision: Decision) -> Decision:
 def _group_indistinguishable(
     decision: Decision, baseline: frozenset[str], indistinguishable: Callable[[str], tuple[str, ...]]
 ) -> Decision:
-    """Replace a named effect by its ambiguity group, whatever the fits of the group's members say."""
-    for name in decision.named:
-        partners = () if name in baseline else indistinguishable(name)
+    """Replace a named effect by its ambiguity group, whatever the fits of the group's members say.
+
+    First those of the baseline: beside a wrong length, a clock's rate differs from it by nothing but a loss.
+    """
+    for name in sorted(decision.named, key=lambda each: each not in baseline):
+        partners = () if EFFECTS[name].found_before_search else indistinguishable(name)
         if not partners:
             continue
         group = tuple(sorted((name, *partners)))[:MAX_AMBIGUOUS]

@@ -1,11 +1,13 @@
-"""Effects found before the search: coarse steps and limits in the samples, a machine's line in the spectrum."""
+"""Effects found before the search: steps and limits of the samples, a wrong length by the period, a machine's line."""
 
 from collections.abc import Mapping
 from dataclasses import replace
 
 from gateway.numerics.spectrum import find_machine_line
+from gateway.swing.detection.rope_length import rope_length_by_period
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Value
+from gateway.twin.effects.rope import RopeLength
 from gateway.twin.effects.sensor import Vibration
 from gateway.twin.effects.sensor_output import Clipping, Quantization, SampleHold
 from gateway.twin.reconcile.data.artefact_detectors import (
@@ -50,11 +52,35 @@ def _detect_steps_or_limits(recordings: Recordings) -> tuple[Recordings, Values]
 def fit_baseline(
     table: CandidateTable, context: SearchContext, detected: Values, validator: Validator
 ) -> tuple[CandidateTable, SearchContext]:
-    """Fit the effects that were detected, and a machine's line; the search starts from these."""
-    table = context.fit(table, detected)
+    """Fit the effects that were detected, a wrong length and a machine's line; the search starts from these."""
+    if table.get(detected) is None:
+        table = context.fit(table, detected)
     base = table.get(detected) or table.fits[frozenset()]
+    table, base = _add_rope_length(table, context, base)
     context = context.with_baseline({name: base.values[name] for name in base.values})
     return _add_machine_line(table, context, base, validator)
+
+
+def _add_rope_length(
+    table: CandidateTable, context: SearchContext, base: CandidateFit
+) -> tuple[CandidateTable, CandidateFit]:
+    """Add an error of the rope's length where the period of a large swing, at its amplitude, contradicts the rig.
+
+    Beside a model that is soon out of phase no effect shows as what it is. Backward elimination removes an error that a model
+    with losses does not need; the model without them does not tell.
+    """
+    setting, log = context.setting, context.setting.log
+    if not setting.large_amplitude or RopeLength.name in setting.model_effects:
+        return table, base
+    by_period = rope_length_by_period(log.time_s, log.force_g, setting.rig.gravity_m_s2)
+    if by_period is None:
+        return table, base
+    error = by_period.length_m / setting.rig.length_m - 1
+    if abs(error) < by_period.u_rel:
+        return table, base
+    values = {**base.values, RopeLength.name: {"relative_error": error}}
+    table = context.fit(table, values)
+    return table, table.get(values) or base
 
 
 def _add_machine_line(

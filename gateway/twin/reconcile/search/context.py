@@ -44,6 +44,11 @@ class SearchContext:
         """The same recording and budget with other baseline effects."""
         return replace(self, baseline_effects=baseline_effects)
 
+    def without_eliminated(self, table: CandidateTable, best: CandidateFit) -> "SearchContext":
+        """The same without the baseline effects that backward elimination removed: no rival has to have them."""
+        kept = {name: values for name, values in self.baseline_effects.items() if name in best.values}
+        return self if table.get(kept) is None else self.with_baseline(kept)
+
     def fit(
         self,
         table: CandidateTable,
