@@ -61,7 +61,7 @@ class CreepingOffset(ReadingTerm):
             "time_constant_s",
             "s",
             "τ",
-            lower=0.2,
+            lower=2.0,  # what is over within part of a swing is no offset that settles
             upper=1e4,
             neutral=10.0,
             scale=0.1,
@@ -117,6 +117,7 @@ class Backlash(ReadingTerm):
     says = ("play: the reading turns back later than the load",) * 2
     explains = says[0]
     needs_quadrature = True
+    hides_small_motion = True
     parameters = (
         Parameter(
             "gap_g",

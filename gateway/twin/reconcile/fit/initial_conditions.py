@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.twin.effects import ModelStructure
+from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.harmonic_initial_states import harmonic_initial_states
@@ -51,7 +51,7 @@ def segment_initial_conditions(
     problem = (simulator, observations, effect_values, first_samples)
     if abs(1 - rig.position_m / rig.length_m) < MIN_LATERAL_GAIN:
         fitted = _fit_each_segment(*problem, harmonic_initial_states(rig, observations, first_samples, n_states))
-    elif observations.has_large_amplitude:
+    elif observations.has_large_amplitude or any(EFFECTS[name].hides_small_motion for name in simulator.effect_names):
         fitted = _fit_each_segment(*problem, initial_state_from_samples(rig, observations, first_samples, n_states))
     else:
         fitted = _refine_each_segment(*problem, np.zeros((len(first_samples), n_states)))

@@ -12,8 +12,11 @@ from gateway.cli.main import main
 from gateway.measurement.rig import read_rig
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.registry import BUILT_IN
+from gateway.twin.effects.term_library import registered_library
 from gateway.twin.model import Model, model_of
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
+from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.fit.validation import evaluate_on_validation
 from gateway.twin.reconcile.output.export import format_model_toml
 from gateway.twin.reconcile.output.text import to_text
 from gateway.twin.reconcile.reconcile import reconcile
@@ -23,6 +26,15 @@ from tests.values import present
 CREEP_G, SETTLE_S = np.array([0.008, -0.005, 0.006]), 7.0
 
 pytestmark = pytest.mark.usefixtures("vocabulary")
+
+
+def test_play_that_hides_small_motion_is_predicted_on_another_recording(
+    model: Model, record: Callable[..., Observations]
+) -> None:
+    play = {"backlash": {"gap_g": 0.0026, "share": (0.99, 0.98)}}
+    with registered_library():
+        validation = evaluate_on_validation(model.rig, play, record(play, "held_out"))
+    assert validation.reduced_chi2 == pytest.approx(1, abs=0.1)
 
 
 def creeping(recording: CheckedRecording) -> CheckedRecording:
