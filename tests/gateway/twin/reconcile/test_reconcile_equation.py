@@ -13,7 +13,7 @@ from gateway.measurement.rig import read_rig
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.registry import BUILT_IN
 from gateway.twin.effects.term_library import registered_library
-from gateway.twin.model import Model, model_of
+from gateway.twin.model import EffectValues, Model, model_of
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
@@ -31,7 +31,7 @@ pytestmark = pytest.mark.usefixtures("vocabulary")
 def test_play_that_hides_small_motion_is_predicted_on_another_recording(
     model: Model, record: Callable[..., Observations]
 ) -> None:
-    play = {"backlash": {"gap_g": 0.0026, "share": (0.99, 0.98)}}
+    play: EffectValues = {"backlash": {"gap_g": 0.0026, "share": (1.0, 0.99)}}
     with registered_library():
         validation = evaluate_on_validation(model.rig, play, record(play, "held_out"))
     assert validation.reduced_chi2 == pytest.approx(1, abs=0.1)
