@@ -19,7 +19,7 @@ PART = "outbox"
 INBOX = 1024
 """Changes that can wait for a disk that fails; the oldest of more are lost at a power failure, and were sent before."""
 RECENT = 512
-"""Changes in memory, so that a receiver which has missed a few is answered without the disk."""
+"""Changes in memory, so that a page that starts, or a receiver that has missed a few, gets them without the disk."""
 RETRY_S = 5.0
 
 
@@ -53,6 +53,7 @@ class OutboxWriter(Worker[StoreRequest]):
         """Read the last number, then store until the end."""
         try:
             self._last_number = self._outbox.open()
+            self._recall()
         except OSError as error:
             self._fail(error)
         self._opened.set()
@@ -63,6 +64,12 @@ class OutboxWriter(Worker[StoreRequest]):
         if not self._opened.wait(patience_s):
             log.error("%s: not read within %.0f s; alerts are numbered from 1", self._folder, patience_s)
         return self._last_number
+
+    def recent(self, patience_s: float) -> list[bytes]:
+        """Return the last changes as messages, oldest first; waits that long for those from before the start."""
+        self._opened.wait(patience_s)
+        with self._lock:
+            return [change.payload for change in self._recent]
 
     def submit(self, change: StoredChange) -> StoreRequest:
         """Take a change; it never waits. Called by the processing thread."""
@@ -96,6 +103,12 @@ class OutboxWriter(Worker[StoreRequest]):
         """Store what waits, and close the file."""
         self._store()
         self._outbox.close()
+
+    def _recall(self) -> None:
+        """Put the changes from before the start into memory. Raises `OSError`."""
+        stored = self._outbox.newest(RECENT)
+        with self._lock:
+            self._recent = deque((*stored, *self._recent), maxlen=RECENT)
 
     def _store(self) -> None:
         with self._lock:

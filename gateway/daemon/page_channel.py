@@ -4,14 +4,24 @@ import socket
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
-from gateway.page.channel import ANSWER, LARGEST_FRAME, REQUEST, Frame, encode_frame, open_pair, receive_frame
+from gateway.daemon.outbox_writer import RECENT
+from gateway.page.channel import (
+    ANSWER,
+    LARGEST_FRAME,
+    PAST_ALERT,
+    REQUEST,
+    Frame,
+    encode_frame,
+    open_pair,
+    receive_frame,
+)
 from gateway.topics import TOPICS
 
 SHOWN = frozenset(topic.name for topic in TOPICS.values() if topic.published and topic.name not in ("samples", "mark"))
 """The topics that the page shows."""
-MOST_WAITING = {"alert": 64, ANSWER: 16}
+MOST_WAITING = {"alert": 64, PAST_ALERT: RECENT, ANSWER: 16}
 """Frames of one kind that may wait for the page, where each counts; of other kinds the newest alone."""
 HEADROOM = 128
 """Bytes of a packet beside its payload."""
@@ -93,12 +103,16 @@ class _Connection:
 class PageChannel:
     """Passes messages on to the page and its requests to a handler.
 
-    A page that starts gets the last message of each topic at once.
+    A page that starts gets the last changes of alerts and the last message of each topic at once.
     """
 
-    def __init__(self, answer: Callable[[bytes], bytes]) -> None:
-        """`answer` returns the answer to a request of the page; it is called by a thread of the channel and may wait."""
+    def __init__(self, answer: Callable[[bytes], bytes], past_alerts: Callable[[], Iterable[bytes]] = tuple) -> None:
+        """`answer` returns the answer to a request of the page; it is called by a thread of the channel and may wait.
+
+        `past_alerts` returns the last changes of alerts, oldest first.
+        """
         self._answer = answer
+        self._past_alerts = past_alerts
         self._lock = threading.Lock()
         self._latest: dict[str, Frame] = {}
         self._connection: _Connection | None = None
@@ -110,7 +124,7 @@ class PageChannel:
         """Add a message. Called by any thread; never waits."""
         if topic not in SHOWN:
             return
-        if len(payload) > LARGEST_FRAME - HEADROOM:
+        if not _fits(payload):
             self.refused += 1
             return
         frame = Frame(topic, time.monotonic(), payload)
@@ -129,9 +143,10 @@ class PageChannel:
     def open(self, first: Frame) -> socket.socket:
         """Begin a channel whose first frame is `first`; return the page's end, which the caller closes after the start."""
         self.close()
+        past = [Frame(PAST_ALERT, first.at_s, payload) for payload in self._past_alerts() if _fits(payload)]
         ours, theirs = open_pair()
         with self._lock:
-            self._connection = _Connection(ours, [first, *self._latest.values()], self._answer)
+            self._connection = _Connection(ours, [first, *past, *self._latest.values()], self._answer)
         return theirs
 
     def close(self) -> None:
@@ -142,3 +157,7 @@ class PageChannel:
                 self._replaced_before += connection.outbox.replaced
         if connection is not None:
             connection.close()
+
+
+def _fits(payload: bytes) -> bool:
+    return len(payload) <= LARGEST_FRAME - HEADROOM

@@ -57,6 +57,8 @@ from gateway.recording.chain import SegmentChain
 log = logging.getLogger("plumbline")
 BLOCKS = 256
 """Blocks that may wait for the processor; more are dropped and counted."""
+RECALL_PATIENCE_S = 0.5
+"""Longest wait of a page's start for the alerts on the disk; it starts without them where the disk does not answer."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +158,9 @@ def compose(
     duplicates = DuplicateWatch(section.key, boot_id, faults)
     users = duplicates.attach, publisher.attach, alerts.attach, rpc.attach
     bus = BusConnection(partial(open_gateway_session, configuration.bus, section.key), users, faults)
-    page_channel = PageChannel(PageRequests({"acknowledge": acknowledgements.submit}).answer)
+    page_channel = PageChannel(
+        PageRequests({"acknowledge": acknowledgements.submit}).answer, partial(outbox.recent, RECALL_PATIENCE_S)
+    )
     page = PageProcess(configuration, page_channel, faults) if configuration.page.enabled else None
     state_files = FileWriter(faults)
     drift_store = DriftStateStore(section.data_dir, state_files.inbox.put)

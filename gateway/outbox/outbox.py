@@ -71,6 +71,15 @@ class AlertOutbox:
         kept = chain(chain.from_iterable(map(_read, paths[place or 0 :])), unstored)
         return make_page(kept, position, most_bytes, is_known=place is not None)
 
+    def newest(self, count: int) -> list[StoredChange]:
+        """Return the last changes that are kept, oldest first. Raises `OSError`."""
+        changes: list[StoredChange] = []
+        for path in reversed(self._paths()):
+            if len(changes) >= count:
+                break
+            changes = _read(path) + changes
+        return changes[-count:]
+
     def close(self) -> None:
         """Close the file."""
         if self._descriptor is not None:

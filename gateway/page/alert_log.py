@@ -1,4 +1,4 @@
-"""The list of alerts of the last shift, from the alert messages that the page has received."""
+"""The list of alerts of the last shift, from alert messages: those from before the page's start, and those that came since."""
 
 from collections import deque
 from dataclasses import dataclass, replace
@@ -38,12 +38,17 @@ class AlertLog:
 
     def __init__(self) -> None:
         self._alerts: deque[LoggedAlert] = deque(maxlen=MOST_ALERTS)
-        self._since_ns: int | None = None
+        self._newest: Alert | None = None
+        self._boot_since_ns: int | None = None
+        """Time of the first message since the start of the gateway."""
 
     def add(self, message: Alert) -> None:
         """Take an alert message: begin, update, acknowledge and end alerts."""
-        if self._since_ns is None:
-            self._since_ns = message.time_ns
+        if self._newest is None or message.boot_id != self._newest.boot_id:
+            self._begin_boot(message)
+        elif _is_older(message, self._newest):
+            return
+        self._newest = message
         active = {alert.rule: alert for alert in message.active}
         for index, logged in enumerate(self._alerts):
             if logged.until_ns is None:
@@ -61,12 +66,30 @@ class AlertLog:
 
     @property
     def since_ns(self) -> int | None:
-        """Time of the first alert message; None before it. The list is complete from then on, for the length of a shift."""
-        return self._since_ns
+        """Begin of the list; None before the first message. From then on, or for the length of a shift, it is complete.
+
+        An empty list begins with the first message since the start of the gateway, because nothing was monitored before.
+        """
+        if self._newest is None or self._boot_since_ns is None:
+            return None
+        first_ns = min((self._boot_since_ns, *(alert.since_ns for alert in self._alerts)))
+        return max(first_ns, self._newest.time_ns - SHIFT_NS)
+
+    def _begin_boot(self, message: Alert) -> None:
+        """Note a start of the gateway: it no longer knows the incidents from before."""
+        self._boot_since_ns = message.time_ns
+        for index, logged in enumerate(self._alerts):
+            self._alerts[index] = replace(logged, incident=None)
 
     def alerts(self) -> list[LoggedAlert]:
         """Return the alerts, oldest first."""
         return list(self._alerts)
+
+
+def _is_older(message: Alert, newest: Alert) -> bool:
+    """Return whether a message of the same start was made before the newest one."""
+    numbers = message.alert_number, newest.alert_number
+    return numbers[0] is not None and numbers[1] is not None and numbers[0] < numbers[1]
 
 
 def _is_same(logged: LoggedAlert, alert: ActiveAlert | None) -> bool:

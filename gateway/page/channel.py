@@ -9,6 +9,8 @@ from dataclasses import dataclass
 LARGEST_FRAME = 65536
 PARAMETERS = "parameters"
 """The first frame of the gateway."""
+PAST_ALERT = "past_alert"
+"""A frame with a change of an alert from before the start of the page."""
 REQUEST = "request"
 """A frame of the page, which the gateway answers."""
 ANSWER = "answer"
@@ -16,10 +18,10 @@ ANSWER = "answer"
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """A message of a topic, a request or an answer."""
+    """A message, a request or an answer."""
 
     kind: str
-    """The topic, `PARAMETERS`, `REQUEST` or `ANSWER`."""
+    """The topic, `PARAMETERS`, `PAST_ALERT`, `REQUEST` or `ANSWER`."""
     at_s: float
     """When it was made, on the monotonic clock that all processes of a machine share."""
     payload: bytes

@@ -15,7 +15,7 @@ from gateway.calibration.alignment.turn_assistant import TurnAssistant, format_e
 from gateway.calibration.alignment.turn_monitor import TurnView
 from gateway.messages import SCHEMA_VERSION, Alert, Calibration, Message, Motion, Swing, Tilt
 from gateway.page.alert_log import AlertLog
-from gateway.page.channel import Frame
+from gateway.page.channel import PAST_ALERT, Frame
 from gateway.page.history import History
 from gateway.page.parameters import Parameters
 from gateway.page.verdict import PageEvidence, PageVerdict, is_fresh, is_swing_known, verdict
@@ -71,12 +71,15 @@ class PageState:
             self._last_sound = LastSoundSwing(self._newest_s["swing"], swing)
 
     def _receive(self, frame: Frame) -> None:
+        topic = "alert" if frame.kind == PAST_ALERT else frame.kind
         try:
-            message: Message = adapter(frame.kind).validate_json(frame.payload)
+            message: Message = adapter(topic).validate_json(frame.payload)
         except (KeyError, ValidationError):
             self.invalid += 1
             return
-        topic = frame.kind
+        if frame.kind == PAST_ALERT and isinstance(message, Alert):
+            self.alert_log.add(message)
+            return
         self._heard_s = max(self._heard_s, frame.at_s)
         self.received[topic] = self.received.get(topic, 0) + 1
         before = self._latest.get(topic)

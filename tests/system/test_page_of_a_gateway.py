@@ -1,10 +1,12 @@
 """The whole way: a simulated crane swings, and a browser sees the angle move."""
 
 import json
+import os
 import re
 import signal
 import socket
 import time
+from pathlib import Path
 from typing import Any
 from urllib.request import urlopen
 
@@ -14,6 +16,7 @@ from playwright.sync_api import Browser, expect
 from tests.ports import unused_port
 from tests.system.bus_query import KEY
 from tests.system.conftest import JoinBus, RunningGateway, StartGateway
+from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.slow
@@ -109,3 +112,31 @@ def test_an_alarm_is_acknowledged_on_the_page_by_name(
     assert (change["acknowledged_by"], change["stored"]) == ("Ann", True)
     expect(page.locator("#acknowledged")).to_have_text(re.compile(r"\d\d:\d\d Ann"))
     page.close()
+
+
+def _alerts(gateway: RunningGateway) -> list[Any]:
+    alerts: list[Any] = _state(gateway).get("alert_log", {"alerts": []})["alerts"]
+    return alerts
+
+
+def _page_process(gateway: RunningGateway) -> int | None:
+    pid = gateway.process.pid
+    for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+        if b"gateway.page" in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0"):
+            return int(child)
+    return None
+
+
+def test_the_list_of_alerts_outlives_the_page_and_the_gateway(start_gateway: StartGateway) -> None:
+    gateway = start_gateway(SENSITIVE, page=True)
+    wait_until(lambda: _alerts(gateway), "an alert on the page")
+    (first, *_) = _alerts(gateway)
+    os.kill(present(_page_process(gateway)), signal.SIGKILL)
+    wait_until(lambda: _is_live(gateway), "another process of the page")
+    assert [_alerts(gateway)[0][name] for name in ("rule", "since_ns", "incident")] == [
+        first[name] for name in ("rule", "since_ns", "incident")
+    ]
+    gateway.stop()
+    again = start_gateway(SENSITIVE, page=True)
+    wait_until(lambda: _is_live(again), "the page of the next start")
+    assert [_alerts(again)[0][name] for name in ("rule", "since_ns", "incident")] == ["swing", first["since_ns"], None]

@@ -5,7 +5,7 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gateway.outbox import outbox as files
@@ -91,6 +91,15 @@ def test_pages_follow_each_other_through_all_files(tmp_path: Path) -> None:
     assert AlertOutbox(tmp_path).open() == 2 * FILE_CHANGES + 10
 
 
+def test_the_newest_changes_are_found_across_files(tmp_path: Path) -> None:
+    assert AlertOutbox(tmp_path).newest(3) == []
+    outbox = filled(tmp_path, FILE_CHANGES + 2)
+    changes = [change(number) for number in range(1, FILE_CHANGES + 3)]
+    assert outbox.newest(5) == changes[-5:]
+    assert outbox.newest(len(changes) + 1) == changes
+    outbox.close()
+
+
 def test_changes_that_are_not_stored_follow_those_that_are(tmp_path: Path) -> None:
     outbox = filled(tmp_path, 3)
     waiting = [change(4), change(5)]
@@ -154,6 +163,7 @@ def test_a_disk_that_fails_in_the_middle_of_a_line_leaves_no_half_line(
     assert (tmp_path / files.FIRST_NAME).read_bytes() == b"".join(encode_line(change(n)) for n in (1, 2, 3, 4))
 
 
+@settings(deadline=None)
 @given(
     boots=st.lists(st.integers(0, 9), min_size=1, max_size=5),
     taken=st.integers(0, 40),

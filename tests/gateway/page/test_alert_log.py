@@ -32,6 +32,13 @@ def _message(time_s: float, *active: tuple[str, Level, float | None], since_s: f
     )
 
 
+def _standing(time_s: float, level: Level, incident: str, by: str | None = None, event: Any = "standing") -> Alert:
+    message = _message(time_s, ("swing", level, 6.5))
+    acknowledged_ns = None if by is None else round(time_s * 1e9)
+    active = [replace(message.active[0], incident=incident, acknowledged_by=by, acknowledged_ns=acknowledged_ns)]
+    return replace(message, active=active, event=event, incident=incident, acknowledged_by=by)
+
+
 @pytest.fixture
 def log() -> AlertLog:
     return AlertLog()
@@ -67,6 +74,37 @@ def test_an_unknown_level_alone_is_no_alert(log: AlertLog) -> None:
     assert log.since_ns == SECOND_NS
 
 
+def test_the_list_outlives_a_start_of_the_gateway_and_its_incidents_do_not(log: AlertLog) -> None:
+    log.add(replace(_standing(10, "trip", "first-1"), boot_id="first", alert_number=1))
+    log.add(replace(_message(70), boot_id="second", alert_number=1))
+    (only,) = log.alerts()
+    assert (only.level, only.incident, only.until_ns) == ("trip", None, 70 * SECOND_NS)
+    log.add(replace(_standing(80, "trip", "second-1"), boot_id="second", alert_number=2))
+    assert [alert.incident for alert in log.alerts()] == [None, "second-1"]
+
+
+def test_a_change_that_comes_again_after_later_ones_begins_nothing(log: AlertLog) -> None:
+    raised = replace(_standing(10, "trip", "boot-1"), boot_id="boot", alert_number=1)
+    log.add(raised)
+    log.add(replace(_message(20), boot_id="boot", alert_number=2))
+    log.add(raised)
+    (only,) = log.alerts()
+    assert only.until_ns == 20 * SECOND_NS
+
+
+def test_the_list_begins_with_its_first_alert_or_the_start_or_the_shift(log: AlertLog) -> None:
+    assert AlertLog().since_ns is None
+    log.add(replace(_message(10, ("swing", "trip", 6.5), since_s=9), boot_id="first"))
+    assert log.since_ns == 9 * SECOND_NS
+    log.add(replace(_message(3600), boot_id="second"))
+    assert log.since_ns == 9 * SECOND_NS
+    shift_s = SHIFT_NS / 1e9
+    log.add(replace(_message(3599 + shift_s), boot_id="second"))
+    assert log.since_ns == 3599 * SECOND_NS
+    log.add(replace(_message(3601 + shift_s), boot_id="second"))  # the alert has left the list
+    assert (log.alerts(), log.since_ns) == ([], 3601 * SECOND_NS)
+
+
 def test_number_and_age_are_bounded(log: AlertLog) -> None:
     for i in range(2 * MOST_ALERTS):
         log.add(_message(2 * i, ("swing", "warn", 4.5), since_s=2 * i))
@@ -74,13 +112,6 @@ def test_number_and_age_are_bounded(log: AlertLog) -> None:
     assert len(log.alerts()) == MOST_ALERTS
     log.add(_message(4 * MOST_ALERTS + SHIFT_NS / 1e9))
     assert log.alerts() == []
-
-
-def _standing(time_s: float, level: Level, incident: str, by: str | None = None, event: Any = "standing") -> Alert:
-    message = _message(time_s, ("swing", level, 6.5))
-    acknowledged_ns = None if by is None else round(time_s * 1e9)
-    active = [replace(message.active[0], incident=incident, acknowledged_by=by, acknowledged_ns=acknowledged_ns)]
-    return replace(message, active=active, event=event, incident=incident, acknowledged_by=by)
 
 
 def test_an_acknowledgement_ends_with_a_higher_level(log: AlertLog) -> None:

@@ -15,6 +15,7 @@ from gateway.page.channel import (
     ANSWER,
     LARGEST_FRAME,
     PARAMETERS,
+    PAST_ALERT,
     REQUEST,
     Frame,
     decode_frame,
@@ -53,6 +54,21 @@ def _open(channel: PageChannel) -> socket.socket:
     page.settimeout(PATIENCE_S)
     assert receive_frame(page) == FIRST
     return page
+
+
+def test_a_page_that_starts_gets_past_alerts_before_the_last_messages() -> None:
+    channel = PageChannel(PageRequests({}).answer, lambda: [b"raised", b"x" * LARGEST_FRAME, b"cleared"])
+    channel.put("alert", b"standing")
+    for _ in range(2):  # it starts again
+        page = _open(channel)
+        frames = [_receive(page) for _ in range(3)]
+        assert [(frame.kind, frame.payload) for frame in frames] == [
+            (PAST_ALERT, b"raised"),
+            (PAST_ALERT, b"cleared"),
+            ("alert", b"standing"),
+        ]
+        page.close()
+    channel.close()
 
 
 def _receive(page: socket.socket) -> Frame:
