@@ -7,6 +7,7 @@ import numpy as np
 
 from tests.blind.believed import BelievedMotion
 from tests.blind.engine import simulate
+from tests.blind.law_effects import LAW_EFFECTS
 from tests.blind.mechanics import Mechanics, Motion, Start
 from tests.blind.outside import ALSO_TRUE, OUTSIDE
 from tests.blind.plan import CATALOGUE, Plan
@@ -117,7 +118,7 @@ def _draw_effects(
     effects, alone = [], {}
     for name in plan.hidden:
         for _ in range(DRAWS):
-            effect = {**CATALOGUE, **OUTSIDE}[name](rng, world.rig, SMALL if plan.small else USUAL)
+            effect = {**CATALOGUE, **OUTSIDE, **LAW_EFFECTS}[name](rng, world.rig, SMALL if plan.small else USUAL)
             alone[name] = believed.excess(world.measure(log, [effect])[1])
             if alone[name] >= VISIBLE:
                 effects.append(effect)

@@ -40,7 +40,7 @@ def simulate(mechanics: Mechanics, start: Start, duration_s: float, step_s: floa
     sensors, quaternions = np.empty((count, 6)), np.empty((count, 4))
     release_step = None if mechanics.release is None else int(np.searchsorted(edge_s, mechanics.release.at_s))
     outer = np.zeros(3)
-    if mechanics.velocity_force:
+    if mechanics.velocity_force or mechanics.place_force:
         mujoco.set_mjcb_control(_pushing(model, data, load, outer, mechanics))
     try:
         for step in range(count):
@@ -198,14 +198,18 @@ def _let_go(model: mujoco.MjModel) -> None:
 def _pushing(
     model: mujoco.MjModel, data: mujoco.MjData, load: int, outer: Array, mechanics: Mechanics
 ) -> Callable[[mujoco.MjModel, mujoco.MjData], None]:
-    """What the engine calls in each stage: the step's own force on the load and those that follow from its velocity."""
+    """What the engine calls in each stage: the step's own force on the load and those that follow from its motion."""
     velocity, body, applied = np.empty(6), mujoco.mjtObj.mjOBJ_BODY, data.xfrc_applied[load, :3]
+    rope = model.body("rope").id
 
     def push(_model: mujoco.MjModel, _data: mujoco.MjData) -> None:
         mujoco.mj_objectVelocity(model, data, body, load, velocity, 0)
         x, y, z = velocity[3:].tolist()
         applied[:] = outer
         for force in mechanics.velocity_force:
+            applied[:] += force(x, y, z)
+        x, y, z = (data.xipos[load] - data.xpos[rope]).tolist()
+        for force in mechanics.place_force:
             applied[:] += force(x, y, z)
 
     return push

@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import tomllib
 from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
@@ -112,7 +113,13 @@ def ask_command(plan: Plan, folder: Path) -> Row:
     case = generate(plan, LENGTHS_S)
     write_case(case, folder)
     answer = folder / "answer.json"
-    files = {"--rig": folder / "rig.toml", "--held-out": folder / "held_out.csv", "--json": answer}
+    model = folder / "model.toml"
+    files = {
+        "--rig": folder / "rig.toml",
+        "--held-out": folder / "held_out.csv",
+        "--json": answer,
+        "--write-model": model,
+    }
     words = [str(word) for pair in files.items() for word in pair]
     begun_s = _children_cpu_s()
     command = [sys.executable, "-m", "gateway", "reconcile", str(folder / "log.csv"), *words]
@@ -130,8 +137,17 @@ def ask_command(plan: Plan, folder: Path) -> Row:
         "closed_test_percent": equation["closed_test_percent"],
         "alternatives": [other for each in equation["terms"] for other in each["alternatives"]],
         "cpu_s": round(_children_cpu_s() - begun_s, 1),
+        "model_simulates": _simulates(model, [each["name"] for each in equation["terms"]]),
     }
     return row | {"score": score(row["hidden"], row["named"], row["terms"])}
+
+
+def _simulates(model: Path, terms: list[str]) -> bool:
+    """Whether `plumbline simulate` takes the written model, with every term of the law in it."""
+    out = model.with_name("simulated.csv")
+    command = [sys.executable, "-m", "gateway", "simulate", str(model), "--out", str(out), "--duration", "5"]
+    said = subprocess.run(command, capture_output=True, text=True, check=False)
+    return said.returncode == 0 and out.exists() and set(terms) <= set(tomllib.loads(model.read_text())["model"])
 
 
 def _row(plan: Plan, case: Case) -> Row:
@@ -221,10 +237,13 @@ def main() -> int:
     parser.add_argument(
         "--command", action="store_true", help="ask plumbline reconcile instead of the library of terms"
     )
+    parser.add_argument("--cases", type=int, help="of the plan, from its start (default: all)")
     chosen = parser.parse_args()
     before = json.loads(chosen.out.read_text())["rows"] if chosen.out.exists() else []
     rows: list[Row] = []
-    for row in _rows(plan_laws(chosen.seed), {row["index"]: row for row in before}, command=chosen.command):
+    for row in _rows(
+        plan_laws(chosen.seed)[: chosen.cases], {row["index"]: row for row in before}, command=chosen.command
+    ):
         rows.append(row)
         listed = ",\n".join(json.dumps(each) for each in rows)
         chosen.out.write_text(f'{{"seed": {chosen.seed}, "rows": [\n{listed}\n]}}\n')

@@ -16,6 +16,9 @@ ScalarProfile = Callable[[Array], Array]
 VelocityForce = Callable[[float, float, float], Vector]
 """World velocity of the load, m/s -> force on it per mass, m/s^2."""
 
+PlaceForce = Callable[[float, float, float], Vector]
+"""Place of the load below the pivot, m -> force on it per mass, m/s^2."""
+
 
 @dataclass(frozen=True, slots=True)
 class Hook:
@@ -97,6 +100,7 @@ class Mechanics:
     load_acceleration: tuple[VectorProfile, ...] = ()
     """Outer force on the load per mass, m/s^2."""
     velocity_force: tuple[VelocityForce, ...] = ()
+    place_force: tuple[PlaceForce, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,6 +24,8 @@ class EvaluationContext:
     """Stretch of an elastic rope beyond that under a load at rest, in m, m/s, m/s²."""
     quadrature_g: Vector = ZERO_VECTOR
     """Derivative of the reading by time over √(g/L), for effects that need it: in a steady swing a quarter period ahead."""
+    small_swing_rate_1_s: Scalar = 1.0
+    """√(g/L) of the nominal rope."""
 
     def is_between(self, start_s: Scalar, end_s: Scalar) -> Scalar:
         """Return 1 between two discontinuities, else 0."""

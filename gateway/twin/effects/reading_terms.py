@@ -1,16 +1,13 @@
-"""Terms of the reading: offsets that change with time, and readings that are no straight line."""
+"""Terms of the reading: offsets that change with time, readings that are no straight line, and late ones."""
 
 import casadi as ca
 import numpy as np
 
-from devices.pendulum.equations import Scalar, Vector
+from devices.pendulum.equations import Vector
 from gateway.twin.effects.evaluation_context import EvaluationContext
 from gateway.twin.effects.force_terms import shifted_level
 from gateway.twin.effects.parameter import Parameter, Symbols, Values
 from gateway.twin.effects.term import AXES, HORIZONTAL, Term, coefficient, number
-
-SMOOTHING_G = 1e-6
-"""Amplitude of a reading that counts as none."""
 
 
 class ReadingTerm(Term):
@@ -105,50 +102,29 @@ class QuadraticReading(ReadingTerm):
         return x, y, z
 
 
-class Backlash(ReadingTerm):
-    """A reading with play: after each turning point it stays until the motion has crossed the play.
+class DelayedReading(ReadingTerm):
+    """A reading whose axes across the rope are sampled later than the axial one, to first order in the delay.
 
-    The play of a sine of amplitude A, in closed form: coming down from A, the follower is behind by min(A - f, 2 b) - b.
+    A delay of all three axes is another start of the same motion, and shows nowhere.
     """
 
-    name = "backlash"
-    equation = "f_i + c_i e(f_i), e in (−b, b) behind the motion, i across the rope"
-    formula = "e(f)"
-    says = ("play: the reading turns back later than the load",) * 2
+    name = "delayed_reading"
+    equation = "f_i(t − τ_i) ≈ f_i − τ_i f′_i, i across the rope"
+    formula = "−f′"
+    says = (
+        "the axes across the rope are read later than the axial one",
+        "the axes across the rope are read earlier than the axial one",
+    )
     explains = says[0]
     needs_quadrature = True
-    hides_small_motion = True
-    parameters = (
-        Parameter(
-            "gap_g",
-            "g",
-            "b, half of the play",
-            lower=1e-5,
-            upper=1.0,
-            neutral=2e-3,
-            scale=1e-4,
-            typical=2e-3,
-            step_limit=5e-3,
-        ),
-        coefficient("share", "1", "c, share of the reading that has play", 0.5, HORIZONTAL),
-    )
+    parameters = (coefficient("delay_s", "s", "τ, behind the axial axis", 0.02, HORIZONTAL),)
 
     def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
-        """Add what the play lags behind to the axes across the rope."""
+        """Subtract what the reading changes during the delay."""
         x, y, z = reading
-        (x_rate, y_rate, _), (x_share, y_share) = context.quadrature_g, p["share"]
-        return x + x_share * _lag_g(x, x_rate, p["gap_g"]), y + y_share * _lag_g(y, y_rate, p["gap_g"]), z
-
-    def law(self, values: Values) -> str:
-        """Return share and gap."""
-        return f"{number(values['share'])} {self.formula}, b = {float(np.asarray(values['gap_g'])):.3g} g"
+        (x_rate, y_rate, _), (x_delay_s, y_delay_s) = context.quadrature_g, p["delay_s"]
+        rate_1_s = context.small_swing_rate_1_s
+        return x - x_delay_s * rate_1_s * x_rate, y - y_delay_s * rate_1_s * y_rate, z
 
 
-def _lag_g(reading: Scalar, quadrature: Scalar, gap: Scalar) -> Scalar:
-    amplitude = ca.sqrt(reading**2 + quadrature**2 + SMOOTHING_G**2)
-    falling = ca.fmin(amplitude - reading, 2 * gap) - gap
-    rising = gap - ca.fmin(amplitude + reading, 2 * gap)
-    return ca.if_else(quadrature < 0, falling, rising)
-
-
-READING_TERMS: tuple[Term, ...] = (ChangingOffset(), CreepingOffset(), QuadraticReading(), Backlash())
+READING_TERMS: tuple[Term, ...] = (ChangingOffset(), CreepingOffset(), QuadraticReading(), DelayedReading())

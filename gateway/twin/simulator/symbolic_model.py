@@ -207,7 +207,11 @@ class SymbolicModel:
         """Return the specific force in g that the sensor reads, before its low-pass."""
         reading = self._ideal_reading(x, context)
         if any(effect.needs_quadrature for effect in self.effects):
-            context = replace(context, quadrature_g=self._quadrature(x, context))
+            context = replace(
+                context,
+                quadrature_g=self._quadrature(x, context),
+                small_swing_rate_1_s=self._small_swing_rate_1_s,
+            )
         for effect, p in self.active_effects():
             reading = effect.reading_g(p, context, reading)
         return ca.vertcat(*reading)

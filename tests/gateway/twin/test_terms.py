@@ -6,6 +6,7 @@ import pytest
 from gateway.twin.effects import EFFECTS, BodyState, EvaluationContext, Values
 from gateway.twin.effects.term import Term
 from gateway.twin.effects.term_library import TERMS, registered_library
+from gateway.twin.model import EffectValues
 from gateway.twin.simulator.equation_checks import check_equations
 from gateway.twin.simulator.simulator import Simulator
 from tests.gateway.twin.swings import LENGTH_M, PERIOD_S, POSITION_M, RIG, SWING_RATE, G
@@ -54,6 +55,9 @@ def test_library_leaves_the_vocabulary_as_it_was() -> None:
         ("periodic_rotation", "rad"),
         ("changing_offset", "g/s"),
         ("quadratic_reading", "1/g"),
+        ("force_with_dead_zone", "1/s²"),
+        ("steady_rotation", "rad/s"),
+        ("delayed_reading", "s"),
     ],
 )
 def test_coefficient_has_the_unit_of_its_type(name: str, unit: str) -> None:
@@ -105,6 +109,40 @@ def test_backlash_follows_the_play_of_a_steady_swing() -> None:
         follower[i] = place
     assert np.abs(plain_g).max() == pytest.approx((1 - POSITION_M / LENGTH_M) * 0.06, rel=0.01)
     assert lagging_g == pytest.approx(follower, abs=0.01 * gap_g)
+
+
+@pytest.mark.parametrize(("place_m", "acts_m_s2"), [((0.3, -0.4), (0.0, 0.0)), ((1.2, -1.6), (-0.045, 0.06))])
+def test_force_with_dead_zone_begins_beyond_it_without_a_jump(
+    place_m: tuple[float, float], acts_m_s2: tuple[float, float]
+) -> None:
+    values: Values = {"dead_zone_m": 0.5, "coefficient": -0.05}
+    load = BodyState((*place_m, -11.9), (0.5, 0.8, 0.1), SWING_RATE)
+    force = TERMS["force_with_dead_zone"].force_m_s2(values, EvaluationContext(0.0, 0.0, G), load)
+    assert [float(each) for each in force] == pytest.approx([*acts_m_s2, 0.0], abs=1e-6)
+
+
+def predict(effects: EffectValues, time_s: np.ndarray) -> np.ndarray:
+    with registered_library():
+        simulator = Simulator(RIG, tuple(effects))
+        return simulator.predict(simulator.values([0.06, -0.03, 0.02, 0.07, 0], effects), time_s)
+
+
+def test_steady_rotation_turns_the_readings_across_the_rope_evenly() -> None:
+    rate_rad_s, time_s = 0.03, np.linspace(0, 2 * PERIOD_S, 200)
+    plain_g = predict({}, time_s)
+    turned_g = predict({"steady_rotation": {"coefficient": rate_rad_s}}, time_s)
+    across = (plain_g[:, 0] + 1j * plain_g[:, 1]) * np.exp(-1j * rate_rad_s * time_s)
+    assert turned_g == pytest.approx(np.column_stack([across.real, across.imag, plain_g[:, 2]]), abs=1e-12)
+
+
+def test_delayed_reading_is_the_reading_of_an_earlier_time() -> None:
+    delay_s = 0.02
+    time_s = np.arange(0, 2 * PERIOD_S, delay_s)
+    late_g = predict({"delayed_reading": {"delay_s": (delay_s, 0.0)}}, time_s)[1:]
+    plain_g = predict({}, time_s)
+    second_order_g = (SWING_RATE * delay_s) ** 2 * 0.06
+    assert late_g == pytest.approx(np.column_stack([plain_g[:-1, 0], plain_g[1:, 1:]]), abs=second_order_g)
+    assert np.abs(plain_g[1:, 0] - plain_g[:-1, 0]).max() > 20 * second_order_g
 
 
 def test_law_of_a_term_is_told_with_sign_unit_and_meaning() -> None:

@@ -1,5 +1,6 @@
 """Screening of the library: what each term could take off the residual, from few linearisations beside a fitted model."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -58,7 +59,8 @@ def screen_terms(setting: FitContext, parent: CandidateFit) -> list[ScreenedTerm
 def _shapes(setting: FitContext, parent: CandidateFit, names: Sequence[str]) -> list[dict[str, Values]]:
     """Return values of frequencies, time constants and gaps by term, one set for each linearisation."""
     log = setting.log
-    choices = shape_choices(log.time_s, log.residual_sigma(parent.fit.force_g), parent.fit.force_g)
+    reach_m = setting.rig.length_m * math.sin(min(log.amplitude_rad, math.pi / 2))
+    choices = shape_choices(log.time_s, log.residual_sigma(parent.fit.force_g), parent.fit.force_g, reach_m)
     shape_of = {name: TERMS[name].shape_parameters[0].name for name in names}
     affordable = max(1, int(MAX_WORK / setting.work_per_evaluation({**parent.values, **{name: {} for name in names}})))
     return [

@@ -27,14 +27,17 @@ TIME_CONSTANT_SHARES = (0.03, 0.08, 0.2, 0.5)
 
 GAP_SHARES = (0.03, 0.08, 0.16)
 """Half plays over the largest reading across the rope."""
+DEAD_ZONE_SHARES = (0.2, 0.4, 0.6, 0.8)
+"""Dead zones over the largest displacement of the load."""
 OVERTONES = 7
 """Multiples of the swing's frequency at which no periodic term is tried: what keeps time with the swing is made by the swing."""
 
 
-def shape_choices(time_s: Array, residual: Array, simulated_g: Array) -> dict[str, list[float]]:
+def shape_choices(time_s: Array, residual: Array, simulated_g: Array, reach_m: float) -> dict[str, list[float]]:
     """Return values of the parameters that give terms their shape, by the parameter's name, the most likely first.
 
-    `residual` (n, 3) in sigma is that of the model so far, `simulated_g` (n, 3) the readings of that model.
+    `residual` (n, 3) in sigma is that of the model so far, `simulated_g` (n, 3) the readings of that model, `reach_m` the largest
+    displacement of the load.
     """
     duration_s = float(time_s[-1] - time_s[0])
     across_g = simulated_g[:, :2] - simulated_g[:, :2].mean(axis=0)
@@ -42,6 +45,7 @@ def shape_choices(time_s: Array, residual: Array, simulated_g: Array) -> dict[st
         "frequency_hz": candidate_frequencies_hz(time_s, residual, across_g[:, 0] + 1j * across_g[:, 1]),
         "time_constant_s": [share * duration_s for share in TIME_CONSTANT_SHARES],
         "gap_g": [share * float(np.abs(across_g).max()) for share in GAP_SHARES],
+        "dead_zone_m": [share * reach_m for share in DEAD_ZONE_SHARES],
     }
 
 
