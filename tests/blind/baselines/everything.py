@@ -14,6 +14,7 @@ from tests.blind.baselines.fitting import (
     Fit,
     base_fit,
     conclude,
+    first_start,
     fit_growing,
     free_on_log,
     guesses,
@@ -35,7 +36,7 @@ def everything(rig: TwinRig, log: Measured, held_out: Measured) -> Found:
     names = [name for name in sensible(log) if name not in OTHER_STRUCTURE]
     start = {name: _best_guess(rig, log, base, name, residual_g) for name in names}
     simulator = Simulator(rig, names)
-    values = simulator.values(list(base.values), start)
+    values = simulator.values(list(first_start(rig, log)), start)
     fit = fit_growing(simulator, log, values, free_on_log(simulator), ROUNDS)
     return conclude(rig, log, held_out, base, fit, significant(fit, log.n_values))
 

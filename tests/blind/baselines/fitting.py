@@ -103,11 +103,14 @@ def fit_nuisances(simulator: Simulator, measured: Measured, values: Array) -> Fi
 
 
 def fit_growing(simulator: Simulator, measured: Measured, values: Array, free: Array, rounds: int = ROUNDS) -> Fit:
-    """Fit ever longer parts of a recording."""
-    for part in GROWING:
-        short = measured.first(int(part * len(measured.time_s)))
-        values = levenberg_marquardt(simulator, short, values, free, rounds).values
-    return levenberg_marquardt(simulator, measured, values, free, rounds)
+    """Fit ever longer parts of a recording, each from the last, or from the start where that one diverges later."""
+    start = values
+    for part in (*GROWING, 1.0):
+        longer = measured.first(int(part * len(measured.time_s)))
+        from_last = bool(np.isfinite(_cost(simulator, longer, values)))
+        fit = levenberg_marquardt(simulator, longer, values if from_last else start, free, rounds)
+        values = fit.values
+    return fit
 
 
 def free_on_log(simulator: Simulator) -> Array:

@@ -19,7 +19,7 @@ from pysindy.optimizers import STLSQ
 from gateway.twin.model import TwinRig
 from gateway.twin.simulator.simulator import Simulator
 from tests.blind.baselines.files import Found, Measured, answer
-from tests.blind.baselines.fitting import NEAR_LOAD, base_fit, conclude, fit_growing, free_on_log
+from tests.blind.baselines.fitting import NEAR_LOAD, base_fit, conclude, first_start, fit_growing, free_on_log
 from tests.blind.mechanics import Array
 
 WINDOW_PERIODS, POLYNOMIAL = 0.15, 3
@@ -51,7 +51,7 @@ def sparse(rig: TwinRig, log: Measured, held_out: Measured) -> Found:
             found |= surviving(*_sideways(rig, log, axis))
     names = tuple(sorted(found))
     simulator = Simulator(rig, names)
-    values = simulator.values(list(base.values), {})
+    values = simulator.values(list(first_start(rig, log)), {})
     fit = fit_growing(simulator, log, values, free_on_log(simulator)) if names else base
     return conclude(rig, log, held_out, base, fit, names)
 
