@@ -9,21 +9,21 @@ import numpy as np
 from tests.benchmarks.real_angles import Angles
 from tests.benchmarks.real_manifest import RealRecording
 
-MEASURE_COLUMNS = ("recording", "known, deg", "`measure`, deg", "s")
+MEASURE_COLUMNS = ("recording", "known, deg", "`measure`, deg", "CPU, s")
 RECONCILE_COLUMNS = (
     "recording",
     "verdict",
     "effects",
     "plausible",
     "gap of the test part",
-    "s",
+    "CPU, s",
     "least squares of everything",
     "pysindy",
 )
 AROUND_S = 1.0
 """The angle at a time is known to be the largest within this."""
 Answers = Mapping[str, Mapping[str, Any]]
-"""By method: JSON, with `seconds` added."""
+"""By method: JSON, with `cpu_s` added."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +120,7 @@ def markdown(cells: Sequence[str]) -> str:
 
 def measure_cells(row: Row) -> tuple[str, ...]:
     """The line of what `measure` answers."""
-    return _name(row), _known(row), _angle(row), _seconds(row, "measure")
+    return _name(row), _known(row), _angle(row), _cpu(row, "measure")
 
 
 def reconcile_cells(row: Row) -> tuple[str, ...]:
@@ -131,7 +131,7 @@ def reconcile_cells(row: Row) -> tuple[str, ...]:
         _effects(row.reconciled),
         _plausible(row),
         _gap(row.reconciled),
-        _seconds(row, "reconcile"),
+        _cpu(row, "reconcile"),
         _baseline(row.answers.get("everything")),
         _baseline(row.answers.get("sparse")),
     )
@@ -164,8 +164,8 @@ def _name(row: Row) -> str:
     return f"*{row.recording.name}*" if row.recording.is_asked_once else row.recording.name
 
 
-def _seconds(row: Row, method: str) -> str:
-    return f"{row.answers[method]['seconds']:.0f}" if method in row.answers else "-"
+def _cpu(row: Row, method: str) -> str:
+    return f"{row.answers[method]['cpu_s']:.0f}" if method in row.answers else "-"
 
 
 def _known(row: Row) -> str:
