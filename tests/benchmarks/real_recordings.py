@@ -115,7 +115,7 @@ def answer(method: str, arguments: Sequence[str]) -> Mapping[str, Any]:
         said = (done.stderr.strip().splitlines() or ["no answer"])[-1]
         return {
             "error": said.removeprefix(f"plumbline {method}: ").removeprefix(f"{arguments[0]}: "),
-            "seconds": seconds,
+            "cpu_s": cpu_s,
         }
     return {**json.loads(done.stdout), "cpu_s": cpu_s}
 
