@@ -24,7 +24,7 @@ class GatewayState(StrEnum):
     """Nobody is connected; the gateway may work or not."""
 
 
-BY_VALIDITY: dict[Validity | None, GatewayState] = {
+BY_VALIDITY: dict[Validity, GatewayState] = {
     "valid": GatewayState.FINE,
     "no_samples": GatewayState.SENSOR_GONE,
     "suspended": GatewayState.SUSPENDED,
@@ -59,4 +59,9 @@ class GatewayPresence:
             return GatewayState.GATEWAY_GONE
         if is_late or self.alert is None:
             return GatewayState.NOT_KNOWN
-        return BY_VALIDITY.get(self.alert.validity, GatewayState.NOT_KNOWN)
+        return stated_state(self.alert)
+
+
+def stated_state(alert: Alert) -> GatewayState:
+    """Return the state that a gateway gives itself in an alert message."""
+    return GatewayState.NOT_KNOWN if alert.validity is None else BY_VALIDITY[alert.validity]

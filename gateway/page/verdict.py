@@ -9,6 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
+from gateway.bus.gateway_state import GatewayState, stated_state
 from gateway.messages import Alert, Calibration, CalibrationStatus, Condition, Level, Message, Swing
 from gateway.topics import TOPIC_OF
 
@@ -44,6 +45,13 @@ USUAL_INTERVAL_S = {"tilt": 0.1, "swing": 1.0, "condition": 0.5, "alert": 1.0}
 """The topics on which a verdict depends, and the longest usual interval between two messages."""
 LONGEST_SWING_INTERVAL_S = 15.0
 """Half the period of the longest rope; a swing estimate that is older is late, whatever its period."""
+STATED: dict[GatewayState, tuple[Word, str]] = {
+    GatewayState.SENSOR_GONE: ("STALE", "no samples come from the sensor"),
+    GatewayState.SUSPENDED: ("SUSPENDED", "the swing is not monitored"),
+    GatewayState.UNCALIBRATED: ("UNCALIBRATED", "the sensor has no calibration"),
+    GatewayState.NOT_KNOWN: ("UNKNOWN", "the levels of the alerts are not known"),
+}
+"""Word and reason where the gateway tells receivers of its alerts that the levels are not known: the page is never calmer."""
 TRUSTED_CALIBRATIONS = ("calibrated", "factory")
 
 
@@ -92,6 +100,7 @@ def verdict(evidence: PageEvidence) -> PageVerdict:
         *_session(evidence),
         *_calibration(evidence),
         *_trust(evidence),
+        *_stated(evidence),
     ]
     findings.sort(key=lambda finding: order.index(finding[0]))
     words = list(dict.fromkeys(word for word, _ in findings)) or ["OK"]
@@ -178,6 +187,12 @@ def _trust(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
         yield word, "; ".join(condition.reasons) or "the reading cannot be trusted"
     if swing is not None and not is_swing_known(swing):
         yield "UNKNOWN", "; ".join(swing.reasons) or "the swing is not known"
+
+
+def _stated(evidence: PageEvidence) -> Iterator[tuple[Word, str]]:
+    alert = evidence.get(Alert)
+    if alert is not None and alert.validity is not None and (finding := STATED.get(stated_state(alert))) is not None:
+        yield finding
 
 
 def _finite(value: float | None) -> bool:

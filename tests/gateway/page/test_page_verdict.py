@@ -3,14 +3,16 @@
 import math
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 
-from gateway.messages import NO_SESSION, Message
-from gateway.page.verdict import STYLES, USUAL_INTERVAL_S, PageEvidence, verdict
+from gateway.bus.gateway_state import GatewayPresence, GatewayState
+from gateway.messages import NO_SESSION, Alert, Level, Message, Validity
+from gateway.page.verdict import STATED, STYLES, USUAL_INTERVAL_S, PageEvidence, verdict
 from gateway.topics import TOPIC_OF, TOPICS
 from tests.gateway.page.conftest import Scene
+from tests.values import present
 
 Change = Callable[[Any], None]
 
@@ -79,6 +81,23 @@ def test_the_verdict_follows_the_table(scene: Scene, change: Change, circumstanc
     assert judged.word == word
     assert (judged.colour == "calm") == (word == "OK")
     assert bool(judged.reasons) == (word != "OK")
+
+
+@pytest.mark.parametrize("validity", get_args(Validity))
+@pytest.mark.parametrize("level", get_args(Level))
+def test_the_page_is_never_calmer_than_what_receivers_of_alerts_are_told(
+    scene: Scene, validity: Validity, level: Level
+) -> None:
+    scene.level = level
+    whole = evidence_of(scene)
+    alert = replace(present(whole.get(Alert)), validity=validity)
+    judged = verdict(replace(whole, latest={**whole.latest, "alert": alert}))
+    told = GatewayPresence(is_alive=True, alert=alert, heard_s=0.0, connected_s=0.0).judge(0.0, is_linked=True)
+    word = STATED[told][0] if told in STATED else None
+    assert (word is None) == (told is GatewayState.FINE)
+    assert judged.sound == (word is None and level != "unknown")
+    if word is not None:
+        assert word in (judged.word, *judged.also) or (word == "UNKNOWN" and judged.word != "OK")
 
 
 @pytest.mark.parametrize("topic", USUAL_INTERVAL_S)
