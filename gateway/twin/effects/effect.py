@@ -104,7 +104,7 @@ class Effect:
     """The reading depends on its own derivative by time, `EvaluationContext.quadrature_g`."""
     hides_small_motion: ClassVar[bool] = False
     """A motion within a dead zone shows little or not at all, so that no fit can start from rest."""
-    steady_frequency: ClassVar[bool] = False
+    steady_frequency: bool = False
     """The effect has a parameter `frequency_hz`; residual lines close to it contradict the effect."""
     slow_convergence: ClassVar[bool] = False
     """The parameters lie in a narrow valley of chi-square, so that a fit needs more iterations."""

@@ -4,45 +4,30 @@ import casadi as ca
 import numpy as np
 
 from devices.pendulum.equations import Vector
+from gateway.twin.effects.coefficient_term import CoefficientTerm
+from gateway.twin.effects.coefficients import ChangingCoefficients, PeriodicCoefficients
 from gateway.twin.effects.evaluation_context import EvaluationContext
-from gateway.twin.effects.force_terms import shifted_level
 from gateway.twin.effects.parameter import Parameter, Symbols, Values
 from gateway.twin.effects.term import AXES, HORIZONTAL, Term, coefficient, number
 
 
-class ReadingTerm(Term):
-    """Base class of what is added to the reading."""
+class OffsetTerm(CoefficientTerm):
+    """An offset of each axis."""
 
     enters = "sensor"
     quantity = "reading"
 
-
-class ChangingOffset(ReadingTerm):
-    """An offset that changes evenly with time."""
-
-    name = "changing_offset"
-    equation = "f_i + b_i + b′_i t"
-    formula = "t"
-    says = ("the sensor's zero moves evenly with time",) * 2
-    explains = says[0]
-    parameters = (
-        coefficient("slope", "g/s", "b′ of each axis", 5e-5, AXES),
-        coefficient("level", "g", "b of each axis at the first sample", 2e-3, AXES),
-    )
-
     def reading_g(self, p: Symbols, context: EvaluationContext, reading: Vector) -> Vector:
-        """Add level and slope to each axis."""
-        parts = zip(reading, p["level"], p["slope"], strict=True)
-        x, y, z = (f + level + slope * context.time_s for f, level, slope in parts)
+        """Add the offset."""
+        x, y, z = (f + each for f, each in zip(reading, self.course.at(p, context), strict=True))
         return x, y, z
 
-    def shift_start(self, values: Values, by_s: float) -> Values:
-        """Return the same offset counted from a later first sample."""
-        return shifted_level(values, by_s)
 
-    def law(self, values: Values) -> str:
-        """Return level and slope of each axis."""
-        return f"{number(values['level'])} g {number(values['slope'])} g/s t"
+class ReadingTerm(Term):
+    """Base class of what depends on the reading, or settles."""
+
+    enters = "sensor"
+    quantity = "reading"
 
 
 class CreepingOffset(ReadingTerm):
@@ -127,4 +112,20 @@ class DelayedReading(ReadingTerm):
         return x - x_delay_s * rate_1_s * x_rate, y - y_delay_s * rate_1_s * y_rate, z
 
 
-READING_TERMS: tuple[Term, ...] = (ChangingOffset(), CreepingOffset(), QuadraticReading(), DelayedReading())
+READING_TERMS: tuple[Term, ...] = (
+    OffsetTerm(
+        "changing_offset",
+        "",
+        ChangingCoefficients("g", 2e-3, "g/s", 5e-5, AXES),
+        says=("the sensor's zero moves evenly with time",) * 2,
+    ),
+    OffsetTerm(
+        "periodic_offset",
+        "sin(2π f t + φ)",
+        PeriodicCoefficients("g", 0.002, AXES),
+        says=("the reading itself goes up and down at one frequency",) * 2,
+    ),
+    CreepingOffset(),
+    QuadraticReading(),
+    DelayedReading(),
+)

@@ -11,16 +11,12 @@ import numpy as np
 
 from devices.pendulum.equations import Scalar, Vector, dot
 from gateway.twin.effects.effect import Effect
-from gateway.twin.effects.parameter import Parameter, ParameterKind, Value, Values
+from gateway.twin.effects.parameter import Parameter, Value, Values
 
 HORIZONTAL = ("x", "y")
 AXES = ("x", "y", "z")
 LARGEST = 100.0
 """Bound of a coefficient in typical sizes: a fit that reaches it describes nothing."""
-HIGHEST_FREQUENCY_HZ = 3.0
-LOWEST_FREQUENCY_HZ = 0.005
-STEPS_PER_PERIOD = 16
-"""Integration steps in a period of a periodic term."""
 SMOOTHING_SPEED_M_S = 1e-3
 """Speed within which a direction of motion reverses."""
 REFERENCE = "sparse regression over a library of terms (Brunton et al. 2016), in weak form (Messenger and Bortz 2021)"
@@ -82,22 +78,6 @@ def number(value: Value) -> str:
     """Return a coefficient with its sign: `+0.0042`, or `(+0.012, -0.003)`."""
     texts = [f"{each:+.3g}" for each in np.atleast_1d(np.asarray(value, dtype=np.float64))]
     return texts[0] if len(texts) == 1 else f"({', '.join(texts)})"
-
-
-def frequency() -> Parameter:
-    """Return the frequency of a periodic term."""
-    return Parameter(
-        "frequency_hz",
-        "Hz",
-        "f",
-        lower=LOWEST_FREQUENCY_HZ,
-        upper=HIGHEST_FREQUENCY_HZ,
-        neutral=0.4,
-        scale=1e-3,
-        typical=0.4,
-        kind=ParameterKind.FREQUENCY,
-        step_limit=0.01,
-    )
 
 
 def smoothed_length(vector: Vector, within: float) -> Scalar:

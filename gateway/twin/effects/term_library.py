@@ -6,13 +6,12 @@ from contextlib import contextmanager
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.dead_zone_terms import DEAD_ZONE_TERMS
 from gateway.twin.effects.force_terms import FORCE_TERMS
-from gateway.twin.effects.periodic_terms import PERIODIC_TERMS
+from gateway.twin.effects.kinematic_terms import KINEMATIC_TERMS
 from gateway.twin.effects.reading_terms import READING_TERMS
-from gateway.twin.effects.rotation_terms import ROTATION_TERMS
 from gateway.twin.effects.term import Term
 
 TERMS: Mapping[str, Term] = {
-    term.name: term for term in (*FORCE_TERMS, *PERIODIC_TERMS, *READING_TERMS, *ROTATION_TERMS, *DEAD_ZONE_TERMS)
+    term.name: term for term in (*FORCE_TERMS, *KINEMATIC_TERMS, *READING_TERMS, *DEAD_ZONE_TERMS)
 }
 """Every term by its name."""
 OF_MODELS, OF_SEARCH = "the terms of a model", "the library of terms"

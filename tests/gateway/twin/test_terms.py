@@ -64,6 +64,16 @@ def test_coefficient_has_the_unit_of_its_type(name: str, unit: str) -> None:
     assert TERMS[name].coefficients[0].unit == unit
 
 
+@pytest.mark.parametrize("name", [name for name, term in TERMS.items() if term.steady_frequency])
+def test_periodic_term_is_integrated_in_sixteen_steps_a_period(name: str) -> None:
+    values = {**typical(TERMS[name]), "frequency_hz": 2.5}
+    assert TERMS[name].longest_step_s(values, LENGTH_M, G) == pytest.approx(1 / 40)
+
+
+def test_seven_terms_are_periodic() -> None:
+    assert sum(term.steady_frequency for term in TERMS.values()) == 7
+
+
 @pytest.mark.parametrize("name", CHANGING)
 def test_term_counted_from_a_later_sample_is_the_same_term(name: str) -> None:
     term = TERMS[name]

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.numerics.spectrum import ZERO_PADDING, periodogram, refine_frequency
-from gateway.twin.effects.term import HIGHEST_FREQUENCY_HZ
+from gateway.twin.effects.coefficients import HIGHEST_FREQUENCY_HZ
 from gateway.twin.reconcile.residual.whiteness import noise_floor
 
 Array = NDArray[np.float64]

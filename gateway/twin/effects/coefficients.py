@@ -1,0 +1,172 @@
+"""Coefficients of terms: constant, changing evenly with time, or periodic."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.pendulum.equations import Scalar
+from gateway.twin.effects.evaluation_context import EvaluationContext
+from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values
+from gateway.twin.effects.term import coefficient, number
+
+HIGHEST_FREQUENCY_HZ = 3.0
+LOWEST_FREQUENCY_HZ = 0.005
+STEPS_PER_PERIOD = 16
+"""Integration steps in a period of a periodic coefficient."""
+
+
+class Coefficients(Protocol):
+    """The coefficients of a term, one for each component."""
+
+    @property
+    def components(self) -> tuple[str, ...]:
+        """Names of the components; empty for a single number."""
+
+    @property
+    def is_periodic(self) -> bool:
+        """Whether they have one frequency; such ones belong to a recording, as a phase does."""
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What a fit determines."""
+
+    def at(self, p: Symbols, context: EvaluationContext) -> tuple[Scalar, ...]:
+        """Return the coefficients at an instant."""
+
+    def shift_start(self, values: Values, by_s: float) -> Values:
+        """Return the same coefficients counted from a later first sample."""
+
+    def law(self, values: Values, formula: str) -> str:
+        """Return what they multiply, with numbers and units."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantCoefficients:
+    """The same at any time."""
+
+    unit: str
+    typical: float
+    """Size of one that shows."""
+    components: tuple[str, ...] = ()
+    name: str = "coefficient"
+    meaning: str = "c"
+    is_periodic = False
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The coefficients alone."""
+        return (coefficient(self.name, self.unit, self.meaning, self.typical, self.components),)
+
+    def at(self, p: Symbols, context: EvaluationContext) -> tuple[Scalar, ...]:
+        """Return the coefficients."""
+        return _each(p[self.name], self.components)
+
+    def shift_start(self, values: Values, by_s: float) -> Values:
+        """Return the values as they are."""
+        return values
+
+    def law(self, values: Values, formula: str) -> str:
+        """Return `+0.0042 1/s v`."""
+        return f"{number(values[self.name])} {self.unit} {formula}"
+
+
+@dataclass(frozen=True, slots=True)
+class ChangingCoefficients:
+    """A level at the first sample, and a slope."""
+
+    unit: str
+    typical: float
+    unit_per_s: str
+    typical_per_s: float
+    components: tuple[str, ...] = ()
+    is_periodic = False
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The slope, which says what changes, and the level."""
+        return (
+            coefficient("slope", self.unit_per_s, "c′", self.typical_per_s, self.components),
+            coefficient("level", self.unit, "c at the first sample", self.typical, self.components),
+        )
+
+    def at(self, p: Symbols, context: EvaluationContext) -> tuple[Scalar, ...]:
+        """Return level and slope times time."""
+        parts = zip(_each(p["level"], self.components), _each(p["slope"], self.components), strict=True)
+        return tuple(level + slope * context.time_s for level, slope in parts)
+
+    def shift_start(self, values: Values, by_s: float) -> Values:
+        """Return the level at the later first sample."""
+        level = np.asarray(values["level"]) + np.asarray(values["slope"]) * by_s
+        return {**values, "level": _value(level)}
+
+    def law(self, values: Values, formula: str) -> str:
+        """Return `(+0.004 1/s -0.0001 1/s² t) v`."""
+        changing = f"{number(values['level'])} {self.unit} {number(values['slope'])} {self.unit_per_s} t"
+        return f"({changing}) {formula}" if formula else changing
+
+
+@dataclass(frozen=True, slots=True)
+class PeriodicCoefficients:
+    """A sum of a sine and a cosine of one frequency."""
+
+    unit: str
+    typical: float
+    components: tuple[str, ...] = ()
+    is_periodic = True
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The frequency, and sine and cosine, which belong to a recording."""
+        parts = (coefficient(each, self.unit, f"of the {each}", self.typical, self.components) for each in PHASORS)
+        return FREQUENCY, *(replace(part, refitted=True) for part in parts)
+
+    def at(self, p: Symbols, context: EvaluationContext) -> tuple[Scalar, ...]:
+        """Return the value of each component."""
+        angle = 2 * ca.pi * p["frequency_hz"] * context.time_s
+        parts = zip(*(_each(p[each], self.components) for each in PHASORS), strict=True)
+        return tuple(sine * ca.sin(angle) + cosine * ca.cos(angle) for sine, cosine in parts)
+
+    def shift_start(self, values: Values, by_s: float) -> Values:
+        """Return the sine and cosine of the later first sample."""
+        angle_rad = 2 * np.pi * float(np.asarray(values["frequency_hz"])) * by_s
+        turned = _phasor(values) * np.exp(1j * angle_rad)
+        return {**values, "cosine": _value(turned.real), "sine": _value(-turned.imag)}
+
+    def law(self, values: Values, formula: str) -> str:
+        """Return the largest value along any direction, and the frequency."""
+        phasor = np.atleast_1d(_phasor(values))
+        amplitude = np.linalg.svd(np.stack([phasor.real, phasor.imag]), compute_uv=False)[0]
+        hz = float(np.asarray(values["frequency_hz"]))
+        return f"{amplitude:.3g} {self.unit} {formula}, f = {hz:.4g} Hz"
+
+
+PHASORS = ("sine", "cosine")
+FREQUENCY = Parameter(
+    "frequency_hz",
+    "Hz",
+    "f",
+    lower=LOWEST_FREQUENCY_HZ,
+    upper=HIGHEST_FREQUENCY_HZ,
+    neutral=0.4,
+    scale=1e-3,
+    typical=0.4,
+    kind=ParameterKind.FREQUENCY,
+    step_limit=0.01,
+)
+
+
+def _each(found: Scalar, components: tuple[str, ...]) -> tuple[Scalar, ...]:
+    return found if components else (found,)
+
+
+def _phasor(values: Mapping[str, Value]) -> NDArray[np.complex128]:
+    """Return c of Re(c exp(i angle))."""
+    return np.asarray(values["cosine"]) - 1j * np.asarray(values["sine"])
+
+
+def _value(numbers: NDArray[np.float64]) -> Value:
+    return tuple(numbers.tolist()) if numbers.ndim else float(numbers)
