@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from gateway.numerics.array import Array
 from gateway.numerics.runs import true_runs
@@ -32,6 +33,8 @@ SEEN = 1.5
 """Least rms of a swing over the noise of one sample."""
 NEGLIGIBLE_PERIODS = 0.2
 """Length of an end without a free swing that is left with it."""
+GAP_PERIODS = 0.25
+"""Distance from the end of a swing within which missing samples, and no hand, may have ended it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,7 +131,8 @@ def _refined(series: Series, period: float, part: tuple[int, int], tolerance: fl
 def _between_hands(series: Series, period: float, swings: list[tuple[int, int]]) -> FreeSwing:
     """Return the parts that are free; all of the recording where no hand shows, at its ends together or between two swings.
 
-    Where one shows, no crane is at work, and nothing beside a free swing belongs to it.
+    Where one shows, no crane is at work, and nothing beside a free swing belongs to it, unless samples are missing next to it: a
+    gap shows no hand, and what lies beyond it is judged with the swing.
     """
     negligible = NEGLIGIBLE_PERIODS * period
     last = len(series) - 1
@@ -138,13 +142,16 @@ def _between_hands(series: Series, period: float, swings: list[tuple[int, int]])
     inner = list(zip(after[:-1], before[1:], strict=True))
     if not (ends or any(min(pair) > LARGEST_ACCELERATION_G for pair in inner)):
         return FreeSwing(_intervals(series, [(0, last)]), (), period_s)
+    edge = round(GAP_PERIODS * period)
+    starts_at_gap = not series.known[max(swings[0][0] - edge, 0) : swings[0][0] + 1].all()
+    ends_at_gap = not series.known[swings[-1][1] : swings[-1][1] + edge + 1].all()
     free = [list(swings[0])]
     for other, pair in zip(swings[1:], inner, strict=True):
         if max(pair) > LARGEST_ACCELERATION_G:
             free.append(list(other))
         free[-1][1] = other[1]
-    free[0][0] = free[0][0] if free[0][0] > negligible else 0
-    free[-1][1] = free[-1][1] if last - free[-1][1] > negligible else last
+    free[0][0] = free[0][0] if free[0][0] > negligible and not starts_at_gap else 0
+    free[-1][1] = free[-1][1] if last - free[-1][1] > negligible and not ends_at_gap else last
     edges = [0, *(edge for part in free for edge in part), last]
     held = [(begin, end) for begin, end in zip(edges[::2], edges[1::2], strict=True) if end > begin]
     return FreeSwing(_intervals(series, free), _intervals(series, held), period_s)
@@ -159,10 +166,16 @@ def _accelerations_g(series: Series, period: float, swings: list[tuple[int, int]
     before, after = [], []
     for (first, end), start, stop in zip(swings, starts, stops, strict=True):
         swing_g = values[first : end + 1]
-        earlier, later = values[start:first][::-1], values[end + 1 : stop]
+        earlier = _until_gap(values[start:first][::-1], series.known[start:first][::-1])
+        later = _until_gap(values[end + 1 : stop], series.known[end + 1 : stop])
         before.append(pivot_acceleration_g(swing_g[::-1], earlier, period) if len(earlier) > negligible else 0.0)
         after.append(pivot_acceleration_g(swing_g, later, period) if len(later) > negligible else 0.0)
     return before, after
+
+
+def _until_gap(values: Array, known: NDArray[np.bool_]) -> Array:
+    """Return the values before the first one that is not known."""
+    return values if known.all() else values[: int(known.argmin())]
 
 
 def _intervals(series: Series, parts: Sequence[Sequence[int]]) -> tuple[Interval, ...]:

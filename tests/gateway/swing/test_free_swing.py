@@ -1,10 +1,12 @@
 """Free swings between hands, found by the data alone."""
 
 import gzip
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gateway.swing.detection.free_swing import find_free_swing
 from tests.gateway.swing.held_pendulum import HeldRecording, drawn_recordings, is_visible
@@ -49,6 +51,26 @@ def test_recordings_of_an_independent_engine_without_hands_are_found_whole(name:
     found = find_free_swing(rows[:, 0], rows[:, 1:4])
     assert found.is_whole
     assert found.longest.to_s == pytest.approx(rows[-1, 0], abs=0.5)
+
+
+def without_samples(recording: HeldRecording, missing: NDArray[np.bool_]) -> HeldRecording:
+    """Return a recording without some of its samples."""
+    return replace(recording, time_s=recording.time_s[~missing], force_g=recording.force_g[~missing])
+
+
+def test_gaps_in_a_free_swing_show_no_hand() -> None:
+    for recording in drawn_recordings(3, seed=12, held=False):
+        periods = recording.time_s / recording.period_s
+        pieces = without_samples(recording, periods % 4.2 > 3.6)
+        assert find_free_swing(pieces.time_s, pieces.force_g).is_whole, recording.description
+
+
+def test_hands_are_found_beside_a_swing_with_a_gap() -> None:
+    recordings = [each for each in drawn_recordings(4, seed=2) if is_visible(each)]
+    for recording in recordings:
+        middle_s = (recording.released_s + recording.caught_s) / 2
+        pieces = without_samples(recording, np.abs(recording.time_s - middle_s) < 0.3 * recording.period_s)
+        assert min(inside_periods(pieces)) > -0.2, recording.description
 
 
 def test_noise_and_rest_are_found_whole() -> None:
