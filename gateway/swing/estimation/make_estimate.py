@@ -14,7 +14,8 @@ NOTABLE_WIDENING = 1.5
 CHOICE = 1.08
 """Widens the interval: the largest of several nearly equal maxima is chosen, which linear propagation does not know."""
 FAINT = 0.2
-"""Relative uncertainty from which on the interval reaches down to 0: the angle is no longer linear in what is measured."""
+"""Relative uncertainty by the data, beside that of the model, from which on the interval reaches down to 0: the angle is no
+longer linear in what is measured."""
 LOOK_S = 0.25
 REMEDY = "check the housing's position and mount in the rig and --axes, or choose a free swing with --from --to"
 NOT_CONVERGED = f"the fit of a pendulum did not converge: {REMEDY}"
@@ -71,7 +72,8 @@ def _without_angle(result: FitResult, noise_g: Array, from_s: float, to_s: float
 def coverage_interval(peak: SwingPeak, uncertainty: UncertaintyModel) -> tuple[float, float]:
     """Return the 95 % interval of a peak."""
     half = CHOICE * uncertainty.coverage_factor * peak.u_rad
-    low = peak.phi_max_rad - half if peak.u_rad < FAINT * peak.phi_max_rad else 0.0
+    is_faint = peak.u_rad**2 > (FAINT**2 + uncertainty.model_u_rel**2) * peak.phi_max_rad**2
+    low = 0.0 if is_faint else peak.phi_max_rad - half
     return max(0.0, low), min(peak.phi_max_rad + half, np.pi)
 
 

@@ -79,7 +79,7 @@ def fit_robust(
     """
     weight = bins.count[:, None] / noise_g**2
     fit = linearise(bins, weight, motion, prior, sensor)
-    return None if fit is None else _refined(iterate(fit, iterations, _hopeless(weight, max_misfit)), weight)
+    return None if fit is None else _refined(_iterated(fit, iterations, weight, max_misfit), weight)
 
 
 def fit_robust_from(
@@ -105,7 +105,21 @@ def fit_robust_from(
     best = best or next(iter(fits), None)
     if best is None:
         return None
-    return _refined(best if best.converged else iterate(best, iterations, _hopeless(weight, max_misfit)), weight)
+    return _refined(best if best.converged else _iterated(best, iterations, weight, max_misfit), weight)
+
+
+def _iterated(start: SwingFit, iterations: int, weight: Array, max_misfit: float) -> SwingFit:
+    """Return the fit after some iterations, if need be with weights that contain what the pendulum leaves unexplained.
+
+    Where that is far above the noise, priors count for nothing against it: unknowns that the data hardly determine run away, and
+    the fit does not converge.
+    """
+    fit = iterate(start, iterations, _hopeless(weight, max_misfit))
+    if fit.converged or misfit(fit, weight) > HOPELESS_MISFIT_RATIO * max_misfit:
+        return fit
+    inflation = uncertainty_of(fit, weight).variance_inflation
+    calmed = iterate(reweight(start, weight / inflation), iterations)
+    return calmed if calmed.converged else fit
 
 
 def _hopeless(weight: Array, max_misfit: float, rival: SwingFit | None = None) -> Callable[[SwingFit], bool]:
@@ -123,18 +137,19 @@ def _refined(fit: SwingFit, weight: Array) -> FitResult | None:
     fit = _without_driving(fit)
     outliers = _outliers(fit) & fit.converged
     if outliers.any():
-        bins, weight = fit.bins.select(~outliers), weight[~outliers]
-        without = maximum_a_posteriori(bins, weight, fit.motion, fit.prior, REFIT_ITERATIONS, fit.sensor)
+        bins, weight, used = fit.bins.select(~outliers), weight[~outliers], fit.weight[~outliers]
+        without = maximum_a_posteriori(bins, used, fit.motion, fit.prior, REFIT_ITERATIONS, fit.sensor)
         if without is None:
             return None
         fit = without
     uncertainty = uncertainty_of(fit, weight)
-    inflation = float(uncertainty.variance_inflation.max())
+    inflation = uncertainty.variance_inflation
     correctable = uncertainty.misfit < HOPELESS_MISFIT_RATIO * MAX_MISFIT
-    if inflation > MIN_REWEIGHT_INFLATION and fit.converged and correctable:
-        fit = iterate(reweight(fit, weight / uncertainty.variance_inflation), REFIT_ITERATIONS)
+    if inflation.max() > MIN_REWEIGHT_INFLATION and fit.converged and correctable:
+        fit = iterate(reweight(fit, fit.weight / inflation), REFIT_ITERATIONS)
         uncertainty = uncertainty_of(fit, weight)
-    return FitResult(fit, uncertainty, float(np.sqrt(inflation)), int(outliers.sum()))
+    noise_ratio = float(np.sqrt(((weight / fit.weight).mean(axis=0) * uncertainty.variance_inflation).max()))
+    return FitResult(fit, uncertainty, noise_ratio, int(outliers.sum()))
 
 
 def _without_driving(fit: SwingFit) -> SwingFit:

@@ -5,6 +5,8 @@ With the load's horizontal displacement over the rope's length Re(X exp(i w t)),
     f_x,y = l - (1 - rho) u      f_z = 1 + (rho/2 - 1/4) |X|^2 - (rho/2 + 1/4) Re(X . X exp(2 i w t))
 """
 
+import math
+
 import numpy as np
 
 from gateway.swing.fit.harmonics import Harmonics
@@ -17,7 +19,8 @@ SEEN = 5.0
 """Standard uncertainties that a harmonic must have to be used."""
 LEAST_SHARE = 0.02
 """Of the swing that transverse axes show, below which it is not scaled up."""
-AXIAL_FROM_RHO = 0.7
+AXIAL_WITHIN_RHO = 0.3
+"""Difference of rho from 1 up to which the axial force is used beside the transverse one."""
 
 
 def initial_motions(harmonics: Harmonics, rig: MountedHousing, start_s: float, end_s: float) -> list[PendulumMotion]:
@@ -46,10 +49,11 @@ def _motion(
 
 def _amplitudes(harmonics: Harmonics, rig: MountedHousing, rate_1_s: float) -> list[ComplexArray]:
     """Return X, each of shape (2,): from the transverse axes where they show the swing, near the load also from the axial one."""
-    rho = rig.rho_at(rig.length_of(rate_1_s))
+    length_m = rig.length_of(rate_1_s)
+    rho = rig.position_at(length_m) / length_m  # above 1 for a body that swings about a point above its end
     transverse_visible = bool((np.abs(harmonics.amplitude_g) > SEEN * harmonics.u_g)[:2].any())
-    transverse = -harmonics.amplitude_g[:2] / max(1 - rho, LEAST_SHARE)
-    if transverse_visible and rho < AXIAL_FROM_RHO:
+    transverse = -harmonics.amplitude_g[:2] / math.copysign(max(abs(1 - rho), LEAST_SHARE), 1 - rho)
+    if transverse_visible and abs(1 - rho) > AXIAL_WITHIN_RHO:
         return [_limited(transverse)]
     return [_limited(x) for x in ([transverse] if transverse_visible else []) + _from_axial_force(harmonics, rho)]
 

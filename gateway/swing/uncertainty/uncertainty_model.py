@@ -47,8 +47,12 @@ class UncertaintyModel:
     def angle_u_rad(self, angle_rad: float, gradient: Array) -> float:
         """Return the standard uncertainty of an angle with this gradient by the fitted unknowns."""
         variance = max(float(gradient @ self.covariance @ gradient), 0.0)
-        relative = np.hypot(MISFIT_LEVERAGE * self.misfit, self.systematic_u_rel)
-        return float(np.sqrt(variance + (relative * angle_rad) ** 2))
+        return float(np.sqrt(variance + (self.model_u_rel * angle_rad) ** 2))
+
+    @property
+    def model_u_rel(self) -> float:
+        """Relative standard uncertainty of an angle by what the model leaves unexplained, or has no unknown for."""
+        return float(np.hypot(MISFIT_LEVERAGE * self.misfit, self.systematic_u_rel))
 
     @property
     def length_u_rel(self) -> float:
