@@ -42,11 +42,18 @@ def cut_to_free_swing(source: Source) -> CutSource:
 
 
 def describe_free_swing(source: Source, found: FreeSwing) -> str:
-    """Return one line that says what swings freely, and what is not judged; times from the start of the recording."""
+    """Return one line that says what is judged and what is not; times from the start of the recording."""
+    left_out = ", ".join(_text(source, each) for each in not_judged(found))
+    return (
+        f"only the longest free swing is judged, {_text(source, found.longest)}; not judged: {left_out}, where the load was held "
+        "or moved by hand, or swung in another way than one pendulum: its angle may have been larger there"
+    )
+
+
+def not_judged(found: FreeSwing) -> tuple[Interval, ...]:
+    """Return what lies beside the longest free swing, in order of time: what was held, and shorter free swings."""
     others = [each for each in found.intervals if each != found.longest]
-    held = ", ".join(_text(source, each) for each in found.held)
-    more = f"; {', '.join(_text(source, each) for each in others)}: shorter free swings, not judged" if others else ""
-    return f"free swing {_text(source, found.longest)}; {held}: held or moved by hand, not judged{more}"
+    return tuple(sorted([*found.held, *others], key=lambda each: each.from_s))
 
 
 def relative_s(source: Source, interval: Interval) -> tuple[float, float]:

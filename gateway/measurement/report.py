@@ -5,7 +5,7 @@ from typing import Any
 
 from devices.pendulum.small_swing import period_ratio
 from devices.recording import Recording
-from gateway.measurement.free_swing import relative_s
+from gateway.measurement.free_swing import not_judged, relative_s
 from gateway.measurement.measure import Measurement
 from gateway.measurement.motion_report import motion_json, motion_rows
 from gateway.measurement.source import Source
@@ -76,6 +76,7 @@ def _free_swing(source: Source, found: Measurement) -> dict[str, Any] | None:
         "to_s": to_s,
         "intervals_s": [list(relative_s(source, each)) for each in found.free_swing.intervals],
         "held_s": [list(relative_s(source, each)) for each in found.free_swing.held],
+        "not_judged_s": [list(relative_s(source, each)) for each in not_judged(found.free_swing)],
     }
 
 
@@ -151,7 +152,7 @@ def as_text(source: Source, found: Measurement) -> str:
         ("recording", f"{source.name}, {samples}"),
         *(("remark", text) for text in _remarks(found.judged)),
         ("calibration", source.calibration),
-        ("swing", _swing_text(found.swing)),
+        ("swing", _swing_text(found.swing) + _judged_text(source, found)),
         *(() if found.motion is None else motion_rows(found.motion)),
         (
             "formulas",
@@ -161,6 +162,14 @@ def as_text(source: Source, found: Measurement) -> str:
         ("condition", f"{found.conditions.verdict}: {'; '.join(found.conditions.reasons)}"),
     ]
     return "\n".join(f"{label:<12} {text}" for label, text in rows)
+
+
+def _judged_text(source: Source, found: Measurement) -> str:
+    """Return for which part of the recording the swing holds; nothing where that is the whole."""
+    if found.free_swing is None:
+        return ""
+    from_s, to_s = relative_s(source, found.free_swing.longest)
+    return f"; from {from_s:.1f} to {to_s:.1f} s alone, the rest is not judged"
 
 
 def _remarks(source: Source) -> list[str]:

@@ -1,4 +1,4 @@
-"""`plumbline measure` on a recording that begins under a hand, with a rig that states no rope length."""
+"""`plumbline measure` on a recording that begins under a hand: what is judged, and the length that the rig leaves out."""
 
 import json
 from pathlib import Path
@@ -25,9 +25,10 @@ def test_the_period_states_the_length_that_the_rig_leaves_out(
     table = np.column_stack([interval_s * np.arange(len(rows)), rows])
     np.savetxt(log, table, "%.6f", ",", header="time_s,ax_g,ay_g,az_g", comments="")
     rig.write_text("[housing]\nposition_m = 0.4\n")
-    assert main(["measure", str(log), "--rig", str(rig), "--json", "-"]) == 0
+    assert main(["measure", str(log), "--rig", str(rig), "--json", "-"]) == 3
     found = json.loads(capsys.readouterr().out)
     assert found["free_swing"]["from_s"] == pytest.approx(60 * interval_s, abs=0.3)
+    assert found["free_swing"]["not_judged_s"] == found["free_swing"]["held_s"] != []
     assert any("by the period" in remark for remark in found["remarks"])
     assert found["swing"]["length_m"] == pytest.approx(0.8, rel=0.01)
     low_deg, high_deg = found["swing"]["coverage95_deg"]
