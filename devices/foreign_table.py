@@ -33,6 +33,10 @@ from devices.table_notation import TableHead, is_number, read_head
 
 SLOWEST_HZ, FASTEST_HZ = 5.0, 5000.0
 """Sample rates of accelerometers. A table of time stamps has one unit among s, ms, µs and ns that gives such a rate."""
+RECORD_GRAVITY = (
+    "record the acceleration with gravity: in phyphox 'Acceleration (with g)', "
+    "in Sensor Logger 'Accelerometer Uncalibrated'"
+)
 CLOCK = "hms"
 """Unit of a time of day that is written as one number, 161732.99 for 16:17:32.99."""
 
@@ -189,9 +193,7 @@ def _find_axes(path: Path, head: TableHead, names: Sequence[str], options: Table
         return _Axes(found[0].places, _stated_unit(head, names, found[0]))
     if removed := next((triple for triple in triples if is_without_gravity(triple)), None):
         shown = ", ".join(names[place] for place in removed.places)
-        raise RecordingError(
-            f"{path}: gravity was removed from its columns {shown}; export the acceleration with gravity"
-        )
+        raise RecordingError(f"{path}: gravity was removed from its columns {shown}; {RECORD_GRAVITY}")
     if not names and head.width in (3, 4, 5) and (head.width > 3 or options.time is None):
         first = 0 if head.width == 3 else 1
         return _Axes((first, first + 1, first + 2), None)

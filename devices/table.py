@@ -24,6 +24,7 @@ from devices.table_layout import (
     Column,
     TableLayout,
     check_layout,
+    plain_row,
     required_columns,
     seconds_of,
     split_line,
@@ -139,7 +140,7 @@ def _read_rows(path: Path, file: TextIO, layout: TableLayout) -> tuple[_Columns,
     columns: _Columns | None = None
     previous = ""
     for block, ended in _blocks_of_lines(file):
-        lines = block
+        lines = [plain_row(line) for line in block]
         if columns is None:
             columns = _find_columns(path, lines[:HEADER_LINES], layout)
             lines = lines[columns.first_row :]

@@ -20,6 +20,10 @@ Delimiter = Literal[",", ";", "\t", " "]
 UNITS_PER_G: dict[TableUnit, float] = {"g": 1.0, "mg": 1000.0, "m/s2": STANDARD_GRAVITY_M_S2}
 """Units of specific force; readings in the other units have to be calibrated."""
 
+BRACKETS = ("[", "(")
+WITHOUT_BRACKETS = str.maketrans(";", ",", "[]()")
+"""Lists within a row are separated by commas, whatever separates the lists."""
+
 
 @dataclass(frozen=True, slots=True)
 class TableLayout:
@@ -78,6 +82,11 @@ def check_layout(path: Path, layout: TableLayout) -> None:
 def required_columns(layout: TableLayout) -> tuple[Column, ...]:
     """Return the columns that must have a number in every row: time and axes."""
     return layout.axes if layout.time is None else (layout.time, *layout.axes)
+
+
+def plain_row(line: str) -> str:
+    """Return a row of lists in brackets, such as `[1, 2, 3]; 4`, as one list, and any other line as it is."""
+    return line.translate(WITHOUT_BRACKETS) if line.lstrip().startswith(BRACKETS) else line
 
 
 def split_line(line: str, layout: TableLayout) -> list[str]:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Literal
 
 from devices.regular_file import open_regular
-from devices.table_layout import Delimiter, TableLayout, split_line
+from devices.table_layout import Delimiter, TableLayout, plain_row, split_line
 
 HEAD_LINES = 1000
 HEAD_CHARS = 1 << 20
@@ -48,7 +48,7 @@ def read_head(path: Path) -> TableHead:
     try:
         with TextIOWrapper(open_regular(path), encoding="utf-8-sig", errors="replace") as file:
             head = file.read(HEAD_CHARS).split("\n", HEAD_LINES)
-        lines = [line for line in head[:HEAD_LINES] if line.strip()]
+        lines = [plain_row(line) for line in head[:HEAD_LINES] if line.strip()]
     except OSError:
         lines = []
     return max((_head(lines, *notation) for notation in NOTATIONS), key=_count_numbers)

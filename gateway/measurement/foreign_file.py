@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.errors import RecordingError
-from devices.foreign_table import TableOptions, read_foreign_table
+from devices.foreign_table import RECORD_GRAVITY, TableOptions, read_foreign_table
 from devices.recording import Recording
 from gateway.errors import InputError
 from gateway.measurement.matlab import write_matlab_table
@@ -48,5 +48,5 @@ def _check_gravity(path: Path, force_g: NDArray[np.float64]) -> None:
     if lacks_gravity(force_g):
         raise InputError(
             f"{path}: its readings point nowhere on average: gravity was removed, or the sensor was turned over; "
-            "export the acceleration with gravity, of a sensor that hangs"
+            f"let the sensor hang, and {RECORD_GRAVITY}"
         )

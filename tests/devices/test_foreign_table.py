@@ -99,6 +99,13 @@ def test_columns_by_number_and_a_sample_counter(table: WriteTable) -> None:
     assert found.recording.unit == "counts"
 
 
+def test_rows_of_lists_in_brackets_are_read(table: WriteTable) -> None:
+    lines = [f"[0.1, 0.2, 9.8]; [1.5, -0.5, 5.1]; {row / 100:.6f}" for row in range(20)]
+    found = read(table(*lines), columns=("1", "2", "3"), unit="m/s2", time="7")
+    assert found.recording.rate_hz == pytest.approx(100)
+    np.testing.assert_allclose(found.recording.raw, [[0.1 / 9.80665, 0.2 / 9.80665, 9.8 / 9.80665]] * 20)
+
+
 def test_gyroscope_and_temperature_are_found_with_their_units(table: WriteTable) -> None:
     path = table("time_s,ax_g,ay_g,az_g,gx_rad/s,gy_rad/s,gz_rad/s,temp (°C)", *rows(20, 0.01, ",0,0,1,0,0,1,21.5"))
     recording = read(path).recording
