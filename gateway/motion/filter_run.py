@@ -3,6 +3,8 @@
 import math
 from collections import deque
 
+import numpy as np
+
 from gateway.motion.bin_noise import BinNoise
 from gateway.motion.binning import ForceBin
 from gateway.motion.fast_oscillation import FastOscillation
@@ -68,6 +70,7 @@ class FilterRun:
         gap_bins = (time_s - self.newest_s) / self._bin_s - 1
         return max(0, math.ceil(gap_bins / BRIDGING_BINS - 0.2))
 
+    @np.errstate(over="ignore", invalid="ignore")  # an account that diverges is broken, and made anew
     def bridge(self, time_s: float, steps: int) -> None:
         """Make the next steps towards a time without readings."""
         if self.newest_s is None or steps == 0:
@@ -81,6 +84,7 @@ class FilterRun:
                 self.filter.advance(step_s)
         self.newest_s += steps * step_s
 
+    @np.errstate(over="ignore", invalid="ignore")
     def take(self, one: ForceBin) -> None:
         """Take the next bin; what is left of a gap before it is bridged in one step."""
         if self.newest_s is not None:
