@@ -13,7 +13,13 @@ from gateway.swing.fit.gauss_newton import SwingFit, iterate, linearise, maximum
 from gateway.swing.fit.priors import Prior, SensorModel
 from gateway.swing.model.motion import DRAG, FRICTION, N_BASE_PARAMETERS, N_STATES, PendulumMotion
 from gateway.swing.uncertainty.peaks import largest_angle
-from gateway.swing.uncertainty.uncertainty_model import MAX_MISFIT, UncertaintyModel, misfit, uncertainty_of
+from gateway.swing.uncertainty.uncertainty_model import (
+    MAX_MISFIT,
+    UncertaintyModel,
+    misfit,
+    uncertainty_of,
+    variance_inflation,
+)
 
 OUTLIER_SIGMA = 6.0
 MAX_OUTLIER_SHARE = 0.03
@@ -148,7 +154,7 @@ def _refined(fit: SwingFit, weight: Array) -> FitResult | None:
     if inflation.max() > MIN_REWEIGHT_INFLATION and fit.converged and correctable:
         fit = iterate(reweight(fit, fit.weight / inflation), REFIT_ITERATIONS)
         uncertainty = uncertainty_of(fit, weight)
-    noise_ratio = float(np.sqrt(((weight / fit.weight).mean(axis=0) * uncertainty.variance_inflation).max()))
+    noise_ratio = float(np.sqrt(variance_inflation(fit, weight)[0].max()))
     return FitResult(fit, uncertainty, noise_ratio, int(outliers.sum()))
 
 

@@ -72,21 +72,25 @@ def uncertainty_of(fit: SwingFit, sensor_weight: Array) -> UncertaintyModel:
     The residual's variance and its correlation over time multiply the variance by sensor noise, axis by axis; the factor is never
     below 1.
     """
-    normalised = fit.residual_g * np.sqrt(fit.weight)
-    chi_square = (normalised**2).mean(axis=0)
-    correlation = np.array([correlation_sum(normalised[:, axis]) for axis in range(3)])
-    inflation = np.maximum(chi_square * correlation, 1.0)
+    inflation, correlation = variance_inflation(fit, fit.weight)
     bread = np.linalg.inv(information_matrix(fit))
     filling = weighted_square(fit.jacobian, fit.weight * inflation) + np.diag(fit.prior.information)
     unknowns = fit.jacobian.shape[-1]
     return UncertaintyModel(
         covariance=bread @ filling @ bread,
-        degrees_of_freedom=max(float((len(normalised) / correlation).sum()) - unknowns, 1.0),
-        reduced_chi_square=float((sensor_weight * fit.residual_g**2).sum()) / max(normalised.size - unknowns, 1),
+        degrees_of_freedom=max(float((len(fit.bins) / correlation).sum()) - unknowns, 1.0),
+        reduced_chi_square=float((sensor_weight * fit.residual_g**2).sum()) / max(fit.residual_g.size - unknowns, 1),
         variance_inflation=inflation,
         misfit=misfit(fit, sensor_weight),
         systematic_u_rel=angle_u_rel(fit.prior.rig.bandwidth_hz, fit.motion.period_s),
     )
+
+
+def variance_inflation(fit: SwingFit, weight: Array) -> tuple[Array, Array]:
+    """Return the factor by which the residual's variance and correlation exceed 1/weight, and the correlation; shapes (3,)."""
+    normalised = fit.residual_g * np.sqrt(weight)
+    correlation = np.array([correlation_sum(normalised[:, axis]) for axis in range(3)])
+    return np.maximum((normalised**2).mean(axis=0) * correlation, 1.0), correlation
 
 
 def misfit(fit: SwingFit, weight: Array) -> float:
