@@ -190,7 +190,8 @@ def report(rows: list[Row], seed: int) -> str:
     lines = [
         f"# Equations of what the catalogue does not hold, seed {seed}",
         "",
-        "Made by `python -m tests.blind.equations`: recordings of the second simulator, "
+        f"Made by `python -m tests.blind.equations{' --command' if rows[0]['verdict'] else ''}`: "
+        "recordings of the second simulator, "
         f"{LENGTHS_S['log']:.0f} s and {LENGTHS_S['held_out']:.0f} s at 50 Hz. CPU time of a case, median "
         f"{np.median([row['cpu_s'] for row in rows]):.1f} s, largest {max(row['cpu_s'] for row in rows):.1f} s.",
         "",
