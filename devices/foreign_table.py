@@ -15,7 +15,9 @@ from devices.errors import RecordingError
 from devices.recording import Recording
 from devices.table import read_table
 from devices.table_columns import (
+    CLOCK,
     RATE_UNITS_DPS,
+    RECORD_GRAVITY,
     TIME_UNITS_PER_S,
     UNITS,
     AxisColumns,
@@ -33,12 +35,6 @@ from devices.table_notation import TableHead, is_number, read_head
 
 SLOWEST_HZ, FASTEST_HZ = 5.0, 5000.0
 """Sample rates of accelerometers. A table of time stamps has one unit among s, ms, µs and ns that gives such a rate."""
-RECORD_GRAVITY = (
-    "record the acceleration with gravity: in phyphox 'Acceleration (with g)', "
-    "in Sensor Logger 'Accelerometer Uncalibrated'"
-)
-CLOCK = "hms"
-"""Unit of a time of day that is written as one number, 161732.99 for 16:17:32.99."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,8 +55,8 @@ class TableOptions:
     """What the user states of a table; None: it is found."""
 
     unit: TableUnit | None = None
-    columns: tuple[str, str, str] | None = None
-    """Names, or 1-based numbers, of the columns of the axes."""
+    columns: tuple[str, ...] | None = None
+    """Names, or 1-based numbers, of the columns of the axes; two: x and z of a swing in their plane, y is zero."""
     time: str | None = None
     """Name or number of the column of the time, with `:ms` behind it where it is not in seconds, `:hms` for HHMMSS."""
     rate_hz: float | None = None
@@ -69,6 +65,11 @@ class TableOptions:
     """Nominal sensitivity of counts or volts."""
     axes: AxesMap = SAME_AXES
     """Axes of the table that are x, y and z of the recording."""
+
+    @property
+    def is_planar(self) -> bool:
+        """The table has the two axes in the plane of the swing alone."""
+        return self.columns is not None and len(self.columns) == 2
 
 
 NOTHING_STATED = TableOptions()
@@ -138,6 +139,7 @@ def read_foreign_table(path: Path, options: TableOptions, ranges: Sequence[UnitR
         time_is_text=time.is_text,
     )
     recording = read_table(path, layout)
+    recording = replace(recording, raw=recording.raw * (1.0, float(not options.is_planar), 1.0))
     unit = stated or find_unit(path, recording.raw, ranges)
     findings = _findings(names, axes, options, time, unit, recording.raw)
     return ForeignRecording(_in_unit_and_axes(recording, unit, options.axes), unit, stated is not None, findings)
@@ -147,8 +149,7 @@ def _in_unit_and_axes(recording: Recording, unit: TableUnit, axes: AxesMap) -> R
     """Return readings of specific force in g, and all of them in the axes of the result."""
     if unit == "counts":
         recording = replace(recording, unit="counts")
-    if (scale := UNITS_PER_G.get(unit, 1.0)) != 1.0:
-        recording = replace(recording, raw=recording.raw / scale)
+    recording = replace(recording, raw=recording.raw / UNITS_PER_G.get(unit, 1.0))
     if axes == SAME_AXES:
         return recording
     gyro_dps = None if recording.gyro_dps is None else map_axes(recording.gyro_dps, axes)
@@ -181,7 +182,8 @@ def _names(head: TableHead) -> Sequence[str]:
 
 def _find_axes(path: Path, head: TableHead, names: Sequence[str], options: TableOptions) -> _Axes:
     if options.columns is not None:
-        x, y, z = (_place(path, head, names, column, "--columns") for column in options.columns)
+        places = [_place(path, head, names, column, "--columns") for column in options.columns]
+        x, y, z = (places[0], *places) if options.is_planar else places
         unit = UNITS.get(parse_name(names[x]).unit) if names else None
         return _Axes((x, y, z), unit)
     triples = find_triples(names)

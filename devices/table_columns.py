@@ -42,6 +42,10 @@ NEUTRAL_WORDS = (
 """Words of a triple that say nothing of its quantity."""
 WITHOUT_GRAVITY_WORDS = ("linear", "lin", "linacc", "user", "useracceleration", "linearacceleration", "motion")
 """Words of columns from which an application has removed gravity: without it nothing states where down is."""
+RECORD_GRAVITY = (
+    "record the acceleration with gravity: in phyphox 'Acceleration (with g)', "
+    "in Sensor Logger 'Accelerometer Uncalibrated'"
+)
 RATE_WORDS = (
     "gyr",
     "gyro",
@@ -109,6 +113,8 @@ UNITS: dict[str, TableUnit] = {
     "raw": "counts",
     "lsb": "counts",
 }
+CLOCK = "hms"
+"""Unit of a time of day that is written as one number, 161732.99 for 16:17:32.99."""
 TIME_UNITS_PER_S: dict[str, float] = {"s": 1.0, "sec": 1.0, "seconds": 1.0, "ms": 1e3, "us": 1e6, "µs": 1e6, "ns": 1e9}
 RATE_UNITS_DPS: dict[str, float] = {
     "deg/s": 1.0,

@@ -50,7 +50,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         metavar="FILE.csv",
         help="write the motion at every 0.1 s: angle with uncertainty, pivot acceleration, hoist speed, rope length, state",
     )
-    add_table_options(command)
+    add_table_options(command, planar=True)
     command.set_defaults(run=run)
 
 

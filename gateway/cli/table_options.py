@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 EXAMPLE = "--columns accX,accY,accZ --unit m/s2 --time timestamp:ms --axes y,-x,z"
 
 
-def add_table_options(command: argparse.ArgumentParser) -> None:
-    """Add the options of tables."""
+def add_table_options(command: argparse.ArgumentParser, *, planar: bool = False) -> None:
+    """Add the options of tables; `planar`: two axes may be stated."""
     table = command.add_argument_group(
         "recordings of other programs",
         "Text tables (CSV, TSV, blanks between columns; phyphox, Sensor Logger, WitMotion) and MATLAB files. What is not given "
@@ -21,9 +21,10 @@ def add_table_options(command: argparse.ArgumentParser) -> None:
     )
     table.add_argument(
         "--columns",
-        type=_columns,
+        type=_columns_or_plane if planar else _columns,
         metavar="X,Y,Z",
-        help="names, or numbers from 1, of the columns of the axes",
+        help="names, or numbers from 1, of the columns of the axes"
+        + ("; X,Z of a sensor that records the plane of its swing alone" if planar else ""),
     )
     table.add_argument(
         "--unit", choices=("g", "mg", "m/s2", "counts", "V"), help="unit of the axes; counts and V need a calibration"
@@ -65,6 +66,15 @@ def _columns(text: str) -> tuple[str, str, str]:
     if len(names) != 3 or not all(names):
         raise argparse.ArgumentTypeError(f"{text} is not three columns X,Y,Z")
     return names[0], names[1], names[2]
+
+
+def _columns_or_plane(text: str) -> tuple[str, ...]:
+    names = [name.strip() for name in text.split(",")]
+    if len(names) == 1:
+        raise argparse.ArgumentTypeError(
+            f"{text} is one axis, which shows no angle without the one along the rope; record X,Y,Z, or X,Z of a plane"
+        )
+    return (names[0], names[1]) if len(names) == 2 and all(names) else _columns(text)
 
 
 def _axes(text: str) -> "AxesMap":

@@ -80,6 +80,8 @@ class Source:
     """Angular rates in the housing frame, shape (n, 3), NaN where a sample has none; None without a gyroscope."""
     gyro: GyroPrior | None = None
     """What is known of the gyroscope; None: there is none."""
+    is_planar: bool = False
+    """The table states two axes, in whose plane the load swings; y is zero."""
     repeated_readings: int = 0
     """Rows left out because the sensor repeats its reading until it has a new one."""
     held_rows: HeldRows | None = None
@@ -205,6 +207,7 @@ def _from_table(path: Path, interval: RecordingInterval, options: TableOptions) 
         source,
         permissible_norm_error_g=UNCALIBRATED_NORM_ERROR_G,
         limits=UNCALIBRATED,
+        is_planar=options.is_planar,
         mount_u_deg=UNALIGNED_MOUNT_U_DEG,
     )
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from gateway.measurement.source import Source
 from gateway.swing.estimate import SwingEstimate
-from gateway.swing.offline import estimate_swing
+from gateway.swing.offline import estimate_planar_swing, estimate_swing
 from gateway.swing.rig import MountedHousing
 
 LONGEST_GAP_PERIODS = 8.0
@@ -26,8 +26,9 @@ def estimate_source_swing(source: Source) -> SwingEstimate:
         return SwingEstimate(from_s=float(time_s[0]), to_s=float(time_s[-1]), swinging=None, reasons=(reason,))
     gap_s = LONGEST_GAP_PERIODS * housing.small_swing_period_s
     bounds = [0, *(np.flatnonzero(np.diff(time_s) > gap_s) + 1).tolist(), len(time_s)]
+    estimate_part = estimate_planar_swing if source.is_planar else estimate_swing
     parts = [
-        estimate_swing(time_s[start:stop], source.force_g[start:stop], rig=housing, noise_g=source.noise_g)
+        estimate_part(time_s[start:stop], source.force_g[start:stop], rig=housing, noise_g=source.noise_g)
         for start, stop in pairwise(bounds)
     ]
     estimate = parts[0] if len(parts) == 1 else combine_parts(parts, housing)

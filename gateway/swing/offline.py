@@ -52,6 +52,9 @@ NO_EVENT_MISFIT = 0.01
 """Unexplained part of the signal above which the recording is looked through for an event."""
 HOPELESS_MISFIT = 0.3
 """Unexplained part of the signal at which longer windows are not tried."""
+LARGEST_BESIDE_RAD = np.radians(15.0)
+"""Angle between the swing and the plane of two recorded axes. Basis: how well a sensor is turned into the plane by eye."""
+NO_Y = "y is not recorded: the load is taken to swing in the plane of x and z, or up to 15 degrees beside it"
 MARGIN = 0.05
 """Of a period, that a grid reaches beyond the last sample."""
 
@@ -65,17 +68,42 @@ def estimate_swing(
     the site's gravity (hanging at rest: 0, 0, 1). Rows with NaN are left out. `noise_g`: 1 sigma per sample, scalar or per axis.
     Raises `ValueError` for arrays of wrong shape or falling times.
     """
+    return _estimate_swing(time_s, specific_force_g, rig, noise_g, "xyz")
+
+
+def estimate_planar_swing(
+    time_s: Array, specific_force_g: Array, *, rig: MountedHousing, noise_g: float | Array | None = None
+) -> SwingEstimate:
+    """Return the swing in a recording without y, which is zero: in the plane of x and z, or a little beside it."""
+    found = _estimate_swing(time_s, specific_force_g, rig, noise_g, "xz")
+    if found.coverage95_rad is None or found.phi_max_rad is None or found.u_rad is None or not found.swinging:
+        return found
+    beside = 1 / float(np.cos(LARGEST_BESIDE_RAD)) - 1
+    low_rad, high_rad = found.coverage95_rad
+    return replace(
+        found,
+        u_rad=float(np.hypot(found.u_rad, beside * found.phi_max_rad)),
+        coverage95_rad=(low_rad, min(high_rad * (1 + beside), np.pi)),
+        reasons=(NO_Y, *found.reasons),
+    )
+
+
+def _estimate_swing(
+    time_s: Array, specific_force_g: Array, rig: MountedHousing, noise_g: float | Array | None, axes: str
+) -> SwingEstimate:
     time_s, force_g = validated_samples(time_s, specific_force_g)
     if len(time_s) == 0:
         return SwingEstimate(from_s=0.0, to_s=0.0, swinging=None, reasons=("no samples",))
     from_s, to_s = (float(time_s[end]) - delay_s(rig.bandwidth_hz) for end in (0, -1))
     nominal_period_s = rig.small_swing_period_s
-    fault = find_fault(force_g)
+    fault = find_fault(force_g, axes)
     if to_s - from_s < FEWEST_PERIODS * nominal_period_s or len(time_s) < FEWEST_SAMPLES:
         fault = "shorter than one swing"
     if fault is not None:
         return SwingEstimate(from_s=from_s, to_s=to_s, swinging=None, reasons=(fault,))
     noise = effective_noise_g(force_g, noise_g)
+    if "y" not in axes:
+        noise[1] = noise[0]
     bin_s = nominal_period_s / BINS_PER_PERIOD
     shared = shared_quantisation(time_s, force_g, noise, SHARED_BINS * bin_s)
     force_g, rig = turn_upright(force_g, rig)

@@ -92,6 +92,12 @@ def test_what_is_stated_is_not_searched_for(table: WriteTable) -> None:
     np.testing.assert_array_equal(found.recording.raw[0], [0, 0, 2])
 
 
+def test_two_columns_are_x_and_z_of_a_plane(table: WriteTable) -> None:
+    path = table(*[f"{1000 + row}\t{16 * row}\t{20 * row}" for row in range(20)])
+    found = read(path, columns=("2", "1"), unit="mg", time="3:ms")
+    np.testing.assert_allclose(found.recording.raw[:2], [[0.0, 0.0, 1.0], [0.016, 0.0, 1.001]])
+
+
 def test_columns_by_number_and_a_sample_counter(table: WriteTable) -> None:
     path = table("n,p,q,r", *rows(20, 1, ",0,0,16384"))
     found = read(path, columns=("2", "3", "4"), unit="counts", time="1", rate_hz=50.0)

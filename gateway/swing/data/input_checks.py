@@ -23,13 +23,13 @@ MAX_TILT_RAD = np.pi / 4
 WITHOUT_GRAVITY = "gravity is missing: far below 1 g; export the acceleration with gravity, of a sensor that hangs"
 
 
-def find_fault(force_g: Array) -> str | None:
-    """Return what is wrong with samples of specific force, shape (n, 3), or None."""
+def find_fault(force_g: Array, axes: str = "xyz") -> str | None:
+    """Return what is wrong with samples of specific force, shape (n, 3), or None; `axes`: those that were recorded."""
     for axis, values in zip("xyz", force_g.T, strict=True):
-        limit_g = saturation_level(values)
+        limit_g = saturation_level(values) if axis in axes else None
         if limit_g is not None:
             return f"clipped: many readings of {axis} are exactly {limit_g:+.4f} g"
-    return find_fault_in_means(force_g)
+    return find_constant_axis(force_g, axes) or find_implausible_mean(force_g)
 
 
 def find_fault_in_means(force_g: Array) -> str | None:
@@ -37,10 +37,10 @@ def find_fault_in_means(force_g: Array) -> str | None:
     return find_constant_axis(force_g) or find_implausible_mean(force_g)
 
 
-def find_constant_axis(force_g: Array) -> str | None:
-    """Return which axis is constant, or None."""
+def find_constant_axis(force_g: Array, axes: str = "xyz") -> str | None:
+    """Return which of some axes is constant, or None."""
     for axis, values in zip("xyz", force_g.T, strict=True):
-        if (values == values[0]).all():
+        if axis in axes and (values == values[0]).all():
             return f"{axis} does not change at all: the axis is dead, or its steps are too coarse for this motion"
     return None
 
