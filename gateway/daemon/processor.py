@@ -25,6 +25,7 @@ from gateway.daemon.simulated_rigger import SimulatedRigger
 from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.daemon.worker import Worker
 from gateway.messages import Alert, ClockOffset
+from gateway.pipeline.calibration_state import PipelineCalibration
 from gateway.pipeline.clock_state import MessageTime
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.incidents import IncidentRegister
@@ -90,6 +91,7 @@ class Processor(Worker[SamplerItem]):
         self.correction: Correction | None = None
         self._pipeline: Pipeline | None = None
         """None until the device is open for the first time."""
+        self._made_for: PipelineCalibration | None = None
         if info is not None:
             self._open(info)
 
@@ -109,6 +111,7 @@ class Processor(Worker[SamplerItem]):
             log.error("the recorder is too busy: later segments do not contain %s", self.correction.text)
         drift = self._drift_store.open(info.device_id, self.correction)
         self._pipeline = Pipeline(self._configuration, info, self.correction, self._headers, drift, self._incidents)
+        self._made_for = self._present_calibration(self.correction)
         self._set_session()
 
     def _set_session(self) -> None:
@@ -155,7 +158,10 @@ class Processor(Worker[SamplerItem]):
         update = self._recalibration.serve()
         if self.info is None or self._pipeline is None:
             return
-        if update.pipeline_changed:
+        if (
+            update.pipeline_changed
+            and self._present_calibration(self._calibrations.correction(self.info)) != self._made_for
+        ):
             self._open_pipeline(self.info)
             self._next_second_ns = 0  # the health of the previous record must not be taken for that of the new one
         else:
@@ -164,6 +170,12 @@ class Processor(Worker[SamplerItem]):
             newest_ns = self._counters.newest_ns
             time_ns = self._wall_clock.clock.now_ns() if newest_ns is None else newest_ns
             self._send([self._pipeline.calibration_message(MessageTime(time_ns, self._wall_clock.state))])
+
+    def _present_calibration(self, correction: Correction) -> PipelineCalibration:
+        """Return what a pipeline is made for; a replay finds the same in the recorded messages."""
+        return PipelineCalibration(
+            correction.calibration_id, correction.status, self._recalibration.suspended is not None
+        )
 
     def _serve_acknowledgements(self, time_ns: int) -> None:
         """Acknowledge at the time of the last block, so that a replay acknowledges at the same place."""

@@ -10,6 +10,7 @@ from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.drift.rest_monitor import RestDriftMonitor
 from gateway.calibration.record import CalibrationRecord
 from gateway.configuration.model import Configuration
+from gateway.pipeline.calibration_state import PipelineCalibration
 from gateway.pipeline.clock_state import MessageTime
 from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.header import HeaderMaker
@@ -135,7 +136,7 @@ class ReplayPipeline:
         content, before = message.content, self._calibration
         assert isinstance(content, messages.Calibration)
         self._session = content.session
-        if before is None or (before.calibration_id, before.status) != (content.calibration_id, content.status):
+        if before is None or _calibration_state(before) != _calibration_state(content):
             self._open(content, step)
         self._set_session(step)
         return self._pipeline.calibration_message(
@@ -150,6 +151,10 @@ class ReplayPipeline:
                 self._suspension = content.reasons[0]
                 break
         self._pipeline.set_session(self._session, self._suspension if self._session.suspended else None)
+
+
+def _calibration_state(calibration: messages.Calibration) -> PipelineCalibration:
+    return PipelineCalibration(calibration.calibration_id, calibration.status, calibration.session.suspended)
 
 
 def _recorded_configuration(step: ReplayStep) -> Configuration:

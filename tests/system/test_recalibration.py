@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from gateway import messages
 from gateway.recording.reader import open_recording
 from tests.benchmarks.turned_radio import COUNTS_PER_G, FACES, GAIN, OFFSET_G, TurnedRadio
-from tests.system.conftest import ROOT, JoinBus, StartGateway
+from tests.system.conftest import ROOT, JoinBus, Plumbline, StartGateway
 from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.slow
@@ -105,15 +105,17 @@ def site(start_gateway: StartGateway, join_bus: JoinBus, radio: TurnedRadio) -> 
     return Site(start_gateway, join_bus, radio)
 
 
-def test_a_session_leads_to_a_record_in_spite_of_a_kill(site: Site, tmp_path: Path) -> None:
+def test_a_session_leads_to_a_record_in_spite_of_a_kill(site: Site, tmp_path: Path, plumbline: Plumbline) -> None:
     assert site.remote("commit", "--by", "ann").returncode == 1  # nothing is in review
     follower = site.follow("recalibrate", "--by", "ann", "--housing-off-rope")
     site.wait_session(lambda session: session["phase"] == "collecting")
     assert site.remote("recalibrate", "--by", "bob", "--housing-off-rope").returncode == 1  # one at a time
+    before: list[Path] = []
     for number, face in enumerate(FACES, start=1):
         site.take(face)
         if number == 3:
             site.kill()
+            before = site.gateway.recordings
             site.start()
     suspended = site.peer.wait_for("alert", lambda message: "SUSPENDED" in message["text"])
     assert suspended["level"] == "unknown"
@@ -165,6 +167,8 @@ def test_a_session_leads_to_a_record_in_spite_of_a_kill(site: Site, tmp_path: Pa
     )
     without = site.next_segment(None)
     site.gateway.stop(signal.SIGTERM)
+    replayed = plumbline("record", "replay", *(path for path in site.gateway.recordings if path not in before))
+    assert replayed.returncode == 0, replayed.stdout + replayed.stderr
     kept, none = attached(with_record), attached(without)
     assert json.loads(kept[f"calibration-{record['id']}.json"]) == record
     assert b"Calibration certificate" in kept[f"calibration-{record['id']}.html"]

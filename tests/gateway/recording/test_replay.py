@@ -10,7 +10,7 @@ import pytest
 
 from devices.block import SampleBlock
 from devices.simulated.accelerometer import LARGEST_COUNT
-from gateway.calibration.correction import correction_for
+from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.cli.main import main
 from gateway.configuration.render import to_toml
@@ -210,22 +210,25 @@ def test_an_acknowledgement_and_the_numbers_of_changes_are_replayed(
 
 
 def recalibrated(crane: RecordedCrane) -> None:
-    """Recalibrate as the gateway does: a session suspends the alerts, and a commit begins a new pipeline."""
+    """Recalibrate as the gateway does: the suspension of the alerts and the commit begin a new pipeline each."""
     crane.record(12)
     collecting = replace(NO_SESSION, id="r-1", phase="collecting", method="six_position", by="ann", suspended=True)
+    begin_pipeline(crane, correction_for(crane.info, crane.configuration.device.axes, None))
     for number in range(6):
         crane.pipeline.set_session(replace(collecting, text=f"pose {number}"), SUSPENSION)
         announce(crane)
         crane.record(0.5)
     record = new_record(crane)
-    correction = correction_for(crane.info, crane.configuration.device.axes, record)
-    crane.pipeline = Pipeline(
-        crane.configuration, crane.info, correction, crane.headers, crane.new_drift(correction), crane.incidents
-    )
+    begin_pipeline(crane, correction_for(crane.info, crane.configuration.device.axes, record))
     crane.pipeline.set_session(replace(NO_SESSION, id="r-1", phase="committed", text="committed"), None)
     announce(crane)
     crane.record(15)
     crane.close()
+
+
+def begin_pipeline(crane: RecordedCrane, correction: Correction) -> None:
+    drift = crane.new_drift(correction)
+    crane.pipeline = Pipeline(crane.configuration, crane.info, correction, crane.headers, drift, crane.incidents)
 
 
 def announce(crane: RecordedCrane) -> None:
