@@ -26,7 +26,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> argp
     verb = verbs.add_parser(
         "align",
         help="show live which of the housing's two screws to turn, which way and how far",
-        description="Shows pitch and roll of the hanging housing, and which screw to turn until both are within 0.03 deg. "
+        description="Show pitch and roll of the hanging housing, and which screw to turn until both are within 0.03 deg. "
         "It gives advice only while the load hangs still, and ends when the housing is aligned.",
         epilog="example: plumbline remote align --lead-mm 0.5 --lever-mm 40 --reversed roll",
     )

@@ -12,7 +12,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
     command = commands.add_parser(
         "calibrate",
         help="calibrate or align a sensor from recordings",
-        description="Calibrates or aligns a sensor from recordings, by one of several methods; most of them make a calibration "
+        description="Calibrate or align a sensor from recordings, by one of several methods; most of them make a calibration "
         "record.",
         epilog="example: plumbline calibrate six-position faces.csv --device-id adxl355-1d-0042 --json record.json",
     )

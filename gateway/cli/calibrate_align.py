@@ -19,7 +19,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
     method = methods.add_parser(
         "align",
         help="turns about a horizontal shaft along one axis: peak-to-peak, which screw, aligned or not",
-        description="Reads how far a sensitive axis is from parallel to the shaft about which the housing turns, from the "
+        description="Read how far a sensitive axis is from parallel to the shaft about which the housing turns, from the "
         "peak-to-peak of its output over each turn (Łuczak et al. 2022, sec. 3), and which screw to turn. `plumbline remote "
         "align --on-shaft` shows the same live. Exit code 1: the last turn is not aligned.",
         epilog="example: plumbline calibrate align turns_x.csv --axis x --html alignment.html",

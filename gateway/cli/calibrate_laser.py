@@ -18,7 +18,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
     method = methods.add_parser(
         "laser",
         help="displacement of a laser spot, from photographs of a dot board",
-        description="Measures the displacement of a laser spot on a board of dots in each photograph, relative to the first one, "
+        description="Measure the displacement of a laser spot on a board of dots in each photograph, relative to the first one, "
         "with its uncertainty. Dots, perspective and the lens give the scale at every place. The whole board must be visible. "
         "The result is for calibrate single-parameter.",
         epilog="example: plumbline calibrate laser zero.jpg tilted-*.jpg --csv displacements.csv --overlay found/",

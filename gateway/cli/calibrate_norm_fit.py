@@ -12,7 +12,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
     method = methods.add_parser(
         PoseMethod.NORM_FIT.value,
         help="nine or more poses in all directions; no levelled surface needed",
-        description="Determines offset, scale factor and non-orthogonality from |m| = 1 g in nine or more attitudes in all "
+        description="Determine offset, scale factor and non-orthogonality from |m| = 1 g in nine or more attitudes in all "
         "directions. Twelve are better, because the additional poses check the fit.",
         epilog="example: plumbline calibrate norm-fit session.csv --unit counts --rate 100 --json record.json",
     )

@@ -14,7 +14,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
     method = methods.add_parser(
         ROTATION,
         help="full turns about horizontal axes, on a rig with a known angle",
-        description="Fits sine and cosine to one full turn (two axes) or two turns about different axes (all three, and a "
+        description="Fit sine and cosine to one full turn (two axes) or two turns about different axes (all three, and a "
         "record): offset, scale factor, phase shift, non-orthogonality, intervals. Each file is one turn: columns angle_deg and "
         "ax_g,ay_g,az_g (or _v, _counts), optionally count (readings averaged in the row) and temperature_c.",
         epilog="example: plumbline calibrate rotation about_y.csv about_x.csv --device-id part-7 --json record.json",

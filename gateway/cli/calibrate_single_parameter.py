@@ -19,7 +19,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
     method = methods.add_parser(
         SINGLE_PARAMETER,
         help="relative angles within 5 degrees, against a laser beam on the same platform",
-        description="Determines A_z,off, the one parameter that corrects relative angles within +-5 deg, from pairs of the "
+        description="Determine A_z,off, the one parameter that corrects relative angles within +-5 deg, from pairs of the "
         "displacement of a laser spot (calibrate laser measures it) and the raw relative angle. Each file is one session: "
         "columns displacement_mm and raw_angle_deg, optionally u_displacement_mm, all counted from the session's zero.",
         epilog="example: plumbline calibrate single-parameter pairs.csv --distance-mm 3897 --device-id part-7 --json record.json",

@@ -12,7 +12,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
     method = methods.add_parser(
         PoseMethod.SIX_POSITION.value,
         help="six faces up in turn, on a levelled surface, in any order",
-        description="Determines offset, scale factor and misalignment from the six faces, in any order. Repeats are averaged.",
+        description="Determine offset, scale factor and misalignment from the six faces, in any order. Repeats are averaged.",
         epilog="example: plumbline calibrate six-position faces.csv --device-id part-7 --json record.json",
     )
     add_pose_arguments(method)

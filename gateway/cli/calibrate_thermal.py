@@ -22,7 +22,7 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
     method = methods.add_parser(
         "thermal",
         help="temperature ramps, one on each of the six faces",
-        description="Determines offset and sensitivity of each axis against temperature, with 95 % intervals, from one ramp "
+        description="Determine offset and sensitivity of each axis against temperature, with 95 % intervals, from one ramp "
         "of temperature per face, in any order (Sawicki and Walendziuk 2016). A table needs the column temperature_c. The record "
         "has a thermal model, which the gateway applies inside the measured range. Exit code 1: an axis exceeds a limit.",
         epilog="example: plumbline calibrate thermal ramps/*.csv --part ADXL335 --device-id part-7 --json record.json",

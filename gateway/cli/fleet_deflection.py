@@ -27,7 +27,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     verb = verbs.add_parser(
         "deflection",
         help="deflection of a crane girder at mid-span, from the sensors at its ends",
-        description="Prints how far a girder on two supports sags at mid-span, from the rotations of its ends against a zero at "
+        description="Print how far a girder on two supports sags at mid-span, from the rotations of its ends against a zero at "
         "the beginning (Zhu et al. 2020, eq. 25): live from two gateways, or from two recordings. Positive is downwards.",
         epilog="examples: plumbline fleet deflection left.mcap right.mcap --half-span-m 0.8 --load-offset-m 0.065 --html d.html "
         "| plumbline fleet deflection plumbline/v1/yard/crane-1/west plumbline/v1/yard/crane-1/east --half-span-m 9.5",

@@ -17,7 +17,7 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
     verb = verbs.add_parser(
         "drift",
         help="age, drift and date of the next calibration of many sensors, the most urgent first",
-        description="Prints age, drift and date of the next calibration of every sensor, the most urgent first, from its "
+        description="Print age, drift and date of the next calibration of every sensor, the most urgent first, from its "
         "calibration records. Exit code 1: a sensor is overdue, or cannot be judged.",
         epilog="example: plumbline fleet drift /var/lib/plumbline/calibration archive/*.json --html drift.html",
     )

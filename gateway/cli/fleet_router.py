@@ -28,7 +28,8 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         description="Run a Zenoh router that keeps the last message of every gateway, until Ctrl-C. With --print-config, print "
         "the same as a configuration of zenohd with its storage plug-in, for large sites.",
         epilog="examples: plumbline fleet router --listen tls/10.0.0.2:7447 --ca ca.pem --certificate certificate.pem "
-        "--key key.pem --gateways gateways.txt --reader ann | plumbline fleet router ... --print-config > zenohd.json5",
+        "--key key.pem --gateways gateways.txt --reader ann | plumbline fleet router --gateways gateways.txt --print-config "
+        "> zenohd.json5",
     )
     verb.add_argument(
         "--listen",

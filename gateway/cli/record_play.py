@@ -10,7 +10,7 @@ DEFAULT_LISTEN = "tcp/127.0.0.1:7447"
 EXAMPLE = """examples:
   plumbline record play plumbline-data --last 10:00 --speed 4
   plumbline record play incident.mcap --connect tcp/10.0.0.5:7447
-then, in another terminal: plumbline remote watch"""
+  plumbline remote watch      (in another terminal)"""
 
 
 def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

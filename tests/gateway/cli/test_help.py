@@ -1,11 +1,13 @@
 """The help of every command: what it does in a sentence that stands alone, and an example."""
 
 import argparse
+import re
 from collections.abc import Iterator
 
 import pytest
 
 from gateway.cli.main import parser
+from tests.command_lines import command_words
 
 
 def commands(node: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
@@ -25,6 +27,19 @@ def test_help_begins_with_a_sentence_and_ends_with_an_example(name: str) -> None
     assert description[:1].isupper(), name
     assert description.endswith("."), name
     assert epilog.startswith(("example: plumbline", "examples: plumbline", "examples:\n  plumbline")), name
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_example_is_a_command_that_is_understood(name: str) -> None:
+    examples = re.split(r"\n| \| | && ", re.sub(r"^examples?:\s*", "", COMMANDS[name].epilog or ""))
+    for program, *arguments in map(command_words, examples):
+        assert program == "plumbline"
+        parser().parse_args(arguments)
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_help_is_in_the_imperative(name: str) -> None:
+    assert not (COMMANDS[name].description or "").split()[0].endswith("s")
 
 
 @pytest.mark.parametrize("name", COMMANDS)
