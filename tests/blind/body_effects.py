@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 import numpy as np
 
-from tests.blind.mechanics import Structure
+from tests.blind.mechanics import Holding, Structure
 from tests.blind.scene import Draw, Effect, Rig, Scene
 
 Generator = np.random.Generator
@@ -46,4 +46,18 @@ def rope_mass(rng: Generator, rig: Rig, size: float) -> Effect:
     return Effect("rope_mass", {"relative_density_1_m": rope_kg / rig.length_m}, apply)
 
 
-BODIES: dict[str, Draw] = {draw.__name__: draw for draw in (load_inertia, pivot_compliance, rope_mass)}
+def pivot_friction(rng: Generator, rig: Rig, size: float) -> Effect:
+    """A bearing that holds by some tenths of a degree to some degrees before it slides."""
+    hold_rad, presliding_rad = (
+        size * float(rng.uniform(5e-4, 1.5e-3)),
+        float(np.exp(rng.uniform(*np.log([0.006, 0.04])))),
+    )
+    holding = Holding(hold_rad * rig.gravity_m_s2, presliding_rad * rig.length_m)
+
+    def apply(scene: Scene, _run: Generator) -> Scene:
+        return scene.with_mechanics(holding=holding)
+
+    return Effect("pivot_friction", {"hold_rad": hold_rad, "presliding_rad": presliding_rad}, apply)
+
+
+BODIES: dict[str, Draw] = {draw.__name__: draw for draw in (load_inertia, pivot_compliance, rope_mass, pivot_friction)}

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
+from tests.blind.contact import Contact
 from tests.blind.heavy_rope import chain_xml, slopes
 from tests.blind.mechanics import Array, Mechanics, Motion, Start
 from tests.blind.structure import bend, slides_xml
@@ -40,6 +41,7 @@ def simulate(mechanics: Mechanics, start: Start, duration_s: float, step_s: floa
     sensors, quaternions = np.empty((count, 6)), np.empty((count, 4))
     release_step = None if mechanics.release is None else int(np.searchsorted(edge_s, mechanics.release.at_s))
     outer = np.zeros(3)
+    contact = None if mechanics.holding is None else Contact(mechanics.holding)
     if mechanics.velocity_force or mechanics.place_force:
         mujoco.set_mjcb_control(_pushing(model, data, load, outer, mechanics))
     try:
@@ -48,6 +50,9 @@ def simulate(mechanics: Mechanics, start: Start, duration_s: float, step_s: floa
                 _let_go(model)
             data.qfrc_applied[:] = joint_force[step]
             data.xfrc_applied[load, :3] = outer[:] = load_force[step]
+            if contact is not None:
+                mujoco.mj_kinematics(model, data)
+                data.xfrc_applied[load, :2] = outer[:2] = outer[:2] + LOAD_KG * contact.pull(data.xpos[load, :2])
             quaternions[step] = data.qpos[swing : swing + 4]
             mujoco.mj_step(model, data)  # its sensors tell of the state before the step
             sensors[step] = data.sensordata

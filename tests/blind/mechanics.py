@@ -73,6 +73,16 @@ class Structure:
 
 
 @dataclass(frozen=True, slots=True)
+class Holding:
+    """Dry friction at the pivot that holds elastically before it slides, as it acts on the load."""
+
+    force_m_s2: float
+    """Over the load's mass."""
+    deflection_m: float
+    """Of the load before all of it slides."""
+
+
+@dataclass(frozen=True, slots=True)
 class Mechanics:
     """The true crane. Profiles of one kind are summed."""
 
@@ -94,6 +104,7 @@ class Mechanics:
     """`length_m` and `position_m` are those of the rope without a load."""
     release: Release | None = None
     structure: Structure | None = None
+    holding: Holding | None = None
     pivot_acceleration: tuple[VectorProfile, ...] = ()
     length_speed: tuple[ScalarProfile, ...] = ()
     """Rate of the rope's length, m/s."""

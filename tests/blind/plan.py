@@ -14,7 +14,7 @@ CATALOGUE = {**MECHANICS, **BODIES, **SENSOR}
 ALIKE = (
     {"axis_offset", "mount_misalignment", "steady_wind", "cross_axis", "scale_error", "housing_position"},
     {"rope_length", "load_inertia", "rope_mass", "clock_drift", "housing_position", "sample_loss", "double_pendulum"},
-    {"viscous_damping", "quadratic_drag", "coulomb_friction"},
+    {"viscous_damping", "quadratic_drag", "coulomb_friction", "pivot_friction"},
     {"wind_gust", "trolley_acceleration", "impact", "hoisting", "load_change"},
     {"slewing", "housing_spin"},
     {"housing_torsion", "slewing"},

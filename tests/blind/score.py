@@ -22,7 +22,7 @@ INSEPARABLE = (
     {"axis_offset", "mount_misalignment", "steady_wind", "cross_axis"},
     {"axis_offset", "scale_error", "housing_position"},
     {"rope_length", "load_inertia", "rope_mass", "clock_drift", "housing_position"},
-    {"viscous_damping", "quadratic_drag", "coulomb_friction"},
+    {"viscous_damping", "quadratic_drag", "coulomb_friction", "pivot_friction"},
     {"wind_gust", "trolley_acceleration", "impact", "hoisting"},
     {"slewing", "housing_spin"},
     {"scale_error", "housing_position", "housing_rocking"},

@@ -22,8 +22,8 @@ EVENTS = ("wind_gust", "hoisting", "trolley_acceleration", "impact", "load_chang
 NAMES = (
     "viscous_damping quadratic_drag coulomb_friction steady_wind wind_gust hoisting trolley_acceleration slewing "
     "double_pendulum housing_position rope_length rope_stretch housing_spin impact load_change load_inertia "
-    "pivot_compliance rope_mass axis_offset scale_error cross_axis mount_misalignment thermal_drift lowpass_lag clipping "
-    "quantization clock_drift sample_loss vibration lever_arm housing_rocking housing_torsion sample_hold"
+    "pivot_compliance rope_mass pivot_friction axis_offset scale_error cross_axis mount_misalignment thermal_drift lowpass_lag "
+    "clipping quantization clock_drift sample_loss vibration lever_arm housing_rocking housing_torsion sample_hold"
 )
 G = 9.80665
 STILL = Temperature(start_c=22.0, rise_c=0.0, constant_s=60.0)

@@ -15,6 +15,7 @@ from gateway.twin.effects.housing_torsion import HousingTorsion
 from gateway.twin.effects.load import LoadInertia, RopeMass
 from gateway.twin.effects.parameter import Parameter, ParameterKind, Symbols, Value, Values
 from gateway.twin.effects.pivot import PivotCompliance
+from gateway.twin.effects.pivot_friction import PivotFriction
 from gateway.twin.effects.pulse import Pulse, PulseEffect, duration, ramp_fraction, start
 from gateway.twin.effects.registry import EffectRegistry
 from gateway.twin.effects.rope import DoublePendulum, Hoisting, LoadChange, RopeLength, RopeStretch
@@ -55,6 +56,7 @@ EFFECTS = EffectRegistry(
         ViscousDamping(),
         QuadraticDrag(),
         CoulombFriction(),
+        PivotFriction(),
         SteadyWind(),
         WindGust(),
         Impact(),

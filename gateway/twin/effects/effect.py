@@ -35,16 +35,17 @@ class ModelStructure(Enum):
     RIGGING = "double pendulum"
     ELASTIC = "elastic rope"
     YIELDING_PIVOT = "yielding pivot"
+    PRESLIDING = "friction that holds"
 
     @property
     def n_states(self) -> int:
         """Length of the state x."""
-        return {ModelStructure.RIGGING: 15, ModelStructure.ELASTIC: 11}.get(self, 9)
+        return {ModelStructure.RIGGING: 15, ModelStructure.ELASTIC: 11, ModelStructure.PRESLIDING: 12}.get(self, 9)
 
     @property
     def n_initial_states(self) -> int:
         """Length of the initial state z, the coordinates that are fitted."""
-        return {ModelStructure.RIGGING: 9, ModelStructure.ELASTIC: 7}.get(self, 5)
+        return {ModelStructure.RIGGING: 9, ModelStructure.ELASTIC: 7, ModelStructure.PRESLIDING: 7}.get(self, 5)
 
     @property
     def has_second_mode(self) -> bool:
@@ -228,6 +229,10 @@ class Effect:
         For effects with the structure YIELDING_PIVOT.
         """
         return None
+
+    def presliding_rate_rad_s(self, p: Symbols, load: BodyState) -> Vector:
+        """Return the derivative of the pre-sliding rotation of the pivot; for effects with the structure PRESLIDING."""
+        return ZERO_VECTOR
 
     # the sensor's chain
 

@@ -87,3 +87,5 @@ class BodyState:
     """Relative to the pivot."""
     small_swing_rate_1_s: Scalar
     """√(g/L) of the nominal rope."""
+    presliding_rad: Vector = ZERO_VECTOR
+    """Elastic rotation of the pivot's contact before it slides, a rotation vector; for friction that holds."""

@@ -21,6 +21,7 @@ LOCK_SLEWING = "repeat with the crane's slewing locked; or look at the housing w
 SWING_BOTH_WAYS = (
     "swing along the jib or girder, then across it, and compare the periods; or record a second sensor at the pivot"
 )
+SWING_TO_REST = "let the swing die away until it stops, and compare the periods of large and of small swings"
 LARGER_SWING = "record from a swing twice as wide until it has died away to a quarter"
 MEASURE_LEVER_ARM = (
     "measure how far beside the rope's line the sensor sits; or turn the housing on its clamp by 180 degrees and record again: "

@@ -17,6 +17,8 @@ HEADING = ("heading_rad", "rad", 7.0)
 """The same for the heading of the housing."""
 STRETCH = (("stretch_m", "m", 0.5), ("stretch_rate_m_s", "m/s", 5.0))
 """The same for the stretch of an elastic rope."""
+CONTACT = (("contact_x_rad", "rad", 0.2), ("contact_y_rad", "rad", 0.2))
+"""The same for the rotation of the pivot's contact before it slides."""
 INITIAL_STATE_SCALE = 1e-3
 """A change of an initial state that an operator would call small."""
 
@@ -59,6 +61,8 @@ def initial_state_specs(structure: ModelStructure) -> tuple[ParameterSpec, ...]:
         kinds += [(f"rigging_{name}", unit, limit) for name, unit, limit in TILTS]
     if structure is ModelStructure.ELASTIC:
         kinds += STRETCH
+    if structure is ModelStructure.PRESLIDING:
+        kinds += CONTACT
     return tuple(
         ParameterSpec(f"initial.{name}", "", name, 0, unit, -limit, limit, 0.0, INITIAL_STATE_SCALE, True)
         for name, unit, limit in kinds

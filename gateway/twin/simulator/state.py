@@ -1,9 +1,10 @@
 """The state of the motion, and the initial state that a fit can vary; both as symbols.
 
 State x: the rope's direction n, its rate n' and the housing's x axis; with a double pendulum also the direction of the rigging
-m and its rate m', with an elastic rope also the stretch beyond that of a load at rest, and the rate of the stretch.
+m and its rate m', with an elastic rope also the stretch beyond that of a load at rest, and the rate of the stretch, with friction
+that holds also the rotation of the pivot's contact before it slides.
 Initial state z: the tilts of the rope toward the world's x and y, their rates, and the heading of the housing; then the tilts
-and rates of the rigging, or the stretch and its rate.
+and rates of the rigging, the stretch and its rate, or the rotation of the contact about the world's x and y.
 """
 
 from collections.abc import Iterable
@@ -31,6 +32,8 @@ RIGGING_TILTS, RIGGING_RATES = slice(5, 7), slice(7, 9)
 """Positions in z of the rigging's tilts (x, y), and of their rates."""
 STRETCH, STRETCH_RATE = 5, 6
 """Positions in z of the stretch of an elastic rope, and of its rate."""
+PRESLIDING = slice(5, 7)
+"""Positions in z of the rotation of the contact (about x, about y)."""
 
 
 def structure_of(effects: Iterable[Effect]) -> ModelStructure:
@@ -53,6 +56,7 @@ class State:
     m_rate: Vector = ZERO_VECTOR
     stretch: Scalar = 0.0
     stretch_rate: Scalar = 0.0
+    presliding: Vector = ZERO_VECTOR
 
     @classmethod
     def of(cls, x: Expression, structure: ModelStructure) -> "State":
@@ -62,6 +66,8 @@ class State:
             return cls(*rope, vector(x, 9), vector(x, 12))
         if structure is ModelStructure.ELASTIC:
             return cls(*rope, stretch=x[9], stretch_rate=x[10])
+        if structure is ModelStructure.PRESLIDING:
+            return cls(*rope, presliding=vector(x, 9))
         return cls(*rope)
 
     def column(self, structure: ModelStructure) -> Expression:
@@ -71,6 +77,8 @@ class State:
             parts += [*self.m, *self.m_rate]
         if structure is ModelStructure.ELASTIC:
             parts += [self.stretch, self.stretch_rate]
+        if structure is ModelStructure.PRESLIDING:
+            parts += self.presliding
         return ca.vertcat(*parts)
 
 
@@ -89,6 +97,8 @@ def state_from_initial(z: Expression, structure: ModelStructure) -> Expression:
         state = State(n, n_rate, x_axis, *_direction(z[RIGGING_TILTS], z[RIGGING_RATES]))
     if structure is ModelStructure.ELASTIC:
         state = State(n, n_rate, x_axis, stretch=z[STRETCH], stretch_rate=z[STRETCH_RATE])
+    if structure is ModelStructure.PRESLIDING:
+        state = State(n, n_rate, x_axis, presliding=(*ca.vertsplit(z[PRESLIDING]), 0.0))
     return state.column(structure)
 
 
@@ -102,6 +112,8 @@ def initial_from_state(x: Expression, structure: ModelStructure) -> Expression:
         z += _tilts(state.m, state.m_rate)
     if structure is ModelStructure.ELASTIC:
         z += [state.stretch, state.stretch_rate]
+    if structure is ModelStructure.PRESLIDING:
+        z += state.presliding[:2]
     return ca.vertcat(*z)
 
 
@@ -122,7 +134,7 @@ def rotation_about_vertical(structure: ModelStructure) -> Any:
 
     state = State.of(state_from_initial(z, structure), structure)
     turned = State(*map(turn, (state.n, state.n_rate, state.x_axis, state.m, state.m_rate)))
-    turned = replace(turned, stretch=state.stretch, stretch_rate=state.stretch_rate)
+    turned = replace(turned, stretch=state.stretch, stretch_rate=state.stretch_rate, presliding=turn(state.presliding))
     return ca.Function("rotation", [z, angle], [initial_from_state(turned.column(structure), structure)])
 
 

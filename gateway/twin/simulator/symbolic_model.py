@@ -81,6 +81,8 @@ class SymbolicModel:
         x_axis_rate = eq.transport_rate(state.n, state.n_rate, state.x_axis)
         rate = State(state.n_rate, kinematics.n_acceleration, x_axis_rate, state.m_rate, kinematics.m_acceleration)
         rate = replace(rate, stretch=state.stretch_rate, stretch_rate=kinematics.stretch_acceleration)
+        if self.structure is ModelStructure.PRESLIDING:
+            rate = replace(rate, presliding=self._presliding_rate(self._load(state, kinematics.geometry)))
         return rate.column(self.structure)
 
     def apply_impulse(self, x: Expression, time_s: Expression, effect: Effect) -> Expression:
@@ -170,6 +172,12 @@ class SymbolicModel:
             acceleration = eq.add(acceleration, effect.pivot_acceleration_m_s2(p, context))
         return acceleration
 
+    def _presliding_rate(self, load: BodyState) -> Vector:
+        rate = ZERO_VECTOR
+        for effect, p in self.active_effects():
+            rate = eq.add(rate, effect.presliding_rate_rad_s(p, load))
+        return rate
+
     def _force(self, context: EvaluationContext, load: BodyState) -> Vector:
         force = ZERO_VECTOR
         for effect, p in self.active_effects():
@@ -182,7 +190,7 @@ class SymbolicModel:
         if rigging is not None:
             position = eq.add(position, eq.scale(rigging.length_m, state.m))
             velocity = eq.add(velocity, eq.scale(rigging.length_m, state.m_rate))
-        return BodyState(position, velocity, self._small_swing_rate_1_s)
+        return BodyState(position, velocity, self._small_swing_rate_1_s, state.presliding)
 
     @property
     def _small_swing_rate_1_s(self) -> float:

@@ -54,6 +54,7 @@ VOCABULARY = {  # of the published interface
     "load_inertia",
     "rope_mass",
     "pivot_compliance",
+    "pivot_friction",
     "axis_offset",
     "scale_error",
     "cross_axis",

@@ -17,12 +17,14 @@ def fit_guessed_effects(table: CandidateTable, context: SearchContext, parent: C
     return table
 
 
-def fit_yielding_pivot(table: CandidateTable, context: SearchContext) -> CandidateTable:
-    """Fit a pivot that yields where the ellipse changes its shape as it does then: pairs of other effects imitate it."""
-    if table.is_explained or context.setting.large_amplitude:
+def fit_pivot_effects(table: CandidateTable, context: SearchContext) -> CandidateTable:
+    """Fit a pivot that yields, or holds before it slides, where the swing changes as it does then: pairs imitate both."""
+    if context.setting.large_amplitude:
         return table
-    for name in EFFECTS.choose(structure=ModelStructure.YIELDING_PIVOT):
-        table = _fit_guessed(table, context, baseline_of(table, context), name)
+    for structure in (ModelStructure.YIELDING_PIVOT, ModelStructure.PRESLIDING):
+        for name in EFFECTS.choose(structure=structure):
+            if not table.is_explained:
+                table = _fit_guessed(table, context, baseline_of(table, context), name)
     return table
 
 
