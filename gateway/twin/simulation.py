@@ -109,7 +109,8 @@ def _check_bounds(simulator: Simulator, values: Array) -> None:
 def _initial_state(simulator: Simulator, effects: EffectValues, random: np.random.Generator) -> Array:
     """Return the initial state of a load that is released at a tilt in a random direction, with some speed across it.
 
-    Rigging has a larger tilt than in the slow mode, and an elastic rope is stretched, so that all modes are excited.
+    Rigging has a larger tilt than in the slow mode, an elastic rope is stretched, and a heavy one is straight, so that all modes
+    are excited.
     """
     rig = simulator.rig
     azimuth_rad = random.uniform(-np.pi, np.pi)

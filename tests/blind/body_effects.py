@@ -5,9 +5,11 @@ from dataclasses import asdict
 import numpy as np
 
 from tests.blind.mechanics import Holding, Structure
-from tests.blind.scene import Draw, Effect, Rig, Scene
+from tests.blind.scene import Draw, Effect, Rig, Scene, horizontal
 
 Generator = np.random.Generator
+RELEASED_BOW = 2 / np.pi**3
+"""Bow of a rope whose load is held aside beyond that in the swing, over mass ratio, length and angle: it sags twice as far."""
 
 
 def load_inertia(rng: Generator, rig: Rig, size: float) -> Effect:
@@ -37,11 +39,13 @@ def pivot_compliance(rng: Generator, rig: Rig, size: float) -> Effect:
 
 
 def rope_mass(rng: Generator, rig: Rig, size: float) -> Effect:
-    """A heavy rope, as a chain."""
-    rope_kg = size * float(rng.uniform(0.04, 0.2))
+    """A heavy rope, as a chain; half of them are released by hand and ring as a string."""
+    rope_kg, rings = size * float(rng.uniform(0.04, 0.2)), bool(rng.random() < 0.5)
+    released_m = RELEASED_BOW * rope_kg * rig.length_m * rig.amplitude_rad
 
-    def apply(scene: Scene, _run: Generator) -> Scene:
-        return scene.with_mechanics(rope_kg=rope_kg, share=0.0)
+    def apply(scene: Scene, run: Generator) -> Scene:
+        bow_m = horizontal(run, released_m * run.uniform(0.5, 1.0)) if rings else (0.0, 0.0)
+        return scene.with_mechanics(rope_kg=rope_kg, share=0.0).with_start(bow_m=bow_m)
 
     return Effect("rope_mass", {"relative_density_1_m": rope_kg / rig.length_m}, apply)
 
@@ -52,7 +56,7 @@ def pivot_friction(rng: Generator, rig: Rig, size: float) -> Effect:
         size * float(rng.uniform(5e-4, 1.5e-3)),
         float(np.exp(rng.uniform(*np.log([0.006, 0.04])))),
     )
-    holding = Holding(hold_rad * rig.gravity_m_s2, presliding_rad * rig.length_m)
+    holding = Holding(hold_rad, presliding_rad)
 
     def apply(scene: Scene, _run: Generator) -> Scene:
         return scene.with_mechanics(holding=holding)

@@ -1,6 +1,6 @@
-"""Friction that holds before it slides, as a contact that remembers where it comes from (Dahl 1968)."""
+"""Friction that holds before it slides, as a contact at the pivot that remembers where it comes from (Dahl 1968)."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -9,22 +9,27 @@ from tests.blind.mechanics import Array, Holding
 
 @dataclass(slots=True)
 class Contact:
-    """The elastic deflection between the load's path and the world, carried from step to step."""
+    """The elastic rotation of the contact against the pivot, carried from step to step."""
 
     holding: Holding
-    _last_m: Array | None = None
-    _deflection_m: Array | None = None
+    gravity_m_s2: float
+    step_s: float
+    _last: Array | None = None
+    _rotation_rad: Array = field(default_factory=lambda: np.zeros(3))
 
     def pull(self, place_m: Array) -> Array:
-        """Horizontal force over mass on the load when it has come to a place, shape (2,); exact for a straight way there."""
-        if self._last_m is None or self._deflection_m is None:
-            self._last_m, self._deflection_m = place_m.copy(), np.zeros(2)
-        way = place_m - self._last_m
-        self._last_m = place_m.copy()
-        distance_m = float(np.hypot(*way))
-        if distance_m > 0:
-            sliding = self.holding.deflection_m * way / distance_m
-            rest = np.exp(-distance_m / self.holding.deflection_m)
-            self._deflection_m = sliding + (self._deflection_m - sliding) * rest
-        pulled: Array = -self._deflection_m / self.holding.deflection_m * self.holding.force_m_s2
+        """Force over mass on a load that has come to a place, m/s^2, from the pivot, m; exact for a straight way there.
+
+        The friction of a bearing is in proportion to what hangs on it.
+        """
+        length_m = float(np.linalg.norm(place_m))
+        n = place_m / length_m
+        way = np.cross(n if self._last is None else self._last, n)
+        self._last = n
+        distance_rad, yields_rad = float(np.linalg.norm(way)), self.holding.presliding_rad
+        if distance_rad > 0:
+            sliding = yields_rad * way / distance_rad
+            self._rotation_rad = sliding + (self._rotation_rad - sliding) * np.exp(-distance_rad / yields_rad)
+        tension_m_s2 = -self.gravity_m_s2 * n[2] + length_m * (distance_rad / self.step_s) ** 2
+        pulled: Array = -self.holding.hold_rad * tension_m_s2 * np.cross(self._rotation_rad / yields_rad, n)
         return pulled

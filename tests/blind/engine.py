@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 
 from tests.blind.contact import Contact
-from tests.blind.heavy_rope import chain_xml, slopes
+from tests.blind.heavy_rope import RopeDamping, chain_xml, slopes
 from tests.blind.mechanics import Array, Mechanics, Motion, Start
 from tests.blind.structure import bend, slides_xml
 
@@ -41,7 +41,8 @@ def simulate(mechanics: Mechanics, start: Start, duration_s: float, step_s: floa
     sensors, quaternions = np.empty((count, 6)), np.empty((count, 4))
     release_step = None if mechanics.release is None else int(np.searchsorted(edge_s, mechanics.release.at_s))
     outer = np.zeros(3)
-    contact = None if mechanics.holding is None else Contact(mechanics.holding)
+    ringing = RopeDamping(model, data) if mechanics.rope_kg else None
+    contact = None if mechanics.holding is None else Contact(mechanics.holding, mechanics.gravity_m_s2, step_s)
     if mechanics.velocity_force or mechanics.place_force:
         mujoco.set_mjcb_control(_pushing(model, data, load, outer, mechanics))
     try:
@@ -50,9 +51,11 @@ def simulate(mechanics: Mechanics, start: Start, duration_s: float, step_s: floa
                 _let_go(model)
             data.qfrc_applied[:] = joint_force[step]
             data.xfrc_applied[load, :3] = outer[:] = load_force[step]
+            if ringing is not None:
+                data.xfrc_applied[load, :3] = outer[:] = outer + ringing.apply()
             if contact is not None:
                 mujoco.mj_kinematics(model, data)
-                data.xfrc_applied[load, :2] = outer[:2] = outer[:2] + LOAD_KG * contact.pull(data.xpos[load, :2])
+                data.xfrc_applied[load, :3] = outer[:] = outer + LOAD_KG * contact.pull(data.xpos[load])
             quaternions[step] = data.qpos[swing : swing + 4]
             mujoco.mj_step(model, data)  # its sensors tell of the state before the step
             sensors[step] = data.sensordata
@@ -236,18 +239,21 @@ def _set_start(model: mujoco.MjModel, data: mujoco.MjData, mechanics: Mechanics,
         sag_m = mechanics.gravity_m_s2 / (2 * np.pi * mechanics.spring.frequency_hz) ** 2
         data.qpos[model.joint("stretch").qposadr[0]] = sag_m + start.stretch_m
     if mechanics.rope_kg:
-        _bend_rope(model, data, mechanics.rope_kg, start)
+        _bend_rope(model, data, mechanics, start)
     if mechanics.hook is not None:
         leans = (start.tilt_rad[0] + start.rigging_tilt_rad[0], start.tilt_rad[1] + start.rigging_tilt_rad[1])
         rigging, rigging_rate = _pose(leans, start.tilt_rate_rad_s, start.heading_rad)
         _turn(model, data, int(model.body("load").jntadr[0]), (rope, rope_rate), (rigging, rigging_rate))
 
 
-def _bend_rope(model: mujoco.MjModel, data: mujoco.MjData, rope_kg: float, start: Start) -> None:
-    """Give the links the shape of the swing, so that the rope hardly rings as a string."""
+def _bend_rope(model: mujoco.MjModel, data: mujoco.MjData, mechanics: Mechanics, start: Start) -> None:
+    """Give the links the shape of the swing, so that the rope hardly rings as a string, and the bow with which it rings."""
     above = None
-    for i, slope in enumerate(slopes(rope_kg / LOAD_KG)):
-        tilt, rate = ((slope * x, slope * y) for x, y in (start.tilt_rad, start.tilt_rate_rad_s))
+    shape = slopes(mechanics.length_m, mechanics.position_m, mechanics.rope_kg / LOAD_KG)
+    for i, (slope, by_bow) in enumerate(zip(*shape, strict=True)):
+        x, y = (float(slope * t + by_bow * b) for t, b in zip(start.tilt_rad, start.bow_m, strict=True))
+        x_rate, y_rate = (float(slope * each) for each in start.tilt_rate_rad_s)
+        tilt, rate = (x, y), (x_rate, y_rate)
         link = _pose(tilt, rate, start.heading_rad)
         joint = int(model.body(f"rope{i}").jntadr[0])
         _turn(model, data, joint, above or (np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(3)), link)

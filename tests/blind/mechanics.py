@@ -74,12 +74,12 @@ class Structure:
 
 @dataclass(frozen=True, slots=True)
 class Holding:
-    """Dry friction at the pivot that holds elastically before it slides, as it acts on the load."""
+    """Dry friction at the pivot that holds elastically before it slides."""
 
-    force_m_s2: float
-    """Over the load's mass."""
-    deflection_m: float
-    """Of the load before all of it slides."""
+    hold_rad: float
+    """Angle from the vertical at which it holds a load at rest."""
+    presliding_rad: float
+    """Rotation before all of it slides."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,6 +127,8 @@ class Start:
     """Lean of the rigging below a hook beside the rope's."""
     stretch_m: float = 0.0
     """Beyond that of the load at rest."""
+    bow_m: tuple[float, float] = (0.0, 0.0)
+    """Of a rope with mass, beside its shape in the swing: sin(pi x) toward world x and y."""
     twist_rad: float = 0.0
     twist_rate_rad_s: float = 0.0
     """Of the housing against the rope."""

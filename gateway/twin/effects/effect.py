@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.pendulum.equations import Scalar, Vector
+from devices.pendulum.heavy_rope import HeavyRope
 from gateway.twin.effects.evaluation_context import (
     ZERO_VECTOR,
     BodyState,
@@ -36,21 +37,33 @@ class ModelStructure(Enum):
     ELASTIC = "elastic rope"
     YIELDING_PIVOT = "yielding pivot"
     PRESLIDING = "friction that holds"
+    HEAVY_ROPE = "heavy rope"
 
     @property
     def n_states(self) -> int:
         """Length of the state x."""
-        return {ModelStructure.RIGGING: 15, ModelStructure.ELASTIC: 11, ModelStructure.PRESLIDING: 12}.get(self, 9)
+        return 9 + ADDED_STATES.get(self, (0, 0))[0]
 
     @property
     def n_initial_states(self) -> int:
         """Length of the initial state z, the coordinates that are fitted."""
-        return {ModelStructure.RIGGING: 9, ModelStructure.ELASTIC: 7, ModelStructure.PRESLIDING: 7}.get(self, 5)
+        return 5 + ADDED_STATES.get(self, (0, 0))[1]
 
     @property
     def has_second_mode(self) -> bool:
         """Whether the load oscillates at a second frequency."""
         return self in (ModelStructure.RIGGING, ModelStructure.ELASTIC)
+
+
+ADDED_STATES: Mapping[ModelStructure, tuple[int, int]] = MappingProxyType(
+    {
+        ModelStructure.RIGGING: (6, 4),
+        ModelStructure.ELASTIC: (2, 2),
+        ModelStructure.PRESLIDING: (3, 2),
+        ModelStructure.HEAVY_ROPE: (6, 4),
+    }
+)
+"""What a structure adds to the state and to the initial state of a rope."""
 
 
 class Effect:
@@ -228,6 +241,10 @@ class Effect:
 
         For effects with the structure YIELDING_PIVOT.
         """
+        return None
+
+    def heavy_rope(self, p: Symbols, gravity_m_s2: float, geometry: RopeGeometry) -> HeavyRope | None:
+        """Return the rope of an effect with the structure HEAVY_ROPE."""
         return None
 
     def presliding_rate_rad_s(self, p: Symbols, load: BodyState) -> Vector:

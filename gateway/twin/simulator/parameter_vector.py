@@ -19,6 +19,8 @@ STRETCH = (("stretch_m", "m", 0.5), ("stretch_rate_m_s", "m/s", 5.0))
 """The same for the stretch of an elastic rope."""
 CONTACT = (("contact_x_rad", "rad", 0.2), ("contact_y_rad", "rad", 0.2))
 """The same for the rotation of the pivot's contact before it slides."""
+BOW = (("bow_x_m", "m", 5.0), ("bow_y_m", "m", 5.0), ("bow_rate_x_m_s", "m/s", 50.0), ("bow_rate_y_m_s", "m/s", 50.0))
+"""The same for the bow of a heavy rope."""
 INITIAL_STATE_SCALE = 1e-3
 """A change of an initial state that an operator would call small."""
 
@@ -63,6 +65,8 @@ def initial_state_specs(structure: ModelStructure) -> tuple[ParameterSpec, ...]:
         kinds += STRETCH
     if structure is ModelStructure.PRESLIDING:
         kinds += CONTACT
+    if structure is ModelStructure.HEAVY_ROPE:
+        kinds += BOW
     return tuple(
         ParameterSpec(f"initial.{name}", "", name, 0, unit, -limit, limit, 0.0, INITIAL_STATE_SCALE, True)
         for name, unit, limit in kinds

@@ -2,9 +2,11 @@
 
 State x: the rope's direction n, its rate n' and the housing's x axis; with a double pendulum also the direction of the rigging
 m and its rate m', with an elastic rope also the stretch beyond that of a load at rest, and the rate of the stretch, with friction
-that holds also the rotation of the pivot's contact before it slides.
+that holds also the rotation of the pivot's contact before it slides, with a heavy rope also its bow and the rate of that, both at
+right angles to n.
 Initial state z: the tilts of the rope toward the world's x and y, their rates, and the heading of the housing; then the tilts
-and rates of the rigging, the stretch and its rate, or the rotation of the contact about the world's x and y.
+and rates of the rigging, the stretch and its rate, the rotation of the contact about the world's x and y, or
+the bow and its rate toward the world's x and y.
 """
 
 from collections.abc import Iterable
@@ -34,6 +36,8 @@ STRETCH, STRETCH_RATE = 5, 6
 """Positions in z of the stretch of an elastic rope, and of its rate."""
 PRESLIDING = slice(5, 7)
 """Positions in z of the rotation of the contact (about x, about y)."""
+BOW, BOW_RATE = slice(5, 7), slice(7, 9)
+"""Positions in z of the bow of a heavy rope (x, y), and of its rate."""
 
 
 def structure_of(effects: Iterable[Effect]) -> ModelStructure:
@@ -57,6 +61,8 @@ class State:
     stretch: Scalar = 0.0
     stretch_rate: Scalar = 0.0
     presliding: Vector = ZERO_VECTOR
+    bow: Vector = ZERO_VECTOR
+    bow_rate: Vector = ZERO_VECTOR
 
     @classmethod
     def of(cls, x: Expression, structure: ModelStructure) -> "State":
@@ -68,6 +74,8 @@ class State:
             return cls(*rope, stretch=x[9], stretch_rate=x[10])
         if structure is ModelStructure.PRESLIDING:
             return cls(*rope, presliding=vector(x, 9))
+        if structure is ModelStructure.HEAVY_ROPE:
+            return cls(*rope, bow=vector(x, 9), bow_rate=vector(x, 12))
         return cls(*rope)
 
     def column(self, structure: ModelStructure) -> Expression:
@@ -79,6 +87,8 @@ class State:
             parts += [self.stretch, self.stretch_rate]
         if structure is ModelStructure.PRESLIDING:
             parts += self.presliding
+        if structure is ModelStructure.HEAVY_ROPE:
+            parts += [*self.bow, *self.bow_rate]
         return ca.vertcat(*parts)
 
 
@@ -99,6 +109,8 @@ def state_from_initial(z: Expression, structure: ModelStructure) -> Expression:
         state = State(n, n_rate, x_axis, stretch=z[STRETCH], stretch_rate=z[STRETCH_RATE])
     if structure is ModelStructure.PRESLIDING:
         state = State(n, n_rate, x_axis, presliding=(*ca.vertsplit(z[PRESLIDING]), 0.0))
+    if structure is ModelStructure.HEAVY_ROPE:
+        state = State(n, n_rate, x_axis, bow=_right_angled(n, z[BOW]), bow_rate=_right_angled(n, z[BOW_RATE]))
     return state.column(structure)
 
 
@@ -114,6 +126,8 @@ def initial_from_state(x: Expression, structure: ModelStructure) -> Expression:
         z += [state.stretch, state.stretch_rate]
     if structure is ModelStructure.PRESLIDING:
         z += state.presliding[:2]
+    if structure is ModelStructure.HEAVY_ROPE:
+        z += [*state.bow[:2], *state.bow_rate[:2]]
     return ca.vertcat(*z)
 
 
@@ -135,6 +149,7 @@ def rotation_about_vertical(structure: ModelStructure) -> Any:
     state = State.of(state_from_initial(z, structure), structure)
     turned = State(*map(turn, (state.n, state.n_rate, state.x_axis, state.m, state.m_rate)))
     turned = replace(turned, stretch=state.stretch, stretch_rate=state.stretch_rate, presliding=turn(state.presliding))
+    turned = replace(turned, bow=turn(state.bow), bow_rate=turn(state.bow_rate))
     return ca.Function("rotation", [z, angle], [initial_from_state(turned.column(structure), structure)])
 
 
@@ -143,6 +158,12 @@ def _direction(tilts: Expression, rates: Expression) -> tuple[Vector, Vector]:
     angles = (ca.sin(tilts[0]), ca.cos(tilts[0]), ca.sin(tilts[1]), ca.cos(tilts[1]))
     by_x, by_y = eq.direction_by_tilts(*angles)
     return eq.direction(*angles), eq.add(eq.scale(rates[0], by_x), eq.scale(rates[1], by_y))
+
+
+def _right_angled(n: Vector, horizontal: Expression) -> Vector:
+    """Return the vector at right angles to n with this horizontal part."""
+    x, y = ca.vertsplit(horizontal)
+    return x, y, -(n[0] * x + n[1] * y) / n[2]
 
 
 def _tilts(n: Vector, n_rate: Vector) -> list[Any]:

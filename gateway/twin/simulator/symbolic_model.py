@@ -8,6 +8,7 @@ import casadi as ca
 
 from devices.pendulum import equations as eq
 from devices.pendulum.equations import Scalar, Vector, WithDerivatives
+from devices.pendulum.heavy_rope import HeavyRope
 from devices.pendulum.small_swing import small_swing_rate_1_s
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import (
@@ -18,6 +19,7 @@ from gateway.twin.effects.evaluation_context import (
     RopeGeometry,
 )
 from gateway.twin.effects.parameter import Symbols
+from gateway.twin.simulator.kinematics import HousingOnBentRope, Kinematics, on_straight_rope
 from gateway.twin.simulator.state import Expression, State, structure_of, vector
 
 
@@ -29,17 +31,6 @@ class NominalRig:
     position_m: float
     gravity_m_s2: float
     reference_temperature_c: float
-
-
-@dataclass(frozen=True, slots=True)
-class _Kinematics:
-    """Accelerations at an instant, and the geometry with them."""
-
-    geometry: RopeGeometry
-    pivot_acceleration: Vector
-    n_acceleration: Vector
-    m_acceleration: Vector
-    stretch_acceleration: Scalar
 
 
 class SymbolicModel:
@@ -79,10 +70,17 @@ class SymbolicModel:
         state = State.of(x, self.structure)
         kinematics = self._kinematics(state, context)
         x_axis_rate = eq.transport_rate(state.n, state.n_rate, state.x_axis)
-        rate = State(state.n_rate, kinematics.n_acceleration, x_axis_rate, state.m_rate, kinematics.m_acceleration)
+        second = kinematics.second_acceleration
+        rate = State(state.n_rate, kinematics.n_acceleration, x_axis_rate, state.m_rate, second)
         rate = replace(rate, stretch=state.stretch_rate, stretch_rate=kinematics.stretch_acceleration)
         if self.structure is ModelStructure.PRESLIDING:
             rate = replace(rate, presliding=self._presliding_rate(self._load(state, kinematics.geometry)))
+        if self.structure is ModelStructure.HEAVY_ROPE:
+            turning = self._housing_on_bent_rope(state, kinematics).turning_rad_s
+            x_axis_rate = eq.add(x_axis_rate, eq.scale(turning, eq.cross(state.n, state.x_axis)))
+            turned = (eq.transport_rate(state.n, state.n_rate, each) for each in (state.bow, state.bow_rate))
+            bow = tuple(eq.add(*each) for each in zip((state.bow_rate, second), turned, strict=True))
+            rate = replace(rate, x_axis=x_axis_rate, bow=bow[0], bow_rate=bow[1])
         return rate.column(self.structure)
 
     def apply_impulse(self, x: Expression, time_s: Expression, effect: Effect) -> Expression:
@@ -94,9 +92,10 @@ class SymbolicModel:
         context = replace(self.context(time_s, time_s), stretch=(state.stretch, 0.0, 0.0))
         geometry = self._rope_geometry(context)
         geometry = replace(geometry, length=(geometry.length[0], 0.0, 0.0))
-        at_rest = replace(state, n_rate=ZERO_VECTOR, m_rate=ZERO_VECTOR)
-        n_jump, m_jump = self._accelerations(at_rest, geometry, ZERO_VECTOR, jump)
-        change = State(ZERO_VECTOR, n_jump, ZERO_VECTOR, ZERO_VECTOR, m_jump, 0.0, eq.dot(state.n, jump))
+        at_rest = replace(state, n_rate=ZERO_VECTOR, m_rate=ZERO_VECTOR, bow_rate=ZERO_VECTOR)
+        n_jump, second_jump = self._accelerations(at_rest, geometry, ZERO_VECTOR, jump)
+        jumps = second_jump, 0.0, eq.dot(state.n, jump)
+        change = State(ZERO_VECTOR, n_jump, ZERO_VECTOR, ZERO_VECTOR, *jumps, bow_rate=second_jump)
         return x + change.column(self.structure)
 
     def discontinuities(self) -> tuple[list[Expression], dict[int, Effect]]:
@@ -109,12 +108,12 @@ class SymbolicModel:
             times += effect.discontinuities_s(p)
         return times, impulses
 
-    def _kinematics(self, state: State, context: EvaluationContext) -> _Kinematics:
+    def _kinematics(self, state: State, context: EvaluationContext) -> Kinematics:
         context = replace(context, stretch=(state.stretch, state.stretch_rate, 0.0))
         geometry, pivot = self._rope_geometry(context), self._pivot_acceleration(context)
         hook = eq.add((0.0, 0.0, -self.rig.gravity_m_s2), eq.scale(-1, pivot))
         load = eq.add(hook, self._force(context, self._load(state, geometry)))
-        n_acceleration, m_acceleration = self._accelerations(state, geometry, hook, load)
+        n_acceleration, second = self._accelerations(state, geometry, hook, load)
         compliance = self._pivot_compliance()
         if compliance is not None:
             pivot = eq.add(pivot, eq.horizontal_product(compliance, n_acceleration))
@@ -122,16 +121,20 @@ class SymbolicModel:
         if self.structure is ModelStructure.ELASTIC:
             stretch = (state.stretch, state.stretch_rate, stretching)
             geometry = self._rope_geometry(replace(context, stretch=stretch))
-        return _Kinematics(geometry, pivot, n_acceleration, m_acceleration, stretching)
+        return Kinematics(geometry, pivot, hook, n_acceleration, second, stretching)
 
     def _accelerations(self, state: State, geometry: RopeGeometry, hook: Vector, load: Vector) -> tuple[Vector, Vector]:
-        """Return n'' and m'' for the forces over mass, inertial ones included, on the hook and on the load."""
+        """Return n'' and m'', or that of the bow, for forces over mass on the hook and on the load, inertial ones included."""
         rigging = self._rigging()
         compliance = self._pivot_compliance()
         if compliance is not None:
             body = *geometry.length[:2], geometry.gyration_squared_m2
             on_spring = compliance, self.rig.gravity_m_s2
             return eq.acceleration_on_yielding_pivot(state.n, state.n_rate, load, *body, *on_spring), ZERO_VECTOR
+        rope = self._heavy_rope(geometry)
+        if rope is not None:
+            force = eq.add(load, eq.scale(-1, hook))
+            return rope.accelerations(state.n, state.n_rate, state.bow, state.bow_rate, hook, force)
         if rigging is None:
             length = geometry.oscillation_length
             return eq.acceleration_of_direction(state.n, state.n_rate, load, length[0], length[1]), ZERO_VECTOR
@@ -162,6 +165,16 @@ class SymbolicModel:
         found = (effect.rigging(p) for effect, p in self.active_effects())
         return next((rigging for rigging in found if rigging is not None), None)
 
+    def _heavy_rope(self, geometry: RopeGeometry) -> HeavyRope | None:
+        found = (effect.heavy_rope(p, self.rig.gravity_m_s2, geometry) for effect, p in self.active_effects())
+        return next((rope for rope in found if rope is not None), None)
+
+    def _housing_on_bent_rope(self, state: State, kinematics: Kinematics) -> HousingOnBentRope:
+        rope = self._heavy_rope(kinematics.geometry)
+        if rope is None:
+            raise ValueError("an effect with the structure HEAVY_ROPE has no heavy_rope")
+        return HousingOnBentRope.of(rope, state, kinematics)
+
     def _pivot_compliance(self) -> Vector | None:
         found = (effect.pivot_compliance_m(p) for effect, p in self.active_effects())
         return next((compliance for compliance in found if compliance is not None), None)
@@ -185,7 +198,7 @@ class SymbolicModel:
         return force
 
     def _load(self, state: State, geometry: RopeGeometry) -> BodyState:
-        position, velocity = _on_rope(state, geometry.length)
+        position, velocity = on_straight_rope(state, geometry.length)
         rigging = self._rigging()
         if rigging is not None:
             position = eq.add(position, eq.scale(rigging.length_m, state.m))
@@ -197,7 +210,7 @@ class SymbolicModel:
         return small_swing_rate_1_s(self.rig.length_m, self.rig.gravity_m_s2)
 
     def _fictitious_acceleration(self, state: State, context: EvaluationContext, geometry: RopeGeometry) -> Vector:
-        housing = BodyState(*_on_rope(state, geometry.position), self._small_swing_rate_1_s)
+        housing = BodyState(*on_straight_rope(state, geometry.position), self._small_swing_rate_1_s)
         acceleration = ZERO_VECTOR
         for effect, p in self.active_effects():
             acceleration = eq.add(acceleration, effect.fictitious_acceleration_m_s2(p, context, housing))
@@ -228,21 +241,18 @@ class SymbolicModel:
         """Return the specific force in g in the housing's axes."""
         state = State.of(x, self.structure)
         kinematics = self._kinematics(state, context)
-        gravity = self.rig.gravity_m_s2
-        force = eq.specific_force(
-            state.n,
-            state.n_rate,
-            kinematics.n_acceleration,
-            kinematics.pivot_acceleration,
-            gravity,
-            *kinematics.geometry.position,
-        )
+        gravity, motion = self.rig.gravity_m_s2, (state.n, state.n_rate, kinematics.n_acceleration)
+        force = eq.specific_force(*motion, kinematics.pivot_acceleration, gravity, *kinematics.geometry.position)
         force = eq.add(force, self._fictitious_acceleration(state, context, kinematics.geometry))
         rotation = self._housing_rotation(context)
         along_x, along_y = self._lever_arm(rotation)
-        motion = (state.n, state.n_rate, kinematics.n_acceleration, state.x_axis)
-        force = eq.add(force, eq.lever_arm_acceleration(*motion, along_x, along_y))
-        in_housing = _in_housing_axes(eq.in_housing(state.n, state.x_axis, force), rotation[0])
+        force = eq.add(force, eq.lever_arm_acceleration(*motion, state.x_axis, along_x, along_y))
+        n, x_axis = state.n, state.x_axis
+        if self.structure is ModelStructure.HEAVY_ROPE:
+            housing = self._housing_on_bent_rope(state, kinematics)
+            force = eq.add(force, housing.acceleration_m_s2)
+            n, x_axis = housing.axes(x_axis)
+        in_housing = _in_housing_axes(eq.in_housing(n, x_axis, force), rotation[0])
         return eq.scale(1 / gravity, in_housing)
 
     def _quadrature(self, x: Expression, context: EvaluationContext) -> Vector:
@@ -279,12 +289,6 @@ class SymbolicModel:
         for effect, p in self.active_effects():
             output = effect.output_stage_g(p, output)
         return ca.vertcat(*output)
-
-
-def _on_rope(state: State, distance: WithDerivatives) -> tuple[Vector, Vector]:
-    """Return position and velocity of a point on the rope."""
-    velocity = eq.add(eq.scale(distance[0], state.n_rate), eq.scale(distance[1], state.n))
-    return eq.scale(distance[0], state.n), velocity
 
 
 def _in_housing_axes(force: Vector, angle: Scalar) -> Vector:

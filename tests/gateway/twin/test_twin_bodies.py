@@ -108,29 +108,8 @@ def test_stiff_limit_of_a_structure_with_a_mode_of_its_own_is_the_compliance() -
     assert error_g < 0.02 * effect_g
 
 
-@pytest.mark.parametrize("mass_ratio", [0.02, 0.1])
-def test_heavy_rope_swings_faster_by_its_inertia_and_its_weight(mass_ratio: float) -> None:
-    """omega^2 = (g/L) (1 + mu/2)/(1 + mu/3)."""
-    effects = {"rope_mass": {"relative_density_1_m": mass_ratio / LENGTH_M}}
-    period = 2 * np.pi * np.sqrt(LENGTH_M / G * (1 + mass_ratio / 3) / (1 + mass_ratio / 2))
-    assert period_s(at_pivot(), effects, [1e-3, 0, 0, 0]) == pytest.approx(period, rel=1e-6)
-
-
-def test_chain_of_links_in_mujoco_has_the_period_of_the_heavy_rope_to_first_order() -> None:
-    mass_ratio = 0.1
-    mechanics = Mechanics(LENGTH_M, RIG.position_m, G, rope_kg=mass_ratio, share=0.0)
-    motion = simulate(mechanics, Start((1e-3, 0.0), (0.0, 0.0), 0.4), 60.0)
-    settled = motion.time_s > 12
-    time_s, reading = motion.time_s[settled], motion.force_m_s2[settled, 0]
-    upward = np.flatnonzero((reading[1:] > 0) & (reading[:-1] <= 0))
-    crossings_s = time_s[upward] - reading[upward] * (time_s[1] - time_s[0]) / (reading[upward + 1] - reading[upward])
-    effects = {"rope_mass": {"relative_density_1_m": mass_ratio / LENGTH_M}}
-    heavy, light = (period_s(at_pivot(), each, [1e-3, 0, 0, 0]) for each in (effects, {}))
-    assert float(np.diff(crossings_s).mean()) - heavy == pytest.approx(0, abs=mass_ratio / 4 * (light - heavy))
-
-
-@pytest.mark.parametrize(("name", "error"), [("load_inertia", 0.03), ("rope_mass", -0.03)])
-def test_equivalent_of_another_rope_length_gives_its_samples(name: str, error: float) -> None:
+def test_equivalent_of_another_rope_length_gives_its_samples() -> None:
+    name, error = "load_inertia", 0.03
     time_s, start = np.arange(0, 40, 0.1), [0.3, -0.1, 0.05, 0.1, 0.2]
     same = EFFECTS[name].equivalent_values({"relative_error": error}, LENGTH_M)
     assert same is not None

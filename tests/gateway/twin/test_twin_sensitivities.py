@@ -13,7 +13,12 @@ from tests.gateway.twin.swings import RIG, Array
 TIME_S = np.arange(0, 30, 0.1)
 TEMPERATURE_C = 22 + 15 * (1 - np.exp(-TIME_S / 20))
 START = (0.1, -0.04, 0.01, 0.02, 0.3)
-MORE = {"double_pendulum": (0.12, -0.05, 0.01, 0.03), "rope_stretch": (0.004, 0.01)}
+MORE = {
+    "double_pendulum": (0.12, -0.05, 0.01, 0.03),
+    "rope_stretch": (0.004, 0.01),
+    "rope_mass": (0.02, -0.01, 0.03, 0.02),
+    "pivot_friction": (0.005, -0.003),
+}
 EVENTS_S = {
     "wind_gust": 12.013,
     "impact": 15.027,
@@ -76,7 +81,7 @@ def test_absent_effects_have_sensitivities() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", ["impact", "double_pendulum", "rope_stretch", "clock_drift", "hoisting"])
+@pytest.mark.parametrize("name", ["impact", "double_pendulum", "rope_stretch", "rope_mass", "clock_drift", "hoisting"])
 def test_consecutive_segments_equal_one_trajectory(name: str) -> None:
     simulator, values = case([name])
     firsts, n = [0, 75, 210], simulator.n_initial_states

@@ -6,7 +6,8 @@ from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.persistent import baseline_of
 
 MAX_REMAINDER_OF_MODE = 0.5
-"""Share of the gap that a second mode or a bounce may leave for machine lines to be searched for in its residual."""
+"""Share of the gap that a second mode or a bounce may leave for machine lines to be searched for in its residual, and the
+simpler of two effects with the same period for the other one to be fitted."""
 
 
 def fit_guessed_effects(table: CandidateTable, context: SearchContext, parent: CandidateFit) -> CandidateTable:
@@ -17,10 +18,13 @@ def fit_guessed_effects(table: CandidateTable, context: SearchContext, parent: C
     return table
 
 
-def fit_pivot_effects(table: CandidateTable, context: SearchContext) -> CandidateTable:
-    """Fit a pivot that yields, or holds before it slides, where the swing changes as it does then: pairs imitate both."""
+def fit_bodies(table: CandidateTable, context: SearchContext) -> CandidateTable:
+    """Fit a heavy rope, and a pivot that yields or holds before it slides, where the data show one: pairs imitate each."""
     if context.setting.large_amplitude:
         return table
+    for name in EFFECTS.choose(structure=ModelStructure.HEAVY_ROPE):
+        if not table.is_explained:
+            table = _fit_beyond_its_equivalent(table, context, name)
     for structure in (ModelStructure.YIELDING_PIVOT, ModelStructure.PRESLIDING):
         for name in EFFECTS.choose(structure=structure):
             if not table.is_explained:
@@ -40,6 +44,19 @@ def fit_second_mode(table: CandidateTable, context: SearchContext) -> tuple[Cand
     best = min([base, *found], key=lambda fit: fit.reduced_chi2)
     closes_most = best.reduced_chi2 - 1 < MAX_REMAINDER_OF_MODE * (base.reduced_chi2 - 1)
     return table, best if closes_most else base
+
+
+def _fit_beyond_its_equivalent(table: CandidateTable, context: SearchContext, name: str) -> CandidateTable:
+    """Fit an effect that coincides with a simpler one where that closes most of the gap, or where the residual shows it."""
+    setting, effect, base = context.setting, EFFECTS[name], baseline_of(table, context)
+    of = effect.coincides_with or ""
+    simpler = table.get(base.names | {of})
+    nearest = base if simpler is None or simpler.fit.chi2 > base.fit.chi2 else simpler
+    guesses = list(effect.initial_guesses(setting.guess_context(setting.log.force_g - nearest.fit.force_g)))
+    if nearest is simpler and nearest.reduced_chi2 - 1 < MAX_REMAINDER_OF_MODE * (base.reduced_chi2 - 1):
+        same = effect.equivalent_values(nearest.values[of], setting.rig.length_m)
+        guesses += [] if same is None else [same]
+    return context.fit_first_that_explains(table, base.values, name, guesses)
 
 
 def _fit_guessed(table: CandidateTable, context: SearchContext, parent: CandidateFit, name: str) -> CandidateTable:

@@ -13,7 +13,7 @@ from gateway.twin.reconcile.search.persistent import (
     fit_persistent_effects,
     fit_persistent_pairs,
 )
-from gateway.twin.reconcile.search.residual_guesses import fit_guessed_effects, fit_pivot_effects
+from gateway.twin.reconcile.search.residual_guesses import fit_bodies, fit_guessed_effects
 from gateway.twin.reconcile.search.stepwise_selection import try_swaps
 
 
@@ -53,7 +53,7 @@ def _refine_single_effects(table: CandidateTable, context: SearchContext) -> Can
 
 PERSISTENT_STEP = SearchStep("fit persistent effects", fit_persistent_effects)
 SINGLE_EFFECT_STEPS = (
-    SearchStep("fit effects of the pivot", fit_pivot_effects),
+    SearchStep("fit a heavy rope and effects of the pivot", fit_bodies),
     SearchStep("fit pairs of persistent effects", fit_persistent_pairs),
     SearchStep("swap effects of an explaining pair", _swap_in_explaining_pair),
     SearchStep("fit events after a consistent prefix", fit_events_after_prefixes),

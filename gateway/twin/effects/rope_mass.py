@@ -1,0 +1,84 @@
+"""The mass of the rope."""
+
+import numpy as np
+
+from devices.pendulum.equations import Scalar
+from devices.pendulum.heavy_rope import HeavyRope
+from gateway.twin.effects.effect import Effect, ModelStructure
+from gateway.twin.effects.evaluation_context import RopeGeometry
+from gateway.twin.effects.experiments import WEIGH_LOAD
+from gateway.twin.effects.guess_context import GuessContext
+from gateway.twin.effects.parameter import Parameter, Symbols, Values
+from gateway.twin.effects.rope import RopeLength
+from gateway.twin.effects.string_guesses import guess_mass_ratio
+
+MAX_SHORTENING = -1 / 3
+"""Change of the equivalent length with a rope alone, without a load."""
+MAX_STRING_STEP_RAD = 0.3
+"""Phase of the string mode in one integration step; the mode dies away in some seconds."""
+
+
+class RopeMass(Effect):
+    """The mass of a heavy rope beside that of the load: a quicker swing, a sagging rope and its first mode as a string."""
+
+    name = "rope_mass"
+    equation = "two shapes of the rope, x L n + w sin(π x); f₁ ≈ √(g/(4 μ L)), ω² ≈ (g/L)(1 + μ/6), μ = λ L"
+    explains = (
+        "The rope is heavy beside the load: it swings a little faster than its length says, sags as it swings, and rings as a "
+        "string after a release or a blow."
+    )
+    reference = "hanging string with a load, Routh 1905; two shapes by Galerkin's method, Inman 2014, section 8.2"
+    enters = "structure"
+    discriminating_experiment = WEIGH_LOAD
+    linear_at_neutral = False
+    structure = ModelStructure.HEAVY_ROPE
+    coincides_with = RopeLength.name
+    parameters = (
+        Parameter(
+            "relative_density_1_m",
+            "1/m",
+            "λ, mass of all parts of line in a metre of length over that of the load",
+            lower=1e-5,
+            upper=10.0,
+            neutral=5e-3,
+            scale=1e-4,
+            typical=5e-3,
+        ),
+        Parameter(
+            "string_damping_ratio",
+            "1",
+            "ζ of the string mode; no rope is without damping",
+            lower=1e-3,
+            upper=0.5,
+            neutral=0.02,
+            scale=1e-3,
+            typical=0.02,
+        ),
+    )
+
+    def initial_guesses(self, context: GuessContext) -> list[Values]:
+        """Return the density that gives the string mode its frequency; none if nothing rings."""
+        ratio = guess_mass_ratio(context)
+        return [] if ratio is None else [{"relative_density_1_m": ratio / context.length_m}]
+
+    def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
+        """Return three tenths of a radian of the string mode."""
+        rope = self._rope(p, gravity_m_s2, RopeGeometry((length_m, 0.0, 0.0), (0.0, 0.0, 0.0)))
+        return MAX_STRING_STEP_RAD / rope.string_rate
+
+    def heavy_rope(self, p: Symbols, gravity_m_s2: float, geometry: RopeGeometry) -> HeavyRope:
+        """Return the rope; hoisting changes its mass."""
+        return self._rope(p, gravity_m_s2, geometry)
+
+    def equivalent_values(self, coincident: Values, length_m: float) -> Values | None:
+        """Return λ of the period of a length that seems shorter by the share −e: (1 + μ/3)/(1 + μ/2) = 1 + e."""
+        error = float(np.asarray(coincident["relative_error"]))
+        if not MAX_SHORTENING < error < 0:
+            return None
+        return {"relative_density_1_m": -6 * error / (1 + 3 * error) / length_m}
+
+    @staticmethod
+    def _rope(p: Symbols, gravity_m_s2: float, geometry: RopeGeometry) -> HeavyRope:
+        length, rate, _ = geometry.length
+        density, damping = p["relative_density_1_m"], p["string_damping_ratio"]
+        return HeavyRope(length, rate, density * length, damping, gravity_m_s2, geometry.gyration_squared_m2)
