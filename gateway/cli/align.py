@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from gateway.calibration.alignment.assistant import AlignmentView
     from gateway.calibration.alignment.screw_advice import ScrewAdvice, ScrewMechanics
     from gateway.calibration.alignment.turn_assistant import TurnAssistant
+    from gateway.cli.status_line import StatusLine
+    from gateway.messages import Tilt
 
 SILENCE_S = 1.5
 """Time without a tilt, s, after which the link is opened again; tilts arrive ten times per second."""
@@ -96,23 +98,13 @@ def show_turns(client: "GatewayClient", assistant: "TurnAssistant", out: TextIO)
     """Show the read-out of the turns until the axis is aligned, or as far as its screws reach; wait if the link is lost."""
     from gateway.calibration.alignment.turn_assistant import format_errors, format_turn
     from gateway.cli.status_line import StatusLine
-    from gateway.daemon.bounded_queue import BoundedQueue
-    from gateway.topics import adapter
 
-    tilts: BoundedQueue[dict[str, Any]] = BoundedQueue(MAX_QUEUED_TILTS)
     in_force = ((client.status() or {}).get("calibration") or {}).get("in_force") or {}
     assistant.set_gain(in_force.get("gain_g_per_unit"))
-    client.subscribe("tilt", tilts.put)
     line, n_shown = StatusLine(out), 0
+    tilts = TiltFeed(client, line)
     while True:
-        if (tilt := tilts.get(SILENCE_S)) is None:
-            line.update(SILENCE_TEXT, SILENCE_TEXT)
-            if client.reconnect():
-                client.subscribe("tilt", tilts.put)
-            else:
-                time.sleep(SILENCE_S)
-            continue
-        view = assistant.add_tilt(adapter("tilt").validate_python(tilt))
+        view = assistant.add_tilt(tilts.next())
         if view is None:
             text = "turn the sensor about a horizontal shaft; it hangs, or lies still"
             line.update(text, text)
@@ -130,21 +122,11 @@ def show_advice(client: "GatewayClient", screws: "ScrewMechanics", out: TextIO) 
     """Show advice for each tilt until the housing is aligned; wait if the link is lost."""
     from gateway.calibration.alignment.assistant import AlignmentAssistant
     from gateway.cli.status_line import StatusLine
-    from gateway.daemon.bounded_queue import BoundedQueue
-    from gateway.topics import adapter
 
-    tilts: BoundedQueue[dict[str, Any]] = BoundedQueue(MAX_QUEUED_TILTS)
-    client.subscribe("tilt", tilts.put)
     line, assistant = StatusLine(out), AlignmentAssistant(screws)
+    tilts = TiltFeed(client, line)
     while True:
-        if (tilt := tilts.get(SILENCE_S)) is None:
-            line.update(SILENCE_TEXT, SILENCE_TEXT)
-            if client.reconnect():
-                client.subscribe("tilt", tilts.put)
-            else:
-                time.sleep(SILENCE_S)
-            continue
-        view = assistant.add_tilt(adapter("tilt").validate_python(tilt))
+        view = assistant.add_tilt(tilts.next())
         if view.advice.state == "aligned":
             uncertainty = (
                 "" if view.u_calibration_deg is None else f"; by the calibration, u = {view.u_calibration_deg:.3f} deg"
@@ -152,6 +134,32 @@ def show_advice(client: "GatewayClient", screws: "ScrewMechanics", out: TextIO) 
             line.commit(format_view(view) + uncertainty)
             return 0
         line.update(format_view(view), _summary_line(view.advice))
+
+
+class TiltFeed:
+    """The tilts of a gateway, one after the other."""
+
+    def __init__(self, client: "GatewayClient", line: "StatusLine") -> None:
+        """`line` says when no tilt comes."""
+        from gateway.daemon.bounded_queue import BoundedQueue
+
+        self._client = client
+        self._line = line
+        self._tilts: BoundedQueue[dict[str, Any]] = BoundedQueue(MAX_QUEUED_TILTS)
+        client.subscribe("tilt", self._tilts.put)
+
+    def next(self) -> "Tilt":
+        """Return the next tilt; while none comes, say so and connect again."""
+        from gateway.topics import adapter
+
+        while (tilt := self._tilts.get(SILENCE_S)) is None:
+            self._line.update(SILENCE_TEXT, SILENCE_TEXT)
+            if self._client.reconnect():
+                self._client.subscribe("tilt", self._tilts.put)
+            else:
+                time.sleep(SILENCE_S)
+        message: Tilt = adapter("tilt").validate_python(tilt)
+        return message
 
 
 def format_view(view: "AlignmentView") -> str:

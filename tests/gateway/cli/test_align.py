@@ -14,6 +14,7 @@ from gateway.cli import align as aligning
 from gateway.cli.align import SILENCE_TEXT, show_advice
 from gateway.messages import Tilt
 from gateway.topics import encode
+from tests.gateway.cli.terminal import TerminalText
 
 
 def tilt(number: int, pitch_deg: float, roll_deg: float, **changes: Any) -> dict[str, Any]:
@@ -52,11 +53,6 @@ class ScriptedGateway(GatewayClient):
         return self.reconnects > 1
 
 
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
-
-
 @pytest.fixture(autouse=True)
 def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(aligning, "SILENCE_S", 0.01)
@@ -88,7 +84,7 @@ def test_it_waits_for_a_lost_gateway() -> None:
 
 def test_a_terminal_shows_one_line_of_its_width(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "60")
-    out = Terminal()
+    out = TerminalText()
     assert show_advice(ScriptedGateway([*TURN, *ALIGNED]), ScrewMechanics(), out) == 0
     *moving, _last, _end = out.getvalue().split("\r\x1b[K")
     assert max(map(len, moving)) <= 59

@@ -5,20 +5,16 @@ import io
 import pytest
 
 from gateway.cli.colour import paint
-
-
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
+from tests.gateway.cli.terminal import TerminalText
 
 
 @pytest.mark.parametrize(
     ("stream", "environment", "is_painted"),
     [
-        (Terminal(), {"TERM": "xterm-256color"}, True),
-        (Terminal(), {"TERM": "dumb"}, False),
-        (Terminal(), {}, False),
-        (Terminal(), {"TERM": "xterm", "NO_COLOR": ""}, False),
+        (TerminalText(), {"TERM": "xterm-256color"}, True),
+        (TerminalText(), {"TERM": "dumb"}, False),
+        (TerminalText(), {}, False),
+        (TerminalText(), {"TERM": "xterm", "NO_COLOR": ""}, False),
         (io.StringIO(), {"TERM": "xterm"}, False),
     ],
 )

@@ -14,6 +14,7 @@ import pytest
 from gateway.bus.client import GatewayClient
 from gateway.cli import follow as following
 from gateway.cli.follow import watch_session
+from tests.gateway.cli.terminal import TerminalText
 
 COLLECTING: dict[str, Any] = {
     "id": "session-1",
@@ -62,11 +63,6 @@ class ScriptedLink(GatewayClient):
         return self.reconnects > 1
 
 
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
-
-
 @pytest.fixture(autouse=True)
 def _no_waiting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(following, "SILENCE_S", 0.01)
@@ -106,13 +102,13 @@ def test_outside_a_terminal_each_change_is_one_line() -> None:
 
 
 def test_a_terminal_gets_a_bar() -> None:
-    out = Terminal()
+    out = TerminalText()
     watch_session(ScriptedLink(COLLECTING, REVIEW), None, out)
     assert "1/6 [######------------------] still 2 s left next -y up; hold still" in out.getvalue()
 
 
 def test_only_different_used_faces_are_counted() -> None:
-    out = Terminal()
+    out = TerminalText()
     poses = [POSE, POSE, POSE | {"face": None, "used": False}]
     again = COLLECTING | {"poses": poses, "pose_fraction": 0.0}
     watch_session(ScriptedLink(again, REVIEW), None, out)

@@ -3,15 +3,11 @@
 import io
 
 from gateway.cli.progress import Progress
-
-
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
+from tests.gateway.cli.terminal import TerminalText
 
 
 def test_steps_of_unknown_number_are_counted() -> None:
-    stream = Terminal()
+    stream = TerminalText()
     with Progress(stream) as progress:
         progress.tick("baseline")
         progress.tick("baseline")
@@ -20,7 +16,7 @@ def test_steps_of_unknown_number_are_counted() -> None:
 
 
 def test_a_share_is_shown_with_the_longest_time_left() -> None:
-    stream = Terminal()
+    stream = TerminalText()
     with Progress(stream) as progress:
         progress.tick("search", 0.25)
     assert "search, 25%, at most 0 s left" in stream.getvalue()
