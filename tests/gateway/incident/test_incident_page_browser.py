@@ -3,11 +3,11 @@
 import re
 from itertools import pairwise
 from pathlib import Path
-from typing import Literal
 
 import pytest
 from playwright.sync_api import Browser
 
+from tests.document_in_browser import Medium, open_alone
 from tests.gateway.incident.conftest import MakeReport
 from tests.gateway.recorded_crane import RecordedCrane
 
@@ -24,19 +24,8 @@ def page_file(recorded: RecordedCrane, make_report: MakeReport) -> Path:
 
 
 @pytest.mark.parametrize(("width", "medium"), [(1280, "screen"), (360, "screen"), (A4_TEXT_PX, "print")])
-def test_the_report_fits_and_loads_nothing(
-    browser: Browser, page_file: Path, width: int, medium: Literal["screen", "print"]
-) -> None:
-    page = browser.new_page(viewport={"width": width, "height": 800})
-    asked: list[str] = []
-    said: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.on("console", lambda message: said.append(message.text))
-    page.emulate_media(media=medium)
-    page.goto(page_file.as_uri())
-    assert [address for address in asked if not address.startswith("about:")] == [page_file.as_uri()]
-    assert said == []
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
+def test_the_report_fits_and_loads_nothing(browser: Browser, page_file: Path, width: int, medium: Medium) -> None:
+    page = open_alone(browser, page_file, width, medium)
     assert page.locator("figure svg").count() == 4
     certificate = page.frame_locator("iframe.certificate")
     assert certificate.locator("h1").inner_text() == "Calibration certificate"

@@ -21,7 +21,7 @@ from gateway.recording.reader import open_recording
 from gateway.recording.recovery import recover
 from gateway.recording.writer import RecorderError
 from tests.gateway.recording.conftest import MakeRecorder
-from tests.gateway.recording.recorded_files import segments
+from tests.gateway.recording.recorded_files import record_blocks, segments
 from tests.values import present
 
 SECOND_NS = 1_000_000_000
@@ -70,10 +70,7 @@ def test_every_segment_contains_the_record_and_its_certificate(
     recorder.set_device(device, start_ns)
     folder = recorder.start(start_ns).parent
     recorder.set_calibration(files, start_ns)
-    for number in range(150):
-        now_ns = start_ns + number * 32_000_000
-        recorder.write(encode_message("samples", make_samples(number), now_ns))
-        recorder.tick(now_ns)
+    record_blocks(recorder, make_samples, range(150), start_ns)
     recorder.close()
     assert len(segments(folder)) == 3
     for path in segments(folder):

@@ -1,10 +1,11 @@
 """The report in a browser: it shows, asks for nothing, fits a phone and A4 paper."""
 
 from pathlib import Path
-from typing import Literal
 
 import pytest
 from playwright.sync_api import Browser
+
+from tests.document_in_browser import Medium, open_alone
 
 pytestmark = pytest.mark.slow
 
@@ -20,19 +21,8 @@ def file(reports: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> P
 
 
 @pytest.mark.parametrize(("width", "medium"), [(1000, "screen"), (360, "screen"), (A4_TEXT_PX, "print")])
-def test_report_fits_and_loads_nothing(
-    browser: Browser, file: Path, width: int, medium: Literal["screen", "print"]
-) -> None:
-    page = browser.new_page(viewport={"width": width, "height": 800})
-    asked: list[str] = []
-    said: list[str] = []
-    page.on("request", lambda request: asked.append(request.url))
-    page.on("console", lambda message: said.append(message.text))
-    page.emulate_media(media=medium)
-    page.goto(file.as_uri())
-    assert asked == [file.as_uri()]
-    assert said == []
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
+def test_report_fits_and_loads_nothing(browser: Browser, file: Path, width: int, medium: Medium) -> None:
+    page = open_alone(browser, file, width, medium)
     assert page.locator("figure svg").count() == 9
     assert page.locator(".answer").is_visible()
     box = page.locator("#gap svg").bounding_box()
