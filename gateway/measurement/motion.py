@@ -18,6 +18,9 @@ from gateway.swing.estimate import SwingEstimate
 from gateway.swing.estimation.make_estimate import NO_MOTION
 from gateway.swing.rig import MountedHousing
 
+LONGEST_DRIVE_S, LARGEST_DRIVE_SHARE = 12.0, 0.5
+"""Duration of a drive, and its share of the recording, from which on the smoothed motion is doubted. Basis: ramps of cranes last
+up to 9 s; what is taken for one drive lasts up to 27 s in simulated work of three minutes."""
 WORKING: frozenset[MotionState] = frozenset({"driven", "hoisting", "wind"})
 """States that no free swing explains."""
 MOVING: frozenset[MotionState] = frozenset({"driven", "hoisting"})
@@ -27,6 +30,10 @@ NEGLIGIBLE_PERIODS = 0.5
 CONTRADICTION_SQUARED, CONTRADICTION_SHARE = 9.0, 0.05
 """Squared difference of two angles over its variance that is a contradiction (three sigma), and the share of the time from which
 on a gyroscope is left out."""
+DOUBTED = (
+    "the smoothed motion is doubted: it has trolley or bridge accelerate for {:.0f} s without a break, as no crane does; "
+    "a load that swings in two ways, or a housing that is not where stated, looks like this"
+)
 BY_SMOOTHING = "largest angle from the smoothed motion, because the crane worked"
 
 
@@ -48,6 +55,17 @@ class RecordingMotion:
     def crane_worked(self) -> bool:
         """The crane moved or a gust pushed the load."""
         return any(phase.state in WORKING for phase in self.phases)
+
+    @property
+    def longest_drive_s(self) -> float:
+        """Duration of the longest phase in which trolley or bridge accelerate."""
+        return max((phase.to_s - phase.from_s for phase in self.phases if phase.state == "driven"), default=0.0)
+
+    @property
+    def is_doubted(self) -> bool:
+        """One drive fills most of the recording and lasts longer than that of a crane: what moves is none."""
+        duration_s = float(self.history.time_s[-1] - self.history.time_s[0])
+        return self.longest_drive_s > max(LONGEST_DRIVE_S, LARGEST_DRIVE_SHARE * duration_s)
 
     @property
     def state_at_largest(self) -> MotionState | None:
@@ -124,6 +142,8 @@ def with_smoothed_angle(swing: SwingEstimate, motion: RecordingMotion) -> SwingE
     if unknown_s > NEGLIGIBLE_PERIODS * motion.housing.small_swing_period_s:
         return swing
     at = int(np.abs(history.time_s - largest.time_s).argmin())
+    if motion.is_doubted:
+        return replace(swing, reasons=(DOUBTED.format(motion.longest_drive_s), *swing.reasons))
     length_m = float(history.length_m[at]) if swing.length_m is None else swing.length_m
     azimuth_rad = float(history.azimuth_rad[at])
     return replace(

@@ -36,6 +36,7 @@ def motion_json(motion: RecordingMotion) -> dict[str, Any]:
     return {
         "largest": largest,
         "known_percent": 100 * motion.known_share,
+        "doubted": motion.is_doubted,
         "gyroscope": GYRO_TEXT[motion.uses_gyro],
         "phases": [
             {
@@ -75,7 +76,8 @@ def _largest_text(motion: RecordingMotion) -> str:
     if motion.largest is None or motion.state_at_largest is None:
         return "not known"
     moved = "the crane moved" if motion.crane_moved_at_largest else f"{STATE_TEXT[motion.state_at_largest]}"
-    text = f"largest angle {_angle_text(motion.largest)} at {motion.largest.time_s:.1f} s, {moved}"
+    doubt = "doubted, because a drive lasts longer than any crane's: " if motion.is_doubted else ""
+    text = f"{doubt}largest angle {_angle_text(motion.largest)} at {motion.largest.time_s:.1f} s, {moved}"
     if motion.known_share > WHOLLY_KNOWN:
         return text
     return f"{text}; the angle is known {100 * motion.known_share:.0f} % of the time and may be larger in the rest"

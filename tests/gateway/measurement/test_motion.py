@@ -16,9 +16,12 @@ from devices.recording import Recording
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import Event, Hoist, TrolleyMove
 from gateway.measurement.measure import Measurement, measure
+from gateway.measurement.motion import estimate_source_motion, with_smoothed_angle
 from gateway.measurement.motion_report import motion_table
 from gateway.measurement.report import as_json, as_text
 from gateway.measurement.source import Source
+from gateway.measurement.swing import estimate_source_swing
+from gateway.motion.history import MotionPhase
 from gateway.recording.interval import RecordingExtent
 from gateway.swing.rig import MountedHousing
 from tests.values import present
@@ -132,3 +135,16 @@ def test_a_housing_at_an_unknown_place_has_no_motion(working: tuple[Source, floa
 def test_readings_that_no_upright_housing_has_give_no_motion(working: tuple[Source, float]) -> None:
     source = working[0]
     assert measure(replace(source, force_g=source.force_g[:, [2, 1, 0]]), with_motion=True).motion is None
+
+
+def test_a_drive_that_fills_a_recording_is_doubted(working: tuple[Source, float]) -> None:
+    source, _ = working
+    swing = estimate_source_swing(source)
+    motion = present(estimate_source_motion(source, swing))
+    assert not motion.is_doubted
+    assert with_smoothed_angle(replace(swing, coverage95_rad=None), motion).coverage95_rad is not None
+    ends_s = float(motion.history.time_s[0]), float(motion.history.time_s[-1])
+    endless = replace(motion, phases=(MotionPhase(state="driven", from_s=ends_s[0], to_s=ends_s[1], largest=None),))
+    doubted = with_smoothed_angle(replace(swing, coverage95_rad=None), endless)
+    assert doubted.coverage95_rad is None
+    assert doubted.reasons[0].startswith("the smoothed motion is doubted: it has trolley or bridge accelerate for 60 s")
