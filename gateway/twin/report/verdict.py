@@ -172,7 +172,9 @@ def _equation(law: Law) -> str:
 
 def _equivalent(each: Equivalent) -> str:
     values = ", ".join(
-        f"{format_number(float(np.asarray(each.parameters[p.name])))} {p.unit}" for p in EFFECTS[each.name].parameters
+        f"{format_number(float(np.asarray(each.parameters[p.name])))} {p.unit}"
+        for p in EFFECTS[each.name].parameters
+        if p.name in each.parameters
     )
     same = f"{human_name(each.name)} ({values}) would look the same in this recording as {human_name(each.of)}."
     return f"{same} To distinguish them: {as_sentence(each.split_by)}"
