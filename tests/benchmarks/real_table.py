@@ -184,8 +184,9 @@ def _angle(row: Row) -> str:
         percent = row.measured["motion"]["known_percent"]
         said = _interval(row.smoothed_interval, row.holds)
         return f"unknown; while the angle is known ({percent:.0f} %) {said}"
-    reasons = (row.measured.get("swing") or {}).get("reasons") or [row.measured.get("error", "-")]
-    return ("refused: " if "error" in row.measured else "unknown: ") + "; ".join(reasons)
+    if "error" in row.measured:
+        return f"refused: {row.measured['error']}"
+    return "unknown: " + ("; ".join(row.measured.get("swing_reasons", [])) or "-")
 
 
 def _interval(interval: tuple[float, tuple[float, float]], holds: bool | None) -> str:

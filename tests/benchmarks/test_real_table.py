@@ -31,6 +31,11 @@ def test_interval_is_compared_with_the_angle_of_the_part_that_is_judged() -> Non
     assert measure_cells(Row(recording(), DECAY, held))[1] == "40.0 ± 1 of the part judged, 60 of all"
 
 
+def test_unknown_angle_is_printed_with_its_reason() -> None:
+    answers = {"measure": {"swing": {}, "swing_reasons": ["less than a swing"], "cpu_s": 1.0}}
+    assert measure_cells(Row(recording(), None, answers))[2] == "unknown: less than a swing"
+
+
 def test_effect_that_no_engineer_would_sign_is_counted_as_implausible() -> None:
     named = [{"name": name, "parameters": dict[str, float]()} for name in ("viscous_damping", "clipping")]
     row = Row(recording(), None, {"reconcile": {"verdict": "named", "effects": named, "cpu_s": 1.0}})
