@@ -11,14 +11,14 @@ from tests.benchmarks.real_manifest import RealRecording
 
 Array = NDArray[np.float64]
 Angles = tuple[Array, Array]
-"""Times since the first row of the recording that is asked, s, and angles from vertical, rad, each of shape (n,)."""
+"""Time stamps of the recording that is asked, s, and angles from vertical, rad, each of shape (n,)."""
 
 
 def known_angles(recording: RealRecording, path: Path) -> Angles | None:
     """The independently known angle over the whole recording; None where only its largest value is known."""
     if recording.angle:
         time_s, angle_rad = _table_of_angles(recording, path)
-        return time_s - time_s[0], np.abs(angle_rad)
+        return time_s, np.abs(angle_rad)
     if recording.attitude:
         return _tilt_of_quaternion(recording, path)
     return None
@@ -52,7 +52,7 @@ def _tilt_of_quaternion(recording: RealRecording, path: Path) -> Angles:
     quaternion = rows[:, 1:] / np.linalg.norm(rows[:, 1:], axis=1, keepdims=True)
     turned = [1 + each for each in range(3) if each != axis]
     cosine = 1 - 2 * (quaternion[:, turned] ** 2).sum(axis=1)
-    return rows[:, 0] - rows[0, 0], np.arccos(np.clip(cosine, -1, 1))
+    return rows[:, 0], np.arccos(np.clip(cosine, -1, 1))
 
 
 def _numbers(path: Path, columns: Sequence[int]) -> Iterator[list[float]]:

@@ -20,8 +20,8 @@ RECONCILE_COLUMNS = (
     "least squares of everything",
     "pysindy",
 )
-AROUND_S = 1.0
-"""The angle at a time is known to be the largest within this."""
+AROUND_S = 0.3
+"""The angle at a time is compared with the largest within this; the smoothed motion has its own extreme."""
 Answers = Mapping[str, Mapping[str, Any]]
 """By method: JSON, with `cpu_s` added."""
 
@@ -60,7 +60,8 @@ class Row:
         free = self.measured.get("free_swing")
         if free is None:
             return self.recording.known_deg
-        return self._largest_within(free["from_s"], free["to_s"])
+        began_s = 0.0 if self.angles is None else float(self.angles[0][0])
+        return self._largest_within(began_s + free["from_s"], began_s + free["to_s"])
 
     @property
     def interval(self) -> tuple[float, tuple[float, float]] | None:
@@ -89,7 +90,7 @@ class Row:
         return self._largest_within(at_s - AROUND_S, at_s + AROUND_S)
 
     def _largest_within(self, from_s: float, to_s: float) -> tuple[float, float]:
-        """Largest known angle of a part; no more than that of the whole, of which a single reading can be wrong."""
+        """Largest known angle between two time stamps; no more than that of the whole, of which a single reading can be wrong."""
         whole_deg, uncertainty_deg = self.recording.known_deg
         if self.angles is None:
             return whole_deg, uncertainty_deg
