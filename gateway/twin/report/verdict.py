@@ -176,7 +176,8 @@ def _equivalent(each: Equivalent) -> str:
         for p in EFFECTS[each.name].parameters
         if p.name in each.parameters
     )
-    same = f"{human_name(each.name)} ({values}) would look the same in this recording as {human_name(each.of)}."
+    how = "look the same in this recording as" if each.gives_same_samples else "swing with the same period as"
+    same = f"{human_name(each.name)} ({values}) would {how} {human_name(each.of)}."
     return f"{same} To distinguish them: {as_sentence(each.split_by)}"
 
 

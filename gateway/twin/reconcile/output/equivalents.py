@@ -1,4 +1,4 @@
-"""Effects that give the same samples as those of the answer."""
+"""Effects that give the same samples, or the same period, as those of the answer."""
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.decision.verdict import Decision

@@ -11,6 +11,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.effects.parameter import Value
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.crane_inputs import EstimatedInput
@@ -91,7 +92,10 @@ class Candidate:
 
 @dataclass(frozen=True, slots=True)
 class Equivalent:
-    """An effect that gives the same samples as one of the answer: no recording in which no length changes separates them."""
+    """An effect that gives the same period as one of the answer, and the same samples but for a structure of its own.
+
+    Recordings in which no length changes separate the two by the sag or the ringing of such a structure alone.
+    """
 
     name: str
     of: str
@@ -100,6 +104,11 @@ class Equivalent:
     """The values at which it does."""
     split_by: str
     """The measurement or manoeuvre that separates the two."""
+
+    @property
+    def gives_same_samples(self) -> bool:
+        """Whether no sample differs; else the period alone is the same."""
+        return EFFECTS[self.name].structure is ModelStructure.ROPE
 
 
 @dataclass(frozen=True, slots=True)

@@ -35,7 +35,8 @@ def to_text(result: Reconciliation) -> str:
             f"    {name} = {_estimate(estimate)}{_doubt(estimate)}" for name, estimate in effect.parameters.items()
         ]
     for each in result.equivalents:
-        lines.append(f"or equally   {_effects({each.name: each.parameters})}, which gives the samples of {each.of}")
+        same = "samples" if each.gives_same_samples else "period"
+        lines.append(f"or equally   {_effects({each.name: each.parameters})}, which gives the {same} of {each.of}")
         lines.append(f"to decide    {each.split_by}")
     if result.best_attempt:
         lines.append(f"best attempt {_effects(result.best_attempt)}; not an explanation: a pattern remains")
