@@ -21,7 +21,8 @@ STEPS_AT_ONCE = 64
 MAX_PHASE_STEP_RAD = 0.06
 """Phase of the swing in one integration step: the relative error of the phase, its fourth power over 120, is then about 1e-7."""
 MAX_LARGE_SWING_PHASE_STEP_RAD = 0.03
-"""The same for a large swing, of which the harmonics count too: at 80 degrees 0.06 rad adds up to 0.7 mrad in 36 periods."""
+"""The same for a large swing, of which the harmonics count too: at 80 degrees 0.06 rad adds up to 0.7 mrad in 36 periods.
+In an independent window of two periods it does not add up."""
 LARGE_SWING_ENERGY = 0.17
 """1 - cos(34 degrees), the energy over m g L from which a swing is large."""
 MAX_STEP_S = 0.1
@@ -59,11 +60,14 @@ class CompiledModel:
         self._recorded, self._temperature_c = ca.SX.sym("recorded"), ca.SX.sym("temperature")
         self._reading = ca.SX.sym("reading", 3)
 
-    def step_s(self, p: Array, initial: Array) -> float:
-        """Return the longest integration step at parameters p from an initial state z. Raises `IntegrationError`."""
+    def step_s(self, p: Array, initial: Array, *, independent: bool = False) -> float:
+        """Return the longest integration step at parameters p from an initial state z. Raises `IntegrationError`.
+
+        That of an `independent` window of a large swing is twice as long.
+        """
         rig = self.symbolic.rig
         rate_1_s = small_swing_rate_1_s(rig.length_m, rig.gravity_m_s2)
-        is_large = swing_energy(initial, rate_1_s) > LARGE_SWING_ENERGY
+        is_large = swing_energy(initial, rate_1_s) > LARGE_SWING_ENERGY and not independent
         swing_s = (MAX_LARGE_SWING_PHASE_STEP_RAD if is_large else MAX_PHASE_STEP_RAD) / rate_1_s
         limit_s = float(np.min([swing_s, *self._step_limits(p).full()[:, 0]]))
         if not (limit_s > 0 and np.isfinite(p).all()):

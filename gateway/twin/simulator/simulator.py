@@ -156,17 +156,20 @@ class Simulator:
         time_s: Array,
         firsts: Sequence[int],
         temperature_c: Array | None = None,
+        *,
+        independent: bool = False,
     ) -> SegmentBatch:
         """Predict segments that begin at the samples `firsts` (the first is 0) from the initial states `starts` (segments, z).
 
         `effects` are the parameters of the effects. A segment ends where the next begins, the last one at the last sample.
         The state of the low-pass continues across segments. Two events with a discontinuity at the same time share the
-        sensitivity by that time; a discontinuity that passes a sample makes this sample jump.
+        sensitivity by that time; a discontinuity that passes a sample makes this sample jump. `independent` segments are windows
+        that are never joined: those of a large swing take longer steps.
         """
         recorded_s = _recorded_time(time_s)
         ends_s = [recorded_s[min(last, len(recorded_s) - 1)] for last in (*firsts[1:], len(recorded_s))]
         bounds_s = list(zip(recorded_s[list(firsts)], ends_s, strict=True))
-        trajectory = integrate(self._compiled, starts, effects, bounds_s)
+        trajectory = integrate(self._compiled, starts, effects, bounds_s, independent=independent)
         by_values = sensitivities(self._compiled, trajectory, starts, effects)
         inputs, step = self._reading_inputs(
             trajectory, recorded_s, firsts, self._temperature(temperature_c, recorded_s), effects

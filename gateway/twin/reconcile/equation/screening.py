@@ -48,9 +48,10 @@ def screen_terms(setting: FitContext, parent: CandidateFit) -> list[ScreenedTerm
     """Return every term that the model does not have, each with its best frequency or time constant, in no order."""
     tried = [name for name in TERMS if name not in parent.values and name not in setting.model_effects]
     steady = [name for name in tried if not TERMS[name].shape_parameters]
-    best = {each.name: each for each in _screen(setting, parent, steady, {})}
+    starts = setting.segment_starts(parent.values) if setting.large_amplitude else None
+    best = {each.name: each for each in _screen(setting, parent, steady, {}, starts)}
     for shapes in _shapes(setting, parent, [name for name in tried if name not in steady]):
-        for each in _screen(setting, parent, tuple(shapes), shapes):
+        for each in _screen(setting, parent, tuple(shapes), shapes, starts):
             if each.name not in best or each.gain > best[each.name].gain:
                 best[each.name] = each
     return list(best.values())
@@ -70,9 +71,13 @@ def _shapes(setting: FitContext, parent: CandidateFit, names: Sequence[str]) -> 
 
 
 def _screen(
-    setting: FitContext, parent: CandidateFit, names: Sequence[str], shapes: Mapping[str, Values]
+    setting: FitContext,
+    parent: CandidateFit,
+    names: Sequence[str],
+    shapes: Mapping[str, Values],
+    segment_starts: Array | None,
 ) -> list[ScreenedTerm]:
-    signatures = compute_signatures(setting, parent.fit, parent.values, names, shapes)
+    signatures = compute_signatures(setting, parent.fit, parent.values, names, shapes, segment_starts)
     return [_solve(name, signatures, shapes.get(name, {})) for name in names]
 
 

@@ -30,12 +30,10 @@ MIN_AZIMUTH_INFORMATION = 30.0
 """Per square radian, from which the samples of a segment determine the azimuth: to 0.2 rad, and its sign beyond doubt."""
 SMALL_ANGLE_RAD = 1e-4
 """Half the difference of two azimuths that gives a derivative."""
-MAX_LOCAL_DAMPING = 10.0
-"""Damping from which on no step improves."""
 DAMPING_STEP = 10.0
 """Factor by which the damping of a segment falls after a step that improves, and rises after one that does not."""
 MIN_LOCAL_DECREASE = 1e-3
-"""Share of chi-square that a further step must take off: the fit only has to start the next one."""
+"""Share of its chi-square that a further step of a segment must promise: the fit only has to start the next one."""
 NONLINEAR_ITERATIONS = 30
 """Iterations where the readings are not nearly linear in the initial state: a large swing, or one seen along the rope."""
 
@@ -125,17 +123,14 @@ def _fit_each_segment(
     damping = np.full(len(first_samples), LOCAL_DAMPING)
     for _ in range(NONLINEAR_ITERATIONS):
         steps = [each.step(free, factor) for each, factor in zip(fits.equations, damping, strict=True)]
+        promised = np.array([step @ each.gradient for step, each in zip(steps, fits.equations, strict=True)])
+        if not (promised > MIN_LOCAL_DECREASE * fits.chi2).any():
+            break
         proposed = fits.initial_states + np.clip(steps, -limit, limit)
         after = fits.better_of(_linearise_each(simulator, observations, proposed, effect_values, first_samples))
-        decrease = fits.chi2 - after.chi2
-        damping = np.where(decrease > 0, np.maximum(damping / DAMPING_STEP, MIN_LOCAL_DAMPING), damping * DAMPING_STEP)
+        improved = after.chi2 < fits.chi2
+        damping = np.where(improved, np.maximum(damping / DAMPING_STEP, MIN_LOCAL_DAMPING), damping * DAMPING_STEP)
         fits = after
-        improves, may_improve = (
-            decrease > MIN_LOCAL_DECREASE * fits.chi2,
-            (decrease == 0) & (damping < MAX_LOCAL_DAMPING),
-        )
-        if not (improves | may_improve).any():
-            break
     return fits
 
 
@@ -148,7 +143,12 @@ def _linearise_each(
     first_samples: list[int],
 ) -> _SegmentFits:
     batch = simulator.linearise_segments(
-        initial_states, effect_values, observations.time_s, first_samples, observations.temperature_c
+        initial_states,
+        effect_values,
+        observations.time_s,
+        first_samples,
+        observations.temperature_c,
+        independent=True,
     )
     weight = (observations.used[:, None] / observations.noise_g)[:, :, None]
     residual, jacobian = observations.residual_sigma(batch.force_g), batch.force_by_start * weight

@@ -60,14 +60,18 @@ def initial_state_from_samples(
 ) -> Array:
     """Return the tilts and rates that the lateral readings show at the first samples of windows, shape (windows, states).
 
-    The lateral reading of a free swing is (1 - p/L) sin(tilt) in g, which is too small near the load.
+    The lateral reading of a free swing is (1 - p/L) sin(tilt) in g, which is too small near the load. Where the stated length is
+    wrong, that of a large swing may seem to exceed the amplitude, which the axial reading gives.
     """
     initial_states = np.zeros((len(first_samples), n_states))
     gain = 1 - rig.position_m / rig.length_m
     interval_s = RATE_INTERVAL_PERIODS * swing_period_s(rig, observations)
     ahead = max(1, int(np.searchsorted(observations.time_s, interval_s)))
     at = np.minimum(np.array(first_samples), len(observations.time_s) - 1 - ahead)
-    tilt, tilt_ahead = (np.arcsin(np.clip(observations.force_g[i, :2] / gain, -1.0, 1.0)) for i in (at, at + ahead))
+    largest = np.sin(min(observations.amplitude_rad, np.pi / 2)) if observations.has_large_amplitude else 1.0
+    horizontal = observations.force_g[:, :2] / gain
+    horizontal *= np.minimum(1.0, largest / np.maximum(np.hypot(*horizontal.T), 1e-12))[:, None]
+    tilt, tilt_ahead = np.arcsin(horizontal[at]), np.arcsin(horizontal[at + ahead])
     initial_states[:, ROPE_TILTS] = tilt
     elapsed_s = observations.time_s[at + ahead] - observations.time_s[at]
     initial_states[:, ROPE_RATES] = (tilt_ahead - tilt) / elapsed_s[:, None]

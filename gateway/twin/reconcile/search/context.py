@@ -98,7 +98,10 @@ class SearchContext:
         """Signatures of all scorable effects beside a fitted set of effects."""
         if parent.names not in self._signatures:
             names = scorable_effects(self.setting)
-            self._signatures[parent.names] = compute_signatures(self.setting, parent.fit, parent.values, names)
+            starts = self.segment_starts(parent) if self.setting.large_amplitude else None
+            self._signatures[parent.names] = compute_signatures(
+                self.setting, parent.fit, parent.values, names, segment_starts=starts
+            )
         return self._signatures[parent.names]
 
     def changepoints(self, parent: CandidateFit, *, length: bool) -> EventWindow | None:

@@ -16,9 +16,7 @@ from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.fit_result import Fit
-from gateway.twin.reconcile.fit.initial_conditions import segment_initial_conditions
 from gateway.twin.reconcile.fit.windowed_fit import (
-    fit_windows,
     project_out_initial_states,
     window_bounds,
 )
@@ -56,20 +54,23 @@ def compute_signatures(
     values: Mapping[str, Mapping[str, object]],
     names: Sequence[str],
     shapes: EffectValues = NO_SHAPES,
+    segment_starts: Array | None = None,
 ) -> Signatures:
     """Of effects that are smooth where they vanish, beside a fitted model.
 
     `shapes` are the values of parameters that do not make an effect vanish, such as a frequency, where they are not the neutral
-    ones.
+    ones. `segment_starts` are the initial states of a large swing's windows under the model, where they are known.
     """
     own = frozenset(values)
     tried = [n for n in names if n not in own]
     simulator = setting.simulator((*own, *tried))
-    model = {**shapes, **setting.simulator(tuple(own)).effects(fit.values)}
+    fitted = setting.simulator(tuple(own)).effects(fit.values)
+    model = {**shapes, **fitted}
     at = simulator.values(fit.values[: simulator.n_initial_states], model)
     o = setting.log
     if o.has_large_amplitude:
-        return _signatures_by_window(simulator, setting.simulator(tuple(own)), o, at[simulator.n_initial_states :], own)
+        starts = setting.segment_starts(fitted) if segment_starts is None else segment_starts
+        return _signatures_by_window(simulator, o, starts, at[simulator.n_initial_states :], own)
     found = simulator.linearise(at, o.time_s, o.temperature_c)
     weight = (o.used[:, None] / o.noise_g)[:, :, None]
     flat = (found.jacobian * weight).reshape(-1, len(simulator.parameters))
@@ -94,19 +95,15 @@ def scorable_effects(setting: FitContext) -> tuple[str, ...]:
 
 
 def _signatures_by_window(
-    simulator: Simulator, base: Simulator, observations: Observations, effects: Array, own: frozenset[str]
+    simulator: Simulator, observations: Observations, starts: Array, effects: Array, own: frozenset[str]
 ) -> Signatures:
     """Of a wide swing: a model that lacks something cannot follow it as one motion, but each piece of it for itself.
 
-    The windows are fitted by the `base`, the model without the effects that are scored; these vanish there.
+    The windows begin at the `starts` of the model without the effects that are scored; these vanish there.
     """
     firsts = window_bounds(simulator.rig, observations)
-    in_base = {spec.label for spec in base.effect_parameters}
-    known = effects[[spec.label in in_base for spec in simulator.effect_parameters]]
-    starts = segment_initial_conditions(base, observations, known, firsts)
-    starts, _, _ = fit_windows(base, observations, starts, known, np.zeros(len(known), dtype=bool), firsts)
     time_s, temperature_c = observations.time_s, observations.temperature_c
-    found = simulator.linearise_segments(starts, effects, time_s, firsts, temperature_c)
+    found = simulator.linearise_segments(starts, effects, time_s, firsts, temperature_c, independent=True)
     columns, residual = project_out_initial_states(found, observations, firsts)
     places = {
         name: [i for i, s in enumerate(simulator.effect_parameters) if s.effect == name]

@@ -61,6 +61,28 @@ def test_windows_begin_at_the_lowest_point_with_the_rate_there(position_m: float
     assert np.abs(initial_states[1:, 2]) == pytest.approx(np.full(len(first_samples) - 1, largest_rate), rel=0.05)
 
 
+def test_windows_are_simulated_to_a_fraction_of_any_noise_although_in_longer_steps() -> None:
+    """A whole motion has steps half as long: in four periods the error does not add up."""
+    simulator, time_s = Simulator(make_rig(4.0), ["viscous_damping"]), np.arange(0, 22.0, 0.05)
+    start, damping = np.array([1.4, 0.0, 0.0, 0.1, 0.0]), np.array([0.004])
+    window, whole = (
+        simulator.linearise_segments(start[None], damping, time_s, [0], independent=independent).force_g
+        for independent in (True, False)
+    )
+    assert 1e-9 < np.abs(window - whole).max() < 1e-4
+
+
+@pytest.mark.slow
+def test_a_heading_is_found_among_six_by_windows() -> None:
+    wind: EffectValues = {**DAMPED, "steady_wind": {"accel_m_s2": (0.2, 0.1)}}
+    rig, time_s = make_rig(4.0), np.arange(0, 40.0, 0.1)
+    simulator = Simulator(rig, sorted(wind))
+    force_g = simulator.predict(simulator.values([0.8, 0.1, 0, 0.1, 2.0], wind), time_s)
+    force_g += 1e-4 * np.random.default_rng(2).normal(size=force_g.shape)
+    held_out = make_observations(time_s, force_g, None, np.array(rig.noise_g))
+    assert evaluate_on_validation(rig, wind, held_out).reduced_chi2 == pytest.approx(1.0, abs=0.1)
+
+
 @pytest.mark.slow
 def test_windowed_fit_finds_a_free_effect_and_leaves_one_that_is_held() -> None:
     observations, rig = release(1.2, 4.0, DAMPED), make_rig(4.0)
