@@ -31,7 +31,7 @@ from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTabl
 from gateway.twin.reconcile.search.coincident import fit_coincident_effects
 from gateway.twin.reconcile.search.context import SearchContext, make_context
 from gateway.twin.reconcile.search.events import has_event
-from gateway.twin.reconcile.search.persistent import baseline_of
+from gateway.twin.reconcile.search.persistent import baseline_of, fit_clock_hypothesis
 from gateway.twin.reconcile.search.score_test import scorable_effects
 from gateway.twin.reconcile.search.steps import (
     PERSISTENT_STEP,
@@ -130,7 +130,7 @@ def _search(
     run = _begin(known, recordings, detected, budget, tick)
     if run is None:
         return None
-    suspect = _clock_hypothesis(run)
+    suspect = fit_clock_hypothesis(run.table, run.context)
     if suspect is not None and not run.table.is_explained and not has_event(run.table, run.context):
         retimed = _search_at_true_times(known, run, suspect, detected, tick)
         if retimed is not None:
@@ -163,15 +163,6 @@ def _finish(run: SearchRun) -> SearchRun:
     table, best = grow(table, run.context, best)
     table = fit_coincident_effects(table, run.context, best)
     return replace(run, context=run.context.without_eliminated(table, best), table=table.start_round(), best=best)
-
-
-def _clock_hypothesis(run: SearchRun) -> CandidateFit | None:
-    """A fit with a clock error beside the baseline; where that hides it, beside the best persistent effect as well."""
-    alone = run.table.get({*run.context.baseline_effects, ClockDrift.name})
-    if alone is not None or run.table.is_explained:
-        return alone
-    values = {**run.table.best.values, ClockDrift.name: {}}
-    return run.context.fit(run.table, values).get(values)
 
 
 def _clock_rate_is_suspect(run: SearchRun) -> bool:

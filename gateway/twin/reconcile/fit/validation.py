@@ -1,6 +1,6 @@
 """Validation: a model on a recording to which it was not fitted. Only the nuisance parameters are fitted again."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ from gateway.twin.reconcile.fit.initial_conditions import rotate_about_vertical,
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
 from gateway.twin.reconcile.fit.reparameterised_simulator import NO_LIMITS, Limits
 from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
+from gateway.twin.reconcile.fit.windowed_fit import fit_windows
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 
@@ -28,6 +29,8 @@ FINAL_ITERATIONS = 15
 """Further iterations where noise is exceeded: the chi-square of a heading converges slowly."""
 HEADING_GUESSES = 6
 """Number of headings, equally spaced, from which a fit is started: each is within 30 degrees of the true one."""
+MAX_HEADINGS = 2
+"""Headings from which a large swing is fitted as one trajectory, out of those that are compared in windows."""
 EXPLAINED_REDUCED_CHI2 = 1.02
 """Reduced chi-square below which a fit explains the recording; two standard deviations of it for 20 000 values."""
 BOOTSTRAP_BLOCK_S = 6.0
@@ -69,7 +72,10 @@ def evaluate_on_validation(
     effect_values = simulator.values([], values)[n_states:]
     first_samples = segment_bounds(rig, values, held_out)
     best: Fit | None = None
-    for initial_states in _initial_guesses(simulator, held_out, effect_values, first_samples, free):
+    guesses = _initial_guesses(simulator, held_out, effect_values, first_samples, free)
+    if held_out.has_large_amplitude and free[HEADING]:
+        guesses = _closest_in_windows(simulator, held_out, guesses, effect_values, free, first_samples)
+    for initial_states in guesses:
         fit = fit_trajectory(
             simulator, held_out, initial_states, effect_values, free, first_samples, iterations, limits=limits
         )
@@ -97,6 +103,21 @@ def _initial_guesses(
     for turn in range(HEADING_GUESSES if free[HEADING] else 1):
         angle_rad = np.full(len(initial_states), 2 * np.pi * turn / HEADING_GUESSES)
         yield rotate_about_vertical(initial_states, angle_rad, simulator.structure)
+
+
+def _closest_in_windows(
+    simulator: Simulator,
+    held_out: Observations,
+    guesses: Iterable[Array],
+    effect_values: Array,
+    free: NDArray[np.bool_],
+    first_samples: list[int],
+) -> Iterator[Array]:
+    """Yield the guesses that the windows of a large swing follow best, fitted to them: one trajectory takes ten times as long."""
+    rest = (effect_values, free[simulator.n_initial_states :], first_samples)
+    fitted = [fit_windows(simulator, held_out, each, *rest) for each in guesses]
+    ranked = sorted(fitted, key=lambda each: held_out.chi2(each[2].force_g))
+    yield from (initial_states for initial_states, _, _ in ranked[:MAX_HEADINGS])
 
 
 def _estimate_phase_rad(vibration: Mapping[str, Value], held_out: Observations) -> float:

@@ -167,16 +167,12 @@ def _log_curves(found: SearchOutcome) -> Curves:
 
 def _held_out_curves(found: SearchOutcome) -> Curves:
     """The held-out recording as stamped: which samples are lost there cannot be predicted."""
-    final, as_stamped = found.decision.model, found.recordings.held_out_as_stamped
-    selection = selection_part(as_stamped, found.recordings.block_s)
-    before = evaluate_on_validation(
-        found.model.rig,
-        found.validator.effects_of(found.nominal),
-        selection,
-        limits=found.validator.limits_of(found.nominal),
-    )
-    after = final.validation
+    as_stamped, validator = found.recordings.held_out_as_stamped, found.validator
+    before, after = validator.evaluate(found.nominal), found.decision.model.validation
     if found.lost_fraction is not None:
+        selection = selection_part(as_stamped, found.recordings.block_s)
+        nominal, limits = validator.effects_of(found.nominal), validator.limits_of(found.nominal)
+        before = evaluate_on_validation(found.model.rig, nominal, selection, limits=limits)
         after = evaluate_on_validation(found.model.rig, _final_model(found), selection)
     return _curves(found, as_stamped, before.fit.force_g, after.fit.force_g)
 

@@ -1,6 +1,7 @@
 """Steps that fit persistent effects: a score test ranks them, the best ones are fitted."""
 
 from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.clock import ClockDrift
 from gateway.twin.reconcile.residual.isolability import CONFUSABLE_COSINE, smallest_angle_cosine
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
@@ -11,6 +12,8 @@ MIN_SHARE_OF_BEST_SCORE = 0.5
 """Predicted gain over that of the best effect: one that reaches less is no rival to an effect that explains the log."""
 MAX_PAIR_REMAINDER = 0.5
 """Share of the gap that the best persistent effect may leave for pairs with it to be fitted before events."""
+MAX_LOSS_REMAINDER = 0.1
+"""Share of the gap that the best loss of a large swing may leave for no other single effect to be tried."""
 MAX_PARENTS = 2
 """Single effects beside which a second one is searched for."""
 MAX_PARENT_CHI2_RATIO = 100.0
@@ -21,13 +24,30 @@ def fit_persistent_effects(table: CandidateTable, context: SearchContext) -> Can
     """Fit persistent effects beside the baseline, in the order of their score, until the rest are no rivals.
 
     A large swing is tried with each loss first: beside a nominal swing that does not decay, scores of all effects mean little.
+    Where a loss closes most of the gap, further effects are tried beside it alone.
     """
     base = baseline_of(table, context)
     if context.setting.large_amplitude:
         for name in EFFECTS.choose(dissipative=True, is_scored=True):
             table = fit_persistent(table, context, base, name)
         table = table.start_round()
+        if table.closest.reduced_chi2 - 1 < MAX_LOSS_REMAINDER * (base.reduced_chi2 - 1):
+            return table
     return fit_by_score(table, context, base, at_most=None)
+
+
+def fit_clock_hypothesis(table: CandidateTable, context: SearchContext) -> CandidateFit | None:
+    """A fit with a clock error beside the baseline; where that hides it, beside the best persistent effect as well.
+
+    None where a large swing shows no clock error there: it leaves a residual for many reasons.
+    """
+    alone = table.get({*context.baseline_effects, ClockDrift.name})
+    if alone is not None or table.is_explained:
+        return alone
+    best, values = table.best, {**table.best.values, ClockDrift.name: {}}
+    found = context.fit(table, values).get(values)
+    is_shown = found is not None and table.is_significant(best, found)
+    return found if is_shown or not context.setting.large_amplitude else None
 
 
 def fit_persistent_pairs(table: CandidateTable, context: SearchContext) -> CandidateTable:

@@ -1,6 +1,6 @@
 """Steps from the best set of effects to a better one: forward step, swaps, backward elimination."""
 
-import numpy as np
+import math
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
@@ -25,6 +25,9 @@ MAX_PAIR_REMAINDER = 0.1
 """Share of the gap that a pair may leave for a third effect to be searched for; beyond it a third one only imitates."""
 MAX_THIRD_REMAINDER = 0.5
 """Share of the residual of a pair that a third effect may leave; one that leaves more only imitates what is missing."""
+
+SETTLED_SHARE = 0.5
+"""Share of the gap that is open without an effect from which it is necessary beyond doubt."""
 
 
 def grow(table: CandidateTable, context: SearchContext, best: CandidateFit) -> tuple[CandidateTable, CandidateFit]:
@@ -84,13 +87,25 @@ def eliminate_backwards(
         removed = False
         for name in sorted(each for each in best.names if not EFFECTS[each].detected_in_samples):
             rest = {n: values for n, values in best.values.items() if n != name}
-            give_up_above = np.inf if best.has_unexplained_residual else table.give_up_above
+            give_up_above = max(table.give_up_above, _settled_chi2(table, context, best))
             table = context.fit(table, rest, iterations=REFINE_ITERATIONS, give_up_above=give_up_above)
             without = table.get(rest)
             if without is not None and not table.is_significant(without, best):
                 best, removed = without, True
                 break
     return table, best
+
+
+def _settled_chi2(table: CandidateTable, context: SearchContext, best: CandidateFit) -> float:
+    """Return the chi-square from which on a set without one of the effects need not converge: that effect is necessary.
+
+    Only the sets of a large swing take long to converge.
+    """
+    if not best.has_unexplained_residual:
+        return 0.0
+    if not context.setting.large_amplitude:
+        return math.inf
+    return best.fit.chi2 + SETTLED_SHARE * (baseline_of(table, context).fit.chi2 - best.fit.chi2)
 
 
 def _forward_step(table: CandidateTable, context: SearchContext, size: int) -> tuple[CandidateTable, CandidateFit]:
