@@ -90,6 +90,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.measurement.source import read_source
     from gateway.twin.model import model_of
     from gateway.twin.reconcile.data.data_checks import check_recording, model_from_recording
+    from gateway.twin.reconcile.data.sensor_noise import with_measured_noise
     from gateway.twin.reconcile.output.serialisation import to_json
     from gateway.twin.reconcile.output.text import to_text
     from gateway.twin.reconcile.reconcile import reconcile
@@ -104,6 +105,8 @@ def run(arguments: argparse.Namespace) -> int:
     rig = None if found is None else found.rig
     remarks = [*(() if found is None else found.remarks), *(() if cut.free_swing is None else source.remarks[-1:])]
     model = model_from_recording(source) if rig is None else model_of(rig, str(arguments.rig))
+    model, noise_remark = with_measured_noise(model, source)
+    remarks += [] if noise_remark is None else [noise_remark]
     log = check_recording(source, model.rig)
     second_source = None
     if arguments.held_out is not None:
