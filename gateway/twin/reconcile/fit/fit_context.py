@@ -21,6 +21,7 @@ from gateway.twin.reconcile.fit.initial_conditions import (
 )
 from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS
 from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, uniform_segments
+from gateway.twin.reconcile.fit.prior import prior_of_parts
 from gateway.twin.reconcile.fit.rigging_length import profile_rigging_length
 from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
 from gateway.twin.reconcile.fit.windowed_fit import window_bounds
@@ -109,8 +110,13 @@ class FitContext:
         initial_states: Array | None = None,
         iterations: int = FIT_ITERATIONS,
         give_up_above: float = np.inf,
+        *,
+        held_by_parts: bool = False,
     ) -> Fit:
-        """Fit initial conditions and all effects in `values`, from these values; the model's effects keep theirs."""
+        """Fit initial conditions and all effects in `values`, from these values; the model's effects keep theirs.
+
+        `held_by_parts`: under the prior of what parts and mounts usually have, for sets that the samples alone do not determine.
+        """
         simulator = self.simulator(tuple(values))
         effect_values = self.effect_values(simulator, values)
         first_samples = segment_bounds(self.rig, values, self.log)
@@ -121,7 +127,9 @@ class FitContext:
         if hides_sign_of_swing(self.rig) and any(EFFECTS[name].length_like for name in values):
             starts.append(reverse_swing(initial_states, simulator.structure))
         rest = (effect_values, free, first_samples, iterations, self.tick, give_up_above)
-        return min((fit_trajectory(simulator, self.log, each, *rest) for each in starts), key=lambda fit: fit.chi2)
+        prior = prior_of_parts(simulator) if held_by_parts else None
+        fits = (fit_trajectory(simulator, self.log, each, *rest, prior=prior) for each in starts)
+        return min(fits, key=lambda fit: fit.chi2)
 
     def segment_starts(self, values: EffectValues) -> Array:
         """Return the initial states of the segments under a model, as initial guesses for similar models."""

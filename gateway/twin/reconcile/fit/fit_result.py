@@ -23,7 +23,7 @@ class Fit:
     chi2: float
     """Sum over the samples that count."""
     normal: Array
-    """Normal matrix J^T J of the free values."""
+    """Normal matrix of the free values, J^T J with the precision of a prior."""
     jacobian: Array
     """Derivatives of the simulation by all values, in sigma, shape (n, 3, values); of the last linearisation."""
 

@@ -39,6 +39,10 @@ class NormalEquations:
         flat = jacobian.reshape(-1, jacobian.shape[-1])
         return cls(flat.T @ flat, flat.T @ residual.ravel())
 
+    def with_prior(self, precision: Array, pull: Array) -> "NormalEquations":
+        """Return the equations with a prior of this precision (k,), which pulls the values (k,)."""
+        return NormalEquations(self.normal + np.diag(precision), self.gradient + pull)
+
     def step(self, free: NDArray[np.bool_], damping: float, held: Array | None = None) -> Array:
         """Return a damped step of the free values, shape (k,); the others take the step `held` (k,), zero by default."""
         step = np.zeros(len(free)) if held is None else held.copy()

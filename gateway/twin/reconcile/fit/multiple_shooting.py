@@ -15,6 +15,7 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.condensing import CondensedSystem, condense
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS, NormalEquations
+from gateway.twin.reconcile.fit.prior import NormalPrior, no_prior
 from gateway.twin.reconcile.fit.reparameterised_simulator import (
     NO_LIMITS,
     Limits,
@@ -62,13 +63,16 @@ def fit_model(
     tick: Callable[[], None] = lambda: None,
     give_up_above: float = np.inf,
     limits: Limits = NO_LIMITS,
+    prior: NormalPrior | None = None,
 ) -> Fit:
     """Fit the free ones of all values (values,), from initial states (segments, states) and effect values (k,).
 
     The segments begin at `first_samples`. `tick` is called before each simulation. The fit is abandoned when at its pace it
-    would not come below the chi-square `give_up_above`. Raises `IntegrationError` where the initial guess cannot be simulated.
+    would not come below the chi-square `give_up_above`. A `prior` holds effect values that have no change of coordinates. Raises
+    `IntegrationError` where the initial guess cannot be simulated.
     """
-    problem = _ShootingProblem(reparameterise(simulator, free, limits), observations, free, tick)
+    known = no_prior(simulator) if prior is None else prior
+    problem = _ShootingProblem(reparameterise(simulator, free, limits), observations, free, tick, known)
     event_times = np.array([parameter.is_event_time for parameter in simulator.parameters])
     settling = SETTLING_ITERATIONS if (event_times & free).any() else 0
     current = problem.linearise(initial_states, problem.simulator.to_fitted(effect_values), first_samples)
@@ -102,6 +106,7 @@ class _Iterate:
     first_samples: Sequence[int]
     system: CondensedSystem
     chi2: float
+    """Of the residual and of the prior."""
 
     @property
     def values(self) -> Array:
@@ -152,6 +157,7 @@ class _ShootingProblem:
     observations: Observations
     free: NDArray[np.bool_]
     tick: Callable[[], None]
+    prior: NormalPrior
 
     def linearise(self, initial_states: Array, effect_values: Array, first_samples: Sequence[int]) -> _Iterate:
         """Return an iterate. Raises `IntegrationError` where it cannot be simulated, or diverges."""
@@ -165,7 +171,8 @@ class _ShootingProblem:
         if not batch.is_finite:
             raise IntegrationError("the trajectory diverges from these values")
         system = condense(batch, self.observations, initial_states, first_samples)
-        return _Iterate(initial_states, effect_values, first_samples, system, system.chi2)
+        values = np.concatenate([initial_states[0], effect_values])
+        return _Iterate(initial_states, effect_values, first_samples, system, system.chi2 + self.prior.chi2(values))
 
     def join(self, current: _Iterate) -> _Iterate:
         """Return the iterate with one segment."""
@@ -174,6 +181,7 @@ class _ShootingProblem:
     def step(self, current: _Iterate, free: NDArray[np.bool_], damping_level: int) -> _Step | None:
         """Return a step of the free values, with the least damping from this level on that improves; None where none does."""
         equations = NormalEquations.from_jacobian(current.system.jacobian, current.system.residual)
+        equations = equations.with_prior(self.prior.precision, self.prior.pull(current.values))
         smallest = np.maximum(self.simulator.lower - current.values, -self.simulator.step_limit)
         largest = np.minimum(self.simulator.upper - current.values, self.simulator.step_limit)
         for level in range(damping_level, len(DAMPING_FACTORS)):
@@ -191,7 +199,8 @@ class _ShootingProblem:
             # With one segment a prediction, several times quicker than a linearisation, already shows chi-square.
             if len(initial_states) == 1:
                 force_g = self._simulate(initial_states[0], effect_values)
-                if self.observations.chi2(force_g) >= current.chi2:
+                values = np.concatenate([initial_states[0], effect_values])
+                if self.observations.chi2(force_g) + self.prior.chi2(values) >= current.chi2:
                     return None
             return self.linearise(initial_states, effect_values, current.first_samples)
         except IntegrationError:
@@ -208,7 +217,8 @@ class _ShootingProblem:
         jacobian = self.simulator.jacobian_by_physical(current.system.jacobian, current.effect_values)
         flat = jacobian[..., self.free].reshape(-1, int(self.free.sum()))
         names = self.simulator.simulator.effect_names
-        return Fit(names, values, self.free, force_g, self.observations.chi2(force_g), flat.T @ flat, jacobian)
+        normal = flat.T @ flat + np.diag(self.prior.precision[self.free])
+        return Fit(names, values, self.free, force_g, self.observations.chi2(force_g), normal, jacobian)
 
 
 def _improves(before: _Iterate, after: _Iterate) -> bool:

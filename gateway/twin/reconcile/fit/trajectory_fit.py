@@ -9,6 +9,7 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS
 from gateway.twin.reconcile.fit.multiple_shooting import fit_model
+from gateway.twin.reconcile.fit.prior import NormalPrior
 from gateway.twin.reconcile.fit.reparameterised_simulator import NO_LIMITS, Limits
 from gateway.twin.reconcile.fit.windowed_fit import fit_windows
 from gateway.twin.simulator.simulator import Simulator
@@ -32,6 +33,7 @@ def fit_trajectory(
     tick: Callable[[], None] = lambda: None,
     give_up_above: float = np.inf,
     limits: Limits = NO_LIMITS,
+    prior: NormalPrior | None = None,
 ) -> Fit:
     """Fit as `fit_model` does; a large swing first in windows.
 
@@ -49,22 +51,34 @@ def fit_trajectory(
             tick,
             give_up_above,
             limits,
+            prior,
         )
     free_effects = free[simulator.n_initial_states :]
     initial_states, effect_values, _ = fit_windows(
-        simulator, observations, initial_states, effect_values, free_effects, first_samples, tick
+        simulator, observations, initial_states, effect_values, free_effects, first_samples, tick, prior
     )
     iterations = max(iterations, LARGE_AMPLITUDE_ITERATIONS)
     try:
         fit = fit_model(
-            simulator, observations, initial_states, effect_values, free, first_samples, iterations, tick, give_up_above
+            simulator,
+            observations,
+            initial_states,
+            effect_values,
+            free,
+            first_samples,
+            iterations,
+            tick,
+            give_up_above,
+            prior=prior,
         )
         if np.isfinite(fit.chi2):
             return fit
     except np.linalg.LinAlgError:
         pass
     initial_state = _best_scaled_state(simulator, observations, initial_states[0], effect_values)
-    return fit_model(simulator, observations, initial_state[None], effect_values, free, [0], FIT_ITERATIONS, tick)
+    return fit_model(
+        simulator, observations, initial_state[None], effect_values, free, [0], FIT_ITERATIONS, tick, prior=prior
+    )
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a trajectory that diverges is not the best

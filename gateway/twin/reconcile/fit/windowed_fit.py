@@ -17,6 +17,7 @@ from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.data_checks import MIN_PERIODS
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS
+from gateway.twin.reconcile.fit.prior import NormalPrior, no_prior
 from gateway.twin.simulator.compiled_model import IntegrationError
 from gateway.twin.simulator.simulator import SegmentBatch, Simulator
 from gateway.twin.simulator.state import HEADING, ROPE_RATES, ROPE_TILTS
@@ -127,6 +128,7 @@ def fit_windows(
     free: NDArray[np.bool_],
     first_samples: Sequence[int],
     tick: Callable[[], None] = lambda: None,
+    prior: NormalPrior | None = None,
 ) -> tuple[Array, Array, SegmentBatch]:
     """Return the fitted initial states (windows, states) and effect values (k,), and the linearisation there.
 
@@ -137,10 +139,11 @@ def fit_windows(
     batch = simulator.linearise_segments(initial_states, effect_values, time_s, first_samples, temperature_c)
     if not batch.is_finite:
         raise IntegrationError("the trajectories of the windows diverge from these values")
-    chi2 = observations.chi2(batch.force_g)
+    known = (no_prior(simulator) if prior is None else prior).of_effects(simulator.n_initial_states)
+    chi2 = observations.chi2(batch.force_g) + known.chi2(effect_values)
     for _ in range(FIT_ITERATIONS):
         windows = split_windows(batch, observations, first_samples)
-        effect_step = _effect_step(simulator, windows, effect_values, free)
+        effect_step = _effect_step(simulator, windows, effect_values, free, known)
         state_steps = np.array([window.state_step(effect_step) for window in windows])
         gain = 0.0
         for fraction in STEP_FRACTIONS:
@@ -150,7 +153,8 @@ def fit_windows(
                 effect_values + fraction * effect_step,
             )
             after = simulator.linearise_segments(states_after, effects_after, time_s, first_samples, temperature_c)
-            gain = chi2 - observations.chi2(after.force_g) if after.is_finite else 0.0
+            left = observations.chi2(after.force_g) + known.chi2(effects_after)
+            gain = chi2 - left if after.is_finite else 0.0
             if gain > 0:
                 initial_states, effect_values, batch, chi2 = states_after, effects_after, after, chi2 - gain
                 break
@@ -173,13 +177,20 @@ def _stack_projected(windows: Sequence[FitWindow]) -> tuple[Array, Array]:
 
 
 def _effect_step(
-    simulator: Simulator, windows: Sequence[FitWindow], effect_values: Array, free: NDArray[np.bool_]
+    simulator: Simulator,
+    windows: Sequence[FitWindow],
+    effect_values: Array,
+    free: NDArray[np.bool_],
+    prior: NormalPrior,
 ) -> Array:
     """Return the Gauss-Newton step of the free effect values, cut at their bounds, shape (k,)."""
     step = np.zeros(len(effect_values))
     if not free.any():
         return step
     by_effects, residual = _stack_projected(windows)
+    weight = np.sqrt(prior.precision)
+    by_effects = np.concatenate([by_effects, np.diag(weight)])
+    residual = np.concatenate([residual, weight * (prior.centre - effect_values)])
     step[free] = np.linalg.lstsq(by_effects[:, free], residual, rcond=RANK_TOLERANCE)[0]
     lower = np.array([parameter.lower for parameter in simulator.effect_parameters])
     upper = np.array([parameter.upper for parameter in simulator.effect_parameters])
