@@ -96,6 +96,8 @@ class Effect:
     """The structure that the effect gives to the model; effects with different structures exclude each other."""
     dissipative: ClassVar[bool] = False
     """The effect takes energy out of the swing. No real swing is without such an effect."""
+    in_every_rig: ClassVar[bool] = False
+    """An error of sensor, mount, length or place that every rig has to some degree."""
     world_directed: bool = False
     """The effect has a direction in the world, so that the heading of the housing matters."""
     changes_length: bool = False
@@ -137,6 +139,11 @@ class Effect:
         if self.transient or self.coincides_with is not None:
             return False
         return self.linear_at_neutral if self.scored is None else self.scored
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether every rig has the effect to some degree: an error of its own, or a loss."""
+        return self.in_every_rig or self.dissipative
 
     @property
     def is_guessed_from_residual(self) -> bool:

@@ -24,6 +24,7 @@ class HousingPosition(Effect):
     enters = "housing"
     discriminating_experiment = MEASURE_HOUSING
     length_like = True
+    in_every_rig = True
     parameters = (
         Parameter(
             "error_m",
@@ -52,6 +53,7 @@ class LeverArm(Effect):
     reference = "acceleration of a point of a rigid body (Euler and centripetal terms); d_z is housing_position"
     enters = "housing"
     discriminating_experiment = MEASURE_LEVER_ARM
+    in_every_rig = True
     parameters = (
         Parameter(
             "offset_m",

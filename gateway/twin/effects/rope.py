@@ -76,6 +76,7 @@ class RopeLength(Effect):
     discriminating_experiment = MEASURE_ROPE
     scales_period = True
     length_like = True
+    in_every_rig = True
     parameters = (
         Parameter(
             "relative_error",

@@ -41,6 +41,7 @@ class MountMisalignment(Effect):
     enters = "sensor"
     discriminating_experiment = TURN_HOUSING
     mixes_axes = True
+    in_every_rig = True
     parameters = (
         Parameter(
             "deg",
@@ -106,6 +107,7 @@ class ScaleError(Effect):
     reference = "scale-factor error, IEEE 1293"
     enters = "sensor"
     discriminating_experiment = MEASURE_HOUSING
+    in_every_rig = True
     parameters = (
         Parameter(
             "relative",
@@ -137,6 +139,7 @@ class AxisOffset(Effect):
     reference = "zero-g offset (bias), IEEE 528 and IEEE 1293"
     enters = "sensor"
     discriminating_experiment = TURN_HOUSING
+    in_every_rig = True
     parameters = (
         Parameter(
             "offset_g",

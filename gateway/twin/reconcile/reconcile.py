@@ -40,6 +40,7 @@ from gateway.twin.reconcile.search.steps import (
     run_steps,
 )
 from gateway.twin.reconcile.search.stepwise_selection import grow
+from gateway.twin.reconcile.search.usual_causes import fit_usual_causes
 from gateway.twin.reconcile.search.validation_cache import Validator
 from gateway.twin.reconcile.search.validation_search import extend_by_validation, improves
 from gateway.twin.reconcile.timing.sample_loss import find_sample_loss, retime_validation
@@ -118,6 +119,9 @@ def _reconcile(
     tick("validation")
     run = _accept(run, random)
     table, best = extend_by_validation(run.table, run.context, run.best, run.validator, random)
+    if best.has_unexplained_residual and not run.context.setting.crane_inputs:
+        tick("usual causes")
+        table, best = fit_usual_causes(table.start_round(), run.context, best, run.validator)
     run = replace(run, table=table.start_round(), best=best)
     outcome = _decide(known, run, random)
     return describe_result(outcome, log.counts, random)

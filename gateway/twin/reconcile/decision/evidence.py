@@ -17,6 +17,8 @@ MIN_GAP_CLOSED_BOTH = 0.999
 """Of a large swing, the share of both recordings' gaps together: one that decays leaves little of the gap to its end."""
 MIN_GAP_CLOSED_SELECTION = 0.95
 """The least share on the selection part that goes with `MIN_GAP_CLOSED_BOTH`."""
+MIN_GAP_CLOSED_USUAL = 0.9
+"""The same, on the log as well, for causes that every rig has to some degree: they are expected, so less proves them."""
 MIN_NECESSARY_SHARE = 0.1
 """Share of the gap that the absence of an effect must leave open for the effect to be necessary."""
 MIN_NECESSARY_RATIO = 30.0
@@ -48,6 +50,8 @@ class Evidence:
     """The effects found without a search close a share of the gap of the nominal model; coarse steps alone close nothing."""
     closes_gap: bool
     """The best set closes nearly all of the gap on the selection part."""
+    is_usual: bool
+    """The best set consists of causes that every rig has to some degree, and closes most of the gap on both parts."""
 
     @property
     def baseline_names(self) -> frozenset[str]:
@@ -90,6 +94,7 @@ def gather_evidence(
         necessary=_necessary_effects(best, baseline, fits, large_amplitude=large_amplitude),
         baseline_closes_gap=_baseline_closes_gap(baseline.candidate, fits),
         closes_gap=_closes_gap(best, baseline, large_amplitude=large_amplitude),
+        is_usual=_is_usual(best, baseline),
     )
 
 
@@ -133,6 +138,16 @@ def _closes_gap(best: RankedCandidate, baseline: RankedCandidate, *, large_ampli
     after += best.candidate.reduced_chi2
     on_both = (before - after) / max(before - 2, 1e-9)
     return on_both > MIN_GAP_CLOSED_BOTH and on_selection > MIN_GAP_CLOSED_SELECTION
+
+
+def _is_usual(best: RankedCandidate, baseline: RankedCandidate) -> bool:
+    if not best.names - baseline.names <= set(EFFECTS.choose(is_usual=True)):
+        return False
+    gaps = (
+        (baseline.validation.reduced_chi2, best.validation.reduced_chi2),
+        (baseline.candidate.reduced_chi2, best.candidate.reduced_chi2),
+    )
+    return all(before - after > MIN_GAP_CLOSED_USUAL * (before - 1) for before, after in gaps)
 
 
 def nameable_with_residual(names: frozenset[str]) -> frozenset[str]:

@@ -27,6 +27,9 @@ class Reason(Enum):
     FOUND_BEFORE_SEARCH = "The samples themselves show it; nothing else is missing."
     NOT_EXPLAINED = "The nominal model does not explain the data, and no effect of the vocabulary does."
     GAP_CLOSED_WITH_RESIDUAL = "These effects close at least 99 % of the gap on held-out data; a residual remains."
+    USUAL_WITH_RESIDUAL = (
+        "These effects, which every rig has to some degree, close at least 90 % of the gap; a residual remains."
+    )
     NO_SET_EXPLAINS = "No effect of the vocabulary, alone or with others, explains the held-out data."
     IMITATION = "Additional effects lower the residual only slightly, and a significant residual remains."
     RIVALS_IN_ONE_PLACE = "These effects explain the data equally well."
@@ -55,6 +58,13 @@ class Decision:
     """The set of effects whose parameters and prediction are given."""
     named: tuple[str, ...]
     candidates: tuple[str, ...] = ()
+    also_one_of: tuple[tuple[str, ...], ...] = ()
+    """Further groups, of each of which one effect acts as well."""
+
+    @property
+    def known(self) -> frozenset[str]:
+        """The effects that are named, and those of the groups."""
+        return frozenset((*self.named, *self.candidates)).union(*self.also_one_of)
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +108,19 @@ def _necessary_names(evidence: Evidence) -> frozenset[str]:
 def _nameable_with_residual(evidence: Evidence) -> bool:
     certain = _necessary_names(evidence) - evidence.baseline_names
     return bool(certain) and evidence.closes_gap and len(evidence.rivals) == 1
+
+
+def _certain_everywhere(evidence: Evidence) -> frozenset[str]:
+    """Effects of all rival sets that are necessary, although a residual remains."""
+    return (_necessary_names(evidence) & _everywhere(evidence)) - evidence.baseline_names
+
+
+def _conclude_usual(evidence: Evidence) -> Decision:
+    """Name what all rivals have; the effects in which they differ are candidates."""
+    named = _certain_everywhere(evidence) | (evidence.baseline_names & evidence.necessary)
+    group = _contested(evidence) if _rivals_differ_in_one_place(evidence) else frozenset()
+    verdict: Verdict = "named_with_remainder" if named else "one_of" if group else "unmodelled"
+    return _make(verdict, Reason.USUAL_WITH_RESIDUAL, evidence.best, named, group)
 
 
 def _imitates(evidence: Evidence) -> bool:
@@ -144,6 +167,7 @@ RULES = (
         lambda e: e.best_leaves_excess and _nameable_with_residual(e),
         lambda e: _make("named_with_remainder", Reason.GAP_CLOSED_WITH_RESIDUAL, e.best, _necessary_names(e)),
     ),
+    Rule(lambda e: e.best_leaves_excess and e.is_usual, _conclude_usual),
     Rule(
         lambda e: e.best_leaves_excess,
         lambda e: _make("unmodelled", Reason.NO_SET_EXPLAINS, e.best, e.baseline_names),
@@ -225,7 +249,18 @@ def _group_indistinguishable(
         if decision.verdict == "named":
             reason = Reason.INDISTINGUISHABLE
             return replace(decision, verdict="one_of", reason=reason, text=reason.value, named=named, candidates=group)
+        if decision.reason is Reason.USUAL_WITH_RESIDUAL:
+            decision = _with_group(decision, named, group)
+            continue
         reason = Reason.INDISTINGUISHABLE_WITH_RESIDUAL
         verdict: Verdict = "named_with_remainder" if named else "unmodelled"
         return replace(decision, verdict=verdict, reason=reason, text=reason.value, named=named, candidates=group)
     return decision
+
+
+def _with_group(decision: Decision, named: tuple[str, ...], group: tuple[str, ...]) -> Decision:
+    """Add a group to an answer that may have several; the first are its candidates."""
+    verdict: Verdict = "named_with_remainder" if named else "one_of"
+    if decision.candidates:
+        return replace(decision, verdict=verdict, named=named, also_one_of=(*decision.also_one_of, group))
+    return replace(decision, verdict=verdict, named=named, candidates=group)

@@ -37,7 +37,7 @@ def _is_refuted(result: Reconciliation) -> bool:
 def _describe(found: SearchOutcome, random: np.random.Generator) -> SearchOutcome:
     """Seek a law beside what is certain, and beside the best attempt where that one does not explain everything."""
     decision, attempt = found.decision, found.decision.model
-    known = {*decision.named, *decision.candidates}
+    known = decision.known
     certain = {name: each for name, each in attempt.candidate.values.items() if name in known}
     law = _law_beside(found, certain, (), random)
     if (law is None or leaves_residual(found.context, law, found.validator)) and _is_worth_extending(found):
@@ -67,7 +67,7 @@ def _base(found: SearchOutcome, values: Values) -> CandidateFit | None:
 def _is_worth_extending(found: SearchOutcome) -> bool:
     """Whether the best attempt has effects that are not certain and closes a good part of the gap."""
     decision, attempt = found.decision, found.decision.model
-    if attempt.names <= {*decision.named, *decision.candidates}:
+    if attempt.names <= decision.known:
         return False
     before = found.validator.evaluate(found.base).reduced_chi2
     return before - attempt.validation.reduced_chi2 > MIN_ATTEMPT_CLOSED * (before - 1)

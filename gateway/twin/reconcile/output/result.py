@@ -252,6 +252,8 @@ class Reconciliation:
     """The same in a second recording; empty where the end of the log is held out."""
     equivalents: tuple[Equivalent, ...] = ()
     """Effects that coincide with named ones or with candidates."""
+    also_one_of: tuple[tuple[str, ...], ...] = ()
+    """Further groups of candidates, of each of which one effect acts as well."""
     law: Law | None = None
     """What describes the remainder where no effect explains it; part of the final model."""
 

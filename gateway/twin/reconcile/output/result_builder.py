@@ -89,7 +89,10 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
             for name in decision.named
         ),
         candidates=decision.candidates,
-        split_by=_discriminating_experiments(decision.candidates),
+        also_one_of=decision.also_one_of,
+        split_by=_discriminating_experiments(
+            (*decision.candidates, *(n for group in decision.also_one_of for n in group))
+        ),
         disagreement=localise_residual(recordings.log.time_s, sigma[0]),
         gap=_gap(log_curves, held_curves, test_part(recordings.held_out_as_stamped, recordings.block_s).used, random),
         residual=analyse_residual(recordings.log.time_s, *sigma, log_curves.noise_g),

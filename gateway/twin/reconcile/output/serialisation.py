@@ -34,6 +34,7 @@ def to_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
             for name, values in result.best_attempt.items()
         },
         "candidates": list(result.candidates),
+        "also_one_of": [list(group) for group in result.also_one_of],
         "split_by": result.split_by,
         "equivalents": [
             {"name": e.name, "of": e.of, "parameters": dict(e.parameters), "split_by": e.split_by}

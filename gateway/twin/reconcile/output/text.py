@@ -27,8 +27,8 @@ def to_text(result: Reconciliation) -> str:
     lines = [f"verdict      {_verdict(result, names)}".rstrip(), f"because      {result.reason}"]
     if result.verdict in ("one_of", "unmodelled") and named:
         lines.append(f"also missing {', '.join(named)}")
-    if result.verdict != "one_of" and result.candidates:
-        lines.append(f"also missing one of {', '.join(result.candidates)}")
+    groups = [*([result.candidates] if result.verdict != "one_of" and result.candidates else []), *result.also_one_of]
+    lines += [f"also missing one of {', '.join(group)}{_fitted(group, result)}" for group in groups]
     for effect in result.effects:
         lines.append(f"  {effect.name}: {effect.explains}")
         lines += [
@@ -86,6 +86,12 @@ def _inputs(found: Sequence[EstimatedInput]) -> str:
     counts = [(sum(each.kind == kind for each in found), kind, plural) for kind, plural in kinds]
     text = " and ".join(f"{count} {kind if count == 1 else plural}" for count, kind, plural in counts if count)
     return f"{text} of the crane, as estimated from the recording; their samples are not fitted"
+
+
+def _fitted(group: Sequence[str], result: Reconciliation) -> str:
+    """The values of the one that the final model has."""
+    fitted = {name: result.model[name] for name in group if name in result.model}
+    return f"; fitted: {_effects(fitted)}" if fitted else ""
 
 
 def _effects(effects: Mapping[str, Mapping[str, Value]]) -> str:

@@ -56,11 +56,13 @@ class SearchContext:
         starts: Array | None = None,
         iterations: int = SEARCH_ITERATIONS,
         give_up_above: float = np.inf,
+        *,
+        held_by_parts: bool = False,
     ) -> CandidateTable:
         """Fit a set of effects from these values; the table stays as it is where the fit diverges."""
         self.budget.begin_fit(self.setting.work_per_evaluation(values))
         try:
-            fit = self.setting.fit(values, starts, iterations, give_up_above)
+            fit = self.setting.fit(values, starts, iterations, give_up_above, held_by_parts=held_by_parts)
         except INTEGRATION_FAILURES:
             return table
         found = make_candidate(self.setting, values, fit)

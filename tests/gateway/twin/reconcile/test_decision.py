@@ -38,6 +38,7 @@ def evidence(best: RankedCandidate, *rivals: RankedCandidate, **facts: Any) -> E
         "necessary": best.names,
         "baseline_closes_gap": False,
         "closes_gap": True,
+        "is_usual": False,
     }
     return Evidence(**(known | facts))
 
@@ -178,3 +179,35 @@ def test_effects_that_scale_the_period_are_not_named_while_a_residual_remains(
 ) -> None:
     found = decided(log, evidence(ranked(0.0, name), best_leaves_excess=True))
     assert (found.verdict, found.named) == (("named_with_remainder", (name,)) if named else ("unmodelled", ()))
+
+
+def test_usual_causes_are_named_although_a_residual_remains(log: Observations) -> None:
+    best = ranked(0.0, "viscous_damping", "axis_offset", reduced_chi2=9.0)
+    facts = {"best_leaves_excess": True, "closes_gap": False}
+    found = decided(log, evidence(best, is_usual=True, **facts))
+
+    assert (found.verdict, found.named) == ("named_with_remainder", ("axis_offset", "viscous_damping"))
+    assert decided(log, evidence(best, **facts)).verdict == "unmodelled"
+
+
+def test_usual_causes_that_rivals_replace_are_candidates(log: Observations) -> None:
+    best = ranked(0.0, "viscous_damping", "axis_offset", reduced_chi2=9.0)
+    rival = ranked(5.0, "coulomb_friction", "axis_offset", reduced_chi2=9.1)
+    facts = {"best_leaves_excess": True, "closes_gap": False, "is_usual": True}
+    found = decided(log, evidence(best, rival, **facts))
+
+    assert (found.verdict, found.named) == ("named_with_remainder", ("axis_offset",))
+    assert found.candidates == ("coulomb_friction", "viscous_damping")
+
+
+def test_an_answer_beside_a_remainder_may_have_two_groups(log: Observations) -> None:
+    best = ranked(0.0, "viscous_damping", "axis_offset", reduced_chi2=9.0)
+    rival = ranked(5.0, "coulomb_friction", "axis_offset", reduced_chi2=9.1)
+    facts = {"best_leaves_excess": True, "closes_gap": False, "is_usual": True}
+    tilt = {"axis_offset": ("mount_misalignment",)}
+    found = decide(evidence(best, rival, **facts), log, lambda name: tilt.get(name, ()))
+
+    assert (found.verdict, found.named) == ("one_of", ())
+    assert found.candidates == ("coulomb_friction", "viscous_damping")
+    assert found.also_one_of == (("axis_offset", "mount_misalignment"),)
+    assert found.known == {"coulomb_friction", "viscous_damping", "axis_offset", "mount_misalignment"}
