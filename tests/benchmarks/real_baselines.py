@@ -22,6 +22,7 @@ from gateway.twin.model import TwinRig, model_of
 from gateway.twin.reconcile.data.data_checks import check_recording
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.data.recordings import Recordings, find_lack_of_test, split_recordings
+from gateway.twin.reconcile.data.sensor_noise import with_measured_noise
 from tests.blind.baselines.files import Measured, Method
 
 METHODS = ("everything", "sparse")
@@ -58,7 +59,7 @@ def _prepare(chosen: argparse.Namespace) -> tuple[TwinRig, Recordings]:
     part, options = interval(chosen), table_options(chosen)
     found = read_rig_of_recording(chosen.rig, [chosen.log], part, options)
     source = cut_to_free_swing(read_source([chosen.log], found.rig, part, options)).source
-    rig = model_of(found.refined_by(source).rig).rig
+    rig = with_measured_noise(model_of(found.refined_by(source).rig), source)[0].rig
     checked = check_recording(source, rig)
     if checked.observations is None:
         raise InputError(checked.fault or "no samples")
