@@ -152,7 +152,7 @@ def counts(rows: Sequence[Row]) -> str:
     smoothed = [row for row in usable if row.interval is None and row.smoothed_interval is not None]
     named = [row for row in usable if row.names]
     plausible = [row for row in named if not row.strange_names]
-    verdicts = [row.reconciled.get("verdict", "refused") for row in usable]
+    verdicts = [row.reconciled.get("verdict", "refused") for row in usable if row.reconciled]
     told = ", ".join(f"{verdicts.count(each)} {each}" for each in sorted(set(verdicts)))
     return (
         f"`measure`: of {len(usable)} recordings {len(whole)} have an interval, {sum(bool(r.holds) for r in whole)} hold. "

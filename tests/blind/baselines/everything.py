@@ -36,8 +36,9 @@ def everything(rig: TwinRig, log: Measured, held_out: Measured) -> Found:
     names = [name for name in sensible(log) if name not in OTHER_STRUCTURE]
     start = {name: _best_guess(rig, log, base, name, residual_g) for name in names}
     simulator = Simulator(rig, names)
-    values = simulator.values(list(first_start(rig, log)), start)
-    fit = fit_growing(simulator, log, values, free_on_log(simulator), ROUNDS)
+    starts = [simulator.values(list(initial), start) for initial in (first_start(rig, log), base.values)]
+    fits = [fit_growing(simulator, log, values, free_on_log(simulator), ROUNDS) for values in starts]
+    fit = min(fits, key=lambda one: one.cost)
     return conclude(rig, log, held_out, base, fit, significant(fit, log.n_values))
 
 
