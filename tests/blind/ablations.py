@@ -53,13 +53,14 @@ def held_out() -> Iterator[None]:
     def on_log(
         best: RankedCandidate,
         base: RankedCandidate,
+        nominal: RankedCandidate,
         rivals: list[RankedCandidate],
         log: Observations,
         _selection: Observations,
         *others: Any,
         **facts: Any,
     ) -> Evidence:
-        found = gather_evidence(_on_log(best), _on_log(base), rivals, log, log, *others, **facts)
+        found = gather_evidence(_on_log(best), _on_log(base), _on_log(nominal), rivals, log, log, *others, **facts)
         return replace(found, best=best, baseline=base)
 
     def clock_is_suspect_on_log(run: reconcile.SearchRun) -> bool:

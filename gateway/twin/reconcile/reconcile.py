@@ -235,6 +235,7 @@ def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> S
     evidence = gather_evidence(
         best,
         base,
+        RankedCandidate(run.nominal, validator.evaluate(run.nominal), 0.0, 0.0),
         rivals_of(ranked, pairs),
         run.recordings.log,
         validator.selection,

@@ -67,6 +67,7 @@ class Evidence:
 def gather_evidence(
     best: RankedCandidate,
     baseline: RankedCandidate,
+    nominal: RankedCandidate,
     rivals: list[RankedCandidate],
     log: Observations,
     selection: Observations,
@@ -94,7 +95,7 @@ def gather_evidence(
         necessary=_necessary_effects(best, baseline, fits, large_amplitude=large_amplitude),
         baseline_closes_gap=_baseline_closes_gap(baseline.candidate, fits),
         closes_gap=_closes_gap(best, baseline, large_amplitude=large_amplitude),
-        is_usual=_is_usual(best, baseline),
+        is_usual=_is_usual(best, baseline, nominal),
     )
 
 
@@ -140,12 +141,15 @@ def _closes_gap(best: RankedCandidate, baseline: RankedCandidate, *, large_ampli
     return on_both > MIN_GAP_CLOSED_BOTH and on_selection > MIN_GAP_CLOSED_SELECTION
 
 
-def _is_usual(best: RankedCandidate, baseline: RankedCandidate) -> bool:
-    if not best.names - baseline.names <= set(EFFECTS.choose(is_usual=True)):
+def _is_usual(best: RankedCandidate, baseline: RankedCandidate, nominal: RankedCandidate) -> bool:
+    """Whether usual causes close the gap: that of the baseline, or of the nominal model where the baseline has some of them."""
+    usual = set(EFFECTS.choose(is_usual=True))
+    if not best.names - baseline.names <= usual:
         return False
+    start = nominal if baseline.names & usual else baseline
     gaps = (
-        (baseline.validation.reduced_chi2, best.validation.reduced_chi2),
-        (baseline.candidate.reduced_chi2, best.candidate.reduced_chi2),
+        (start.validation.reduced_chi2, best.validation.reduced_chi2),
+        (start.candidate.reduced_chi2, best.candidate.reduced_chi2),
     )
     return all(before - after > MIN_GAP_CLOSED_USUAL * (before - 1) for before, after in gaps)
 
