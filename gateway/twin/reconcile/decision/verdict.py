@@ -116,10 +116,13 @@ def _certain_everywhere(evidence: Evidence) -> frozenset[str]:
 
 
 def _conclude_usual(evidence: Evidence) -> Decision:
-    """Name what all rivals have; the effects in which they differ are candidates."""
-    named = _certain_everywhere(evidence) | (evidence.baseline_names & evidence.necessary)
+    """Name what all rivals have; the effects in which they differ are candidates. What the samples show explains nothing else."""
+    certain = _certain_everywhere(evidence)
     group = _contested(evidence) if _rivals_differ_in_one_place(evidence) else frozenset()
-    verdict: Verdict = "named_with_remainder" if named else "one_of" if group else "unmodelled"
+    named = certain | (evidence.baseline_names & evidence.necessary)
+    if not certain and not group:
+        return _make("unmodelled", Reason.NO_SET_EXPLAINS, evidence.best, evidence.baseline_names)
+    verdict: Verdict = "named_with_remainder" if named else "one_of"
     return _make(verdict, Reason.USUAL_WITH_RESIDUAL, evidence.best, named, group)
 
 

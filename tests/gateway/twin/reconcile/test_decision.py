@@ -211,3 +211,13 @@ def test_an_answer_beside_a_remainder_may_have_two_groups(log: Observations) -> 
     assert found.candidates == ("coulomb_friction", "viscous_damping")
     assert found.also_one_of == (("axis_offset", "mount_misalignment"),)
     assert found.known == {"coulomb_friction", "viscous_damping", "axis_offset", "mount_misalignment"}
+
+
+def test_what_the_samples_show_is_no_explanation_of_a_remainder(log: Observations) -> None:
+    baseline = ranked(90.0, "sample_hold", reduced_chi2=900.0)
+    best = ranked(0.0, "viscous_damping", "sample_hold", reduced_chi2=9.0)
+    facts = {"baseline": baseline, "best_leaves_excess": True, "closes_gap": False, "is_usual": True}
+    found = decided(log, evidence(best, necessary=frozenset({"sample_hold"}), **facts))
+
+    assert (found.verdict, found.named) == ("unmodelled", ("sample_hold",))
+    assert decided(log, evidence(best, **facts)).verdict == "named_with_remainder"
