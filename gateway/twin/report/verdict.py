@@ -156,7 +156,20 @@ def _paragraphs(result: Reconciliation) -> tuple[str, ...]:
     if result.verdict == "data_unusable":
         return (reason, advice)
     equation = () if result.law is None else (_equation(result.law),)
-    return (*equation, advice, f"Reason for this verdict: {reason}")
+    return (*_further_groups(result), *equation, advice, f"Reason for this verdict: {reason}")
+
+
+def _further_groups(result: Reconciliation) -> tuple[str, ...]:
+    """Return what acts as well, of which the recording shows only the group."""
+    headline = () if result.verdict == "one_of" or not result.candidates else (result.candidates,)
+    groups = (*headline, *result.also_one_of)
+    found = [
+        f"One of these acts as well, and this recording cannot distinguish them: {join_names(each, 'or')}."
+        for each in groups
+    ]
+    if found and result.verdict != "one_of" and result.split_by:
+        found.append(f"To distinguish them: {as_sentence(result.split_by)}")
+    return tuple(found)
 
 
 def _equation(law: Law) -> str:

@@ -64,6 +64,18 @@ def test_ambiguity_group_without_a_separating_experiment_is_reported(make: Maker
     assert "No experiment that would separate the group was found." in text_of("confusable", result)
 
 
+def test_further_groups_beside_a_remainder_are_reported(make: Maker) -> None:
+    groups = {"candidates": ("coulomb_friction", "viscous_damping"), "also_one_of": (("axis_offset", "steady_wind"),)}
+    partly = text_of("verdict", make("named_with_remainder", split_by="record a wider swing", **groups))
+    assert "cannot distinguish them: coulomb friction or viscous damping." in partly
+    assert "cannot distinguish them: axis offset or steady wind." in partly
+    assert "To distinguish them: Record a wider swing." in partly
+
+    group = text_of("verdict", make("one_of", **groups))
+    assert group.count("coulomb friction or viscous damping") == 1  # in the headline alone
+    assert "axis offset or steady wind" in group
+
+
 @pytest.mark.slow
 def test_final_model_is_no_answer_where_the_verdict_gives_none(make: Maker, pages: dict[str, Page]) -> None:
     assert "The others fit equally well, so it is not the answer" in pages["one_of"].sections["model"]
