@@ -174,6 +174,7 @@ def test_cards_say_why_in_the_language_of_the_page(
     expected = tmp_path / "expected.txt"
     expected.write_text("north-yard/crane-8/hook\n")
     window = _open(browser, serve("--language", "de", "--expect", str(expected)))
+    expect(window.locator("#cards li")).to_have_count(8)  # what was never seen cannot go
     site.remove("crane-7")
     expect(window.locator("#cards .why")).to_have_text(
         [
