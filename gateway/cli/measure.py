@@ -7,7 +7,6 @@ from pathlib import Path
 from gateway.cli.interval import add_interval, interval
 from gateway.cli.table_options import add_table_options, table_options
 
-WITH_LOSSES = 3
 EXAMPLE = """examples:
   plumbline measure log.csv --rig rig.toml --json result.json
   plumbline measure plumbline-data/*.mcap --motion motion.csv
@@ -22,8 +21,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         help="compute swing, tilt and conditions of a recording",
         description="Compute swing, tilt and conditions of a recording: the estimate with its uncertainty, and the four "
         "published formulas; where the crane works, also what crane and load did when, with the largest angles. Several files of "
-        "one gateway are one recording; an incomplete file is read up to its end. Exit code 3: a part is not judged, because the "
-        "load was held or moved by hand there.",
+        "one gateway are one recording; an incomplete file is read up to its end.",
         epilog=EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -55,7 +53,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Measure a recording and print the result; return 3 where a part of it is not judged."""
+    """Measure a recording and print the result."""
     from gateway.cli.output import show, write_text
     from gateway.errors import InputError
     from gateway.measurement.measure import measure
@@ -75,4 +73,4 @@ def run(arguments: argparse.Namespace) -> int:
             raise InputError(f"{source.name}: the motion is not known: {'; '.join(result.swing.reasons)}")
         write_text(arguments.motion, motion_table(result.motion.history))
     show(as_text(source, result), as_json(source, result), arguments.json)
-    return 0 if result.free_swing is None else WITH_LOSSES
+    return 0
