@@ -19,8 +19,8 @@ OUTLIER_SIGMA = 6.0
 """Differences beyond this are left out: spikes, and steps across gaps."""
 MIN_SAMPLES = 64
 """Fewest samples: 29 frequencies, whose median is known to 25 %."""
-MIN_NOISE_G = 1e-6
-"""Smallest noise: recordings are written with six digits."""
+MIN_NOISE_G = 1e-4
+"""Smallest noise that is believed, 6 millidegrees at the pivot: angles of an encoder, read as a sensor's, have next to none."""
 
 
 def measure_noise_g(force_g: Array) -> Array | None:

@@ -44,6 +44,12 @@ def test_too_few_samples_show_no_noise() -> None:
     assert measure_noise_g(swing()[:40]) is None
 
 
+def test_readings_without_noise_have_the_least_that_a_sensor_has() -> None:
+    angle_rad = 0.5 * np.cos(2 * np.pi * TIME_S / 1.2)
+
+    assert measure_noise_g(np.column_stack([np.sin(angle_rad), 0 * TIME_S, np.cos(angle_rad)])) == pytest.approx(1e-4)
+
+
 def recorded(path: Path, readings_g: np.ndarray) -> Path:
     table = np.column_stack([TIME_S, readings_g])
     np.savetxt(path, table, "%.7f", ",", header="time_s,ax_g,ay_g,az_g", comments="")
