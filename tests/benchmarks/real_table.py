@@ -211,6 +211,8 @@ def _plausible(row: Row) -> str:
 
 def _effects(reconciled: Mapping[str, Any]) -> str:
     said = [f"{effect['name']} ({_sizes(effect['parameters'])})" for effect in reconciled.get("effects", [])]
+    groups = [reconciled.get("candidates", []), *reconciled.get("also_one_of", [])]
+    said += [f"one of {', '.join(group)}" for group in groups if group]
     laws = [each["text"] for each in (reconciled.get("equation") or {}).get("terms", []) if "text" in each]
     why = reconciled.get("error") or (
         reconciled.get("reason", "") if reconciled.get("verdict") == "data_unusable" else "-"
