@@ -13,6 +13,7 @@ from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Values
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.coloured_covariance import coloured_covariance
+from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT
 from gateway.twin.reconcile.search.candidates import (
     MIN_SCORE_STATISTIC,
     SCORE_PENALTY_PER_PARAMETER,
@@ -47,9 +48,9 @@ def fit_usual_causes(
     simulator, log = context.setting.simulator(tuple(values)), context.setting.log
     needed = sorted(necessary_names(found, simulator, log) | detected)
     found = _fit(table, context, {name: found.values[name] for name in needed})
-    if found is None or not _leaves_no_more(found.reduced_chi2, best.reduced_chi2):
+    if found is None or not leaves_no_more(found.reduced_chi2, best.reduced_chi2):
         return table, best
-    if not _leaves_no_more(validator.evaluate(found).reduced_chi2, validator.evaluate(best).reduced_chi2):
+    if not leaves_no_more(validator.evaluate(found).reduced_chi2, validator.evaluate(best).reduced_chi2):
         return table, best
     known = {names: fit for names, fit in table.fits.items() if names <= detected | usual}
     table = replace(table, fits=known, moves=()).with_fit(found).start_round()
@@ -57,9 +58,9 @@ def fit_usual_causes(
     return table.record_move(table.fits[frozenset(detected)], found), found
 
 
-def _leaves_no_more(found: float, best: float) -> bool:
+def leaves_no_more(found: float, best: float) -> bool:
     """Whether a reduced chi-square leaves as little as the best, or so little more that what is usual is the better answer."""
-    return found - 1 < MAX_EXCESS_RATIO * (best - 1)
+    return found - 1 < MAX_EXCESS_RATIO * max(best - 1, EXCESS_SIGNIFICANT)
 
 
 def necessary_names(fit: CandidateFit, simulator: Simulator, log: Observations) -> set[str]:

@@ -16,7 +16,7 @@ from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.output.text import to_text
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search.candidates import make_candidate
-from gateway.twin.reconcile.search.usual_causes import necessary_names
+from gateway.twin.reconcile.search.usual_causes import leaves_no_more, necessary_names
 from gateway.twin.simulator.simulator import Simulator
 
 OF_A_REAL_RIG: EffectValues = {
@@ -86,6 +86,13 @@ def test_only_causes_that_the_recording_needs_are_kept(model: Model, record: Cal
 
     assert found is not None
     assert necessary_names(found, setting.simulator(tuple(values)), setting.log) == {"viscous_damping", "axis_offset"}
+
+
+def test_a_best_attempt_below_the_noise_bars_no_usual_causes() -> None:
+    assert leaves_no_more(0.95, 0.94)
+    assert leaves_no_more(6.88, 6.80)
+    assert not leaves_no_more(9.0, 6.80)
+    assert not leaves_no_more(1.2, 0.94)
 
 
 @pytest.mark.slow
