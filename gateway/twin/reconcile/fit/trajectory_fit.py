@@ -1,6 +1,7 @@
 """The fit of a recording as one trajectory, whatever the amplitude."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,19 +40,15 @@ def fit_trajectory(
 
     Where the segments of a large swing cannot be joined, the result is a single trajectory near the recording.
     """
+    fit_from = partial(fit_model, simulator, observations, free=free, tick=tick, prior=prior)
     if not observations.has_large_amplitude:
-        return fit_model(
-            simulator,
-            observations,
+        return fit_from(
             initial_states,
             effect_values,
-            free,
-            first_samples,
-            iterations,
-            tick,
-            give_up_above,
-            limits,
-            prior,
+            first_samples=first_samples,
+            iterations=iterations,
+            give_up_above=give_up_above,
+            limits=limits,
         )
     free_effects = free[simulator.n_initial_states :]
     initial_states, effect_values, _ = fit_windows(
@@ -59,26 +56,19 @@ def fit_trajectory(
     )
     iterations = max(iterations, LARGE_AMPLITUDE_ITERATIONS)
     try:
-        fit = fit_model(
-            simulator,
-            observations,
+        fit = fit_from(
             initial_states,
             effect_values,
-            free,
-            first_samples,
-            iterations,
-            tick,
-            give_up_above,
-            prior=prior,
+            first_samples=first_samples,
+            iterations=iterations,
+            give_up_above=give_up_above,
         )
         if np.isfinite(fit.chi2):
             return fit
     except np.linalg.LinAlgError:
         pass
     initial_state = _best_scaled_state(simulator, observations, initial_states[0], effect_values)
-    return fit_model(
-        simulator, observations, initial_state[None], effect_values, free, [0], FIT_ITERATIONS, tick, prior=prior
-    )
+    return fit_from(initial_state[None], effect_values, first_samples=[0], iterations=FIT_ITERATIONS)
 
 
 @np.errstate(over="ignore", invalid="ignore")  # a trajectory that diverges is not the best
