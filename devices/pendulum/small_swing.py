@@ -2,6 +2,11 @@
 
 import math
 
+AGREED = 1e-12
+"""Difference of the two means at which they are one. Definition: rounding."""
+LEAST_COSINE = 0.01
+"""Of half an amplitude: a pendulum that reaches 180 degrees stays there, and its period has no bound."""
+
 
 def small_swing_rate_1_s(length_m: float, gravity_m_s2: float) -> float:
     """Return the angular frequency sqrt(g/L)."""
@@ -19,6 +24,11 @@ def small_swing_length_m(rate_1_s: float, gravity_m_s2: float) -> float:
 
 
 def period_ratio(amplitude_rad: float) -> float:
-    """Return the period of a planar swing over that of a small one to the fourth order (Nelson and Olsson 1986)."""
-    squared = amplitude_rad**2
-    return 1 + squared / 16 + 11 * squared**2 / 3072
+    """Return the period of a planar swing over that of a small one (Nelson and Olsson 1986).
+
+    The complete elliptic integral, by the arithmetic-geometric mean of 1 and cos(amplitude/2); constant from 178.9 degrees on.
+    """
+    mean, other = 1.0, max(math.cos(amplitude_rad / 2), LEAST_COSINE)
+    while abs(mean - other) > AGREED:
+        mean, other = (mean + other) / 2, math.sqrt(mean * other)
+    return 1 / mean

@@ -61,7 +61,7 @@ class SwingEstimate:
     damping_ratio: float | None = None
     """Viscous damping of a small swing."""
     drag: float | None = None
-    """Coefficient q of a drag force per mass q |v| v/L; None: the decay does not show any."""
+    """Coefficient d of a drag force per mass d |v| v/L; None: the decay does not show any."""
     friction_rad: float | None = None
     """Angle at which dry friction holds the rope; None: the decay does not show any."""
     hoists_s: tuple[tuple[float, float], ...] = ()

@@ -8,7 +8,7 @@ import numpy as np
 from gateway.numerics.array import Array
 from gateway.numerics.spikes import lone_spikes
 from gateway.swing.data.bins import BINS_PER_PERIOD, SHARED_BINS, Bins, bin_samples, validated_samples
-from gateway.swing.data.input_checks import find_fault
+from gateway.swing.data.input_checks import axially_clipped, find_fault
 from gateway.swing.data.noise import effective_noise_g, shared_quantisation
 from gateway.swing.detection.dead_axis import check_axes
 from gateway.swing.detection.rest_detection import (
@@ -36,14 +36,16 @@ from gateway.swing.estimation.robust_fit import (
     inflate_uncertainty,
 )
 from gateway.swing.estimation.segmentation import Segmenter, combine_segments, fit_gaps_with_hoisting
-from gateway.swing.fit.harmonics import Harmonics, find_harmonics
+from gateway.swing.fit.harmonics import WIDE_RAD, Harmonics, angle_by_axial_force, find_harmonics
 from gateway.swing.fit.initial_guess import initial_motions
 from gateway.swing.fit.priors import Prior, damped_prior, nominal_prior, relaxed_prior
 from gateway.swing.model.motion import PendulumMotion
 from gateway.swing.model.sensor_lowpass import delay_s
 from gateway.swing.rig import MountedHousing
 
-FIRST_WINDOW_PERIODS = 3.0
+FIRST_WINDOW_PERIODS, FIRST_WINDOW_OF_WIDE_PERIODS = 3.0, 2.0
+"""First window, in periods of a small swing. Basis: the period of a wide swing falls as it decays, so that harmonics of one
+frequency do not describe three periods; from two, drawn swings of up to 140 degrees converge."""
 GROWTH = 2.2
 FEWEST_PERIODS = 0.8
 FEWEST_SAMPLES = 8
@@ -96,6 +98,8 @@ def _estimate_swing(
         return SwingEstimate(from_s=0.0, to_s=0.0, swinging=None, reasons=("no samples",))
     from_s, to_s = (float(time_s[end]) - delay_s(rig.bandwidth_hz) for end in (0, -1))
     nominal_period_s = rig.small_swing_period_s
+    is_clipped = axially_clipped(force_g)
+    time_s, force_g = time_s[~is_clipped], force_g[~is_clipped]
     fault = find_fault(force_g, axes)
     if to_s - from_s < FEWEST_PERIODS * nominal_period_s or len(time_s) < FEWEST_SAMPLES:
         fault = "shorter than one swing"
@@ -110,7 +114,8 @@ def _estimate_swing(
     is_spike = lone_spikes(force_g, noise)
     bins = bin_samples(time_s[~is_spike], force_g[~is_spike], bin_s, rig.bandwidth_hz).with_shared_error(shared)
     estimate = _estimate(bins, noise, rig, from_s, to_s)
-    reasons = (f"spikes left out: {count} samples",) if (count := int(is_spike.sum())) else ()
+    left_out = {"spikes left out": is_spike, "clipped at the upper end of z, and left out": is_clipped}
+    reasons = (f"{what}: {count} samples" for what, which in left_out.items() if (count := int(which.sum())))
     return replace(estimate, reasons=(*estimate.reasons, *reasons))
 
 
@@ -212,6 +217,8 @@ def grow_window(bins: Bins, noise_g: Array, prior: Prior, from_s: float, to_s: f
     rig = prior.rig
     nominal_period_s = rig.small_swing_period_s
     window_s = FIRST_WINDOW_PERIODS * nominal_period_s
+    if angle_by_axial_force(bins.select(bins.time_s < from_s + window_s)) > WIDE_RAD:
+        window_s = FIRST_WINDOW_OF_WIDE_PERIODS * nominal_period_s
     result: FitResult | None = None
     while True:
         window = bins.select(bins.time_s < from_s + window_s)

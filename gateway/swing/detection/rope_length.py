@@ -50,7 +50,7 @@ def rope_length_by_period(time_s: Array, force_g: Array, gravity_m_s2: float) ->
     periods_s = doubled * found.period_s * np.array(list(fits))[best]
     up = series.force_g.mean(axis=0)
     axial = series.force_g @ up / np.linalg.norm(up)
-    amplitudes_rad = np.arccos(np.clip(sliding_window_view(axial, length).min(axis=1), 0.0, 1.0))
+    amplitudes_rad = np.arccos(np.clip(sliding_window_view(axial, length).min(axis=1), -1.0, 1.0))
     lengths_m = np.array(
         [
             small_swing_length_m(2 * np.pi * period_ratio(amplitude_rad) / period_s, gravity_m_s2)
@@ -63,10 +63,13 @@ def rope_length_by_period(time_s: Array, force_g: Array, gravity_m_s2: float) ->
 
 
 def _is_axial(series: Series, period: float) -> bool:
-    """Return whether the fundamental of a series is along the rope."""
+    """Return whether the fundamental of a series is along the rope, and all that there is along it.
+
+    A sensor beside the rope reads the swing's own fundamental along it too, but beside a larger second harmonic.
+    """
     places = np.arange(min(len(series), round(WINDOW_PERIODS * period))) - 0.0
     basis = harmonic_basis(places, period, drifts=False)
-    fundamental = np.linalg.lstsq(basis, series.force_g[: len(places)], rcond=None)[0][1:3]
+    harmonics = np.linalg.lstsq(basis, series.force_g[: len(places)], rcond=None)[0][1:5]
     up = series.force_g.mean(axis=0)
-    along = fundamental @ up / np.linalg.norm(up)
-    return bool((along**2).sum() > AXIAL_SHARE * (fundamental**2).sum())
+    first, second = ((harmonics[2 * n : 2 * n + 2] @ up / np.linalg.norm(up)) ** 2 for n in (0, 1))
+    return bool(first.sum() > max(AXIAL_SHARE * (harmonics[:2] ** 2).sum(), second.sum()))

@@ -12,6 +12,7 @@ from gateway.numerics.array import Array
 from gateway.swing.data.bins import Bins
 from gateway.swing.estimation.robust_fit import FitResult, fit_robust, inflate_uncertainty
 from gateway.swing.fit.priors import N_SENSOR_ERRORS, SensorModel
+from gateway.swing.model.spherical_pendulum import equilibrium
 from gateway.swing.uncertainty.peaks import largest_angle
 
 LARGEST_DISTANCE = 3.0
@@ -28,9 +29,8 @@ def choose_phase(result: FitResult, bins: Bins, noise_g: Array, iterations: int)
     position_u_m = float(fit.prior.sigma[-N_SENSOR_ERRORS])
     if abs(length_m - sensor_m) > LARGEST_DISTANCE * position_u_m:
         return result
-    u, w, pull = fit.motion.nodes
-    equilibrium = -pull / np.sqrt(1 + np.abs(pull) ** 2)
-    motion = replace(fit.motion, nodes=np.stack([2 * equilibrium - u, -w, pull]))
+    q, w, pull = fit.motion.nodes
+    motion = replace(fit.motion, nodes=np.stack([2 * equilibrium(pull) - q, -w, pull]))
     errors = np.zeros_like(fit.sensor.errors)
     errors[0] = fit.sensor.position_error_m + 2 * (length_m - sensor_m)
     other = fit_robust(bins, noise_g, motion, fit.prior, iterations, SensorModel(errors))

@@ -16,6 +16,7 @@ from gateway.swing.estimation.robust_fit import FitResult, fit_robust, fit_robus
 from gateway.swing.fit.harmonics import find_harmonics
 from gateway.swing.fit.initial_guess import initial_motions
 from gateway.swing.fit.priors import Prior
+from gateway.swing.model.spherical_pendulum import rope_angle
 from gateway.swing.rig import MountedHousing
 from gateway.swing.uncertainty.peaks import largest_angle
 
@@ -220,6 +221,8 @@ def combine_segments(
         when = ", ".join(f"{begin_s:.0f}-{end_s:.0f} s" for begin_s, end_s in unknown)
         reasons.append(f"no free pendulum, and the largest angle unknown, at {when}")
     coverage_rad = None if unknown else _joint_coverage_rad(parts)
+    if coverage_rad is not None:
+        coverage_rad = coverage_rad[0], min(coverage_rad[1] * _growth_towards(segments[0], from_s), np.pi)
     return replace(
         largest,
         from_s=from_s,
@@ -246,6 +249,16 @@ def _joint_coverage_rad(parts: list[SwingEstimate]) -> tuple[float, float] | Non
     if len(known) < len(parts):
         return None
     return max(low for low, _ in known), max(high for _, high in known)
+
+
+def _growth_towards(first: FittedInterval, from_s: float) -> float:
+    """Return how much larger than in the first segment the angle was before it, by the segment's own decay; at least 1."""
+    motion = first.result.fit.motion
+    if from_s >= first.from_s:
+        return 1.0
+    before_rad = rope_angle(motion.extended_backward(from_s, first.from_s).nodes[0]).max()
+    inside_rad = rope_angle(motion.extended(first.from_s, first.to_s).nodes[0]).max()
+    return max(1.0, float(before_rad / inside_rad)) if np.isfinite(before_rad) else np.inf
 
 
 def _joint_u_rad(largest: SwingEstimate, coverage_rad: tuple[float, float]) -> float:

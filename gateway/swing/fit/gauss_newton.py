@@ -22,6 +22,9 @@ SLOW, UNEXPLAINED = 0.5, 10.0
 """Part of chi-square that a step leaves, and chi-square per reading, from which on steps are not on their way to an answer."""
 LARGEST_SHARE_OF_MOTION = 0.5
 LARGEST_LENGTH_STEP = 0.15
+LARGEST_LENGTH_RATIO = 50.0
+"""Of the rope's length to the stated one, either way. Basis: more than any hoist; on a rope without length a swing has no period,
+and a grid no end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,6 +128,10 @@ def weighted_square(jacobian: Array, weight: Array) -> Array:
 def _linearise(
     bins: Bins, weight: Array, motion: PendulumMotion, sensor: SensorModel, prior: Prior, iteration: int
 ) -> SwingFit | None:
+    shortest_m, longest_m = motion.extreme_lengths_m
+    stated_m = prior.rig.length_m
+    if not (stated_m / LARGEST_LENGTH_RATIO < shortest_m and longest_m < stated_m * LARGEST_LENGTH_RATIO):
+        return None
     linearised = linearise_segments(motion)
     if not (np.isfinite(linearised.trajectory.state).all() and np.isfinite(linearised.condensed).all()):
         return None

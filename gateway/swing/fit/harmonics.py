@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from devices.pendulum.small_swing import small_swing_rate_1_s
+from devices.pendulum.small_swing import period_ratio, small_swing_rate_1_s
 from gateway.numerics.array import Array
 from gateway.swing.data.bins import Bins
 from gateway.swing.model.spherical_pendulum import ComplexArray
@@ -12,6 +12,11 @@ from gateway.swing.rig import MountedHousing
 
 FREQUENCY_SPAN = (0.68, 1.55)
 """Searched, relative to the believed frequency: rope lengths from 0.42 to 2.2 of the belief."""
+WIDE_RAD = 0.77
+"""Amplitude up to which harmonics state size and period of a swing; those of a wider one follow from the axial force. Basis:
+their errors grow with its square: 4 % of the period here."""
+AXIAL_QUANTILE = 0.01
+"""Quantile of the axial force that stands for that at the turning points. Basis: a swing spends more time there than anywhere."""
 BELIEF_OF_FREQUENCY = 0.5
 """A relative error of the rope's length is half as large in the frequency."""
 
@@ -32,8 +37,15 @@ class Harmonics:
     """Twice the gain in log-likelihood against a constant signal."""
     axial_gain: float
     """Part of the gain by the axial force, less the cost of the frequency under the prior of the rope's length."""
+    largest_angle_rad: float
+    """By the axial force at the turning points, where it is the cosine of the angle at every place on the rope."""
     unexplained: float
     """Rms of the residual of the harmonics over the rms of the signal's variation."""
+
+
+def angle_by_axial_force(bins: Bins) -> float:
+    """Return the rope's largest angle by the axial force at the turning points; noise makes that of a small swing too large."""
+    return float(np.arccos(np.clip(np.quantile(bins.force_g[:, 2], AXIAL_QUANTILE), -1.0, 1.0)))
 
 
 def find_harmonics(
@@ -47,9 +59,11 @@ def find_harmonics(
     """Search a range of frequencies for the most likely harmonics; `noise_g` per sample and axis, shape (3,).
 
     With `axial`, the axial force alone chooses the frequency: near the load a swing shows in it alone, and the transverse axes
-    only add noise. `span`: the searched frequencies, relative to the believed one.
+    only add noise. `span`: the searched frequencies, relative to the believed one at this amplitude.
     """
-    nominal_hz = small_swing_rate_1_s(rig.length_m, rig.gravity_m_s2) / (2 * np.pi)
+    largest_angle_rad = angle_by_axial_force(bins)
+    small_swing_hz = small_swing_rate_1_s(rig.length_m, rig.gravity_m_s2) / (2 * np.pi)
+    nominal_hz = small_swing_hz / (period_ratio(largest_angle_rad) if largest_angle_rad > WIDE_RAD else 1.0)
     span_s = float(bins.time_s[-1] - bins.time_s[0])
     tries = int(np.clip(6 * span_s * nominal_hz * (span[1] - span[0]), 12, 400))
     ratio = np.geomspace(*span, tries)
@@ -74,6 +88,7 @@ def find_harmonics(
         middle_s=middle_s,
         gain=float(gain[best]),
         axial_gain=float(axial_gain[best] - prior_cost[best]),
+        largest_angle_rad=largest_angle_rad,
         unexplained=float(np.sqrt(max(left.sum(), 0.0) / max(variance.sum(), 1e-14))),
     )
 

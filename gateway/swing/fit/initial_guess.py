@@ -9,18 +9,19 @@ import math
 
 import numpy as np
 
-from gateway.swing.fit.harmonics import Harmonics
+from devices.pendulum.small_swing import period_ratio
+from gateway.swing.fit.harmonics import WIDE_RAD, Harmonics
 from gateway.swing.model.motion import PendulumMotion, ShootingGrid
 from gateway.swing.model.spherical_pendulum import ComplexArray
 from gateway.swing.rig import MountedHousing
 
-LARGEST_START = 0.77
 SEEN = 5.0
 """Standard uncertainties that a harmonic must have to be used."""
 LEAST_SHARE = 0.02
 """Of the swing that transverse axes show, below which it is not scaled up."""
 AXIAL_WITHIN_RHO = 0.3
 """Difference of rho from 1 up to which the axial force is used beside the transverse one."""
+_AS_COMPLEX = np.array([1, 1j])
 
 
 def initial_motions(harmonics: Harmonics, rig: MountedHousing, start_s: float, end_s: float) -> list[PendulumMotion]:
@@ -35,16 +36,23 @@ def initial_motions(harmonics: Harmonics, rig: MountedHousing, start_s: float, e
 def _motion(
     harmonics: Harmonics, amplitude: ComplexArray, rig: MountedHousing, rate_1_s: float, start_s: float, end_s: float
 ) -> PendulumMotion:
-    size_squared = float(np.sum(np.abs(amplitude) ** 2))
-    length_m = rig.length_of(rate_1_s) * (1 - min(size_squared, 0.3) / 8)  # the period grows by A^2/16
-    phase = np.exp(1j * rate_1_s * (start_s - harmonics.middle_s))
-    swing, swing_rate = (amplitude * phase).real, (1j * rate_1_s * amplitude * phase).real
+    """Return the motion from the last lowest point before the start on, where a swing of any size has the harmonic's phase.
+
+    The amplitude is that of the chord 2 sin(angle/2): a planar swing of any size conserves its square and that of the rate.
+    """
+    size = float(np.sqrt(np.sum(np.abs(amplitude) ** 2)))
+    small_swing_rate_1_s = rate_1_s * period_ratio(2 * math.asin(min(size / 2, 1.0)))
+    to_major = 0.5 * float(np.angle(np.sum(amplitude**2)))
+    lead = (rate_1_s * (start_s - harmonics.middle_s) + to_major + np.pi / 2) % np.pi
+    begin_s = start_s - lead / rate_1_s
+    turned = amplitude * np.exp(1j * rate_1_s * (begin_s - harmonics.middle_s))
+    chord, rate = turned.real @ _AS_COMPLEX, -small_swing_rate_1_s * (1j * turned).real @ _AS_COMPLEX
     pull = complex(harmonics.mean_g[0], harmonics.mean_g[1])
-    u = complex(swing[0], swing[1]) - pull
-    u *= min(1.0, LARGEST_START / max(abs(u), 1e-12))
-    state = np.array([[u], [-complex(swing_rate[0], swing_rate[1])], [pull]])
-    grid = ShootingGrid.covering(start_s, start_s, 2 * np.pi / rate_1_s)
-    return PendulumMotion(grid, state, np.array([np.log(length_m), 0.0]), rig.gravity_m_s2).extended(start_s, end_s)
+    state = np.array([[chord / np.sqrt(1 - min(abs(chord) ** 2 / 4, 0.5)) - pull], [rate], [pull]])
+    grid = ShootingGrid.covering(begin_s, begin_s, 2 * np.pi / rate_1_s)
+    parameters = np.array([np.log(rig.length_of(small_swing_rate_1_s)), 0.0])
+    from_lowest = PendulumMotion(grid, state, parameters, rig.gravity_m_s2).extended(begin_s, start_s)
+    return from_lowest.extended(start_s, end_s)
 
 
 def _amplitudes(harmonics: Harmonics, rig: MountedHousing, rate_1_s: float) -> list[ComplexArray]:
@@ -54,8 +62,10 @@ def _amplitudes(harmonics: Harmonics, rig: MountedHousing, rate_1_s: float) -> l
     transverse_visible = bool((np.abs(harmonics.amplitude_g) > SEEN * harmonics.u_g)[:2].any())
     transverse = -harmonics.amplitude_g[:2] / math.copysign(max(abs(1 - rho), LEAST_SHARE), 1 - rho)
     if transverse_visible and abs(1 - rho) > AXIAL_WITHIN_RHO:
-        return [_limited(transverse)]
-    return [_limited(x) for x in ([transverse] if transverse_visible else []) + _from_axial_force(harmonics, rho)]
+        return [_sized(transverse, harmonics)]
+    return [
+        _sized(x, harmonics) for x in ([transverse] if transverse_visible else []) + _from_axial_force(harmonics, rho)
+    ]
 
 
 def _from_axial_force(harmonics: Harmonics, rho: float) -> list[ComplexArray]:
@@ -81,7 +91,9 @@ def _from_axial_force(harmonics: Harmonics, rho: float) -> list[ComplexArray]:
     return [sign * phase * (axes @ np.array([major, 1j * sense * minor])) for sense in senses for sign in (1, -1)]
 
 
-def _limited(amplitude: ComplexArray) -> ComplexArray:
-    """Return the amplitude, reduced to the largest that a fit starts from."""
-    size = float(np.sqrt(np.sum(np.abs(amplitude) ** 2)))
-    return amplitude * min(1.0, LARGEST_START / max(size, 1e-12))
+def _sized(amplitude: ComplexArray, harmonics: Harmonics) -> ComplexArray:
+    """Return the amplitude of a wide swing with the size by the axial force, another one reduced to what harmonics can state."""
+    size = max(float(np.sqrt(np.sum(np.abs(amplitude) ** 2))), 1e-12)
+    if harmonics.largest_angle_rad > WIDE_RAD:
+        return amplitude * (2 * math.sin(harmonics.largest_angle_rad / 2) / size)
+    return amplitude * min(1.0, WIDE_RAD / size)

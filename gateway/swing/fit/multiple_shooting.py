@@ -79,9 +79,9 @@ def take_step(linearised: LinearisedMotion, step: Array, fraction: float) -> Pen
     angle = _azimuth_step((displacement, rate), (displacement_step, rate_step))
     turn = np.exp(1j * angle)
     pull = motion.nodes[2] + pull_step
-    u = turn * (displacement + displacement_step - 1j * angle * displacement) - pull
+    q = turn * (displacement + displacement_step - 1j * angle * displacement) - pull
     w = turn * (rate + rate_step - 1j * angle * rate) * motion.grid.rate_1_s
-    return replace(motion, nodes=np.stack([u, w, pull]), parameters=motion.parameters + fraction * step[N_STATES:])
+    return replace(motion, nodes=np.stack([q, w, pull]), parameters=motion.parameters + fraction * step[N_STATES:])
 
 
 def relative_step_size(linearised: LinearisedMotion, step: Array) -> float:
@@ -99,8 +99,8 @@ def _node_steps(linearised: LinearisedMotion, step: Array, fraction: float) -> t
     """Return the swing at the nodes, its change by a fraction of a step, and the change of the side pull."""
     nodes, rate_1_s = linearised.motion.nodes, linearised.motion.grid.rate_1_s
     change = fraction * (linearised.condensed[:, :N_STATES] @ np.append(step, 1.0))
-    u_step, rate_step, pull_step = (change[:, 0::2] + 1j * change[:, 1::2]).T
-    return (nodes[0] + nodes[2], nodes[1] / rate_1_s), (u_step + pull_step, rate_step), pull_step
+    q_step, rate_step, pull_step = (change[:, 0::2] + 1j * change[:, 1::2]).T
+    return (nodes[0] + nodes[2], nodes[1] / rate_1_s), (q_step + pull_step, rate_step), pull_step
 
 
 def _azimuth_step(swing: Swing, change: Swing) -> Array:

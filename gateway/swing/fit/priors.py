@@ -18,7 +18,7 @@ DAMPING_PRIOR_SIGMA = 0.02
 SPEED_PRIOR_M_S = 0.7
 """Prior of a hoisting speed, 1 sigma. Basis: cranes hoist at up to 1.2 m/s."""
 DRAG_PRIOR_SIGMA = 0.1
-"""Prior of the drag coefficient q where it is fitted, 1 sigma. Basis: drag force per mass q |v| v/L of a container in air."""
+"""Prior of the drag coefficient d where it is fitted, 1 sigma. Basis: drag force per mass d |v| v/L of a container in air."""
 FRICTION_PRIOR_RAD = 0.01
 """Prior of the angle at which dry friction holds the rope where it is fitted, 1 sigma. Basis: hinges and knots of small pendulums
 hold some thousandths; a rope over a sheave less."""

@@ -11,7 +11,7 @@ from gateway.swing.model.rope_spline import RopeLengthSpline, SplineGrid
 from gateway.swing.model.spherical_pendulum import ComplexArray, ForceField, State, TrajectoryInput, propagate
 
 N_STATES = 6
-"""Definition: u_x, u_y, w_x/w0, w_y/w0, l_x, l_y, a state without dimension."""
+"""Definition: q_x, q_y, w_x/w0, w_y/w0, p_x, p_y, a state without dimension."""
 LN_LENGTH, DAMPING, DRAG, SPIN, FRICTION = range(5)
 """Definition: places in the parameters of a motion. A short vector has the first two alone, without drag, spin and friction;
 while the rope's length changes they are followed by the speeds of the splines."""
@@ -89,7 +89,7 @@ class PendulumMotion:
 
     grid: ShootingGrid
     nodes: ComplexArray
-    """States at the starts of the segments, shape (3, segments): u, w in 1/s, l."""
+    """States at the starts of the segments, shape (3, segments): q, w in 1/s, p."""
     parameters: Array
     """ln(L/m), damping ratio and, where they are fitted, drag, spin in 1/s and friction in rad.
 
@@ -105,6 +105,12 @@ class PendulumMotion:
         if self.splines is None:
             return float(np.exp(self.parameters[LN_LENGTH]))
         return float(self.rope_at(np.array([self.grid.end_s])).length_m[0])
+
+    @property
+    def extreme_lengths_m(self) -> tuple[float, float]:
+        """Shortest and longest rope on the grid; splines may make the shortest one negative."""
+        lengths_m = self.rope_at(np.append(self.grid.starts_s, self.grid.end_s)).length_m
+        return float(np.min(lengths_m)), float(np.max(lengths_m))
 
     @property
     def damping_ratio(self) -> float:

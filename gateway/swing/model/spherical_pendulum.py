@@ -2,17 +2,21 @@
 
 All quantities are components in the housing's frame. A horizontal pair (x, y) is one complex number x + iy. The state is
 
-    u   unit vector of gravity        w   rate of the rope's direction n = -z, in 1/s        l   side pull per weight
+    q   direction of gravity, by twice its stereographic coordinate      w   rate of the rope's direction n = -z, in 1/s
+    p   side pull per weight, in level axes
 
-and with k = g/L, the viscous damping rate c, the drag coefficient q (drag force per mass = q |v| v/L) and the angle h at which
-dry friction holds the rope, Newton's law reads
+With the unit vector of gravity (u, u_z), q = 2 u/(1 - u_z): nearly u in a small swing, and |q| = 2 tan(angle/2) in any. A
+stereographic coordinate is singular at one point of the sphere only, here the load straight above the pivot. The pull is
+horizontal; its axes are those of the housing, turned by the least rotation that makes them level, so its size is |p| and its
+component across the rope is l = p - Re(conj(p) u) q/2. With k = g/L, the viscous damping rate c, the drag coefficient d (drag
+force per mass = d |v| v/L) and the angle h at which dry friction holds the rope, kinematics (parallel transport of the
+housing's axes is part of it, so no frame has to be carried along; Tsiotras and Longuski 1995) and Newton's law read
 
-    u' = u_z w      l' = l_z w      w' = k (u + l) - (c + q |w| + h k/|w| + 2 L'/L) w
-    u_z = -sqrt(1 - |u|^2)          l_z = -Re(conj(l) u)/u_z        (the side pull is horizontal: l . u = 0)
+    q' = -w - conj(w) q^2/4      p' = -i Im(conj(w) q)/2 p      w' = k (u + l) - (c + d |w| + h k/|w| + 2 L'/L) w
+    u = q/(1 + |q|^2/4)          u_z = -(1 - |q|^2/4)/(1 + |q|^2/4)
 
-These equations have no singularity below 90 degrees. Parallel transport of the housing's axes is part of them, so no frame has to
-be carried along. A housing that spins about the rope adds -i s to the rate of each of u, l and w. An accelerometer at the
-distance r from the pivot reads, in units of g,
+A housing that spins about the rope adds -i s to the rate of each of q, w and p. An accelerometer at the distance r from the
+pivot reads, in units of g,
 
     f_x + i f_y = (r a + 2 r' w - (w . e) w)/g - u      f_z = (r |w|^2 - r'' + a . e)/g - u_z
 
@@ -22,7 +26,6 @@ The physics is that of `devices.pendulum.pendulum` in other coordinates; a test 
 """
 
 from dataclasses import dataclass
-from math import nan, sqrt
 from typing import Any
 
 import numpy as np
@@ -34,7 +37,7 @@ ComplexArray = NDArray[np.complex128]
 ComplexValue = complex | NDArray[Any]
 """One motion in Python's own numbers, which cost a tenth of arrays of one element, or arrays of many motions."""
 State = tuple[ComplexValue, ComplexValue, ComplexValue]
-"""u, w in 1/s, l."""
+"""q, w in 1/s, p."""
 SMOOTH_FRICTION_RAD = 0.004
 """Amplitude of a swing whose rate is that below which dry friction falls with the rate. Basis: a jump within one step of the
 integration would not be integrated; swings as small as this hardly slide."""
@@ -49,7 +52,7 @@ class ForceField:
     damping_1_s: Array | float
     """c, the drag of the load per mass and speed."""
     drag: Array | float | None = None
-    """q, the coefficient of drag that grows with the square of the speed; None: there is none."""
+    """d, the coefficient of drag that grows with the square of the speed; None: there is none."""
     spin_1_s: Array | float | None = None
     """s, the rate at which the housing turns about the rope; None: it does not turn."""
     lengthening_1_s: Array | float | None = None
@@ -112,23 +115,34 @@ class SwingTrajectory:
     """Integrated motions on a uniform grid of steps."""
 
     state: ComplexArray
-    """Shape (steps + 1, 3, ...): rows are u, w in 1/s, l."""
+    """Shape (steps + 1, 3, ...): rows are q, w in 1/s, p."""
     rate: ComplexArray
     """Time derivative of the state, of the same shape."""
     step_s: float
 
 
-def vertical_component(u: ComplexValue) -> float | Array:
-    """Return u_z, which is negative because the rope hangs; NaN beyond 90 degrees, where the model ends."""
-    squared: float | Array = 1.0 - (u.real * u.real + u.imag * u.imag)
-    if isinstance(squared, float):
-        return -sqrt(squared) if squared > 0 else nan
-    u_z: Array = -np.sqrt(squared)
-    return u_z
+def gravity_components(q: ComplexValue) -> tuple[ComplexValue, float | Array]:
+    """Return u, the components of gravity's unit vector across the rope, and u_z, which is negative while the rope hangs."""
+    share = 0.25 * _square(q)
+    per = 1 / (1 + share)
+    return per * q, per * (share - 1)
 
 
-def transverse_acceleration(u: ComplexValue, w: ComplexValue, pull: ComplexValue, field: ForceField) -> ComplexValue:
+def rope_angle(q: ComplexValue) -> Array:
+    """Return the angle of the rope from the vertical, 0 to pi."""
+    angle_rad: Array = 2 * np.arctan(0.5 * np.abs(q))
+    return angle_rad
+
+
+def equilibrium(pull: ComplexArray) -> ComplexArray:
+    """Return q of a rope at rest under a side pull: the rope is along gravity and pull together."""
+    q: ComplexArray = -2 / (1 + np.sqrt(1 + _square(pull))) * pull
+    return q
+
+
+def transverse_acceleration(q: ComplexValue, w: ComplexValue, pull: ComplexValue, field: ForceField) -> ComplexValue:
     """Return n'' across the rope in 1/s^2, the right-hand side of w'."""
+    u, _ = gravity_components(q)
     damping = field.damping_1_s
     if field.drag is not None:
         damping = damping + field.drag * np.abs(w)
@@ -137,29 +151,30 @@ def transverse_acceleration(u: ComplexValue, w: ComplexValue, pull: ComplexValue
         damping = damping + field.friction * stiffness / np.sqrt(_square(w) + SMOOTH_FRICTION_RAD**2 * stiffness)
     if field.lengthening_1_s is not None:
         damping = damping + 2 * field.lengthening_1_s
-    acceleration: ComplexValue = field.stiffness_1_s2 * (u + pull) - damping * w
+    across = pull - 0.5 * _dot(pull, u) * q
+    acceleration: ComplexValue = field.stiffness_1_s2 * (u + across) - damping * w
     return acceleration
 
 
-def _square(w: ComplexValue) -> Array | float:
-    squared: Array | float = w.real * w.real + w.imag * w.imag
+def _square(value: ComplexValue) -> Array | float:
+    squared: Array | float = value.real * value.real + value.imag * value.imag
     return squared
 
 
 def state_rate(state: State, field: ForceField) -> State:
-    """Return the time derivatives of u, w and l."""
-    u, w, pull = state
-    u_z = vertical_component(u)
-    u_rate, w_rate = u_z * w, transverse_acceleration(u, w, pull, field)
-    pull_rate = (pull.real * u.real + pull.imag * u.imag) / -u_z * w
+    """Return the time derivatives of q, w and p."""
+    q, w, pull = state
+    across = w.conjugate() * q
+    q_rate, w_rate = -w - 0.25 * across * q, transverse_acceleration(q, w, pull, field)
+    turn = -0.5j * across.imag
     if field.spin_1_s is None:
-        return u_rate, w_rate, pull_rate
-    turn = 1j * field.spin_1_s
-    return u_rate - turn * u, w_rate - turn * w, pull_rate - turn * pull
+        return q_rate, w_rate, turn * pull
+    spin = 1j * field.spin_1_s
+    return q_rate - spin * q, w_rate - spin * w, (turn - spin) * pull
 
 
 def integrate(state: ComplexArray, field: ForceField | TrajectoryInput, step_s: float, steps: int) -> SwingTrajectory:
-    """Integrate states of shape (3, ...) by classical fourth-order Runge-Kutta steps; NaN beyond 90 degrees."""
+    """Integrate states of shape (3, ...) by classical fourth-order Runge-Kutta steps."""
     states = np.empty((steps + 1, *state.shape), dtype=np.complex128)
     rates = np.empty_like(states)
     k2, k3, k4 = np.empty((3, *state.shape), dtype=np.complex128)
@@ -196,8 +211,8 @@ def propagate(state: State, field: ForceField | TrajectoryInput, step_s: float, 
 
 
 def _step(state: State, rate: State, time_s: float) -> State:
-    (u, w, pull), (u_rate, w_rate, pull_rate) = state, rate
-    return u + time_s * u_rate, w + time_s * w_rate, pull + time_s * pull_rate
+    (q, w, pull), (q_rate, w_rate, pull_rate) = state, rate
+    return q + time_s * q_rate, w + time_s * w_rate, pull + time_s * pull_rate
 
 
 def interpolate(
@@ -228,16 +243,17 @@ def position_jacobian(state: ComplexArray, field: ForceField) -> Array:
 
 def specific_force_g(state: ComplexArray, field: ForceField, place: SensorPlacement) -> Array:
     """Return the reading of an ideal accelerometer, shape (n, 3, ...) for states of shape (n, 3, ...)."""
-    u, w, pull = state[:, 0], state[:, 1], state[:, 2]
-    acceleration = transverse_acceleration(u, w, pull, field)
+    q, w, pull = state[:, 0], state[:, 1], state[:, 2]
+    acceleration = transverse_acceleration(q, w, pull, field)
+    u, u_z = gravity_components(q)
     across = place.distance_s2 * acceleration + 2 * place.velocity_s * w - u
-    along = place.distance_s2 * _square(w) - place.acceleration - vertical_component(u)
+    along = place.distance_s2 * _square(w) - place.acceleration - u_z
     if place.beside_s2 != 0:
         across = across - _dot(w, place.beside_s2) * w
         along = along + _dot(acceleration, place.beside_s2)
     return np.stack([across.real, across.imag, along], axis=1)
 
 
-def _dot(a: ComplexValue, b: complex) -> Array | float:
+def _dot(a: ComplexValue, b: ComplexValue) -> Array | float:
     product: Array | float = a.real * b.real + a.imag * b.imag
     return product

@@ -7,12 +7,10 @@ import numpy as np
 from gateway.numerics.array import Array
 from gateway.swing.estimate import SwingPeak
 from gateway.swing.fit.gauss_newton import SwingFit
-from gateway.swing.model.spherical_pendulum import ComplexArray
+from gateway.swing.model.spherical_pendulum import ComplexArray, equilibrium, rope_angle
 from gateway.swing.uncertainty.uncertainty_model import UncertaintyModel
 
 SAMPLES_PER_PERIOD = 48
-STEEPEST = 0.999
-"""Of sin(angle): where the angle's slope by it is cut off."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +20,7 @@ class AngleSeries:
     time_s: Array
     angle_rad: Array
     displacement: ComplexArray
-    """Direction of gravity about the equilibrium, in the housing: the swing without the lean."""
+    """Angle in the direction of gravity in the housing, about the equilibrium, in rad: the swing without the lean."""
     pull: ComplexArray
 
 
@@ -31,9 +29,13 @@ def sample_angles(fit: SwingFit, from_s: float, to_s: float) -> AngleSeries:
     count = max(8, int(np.ceil((to_s - from_s) / fit.motion.period_s * SAMPLES_PER_PERIOD)) + 1)
     time_s = np.linspace(from_s, to_s, count)
     state = fit.linearised.states(fit.motion.grid.locate(time_s))[..., 0]
-    u, pull = state[:, 0], state[:, 2]
-    equilibrium = -pull / np.sqrt(1 + np.abs(pull) ** 2)
-    return AngleSeries(time_s, np.arcsin(np.minimum(np.abs(u), 1.0)), u - equilibrium, pull)
+    q, pull = state[:, 0], state[:, 2]
+    return AngleSeries(time_s, rope_angle(q), _directed_angle(q) - _directed_angle(equilibrium(pull)), pull)
+
+
+def _directed_angle(q: ComplexArray) -> ComplexArray:
+    directed: ComplexArray = rope_angle(q) * np.exp(1j * np.angle(q))
+    return directed
 
 
 def maxima_s(series: AngleSeries) -> Array:
@@ -64,13 +66,13 @@ def _angles_and_gradients(fit: SwingFit, time_s: Array) -> tuple[Array, Array]:
     times = fit.motion.grid.locate(time_s)
     variants = fit.linearised.states(times)[:, 0]
     jacobian, _ = fit.linearised.condense(np.stack([variants.real, variants.imag], axis=1), times)
-    u = variants[:, 0]
-    size = np.maximum(np.abs(u), 1e-12)
-    outward = np.stack([u.real, u.imag], axis=1) / size[:, None]
-    gradient = np.einsum("nc,ncp->np", outward, jacobian) / np.sqrt(1 - np.minimum(size, STEEPEST) ** 2)[:, None]
+    q = variants[:, 0]
+    size = np.maximum(np.abs(q), 1e-12)
+    outward = np.stack([q.real, q.imag], axis=1) / (size * (1 + size**2 / 4))[:, None]
+    gradient = np.einsum("nc,ncp->np", outward, jacobian)
     whole = np.zeros((len(time_s), len(fit.free)))
     whole[:, : fit.linearised.n_unknowns] = gradient
-    return np.arcsin(np.minimum(size, 1.0)), whole[:, fit.free]
+    return rope_angle(q), whole[:, fit.free]
 
 
 def half_swing_peaks(fit: SwingFit, uncertainty: UncertaintyModel, from_s: float, to_s: float) -> list[SwingPeak]:

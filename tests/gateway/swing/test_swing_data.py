@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from gateway.numerics.quantisation import smallest_steps
 from gateway.swing.data.bins import bin_samples, concatenate, merge
-from gateway.swing.data.input_checks import find_fault, find_fault_in_means
+from gateway.swing.data.input_checks import find_fault, find_fault_in_means, lacks_gravity
 from gateway.swing.data.noise import effective_noise_g, measured_noise_g
 from tests.gateway.swing.held_pendulum import readings_g, swing
 from tests.values import present
@@ -96,7 +96,7 @@ def test_a_swing_and_a_coarse_sensor_at_rest_have_no_fault() -> None:
     assert find_fault(np.round(rest / 0.0039) * 0.0039) is None
 
 
-@pytest.mark.parametrize("amplitude_deg", [5.0, 30.0, 60.0, 90.0])
+@pytest.mark.parametrize("amplitude_deg", [5.0, 30.0, 60.0, 90.0, 110.0])
 @pytest.mark.parametrize("rho", [0.0, 0.3, 0.7, 1.0])
 def test_the_mean_of_a_wide_swing_is_plausible_in_g_alone(amplitude_deg: float, rho: float) -> None:
     amplitude_rad = np.radians([amplitude_deg])
@@ -117,3 +117,13 @@ def test_a_swing_without_gravity_is_said_so(rho: float) -> None:
     upright = np.sqrt(1 - (still_g**2).sum(axis=1))
     linear_g = force_g - np.column_stack([still_g, upright]) + 1e-3 * RNG.normal(size=force_g.shape)
     assert "gravity is missing" in present(find_fault_in_means(linear_g))
+
+
+@pytest.mark.parametrize("rho", [0.0, 0.1, 0.3])
+def test_a_swing_far_above_the_pivot_has_gravity_though_its_mean_is_small(rho: float) -> None:
+    amplitude_rad = np.radians([125.0])
+    _, motion = swing(amplitude_rad, 0 * amplitude_rad, 0 * amplitude_rad, 8)
+    force_g, _ = readings_g(motion[:, 0], rho)
+    assert np.linalg.norm(force_g.mean(axis=0)) < 0.33 or rho > 0.1
+    assert not lacks_gravity(force_g + 1e-3 * RNG.normal(size=force_g.shape))
+    assert find_fault_in_means(force_g + 1e-3 * RNG.normal(size=force_g.shape)) is None

@@ -1,5 +1,7 @@
 """A rope whose length changes: the spline, the equations and whole recordings."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -9,6 +11,10 @@ from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane, GroundTruth
 from devices.simulated.schedule import Hoist, TrolleyMove
+from gateway.swing.data.bins import single_samples
+from gateway.swing.fit.gauss_newton import linearise
+from gateway.swing.fit.priors import hoisting_prior
+from gateway.swing.model.motion import PendulumMotion, ShootingGrid
 from gateway.swing.model.rope_spline import SplineGrid
 from gateway.swing.model.spherical_pendulum import SensorPlacement, TrajectoryInput, integrate, specific_force_g
 from gateway.swing.offline import estimate_swing
@@ -89,6 +95,7 @@ def test_equations_agree_with_the_simulated_crane(goes_with_the_rope: bool) -> N
     axes = pendulum.housing_axes(motions[0])
     first = [axes @ [0.0, 0.0, -1.0], axes @ motions[0][1], np.zeros(3)]
     start = np.array([[[v[0] + 1j * v[1]]] for v in first])
+    start[0] *= 2 / (1 - first[0][2])
     course = TrajectoryInput((gravity / length_m)[:, None, None], np.zeros(1), (rate_m_s / length_m)[:, None, None])
     trajectory = integrate(start, course, step_s, steps)
     states = trajectory.state[:, :, 0]
@@ -125,3 +132,19 @@ def test_a_move_of_the_trolley_is_not_reported_as_hoisting() -> None:
 
     assert estimate.hoists_s == ()
     assert estimate.coverage95_rad is None
+
+
+@pytest.mark.parametrize("speed_m_s", [-0.67, -0.9, 60.0])
+def test_a_rope_that_is_hoisted_to_nothing_or_lowered_without_end_is_no_motion(speed_m_s: float) -> None:
+    """13.2 s from 9 m: to 0.16 m, which is less than a fiftieth, to below nothing, and to 800 m."""
+    splines = SplineGrid.covering(15.0, 27.0, 0.6)
+    parameters = np.array([np.log(9.0), 0.002, *np.full(splines.count, speed_m_s)])
+    grid = ShootingGrid.covering(0.0, 30.0, 6.0)
+    nodes = np.full((3, grid.segments), 0.1 + 0.0j)
+    motion = PendulumMotion(grid, nodes, parameters, STANDARD_GRAVITY_M_S2, splines)
+    bins = single_samples(TIME_S[:1000], np.tile([0.0, 0.0, 1.0], (1000, 1)))
+    prior = hoisting_prior(clamped(), splines.count)
+
+    assert linearise(bins, np.ones((1000, 3)), motion, prior) is None
+    still = replace(motion, parameters=np.array([np.log(9.0), 0.002, *np.full(splines.count, -0.3)]))
+    assert linearise(bins, np.ones((1000, 3)), still, prior) is not None

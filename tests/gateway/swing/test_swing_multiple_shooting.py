@@ -93,9 +93,3 @@ def test_propagation_of_one_motion_agrees_with_the_integration_of_arrays() -> No
         in_numbers = propagate((first, second, third), field, 0.1, 20)
 
         assert np.array(in_numbers) == pytest.approx(in_arrays, abs=1e-14)
-
-
-def test_propagation_beyond_ninety_degrees_gives_nan() -> None:
-    path = propagate((0.9 + 0j, -2.0 + 0j, 0j), ForceField(1.0, 0.0), 0.1, 30)
-
-    assert np.isnan(path[-1][0])

@@ -3,10 +3,20 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from devices.pendulum import pendulum
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
-from gateway.swing.model.spherical_pendulum import ForceField, SensorPlacement, integrate, interpolate, specific_force_g
+from devices.pendulum.small_swing import period_ratio
+from gateway.swing.model.spherical_pendulum import (
+    ForceField,
+    SensorPlacement,
+    equilibrium,
+    integrate,
+    interpolate,
+    rope_angle,
+    specific_force_g,
+)
 
 GRAVITY_M_S2 = STANDARD_GRAVITY_M_S2
 LENGTH_M, POSITION_M, DAMPING_1_S = 20.0, 13.0, 0.02
@@ -32,9 +42,20 @@ def world() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
 
 
 def in_housing(motion: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """u, w, l of a motion, shape (3, 1)."""
+    """q, w, p of a motion, shape (3, 1)."""
     axes = pendulum.housing_axes(motion)
-    vectors = [axes @ [0.0, 0.0, -1.0], axes @ motion[1], axes @ PULL_M_S2 / GRAVITY_M_S2]
+    gravity = axes @ [0.0, 0.0, -1.0]
+    return state_of(gravity, axes @ motion[1], axes @ PULL_M_S2 / GRAVITY_M_S2)
+
+
+def state_of(
+    gravity: NDArray[np.float64], rate: NDArray[np.float64], pull: NDArray[np.float64]
+) -> NDArray[np.complex128]:
+    """q, w, p of vectors in the housing's axes, shape (3, 1): the pull by the least rotation of gravity to straight down."""
+    axis = np.cross(gravity, [0.0, 0.0, -1.0])
+    turn = Rotation.from_rotvec(axis / max(np.linalg.norm(axis), 1e-300) * np.arccos(-gravity[2]))
+    assert turn.apply(gravity) == pytest.approx([0.0, 0.0, -1.0], abs=1e-8)
+    vectors = [2 * gravity / (1 - gravity[2]), rate, turn.apply(pull)]
     return np.array([[v[0] + 1j * v[1]] for v in vectors])
 
 
@@ -87,7 +108,39 @@ def test_a_spinning_housing_reads_the_same_motion_rotated() -> None:
     assert spinning.state[-1] == pytest.approx(turn * still.state[-1], abs=1e-6)
 
 
-def test_integration_beyond_ninety_degrees_gives_nan() -> None:
-    trajectory = integrate(np.array([[0.9 + 0j], [-2.0 + 0j], [0j]]), ForceField(1.0, 0.0), 0.1, 30)
+@pytest.mark.parametrize("seed", range(3))
+def test_kinematics_are_those_of_a_rotation_integrated_exactly_up_to_far_beyond_90_degrees(seed: int) -> None:
+    """Without forces: a rate constant in the housing's axes turns gravity and pull by one rotation, and damping is left out."""
+    rng = np.random.default_rng(seed)
+    gravity, azimuth = np.array([np.sin(0.3), 0.0, -np.cos(0.3)]), rng.uniform(0, 2 * np.pi)
+    pull = np.cross(gravity, rng.normal(size=3))
+    rate = 0.9 * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    to_the_housing = np.array([rate[1], -rate[0], 0.0])  # omega x n = rate, n = -z
+    steps, step_s = 400, 0.006
 
-    assert np.isnan(trajectory.state[-1]).any()
+    trajectory = integrate(state_of(gravity, rate, pull), ForceField(0.0, 0.0), step_s, steps)
+
+    turned = [Rotation.from_rotvec(-i * step_s * to_the_housing) for i in range(steps + 1)]
+    expected = np.array([state_of(turn.apply(gravity), rate, turn.apply(pull)) for turn in turned])
+    assert rope_angle(trajectory.state[:, 0]).max() > np.radians(105)
+    assert trajectory.state == pytest.approx(expected, abs=1e-8)
+
+
+def test_a_pendulum_conserves_energy_up_to_150_degrees_and_takes_its_period() -> None:
+    amplitude_rad, steps = np.radians(150.0), 1000
+    state = np.array([[2 * np.tan(amplitude_rad / 2) + 0j], [0j], [0j]])
+
+    trajectory = integrate(state, ForceField(1.0, 0.0), 2 * np.pi * period_ratio(amplitude_rad) / steps, steps)
+
+    q, w = trajectory.state[:, 0, 0], trajectory.state[:, 1, 0]
+    energy = np.abs(w) ** 2 / 2 - np.cos(rope_angle(q))
+    assert energy == pytest.approx(energy[0], abs=1e-8)
+    assert trajectory.state[-1] == pytest.approx(state, abs=1e-6)
+
+
+def test_a_pendulum_rests_along_gravity_and_pull() -> None:
+    pull = np.array([0.4 - 0.3j])
+    rest = np.stack([equilibrium(pull), 0 * pull, pull])
+
+    assert rope_angle(rest[0]) == pytest.approx(np.arctan(0.5))
+    assert integrate(rest, ForceField(1.0, 0.0), 0.1, 50).state[-1] == pytest.approx(rest, abs=1e-12)
