@@ -54,7 +54,7 @@ COMMON_WORDS = words(
     reader reference registry remaining render report resource result RPC run sampler schema serial serialisation server
     service shape size source state status step store stretch style table text timestamp type unit vector view word worker
     writer zoom ADXL355 I2C WitMotion chip identity section ADXL345 ADS1115 LIS2DW12 LIS3DH MPU9250
-    analogue part probe recovery self test expected watch column layout notation MATLAB
+    analogue part probe recovery self test expected watch column layout notation MATLAB parallel
     exposition protocol latest setting
     completion colour
     """

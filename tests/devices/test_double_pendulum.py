@@ -3,6 +3,7 @@
 import math
 
 import pytest
+from scipy.special import ellipk
 
 from devices.pendulum.double_pendulum import hook_mass_ratio, hook_mass_ratio_slopes, modes
 from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2, normal_gravity_m_s2
@@ -59,12 +60,14 @@ def test_period_rate_and_length_of_a_small_swing_belong_together() -> None:
     assert small_swing_length_m(rate_1_s, G) == pytest.approx(TOTAL_M)
 
 
-def test_period_ratio_agrees_with_the_elliptic_integral_at_30_degrees() -> None:
-    mean, other = 1.0, math.cos(math.radians(15.0))
-    for _ in range(6):  # arithmetic-geometric mean
-        mean, other = (mean + other) / 2, math.sqrt(mean * other)
+@pytest.mark.parametrize(("amplitude_deg", "ratio"), [(0, 1.0), (30, 1.01740880), (90, 1.18034060), (150, 1.76220373)])
+def test_period_ratio_is_the_complete_elliptic_integral(amplitude_deg: float, ratio: float) -> None:
+    assert 2 / math.pi * ellipk(math.sin(math.radians(amplitude_deg) / 2) ** 2) == pytest.approx(ratio, rel=1e-8)
+    assert period_ratio(math.radians(amplitude_deg)) == pytest.approx(ratio, rel=1e-8)
 
-    assert period_ratio(math.radians(30.0)) == pytest.approx(1 / mean, abs=1e-5)
+
+def test_period_ratio_has_a_value_at_180_degrees() -> None:
+    assert 3.3 < period_ratio(math.pi) < 3.9
 
 
 def test_normal_gravity_at_the_equator_and_in_warsaw() -> None:

@@ -29,6 +29,7 @@ class ClockDrift(Effect):
             neutral=0.0,
             scale=1e-4,
             typical=5e-3,
+            limit=0.05,  # an oscillator without a crystal, initial tolerance: MPU-6000 data sheet, section 6.6
         ),
     )
 

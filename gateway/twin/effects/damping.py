@@ -1,15 +1,10 @@
 """Forces that take energy out of the swing."""
 
-import casadi as ca
-
-from devices.pendulum.equations import Scalar, Vector, dot, scale
+from devices.pendulum.equations import Vector, scale
 from gateway.twin.effects.effect import Effect
 from gateway.twin.effects.evaluation_context import BodyState, EvaluationContext
 from gateway.twin.effects.experiments import LARGER_SWING
 from gateway.twin.effects.parameter import Parameter, Symbols
-
-SMOOTHING_SPEED_M_S = 1e-3
-"""Speed within which Coulomb friction reverses; without it the force would jump at every turning point of the swing."""
 
 
 class ViscousDamping(Effect):
@@ -65,7 +60,7 @@ class QuadraticDrag(Effect):
 
     def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
         """Return a force against the velocity."""
-        return scale(-p["drag_per_m"] * _smoothed_speed(load), load.velocity_m_s)
+        return scale(-p["drag_per_m"] * load.speed_m_s, load.velocity_m_s)
 
 
 class CoulombFriction(Effect):
@@ -93,8 +88,4 @@ class CoulombFriction(Effect):
 
     def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
         """Return a force against the velocity, of a magnitude that does not depend on it."""
-        return scale(-p["decel_m_s2"] / _smoothed_speed(load), load.velocity_m_s)
-
-
-def _smoothed_speed(load: BodyState) -> Scalar:
-    return ca.sqrt(dot(load.velocity_m_s, load.velocity_m_s) + SMOOTHING_SPEED_M_S**2)
+        return scale(-p["decel_m_s2"], load.direction_of_motion(p["decel_m_s2"]))

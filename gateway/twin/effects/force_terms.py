@@ -2,7 +2,9 @@
 
 from collections.abc import Callable
 
-from devices.pendulum.equations import Scalar, Vector, add, scale
+import numpy as np
+
+from devices.pendulum.equations import Vector, add, scale
 from gateway.twin.effects.coefficient_term import CoefficientTerm
 from gateway.twin.effects.coefficients import (
     ChangingCoefficients,
@@ -11,8 +13,8 @@ from gateway.twin.effects.coefficients import (
     PeriodicCoefficients,
 )
 from gateway.twin.effects.evaluation_context import ZERO_VECTOR, BodyState, EvaluationContext
-from gateway.twin.effects.parameter import Symbols
-from gateway.twin.effects.term import HORIZONTAL, SMOOTHING_SPEED_M_S, Term, smoothed_length
+from gateway.twin.effects.parameter import Symbols, Values
+from gateway.twin.effects.term import HORIZONTAL, Term
 
 Basis = Callable[[BodyState], tuple[Vector, ...]]
 """The vectors that the coefficients multiply, one for each component."""
@@ -40,6 +42,10 @@ class ForceTerm(CoefficientTerm):
         self.world_directed = bool(coefficients.components) and not coefficients.is_periodic
         self._basis = basis
 
+    def feeds_energy(self, values: Values) -> bool:
+        """Return whether the force is along the velocity, from the first sample on and ever more if it changes with time."""
+        return self._basis in ALONG_MOTION and all(np.min(values[each.name]) > 0 for each in self.coefficients)
+
     def force_m_s2(self, p: Symbols, context: EvaluationContext, load: BodyState) -> Vector:
         """Return the sum of coefficients times vectors."""
         total = ZERO_VECTOR
@@ -53,19 +59,15 @@ def _velocity(load: BodyState) -> tuple[Vector, ...]:
 
 
 def _speed_velocity(load: BodyState) -> tuple[Vector, ...]:
-    return (scale(_speed(load), load.velocity_m_s),)
+    return (scale(load.speed_m_s, load.velocity_m_s),)
 
 
 def _direction_of_motion(load: BodyState) -> tuple[Vector, ...]:
-    return (scale(1 / _speed(load), load.velocity_m_s),)
+    return (load.direction_of_motion(),)
 
 
 def _cubic_velocity(load: BodyState) -> tuple[Vector, ...]:
-    return (scale(_speed(load) ** 2, load.velocity_m_s),)
-
-
-def _speed(load: BodyState) -> Scalar:
-    return smoothed_length(load.velocity_m_s, SMOOTHING_SPEED_M_S)
+    return (scale(load.speed_m_s**2, load.velocity_m_s),)
 
 
 def _displacement(load: BodyState) -> tuple[Vector, ...]:
@@ -102,6 +104,7 @@ def _horizontal(load: BodyState) -> tuple[Vector, ...]:
     return (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 
 
+ALONG_MOTION = (_velocity, _speed_velocity, _direction_of_motion, _cubic_velocity)
 FED, TAKEN = "energy is fed in", "energy is taken out"
 Constant, Changing, Periodic = ConstantCoefficients, ChangingCoefficients, PeriodicCoefficients
 FORCE_TERMS: tuple[Term, ...] = (

@@ -17,8 +17,6 @@ HORIZONTAL = ("x", "y")
 AXES = ("x", "y", "z")
 LARGEST = 100.0
 """Bound of a coefficient in typical sizes: a fit that reaches it describes nothing."""
-SMOOTHING_SPEED_M_S = 1e-3
-"""Speed within which a direction of motion reverses."""
 REFERENCE = "sparse regression over a library of terms (Brunton et al. 2016), in weak form (Messenger and Bortz 2021)"
 
 
@@ -52,6 +50,10 @@ class Term(Effect):
         positive, negative = self.says
         first = float(np.atleast_1d(np.asarray(values[self.coefficients[0].name], dtype=np.float64))[0])
         return positive if first >= 0 else negative
+
+    def feeds_energy(self, values: Values) -> bool:
+        """Return whether the term with these values pushes the load along its motion at all times."""
+        return False
 
     def law(self, values: Values) -> str:
         """Return the right-hand side with numbers and units: `+0.0042 1/s v`."""

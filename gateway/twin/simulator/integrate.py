@@ -66,17 +66,9 @@ def integrate(
     initials: Array,
     p: Array,
     bounds_s: Sequence[tuple[float, float]],
-    *,
-    independent: bool = False,
 ) -> Trajectory:
-    """Integrate from initial states (segments, z), each between two recorded times since the first sample.
-
-    `independent` segments are windows that no motion as a whole is made of.
-    """
-    grids = [
-        _grid(compiled, initial, p, *bounds, independent=independent)
-        for initial, bounds in zip(initials, bounds_s, strict=True)
-    ]
+    """Integrate from initial states (segments, z), each between two recorded times since the first sample."""
+    grids = [_grid(compiled, p, *bounds) for bounds in bounds_s]
     pieces = [_integrate_segment(compiled, initial, p, grid) for initial, grid in zip(initials, grids, strict=True)]
     return Trajectory(
         grids,
@@ -102,11 +94,9 @@ def _integrate_segment(compiled: CompiledModel, initial: Array, p: Array, grid: 
     return starts, ends
 
 
-def _grid(
-    compiled: CompiledModel, initial: Array, p: Array, from_s: float, until_s: float, *, independent: bool
-) -> IntegrationGrid:
+def _grid(compiled: CompiledModel, p: Array, from_s: float, until_s: float) -> IntegrationGrid:
     recorded = [np.array([from_s, until_s])]
     bounds = Times(compiled.true_time(recorded, p)[:, 0], compiled.true_time_by_p(recorded, p)[:, 0])
     times, times_by = (each.full() for each in compiled.discontinuities(p))
-    step_s = compiled.step_s(p, initial, independent=independent)
+    step_s = compiled.step_s(p)
     return make_grid(bounds, Times(times[:, 0], times_by), compiled.impulses, step_s)

@@ -96,7 +96,7 @@ class Simulator:
 
     def step_s(self, values: Array) -> float:
         """Longest step of the integration at these values. Raises `IntegrationError` where none can follow them."""
-        return self._compiled.step_s(values[self.n_initial_states :], values[: self.n_initial_states])
+        return self._compiled.step_s(values[self.n_initial_states :])
 
     def neutral(self) -> Array:
         """Return the parameter vector of a load that hangs at rest without any effect, shape (values,)."""
@@ -156,20 +156,17 @@ class Simulator:
         time_s: Array,
         firsts: Sequence[int],
         temperature_c: Array | None = None,
-        *,
-        independent: bool = False,
     ) -> SegmentBatch:
         """Predict segments that begin at the samples `firsts` (the first is 0) from the initial states `starts` (segments, z).
 
         `effects` are the parameters of the effects. A segment ends where the next begins, the last one at the last sample.
         The state of the low-pass continues across segments. Two events with a discontinuity at the same time share the
-        sensitivity by that time; a discontinuity that passes a sample makes this sample jump. `independent` segments are windows
-        that are never joined: those of a large swing take longer steps.
+        sensitivity by that time; a discontinuity that passes a sample makes this sample jump.
         """
         recorded_s = _recorded_time(time_s)
         ends_s = [recorded_s[min(last, len(recorded_s) - 1)] for last in (*firsts[1:], len(recorded_s))]
         bounds_s = list(zip(recorded_s[list(firsts)], ends_s, strict=True))
-        trajectory = integrate(self._compiled, starts, effects, bounds_s, independent=independent)
+        trajectory = integrate(self._compiled, starts, effects, bounds_s)
         by_values = sensitivities(self._compiled, trajectory, starts, effects)
         inputs, step = self._reading_inputs(
             trajectory, recorded_s, firsts, self._temperature(temperature_c, recorded_s), effects

@@ -15,8 +15,6 @@ from functools import lru_cache
 from typing import Any
 
 import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
 
 from devices.pendulum import equations as eq
 from devices.pendulum.equations import Scalar, Vector
@@ -131,10 +129,27 @@ def initial_from_state(x: Expression, structure: ModelStructure) -> Expression:
     return ca.vertcat(*z)
 
 
-def swing_energy(z: NDArray[np.float64], small_swing_rate_1_s: float) -> float:
-    """Return the energy of the swing of an initial state over m g L: 1 - cos(amplitude) of a planar swing."""
-    (tilt_x, tilt_y), (rate_x, rate_y) = z[ROPE_TILTS], z[ROPE_RATES] / small_swing_rate_1_s
-    return float(1 - np.cos(tilt_x) * np.cos(tilt_y) + ((rate_x * np.cos(tilt_y)) ** 2 + rate_y**2) / 2)
+def on_constraints(x: Expression, structure: ModelStructure) -> Expression:
+    """Return a state with directions of length one, and rates and the x axis at right angles to them.
+
+    Every motion has them; an integration that leaves them by its rounding diverges where the rope is pushed, beyond 90 degrees
+    (Hairer et al. 2006, section IV.4).
+    """
+    state = State.of(x, structure)
+    n = _unit(state.n)
+    constrained = replace(state, n=n, n_rate=_across(n, state.n_rate), x_axis=_unit(_across(n, state.x_axis)))
+    if structure is ModelStructure.RIGGING:
+        m = _unit(state.m)
+        constrained = replace(constrained, m=m, m_rate=_across(m, state.m_rate))
+    return constrained.column(structure)
+
+
+def _unit(a: Vector) -> Vector:
+    return eq.scale(1 / ca.sqrt(eq.dot(a, a)), a)
+
+
+def _across(n: Vector, a: Vector) -> Vector:
+    return eq.add(a, eq.scale(-eq.dot(n, a), n))
 
 
 @lru_cache

@@ -9,7 +9,6 @@ import casadi as ca
 from devices.pendulum import equations as eq
 from devices.pendulum.equations import Scalar, Vector, WithDerivatives
 from devices.pendulum.heavy_rope import HeavyRope
-from devices.pendulum.small_swing import small_swing_rate_1_s
 from gateway.twin.effects.effect import Effect, ModelStructure
 from gateway.twin.effects.evaluation_context import (
     ZERO_VECTOR,
@@ -155,10 +154,12 @@ class SymbolicModel:
 
     # sums over the effects
 
-    def _rope_geometry(self, context: EvaluationContext) -> RopeGeometry:
+    def _rope_geometry(self, context: EvaluationContext, *, errors_alone: bool = False) -> RopeGeometry:
+        """Return the lengths; with `errors_alone` without what changes them in time."""
         geometry = RopeGeometry((self.rig.length_m, 0.0, 0.0), (self.rig.position_m, 0.0, 0.0))
         for effect, p in self.active_effects():
-            geometry = effect.rope_geometry(p, context, geometry)
+            if effect.scales_period or not errors_alone:
+                geometry = effect.rope_geometry(p, context, geometry)
         return geometry
 
     def _rigging(self) -> Rigging | None:
@@ -206,8 +207,9 @@ class SymbolicModel:
         return BodyState(position, velocity, self._small_swing_rate_1_s, state.presliding)
 
     @property
-    def _small_swing_rate_1_s(self) -> float:
-        return small_swing_rate_1_s(self.rig.length_m, self.rig.gravity_m_s2)
+    def _small_swing_rate_1_s(self) -> Scalar:
+        length = self._rope_geometry(self.context(0.0, 0.0), errors_alone=True).oscillation_length[0]
+        return ca.sqrt(self.rig.gravity_m_s2 / length)
 
     def _fictitious_acceleration(self, state: State, context: EvaluationContext, geometry: RopeGeometry) -> Vector:
         housing = BodyState(*on_straight_rope(state, geometry.position), self._small_swing_rate_1_s)

@@ -14,6 +14,13 @@ from tests.gateway.twin.swings import LENGTH_M, PERIOD_S, POSITION_M, RIG, SWING
 LATER_S = 7.3
 LOAD = BodyState((0.7, -0.4, -11.9), (0.5, 0.8, 0.1), SWING_RATE)
 READING = (0.03, -0.05, 0.99)
+ALONG_MOTION = (
+    "force_by_velocity",
+    "changing_force_by_velocity",
+    "force_by_speed_squared",
+    "force_along_motion",
+    "force_by_speed_cubed",
+)
 CHANGING = [
     name for name in TERMS if "slope" in {p.name for p in TERMS[name].parameters} or TERMS[name].shape_parameters
 ]
@@ -27,6 +34,15 @@ def typical(term: Term) -> Values:
 def test_term_is_linear_at_zero_and_vanishes_there(name: str) -> None:
     with registered_library():
         check_equations(TERMS[name], "the library")
+
+
+@pytest.mark.parametrize("name", TERMS)
+def test_a_term_feeds_energy_where_its_force_is_along_the_velocity(name: str) -> None:
+    term, sizes = TERMS[name], typical(TERMS[name])
+    opposite: Values = {each: value if isinstance(value, tuple) else -value for each, value in sizes.items()}
+
+    assert term.feeds_energy(sizes) is (name in ALONG_MOTION)
+    assert not term.feeds_energy(opposite)
 
 
 def test_library_leaves_the_vocabulary_as_it_was() -> None:

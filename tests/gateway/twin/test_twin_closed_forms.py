@@ -1,7 +1,11 @@
 """The twin against closed forms."""
 
+from functools import partial
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.optimize import brentq
 
 from devices.pendulum.double_pendulum import modes
 from gateway.twin.effects import Values
@@ -53,6 +57,18 @@ def test_viscous_damping_decays_as_an_exponential() -> None:
     assert height == pytest.approx(0.05 * np.exp(-0.01 * SWING_RATE * when), rel=1e-3)
 
 
+def test_damping_ratio_refers_to_the_length_that_is_true() -> None:
+    """Seen from the pivot, a stated length that is 44 % too short is the longer rope, its loss included."""
+    damping: EffectValues = {"viscous_damping": {"damping_ratio": 0.01}}
+    stated: EffectValues = {**damping, "rope_length": {"relative_error": 0.44}}
+    time_s = np.arange(0, 5 * PERIOD_S, 0.05)
+    longer, corrected = (
+        predicted(at_pivot(length_m), effects, [0.3, 0, 0, 0.1], time_s)
+        for length_m, effects in ((1.44 * LENGTH_M, damping), (LENGTH_M, stated))
+    )
+    assert corrected == pytest.approx(longer, abs=1e-8)
+
+
 def test_quadratic_drag_decays_as_a_hyperbola() -> None:
     """A' = -(4/3 pi) k L w A^2."""
     drag_per_m = 0.02
@@ -67,6 +83,39 @@ def test_coulomb_friction_decays_linearly() -> None:
     when, height = envelope({"coulomb_friction": {"decel_m_s2": decel_m_s2}}, 0.08, 12)
     slope = 2 * decel_m_s2 / (np.pi * SWING_RATE * LENGTH_M)
     assert height == pytest.approx(0.08 - slope * when, abs=2e-4)
+
+
+@pytest.mark.parametrize("amplitude_deg", [20.0, 60.0])
+@pytest.mark.parametrize("decel_m_s2", [0.005, 0.05])
+def test_coulomb_friction_takes_its_work_from_each_half_swing_of_any_size(
+    amplitude_deg: float, decel_m_s2: float
+) -> None:
+    """G (cos B - cos A) = mu (A + B) between two turning points A and B."""
+    when, height = envelope({"coulomb_friction": {"decel_m_s2": decel_m_s2}}, np.radians(amplitude_deg), 12)
+    expected = [np.radians(amplitude_deg)]
+    for _ in range(2 * len(when) - 2):
+        last = expected[-1]
+        work = partial(lambda angle, a: G * (np.cos(angle) - np.cos(a)) - decel_m_s2 * (a + angle), a=last)
+        expected.append(brentq(work, 0.0, last))
+    assert height == pytest.approx(expected[::2], rel=0, abs=2e-3 * (expected[0] - expected[-1]) + 2e-6)
+
+
+@pytest.mark.parametrize(("amplitude_deg", "within_rad"), [(80.0, 3e-5), (120.0, 2e-3)])
+def test_large_swing_is_right_after_many_periods(amplitude_deg: float, within_rad: float) -> None:
+    """Also where the rope would have to push: a rigid link."""
+    amplitude, time_s = np.radians(amplitude_deg), np.arange(0, 36 * PERIOD_S, 0.05)
+    exact = solve_ivp(
+        lambda _, y: (y[1], -(SWING_RATE**2) * np.sin(y[0])),
+        (0.0, time_s[-1]),
+        [amplitude, 0.0],
+        method="DOP853",
+        t_eval=time_s,
+        rtol=1e-12,
+        atol=1e-12,
+    )
+    aside = np.sin(amplitude) * np.sqrt(0.5)
+    force = predicted(at_pivot(), {}, [np.arctan2(aside, np.cos(amplitude)), np.arcsin(aside), 0, 0], time_s)
+    assert rope_angle(force) == pytest.approx(np.abs(exact.y[0]), abs=within_rad)
 
 
 def test_lean_under_steady_wind_is_force_over_weight() -> None:

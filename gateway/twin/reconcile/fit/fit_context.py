@@ -24,7 +24,7 @@ from gateway.twin.reconcile.fit.multiple_shooting import SEGMENT_S, uniform_segm
 from gateway.twin.reconcile.fit.prior import prior_of_parts
 from gateway.twin.reconcile.fit.rigging_length import profile_rigging_length
 from gateway.twin.reconcile.fit.trajectory_fit import fit_trajectory
-from gateway.twin.reconcile.fit.windowed_fit import window_bounds
+from gateway.twin.reconcile.fit.window_bounds import window_bounds
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
 

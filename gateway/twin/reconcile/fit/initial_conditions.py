@@ -10,8 +10,8 @@ from gateway.twin.effects import EFFECTS, ModelStructure
 from gateway.twin.model import TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.harmonic_initial_states import harmonic_initial_states
+from gateway.twin.reconcile.fit.initial_states_of_windows import initial_state_from_samples
 from gateway.twin.reconcile.fit.levenberg_marquardt import REFINEMENT_ITERATIONS, NormalEquations
-from gateway.twin.reconcile.fit.windowed_fit import initial_state_from_samples
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING, ROPE_RATES, ROPE_TILTS, rotation_about_vertical
 
@@ -148,7 +148,6 @@ def _linearise_each(
         observations.time_s,
         first_samples,
         observations.temperature_c,
-        independent=True,
     )
     weight = (observations.used[:, None] / observations.noise_g)[:, :, None]
     residual, jacobian = observations.residual_sigma(batch.force_g), batch.force_by_start * weight

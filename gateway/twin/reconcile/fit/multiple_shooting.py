@@ -33,12 +33,15 @@ MIN_RELATIVE_DECREASE = 1e-5
 """A fit has converged when a step lowers chi-square by less than this share."""
 MIN_DECREASE = 0.05
 """A fit has converged when a step lowers chi-square by less than this, whatever the share."""
+MIN_EXCESS_DECREASE = 1e-4
+"""The same share of what chi-square has beyond noise: unexplained motion is correlated over ten samples and more, so that its
+chi-square counts a tenth."""
 JOIN_RELATIVE_DECREASE = 0.3
 """Segments are joined only after a step that lowers chi-square by less than this share."""
 DAMPING_FACTORS = (1e-8, 3e-7, 1e-5, 3e-4, 1e-2, 0.3, 10.0)
 """Levenberg-Marquardt factors on the scaled diagonal, tried in turn until a step improves."""
 INITIAL_DAMPING_LEVEL = 1
-"""Position of the first factor that is tried. A small decrease after more damping does not show convergence."""
+"""Position of the first factor that is tried. One small decrease after more damping does not show convergence."""
 SETTLING_ITERATIONS = 2
 """Iterations after which the pace of a fit is representative. For as many, the times of events are held: before the initial state
 is about right, the sensitivities to times that lie where nothing acts are zero."""
@@ -76,7 +79,7 @@ def fit_model(
     event_times = np.array([parameter.is_event_time for parameter in simulator.parameters])
     settling = SETTLING_ITERATIONS if (event_times & free).any() else 0
     current = problem.linearise(initial_states, problem.simulator.to_fitted(effect_values), first_samples)
-    level = INITIAL_DAMPING_LEVEL
+    level, was_small = INITIAL_DAMPING_LEVEL, False
     for remaining in range(settling + iterations, 0, -1):
         all_free = remaining <= iterations
         step = problem.step(current, free if all_free else free & ~event_times, level)
@@ -87,9 +90,10 @@ def fit_model(
             continue
         current, level = step.after, max(0, step.damping_level - 1)
         if (step.is_hopeless(remaining, give_up_above) and remaining <= iterations - SETTLING_ITERATIONS) or (
-            step.has_converged and all_free
+            step.has_converged(again=was_small) and all_free
         ):
             break
+        was_small = step.is_small
         if step.may_join:
             current = problem.join(current)
     return problem.result(current)
@@ -126,6 +130,8 @@ class _Step:
     before: _Iterate
     after: _Iterate
     damping_level: int
+    n_values: int
+    """Number of values of the recording: the chi-square of noise."""
 
     @property
     def decrease(self) -> float:
@@ -133,10 +139,15 @@ class _Step:
         return self.before.chi2 - self.after.chi2
 
     @property
-    def has_converged(self) -> bool:
-        """Whether a step without much damping lowered chi-square by next to nothing."""
-        least = max(MIN_DECREASE, MIN_RELATIVE_DECREASE * self.after.chi2)
-        return self.before.is_continuous and self.damping_level <= INITIAL_DAMPING_LEVEL and self.decrease < least
+    def is_small(self) -> bool:
+        """Whether the step lowered chi-square by next to nothing."""
+        excess = self.after.chi2 - self.n_values
+        least = max(MIN_DECREASE, MIN_RELATIVE_DECREASE * self.after.chi2, MIN_EXCESS_DECREASE * excess)
+        return self.before.is_continuous and self.decrease < least
+
+    def has_converged(self, *, again: bool) -> bool:
+        """Whether the step was small, and so without much damping or `again`, as the one before."""
+        return self.is_small and (again or self.damping_level <= INITIAL_DAMPING_LEVEL)
 
     @property
     def may_join(self) -> bool:
@@ -188,7 +199,7 @@ class _ShootingProblem:
             self.tick()
             after = self._after(current, equations.bounded_step(free, smallest, largest, DAMPING_FACTORS[level]))
             if after is not None and _improves(current, after):
-                return _Step(current, after, level)
+                return _Step(current, after, level, self.observations.n_values)
         return None
 
     def _after(self, current: _Iterate, step: Array) -> _Iterate | None:

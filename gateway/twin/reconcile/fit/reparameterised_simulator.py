@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,7 @@ from gateway.twin.simulator.simulator import SegmentBatch, Simulator
 Array = NDArray[np.float64]
 Limits = Mapping[str, tuple[float, float]]
 """Lower and upper bounds of effect values by label, where a recording sets narrower ones than the effect."""
-NO_LIMITS: Limits = MappingProxyType({})
+NO_LIMITS: Limits = {}
 
 
 class ReparameterisedSimulator:

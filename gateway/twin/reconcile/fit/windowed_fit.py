@@ -12,21 +12,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.pendulum.small_swing import period_ratio
-from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.data.data_checks import MIN_PERIODS
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.levenberg_marquardt import FIT_ITERATIONS
 from gateway.twin.reconcile.fit.prior import NormalPrior, no_prior
 from gateway.twin.simulator.compiled_model import IntegrationError
 from gateway.twin.simulator.simulator import SegmentBatch, Simulator
-from gateway.twin.simulator.state import HEADING, ROPE_RATES, ROPE_TILTS
+from gateway.twin.simulator.state import HEADING
 
 Array = NDArray[np.float64]
-LOWEST_POINT_SEARCH_PERIODS = 0.55
-"""Length of the interval, in periods, in which a lowest point is searched: there are two in each period."""
-RATE_INTERVAL_PERIODS = 0.02
-"""Interval over which the difference of two tilts gives a rate, in periods."""
 STEP_FRACTIONS = (1.0, 0.3, 0.1)
 """Fractions of a step that are tried in turn until chi-square falls."""
 RANK_TOLERANCE = 1e-5
@@ -34,49 +27,6 @@ RANK_TOLERANCE = 1e-5
 swing seen at the load."""
 MIN_RELATIVE_GAIN = 1e-3
 """A windowed fit ends when a step lowers chi-square by less than this share; it only has to start the next fit."""
-
-
-def window_bounds(rig: TwinRig, observations: Observations) -> list[int]:
-    """Return the first samples of windows of about two periods.
-
-    All but the first begin at a lowest point, where the samples determine the initial state well.
-    """
-    period_s = swing_period_s(rig, observations)
-    count = max(1, round(observations.duration_s / (MIN_PERIODS * period_s)))
-    first_samples = {0}
-    for nominal_s in observations.duration_s * np.arange(1, count) / count:
-        distance_s = np.abs(observations.time_s - nominal_s)
-        near = np.flatnonzero(distance_s < LOWEST_POINT_SEARCH_PERIODS / 2 * period_s)
-        first_samples.add(int(near[np.argmax(observations.force_g[near, 2])]))
-    return sorted(first_samples)
-
-
-def swing_period_s(rig: TwinRig, observations: Observations) -> float:
-    """Return the nominal period at the recording's amplitude."""
-    return rig.small_swing_period_s * period_ratio(observations.amplitude_rad)
-
-
-def initial_state_from_samples(
-    rig: TwinRig, observations: Observations, first_samples: Sequence[int], n_states: int
-) -> Array:
-    """Return the tilts and rates that the lateral readings show at the first samples of windows, shape (windows, states).
-
-    The lateral reading of a free swing is (1 - p/L) sin(tilt) in g, which is too small near the load. Where the stated length is
-    wrong, that of a large swing may seem to exceed the amplitude, which the axial reading gives.
-    """
-    initial_states = np.zeros((len(first_samples), n_states))
-    gain = 1 - rig.position_m / rig.length_m
-    interval_s = RATE_INTERVAL_PERIODS * swing_period_s(rig, observations)
-    ahead = max(1, int(np.searchsorted(observations.time_s, interval_s)))
-    at = np.minimum(np.array(first_samples), len(observations.time_s) - 1 - ahead)
-    largest = np.sin(min(observations.amplitude_rad, np.pi / 2)) if observations.has_large_amplitude else 1.0
-    horizontal = observations.force_g[:, :2] / gain
-    horizontal *= np.minimum(1.0, largest / np.maximum(np.hypot(*horizontal.T), 1e-12))[:, None]
-    tilt, tilt_ahead = np.arcsin(horizontal[at]), np.arcsin(horizontal[at + ahead])
-    initial_states[:, ROPE_TILTS] = tilt
-    elapsed_s = observations.time_s[at + ahead] - observations.time_s[at]
-    initial_states[:, ROPE_RATES] = (tilt_ahead - tilt) / elapsed_s[:, None]
-    return initial_states
 
 
 @dataclass(frozen=True, slots=True)

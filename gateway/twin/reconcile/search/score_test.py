@@ -16,10 +16,8 @@ from gateway.twin.model import EffectValues
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.fit_result import Fit
-from gateway.twin.reconcile.fit.windowed_fit import (
-    project_out_initial_states,
-    window_bounds,
-)
+from gateway.twin.reconcile.fit.window_bounds import window_bounds
+from gateway.twin.reconcile.fit.windowed_fit import project_out_initial_states
 from gateway.twin.reconcile.residual.isolability import orthonormal
 from gateway.twin.simulator.simulator import Simulator
 from gateway.twin.simulator.state import HEADING
@@ -103,7 +101,7 @@ def _signatures_by_window(
     """
     firsts = window_bounds(simulator.rig, observations)
     time_s, temperature_c = observations.time_s, observations.temperature_c
-    found = simulator.linearise_segments(starts, effects, time_s, firsts, temperature_c, independent=True)
+    found = simulator.linearise_segments(starts, effects, time_s, firsts, temperature_c)
     columns, residual = project_out_initial_states(found, observations, firsts)
     places = {
         name: [i for i, s in enumerate(simulator.effect_parameters) if s.effect == name]
