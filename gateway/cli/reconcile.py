@@ -67,6 +67,12 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
         help="drives and hoists of the crane: estimated from the recordings and known to the model; none: they are effects to be "
         "found; auto (the default): estimated for an .mcap, none for a .csv",
     )
+    command.add_argument(
+        "--jobs",
+        type=whole_number,
+        metavar="N",
+        help="processes that share the fits (all cores, at most 4); the answer does not depend on it",
+    )
     command.add_argument("--seed", type=whole_number, default=0, metavar="N", help="seed of the block bootstrap (0)")
     add_effects_from(command)
     add_plan_arguments(command)
@@ -94,6 +100,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.twin.reconcile.output.serialisation import to_json
     from gateway.twin.reconcile.output.text import to_text
     from gateway.twin.reconcile.reconcile import reconcile
+    from gateway.twin.reconcile.search.parallel_fits import usable_processes
 
     begin_s = time.monotonic()
     _check_files(arguments)
@@ -122,6 +129,7 @@ def run(arguments: argparse.Namespace) -> int:
                 inputs=_inputs(arguments.inputs, source, log, model.rig),
                 held_out_inputs=_inputs(arguments.inputs, second_source, second, model.rig, "held_out_"),
                 seed=arguments.seed,
+                processes=usable_processes() if arguments.jobs is None else max(1, arguments.jobs),
                 tick=progress.tick,
             )
             runtime_s = time.monotonic() - begin_s

@@ -1,6 +1,7 @@
 """The workflow: check, split, search, accept, validate, decide, report."""
 
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -14,17 +15,16 @@ from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, CraneInputs, reg
 from gateway.twin.reconcile.data.data_checks import CheckedRecording, find_lack_of_rest
 from gateway.twin.reconcile.data.recordings import Recordings, find_lack_of_test, split_recordings
 from gateway.twin.reconcile.decision.evidence import gather_evidence
-from gateway.twin.reconcile.decision.identifiability import FittedRecording, indistinguishable_from
 from gateway.twin.reconcile.decision.ranking import RankedCandidate, rank_candidates, rivals_of
 from gateway.twin.reconcile.decision.verdict import decide
 from gateway.twin.reconcile.equation.remainder import describe_result
-from gateway.twin.reconcile.fit.fit_context import is_world_directed
 from gateway.twin.reconcile.known_model import KnownModel
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.output.result_builder import SearchOutcome, unusable_result
 from gateway.twin.reconcile.residual.isolability import indistinguishable_pairs
-from gateway.twin.reconcile.residual.residual_tests import excess_chi2, has_excess
+from gateway.twin.reconcile.residual.residual_tests import has_excess
 from gateway.twin.reconcile.residual.surrogate_test import normal_score, null_threshold
+from gateway.twin.reconcile.search.ambiguity import indistinguishable, replace_implausible
 from gateway.twin.reconcile.search.baseline import MIN_REPEATED_GAIN, Values, detect_in_samples, fit_baseline
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
@@ -32,7 +32,6 @@ from gateway.twin.reconcile.search.coincident import fit_coincident_effects
 from gateway.twin.reconcile.search.context import SearchContext, make_context
 from gateway.twin.reconcile.search.events import has_event
 from gateway.twin.reconcile.search.persistent import baseline_of, fit_clock_hypothesis
-from gateway.twin.reconcile.search.score_test import scorable_effects
 from gateway.twin.reconcile.search.steps import (
     PERSISTENT_STEP,
     SINGLE_EFFECT_STEPS,
@@ -81,11 +80,13 @@ def reconcile(
     inputs: CraneInputs = NO_INPUTS,
     held_out_inputs: CraneInputs = NO_INPUTS,
     seed: int = 0,
+    processes: int = 1,
     tick: ReportProgress = lambda _stage, _share=None: None,
 ) -> Reconciliation:
     """Find what the model lacks; `tick` is called with the stage at each step of a fit.
 
     `inputs` and `held_out_inputs`: what the crane did in the log and in a second recording, which is then part of the model.
+    `processes` share the fits; the answer does not depend on their number.
     """
     fault = log.fault or (None if held_out is None or held_out.fault is None else f"held-out: {held_out.fault}")
     if fault is not None or log.observations is None:
@@ -104,16 +105,16 @@ def reconcile(
     if (fault := find_lack_of_test(recordings)) is not None:
         return unusable_result(model, log, fault)
     with registered(inputs, held_out_inputs):
-        return _reconcile(known, recordings, log, seed, tick)
+        return _reconcile(known, recordings, log, seed, Budget(processes=processes), tick)
 
 
 def _reconcile(
-    known: KnownModel, recordings: Recordings, log: CheckedRecording, seed: int, tick: ReportProgress
+    known: KnownModel, recordings: Recordings, log: CheckedRecording, seed: int, budget: Budget, tick: ReportProgress
 ) -> Reconciliation:
     recordings, detected = detect_in_samples(recordings, log.rows_per_reading, known.model.effects)
     random = np.random.default_rng(seed)
     tick("baseline")
-    run = _search(known, recordings, detected, Budget(), tick)
+    run = _search(known, recordings, detected, budget, tick)
     if run is None:
         return unusable_result(known.model, log, "the nominal model cannot be fitted")
     tick("validation")
@@ -122,6 +123,7 @@ def _reconcile(
     if best.has_unexplained_residual and not run.context.setting.crane_inputs:
         tick("usual causes")
         table, best = fit_usual_causes(table.start_round(), run.context, best, run.validator)
+    table, best = replace_implausible(table.start_round(), run.context, run.validator, best)
     run = replace(run, table=table.start_round(), best=best)
     outcome = _decide(known, run, random)
     return describe_result(outcome, log.counts, random)
@@ -150,7 +152,7 @@ def _begin(
 ) -> SearchRun | None:
     """Fit the nominal model, the baseline and the persistent effects; None where the nominal model cannot be fitted."""
     context = make_context(known.of_log, recordings.log, budget, lambda: tick("search", budget.spent_share))
-    validator = Validator(known.model.rig, known.held_out_effects, recordings.selection)
+    validator = Validator(known.model.rig, known.held_out_effects, recordings.selection, budget.processes)
     table = context.fit(CandidateTable(recordings.log), {})
     nominal = table.get({})
     if nominal is None:
@@ -244,7 +246,7 @@ def _decide(known: KnownModel, run: SearchRun, random: np.random.Generator) -> S
         improves_selection=_is_supported_by_selection(run, best, base, random),
         large_amplitude=context.setting.large_amplitude,
     )
-    decision = decide(evidence, run.recordings.log, lambda name: _indistinguishable(run, best, name))
+    decision = decide(evidence, run.recordings.log, partial(indistinguishable, context, validator, best.candidate))
     return SearchOutcome(
         model=known.model,
         recordings=run.recordings,
@@ -272,27 +274,3 @@ def _is_supported_by_selection(
     if all(interval is not None and interval[1] < selection.offset_s for interval in intervals_s):
         return True
     return improves(base.validation, best.validation, run.validator, random)
-
-
-def _indistinguishable(run: SearchRun, best: RankedCandidate, name: str) -> tuple[str, ...]:
-    """Effects with the same signature as one of the best set, on the log and on the selection part together."""
-    setting, n = run.context.setting, run.context.setting.simulator(best.names).n_initial_states
-    recordings = (
-        FittedRecording(
-            setting.log,
-            {**setting.model_effects, **best.candidate.crane_inputs},
-            best.candidate.fit.values[:n],
-            heading_is_fitted=False,
-            excess_chi2=excess_chi2(setting.log, best.candidate.fit),
-        ),
-        FittedRecording(
-            run.validator.selection,
-            run.validator.effects_of(best.candidate),
-            best.validation.fit.values[:n],
-            heading_is_fitted=is_world_directed({*best.names, *setting.model_effects}),
-            excess_chi2=excess_chi2(run.validator.selection, best.validation.fit),
-        ),
-    )
-    model = {name: each for name, each in setting.model_effects.items() if name not in setting.crane_inputs}
-    model |= best.candidate.values
-    return indistinguishable_from(setting.rig, model, name, scorable_effects(setting), recordings)

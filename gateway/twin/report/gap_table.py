@@ -58,7 +58,7 @@ def _closed(before: float, after: float) -> str:
     if before == after:
         return "unchanged"
     closed = Gap.closed_percent(before, after)
-    return "no gap" if closed is None else format_percent(min(closed, 100.0))
+    return "no gap" if closed is None else format_percent(closed)
 
 
 def _angle_texts(curves: Curves | None, rig: TwinRig) -> tuple[str, str]:

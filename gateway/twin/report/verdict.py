@@ -28,7 +28,7 @@ NO_ACTION = (
 UNUSABLE = "This is no statement on the crane or the sensor; do not take it for “all is well”."
 NEXT_TIME = "Once it is confirmed, add it to the rig’s description: the next comparison then starts from there."
 WHERE_TO_LOOK = "Check what else acted on the load, the rope or the sensor."
-INDISTINGUISHABLE = "explains the difference, and this recording cannot distinguish them"
+INDISTINGUISHABLE = ", and this recording cannot distinguish them"
 NO_SPLIT = "No experiment that would distinguish them was found."
 NOT_ONE_ALONE = "Until then, do not act on one of them alone."
 PEAKS = 3
@@ -109,17 +109,19 @@ def _sentence(result: Reconciliation) -> str:
             them = "it" if len(effects) == 1 else "them"
             return f"The nominal model lacks {names}. With {them}, the simulation agrees with the measurement."
         case "one_of":
-            return _group_sentence(result.candidates)
+            return _group_sentence(result.candidates, with_remainder=result.leaves_remainder)
         case "named_with_remainder":
             return f"The nominal model lacks {names}, and a further effect that is not known."
         case "unmodelled":
             return "No effect in the catalogue explains the difference; its cause is unknown."
 
 
-def _group_sentence(candidates: tuple[str, ...]) -> str:
+def _group_sentence(candidates: tuple[str, ...], *, with_remainder: bool) -> str:
+    does = "acts" if with_remainder else "explains the difference"
+    beside = " A further effect is not known." if with_remainder else ""
     if not candidates:
-        return f"One of several effects {INDISTINGUISHABLE}; their names were not recorded."
-    return f"One of these effects {INDISTINGUISHABLE}: {join_names(candidates, 'or')}."
+        return f"One of several effects {does}{INDISTINGUISHABLE}; their names were not recorded.{beside}"
+    return f"One of these effects {does}{INDISTINGUISHABLE}: {join_names(candidates, 'or')}.{beside}"
 
 
 def _findings(result: Reconciliation) -> tuple[Finding, ...]:
@@ -176,7 +178,7 @@ def _equation(law: Law) -> str:
     """Return what describes the remainder, and what it resembles."""
     text = f"An equation describes the remainder: {law.text}."
     if law.closed_test_percent is not None:
-        text += f" It closes {min(law.closed_test_percent, 100.0):.1f} % of the gap on the test part."
+        text += f" It closes {law.closed_test_percent:.1f} % of the gap on the test part."
     alike = dict.fromkeys(each.name for term in law.terms for each in term.closest_effects)
     if alike:
         text += f" The closest known effects do not explain it: {join_names(list(alike))}."
@@ -204,7 +206,8 @@ def _advice(result: Reconciliation) -> str:
             return f"Check the crane and the sensor for this. {NEXT_TIME}"
         case "one_of":
             split = f"To distinguish them: {as_sentence(result.split_by)}" if result.split_by else NO_SPLIT
-            return f"{split} {NOT_ONE_ALONE}"
+            rest = f" {unexplained(result)} {WHERE_TO_LOOK}" if result.leaves_remainder else ""
+            return f"{split} {NOT_ONE_ALONE}{rest}"
         case "named_with_remainder":
             return f"The named part is supported by the data. {unexplained(result)} {WHERE_TO_LOOK}"
         case "unmodelled":

@@ -13,6 +13,9 @@ MIN_SATURATED_READINGS = 3
 """Readings of an axis at exactly its extreme value that chance can put there, in readings with six digits."""
 WRITTEN_RESOLUTION_G = 1e-6
 """Readings that differ by less are equal, g: recordings are written with six or seven digits."""
+MIN_NAMED_STEP_SIGMA = 2.0
+"""Step over the noise from which it is an effect. Noise of half a step q dithers it: the mean of the readings follows the force
+to exp(-2 pi^2 sigma^2/q^2)/pi = 0.2 % of a step, and the error is white noise of variance q^2/12, as if there were more of it."""
 MIN_ON_LATTICE_SHARE = 0.98
 """Share of the readings that are multiples of a step, for the step to be real; spikes need not be."""
 
@@ -20,7 +23,8 @@ MIN_ON_LATTICE_SHARE = 0.98
 def detect_saturation(force_g: Array) -> float | None:
     """Return the level in g at which readings (n, 3) stop; None where they do not.
 
-    A reading that a slow sensor repeats in all axes counts once.
+    A reading that a slow sensor repeats in all axes counts once. A level of 1 g is no limit: every sensor that hangs still reads
+    it, and at the pivot no angle reads more.
     """
     fresh = np.concatenate([[True], np.any(np.diff(force_g, axis=0) != 0, axis=1)])
     readings_g = force_g[fresh]
@@ -29,7 +33,8 @@ def detect_saturation(force_g: Array) -> float | None:
     for axis in readings_g.T:
         for signed in (axis, -axis):
             largest = float(signed.max())
-            if largest > 0 and np.count_nonzero(signed > largest - WRITTEN_RESOLUTION_G) > fewest:
+            is_gravity = abs(largest - 1) < WRITTEN_RESOLUTION_G
+            if largest > 0 and not is_gravity and np.count_nonzero(signed > largest - WRITTEN_RESOLUTION_G) > fewest:
                 levels.append(largest)
     return max(levels, default=None)
 

@@ -1,8 +1,9 @@
 """Identifiability: which effects leave the same signature at a fitted model, and so cannot be told apart.
 
 A signature is how the samples respond to an effect's parameters, by linearisation, with what every recording fits anyway
-projected out: initial motion, heading, and the other effects of the model. Two effects with the same signature form an
-ambiguity group, whatever their fits say (isolability, Basseville and Nikiforov 1993).
+projected out: initial motion and heading. Two effects with the same signature, where the other effects of the model may change
+as well, form an ambiguity group, whatever their fits say (isolability, Basseville and Nikiforov 1993). No value may leave what
+is possible and what parts have: an effect that would have to is no alternative.
 """
 
 import math
@@ -11,10 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import lsq_linear
 
 from gateway.twin.effects import EFFECTS
+from gateway.twin.effects.plausibility import TAIL_SHARE, limit_of
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE
 from gateway.twin.reconcile.residual.isolability import orthonormal
 from gateway.twin.simulator.parameter_vector import ParameterSpec
 from gateway.twin.simulator.simulator import Simulator
@@ -71,18 +75,51 @@ def contribution_angles(
     columns = np.concatenate([_project_recording(simulator, rig, model, each) for each in recordings])
     specs = simulator.parameters
     kept = [i for i, spec in enumerate(specs) if spec.effect in model and spec.effect != name and not spec.refitted]
-    basis = orthonormal(columns[:, kept])
-    columns = columns - basis @ (basis.T @ columns)
     contribution = columns[:, _places(specs, name)] @ _distance_from_neutral(simulator, model, name)
-    size = float(np.linalg.norm(contribution))
+    basis = orthonormal(columns[:, kept])
+    size = float(np.linalg.norm(contribution - basis @ (basis.T @ contribution)))
     if size == 0.0:
         return 0.0, {}
+    lower, upper = possible_changes(simulator, model, rig)
     angles_rad = {}
     for other in tried:
-        reach = orthonormal(columns[:, _places(specs, other)])
-        beyond = contribution - reach @ (reach.T @ contribution)
-        angles_rad[other] = float(np.arcsin(min(1.0, float(np.linalg.norm(beyond)) / size)))
+        used = [*_places(specs, other), *kept]
+        beyond = distance_within(contribution, columns[:, used], lower[used], upper[used])
+        angles_rad[other] = float(np.arcsin(min(1.0, beyond / size)))
     return size, angles_rad
+
+
+def possible_changes(simulator: Simulator, model: EffectValues, rig: TwinRig) -> tuple[Array, Array]:
+    """Return by how much each value may fall and rise from that of the model, (values,) each; effects beside it are neutral.
+
+    The ends are the bounds of the parameter and what parts have: beyond it until the prior density is that of a rival that is no
+    alternative (`MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE`). A value of the model that is beyond may stay.
+    """
+    at = simulator.values([], {name: values for name, values in model.items() if name in simulator.effect_names})
+    n = simulator.n_initial_states
+    lower, upper = np.full(len(at), -np.inf), np.full(len(at), np.inf)
+    beyond = 1 + TAIL_SHARE * math.sqrt(MIN_EVIDENCE_MARGIN_INDISTINGUISHABLE)
+    for i, spec in enumerate(simulator.parameters[n:], start=n):
+        parameter = next(each for each in EFFECTS[spec.effect].parameters if each.name == spec.parameter)
+        limit = limit_of(parameter, rig)
+        reach = math.inf if limit is None else beyond * limit
+        lower[i] = min(0.0, max(spec.lower, spec.neutral - reach) - at[i])
+        upper[i] = max(0.0, min(spec.upper, spec.neutral + reach) - at[i])
+    return lower, upper
+
+
+def distance_within(target: Array, columns: Array, lower: Array, upper: Array) -> float:
+    """Distance of a target (m,) from what columns (m, k) reach with coefficients between lower and upper (k,)."""
+    norms = np.linalg.norm(columns, axis=0)
+    able = (norms > 0) & (lower < upper)
+    if not able.any():
+        return float(np.linalg.norm(target))
+    scale = norms[able]
+    # In the basis of the columns the problem has as many rows as unknowns; what is orthogonal to them stays.
+    basis, triangle = np.linalg.qr(columns[:, able] / scale)
+    inside = basis.T @ target
+    found = lsq_linear(triangle, inside, (lower[able] * scale, upper[able] * scale), method="bvls")
+    return float(np.hypot(np.linalg.norm(target - basis @ inside), np.linalg.norm(found.fun)))
 
 
 def _project_recording(simulator: Simulator, rig: TwinRig, model: EffectValues, recording: FittedRecording) -> Array:

@@ -53,7 +53,9 @@ def rank_candidates(
     def ranked(fit: CandidateFit) -> RankedCandidate:
         return RankedCandidate(fit, validator.evaluate(fit), table.bic(fit), 0.0)
 
-    found = [ranked(fit) for fit in [best, *near[: MAX_VALIDATED - 1]]]
+    chosen = [best, *near[: MAX_VALIDATED - 1]]
+    validator.evaluate_ahead([*chosen, table.fits[baseline]])
+    found = [ranked(fit) for fit in chosen]
     evidence = {each.names: each.bic + each.validation.fit.chi2 / table.noise_inflation for each in found}
     least = min(evidence.values())
     found = [replace(each, evidence_deficit=evidence[each.names] - least) for each in found]

@@ -26,7 +26,7 @@ class Reason(Enum):
     NOTHING_MISSING = "The nominal model explains both recordings down to the noise."
     FOUND_BEFORE_SEARCH = "The samples themselves show it; nothing else is missing."
     NOT_EXPLAINED = "The nominal model does not explain the data, and no effect of the vocabulary does."
-    GAP_CLOSED_WITH_RESIDUAL = "These effects close at least 99 % of the gap on held-out data; a residual remains."
+    GAP_CLOSED_WITH_RESIDUAL = "These effects close nearly all of the gap on held-out data; a residual remains."
     USUAL_WITH_RESIDUAL = (
         "These effects, which every rig has to some degree, close at least 90 % of the gap; a residual remains."
     )
@@ -65,6 +65,12 @@ class Decision:
     def known(self) -> frozenset[str]:
         """The effects that are named, and those of the groups."""
         return frozenset((*self.named, *self.candidates)).union(*self.also_one_of)
+
+    @property
+    def leaves_remainder(self) -> bool:
+        """Whether something is left that neither a name nor a group explains."""
+        beside = (Reason.USUAL_WITH_RESIDUAL, Reason.INDISTINGUISHABLE_WITH_RESIDUAL)
+        return self.verdict in ("unmodelled", "named_with_remainder") or self.reason in beside
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,7 +245,7 @@ def _name_one_mixture_of_axes(decision: Decision) -> Decision:
 def _group_indistinguishable(
     decision: Decision, baseline: frozenset[str], indistinguishable: Callable[[str], tuple[str, ...]]
 ) -> Decision:
-    """Replace a named effect by its ambiguity group, whatever the fits of the group's members say.
+    """Replace named effects by their ambiguity groups, whatever the fits of the groups' members say.
 
     First those of the baseline: beside a wrong length, a clock's rate differs from it by nothing but a loss.
     """
@@ -252,18 +258,25 @@ def _group_indistinguishable(
         if decision.verdict == "named":
             reason = Reason.INDISTINGUISHABLE
             return replace(decision, verdict="one_of", reason=reason, text=reason.value, named=named, candidates=group)
-        if decision.reason is Reason.USUAL_WITH_RESIDUAL:
+        if decision.candidates or decision.reason is Reason.USUAL_WITH_RESIDUAL:
             decision = _with_group(decision, named, group)
             continue
         reason = Reason.INDISTINGUISHABLE_WITH_RESIDUAL
-        verdict: Verdict = "named_with_remainder" if named else "unmodelled"
+        verdict = _with_remainder(decision.verdict, named)
         return replace(decision, verdict=verdict, reason=reason, text=reason.value, named=named, candidates=group)
     return decision
 
 
+def _with_remainder(verdict: Verdict, named: tuple[str, ...]) -> Verdict:
+    """Return the verdict where a group acts beside a remainder: the group is known although none of its members is."""
+    if verdict == "unmodelled" or named:
+        return verdict
+    return "one_of"
+
+
 def _with_group(decision: Decision, named: tuple[str, ...], group: tuple[str, ...]) -> Decision:
     """Add a group to an answer that may have several; the first are its candidates."""
-    verdict: Verdict = "named_with_remainder" if named else "one_of"
+    verdict = _with_remainder(decision.verdict, named)
     if decision.candidates:
         return replace(decision, verdict=verdict, named=named, also_one_of=(*decision.also_one_of, group))
     return replace(decision, verdict=verdict, named=named, candidates=group)

@@ -12,15 +12,15 @@ from gateway.twin.reconcile.output.law_builder import add_law
 from gateway.twin.reconcile.output.result import Reconciliation
 from gateway.twin.reconcile.output.result_builder import SearchOutcome, build_result
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, Values
+from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
-VERDICTS_WITH_REMAINDER = frozenset({"unmodelled", "named_with_remainder"})
 MIN_ATTEMPT_CLOSED = 0.5
 """Share of the gap on the selection part that a best attempt closes if a law is sought beside it as well."""
 
 
 def describe_result(found: SearchOutcome, counts: Mapping[str, int], random: np.random.Generator) -> Reconciliation:
     """Return the result of a search, with the law of what is left where something is and the test part does not refute it."""
-    if found.decision.verdict not in VERDICTS_WITH_REMAINDER:
+    if not found.decision.leaves_remainder:
         return build_result(found, counts, random)
     with registered_library():
         described = _describe(found, random)
@@ -54,7 +54,10 @@ def _law_beside(
     found: SearchOutcome, values: Values, optional: tuple[str, ...], random: np.random.Generator
 ) -> FoundLaw | None:
     base = _base(found, values)
-    return None if base is None else find_law(found.context, base, found.validator, random, optional)
+    try:
+        return None if base is None else find_law(found.context, base, found.validator, random, optional)
+    except INTEGRATION_FAILURES:  # a base that diverges on the held-out recording describes nothing
+        return None
 
 
 def _base(found: SearchOutcome, values: Values) -> CandidateFit | None:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.term_library import TERMS
 from gateway.twin.reconcile.decision.ranking import MIN_EVIDENCE_MARGIN, VALIDATED_MARGIN
 from gateway.twin.reconcile.equation.screening import ScreenedTerm, screen_terms
@@ -18,6 +19,7 @@ from gateway.twin.reconcile.residual.noise_inflation import noise_inflation_fact
 from gateway.twin.reconcile.residual.residual_tests import warrants_another_effect
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, Values
 from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.parallel_fits import FitRequest
 from gateway.twin.reconcile.search.validation_cache import Validator
 from gateway.twin.reconcile.search.validation_search import improves
 
@@ -100,20 +102,27 @@ def _with_one_more(
     screened = sorted(screen_terms(context.setting, law.candidate), key=lambda each: -_score(each, context, law))
     largest = max((each.gain for each in screened), default=0.0)
     chosen = [each for each in screened if each.gain > MIN_GAIN_SHARE * largest][:MAX_FITTED]
-    starts = context.segment_starts(law.candidate)
-    for each in chosen:
+    starts, give_up_above = context.segment_starts(law.candidate), 2 * law.candidate.fit.chi2
+    requests = [
+        FitRequest({**law.candidate.values, each.name: each.values}, starts, give_up_above=give_up_above)
+        for each in chosen
+    ]
+    context.fit_ahead(requests)
+    for request in requests:
         if context.budget.work > max_work:
             break
-        values = {**law.candidate.values, each.name: each.values}
-        table = context.fit(table, values, starts, give_up_above=table.give_up_above)
+        table = context.fit_requested(table, request)
     table = table.start_round()
     limit = table.bic(table.best) + VALIDATED_MARGIN
     fitted = [(each, table.get({*law.candidate.values, each.name})) for each in chosen]
-    rivals = [
-        _Rival(each, fit, validator.evaluate(fit), table)
+    near_best = [
+        (each, fit)
         for each, fit in fitted
         if fit is not None and table.bic(fit) < limit and table.is_significant(law.candidate, fit)
+        if not pairs_loss_with_gain(fit, each.name)
     ]
+    validator.evaluate_ahead(fit for _, fit in near_best)
+    rivals = [_Rival(each, fit, validator.evaluate(fit), table) for each, fit in near_best]
     rivals.sort(key=lambda each: each.evidence)
     if not rivals or not _holds(law, _simplest(rivals), validator, random):
         return None
@@ -134,6 +143,11 @@ def _with_one_more(
         signatures={**law.signatures, best.name: best.screened.signature},
         noise_inflation=table.noise_inflation,
     )
+
+
+def pairs_loss_with_gain(fit: CandidateFit, term: str) -> bool:
+    """Return whether a term feeds in what a loss beside it takes out: as one loss of another shape, each has a false size."""
+    return TERMS[term].feeds_energy(fit.values[term]) and any(EFFECTS[name].dissipative for name in fit.names)
 
 
 @dataclass(frozen=True, slots=True)

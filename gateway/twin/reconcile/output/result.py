@@ -164,10 +164,13 @@ class Gap:
 
     @staticmethod
     def closed_percent(before: float | None, after: float | None) -> float | None:
-        """100 (before - after)/(before - 1); None where nothing was open."""
+        """100 (before - after)/(before - 1), at most 100: a stated noise that is too large leaves less than 1.
+
+        None where nothing was open.
+        """
         if before is None or after is None or before <= 1.0:
             return None
-        return 100 * (before - after) / (before - 1)
+        return min(100.0, 100 * (before - after) / (before - 1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -254,6 +257,8 @@ class Reconciliation:
     """Effects that coincide with named ones or with candidates."""
     also_one_of: tuple[tuple[str, ...], ...] = ()
     """Further groups of candidates, of each of which one effect acts as well."""
+    leaves_remainder: bool = False
+    """Something is left that neither an effect of the answer nor one of a group explains."""
     law: Law | None = None
     """What describes the remainder where no effect explains it; part of the final model."""
 

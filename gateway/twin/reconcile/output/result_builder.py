@@ -90,6 +90,7 @@ def build_result(found: SearchOutcome, counts: Mapping[str, int], random: np.ran
         ),
         candidates=decision.candidates,
         also_one_of=decision.also_one_of,
+        leaves_remainder=decision.leaves_remainder,
         split_by=_discriminating_experiments(
             (*decision.candidates, *(n for group in decision.also_one_of for n in group))
         ),

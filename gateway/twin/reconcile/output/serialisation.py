@@ -19,6 +19,7 @@ def to_json(result: Reconciliation, runtime_s: float) -> dict[str, Any]:
         "verdict": result.verdict,
         "reason": result.reason,
         "reason_code": result.reason_code,
+        "remainder": result.leaves_remainder,
         "parts": [
             {
                 "role": part.role,

@@ -47,7 +47,7 @@ def to_text(result: Reconciliation) -> str:
         lines.append(f"inputs       {_inputs(result.inputs)}")
     if result.gap is not None:
         lines.append(f"gap          {_gap(result.gap)}")
-    if result.verdict in ("unmodelled", "named_with_remainder") and result.residual is not None:
+    if result.leaves_remainder and result.residual is not None:
         lines += [
             f"residual     {p.amplitude_g * 1e3:.3g} mg at {p.hz:.4g} Hz on {p.axis}" for p in result.residual.peaks
         ]
@@ -73,7 +73,7 @@ def _law(law: Law | None) -> list[str]:
         if term.closest_effects:
             lines.append(f"    resembles {', '.join(_resemblance(each) for each in term.closest_effects)}")
     if law.closed_test_percent is not None:
-        lines.append(f"    closes {min(law.closed_test_percent, 100.0):.1f} % of the gap on the test part")
+        lines.append(f"    closes {law.closed_test_percent:.1f} % of the gap on the test part")
     return lines
 
 
@@ -132,5 +132,5 @@ def _gap(gap: Gap) -> str:
         text += f", test part {gap.before_test:.3g} -> {gap.after_test:.3g}"
         closed = Gap.closed_percent(gap.before_test, gap.after_test)
         if closed is not None:
-            text += f" ({min(closed, 100.0):.1f} % closed)"
+            text += f" ({closed:.1f} % closed)"
     return text + " (reduced chi-square; 1 is noise)"

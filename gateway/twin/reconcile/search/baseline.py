@@ -3,14 +3,16 @@
 from collections.abc import Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from gateway.numerics.spectrum import find_machine_line
-from gateway.swing.detection.rope_length import rope_length_by_period
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.parameter import Value
 from gateway.twin.effects.rope import RopeLength
 from gateway.twin.effects.sensor import Vibration
 from gateway.twin.effects.sensor_output import Clipping, Quantization, SampleHold
 from gateway.twin.reconcile.data.artefact_detectors import (
+    MIN_NAMED_STEP_SIGMA,
     detect_quantisation_step,
     detect_saturation,
     noise_with_quantisation_g,
@@ -18,6 +20,7 @@ from gateway.twin.reconcile.data.artefact_detectors import (
 from gateway.twin.reconcile.data.recordings import Recordings
 from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.length_guess import length_error_by_period
 from gateway.twin.reconcile.search.residual_guesses import fit_second_mode
 from gateway.twin.reconcile.search.validation_cache import Validator
 
@@ -43,8 +46,9 @@ def _detect_steps_or_limits(recordings: Recordings) -> tuple[Recordings, Values]
     if step_g is not None:
         noise_g = noise_with_quantisation_g(log, step_g)
         log, held_out = replace(log, noise_g=noise_g), replace(held_out, noise_g=noise_g)
+        is_named = step_g > MIN_NAMED_STEP_SIGMA * float(np.min(recordings.log.noise_g))
         coarse = replace(recordings, log=log, held_out=held_out, held_out_as_stamped=held_out)
-        return coarse, {Quantization.name: {"lsb_g": step_g}}
+        return coarse, {Quantization.name: {"lsb_g": step_g}} if is_named else {}
     limit_g = detect_saturation(log.force_g)
     return recordings, {} if limit_g is None else {Clipping.name: {"full_scale_g": limit_g}}
 
@@ -69,14 +73,8 @@ def _add_rope_length(
     Beside a model that is soon out of phase no effect shows as what it is. Backward elimination removes an error that a model
     with losses does not need; the model without them does not tell.
     """
-    setting, log = context.setting, context.setting.log
-    if not setting.large_amplitude or RopeLength.name in setting.model_effects:
-        return table, base
-    by_period = rope_length_by_period(log.time_s, log.force_g, setting.rig.gravity_m_s2)
-    if by_period is None:
-        return table, base
-    error = by_period.length_m / setting.rig.length_m - 1
-    if abs(error) < by_period.u_rel:
+    error = length_error_by_period(context.setting) if context.setting.large_amplitude else None
+    if error is None:
         return table, base
     values = {**base.values, RopeLength.name: {"relative_error": error}}
     table = context.fit(table, values)

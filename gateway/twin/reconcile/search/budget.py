@@ -1,4 +1,4 @@
-"""The budget of a search: how many fits, and how much integration, it may spend."""
+"""The budget of a search: how many fits, and how much integration, it may spend, and in how many processes."""
 
 from dataclasses import dataclass
 
@@ -14,6 +14,8 @@ class Budget:
 
     max_fits: int = MAX_FITS
     max_work: float = MAX_WORK
+    processes: int = 1
+    """Processes for fits that do not depend on each other."""
     fits: int = 0
     work: float = 0.0
     work_per_evaluation: float = 0.0
@@ -37,3 +39,8 @@ class Budget:
     def count_evaluation(self) -> None:
         """Count one linearisation of the model."""
         self.work += self.work_per_evaluation
+
+    def add_fit(self, work: float) -> None:
+        """Count a fit that was made elsewhere."""
+        self.fits += 1
+        self.work += work

@@ -75,6 +75,8 @@ class CandidateTable:
     log: Observations
     noise_inflation: float = 1.0
     """Variance of the residual's noise in the band of the swing over white noise; fixed within a round."""
+    give_up_above: float = math.inf
+    """Chi-square above which a further fit is no rival to the best so far; fixed as well. Twice the best: fits still converge."""
     fits: Mapping[frozenset[str], CandidateFit] = field(default_factory=dict)
     moves: tuple[Move, ...] = ()
 
@@ -90,9 +92,10 @@ class CandidateTable:
         return replace(self, fits={**self.fits, fit.names: fit})
 
     def start_round(self) -> "CandidateTable":
-        """Fix the noise inflation of the next round: that of the residual of the closest fit."""
+        """Fix the noise inflation of the next round, that of the residual of the closest fit, and where its fits give up."""
         residual = self.log.residual_sigma(self.closest.fit.force_g)
-        return replace(self, noise_inflation=noise_inflation_factor(self.log.time_s, residual))
+        fixed = replace(self, noise_inflation=noise_inflation_factor(self.log.time_s, residual))
+        return replace(fixed, give_up_above=2 * fixed.best.fit.chi2)
 
     def record_move(self, before: CandidateFit, after: CandidateFit) -> "CandidateTable":
         """Note that the search continues from another set of effects."""
@@ -137,11 +140,6 @@ class CandidateTable:
         more = max(1, after.n_parameters - before.n_parameters)
         statistic = gain / self.noise_inflation / (1 + SCORE_PENALTY_PER_PARAMETER * more)
         return gain > MIN_VARIANCE_SHARE * self.log.n_values and statistic > MIN_SCORE_STATISTIC
-
-    @property
-    def give_up_above(self) -> float:
-        """Chi-square above which a further fit is no rival to the best; twice the best, since fits still converge."""
-        return 2 * self.best.fit.chi2
 
 
 def make_candidate(setting: FitContext, values: Values, fit: Fit) -> CandidateFit | None:

@@ -1,7 +1,8 @@
 """What all steps of a search share: the recording, the budget, and results that are computed once."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.fit_context import SEARCH_ITERATIONS, FitContext
 from gateway.twin.reconcile.search.budget import Budget
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable, make_candidate
+from gateway.twin.reconcile.search.parallel_fits import FitRequest, run_in_processes
 from gateway.twin.reconcile.search.score_test import Signatures, compute_signatures, scorable_effects
 from gateway.twin.simulator.compiled_model import INTEGRATION_FAILURES
 
@@ -25,6 +27,8 @@ Array = NDArray[np.float64]
 Values = Mapping[str, Mapping[str, Value]]
 REFINE_ITERATIONS = 20
 """Iterations of a fit that continues along a narrow valley of chi-square."""
+MIN_PARALLEL_WORK = 5e4
+"""Derivatives in one linearisation from which fits are worth a process: some 0.1 s for a fit."""
 
 
 @dataclass(slots=True)
@@ -35,6 +39,8 @@ class SearchContext:
     budget: Budget
     baseline_effects: Values = field(default_factory=dict)
     """Effects found without a search: every candidate contains them."""
+    _ahead: dict[tuple[object, ...], tuple[CandidateFit | None, float]] = field(default_factory=dict)
+    """Fits that were made before the search asks for them, with their work."""
     _changepoints: dict[tuple[frozenset[str], bool], EventWindow | None] = field(default_factory=dict)
     _prefixes: dict[frozenset[str], list[ConsistentPrefix]] = field(default_factory=dict)
     _signatures: dict[frozenset[str], Signatures] = field(default_factory=dict)
@@ -60,13 +66,46 @@ class SearchContext:
         held_by_parts: bool = False,
     ) -> CandidateTable:
         """Fit a set of effects from these values; the table stays as it is where the fit diverges."""
+        return self.fit_requested(table, FitRequest(values, starts, iterations, give_up_above, held_by_parts))
+
+    def fit_requested(self, table: CandidateTable, request: FitRequest) -> CandidateTable:
+        """Fit as a request says, if that was not done ahead; the table stays as it is where the fit diverges."""
+        known = self._ahead.pop(request.key, None) if self._ahead else None
+        if known is None:
+            found = self._make(request)
+        else:
+            found, work = known
+            self.budget.add_fit(work)
+        return table if found is None else table.with_fit(found)
+
+    def fit_ahead(self, requests: Sequence[FitRequest]) -> None:
+        """Make fits at once that the search is about to ask for one after the other; what it does not ask for is dropped."""
+        self._ahead.clear()
+        if min(self.budget.processes, len(requests)) < 2 or self.budget.is_exhausted:
+            return
+        if max(self.setting.work_per_evaluation(each.values) for each in requests) < MIN_PARALLEL_WORK:
+            return
+        made = run_in_processes([partial(self._make_counted, each) for each in requests], self.budget.processes)
+        self._ahead.update((each.key, outcome) for each, outcome in zip(requests, made, strict=False))
+
+    def _make(self, request: FitRequest) -> CandidateFit | None:
+        values = request.values
         self.budget.begin_fit(self.setting.work_per_evaluation(values))
         try:
-            fit = self.setting.fit(values, starts, iterations, give_up_above, held_by_parts=held_by_parts)
+            fit = self.setting.fit(
+                values,
+                request.starts,
+                request.iterations,
+                request.give_up_above,
+                held_by_parts=request.held_by_parts,
+            )
         except INTEGRATION_FAILURES:
-            return table
-        found = make_candidate(self.setting, values, fit)
-        return table if found is None else table.with_fit(found)
+            return None
+        return make_candidate(self.setting, values, fit)
+
+    def _make_counted(self, request: FitRequest) -> tuple[CandidateFit | None, float]:
+        before = self.budget.work
+        return self._make(request), self.budget.work - before
 
     def fit_first_that_explains(
         self,

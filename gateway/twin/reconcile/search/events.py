@@ -32,8 +32,8 @@ MAX_REFINED = 2
 """Fits of a size that are refined."""
 MAX_REFINED_EXCESS_RATIO = 5.0
 """Excess of the reduced chi-square over that of the best fit: a fit with more does not become the best by converging."""
-STRETCHES = (2.5, 0.4)
-"""Factors on an event's duration that are tried: a short strong event is much like a long weak one."""
+STRETCHES = (2.5, 1.6, 0.6, 0.4)
+"""Factors on an event's duration that are tried: a short strong event is much like a long weak one, and fits end between them."""
 EDGES = (0.1, 0.5)
 """Edges that are tried: no small step leads from sharp edges to slow ones."""
 

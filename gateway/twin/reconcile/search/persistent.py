@@ -1,10 +1,15 @@
 """Steps that fit persistent effects: a score test ranks them, the best ones are fitted."""
 
+from collections.abc import Iterable
+
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.clock import ClockDrift
+from gateway.twin.effects.rope import RopeLength
 from gateway.twin.reconcile.residual.isolability import CONFUSABLE_COSINE, smallest_angle_cosine
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
-from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.context import SearchContext, excludes_each_other
+from gateway.twin.reconcile.search.length_guess import length_error_by_period
+from gateway.twin.reconcile.search.parallel_fits import FitRequest
 
 MAX_SCORED = 4
 """Effects that are fitted beside a parent, by their score, as long as none explains the log."""
@@ -28,12 +33,30 @@ def fit_persistent_effects(table: CandidateTable, context: SearchContext) -> Can
     """
     base = baseline_of(table, context)
     if context.setting.large_amplitude:
-        for name in EFFECTS.choose(dissipative=True, is_scored=True):
+        losses = EFFECTS.choose(dissipative=True, is_scored=True)
+        context.fit_ahead(requests_beside(table, context, base, losses))
+        for name in losses:
             table = fit_persistent(table, context, base, name)
         table = table.start_round()
         if table.closest.reduced_chi2 - 1 < MAX_LOSS_REMAINDER * (base.reduced_chi2 - 1):
             return table
+    else:
+        table = _fit_length_by_period(table, context, base)
     return fit_by_score(table, context, base, at_most=None)
+
+
+def _fit_length_by_period(table: CandidateTable, context: SearchContext, base: CandidateFit) -> CandidateTable:
+    """Fit the length from that of the period; a hoist changes the period as well, and then no length closes most of the gap.
+
+    From the stated length a fit of one that is wrong by a tenth loses the phase, and what bends the rope is named for it.
+    """
+    error = length_error_by_period(context.setting)
+    if error is None:
+        return table
+    values = {**base.values, RopeLength.name: {"relative_error": error}}
+    found = context.fit(CandidateTable(table.log), values).get(values)
+    closes_most = found is not None and found.reduced_chi2 - 1 < MAX_PAIR_REMAINDER * (base.reduced_chi2 - 1)
+    return table.with_fit(found).start_round() if found is not None and closes_most else table
 
 
 def fit_clock_hypothesis(table: CandidateTable, context: SearchContext) -> CandidateFit | None:
@@ -79,6 +102,9 @@ def fit_by_score(
     gains = {name: signatures.predicted_chi2_drop(name) for name in signatures.of}
     ranked = sorted(gains, key=lambda name: -gains[name])
     for rank, name in enumerate(ranked):
+        if rank == 1 and not table.is_explained:
+            likely = ranked[1 : MAX_SCORED if at_most is None else min(at_most, MAX_SCORED)]
+            context.fit_ahead(requests_beside(table, context, parent, likely))
         is_rival = gains[name] >= MIN_SHARE_OF_BEST_SCORE * gains[ranked[0]]
         if not is_rival and (table.is_explained or rank >= MAX_SCORED):
             break
@@ -100,6 +126,23 @@ def fit_persistent(table: CandidateTable, context: SearchContext, parent: Candid
     setting = context.setting
     guesses = EFFECTS[name].initial_guesses(setting.guess_context(setting.log.force_g - parent.fit.force_g))
     return context.fit_first_that_explains(table, parent.values, name, guesses)
+
+
+def requests_beside(
+    table: CandidateTable, context: SearchContext, parent: CandidateFit, names: Iterable[str]
+) -> list[FitRequest]:
+    """Return the fits of one more effect beside a parent that `fit_persistent` makes, where the data give no guesses of it."""
+    return [
+        FitRequest(
+            {**parent.values, name: EFFECTS[name].default_guess},
+            context.segment_starts(parent),
+            give_up_above=table.give_up_above,
+        )
+        for name in names
+        if not EFFECTS[name].guesses_from_data
+        and table.get(parent.names | {name}) is None
+        and not excludes_each_other(name, parent.values)
+    ]
 
 
 def parents(table: CandidateTable, context: SearchContext, size: int) -> list[CandidateFit]:

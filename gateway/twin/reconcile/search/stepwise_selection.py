@@ -3,9 +3,11 @@
 import math
 
 from gateway.twin.effects import EFFECTS
+from gateway.twin.reconcile.decision.ranking import VALIDATED_MARGIN
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext
 from gateway.twin.reconcile.search.events import NEARLY_EXPLAINED, fit_events_in_windows, needs_more, refine
+from gateway.twin.reconcile.search.parallel_fits import FitRequest
 from gateway.twin.reconcile.search.persistent import (
     MAX_PARENT_CHI2_RATIO,
     MAX_SCORED,
@@ -14,6 +16,7 @@ from gateway.twin.reconcile.search.persistent import (
     fit_persistent,
     parents,
     partners_of,
+    requests_beside,
 )
 from gateway.twin.reconcile.search.residual_guesses import fit_guessed_effects
 
@@ -69,13 +72,35 @@ def try_swaps(table: CandidateTable, context: SearchContext, best: CandidateFit)
         scored = context.signatures(without)
         likely = sorted(scored.of, key=lambda n: -scored.predicted_chi2_drop(n))[:MAX_SCORED]
         partners = partners_of(context, base, frozenset({name})) & set(scored.of)
-        for other in sorted({*likely, *partners}):
+        others = sorted({*likely, *partners})
+        context.fit_ahead(requests_beside(table, context, without, others))
+        for other in others:
             if table.get({*rest, other}) is None:
                 table = fit_persistent(table, context, without, other)
     table = table.start_round()
+    table = _fit_rivals_with_swapped(table, context, best, table.best)
     found = table.best
     keeps = table.is_significant(best, found) or len(found.values) <= len(best.values)
     return table, found if keeps else best
+
+
+def _fit_rivals_with_swapped(
+    table: CandidateTable, context: SearchContext, before: CandidateFit, after: CandidateFit
+) -> CandidateTable:
+    """Fit the sets that were nearly as good as the one before a swap, with the effect that was swapped in.
+
+    What was second beside one loss, such as a length, may be first beside another.
+    """
+    dropped, added = before.names - after.names, after.names - before.names
+    if len(dropped) != 1 or len(added) != 1:
+        return table
+    (new,), limit = added, table.bic(before) + VALIDATED_MARGIN
+    for rival in [fit for fit in table.ranked(len(before.values)) if table.bic(fit) < limit and dropped <= fit.names]:
+        values = {name: each for name, each in rival.values.items() if name not in dropped}
+        values = {**values, new: after.values[new]}
+        if table.get(values) is None and new not in rival.names and not context.budget.is_exhausted:
+            table = context.fit(table, values, context.segment_starts(rival))
+    return table
 
 
 def eliminate_backwards(
@@ -85,11 +110,19 @@ def eliminate_backwards(
     removed = True
     while removed:
         removed = False
-        for name in sorted(each for each in best.names if not EFFECTS[each].detected_in_samples):
-            rest = {n: values for n, values in best.values.items() if n != name}
-            give_up_above = max(table.give_up_above, _settled_chi2(table, context, best))
-            table = context.fit(table, rest, iterations=REFINE_ITERATIONS, give_up_above=give_up_above)
-            without = table.get(rest)
+        give_up_above = max(table.give_up_above, _settled_chi2(table, context, best))
+        shorter = [
+            FitRequest(
+                {n: values for n, values in best.values.items() if n != name},
+                iterations=REFINE_ITERATIONS,
+                give_up_above=give_up_above,
+            )
+            for name in sorted(each for each in best.names if not EFFECTS[each].detected_in_samples)
+        ]
+        context.fit_ahead(shorter)
+        for request in shorter:
+            table = context.fit_requested(table, request)
+            without = table.get(request.values)
             if without is not None and not table.is_significant(without, best):
                 best, removed = without, True
                 break

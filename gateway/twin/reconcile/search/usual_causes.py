@@ -21,6 +21,7 @@ from gateway.twin.reconcile.search.candidates import (
     CandidateTable,
 )
 from gateway.twin.reconcile.search.context import SearchContext
+from gateway.twin.reconcile.search.parallel_fits import FitRequest
 from gateway.twin.reconcile.search.validation_cache import Validator
 from gateway.twin.simulator.simulator import Simulator
 
@@ -91,8 +92,12 @@ def _eliminate(
     table: CandidateTable, context: SearchContext, best: CandidateFit
 ) -> tuple[CandidateTable, CandidateFit]:
     """Fit the set without each of its effects; drop one whose absence costs nothing significant, until none is left."""
-    for name in sorted(best.names - set(context.baseline_effects)):
-        rest = {each: values for each, values in best.values.items() if each != name}
+    shorter = [
+        {each: values for each, values in best.values.items() if each != name}
+        for name in sorted(best.names - set(context.baseline_effects))
+    ]
+    context.fit_ahead([FitRequest(rest, held_by_parts=True) for rest in shorter])
+    for rest in shorter:
         without = _fit(table, context, rest)
         if without is None:
             continue

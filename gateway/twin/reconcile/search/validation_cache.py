@@ -1,16 +1,15 @@
 """Models evaluated on the selection part of the held-out recording, each once."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
+from functools import partial
 
-from gateway.twin.effects.parameter import Value
 from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations
 from gateway.twin.reconcile.fit.reparameterised_simulator import Limits
 from gateway.twin.reconcile.fit.validation import ValidationFit, evaluate_on_validation
 from gateway.twin.reconcile.search.candidates import CandidateFit
-
-Key = tuple[tuple[str, tuple[tuple[str, Value], ...]], ...]
+from gateway.twin.reconcile.search.parallel_fits import run_in_processes, values_key
 
 
 @dataclass(slots=True)
@@ -21,17 +20,28 @@ class Validator:
     model_effects: EffectValues
     """Effects that the model has already; they act beside every set that is evaluated."""
     selection: Observations
-    _known: dict[Key, ValidationFit] = field(default_factory=dict)
+    processes: int = 1
+    """Processes for models that are evaluated together."""
+    _known: dict[tuple[object, ...], ValidationFit] = field(default_factory=dict)
 
     def evaluate(self, candidate: CandidateFit) -> ValidationFit:
         """Fit initial motion, phases and heading under a set of effects; everything else stays as it is."""
-        chosen = self.effects_of(candidate)
-        key = _key(chosen)
+        key = values_key(self.effects_of(candidate))
         if key not in self._known:
-            self._known[key] = evaluate_on_validation(
-                self.rig, chosen, self.selection, limits=self.limits_of(candidate)
-            )
+            self._known[key] = self._fit(candidate)
         return self._known[key]
+
+    def evaluate_ahead(self, candidates: Iterable[CandidateFit]) -> None:
+        """Evaluate at once what is about to be asked for."""
+        new = {values_key(self.effects_of(each)): each for each in candidates}
+        new = {key: each for key, each in new.items() if key not in self._known}
+        if min(self.processes, len(new)) > 1:
+            fitted = run_in_processes([partial(self._fit, each) for each in new.values()], self.processes)
+            self._known.update(zip(new, fitted, strict=False))
+
+    def _fit(self, candidate: CandidateFit) -> ValidationFit:
+        chosen, limits = self.effects_of(candidate), self.limits_of(candidate)
+        return evaluate_on_validation(self.rig, chosen, self.selection, limits=limits)
 
     def limits_of(self, candidate: CandidateFit) -> Limits:
         """Return the bounds of the rope's length, where a hoist in the log has changed it."""
@@ -46,11 +56,3 @@ class Validator:
         """
         inputs = {name: each for name, each in candidate.crane_inputs.items() if name in self.model_effects}
         return {**self.model_effects, **inputs, **candidate.values}
-
-
-def _key(values: EffectValues) -> Key:
-    return tuple(sorted((name, _sorted_items(parameters)) for name, parameters in values.items()))
-
-
-def _sorted_items(parameters: Mapping[str, Value]) -> tuple[tuple[str, Value], ...]:
-    return tuple(sorted((key, tuple(v) if isinstance(v, (list, tuple)) else v) for key, v in parameters.items()))

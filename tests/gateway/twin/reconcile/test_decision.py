@@ -159,12 +159,23 @@ def test_crane_and_housing_rotation_are_never_told_apart(log: Observations) -> N
     assert (pair.verdict, pair.named, pair.candidates) == ("one_of", ("impact",), ("housing_spin", "slewing"))
 
 
-def test_an_ambiguity_group_beside_a_residual_leaves_the_other_names(log: Observations) -> None:
+def test_an_ambiguity_group_that_closes_the_gap_is_told_beside_a_residual(log: Observations) -> None:
     residual = {"best_leaves_excess": True}
     more = decided(log, evidence(ranked(0.0, "housing_spin", "impact"), **residual))
     assert (more.verdict, more.named) == ("named_with_remainder", ("impact",))
     bare = decided(log, evidence(ranked(0.0, "housing_spin"), **residual))
-    assert (bare.verdict, bare.named, bare.candidates) == ("unmodelled", (), ("housing_spin", "slewing"))
+    assert (bare.verdict, bare.named, bare.candidates) == ("one_of", (), ("housing_spin", "slewing"))
+    assert bare.leaves_remainder
+    open_gap = decided(log, evidence(ranked(0.0, "housing_spin"), **residual, closes_gap=False))
+    assert (open_gap.verdict, open_gap.known) == ("unmodelled", frozenset())
+
+
+def test_a_group_beside_rivals_takes_the_place_of_neither(log: Observations) -> None:
+    best, other = (ranked(each, name, "housing_spin") for each, name in ((0.0, "rope_length"), (3.0, "clock_drift")))
+    found = decided(log, evidence(best, other))
+    assert (found.verdict, found.named, found.candidates) == ("one_of", (), ("clock_drift", "rope_length"))
+    assert found.also_one_of == (("housing_spin", "slewing"),)
+    assert not found.leaves_remainder
 
 
 def test_misalignment_beside_cross_axis_sensitivity_is_not_named(log: Observations) -> None:

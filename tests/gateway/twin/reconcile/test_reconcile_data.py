@@ -17,8 +17,10 @@ from gateway.twin.reconcile.data.artefact_detectors import (
 )
 from gateway.twin.reconcile.data.data_checks import find_fault
 from gateway.twin.reconcile.data.observations import Observations, detect_spikes
+from gateway.twin.reconcile.data.recordings import split_recordings
 from gateway.twin.reconcile.output.export import format_prediction_csv
 from gateway.twin.reconcile.output.result import Curves
+from gateway.twin.reconcile.search.baseline import detect_in_samples
 from gateway.twin.simulator.simulator import Simulator
 
 Array = NDArray[np.float64]
@@ -36,10 +38,29 @@ def test_quantisation_step_is_found_to_a_millionth(record: Record) -> None:
     assert detect_quantisation_step(np.round(force_g, 7), NOISE_G) is None
 
 
+@pytest.mark.parametrize(("step_g", "is_effect"), [(0.8e-3, False), (1.5e-3, True)])
+def test_a_step_that_the_noise_dithers_is_noise_and_no_effect(record: Record, step_g: float, is_effect: bool) -> None:
+    log, held_out = (record({}, name) for name in ("log", "held_out"))
+    log, held_out = (replace(each, force_g=step_g * np.round(each.force_g / step_g)) for each in (log, held_out))
+    recordings, detected = detect_in_samples(split_recordings(log, held_out, 5.0), 1.0, {})
+
+    assert ("quantization" in detected) is is_effect
+    assert recordings.log.noise_g == pytest.approx(np.sqrt(NOISE_G**2 + step_g**2 / 12))
+
+
 def test_saturation_level_is_found_and_the_maximum_of_noise_is_none(record: Record) -> None:
     force_g = record({}).force_g
 
     assert detect_saturation(np.minimum(force_g, 1.001)) == pytest.approx(1.001)
+    assert detect_saturation(force_g) is None
+
+
+def test_gravity_at_the_lowest_point_is_no_limit() -> None:
+    """Angles of an encoder in steps, as a housing at the pivot reads them until the swing has died away."""
+    time_s = np.arange(0, 11, 0.01)
+    angle_rad = 0.0005 * np.round(0.44 * np.exp(-time_s / 1.5) * np.cos(6 * time_s) / 0.0005)
+    force_g = np.stack([np.sin(angle_rad), np.zeros_like(time_s), np.cos(angle_rad)], axis=1)
+    assert np.count_nonzero(force_g[:, 2] == 1) > 20
     assert detect_saturation(force_g) is None
 
 

@@ -16,11 +16,14 @@ from gateway.twin.effects.term_library import registered_library
 from gateway.twin.model import EffectValues, Model, model_of
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations
+from gateway.twin.reconcile.equation.selection import pairs_loss_with_gain
+from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
 from gateway.twin.reconcile.output.export import format_model_toml
 from gateway.twin.reconcile.output.text import to_text
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search.budget import Budget
+from gateway.twin.reconcile.search.candidates import CandidateFit
 from tests.values import present
 
 CREEP_G, SETTLE_S = np.array([0.008, -0.005, 0.006]), 7.0
@@ -48,7 +51,7 @@ def test_remainder_is_told_as_an_equation_and_its_model_simulates(
     model: Model, loaded: Callable[..., CheckedRecording], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(
-        "gateway.twin.reconcile.reconcile.Budget", lambda: Budget(max_fits=4)
+        "gateway.twin.reconcile.reconcile.Budget", lambda processes: Budget(max_fits=4, processes=processes)
     )  # the search finds nothing
     found = reconcile(model, creeping(loaded({})), creeping(loaded({}, "held_out")))
 
@@ -71,3 +74,18 @@ def test_remainder_is_told_as_an_equation_and_its_model_simulates(
     tau_s = tomllib.loads(rig.read_text())["model"]["creeping_offset"]["time_constant_s"]
     assert model_of(read_rig(rig)).effects["creeping_offset"]["time_constant_s"] == tau_s
     assert main(["simulate", str(rig), "--out", str(tmp_path / "again.csv"), "--duration", "5"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("beside", "coefficient", "is_pair"),
+    [("viscous_damping", 0.05, True), ("viscous_damping", -0.05, False), ("axis_offset", 0.05, False)],
+)
+def test_no_term_feeds_in_what_a_loss_beside_it_takes_out(beside: str, coefficient: float, is_pair: bool) -> None:
+    """Viscous damping and a friction of the wrong sign: each has any size that the other allows."""
+    values: EffectValues = {beside: {}, "force_along_motion": {"coefficient": coefficient}}
+    force_g = np.zeros((300, 3))
+    fit = Fit((), np.zeros(5), np.ones(5, dtype=bool), force_g, 900.0, np.eye(5), np.zeros((300, 3, 5)))
+
+    candidate = CandidateFit(values, fit, 1.0, 2, has_unexplained_residual=False)
+    with registered_library():
+        assert pairs_loss_with_gain(candidate, "force_along_motion") is is_pair

@@ -7,12 +7,10 @@ from gateway.twin.model import EffectValues, TwinRig
 from gateway.twin.reconcile.data.observations import Observations, make_observations
 from gateway.twin.reconcile.fit.fit_context import FitContext
 from gateway.twin.reconcile.fit.fit_result import Fit
+from gateway.twin.reconcile.fit.initial_states_of_windows import initial_state_from_samples
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
-from gateway.twin.reconcile.fit.windowed_fit import (
-    fit_windows,
-    initial_state_from_samples,
-    window_bounds,
-)
+from gateway.twin.reconcile.fit.window_bounds import window_bounds
+from gateway.twin.reconcile.fit.windowed_fit import fit_windows
 from gateway.twin.reconcile.search.score_test import compute_signatures
 from gateway.twin.simulator.simulator import Simulator
 from tests.benchmarks.real_arm import Swing, believed_length_m, error_mrad, read_swings, rig_of
@@ -61,15 +59,23 @@ def test_windows_begin_at_the_lowest_point_with_the_rate_there(position_m: float
     assert np.abs(initial_states[1:, 2]) == pytest.approx(np.full(len(first_samples) - 1, largest_rate), rel=0.05)
 
 
-def test_windows_are_simulated_to_a_fraction_of_any_noise_although_in_longer_steps() -> None:
-    """A whole motion has steps half as long: in four periods the error does not add up."""
-    simulator, time_s = Simulator(make_rig(4.0), ["viscous_damping"]), np.arange(0, 22.0, 0.05)
-    start, damping = np.array([1.4, 0.0, 0.0, 0.1, 0.0]), np.array([0.004])
-    window, whole = (
-        simulator.linearise_segments(start[None], damping, time_s, [0], independent=independent).force_g
-        for independent in (True, False)
-    )
-    assert 1e-9 < np.abs(window - whole).max() < 1e-4
+@pytest.mark.parametrize("position_m", [0.0, 4.0, 7.0])
+@pytest.mark.parametrize("azimuth_deg", [0.0, 45.0, -100.0])
+@pytest.mark.parametrize("amplitude_deg", [60.0, 85.0, 105.0])
+def test_a_state_is_read_wherever_the_swing_is(amplitude_deg: float, azimuth_deg: float, position_m: float) -> None:
+    """Released in any direction, also from above the pivot: a motion from the state that is read stays near the swing."""
+    rig, time_s = make_rig(position_m), np.arange(0, 30.0, 0.02)
+    simulator, amplitude, azimuth = Simulator(rig, []), np.radians(amplitude_deg), np.radians(azimuth_deg)
+    x, y, z = np.sin(amplitude) * np.cos(azimuth), np.sin(amplitude) * np.sin(azimuth), -np.cos(amplitude)
+    truth = np.array([np.arctan2(x, -z), np.arcsin(y), 0.0, 0.03, 0.0])
+    force_g = simulator.predict(truth, time_s)
+    observations = make_observations(time_s, force_g, None, np.array(rig.noise_g))
+    first_samples = [0, 30, 60, 97]
+    for first, state in zip(
+        first_samples, initial_state_from_samples(rig, observations, first_samples, 5), strict=True
+    ):
+        from_state_g = simulator.predict(state, time_s[:100])
+        assert np.abs(from_state_g - force_g[first : first + 100]).max() < 0.3
 
 
 @pytest.mark.slow

@@ -143,12 +143,14 @@ VERDICTS: dict[str, dict[str, Any]] = {
         "split_by": "turn the housing by 90° about the rope and record again",
     },
     "named_with_remainder": {
+        "leaves_remainder": True,
         "held_out": None,
         "effects": (named("viscous_damping"),),
         "gap": Gap(232.0, 213.0, 213.0, 15.3, 29.8, 29.8, (83.0, 229.0)),
         "residual": Residual(False, 0.0, (Peak(0.131, "x", 2.1e-3),), spectrum()),
     },
     "unmodelled": {
+        "leaves_remainder": True,
         **UNCHANGED,
         "gap": Gap(2.0, 1.96, 1.96, 2.0, 1.96, 1.96, (0.0, 0.0)),
         "residual": Residual(False, 0.0, (Peak(0.431, "x", 2.1e-3), Peak(0.86, "z", 4e-4)), spectrum()),

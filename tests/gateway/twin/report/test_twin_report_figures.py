@@ -62,6 +62,12 @@ def test_window_stays_inside_a_short_recording(make: Maker) -> None:
     assert most_informative_window(result, short) == pytest.approx((0.0, 9.98))
 
 
+def test_no_more_than_the_whole_gap_is_closed() -> None:
+    assert Gap.closed_percent(11.0, 1.5) == pytest.approx(95.0)
+    assert Gap.closed_percent(14.0, 0.36) == 100.0
+    assert Gap.closed_percent(1.0, 0.9) is None
+
+
 def test_gap_rows_go_from_the_nominal_to_the_final_model() -> None:
     gap = Gap(100.0, 90.0, 90.0, 1.0, 1.1, 1.1, None)
     steps = (

@@ -76,6 +76,16 @@ def test_further_groups_beside_a_remainder_are_reported(make: Maker) -> None:
     assert "axis offset or steady wind" in group
 
 
+def test_ambiguity_group_beside_a_remainder_does_not_explain_the_difference(make: Maker) -> None:
+    beside = text_of("verdict", make("one_of", leaves_remainder=True))
+    assert (
+        "One of these effects acts, and this recording cannot distinguish them: steady wind, axis offset or" in beside
+    )
+    assert "A further effect is not known." in beside
+    assert "Check what else acted on the load" in beside
+    assert "further effect" not in text_of("verdict", make("one_of"))
+
+
 @pytest.mark.slow
 def test_final_model_is_no_answer_where_the_verdict_gives_none(make: Maker, pages: dict[str, Page]) -> None:
     assert "The others fit equally well, so it is not the answer" in pages["one_of"].sections["model"]

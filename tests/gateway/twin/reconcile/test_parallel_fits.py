@@ -1,0 +1,79 @@
+"""Fits in several processes."""
+
+import os
+import signal
+from collections.abc import Callable
+from functools import partial
+
+import pytest
+
+from gateway.twin.model import Model
+from gateway.twin.reconcile.data.data_checks import CheckedRecording
+from gateway.twin.reconcile.output.serialisation import to_json
+from gateway.twin.reconcile.reconcile import reconcile
+from gateway.twin.reconcile.search import context
+from gateway.twin.reconcile.search.parallel_fits import FitRequest, run_in_processes
+
+
+def _square(number: int) -> int:
+    return number * number
+
+
+def _die() -> int:
+    os.kill(os.getpid(), signal.SIGKILL)
+    return 0
+
+
+def _fail() -> int:
+    raise FloatingPointError("as in a fit")
+
+
+def test_results_come_in_the_order_of_the_tasks() -> None:
+    assert run_in_processes([partial(_square, each) for each in range(7)], 3) == [each * each for each in range(7)]
+
+
+def test_tasks_need_not_be_picklable() -> None:
+    parent = os.getpid()
+    assert run_in_processes([lambda: os.getpid() != parent, lambda: os.getppid() == parent], 2) == [True, True]
+
+
+def test_what_a_task_raises_is_raised() -> None:
+    with pytest.raises(FloatingPointError, match="as in a fit"):
+        run_in_processes([partial(_square, 2), partial(_fail)], 2)
+
+
+def test_without_its_processes_the_caller_has_no_results() -> None:
+    """As after the system has killed one that took too much memory."""
+    assert run_in_processes([partial(_die), partial(_square, 2)], 2) == []
+
+
+def test_requests_differ_by_each_argument() -> None:
+    request = FitRequest({"viscous_damping": {"damping_ratio": 0.01}})
+    others = [
+        FitRequest({"viscous_damping": {"damping_ratio": 0.02}}),
+        FitRequest({"coulomb_friction": {}}),
+        FitRequest(request.values, iterations=3),
+        FitRequest(request.values, give_up_above=5.0),
+        FitRequest(request.values, held_by_parts=True),
+    ]
+    assert FitRequest({"viscous_damping": {"damping_ratio": 0.01}}).key == request.key
+    assert len({each.key for each in (request, *others)}) == 6
+
+
+def test_answer_does_not_depend_on_the_number_of_processes(
+    model: Model, loaded: Callable[..., CheckedRecording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(context, "MIN_PARALLEL_WORK", 0.0)
+    pools: list[int] = []
+
+    def counted(tasks: list[Callable[[], object]], processes: int) -> list[object]:
+        pools.append(len(tasks))
+        return run_in_processes(tasks, processes)
+
+    monkeypatch.setattr(context, "run_in_processes", counted)
+    hidden = {"viscous_damping": {"damping_ratio": 0.01}, "axis_offset": {"offset_g": (0.004, 0.0, 0.0)}}
+    log, held_out = loaded(hidden), loaded(hidden, "held_out")
+    one, two = (to_json(reconcile(model, log, held_out, processes=each), 0.0) for each in (1, 2))
+    assert one == two
+    assert one["verdict"] == "named"
+    assert pools
