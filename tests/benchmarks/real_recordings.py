@@ -112,11 +112,11 @@ def answer(method: str, arguments: Sequence[str]) -> Mapping[str, Any]:
         return {"error": f"more than {LIMIT_S:g} s", "cpu_s": _cpu_of_children_s() - began_s}
     cpu_s = _cpu_of_children_s() - began_s
     if not done.stdout.startswith("{"):
-        said = (done.stderr.strip().splitlines() or ["no answer"])[-1]
-        return {
-            "error": said.removeprefix(f"plumbline {method}: ").removeprefix(f"{arguments[0]}: "),
-            "cpu_s": cpu_s,
-        }
+        said = (done.stderr.strip().splitlines() or ["no answer"])[-1].removeprefix(f"plumbline {method}: ")
+        said = said.removeprefix(f"{arguments[0]}: ")
+        for folder in {Path(arguments[0]).parent, Path(arguments[2]).parent}:  # of the log and of the rig
+            said = said.replace(f"{folder}/", "")
+        return {"error": said, "cpu_s": cpu_s}
     return {**json.loads(done.stdout), "cpu_s": cpu_s}
 
 

@@ -1,13 +1,14 @@
 """Swings of rigid pendulums that are not what the rig says: how often `measure` answers, and how often it is right.
 
-    python -m tests.benchmarks.rigid_swing [CASES] [SEED]
+    python -m tests.benchmarks.rigid_swing [CASES] [SEED] [--wide]
 
-Half are short lines (0.15 to 0.8 m, sensor near the bob), half crane ropes (2 to 15 m). Bodies have inertia, sensors sit beside
+Half are short lines (0.15 to 0.8 m, sensor near the bob), half crane ropes (2 to 15 m); with --wide all are short lines that
+swing from 60 to 145 degrees, sensor anywhere. Bodies have inertia, sensors sit beside
 the line in housings that are askew, place and length are not what was measured, sensors have offsets, scale errors and coarse
 steps, the motion is damped by air and by dry friction.
 """
 
-import sys
+import argparse
 import time
 from dataclasses import dataclass
 
@@ -20,6 +21,7 @@ from tests.blind.rigid_pendulum import GRAVITY_M_S2, RigidPendulum, simulate
 
 CASES, SEED = 60, 16
 LARGEST_TILT_DEG = 85.0
+WIDE_DEG = (60.0, 145.0)
 
 
 @dataclass(frozen=True)
@@ -33,12 +35,14 @@ class Case:
     phi_max_deg: float
 
 
-def draw(rng: np.random.Generator, number: int) -> Case:
+def draw(rng: np.random.Generator, number: int, *, is_wide: bool = False) -> Case:
     """Return a recording drawn by chance."""
-    is_short = number % 2 == 0
+    is_short = is_wide or number % 2 == 0
     line_m = float(rng.uniform(0.15, 0.8) if is_short else rng.uniform(2, 15))
     rho = float(rng.uniform(0.85, 1.02) if is_short else rng.choice([0.1, 0.5, 0.8, 0.95, 1.0]))
     tilt_deg = float(np.exp(rng.uniform(np.log(5 if is_short else 2), np.log(LARGEST_TILT_DEG if is_short else 30))))
+    if is_wide:
+        rho, tilt_deg = float(rng.choice([0.0, rng.uniform(0, 1.02)])), float(rng.uniform(*WIDE_DEG))
     beside_m = rng.uniform(0, 0.03)
     turn = rng.uniform(0, 2 * np.pi)
     body = RigidPendulum(
@@ -92,17 +96,23 @@ def _mount(angle_rad: float, azimuth_rad: float) -> np.ndarray:
     return np.asarray(np.eye(3) + np.sin(angle_rad) * cross + (1 - np.cos(angle_rad)) * cross @ cross)
 
 
-def main(cases: int = CASES, seed: int = SEED) -> None:
+def main() -> None:
     """Print a line for each case, then answered share, coverage, and width and error of the intervals."""
-    rng = np.random.default_rng(seed)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("cases", nargs="?", type=int, default=CASES)
+    parser.add_argument("seed", nargs="?", type=int, default=SEED)
+    parser.add_argument("--wide", action="store_true")
+    chosen = parser.parse_args()
+    rng = np.random.default_rng(chosen.seed)
     rows = []
-    for number in range(cases):
-        case = draw(rng, number)
+    for number in range(chosen.cases):
+        case = draw(rng, number, is_wide=chosen.wide)
         start_s = time.process_time()
         estimate = estimate_swing(case.time_s, case.force_g, rig=case.rig.mounted_housing(UNCALIBRATED))
         rows.append((case, estimate, time.process_time() - start_s))
         print(_line(*rows[-1]), flush=True)
-    for name, part in (("short", rows[::2]), ("rope", rows[1::2]), ("all", rows)):
+    parts = [] if chosen.wide else [("short", rows[::2]), ("rope", rows[1::2])]
+    for name, part in (*parts, ("all", rows)):
         print(name, _summary(part))
 
 
@@ -135,4 +145,4 @@ def _summary(rows: list[tuple[Case, SwingEstimate, float]]) -> str:
 
 
 if __name__ == "__main__":
-    main(*(int(argument) for argument in sys.argv[1:]))
+    main()

@@ -33,7 +33,7 @@ def isolability() -> Iterator[None]:
 
     with (
         patch.object(reconcile, "rank_candidates", best_alone),
-        patch.object(reconcile, "_indistinguishable", lambda *_: ()),
+        patch.object(reconcile, "indistinguishable", lambda *_: ()),
         patch.object(persistent, "partners_of", lambda *_: frozenset()),
         patch.object(stepwise_selection, "partners_of", lambda *_: frozenset()),
     ):

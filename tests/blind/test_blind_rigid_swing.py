@@ -92,3 +92,45 @@ def test_coarse_steps_and_a_slow_rate_are_answered() -> None:
     time_s, force_g = sampled(simulate(body, np.radians(35.0), 0.4, 0.0, 25.0), 12.5, 2e-3, 0.016)
     estimate = estimate_swing(time_s, force_g, rig=rig(0.65, 0.55).mounted_housing(UNCALIBRATED))
     assert half_width_deg(estimate, np.radians(35.0)) < 4.0
+
+
+@pytest.mark.parametrize(
+    ("rho", "tilt_deg"), [(0.0, 95.0), (0.0, 110.0), (0.4, 75.0), (0.4, 125.0), (0.9, 85.0), (0.9, 140.0)]
+)
+def test_a_rigid_link_may_swing_above_its_pivot(rho: float, tilt_deg: float) -> None:
+    """60 to 140 degrees and every place on the link: coordinates are no limit."""
+    body = RigidPendulum(
+        line_m=0.6, bob_radius_m=0.03, rod_mass_ratio=0.2, sensor_m=rho * 0.6, damping_ratio=0.003, friction=0.001
+    )
+    time_s, force_g = sampled(simulate(body, np.radians(tilt_deg), 0.6, 0.0, 20.0), 50.0, 1e-3)
+    estimate = estimate_swing(time_s, force_g, rig=rig(0.6, rho * 0.6).mounted_housing(UNCALIBRATED))
+    assert half_width_deg(estimate, np.radians(tilt_deg)) < 5.0
+    assert estimate.length_m == pytest.approx(body.equivalent_m, rel=0.01)
+
+
+def test_a_wide_swing_that_is_not_planar_is_answered() -> None:
+    body = RigidPendulum(line_m=0.6, sensor_m=0.3, damping_ratio=0.003)
+    motion = simulate(body, np.radians(100.0), 0.6, 1.5, 20.0)
+    time_s, force_g = sampled(motion, 50.0, 1e-3)
+    estimate = estimate_swing(time_s, force_g, rig=rig(0.6, 0.3).mounted_housing())
+    assert half_width_deg(estimate, float(motion.angle_rad.max())) < 3.0
+
+
+@pytest.mark.parametrize(("tilt_deg", "limit_g"), [(50.0, 1.5), (75.0, 2.0), (105.0, 2.0)])
+def test_axial_readings_clipped_at_the_lowest_point_are_spared(tilt_deg: float, limit_g: float) -> None:
+    body = RigidPendulum(line_m=0.4, sensor_m=0.38, beside_m=(0.01, 0.0), damping_ratio=0.003, friction=0.001)
+    time_s, force_g = sampled(simulate(body, np.radians(tilt_deg), 0.4, 0.0, 15.0), 100.0, 2e-3, 0.004)
+    clipped_g = np.minimum(force_g, [9, 9, limit_g])
+    assert (clipped_g[:, 2] == limit_g).mean() > 0.05
+    estimate = estimate_swing(time_s, clipped_g, rig=rig(0.4, 0.38).mounted_housing(UNCALIBRATED))
+    assert half_width_deg(estimate, np.radians(tilt_deg)) < 4.0
+    assert any("clipped" in reason for reason in estimate.reasons)
+
+
+def test_a_transverse_axis_that_is_clipped_is_a_fault() -> None:
+    """It loses the turning points."""
+    body = RigidPendulum(line_m=0.4, sensor_m=0.1, damping_ratio=0.003)
+    time_s, force_g = sampled(simulate(body, np.radians(60.0), 0.4, 0.0, 15.0), 100.0)
+    estimate = estimate_swing(time_s, np.minimum(force_g, [0.4, 9, 9]), rig=rig(0.4, 0.1).mounted_housing())
+    assert estimate.swinging is None
+    assert "clipped: many readings of x" in estimate.reasons[0]
