@@ -14,7 +14,7 @@ from gateway.twin.effects.string_guesses import guess_mass_ratio
 
 MAX_SHORTENING = -1 / 3
 """Change of the equivalent length with a rope alone, without a load."""
-MAX_STRING_STEP_RAD = 0.3
+MAX_STRING_STEP_RAD = 0.25
 """Phase of the string mode in one integration step; the mode dies away in some seconds."""
 
 
@@ -62,7 +62,7 @@ class RopeMass(Effect):
         return [] if ratio is None else [{"relative_density_1_m": ratio / context.length_m}]
 
     def longest_step_s(self, p: Symbols, length_m: float, gravity_m_s2: float) -> Scalar:
-        """Return three tenths of a radian of the string mode."""
+        """Return a quarter of a radian of the string mode."""
         rope = self._rope(p, gravity_m_s2, RopeGeometry((length_m, 0.0, 0.0), (0.0, 0.0, 0.0)))
         return MAX_STRING_STEP_RAD / rope.string_rate
 

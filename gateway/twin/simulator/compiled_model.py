@@ -53,7 +53,7 @@ class CompiledModel:
         self._p = model.p
         self._x = ca.SX.sym("x", self.structure.n_states)
         self._x_end = ca.SX.sym("x_end", self.structure.n_states)
-        self._t, self._h = ca.SX.sym("t"), ca.SX.sym("h")
+        self._t, self._h, self._middle = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("middle")
         self._recorded, self._temperature_c = ca.SX.sym("recorded"), ca.SX.sym("temperature")
         self._reading = ca.SX.sym("reading", 3)
 
@@ -133,10 +133,27 @@ class CompiledModel:
         return ca.Function("step", inputs, [self._step], {"cse": True}).mapaccum("steps", STEPS_AT_ONCE)
 
     @cached_property
-    def step_jacobian(self) -> VectorisedJacobian:
-        """The derivatives of the state after a step, a function of (x, time, length), by x, time, length and p."""
-        by = ca.vertcat(self._x, self._t, self._h, self._p)
-        return VectorisedJacobian([self._x, self._t, self._h], self._p, self._step, by)
+    def rate(self) -> VectorisedFunction:
+        """The derivative of the state by time, a function of (x, time, middle of the step)."""
+        return VectorisedFunction(self._rate_inputs, self._p, self._rate)
+
+    @cached_property
+    def rate_jacobian(self) -> VectorisedJacobian:
+        """Its derivatives by x and p."""
+        return VectorisedJacobian(self._rate_inputs, self._p, self._rate, ca.vertcat(self._x, self._p))
+
+    @property
+    def _rate_inputs(self) -> Sequence[Expression]:
+        return [self._x, self._t, self._middle]
+
+    @property
+    def _rate(self) -> Expression:
+        return self.symbolic.rate(self._x, self.symbolic.context(self._t, self._middle))
+
+    @cached_property
+    def constraint_jacobian(self) -> VectorisedJacobian:
+        """The derivatives of a state on its constraints by the state x that has left them."""
+        return VectorisedJacobian([self._x], self._p, on_constraints(self._x, self.structure), self._x)
 
     @cached_property
     def _step(self) -> Expression:

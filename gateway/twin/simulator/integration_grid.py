@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 MIN_SPACING_S = 1e-6
 """A regular node closer than this to a discontinuity is left out."""
+RAMP_STEPS = 4
+"""Least steps between two discontinuities: a force may rise from one to the next."""
 ROUNDING_STEPS = 1e-9
 """Excess over a whole number of steps that is a rounding error."""
 
@@ -52,10 +54,22 @@ def make_grid(bounds: Times, discontinuities: Times, with_impulse: Collection[in
     distance_s = np.abs(regular_s[:, None] - discontinuities.time_s[inside]).min(axis=1, initial=np.inf)
     kept = distance_s > MIN_SPACING_S
     kept[[0, -1]] = True
-    nodes_s = np.concatenate([regular_s[kept], discontinuities.time_s[inside]])
+    ramps = _inside_ramps(Times(discontinuities.time_s[inside], discontinuities.by[inside]), step_s)
+    nodes_s = np.concatenate([regular_s[kept], discontinuities.time_s[inside], ramps.time_s])
     order = np.argsort(nodes_s, kind="stable")
     node_of = np.empty_like(order)
     node_of[order] = np.arange(len(order))
     impulses = {int(node_of[kept.sum() + i]): int(each) for i, each in enumerate(inside) if each in with_impulse}
-    nodes_by = np.concatenate([regular_by[kept], discontinuities.by[inside]])
+    nodes_by = np.concatenate([regular_by[kept], discontinuities.by[inside], ramps.by])
     return IntegrationGrid(nodes_s[order], nodes_by[order], impulses)
+
+
+def _inside_ramps(discontinuities: Times, step_s: float) -> Times:
+    """Return nodes between discontinuities that are so close to each other that regular nodes are too few."""
+    order = np.argsort(discontinuities.time_s, kind="stable")
+    times_s, by = discontinuities.time_s[order], discontinuities.by[order]
+    gaps_s = np.diff(times_s)
+    short = np.flatnonzero((gaps_s > MIN_SPACING_S) & (gaps_s < RAMP_STEPS * step_s))
+    share = np.arange(1, RAMP_STEPS)[:, None] / RAMP_STEPS
+    inside_by = by[short] + share[:, :, None] * np.diff(by, axis=0)[short]
+    return Times((times_s[short] + share * gaps_s[short]).ravel(), inside_by.reshape(share.size * len(short), by.shape[1]))

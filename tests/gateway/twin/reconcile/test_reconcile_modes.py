@@ -84,7 +84,7 @@ def test_derivatives_by_fitted_coordinates_equal_central_differences(
     for i in range(len(fitted)):
         step = 1e-6 * np.eye(len(fitted))[i]
         ahead, behind = (fitted_simulator.predict(state, fitted + sign * step, time_s) for sign in (1, -1))
-        np.testing.assert_allclose(derivatives[..., i], (ahead - behind) / 2e-6, atol=1e-6)
+        np.testing.assert_allclose(derivatives[..., i], (ahead - behind) / 2e-6, rtol=1e-6, atol=1e-6)
 
 
 @pytest.mark.parametrize("strength", ["faint", "strong"])
