@@ -51,8 +51,9 @@ def flow_derivatives(compiled: CompiledModel, trajectory: Trajectory, p: Array) 
         inside = [_interpolated(ends, rates[:, part], length_s[:, None], node) for node in NODES]
         times_s = [begin_s + node * length_s for node in NODES]
         inputs = [np.concatenate(inside).T, np.concatenate(times_s), np.tile(times_s[1], len(NODES))]
-        linear = np.split(compiled.rate_jacobian(inputs, p), len(NODES))
-        by[part] = compiled.constraint_jacobian([ends[1].T], p) @ _flow(*linear, length_s[:, None, None])
+        first_node, middle, last = np.split(compiled.rate_jacobian(inputs, p), len(NODES))
+        flow = _flow(first_node, middle, last, length_s[:, None, None])
+        by[part] = compiled.constraint_jacobian([ends[1].T], p) @ flow
     return FlowDerivatives(np.ascontiguousarray(by[:, :, :states]), by[:, :, states:], *rates)
 
 

@@ -72,4 +72,6 @@ def _inside_ramps(discontinuities: Times, step_s: float) -> Times:
     short = np.flatnonzero((gaps_s > MIN_SPACING_S) & (gaps_s < RAMP_STEPS * step_s))
     share = np.arange(1, RAMP_STEPS)[:, None] / RAMP_STEPS
     inside_by = by[short] + share[:, :, None] * np.diff(by, axis=0)[short]
-    return Times((times_s[short] + share * gaps_s[short]).ravel(), inside_by.reshape(share.size * len(short), by.shape[1]))
+    return Times(
+        (times_s[short] + share * gaps_s[short]).ravel(), inside_by.reshape(share.size * len(short), by.shape[1])
+    )

@@ -90,7 +90,9 @@ def _jumps(flow: FlowDerivatives, grid: IntegrationGrid, first: int, last: int) 
     return {*(np.flatnonzero(jumps) + 1).tolist(), *grid.impulses}
 
 
-def _across_jump(s: Array, rate_before: Array, rate_after: Array, time_by: Array, impulse: Sequence[Any] | None) -> Array:
+def _across_jump(
+    s: Array, rate_before: Array, rate_after: Array, time_by: Array, impulse: Sequence[Any] | None
+) -> Array:
     """Return the sensitivities after a jump of the rate at a time, or of the state (`impulse`: by state, p and time)."""
     n_initial = s.shape[1] - len(time_by)
     after, moved = s.copy(), rate_before - rate_after

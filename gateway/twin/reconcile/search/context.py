@@ -41,6 +41,8 @@ class SearchContext:
     """Effects found without a search: every candidate contains them."""
     _ahead: dict[tuple[object, ...], tuple[CandidateFit | None, float]] = field(default_factory=dict)
     """Fits that were made before the search asks for them, with their work."""
+    _announced: dict[tuple[object, ...], FitRequest] = field(default_factory=dict)
+    """Fits that the search may ask for next, in this order."""
     _changepoints: dict[tuple[frozenset[str], bool], EventWindow | None] = field(default_factory=dict)
     _prefixes: dict[frozenset[str], list[ConsistentPrefix]] = field(default_factory=dict)
     _signatures: dict[frozenset[str], Signatures] = field(default_factory=dict)
@@ -70,6 +72,7 @@ class SearchContext:
 
     def fit_requested(self, table: CandidateTable, request: FitRequest) -> CandidateTable:
         """Fit as a request says, if that was not done ahead; the table stays as it is where the fit diverges."""
+        self._make_announced(request)
         known = self._ahead.pop(request.key, None) if self._ahead else None
         if known is None:
             found = self._make(request)
@@ -80,8 +83,23 @@ class SearchContext:
 
     def fit_ahead(self, requests: Sequence[FitRequest]) -> None:
         """Make fits at once that the search is about to ask for one after the other; what it does not ask for is dropped."""
+        self.announce(())
+        self._make_at_once(requests)
+
+    def announce(self, requests: Sequence[FitRequest]) -> None:
+        """Say which fits the search asks for next until one explains the log: as many are made at once as there are processes."""
         self._ahead.clear()
-        if min(self.budget.processes, len(requests)) < 2 or self.budget.is_exhausted:
+        self._announced = {each.key: each for each in requests}
+
+    def _make_announced(self, request: FitRequest) -> None:
+        if request.key not in self._announced:
+            return
+        keys = list(self._announced)
+        at_once = keys[keys.index(request.key) :][: self.budget.processes]
+        self._make_at_once([self._announced.pop(key) for key in at_once])
+
+    def _make_at_once(self, requests: Sequence[FitRequest]) -> None:
+        if min(self.budget.processes, len(requests)) < 2:
             return
         if max(self.setting.work_per_evaluation(each.values) for each in requests) < MIN_PARALLEL_WORK:
             return
@@ -116,18 +134,37 @@ class SearchContext:
         starts: Array | None = None,
     ) -> CandidateTable:
         """Fit an effect beside others from one guess after another, until one of them explains the log."""
-        if name in others or name in self.setting.model_effects or excludes_each_other(name, others):
-            return table
         tried = list(guesses)
-        if name == DoublePendulum.name and tried:
+        if name == DoublePendulum.name and tried and self._may_be_beside(name, others):
             several = [{**others, name: values} for values in tried]
             tried = [self.setting.fit_rigging_length(several)[name]]
-        for index, values in enumerate(tried):
+        requests = self.requests(table, others, name, tried, starts)
+        if len(requests) > 1 and not {each.key for each in requests} & {*self._announced, *self._ahead}:
+            self.announce(requests)
+        for index, request in enumerate(requests):
             if index and (self.budget.is_exhausted or table.is_explained):
                 break
-            chosen = {**others, name: values or EFFECTS[name].default_guess}
-            table = self.fit(table, chosen, starts, give_up_above=table.give_up_above)
+            table = self.fit_requested(table, request)
         return table
+
+    def requests(
+        self,
+        table: CandidateTable,
+        others: Values,
+        name: str,
+        guesses: Iterable[Mapping[str, Value]],
+        starts: Array | None = None,
+    ) -> list[FitRequest]:
+        """Return the fits of an effect beside others, one for each guess; none where it cannot be beside them."""
+        return [
+            FitRequest(
+                {**others, name: values or EFFECTS[name].default_guess}, starts, give_up_above=table.give_up_above
+            )
+            for values in (guesses if self._may_be_beside(name, others) else ())
+        ]
+
+    def _may_be_beside(self, name: str, others: Values) -> bool:
+        return not (name in others or name in self.setting.model_effects or _excludes_each_other(name, others))
 
     def segment_starts(self, parent: CandidateFit) -> Array:
         """Initial conditions of each segment under a fitted set of effects, to fit its neighbours from."""
@@ -172,7 +209,7 @@ class SearchContext:
         return self._prefixes[parent.names]
 
 
-def excludes_each_other(name: str, others: Iterable[str]) -> bool:
+def _excludes_each_other(name: str, others: Iterable[str]) -> bool:
     """Whether effects give the model different structures."""
     structures = {EFFECTS[each].structure for each in (name, *others)} - {ModelStructure.ROPE}
     return len(structures) > 1

@@ -1,13 +1,13 @@
 """Steps that fit events: changepoints and a scan say when something may have happened, fits say what."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.effect import Effect
-from gateway.twin.effects.guess_context import EventWindow
+from gateway.twin.effects.guess_context import EventWindow, GuessContext
 from gateway.twin.effects.parameter import ParameterKind, Value
 from gateway.twin.effects.rope import RopeLength
 from gateway.twin.reconcile.changepoints.changepoint_scan import exclude_unmodelled_profiles, scan_for_changepoints
@@ -15,6 +15,7 @@ from gateway.twin.reconcile.changepoints.consistent_prefix import ConsistentPref
 from gateway.twin.reconcile.residual.residual_tests import EXCESS_SIGNIFICANT, warrants_another_effect
 from gateway.twin.reconcile.search.candidates import MIN_VARIANCE_SHARE, CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import REFINE_ITERATIONS, SearchContext
+from gateway.twin.reconcile.search.parallel_fits import FitRequest
 from gateway.twin.reconcile.search.persistent import MAX_PARENTS, baseline_of
 from gateway.twin.simulator.state import HEADING
 
@@ -88,9 +89,24 @@ def fit_events_in_windows(table: CandidateTable, context: SearchContext, parent:
             continue
         guess_context = setting.guess_context(log.force_g - parent.fit.force_g, windows, between)
         starts = context.segment_starts(parent)
-        for name in EFFECTS.choose(transient=True, found_before_search=False, changes_length=changes_length):
-            guesses = EFFECTS[name].initial_guesses(guess_context)
-            table = context.fit_first_that_explains(table, parent.values, name, guesses, starts)
+        names = EFFECTS.choose(transient=True, found_before_search=False, changes_length=changes_length)
+        table = _fit_events(table, context, parent.values, names, guess_context, starts)
+    return table
+
+
+def _fit_events(
+    table: CandidateTable,
+    context: SearchContext,
+    others: Mapping[str, Values],
+    names: Sequence[str],
+    guess_context: GuessContext,
+    starts: Array,
+) -> CandidateTable:
+    """Fit each event beside others, in this order."""
+    guesses = {name: EFFECTS[name].initial_guesses(guess_context) for name in names}
+    context.announce([each for name in names for each in context.requests(table, others, name, guesses[name], starts)])
+    for name in names:
+        table = context.fit_first_that_explains(table, others, name, guesses[name], starts)
     return table
 
 
@@ -105,11 +121,15 @@ def refine(table: CandidateTable, context: SearchContext, size: int) -> Candidat
             break
         table = context.fit(table, candidate.values, iterations=REFINE_ITERATIONS)
         refined = table.fits[candidate.names]
-        for name in sorted(refined.names):
-            for changed in _varied_shapes(EFFECTS[name], refined.values[name]):
-                if needs_more(table.best, context):
-                    values = {**refined.values, name: changed}
-                    table = context.fit(table, values, iterations=REFINE_ITERATIONS, give_up_above=table.give_up_above)
+        varied = [
+            FitRequest({**refined.values, name: changed}, None, REFINE_ITERATIONS, give_up_above=table.give_up_above)
+            for name in sorted(refined.names)
+            for changed in _varied_shapes(EFFECTS[name], refined.values[name])
+        ]
+        context.announce(varied)
+        for request in varied:
+            if needs_more(table.best, context):
+                table = context.fit_requested(table, request)
     return table
 
 
@@ -147,9 +167,8 @@ def _fit_events_after(table: CandidateTable, context: SearchContext, prefix: Con
         enough = between.remaining_chi2 - MIN_VARIANCE_SHARE * log.n_values
         guess_context = setting.guess_context(log.force_g - prefix.fit.force_g, (), between)
         names = EFFECTS.choose(transient=True, found_before_search=False, changes_length=changes_length)
-        for name in sorted(names, key=lambda name: not EFFECTS[name].instantaneous):
-            guesses = EFFECTS[name].initial_guesses(guess_context)
-            table = context.fit_first_that_explains(table, prefix.values, name, guesses, starts)
+        instantaneous_first = sorted(names, key=lambda name: not EFFECTS[name].instantaneous)
+        table = _fit_events(table, context, prefix.values, instantaneous_first, guess_context, starts)
     return table
 
 

@@ -1,18 +1,25 @@
 """Steps that fit persistent effects: a score test ranks them, the best ones are fitted."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
 
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.clock import ClockDrift
-from gateway.twin.effects.rope import RopeLength
+from gateway.twin.effects.parameter import Value
+from gateway.twin.effects.rope import DoublePendulum, RopeLength
 from gateway.twin.reconcile.residual.isolability import CONFUSABLE_COSINE, smallest_angle_cosine
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
-from gateway.twin.reconcile.search.context import SearchContext, excludes_each_other
+from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.length_guess import length_error_by_period
 from gateway.twin.reconcile.search.parallel_fits import FitRequest
 
+Array = NDArray[np.float64]
 MAX_SCORED = 4
 """Effects that are fitted beside a parent, by their score, as long as none explains the log."""
+FITTED_FIRST = 2
+"""Of these, those that are fitted before the best of them limits the rest."""
 MIN_SHARE_OF_BEST_SCORE = 0.5
 """Predicted gain over that of the best effect: one that reaches less is no rival to an effect that explains the log."""
 MAX_PAIR_REMAINDER = 0.5
@@ -101,10 +108,12 @@ def fit_by_score(
     signatures = context.signatures(parent)
     gains = {name: signatures.predicted_chi2_drop(name) for name in signatures.of}
     ranked = sorted(gains, key=lambda name: -gains[name])
+    context.announce(requests_beside(table, context, parent, ranked[:FITTED_FIRST]))
     for rank, name in enumerate(ranked):
-        if rank == 1 and not table.is_explained:
-            likely = ranked[1 : MAX_SCORED if at_most is None else min(at_most, MAX_SCORED)]
-            context.fit_ahead(requests_beside(table, context, parent, likely))
+        if rank == FITTED_FIRST:
+            table = table.limit_fits()
+            likely = ranked[rank : MAX_SCORED if at_most is None else min(at_most, MAX_SCORED)]
+            context.announce(requests_beside(table, context, parent, likely))
         is_rival = gains[name] >= MIN_SHARE_OF_BEST_SCORE * gains[ranked[0]]
         if not is_rival and (table.is_explained or rank >= MAX_SCORED):
             break
@@ -112,7 +121,7 @@ def fit_by_score(
             break
         if table.get(parent.names | {name}) is None:
             table = fit_persistent(table, context, parent, name)
-            table = table.start_round() if rank == 0 else table
+            table = table.fix_noise() if rank == 0 else table
     return table
 
 
@@ -121,27 +130,27 @@ def fit_persistent(table: CandidateTable, context: SearchContext, parent: Candid
 
     An effect with initial guesses from the data is fitted from fresh ones: segments join only under the right guess.
     """
+    return context.fit_first_that_explains(table, parent.values, name, *_guesses_and_starts(context, parent, name))
+
+
+def _guesses_and_starts(
+    context: SearchContext, parent: CandidateFit, name: str
+) -> tuple[Sequence[Mapping[str, Value]], Array | None]:
     if not EFFECTS[name].guesses_from_data:
-        return context.fit_first_that_explains(table, parent.values, name, [{}], context.segment_starts(parent))
+        return [{}], context.segment_starts(parent)
     setting = context.setting
-    guesses = EFFECTS[name].initial_guesses(setting.guess_context(setting.log.force_g - parent.fit.force_g))
-    return context.fit_first_that_explains(table, parent.values, name, guesses)
+    return EFFECTS[name].initial_guesses(setting.guess_context(setting.log.force_g - parent.fit.force_g)), None
 
 
 def requests_beside(
     table: CandidateTable, context: SearchContext, parent: CandidateFit, names: Iterable[str]
 ) -> list[FitRequest]:
-    """Return the fits of one more effect beside a parent that `fit_persistent` makes, where the data give no guesses of it."""
+    """Return the fits of one more effect beside a parent that `fit_persistent` makes, but for second modes."""
     return [
-        FitRequest(
-            {**parent.values, name: EFFECTS[name].default_guess},
-            context.segment_starts(parent),
-            give_up_above=table.give_up_above,
-        )
+        request
         for name in names
-        if not EFFECTS[name].guesses_from_data
-        and table.get(parent.names | {name}) is None
-        and not excludes_each_other(name, parent.values)
+        if table.get(parent.names | {name}) is None and name != DoublePendulum.name
+        for request in context.requests(table, parent.values, name, *_guesses_and_starts(context, parent, name))
     ]
 
 

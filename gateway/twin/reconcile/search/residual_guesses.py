@@ -1,6 +1,10 @@
 """Steps that fit persistent effects whose frequencies or limits are first found in the residual."""
 
+from collections.abc import Mapping, Sequence
+
 from gateway.twin.effects import EFFECTS, ModelStructure
+from gateway.twin.effects.parameter import Value
+from gateway.twin.effects.rope import DoublePendulum
 from gateway.twin.reconcile.search.candidates import CandidateFit, CandidateTable
 from gateway.twin.reconcile.search.context import SearchContext
 from gateway.twin.reconcile.search.persistent import baseline_of
@@ -12,9 +16,13 @@ simpler of two effects with the same period for the other one to be fitted."""
 
 def fit_guessed_effects(table: CandidateTable, context: SearchContext, parent: CandidateFit) -> CandidateTable:
     """Fit the effects beside a parent that are guessed from its residual, until one explains the log."""
-    for name in EFFECTS.choose(is_guessed_from_residual=True):
-        if not table.is_explained and table.get(parent.names | {name}) is None:
-            table = _fit_guessed(table, context, parent, name)
+    names = [name for name in EFFECTS.choose(is_guessed_from_residual=True) if table.get(parent.names | {name}) is None]
+    guesses = {name: _guesses(context, parent, name) for name in names}
+    alone = [name for name in names if name != DoublePendulum.name]
+    context.announce([each for name in alone for each in context.requests(table, parent.values, name, guesses[name])])
+    for name in names:
+        if not table.is_explained:
+            table = context.fit_first_that_explains(table, parent.values, name, guesses[name])
     return table
 
 
@@ -60,6 +68,9 @@ def _fit_beyond_its_equivalent(table: CandidateTable, context: SearchContext, na
 
 
 def _fit_guessed(table: CandidateTable, context: SearchContext, parent: CandidateFit, name: str) -> CandidateTable:
+    return context.fit_first_that_explains(table, parent.values, name, _guesses(context, parent, name))
+
+
+def _guesses(context: SearchContext, parent: CandidateFit, name: str) -> Sequence[Mapping[str, Value]]:
     setting = context.setting
-    guesses = EFFECTS[name].initial_guesses(setting.guess_context(setting.log.force_g - parent.fit.force_g))
-    return context.fit_first_that_explains(table, parent.values, name, guesses)
+    return EFFECTS[name].initial_guesses(setting.guess_context(setting.log.force_g - parent.fit.force_g))
