@@ -52,7 +52,6 @@ class CompiledModel:
         self.structure = model.structure
         self._p = model.p
         self._x = ca.SX.sym("x", self.structure.n_states)
-        self._x_end = ca.SX.sym("x_end", self.structure.n_states)
         self._t, self._h, self._middle = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("middle")
         self._recorded, self._temperature_c = ca.SX.sym("recorded"), ca.SX.sym("temperature")
         self._reading = ca.SX.sym("reading", 3)
@@ -166,34 +165,23 @@ class CompiledModel:
 
     @cached_property
     def reading(self) -> VectorisedFunction:
-        """The reading before the low-pass.
-
-        A function of x at both ends of the step, the time and length of the step, the recorded time and the temperature.
-        """
-        return VectorisedFunction(self._reading_inputs, self._p, self._reading_in_step)
+        """The reading before the low-pass, a function of x, the recorded time, the middle of the step and the temperature."""
+        return VectorisedFunction(self._reading_inputs, self._p, self._reading_of_state)
 
     @cached_property
     def reading_jacobian(self) -> VectorisedJacobian:
-        """The derivatives of the reading by x at both ends of the step, the time and length of the step, and p."""
-        by = ca.vertcat(self._x, self._x_end, self._t, self._h, self._p)
-        return VectorisedJacobian(self._reading_inputs, self._p, self._reading_in_step, by)
+        """The derivatives of the reading by x and p."""
+        return VectorisedJacobian(self._reading_inputs, self._p, self._reading_of_state, ca.vertcat(self._x, self._p))
 
     @property
     def _reading_inputs(self) -> Sequence[Expression]:
-        return [self._x, self._x_end, self._t, self._h, self._recorded, self._temperature_c]
+        return [self._x, self._recorded, self._middle, self._temperature_c]
 
-    @cached_property
-    def _reading_in_step(self) -> Expression:
-        """The reading of a state inside a step, by a cubic through both ends (Hermite interpolation)."""
-        t, h, middle = self._t, self._h, self._t + self._h / 2
+    @property
+    def _reading_of_state(self) -> Expression:
         true = self.symbolic.true_time(self._recorded)
-        s, rise = (true - t) / h, self._x_end - self._x
-        slope = h * self.symbolic.rate(self._x, self.symbolic.context(t, middle))
-        end_slope = h * self.symbolic.rate(self._x_end, self.symbolic.context(t + h, middle))
-        cubic = slope + end_slope - 2 * rise
-        x = self._x + s * (slope + s * (rise - slope - cubic + s * cubic))
         temperature_rise_c = self._temperature_c - self.symbolic.rig.reference_temperature_c
-        return self.symbolic.reading(x, self.symbolic.context(true, middle, temperature_rise_c))
+        return self.symbolic.reading(self._x, self.symbolic.context(true, self._middle, temperature_rise_c))
 
     @cached_property
     def output(self) -> VectorisedFunction:

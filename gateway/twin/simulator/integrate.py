@@ -32,16 +32,21 @@ class Trajectory:
     """State at the start of each step, shape (steps, states)."""
     ends: Array
     """Shape (steps, states)."""
+    start_rates: Array
+    """Derivative of the state by time at the start of each step, shape (steps, states)."""
+    end_rates: Array
+    """Shape (steps, states)."""
 
     @property
-    def begins_by(self) -> Array:
-        """Derivatives of the starts by the parameters, shape (steps, parameters)."""
-        return np.concatenate([grid.nodes_by[:-1] for grid in self.grids])
+    def middles_s(self) -> Array:
+        """Middle of each step, shape (steps,)."""
+        return self.begins_s + self.lengths_s / 2
 
     @property
-    def lengths_by(self) -> Array:
-        """Derivatives of the lengths by the parameters, shape (steps, parameters)."""
-        return np.concatenate([np.diff(grid.nodes_by, axis=0) for grid in self.grids])
+    def polynomials(self) -> Array:
+        """The state inside each step as a cubic of the share of the step that has passed, shape (steps, 4, states)."""
+        slopes = (self.lengths_s[:, None] * each for each in (self.start_rates, self.end_rates))
+        return hermite_polynomials(self.starts, self.ends, *slopes)
 
     @property
     def segments(self) -> Sequence[tuple[int, int]]:
@@ -70,14 +75,21 @@ def integrate(
     """Integrate from initial states (segments, z), each between two recorded times since the first sample."""
     grids = [_grid(compiled, p, *bounds) for bounds in bounds_s]
     pieces = [_integrate_segment(compiled, initial, p, grid) for initial, grid in zip(initials, grids, strict=True)]
-    return Trajectory(
-        grids,
-        np.cumsum([0, *(len(grid.steps_s) for grid in grids)]),
-        np.concatenate([grid.nodes_s[:-1] for grid in grids]),
-        np.concatenate([grid.steps_s for grid in grids]),
-        np.concatenate([starts for starts, _ in pieces]),
-        np.concatenate([ends for _, ends in pieces]),
-    )
+    first_steps = np.cumsum([0, *(len(grid.steps_s) for grid in grids)])
+    begins_s = np.concatenate([grid.nodes_s[:-1] for grid in grids])
+    lengths_s = np.concatenate([grid.steps_s for grid in grids])
+    starts, ends = (np.concatenate(each) for each in zip(*pieces, strict=True))
+    middles_s = begins_s + lengths_s / 2
+    start_rates = compiled.rate([starts.T, begins_s, middles_s], p)
+    end_rates = compiled.rate([ends.T, begins_s + lengths_s, middles_s], p)
+    return Trajectory(grids, first_steps, begins_s, lengths_s, starts, ends, start_rates, end_rates)
+
+
+def hermite_polynomials(start: Array, end: Array, slope: Array, end_slope: Array) -> Array:
+    """Return the coefficients of cubics between 0 and 1 by values and slopes at both ends, shape (n, 4, ...), constants first."""
+    rise = end - start
+    cubic = slope + end_slope - 2 * rise
+    return np.stack([start, slope, rise - slope - cubic, cubic], axis=1)
 
 
 def _integrate_segment(compiled: CompiledModel, initial: Array, p: Array, grid: IntegrationGrid) -> tuple[Array, Array]:

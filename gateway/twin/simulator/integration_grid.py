@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 MIN_SPACING_S = 1e-6
 """A regular node closer than this to a discontinuity is left out."""
-RAMP_STEPS = 4
+RAMP_STEPS = 8
 """Least steps between two discontinuities: a force may rise from one to the next."""
 ROUNDING_STEPS = 1e-9
 """Excess over a whole number of steps that is a rounding error."""

@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.simulator.compiled_model import CompiledModel
-from gateway.twin.simulator.flow_derivatives import FlowDerivatives, flow_derivatives
-from gateway.twin.simulator.integrate import Trajectory
+from gateway.twin.simulator.flow_derivatives import flow_derivatives
+from gateway.twin.simulator.integrate import Trajectory, hermite_polynomials
 from gateway.twin.simulator.integration_grid import IntegrationGrid
 
 Array = NDArray[np.float64]
@@ -24,13 +24,24 @@ STEPS_IN_BLOCK = 16
 
 @dataclass(frozen=True, slots=True)
 class Sensitivities:
-    """Derivatives of the states at both ends of each step by initial state and parameters, shape (steps, states, values).
+    """Derivatives of a trajectory by initial state and parameters, `values` in the shapes."""
 
-    They contain that the parameters may move the ends of a step.
-    """
+    polynomials: Array
+    """At fixed times inside each step, cubics of the share of the step that has passed, shape (steps, 4, states, values)."""
+    of_ends: Array
+    """Of the last state of each segment, whose time the parameters may move, shape (segments, states, values)."""
 
-    at_step_start: Array
-    at_step_end: Array
+    def inside(self, step: NDArray[np.int64], share: Array) -> Array:
+        """Return them at shares of steps in ascending order, shape (n, states, values)."""
+        first, last = int(step[0]), int(step[-1]) + 1
+        row = step - first
+        column = np.arange(len(step)) - np.searchsorted(step, step)
+        powers = np.zeros((last - first, int(column.max()) + 1, 4))
+        powers[row, column] = share[:, None] ** np.arange(4)
+        states, values = self.polynomials.shape[2:]
+        found = powers @ self.polynomials[first:last].reshape(last - first, 4, states * values)
+        inside: Array = found[row, column].reshape(len(step), states, values)
+        return inside
 
 
 def sensitivities(compiled: CompiledModel, trajectory: Trajectory, initials: Array, p: Array) -> Sensitivities:
@@ -39,37 +50,46 @@ def sensitivities(compiled: CompiledModel, trajectory: Trajectory, initials: Arr
     n_initial = initials.shape[1]
     flow = flow_derivatives(compiled, trajectory, p)
     start, end = np.empty((2, steps, states, n_initial + len(p)))
+    of_ends = np.empty((len(initials), *start.shape[1:]))
     for segment, (first, last) in enumerate(trajectory.segments):
         grid = trajectory.grids[segment]
         s = np.zeros(start.shape[1:])
         s[:, :n_initial] = compiled.state(initials[segment])[1].full()
-        s[:, n_initial:] = -flow.start_rates[first, :, None] * grid.nodes_by[0]
-        for begin, stop in pairwise(sorted({0, *_jumps(flow, grid, first, last), last - first})):
+        s[:, n_initial:] = -trajectory.start_rates[first, :, None] * grid.nodes_by[0]
+        for begin, stop in pairwise(sorted({0, *_jumps(trajectory, grid, first, last), last - first})):
             if begin > 0:
                 before = trajectory.ends[first + begin - 1], grid.nodes_s[begin], p
                 impulse = compiled.impulses[grid.impulses[begin]](*before)[1:] if begin in grid.impulses else None
-                rates = flow.end_rates[first + begin - 1], flow.start_rates[first + begin]
+                rates = trajectory.end_rates[first + begin - 1], trajectory.start_rates[first + begin]
                 s = _across_jump(s, *rates, grid.nodes_by[begin], impulse)
             part = slice(first + begin, first + stop)
-            end[part] = _follow(flow.by_state[part], flow.by_p[part], s)
+            end[part] = _follow(flow.of_end[part], s)
             start[first + begin], start[first + begin + 1 : first + stop] = s, end[first + begin : first + stop - 1]
             s = end[first + stop - 1]
-    start[:, :, n_initial:] += flow.start_rates[:, :, None] * trajectory.begins_by[:, None]
-    end[:, :, n_initial:] += flow.end_rates[:, :, None] * (trajectory.begins_by + trajectory.lengths_by)[:, None]
-    return Sensitivities(start, end)
+        of_ends[segment] = s
+        of_ends[segment, :, n_initial:] += trajectory.end_rates[last - 1, :, None] * grid.nodes_by[-1]
+    slopes = [_applied(by, s) for by, s in ((flow.of_start_slope, start), (flow.of_end_slope, end))]
+    return Sensitivities(hermite_polynomials(start, end, *slopes), of_ends)
 
 
-def _follow(by_state: Array, by_p: Array, s: Array) -> Array:
+def _applied(by: Array, s: Array) -> Array:
+    """Return derivatives by state and parameters times the sensitivities of the state, shape (..., states, values)."""
+    states = s.shape[-2]
+    product: Array = by[..., :states] @ s
+    product[..., s.shape[-1] - by.shape[-1] + states :] += by[..., states:]
+    return product
+
+
+def _follow(flow: Array, s: Array) -> Array:
     """Return the sensitivities at the ends of consecutive steps.
 
     Steps are combined to blocks, all blocks at once, and then only the blocks one after the other.
     """
-    steps, states = by_state.shape[:2]
-    n_initial = s.shape[1] - by_p.shape[2]
+    steps, states, values = flow.shape
     blocks = -(-steps // STEPS_IN_BLOCK)
-    from_block = np.zeros((blocks * STEPS_IN_BLOCK, states, states + by_p.shape[2]))
-    from_block[:steps, :, :states], from_block[:steps, :, states:] = by_state, by_p
-    from_block = np.ascontiguousarray(from_block.reshape(blocks, STEPS_IN_BLOCK, *from_block.shape[1:]).swapaxes(0, 1))
+    from_block = np.zeros((blocks * STEPS_IN_BLOCK, states, values))
+    from_block[:steps] = flow
+    from_block = np.ascontiguousarray(from_block.reshape(blocks, STEPS_IN_BLOCK, states, values).swapaxes(0, 1))
     for before, step in pairwise(from_block):
         added = step[:, :, states:].copy()
         step[:] = step[:, :, :states] @ before
@@ -77,16 +97,13 @@ def _follow(by_state: Array, by_p: Array, s: Array) -> Array:
     at_block = np.empty((blocks, *s.shape))
     for block, whole in enumerate(from_block[-1]):
         at_block[block] = s
-        s = whole[:, :states] @ s
-        s[:, n_initial:] += whole[:, states:]
-    after: Array = from_block[..., :states] @ at_block
-    after[..., n_initial:] += from_block[..., states:]
-    return after.swapaxes(0, 1).reshape(-1, *s.shape)[:steps]
+        s = _applied(whole, s)
+    return _applied(from_block, at_block).swapaxes(0, 1).reshape(-1, *s.shape)[:steps]
 
 
-def _jumps(flow: FlowDerivatives, grid: IntegrationGrid, first: int, last: int) -> set[int]:
+def _jumps(trajectory: Trajectory, grid: IntegrationGrid, first: int, last: int) -> set[int]:
     """Return the nodes inside a segment at which the rate is not continuous."""
-    jumps = (flow.end_rates[first : last - 1] != flow.start_rates[first + 1 : last]).any(axis=1)
+    jumps = (trajectory.end_rates[first : last - 1] != trajectory.start_rates[first + 1 : last]).any(axis=1)
     return {*(np.flatnonzero(jumps) + 1).tolist(), *grid.impulses}
 
 

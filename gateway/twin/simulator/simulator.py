@@ -21,6 +21,8 @@ from gateway.twin.simulator.symbolic_model import NominalRig
 Array = NDArray[np.float64]
 
 
+SAMPLES_AT_ONCE = 1024
+"""Samples whose intermediate results stay in the processor's cache."""
 LARGEST_NUMBER = 1e100
 """Value from which on a prediction or a derivative has diverged."""
 
@@ -134,8 +136,8 @@ class Simulator:
         recorded_s = _recorded_time(time_s)
         trajectory = integrate(self._compiled, initial[None, :], p, [(recorded_s[0], recorded_s[-1])])
         temperature_c = self._temperature(temperature_c, recorded_s)
-        inputs, _ = self._reading_inputs(trajectory, recorded_s, [0], temperature_c, p)
-        reading = self._compiled.reading(inputs, p)
+        samples = self._locate(trajectory, recorded_s, [0], p)
+        reading = self._compiled.reading(self._reading_inputs(trajectory, samples, temperature_c), p)
         if self._cutoff is not None:
             cutoff_hz, initial_g = p[self._cutoff], p[self._cutoff + 1 : self._cutoff + 4]
             transient = initial_transient(recorded_s, cutoff_hz)
@@ -168,10 +170,9 @@ class Simulator:
         bounds_s = list(zip(recorded_s[list(firsts)], ends_s, strict=True))
         trajectory = integrate(self._compiled, starts, effects, bounds_s)
         by_values = sensitivities(self._compiled, trajectory, starts, effects)
-        inputs, step = self._reading_inputs(
-            trajectory, recorded_s, firsts, self._temperature(temperature_c, recorded_s), effects
-        )
-        reading, by = self._linearise_readings(trajectory, by_values, inputs, step, effects)
+        samples = self._locate(trajectory, recorded_s, firsts, effects)
+        inputs = self._reading_inputs(trajectory, samples, self._temperature(temperature_c, recorded_s))
+        reading, by = self._linearise_readings(trajectory, by_values, inputs, samples, effects)
         force, by = self._apply_sensor_dynamics(reading, by, recorded_s, effects)
         ends, ends_by = self._final_states(trajectory, by_values)
         n = self.n_initial_states
@@ -190,26 +191,34 @@ class Simulator:
         last = trajectory.first_steps[1:] - 1
         found = [[each.full() for each in self._compiled.initial_state(trajectory.ends[step])] for step in last]
         ends = np.array([z[:, 0] for z, _ in found])
-        return ends, np.array([z_by_x for _, z_by_x in found]) @ by.at_step_end[last]
+        return ends, np.array([z_by_x for _, z_by_x in found]) @ by.of_ends
 
-    def _reading_inputs(
-        self, trajectory: Trajectory, recorded_s: Array, firsts: Sequence[int], temperature_c: Array, p: Array
-    ) -> tuple[list[Array], NDArray[np.int64]]:
-        """Return the inputs of the reading at each sample, and the step in which it lies."""
-        step = trajectory.steps_at(self._compiled.true_time([recorded_s], p)[:, 0], firsts)
-        states = [trajectory.starts[step].T, trajectory.ends[step].T]
-        return [*states, trajectory.begins_s[step], trajectory.lengths_s[step], recorded_s, temperature_c], step
+    def _locate(self, trajectory: Trajectory, recorded_s: Array, firsts: Sequence[int], p: Array) -> "_Samples":
+        true_s = self._compiled.true_time([recorded_s], p)[:, 0]
+        step = trajectory.steps_at(true_s, firsts)
+        return _Samples(recorded_s, step, (true_s - trajectory.begins_s[step]) / trajectory.lengths_s[step])
+
+    def _reading_inputs(self, trajectory: Trajectory, samples: "_Samples", temperature_c: Array) -> list[Array]:
+        """Return the inputs of the reading at each sample."""
+        state = _evaluated(trajectory.polynomials[samples.step], samples.share)
+        return [state.T, samples.recorded_s, trajectory.middles_s[samples.step], temperature_c]
 
     def _linearise_readings(
-        self, trajectory: Trajectory, of: Sensitivities, inputs: list[Array], step: NDArray[np.int64], p: Array
+        self, trajectory: Trajectory, of: Sensitivities, inputs: list[Array], samples: "_Samples", p: Array
     ) -> tuple[Array, Array]:
         """Return the readings before the low-pass, with their total derivatives."""
         jacobian = self._compiled.reading_jacobian(inputs, p)
-        k, n = trajectory.starts.shape[1], self.n_initial_states
-        by = jacobian[..., :k] @ of.at_step_start[step] + jacobian[..., k : 2 * k] @ of.at_step_end[step]
-        by[..., n:] += jacobian[..., 2 * k, None] * trajectory.begins_by[step][:, None]
-        by[..., n:] += jacobian[..., 2 * k + 1, None] * trajectory.lengths_by[step][:, None]
-        by[..., n:] += jacobian[..., 2 * k + 2 :]
+        states, n = trajectory.starts.shape[1], self.n_initial_states
+        by = np.empty((*jacobian.shape[:2], n + len(p)))
+        for first in range(0, len(samples.step), SAMPLES_AT_ONCE):
+            part = slice(first, first + SAMPLES_AT_ONCE)
+            by[part] = jacobian[part, :, :states] @ of.inside(samples.step[part], samples.share[part])
+        by[..., n:] += jacobian[..., states:]
+        true_by = self._compiled.true_time_by_p([samples.recorded_s], p)[:, 0]
+        if true_by.any():
+            rate = _evaluated(_differentiated(trajectory.polynomials[samples.step]), samples.share)
+            rate /= trajectory.lengths_s[samples.step, None]
+            by[..., n:] += (jacobian[..., :states] @ rate[:, :, None]) * true_by[:, None]
         return self._compiled.reading(inputs, p), by
 
     def _apply_sensor_dynamics(self, reading: Array, by: Array, recorded_s: Array, p: Array) -> tuple[Array, Array]:
@@ -229,6 +238,30 @@ class Simulator:
             by[..., self.n_initial_states :] += jacobian[..., 3:]
             reading = self._compiled.output([reading.T], p)
         return reading, by
+
+
+@dataclass(frozen=True, slots=True)
+class _Samples:
+    """Where samples lie in a trajectory."""
+
+    recorded_s: Array
+    step: NDArray[np.int64]
+    share: Array
+    """Of the step that has passed."""
+
+
+def _evaluated(polynomials: Array, at: Array) -> Array:
+    """Return polynomials (n, terms, values), constants first, at n places, shape (n, values)."""
+    total: Array = polynomials[:, -1]
+    for term in range(polynomials.shape[1] - 2, -1, -1):
+        total = total * at[:, None] + polynomials[:, term]
+    return total
+
+
+def _differentiated(polynomials: Array) -> Array:
+    exponents = np.arange(1, polynomials.shape[1])
+    derivative: Array = polynomials[:, 1:] * exponents[:, None]
+    return derivative
 
 
 def _recorded_time(time_s: Array) -> Array:

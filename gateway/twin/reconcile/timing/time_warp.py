@@ -68,6 +68,8 @@ class TimeLinearisation:
     """In sigma per second, shape (n, 3)."""
     by_values: Array
     """In sigma, shape (n, 3, values)."""
+    is_finite: bool
+    """Whether neither diverges."""
 
 
 def estimate_time_warp(
@@ -91,7 +93,7 @@ def estimate_time_warp(
         true_s = _increasing(linear_s + knots.at_samples(warp), MIN_INTERVAL_SAMPLES * interval_s)
         linear = linearise_in_time(model, fitted, observations, true_s)
         residual, variance = observations.residual_sigma(linear.force_g), step_variance(fraction, interval_s)
-        if not (np.isfinite(residual).all() and np.isfinite(linear.by_time).all()):
+        if not linear.is_finite:
             return None  # the last step left the domain of the equations of motion
         if iteration == SCREENING_ITERATIONS - 1:
             break
@@ -125,7 +127,9 @@ def linearise_in_time(
     by_values = np.concatenate([batch.force_by_start, batch.force_by_effects], axis=2) * weight[:, :, None]
     by_time = np.gradient(batch.force_g, true_s, axis=0) * weight
     values = np.concatenate([state, model.to_physical(effects)])
-    return TimeLinearisation(quantised_mean_of(model.simulator, values, batch.force_g), by_time, by_values)
+    return TimeLinearisation(
+        quantised_mean_of(model.simulator, values, batch.force_g), by_time, by_values, batch.is_finite
+    )
 
 
 def sampling_interval_s(observations: Observations) -> float:
