@@ -36,17 +36,13 @@ class Trajectory:
     """Derivative of the state by time at the start of each step, shape (steps, states)."""
     end_rates: Array
     """Shape (steps, states)."""
+    polynomials: Array
+    """The state inside each step as a cubic of the share of the step that has passed, shape (steps, 4, states)."""
 
     @property
     def middles_s(self) -> Array:
         """Middle of each step, shape (steps,)."""
         return self.begins_s + self.lengths_s / 2
-
-    @property
-    def polynomials(self) -> Array:
-        """The state inside each step as a cubic of the share of the step that has passed, shape (steps, 4, states)."""
-        slopes = (self.lengths_s[:, None] * each for each in (self.start_rates, self.end_rates))
-        return hermite_polynomials(self.starts, self.ends, *slopes)
 
     @property
     def segments(self) -> Sequence[tuple[int, int]]:
@@ -82,14 +78,19 @@ def integrate(
     middles_s = begins_s + lengths_s / 2
     start_rates = compiled.rate([starts.T, begins_s, middles_s], p)
     end_rates = compiled.rate([ends.T, begins_s + lengths_s, middles_s], p)
-    return Trajectory(grids, first_steps, begins_s, lengths_s, starts, ends, start_rates, end_rates)
+    slopes = (lengths_s[:, None] * each for each in (start_rates, end_rates))
+    polynomials = hermite_polynomials(starts, ends, *slopes)
+    return Trajectory(grids, first_steps, begins_s, lengths_s, starts, ends, start_rates, end_rates, polynomials)
 
 
 def hermite_polynomials(start: Array, end: Array, slope: Array, end_slope: Array) -> Array:
     """Return the coefficients of cubics between 0 and 1 by values and slopes at both ends, shape (n, 4, ...), constants first."""
+    polynomials = np.empty((len(start), 4, *start.shape[1:]))
+    polynomials[:, 0], polynomials[:, 1] = start, slope
     rise = end - start
-    cubic = slope + end_slope - 2 * rise
-    return np.stack([start, slope, rise - slope - cubic, cubic], axis=1)
+    cubic = np.subtract(slope + end_slope, 2 * rise, out=polynomials[:, 3])
+    np.subtract(rise - slope, cubic, out=polynomials[:, 2])
+    return polynomials
 
 
 def _integrate_segment(compiled: CompiledModel, initial: Array, p: Array, grid: IntegrationGrid) -> tuple[Array, Array]:

@@ -34,6 +34,10 @@ DAMPING_STEP = 10.0
 """Factor by which the damping of a segment falls after a step that improves, and rises after one that does not."""
 MIN_LOCAL_DECREASE = 1e-3
 """Share of its chi-square that a further step of a segment must promise: the fit only has to start the next one."""
+MIN_TOTAL_DECREASE = 0.01
+"""Share of the chi-square of all segments that `CREEPING_STEPS` must take off: a model that cannot follow them creeps for long."""
+CREEPING_STEPS = 4
+"""Some steps only find the damping of a segment, and take nothing off."""
 NONLINEAR_ITERATIONS = 30
 """Iterations where the readings are not nearly linear in the initial state: a large swing, or one seen along the rope."""
 
@@ -121,6 +125,7 @@ def _fit_each_segment(
     limit[ROPE_RATES] *= max(1.0, simulator.rig.small_swing_rate_1_s)
     fits = _linearise_each(simulator, observations, initial_states, effect_values, first_samples)
     damping = np.full(len(first_samples), LOCAL_DAMPING)
+    totals = [fits.chi2.sum()]
     for _ in range(NONLINEAR_ITERATIONS):
         steps = [each.step(free, factor) for each, factor in zip(fits.equations, damping, strict=True)]
         promised = np.array([step @ each.gradient for step, each in zip(steps, fits.equations, strict=True)])
@@ -131,6 +136,9 @@ def _fit_each_segment(
         improved = after.chi2 < fits.chi2
         damping = np.where(improved, np.maximum(damping / DAMPING_STEP, MIN_LOCAL_DAMPING), damping * DAMPING_STEP)
         fits = after
+        totals.append(fits.chi2.sum())
+        if len(totals) > CREEPING_STEPS and totals[-1] > (1 - MIN_TOTAL_DECREASE) * totals[-1 - CREEPING_STEPS]:
+            break
     return fits
 
 
