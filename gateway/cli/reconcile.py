@@ -1,6 +1,7 @@
 """`plumbline reconcile`: where simulation and measurement disagree, and which effects are missing."""
 
 import argparse
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -86,6 +87,8 @@ def run(arguments: argparse.Namespace) -> int:
         return run_plan(arguments)
     from gateway.cli.optional_dependencies import require_twin
 
+    # Before the library of linear algebra is loaded: its threads slow down small matrices, and take the cores of other processes.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     require_twin()
     import time
 
