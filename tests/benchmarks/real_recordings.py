@@ -13,6 +13,7 @@ import resource
 import subprocess
 import sys
 import tempfile
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,21 +104,21 @@ def _kept_or_asked(
 
 
 def answer(method: str, arguments: Sequence[str]) -> Mapping[str, Any]:
-    """The JSON of a method with its CPU time, `cpu_s`, or why it has none: on a shared machine the clock says little."""
-    began_s = _cpu_of_children_s()
+    """The JSON of a method with how long it took, `wall_s`, and its CPU time, `cpu_s`, or why it has none."""
+    began_s, cpu_began_s = time.monotonic(), _cpu_of_children_s()
     asked = [sys.executable, "-m", *COMMANDS[method], *arguments, "--json", "-"]
     try:
         done = subprocess.run(asked, capture_output=True, text=True, check=False, timeout=LIMIT_S)
     except subprocess.TimeoutExpired:
-        return {"error": f"more than {LIMIT_S:g} s", "cpu_s": _cpu_of_children_s() - began_s}
-    cpu_s = _cpu_of_children_s() - began_s
+        return {"error": f"more than {LIMIT_S:g} s", "wall_s": LIMIT_S, "cpu_s": _cpu_of_children_s() - cpu_began_s}
+    taken = {"wall_s": time.monotonic() - began_s, "cpu_s": _cpu_of_children_s() - cpu_began_s}
     if not done.stdout.startswith("{"):
         said = (done.stderr.strip().splitlines() or ["no answer"])[-1].removeprefix(f"plumbline {method}: ")
         said = said.removeprefix(f"{arguments[0]}: ")
         for folder in {Path(arguments[0]).parent, Path(arguments[2]).parent}:  # of the log and of the rig
             said = said.replace(f"{folder}/", "")
-        return {"error": said, "cpu_s": cpu_s}
-    return {**json.loads(done.stdout), "cpu_s": cpu_s}
+        return {"error": said, **taken}
+    return {**json.loads(done.stdout), **taken}
 
 
 def _cpu_of_children_s() -> float:

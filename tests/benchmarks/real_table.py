@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -9,21 +10,21 @@ import numpy as np
 from tests.benchmarks.real_angles import Angles
 from tests.benchmarks.real_manifest import RealRecording
 
-MEASURE_COLUMNS = ("recording", "known, deg", "`measure`, deg", "CPU, s")
+MEASURE_COLUMNS = ("recording", "known, deg", "`measure`, deg", "s")
 RECONCILE_COLUMNS = (
     "recording",
     "verdict",
     "effects",
     "plausible",
     "gap of the test part",
-    "CPU, s",
+    "s",
     "least squares of everything",
     "pysindy",
 )
 AROUND_S = 0.05
 """The angle at a time is compared with those within this, the error of two clocks: it can be one that the load passes."""
 Answers = Mapping[str, Mapping[str, Any]]
-"""By method: JSON, with `cpu_s` added."""
+"""By method: JSON, with `wall_s` and `cpu_s` added."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +128,7 @@ def markdown(cells: Sequence[str]) -> str:
 
 def measure_cells(row: Row) -> tuple[str, ...]:
     """The line of what `measure` answers."""
-    return _name(row), _known(row), _angle(row), _cpu(row, "measure")
+    return _name(row), _known(row), _angle(row), _seconds(row, "measure")
 
 
 def reconcile_cells(row: Row) -> tuple[str, ...]:
@@ -138,7 +139,7 @@ def reconcile_cells(row: Row) -> tuple[str, ...]:
         _effects(row.reconciled),
         _plausible(row),
         _gap(row.reconciled),
-        _cpu(row, "reconcile"),
+        _seconds(row, "reconcile"),
         _baseline(row.answers.get("everything")),
         _baseline(row.answers.get("sparse")),
     )
@@ -153,12 +154,14 @@ def counts(rows: Sequence[Row]) -> str:
     named = [row for row in usable if row.names]
     plausible = [row for row in named if not row.strange_names]
     verdicts = [row.reconciled.get("verdict", "refused") for row in usable if row.reconciled]
+    taken_s = [row.reconciled["wall_s"] for row in usable if "verdict" in row.reconciled] or [float("nan")]
     told = ", ".join(f"{verdicts.count(each)} {each}" for each in sorted(set(verdicts)))
     return (
         f"`measure`: of {len(usable)} recordings {len(whole)} have an interval, {sum(bool(r.holds) for r in whole)} hold. "
         f"{len(smoothed)} more have one while the smoothed motion is known; {sum(bool(r.holds) for r in smoothed)} hold. "
         f"Without gravity: {sum('error' in r.measured for r in refused)} of {len(refused)} refused. "
-        f"`reconcile`: {told}; effects named in {len(named)}, all of them plausible in {len(plausible)}."
+        f"`reconcile`: {told}; effects named in {len(named)}, all of them plausible in {len(plausible)}; "
+        f"{median(taken_s):.0f} s at the median, {max(taken_s):.0f} s at most."
     )
 
 
@@ -173,8 +176,8 @@ def _name(row: Row) -> str:
     return f"*{row.recording.name}*" if row.recording.is_asked_once else row.recording.name
 
 
-def _cpu(row: Row, method: str) -> str:
-    return f"{row.answers[method]['cpu_s']:.0f}" if method in row.answers else "-"
+def _seconds(row: Row, method: str) -> str:
+    return f"{row.answers[method]['wall_s']:.0f}" if method in row.answers else "-"
 
 
 def _known(row: Row) -> str:

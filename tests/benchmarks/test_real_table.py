@@ -17,7 +17,7 @@ def recording(**changed: object) -> RealRecording:
 
 def measured(low_deg: float, high_deg: float, from_s: float) -> dict[str, object]:
     swing = {"phi_max_deg": (low_deg + high_deg) / 2, "coverage95_deg": [low_deg, high_deg]}
-    return {"swing": swing, "free_swing": {"from_s": from_s, "to_s": 10.0}, "cpu_s": 1.0}
+    return {"swing": swing, "free_swing": {"from_s": from_s, "to_s": 10.0}, "wall_s": 1.0}
 
 
 DECAY = np.linspace(0.0, 10.0, 101), np.radians(np.linspace(60.0, 20.0, 101))
@@ -32,13 +32,13 @@ def test_interval_is_compared_with_the_angle_of_the_part_that_is_judged() -> Non
 
 
 def test_unknown_angle_is_printed_with_its_reason() -> None:
-    answers = {"measure": {"swing": {}, "swing_reasons": ["less than a swing"], "cpu_s": 1.0}}
+    answers = {"measure": {"swing": {}, "swing_reasons": ["less than a swing"], "wall_s": 1.0}}
     assert measure_cells(Row(recording(), None, answers))[2] == "unknown: less than a swing"
 
 
 def test_effect_that_no_engineer_would_sign_is_counted_as_implausible() -> None:
     named = [{"name": name, "parameters": dict[str, float]()} for name in ("viscous_damping", "clipping")]
-    row = Row(recording(), None, {"reconcile": {"verdict": "named", "effects": named, "cpu_s": 1.0}})
+    row = Row(recording(), None, {"reconcile": {"verdict": "named", "effects": named, "wall_s": 1.0}})
     assert row.strange_names == ["clipping"]
     assert "effects named in 1, all of them plausible in 0" in counts([row])
 
