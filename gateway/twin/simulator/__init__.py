@@ -1,1 +1,1 @@
-"""The simulator: symbolic equations assembled from effects, compiled, and integrated with exact sensitivities."""
+"""The simulator: symbolic equations assembled from effects, compiled, and integrated with sensitivities."""

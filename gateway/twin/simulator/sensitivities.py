@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.simulator.compiled_model import CompiledModel
-from gateway.twin.simulator.flow_derivatives import flow_derivatives
 from gateway.twin.simulator.integrate import Trajectory, hermite_polynomials
 from gateway.twin.simulator.integration_grid import IntegrationGrid
+from gateway.twin.simulator.transition_matrix import transition_matrices
 
 Array = NDArray[np.float64]
 STEPS_IN_BLOCK = 16
@@ -33,13 +33,12 @@ class Sensitivities:
 
     def inside(self, step: NDArray[np.int64], share: Array) -> Array:
         """Return them at shares of steps in ascending order, shape (n, states, values)."""
-        first, last = int(step[0]), int(step[-1]) + 1
-        row = step - first
-        column = np.arange(len(step)) - np.searchsorted(step, step)
-        powers = np.zeros((last - first, int(column.max()) + 1, 4))
+        with_samples, firsts, row = np.unique(step, return_index=True, return_inverse=True)
+        column = np.arange(len(step)) - firsts[row]
+        powers = np.zeros((len(with_samples), int(column.max()) + 1, 4))
         powers[row, column] = share[:, None] ** np.arange(4)
         states, values = self.polynomials.shape[2:]
-        found = powers @ self.polynomials[first:last].reshape(last - first, 4, states * values)
+        found = powers @ self.polynomials[with_samples].reshape(len(with_samples), 4, states * values)
         inside: Array = found[row, column].reshape(len(step), states, values)
         return inside
 
@@ -48,7 +47,7 @@ def sensitivities(compiled: CompiledModel, trajectory: Trajectory, initials: Arr
     """Return the derivatives of a trajectory from initial states (segments, z)."""
     steps, states = trajectory.starts.shape
     n_initial = initials.shape[1]
-    flow = flow_derivatives(compiled, trajectory, p)
+    matrices = transition_matrices(compiled, trajectory, p)
     start, end = np.empty((2, steps, states, n_initial + len(p)))
     of_ends = np.empty((len(initials), *start.shape[1:]))
     for segment, (first, last) in enumerate(trajectory.segments):
@@ -63,12 +62,12 @@ def sensitivities(compiled: CompiledModel, trajectory: Trajectory, initials: Arr
                 rates = trajectory.end_rates[first + begin - 1], trajectory.start_rates[first + begin]
                 s = _across_jump(s, *rates, grid.nodes_by[begin], impulse)
             part = slice(first + begin, first + stop)
-            end[part] = _follow(flow.of_end[part], s)
+            end[part] = _follow(matrices.of_step[part], s)
             start[first + begin], start[first + begin + 1 : first + stop] = s, end[first + begin : first + stop - 1]
             s = end[first + stop - 1]
         of_ends[segment] = s
         of_ends[segment, :, n_initial:] += trajectory.end_rates[last - 1, :, None] * grid.nodes_by[-1]
-    slopes = [_applied(by, s) for by, s in ((flow.of_start_slope, start), (flow.of_end_slope, end))]
+    slopes = [_applied(by, s) for by, s in ((matrices.of_start_slope, start), (matrices.of_end_slope, end))]
     return Sensitivities(hermite_polynomials(start, end, *slopes), of_ends)
 
 
@@ -80,15 +79,15 @@ def _applied(by: Array, s: Array) -> Array:
     return product
 
 
-def _follow(flow: Array, s: Array) -> Array:
+def _follow(of_step: Array, s: Array) -> Array:
     """Return the sensitivities at the ends of consecutive steps.
 
     Steps are combined to blocks, all blocks at once, and then only the blocks one after the other.
     """
-    steps, states, values = flow.shape
+    steps, states, values = of_step.shape
     blocks = -(-steps // STEPS_IN_BLOCK)
     from_block = np.zeros((blocks * STEPS_IN_BLOCK, states, values))
-    from_block[:steps] = flow
+    from_block[:steps] = of_step
     from_block = np.ascontiguousarray(from_block.reshape(blocks, STEPS_IN_BLOCK, states, values).swapaxes(0, 1))
     for before, step in pairwise(from_block):
         added = step[:, :, states:].copy()

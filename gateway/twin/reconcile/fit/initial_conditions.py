@@ -35,7 +35,7 @@ DAMPING_STEP = 10.0
 MIN_LOCAL_DECREASE = 1e-3
 """Share of its chi-square that a further step of a segment must promise: the fit only has to start the next one."""
 MIN_TOTAL_DECREASE = 0.01
-"""Share of the chi-square of all segments that `CREEPING_STEPS` must take off: a model that cannot follow them creeps for long."""
+"""Share of the chi-square of all segments that `CREEPING_STEPS` must take off: a model that cannot follow them creeps."""
 CREEPING_STEPS = 4
 """Some steps only find the damping of a segment, and take nothing off."""
 NONLINEAR_ITERATIONS = 30

@@ -1,4 +1,4 @@
-"""Derivatives of the motion over integration steps, at fixed times, from the linearised equations along the computed motion.
+"""State-transition matrices of integration steps, from the equations linearised along the computed motion.
 
 The equations of the sensitivities, S' = F(t) S + G(t), are linear; a Magnus series solves them in each step. Only the rate of the
 motion is differentiated symbolically: a whole step as one expression would have thirty times as many instructions.
@@ -20,22 +20,19 @@ EXPONENTIAL_ORDER = 6
 
 
 @dataclass(frozen=True, slots=True)
-class FlowDerivatives:
-    """Derivatives of steps by the state at their start and by the parameters, shape (steps, states, states + parameters).
+class TransitionMatrices:
+    """Derivatives by a state and by the parameters, at fixed times, shape (steps, states, states + parameters)."""
 
-    Those of a step do not contain that its ends may move.
-    """
-
-    of_end: Array
-    """Of the state at the end."""
+    of_step: Array
+    """Of the state at the end of each step, by that at its start."""
     of_start_slope: Array
     """Of the rate at the start times the length of the step, by the state there."""
     of_end_slope: Array
-    """The same at the end, by the state there."""
+    """The same at the end."""
 
 
-def flow_derivatives(compiled: CompiledModel, trajectory: Trajectory, p: Array) -> FlowDerivatives:
-    """Return the derivatives of all steps."""
+def transition_matrices(compiled: CompiledModel, trajectory: Trajectory, p: Array) -> TransitionMatrices:
+    """Return the matrices of all steps."""
     steps, states = trajectory.starts.shape
     by = np.empty((3, steps, states, states + len(p)))
     middles = trajectory.polynomials.swapaxes(0, 1) * 0.5 ** np.arange(4)[:, None, None]
@@ -47,12 +44,12 @@ def flow_derivatives(compiled: CompiledModel, trajectory: Trajectory, p: Array) 
         linear = compiled.rate_jacobian([*inputs, np.tile(times_s[1][part], 3)], p)
         linear *= np.tile(trajectory.lengths_s[part], 3)[:, None, None]
         start, middle, end = np.split(linear, 3)
-        flow = compiled.constraint_jacobian([trajectory.ends[part].T], p) @ _flow(start, middle, end)
-        by[0, part], by[1, part], by[2, part] = flow, start, end
-    return FlowDerivatives(*by)
+        transition = compiled.constraint_jacobian([trajectory.ends[part].T], p) @ _solve(start, middle, end)
+        by[0, part], by[1, part], by[2, part] = transition, start, end
+    return TransitionMatrices(*by)
 
 
-def _flow(start: Array, middle: Array, end: Array) -> Array:
+def _solve(start: Array, middle: Array, end: Array) -> Array:
     """Return the solution of linear equations over a step, with [F G] times its length at three nodes.
 
     The Magnus series of order four by Simpson's rule (Blanes et al. 2009, section 5.4), and the series of the exponential. Shapes
@@ -61,8 +58,8 @@ def _flow(start: Array, middle: Array, end: Array) -> Array:
     n = start.shape[1]
     exponent = (start + 4 * middle + end) / 6 - (start[:, :, :n] @ end - end[:, :, :n] @ start) / 12
     matrix = np.ascontiguousarray(exponent[:, :, :n])
-    flow = exponent / EXPONENTIAL_ORDER
+    solution = exponent / EXPONENTIAL_ORDER
     for order in range(EXPONENTIAL_ORDER - 1, 0, -1):
-        flow = (exponent + matrix @ flow) / order
-    flow[:, range(n), range(n)] += 1
-    return flow
+        solution = (exponent + matrix @ solution) / order
+    solution[:, range(n), range(n)] += 1
+    return solution
