@@ -11,6 +11,7 @@ from gateway.twin.simulator.compiled_model import CompiledModel
 from gateway.twin.simulator.integration_grid import IntegrationGrid, Times, make_grid
 
 Array = NDArray[np.float64]
+ALL = slice(None)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,13 +37,16 @@ class Trajectory:
     """Derivative of the state by time at the start of each step, shape (steps, states)."""
     end_rates: Array
     """Shape (steps, states)."""
-    polynomials: Array
-    """The state inside each step as a cubic of the share of the step that has passed, shape (steps, 4, states)."""
 
     @property
     def middles_s(self) -> Array:
         """Middle of each step, shape (steps,)."""
         return self.begins_s + self.lengths_s / 2
+
+    def polynomials(self, steps: slice = ALL) -> Array:
+        """Return the state inside steps as cubics of the share of the step that has passed, shape (steps, 4, states)."""
+        slopes = (self.lengths_s[steps, None] * each[steps] for each in (self.start_rates, self.end_rates))
+        return hermite_polynomials(self.starts[steps], self.ends[steps], *slopes)
 
     @property
     def segments(self) -> Sequence[tuple[int, int]]:
@@ -78,9 +82,7 @@ def integrate(
     middles_s = begins_s + lengths_s / 2
     start_rates = compiled.rate([starts.T, begins_s, middles_s], p)
     end_rates = compiled.rate([ends.T, begins_s + lengths_s, middles_s], p)
-    slopes = (lengths_s[:, None] * each for each in (start_rates, end_rates))
-    polynomials = hermite_polynomials(starts, ends, *slopes)
-    return Trajectory(grids, first_steps, begins_s, lengths_s, starts, ends, start_rates, end_rates, polynomials)
+    return Trajectory(grids, first_steps, begins_s, lengths_s, starts, ends, start_rates, end_rates)
 
 
 def hermite_polynomials(start: Array, end: Array, slope: Array, end_slope: Array) -> Array:

@@ -4,71 +4,69 @@ They are chained at fixed times, S+ = F_x S + F_p, to the accuracy of the integr
 whose time t depends on the parameters, S+ - S- = (f- - f+) dt/dp (Hairer et al. 1993, section I.14).
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.twin.simulator.compiled_model import CompiledModel
 from gateway.twin.simulator.integrate import Trajectory, hermite_polynomials
-from gateway.twin.simulator.integration_grid import IntegrationGrid
 from gateway.twin.simulator.transition_matrix import transition_matrices
 
 Array = NDArray[np.float64]
+Visit = Callable[[slice, Array], None]
+"""Takes steps and the sensitivities inside them, cubics of the share of a step that has passed (steps, 4, states, values)."""
+STEPS_AT_ONCE = 512
+"""Steps that are visited together: their matrices stay in the processor's cache, however long the recording is."""
 STEPS_IN_BLOCK = 16
 """Steps that are combined: as many as make a block's own work small beside the call of numpy."""
 
 
-@dataclass(frozen=True, slots=True)
-class Sensitivities:
-    """Derivatives of a trajectory by initial state and parameters, `values` in the shapes."""
+def visit_sensitivities(
+    compiled: CompiledModel, trajectory: Trajectory, initials: Array, p: Array, visit: Visit
+) -> Array:
+    """Visit the sensitivities of a trajectory from initial states (segments, z), in the order of the steps.
 
-    polynomials: Array
-    """At fixed times inside each step, cubics of the share of the step that has passed, shape (steps, 4, states, values)."""
-    of_ends: Array
-    """Of the last state of each segment, whose time the parameters may move, shape (segments, states, values)."""
-
-    def inside(self, step: NDArray[np.int64], share: Array) -> Array:
-        """Return them at shares of steps in ascending order, shape (n, states, values)."""
-        with_samples, firsts, row = np.unique(step, return_index=True, return_inverse=True)
-        column = np.arange(len(step)) - firsts[row]
-        powers = np.zeros((len(with_samples), int(column.max()) + 1, 4))
-        powers[row, column] = share[:, None] ** np.arange(4)
-        states, values = self.polynomials.shape[2:]
-        found = powers @ self.polynomials[with_samples].reshape(len(with_samples), 4, states * values)
-        inside: Array = found[row, column].reshape(len(step), states, values)
-        return inside
-
-
-def sensitivities(compiled: CompiledModel, trajectory: Trajectory, initials: Array, p: Array) -> Sensitivities:
-    """Return the derivatives of a trajectory from initial states (segments, z)."""
+    Return those of the last state of each segment, whose time the parameters may move, shape (segments, states, values).
+    """
     steps, states = trajectory.starts.shape
     n_initial = initials.shape[1]
-    matrices = transition_matrices(compiled, trajectory, p)
-    start, end = np.empty((2, steps, states, n_initial + len(p)))
-    of_ends = np.empty((len(initials), *start.shape[1:]))
-    for segment, (first, last) in enumerate(trajectory.segments):
-        grid = trajectory.grids[segment]
-        s = np.zeros(start.shape[1:])
-        s[:, :n_initial] = compiled.state(initials[segment])[1].full()
-        s[:, n_initial:] = -trajectory.start_rates[first, :, None] * grid.nodes_by[0]
-        for begin, stop in pairwise(sorted({0, *_jumps(trajectory, grid, first, last), last - first})):
-            if begin > 0:
-                before = trajectory.ends[first + begin - 1], grid.nodes_s[begin], p
-                impulse = compiled.impulses[grid.impulses[begin]](*before)[1:] if begin in grid.impulses else None
-                rates = trajectory.end_rates[first + begin - 1], trajectory.start_rates[first + begin]
-                s = _across_jump(s, *rates, grid.nodes_by[begin], impulse)
-            part = slice(first + begin, first + stop)
-            end[part] = _follow(matrices.of_step[part], s)
-            start[first + begin], start[first + begin + 1 : first + stop] = s, end[first + begin : first + stop - 1]
-            s = end[first + stop - 1]
-        of_ends[segment] = s
-        of_ends[segment, :, n_initial:] += trajectory.end_rates[last - 1, :, None] * grid.nodes_by[-1]
-    slopes = [_applied(by, s) for by, s in ((matrices.of_start_slope, start), (matrices.of_end_slope, end))]
-    return Sensitivities(hermite_polynomials(start, end, *slopes), of_ends)
+    s = np.zeros((states, n_initial + len(p)))
+    of_ends = np.empty((len(initials), *s.shape))
+    begins = _smooth_parts(trajectory)
+    until = {last: segment for segment, (_, last) in enumerate(trajectory.segments)}
+    for first in range(0, steps, STEPS_AT_ONCE):
+        part = slice(first, min(first + STEPS_AT_ONCE, steps))
+        matrices = transition_matrices(compiled, trajectory, part, p)
+        start, end = np.empty((2, part.stop - first, *s.shape))
+        inside = (each for each in begins if first < each < part.stop)
+        for begin, stop in pairwise([first, *inside, part.stop]):
+            if begin in begins:
+                s = _at_begin(compiled, trajectory, begin, *begins[begin], initials, p, s)
+            chosen = slice(begin - first, stop - first)
+            end[chosen] = _follow(matrices.of_step[chosen], s)
+            start[begin - first], start[begin - first + 1 : stop - first] = s, end[begin - first : stop - first - 1]
+            s = end[stop - first - 1]
+            if stop in until:
+                of_ends[until[stop]] = s
+                last_by = trajectory.grids[until[stop]].nodes_by[-1]
+                of_ends[until[stop], :, n_initial:] += trajectory.end_rates[stop - 1, :, None] * last_by
+        slopes = [_applied(by, each) for by, each in ((matrices.of_start_slope, start), (matrices.of_end_slope, end))]
+        visit(part, hermite_polynomials(start, end, *slopes))
+    return of_ends
+
+
+def evaluate_inside(polynomials: Array, step: NDArray[np.int64], share: Array) -> Array:
+    """Return polynomials (steps, 4, ...) at shares of steps in ascending order, shape (n, ...)."""
+    is_first = np.append(True, step[1:] != step[:-1])
+    firsts, row = np.flatnonzero(is_first), np.cumsum(is_first) - 1
+    column = np.arange(len(step)) - firsts[row]
+    powers = np.zeros((len(firsts), int(column.max()) + 1, 4))
+    powers[row, column] = share[:, None] ** np.arange(4)
+    values = powers @ polynomials[step[firsts]].reshape(len(firsts), 4, -1)
+    inside: Array = values[row, column].reshape(len(step), *polynomials.shape[2:])
+    return inside
 
 
 def _applied(by: Array, s: Array) -> Array:
@@ -100,21 +98,38 @@ def _follow(of_step: Array, s: Array) -> Array:
     return _applied(from_block, at_block).swapaxes(0, 1).reshape(-1, *s.shape)[:steps]
 
 
-def _jumps(trajectory: Trajectory, grid: IntegrationGrid, first: int, last: int) -> set[int]:
-    """Return the nodes inside a segment at which the rate is not continuous."""
-    jumps = (trajectory.end_rates[first : last - 1] != trajectory.start_rates[first + 1 : last]).any(axis=1)
-    return {*(np.flatnonzero(jumps) + 1).tolist(), *grid.impulses}
+def _smooth_parts(trajectory: Trajectory) -> dict[int, tuple[int, int]]:
+    """Return the first steps of parts in which the rate is continuous, in ascending order: segment, and node of its grid."""
+    begins = {}
+    for segment, (first, last) in enumerate(trajectory.segments):
+        jumps = (trajectory.end_rates[first : last - 1] != trajectory.start_rates[first + 1 : last]).any(axis=1)
+        nodes = {0, *(np.flatnonzero(jumps) + 1).tolist(), *trajectory.grids[segment].impulses}
+        begins.update({first + node: (segment, node) for node in sorted(nodes)})
+    return begins
 
 
-def _across_jump(
-    s: Array, rate_before: Array, rate_after: Array, time_by: Array, impulse: Sequence[Any] | None
+def _at_begin(
+    compiled: CompiledModel,
+    trajectory: Trajectory,
+    step: int,
+    segment: int,
+    node: int,
+    initials: Array,
+    p: Array,
+    before: Array,
 ) -> Array:
-    """Return the sensitivities after a jump of the rate at a time, or of the state (`impulse`: by state, p and time)."""
-    n_initial = s.shape[1] - len(time_by)
-    after, moved = s.copy(), rate_before - rate_after
-    if impulse is not None:
-        by_x, by_p, by_time = (np.array(each) for each in impulse)
-        after, moved = by_x @ s, by_x @ rate_before + by_time[:, 0] - rate_after
+    """Return the sensitivities at the begin of a segment, or after a jump of the rate or of the state."""
+    grid, n_initial = trajectory.grids[segment], initials.shape[1]
+    after, moved = before.copy(), -trajectory.start_rates[step]
+    if node == 0:
+        after = np.zeros_like(before)
+        after[:, :n_initial] = compiled.state(initials[segment])[1].full()
+    elif node in grid.impulses:
+        found = compiled.impulses[grid.impulses[node]](trajectory.ends[step - 1], grid.nodes_s[node], p)
+        by_x, by_p, by_time = (np.array(each) for each in found[1:])
+        after, moved = by_x @ before, moved + by_x @ trajectory.end_rates[step - 1] + by_time[:, 0]
         after[:, n_initial:] += by_p
-    after[:, n_initial:] += moved[:, None] * time_by
+    else:
+        moved = moved + trajectory.end_rates[step - 1]
+    after[:, n_initial:] += moved[:, None] * grid.nodes_by[node]
     return after

@@ -15,7 +15,7 @@ from gateway.twin.simulator.compiled_model import compile_model
 from gateway.twin.simulator.first_order_lowpass import first_order_lowpass, initial_transient, lowpass_sensitivity
 from gateway.twin.simulator.integrate import Trajectory, integrate
 from gateway.twin.simulator.parameter_vector import ParameterSpec, effect_parameter_specs, initial_state_specs
-from gateway.twin.simulator.sensitivities import Sensitivities, sensitivities
+from gateway.twin.simulator.sensitivities import evaluate_inside, visit_sensitivities
 from gateway.twin.simulator.symbolic_model import NominalRig
 
 Array = NDArray[np.float64]
@@ -169,12 +169,11 @@ class Simulator:
         ends_s = [recorded_s[min(last, len(recorded_s) - 1)] for last in (*firsts[1:], len(recorded_s))]
         bounds_s = list(zip(recorded_s[list(firsts)], ends_s, strict=True))
         trajectory = integrate(self._compiled, starts, effects, bounds_s)
-        by_values = sensitivities(self._compiled, trajectory, starts, effects)
         samples = self._locate(trajectory, recorded_s, firsts, effects)
         inputs = self._reading_inputs(trajectory, samples, self._temperature(temperature_c, recorded_s))
-        reading, by = self._linearise_readings(trajectory, by_values, inputs, samples, effects)
+        reading, by, ends_by = self._linearise_readings(trajectory, starts, inputs, samples, effects)
         force, by = self._apply_sensor_dynamics(reading, by, recorded_s, effects)
-        ends, ends_by = self._final_states(trajectory, by_values)
+        ends, ends_by = self._final_states(trajectory, ends_by)
         n = self.n_initial_states
         return SegmentBatch(force, ends, by[..., :n], by[..., n:], ends_by[..., :n], ends_by[..., n:])
 
@@ -186,12 +185,12 @@ class Simulator:
             raise ValueError(f"{needing[0]} needs temperature_c, the temperature of each sample")
         return np.zeros_like(recorded_s)
 
-    def _final_states(self, trajectory: Trajectory, by: Sensitivities) -> tuple[Array, Array]:
+    def _final_states(self, trajectory: Trajectory, by: Array) -> tuple[Array, Array]:
         """Return the last state of each segment in the coordinates of an initial state, with its derivatives."""
         last = trajectory.first_steps[1:] - 1
         found = [[each.full() for each in self._compiled.initial_state(trajectory.ends[step])] for step in last]
         ends = np.array([z[:, 0] for z, _ in found])
-        return ends, np.array([z_by_x for _, z_by_x in found]) @ by.of_ends
+        return ends, np.array([z_by_x for _, z_by_x in found]) @ by
 
     def _locate(self, trajectory: Trajectory, recorded_s: Array, firsts: Sequence[int], p: Array) -> "_Samples":
         true_s = self._compiled.true_time([recorded_s], p)[:, 0]
@@ -200,26 +199,32 @@ class Simulator:
 
     def _reading_inputs(self, trajectory: Trajectory, samples: "_Samples", temperature_c: Array) -> list[Array]:
         """Return the inputs of the reading at each sample."""
-        state = _evaluated(trajectory.polynomials[samples.step], samples.share)
+        state = _evaluated(trajectory.polynomials()[samples.step], samples.share)
         return [state.T, samples.recorded_s, trajectory.middles_s[samples.step], temperature_c]
 
     def _linearise_readings(
-        self, trajectory: Trajectory, of: Sensitivities, inputs: list[Array], samples: "_Samples", p: Array
-    ) -> tuple[Array, Array]:
-        """Return the readings before the low-pass, with their total derivatives."""
+        self, trajectory: Trajectory, starts: Array, inputs: list[Array], samples: "_Samples", p: Array
+    ) -> tuple[Array, Array, Array]:
+        """Return the readings before the low-pass, their total derivatives, and those of the states at the segments' ends."""
         jacobian = self._compiled.reading_jacobian(inputs, p)
         states, n = trajectory.starts.shape[1], self.n_initial_states
         by = np.empty((*jacobian.shape[:2], n + len(p)))
-        for first in range(0, len(samples.step), SAMPLES_AT_ONCE):
-            part = slice(first, first + SAMPLES_AT_ONCE)
-            by[part] = jacobian[part, :, :states] @ of.inside(samples.step[part], samples.share[part])
+
+        def visit(steps: slice, polynomials: Array) -> None:
+            begin, end = samples.step.searchsorted([steps.start, steps.stop])
+            for first in range(begin, end, SAMPLES_AT_ONCE):
+                part = slice(first, min(first + SAMPLES_AT_ONCE, end))
+                inside = evaluate_inside(polynomials, samples.step[part] - steps.start, samples.share[part])
+                by[part] = jacobian[part, :, :states] @ inside
+
+        ends_by = visit_sensitivities(self._compiled, trajectory, starts, p, visit)
         by[..., n:] += jacobian[..., states:]
         true_by = self._compiled.true_time_by_p([samples.recorded_s], p)[:, 0]
         if true_by.any():
-            rate = _evaluated(_differentiated(trajectory.polynomials[samples.step]), samples.share)
+            rate = _evaluated(_differentiated(trajectory.polynomials()[samples.step]), samples.share)
             rate /= trajectory.lengths_s[samples.step, None]
             by[..., n:] += (jacobian[..., :states] @ rate[:, :, None]) * true_by[:, None]
-        return self._compiled.reading(inputs, p), by
+        return self._compiled.reading(inputs, p), by, ends_by
 
     def _apply_sensor_dynamics(self, reading: Array, by: Array, recorded_s: Array, p: Array) -> tuple[Array, Array]:
         """Apply the low-pass and the output stage to readings and derivatives."""

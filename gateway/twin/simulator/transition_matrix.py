@@ -13,8 +13,6 @@ from gateway.twin.simulator.compiled_model import CompiledModel
 from gateway.twin.simulator.integrate import Trajectory
 
 Array = NDArray[np.float64]
-STEPS_AT_ONCE = 512
-"""Steps whose intermediate results stay in the processor's cache."""
 EXPONENTIAL_ORDER = 6
 """Terms of the exponential series: with a quarter of a radian a step, the longest of any effect, the rest is below 1e-7."""
 
@@ -31,22 +29,16 @@ class TransitionMatrices:
     """The same at the end."""
 
 
-def transition_matrices(compiled: CompiledModel, trajectory: Trajectory, p: Array) -> TransitionMatrices:
-    """Return the matrices of all steps."""
-    steps, states = trajectory.starts.shape
-    by = np.empty((3, steps, states, states + len(p)))
-    middles = trajectory.polynomials.swapaxes(0, 1) * 0.5 ** np.arange(4)[:, None, None]
-    at_nodes = trajectory.starts, middles.sum(axis=0), trajectory.ends
-    times_s = trajectory.begins_s, trajectory.middles_s, trajectory.begins_s + trajectory.lengths_s
-    for first in range(0, steps, STEPS_AT_ONCE):
-        part = slice(first, first + STEPS_AT_ONCE)
-        inputs = [np.concatenate([each[part] for each in at_nodes]).T, np.concatenate([each[part] for each in times_s])]
-        linear = compiled.rate_jacobian([*inputs, np.tile(times_s[1][part], 3)], p)
-        linear *= np.tile(trajectory.lengths_s[part], 3)[:, None, None]
-        start, middle, end = np.split(linear, 3)
-        transition = compiled.constraint_jacobian([trajectory.ends[part].T], p) @ _solve(start, middle, end)
-        by[0, part], by[1, part], by[2, part] = transition, start, end
-    return TransitionMatrices(*by)
+def transition_matrices(compiled: CompiledModel, trajectory: Trajectory, steps: slice, p: Array) -> TransitionMatrices:
+    """Return the matrices of some steps of a trajectory."""
+    lengths_s, middles_s, ends = trajectory.lengths_s[steps], trajectory.middles_s[steps], trajectory.ends[steps]
+    middles = (trajectory.polynomials(steps) * 0.5 ** np.arange(4)[:, None]).sum(axis=1)
+    states = np.concatenate([trajectory.starts[steps], middles, ends])
+    times_s = np.concatenate([middles_s - lengths_s / 2, middles_s, middles_s + lengths_s / 2])
+    linear = compiled.rate_jacobian([states.T, times_s, np.tile(middles_s, 3)], p)
+    linear *= np.tile(lengths_s, 3)[:, None, None]
+    start, middle, end = np.split(linear, 3)
+    return TransitionMatrices(compiled.constraint_jacobian([ends.T], p) @ _solve(start, middle, end), start, end)
 
 
 def _solve(start: Array, middle: Array, end: Array) -> Array:
