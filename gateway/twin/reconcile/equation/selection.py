@@ -34,6 +34,8 @@ MIN_SHARE_CLOSED = 0.1
 """Share of the residual's excess on the selection part that each term must close: less is no description of it."""
 MIN_LAW_CLOSED = 0.5
 """Share of the base's excess on the log and on the selection part that a law must close: one that leaves more misleads."""
+MIN_KEPT_LOSS = 0.1
+"""Share of a named loss that a law beside it must leave."""
 COLLINEAR_COSINE = 0.999
 """Cosine of two terms' signatures from which one may stand for the other."""
 
@@ -73,7 +75,7 @@ def find_law(
     work = context.budget.work + MAX_WORK
     while len(law.terms) < MAX_TERMS and context.budget.work < work:
         table = CandidateTable(context.setting.log).with_fit(law.candidate)
-        longer = _with_one_more(context, table, law, validator, random, work)
+        longer = _with_one_more(context, table, law, validator, random, work, base.names - set(optional))
         if longer is None:
             break
         law = longer
@@ -97,8 +99,12 @@ def _with_one_more(
     validator: Validator,
     random: np.random.Generator,
     max_work: float,
+    certain: Collection[str],
 ) -> FoundLaw | None:
-    """Return the law with the term of most evidence; None where none is significant. Fits end at `max_work`."""
+    """Return the law with the term of most evidence beside the certain effects; None where none is significant.
+
+    Fits end at `max_work`.
+    """
     screened = sorted(screen_terms(context.setting, law.candidate), key=lambda each: -_score(each, context, law))
     largest = max((each.gain for each in screened), default=0.0)
     chosen = [each for each in screened if each.gain > MIN_GAIN_SHARE * largest][:MAX_FITTED]
@@ -119,7 +125,7 @@ def _with_one_more(
         (each, fit)
         for each, fit in fitted
         if fit is not None and table.bic(fit) < limit and table.is_significant(law.candidate, fit)
-        if not pairs_loss_with_gain(fit, each.name)
+        if not pairs_loss_with_gain(fit, each.name) and not replaces_loss(fit, law.base, certain)
     ]
     validator.evaluate_ahead(fit for _, fit in near_best)
     rivals = [_Rival(each, fit, validator.evaluate(fit), table) for each, fit in near_best]
@@ -142,6 +148,22 @@ def _with_one_more(
         alternatives={**law.alternatives, best.name: others},
         signatures={**law.signatures, best.name: best.screened.signature},
         noise_inflation=table.noise_inflation,
+    )
+
+
+def replaces_loss(fit: CandidateFit, base: CandidateFit, certain: Collection[str]) -> bool:
+    """Return whether a law takes the place of a certain loss: it describes what that leaves, or contradicts its name."""
+    left, before = (
+        np.array([_amplitude(each, name) for name in certain if EFFECTS[name].dissipative]) for each in (fit, base)
+    )
+    return bool((left < MIN_KEPT_LOSS * before).any())
+
+
+def _amplitude(fit: CandidateFit, name: str) -> float:
+    """Return the largest deviation of the parameters that say how strong an effect is."""
+    amplitudes = [each for each in EFFECTS[name].parameters if each.is_amplitude]
+    return max(
+        (float(np.max(np.abs(np.subtract(fit.values[name][p.name], p.neutral)))) for p in amplitudes), default=0.0
     )
 
 

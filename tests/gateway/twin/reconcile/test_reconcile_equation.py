@@ -16,7 +16,7 @@ from gateway.twin.effects.term_library import registered_library
 from gateway.twin.model import EffectValues, Model, model_of
 from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.data.observations import Observations
-from gateway.twin.reconcile.equation.selection import pairs_loss_with_gain
+from gateway.twin.reconcile.equation.selection import pairs_loss_with_gain, replaces_loss
 from gateway.twin.reconcile.fit.fit_result import Fit
 from gateway.twin.reconcile.fit.validation import evaluate_on_validation
 from gateway.twin.reconcile.output.export import format_model_toml
@@ -82,10 +82,21 @@ def test_remainder_is_told_as_an_equation_and_its_model_simulates(
 )
 def test_no_term_feeds_in_what_a_loss_beside_it_takes_out(beside: str, coefficient: float, is_pair: bool) -> None:
     """Viscous damping and a friction of the wrong sign: each has any size that the other allows."""
-    values: EffectValues = {beside: {}, "force_along_motion": {"coefficient": coefficient}}
+    found = candidate({beside: {}, "force_along_motion": {"coefficient": coefficient}})
+    with registered_library():
+        assert pairs_loss_with_gain(found, "force_along_motion") is is_pair
+
+
+@pytest.mark.parametrize(
+    ("left", "certain", "is_replaced"), [(1e-9, True, True), (0.01, True, False), (1e-9, False, False)]
+)
+def test_no_law_takes_the_place_of_a_certain_loss(left: float, certain: bool, is_replaced: bool) -> None:
+    """A named damping of zero beside a drag in the equation would contradict itself."""
+    base, found = (candidate({"viscous_damping": {"damping_ratio": each}, "axis_offset": {}}) for each in (0.03, left))
+    assert replaces_loss(found, base, base.names if certain else {"axis_offset"}) is is_replaced
+
+
+def candidate(values: EffectValues) -> CandidateFit:
     force_g = np.zeros((300, 3))
     fit = Fit((), np.zeros(5), np.ones(5, dtype=bool), force_g, 900.0, np.eye(5), np.zeros((300, 3, 5)))
-
-    candidate = CandidateFit(values, fit, 1.0, 2, has_unexplained_residual=False)
-    with registered_library():
-        assert pairs_loss_with_gain(candidate, "force_along_motion") is is_pair
+    return CandidateFit(values, fit, 1.0, 2, has_unexplained_residual=False)
