@@ -102,7 +102,8 @@ def _smooth_parts(trajectory: Trajectory) -> dict[int, tuple[int, int]]:
     """Return the first steps of parts in which the rate is continuous, in ascending order: segment, and node of its grid."""
     begins = {}
     for segment, (first, last) in enumerate(trajectory.segments):
-        jumps = (trajectory.end_rates[first : last - 1] != trajectory.start_rates[first + 1 : last]).any(axis=1)
+        before, after = trajectory.end_rates[first : last - 1], trajectory.start_rates[first + 1 : last]
+        jumps = ((before != after) & np.isfinite(before)).any(axis=1)
         nodes = {0, *(np.flatnonzero(jumps) + 1).tolist(), *trajectory.grids[segment].impulses}
         begins.update({first + node: (segment, node) for node in sorted(nodes)})
     return begins

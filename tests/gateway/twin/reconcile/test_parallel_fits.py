@@ -12,7 +12,10 @@ from gateway.twin.reconcile.data.data_checks import CheckedRecording
 from gateway.twin.reconcile.output.serialisation import to_json
 from gateway.twin.reconcile.reconcile import reconcile
 from gateway.twin.reconcile.search import context
+from gateway.twin.reconcile.search.budget import Budget
+from gateway.twin.reconcile.search.candidates import CandidateTable
 from gateway.twin.reconcile.search.parallel_fits import FitRequest, run_in_processes
+from tests.values import present
 
 
 def _square(number: int) -> int:
@@ -58,6 +61,30 @@ def test_requests_differ_by_each_argument() -> None:
     ]
     assert FitRequest({"viscous_damping": {"damping_ratio": 0.01}}).key == request.key
     assert len({each.key for each in (request, *others)}) == 6
+
+
+def test_as_many_announced_fits_are_made_as_there_are_processes(
+    model: Model, loaded: Callable[..., CheckedRecording], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A step that the first fit explains has wasted one."""
+    monkeypatch.setattr(context, "MIN_PARALLEL_WORK", 0.0)
+    pools: list[int] = []
+
+    def diverged(tasks: list[Callable[[], object]], processes: int) -> list[object]:
+        pools.append(len(tasks))
+        return [(None, 7.0)] * len(tasks)
+
+    monkeypatch.setattr(context, "run_in_processes", diverged)
+    log, budget = present(loaded({}).observations), Budget(processes=2)
+    search = context.make_context(model, log, budget, lambda: None)
+    requests = [FitRequest({"rope_length": {"relative_error": 0.01 * each}}) for each in range(5)]
+    search.announce(requests)
+    table = CandidateTable(log)
+
+    for asked, made in ((0, [2]), (1, [2]), (2, [2, 2])):
+        search.fit_requested(table, requests[asked])
+        assert pools == made
+    assert (budget.fits, budget.work) == (3, 21.0)
 
 
 def test_answer_does_not_depend_on_the_number_of_processes(
