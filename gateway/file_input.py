@@ -6,10 +6,13 @@ import os
 import re
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
+
+import msgspec
 
 from devices.regular_file import open_regular
 
+T = TypeVar("T")
 MAX_TOML_BYTES = 256_000
 """Largest configuration or rig that is read."""
 DEEP_KEY = re.compile(r"(?:[\w\"'-]+\s*\.\s*){32}")
@@ -30,6 +33,14 @@ def parse_json(content: bytes | str) -> Any:
     """Return the value of a JSON text. Raises `ValueError`, also for one that is nested too deeply."""
     try:
         return json.loads(content)
+    except RecursionError:
+        raise ValueError("is nested too deeply") from None
+
+
+def decode_json(content: bytes | str, kind: type[T]) -> T:
+    """Return the value of a JSON text, which has this type. Raises `ValueError`, also for one that is nested too deeply."""
+    try:
+        return msgspec.json.decode(content, type=kind)
     except RecursionError:
         raise ValueError("is nested too deeply") from None
 

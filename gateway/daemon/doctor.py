@@ -27,6 +27,7 @@ from gateway.daemon.resources import disk_free_mb
 from gateway.daemon.service_check import examine_running
 from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.errors import PlumblineError
+from gateway.recording.chain_state import ChainStateError, list_aside, read_state
 
 LOW_DISK_MB = 500.0
 ATTITUDE_S = 0.5
@@ -39,9 +40,9 @@ def examine(configuration: Configuration) -> Iterator[CheckResult]:
     yield CheckResult("good" if sys.version_info >= (3, 11) else "bad", "python", version)
     if is_in_use(configuration.gateway.data_dir):
         yield from examine_running(configuration)
-        checks = [_disk, _clock, _housing]
+        checks = [_disk, _chain, _clock, _housing]
     else:
-        checks = [_data_folder, _device, _bus, _page, check_relay, _clock, _housing]
+        checks = [_data_folder, _chain, _device, _bus, _page, check_relay, _clock, _housing]
     for check in checks:
         yield from check(configuration)
 
@@ -78,6 +79,22 @@ def _disk(configuration: Configuration) -> Iterator[CheckResult]:
     if free_mb < quota:
         yield CheckResult(
             "note", "data", f"recorder.quota_mb {quota:g} exceeds the free space; recording stops when the disk is full"
+        )
+
+
+def _chain(configuration: Configuration) -> Iterator[CheckResult]:
+    folder = configuration.gateway.data_dir
+    try:
+        read_state(folder)
+    except ChainStateError as error:
+        remedy = "the next start keeps it aside, goes on from the recordings, and says what it lost"
+        yield CheckResult("bad", "chain", f"{error}; {remedy}")
+    if kept := list_aside(folder):
+        names = ", ".join(path.name for path in kept)
+        yield CheckResult(
+            "note",
+            "chain",
+            f"{folder}: has {names}, kept from damage; copy them for an investigation, then delete them",
         )
 
 

@@ -36,6 +36,7 @@ class CalibrationChange:
 RecordingItem = EncodedMessage | DeviceInfo | CalibrationChange
 PART = "recording"
 CLOCK_PART = "clock"
+CHAIN_PART = "chain"
 
 
 class RecordingWorker(Worker[RecordingItem]):
@@ -179,3 +180,5 @@ class RecordingWorker(Worker[RecordingItem]):
         if self.tried.is_set():
             log.warning("recording continues in %s; %d samples were not recorded", path, self.samples_lost)
         self._faults.clear(PART)
+        if loss := self._recorder.chain_loss:
+            self._faults.set(CHAIN_PART, loss)

@@ -7,18 +7,30 @@ it. Both are metadata records named `signature`.
 import hashlib
 import json
 import threading
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-import msgspec
-
-from gateway.atomic_io import write_durably
-from gateway.file_input import read_bounded
-from gateway.recording.signing_key import SigningKey
+from devices.errors import RecordingError
+from gateway.file_input import decode_json
+from gateway.recording.chain_state import (
+    KEPT_ASIDE,
+    STATE_NAME,
+    ChainState,
+    ChainStateError,
+    SegmentNumber,
+    list_aside,
+    put_aside,
+    read_state,
+    save_state,
+)
+from gateway.recording.header import ORIGIN, segment_number
+from gateway.recording.segment_index import read_index
+from gateway.recording.signing_key import SigningKey, is_valid
 
 SIGNATURE = "signature"
-STATE_NAME = "chain.json"
 StatementKind = Literal["checkpoint", "final"]
 
 
@@ -31,13 +43,13 @@ class Statement:
     gateway: str
     name: str
     """The file's name."""
-    segment: int
+    segment: SegmentNumber
     """Number of the segment, from 1 on."""
-    previous_segment: int
+    previous_segment: SegmentNumber
     """Number of the last segment with a final statement; 0: none."""
     previous_sha256: str
     """Hash of that statement."""
-    deleted_up_to: int
+    deleted_up_to: SegmentNumber
     """The quota has deleted segments up to this number, so that older ones may be missing."""
     bytes: int
     """Length of the file before the signature."""
@@ -50,6 +62,9 @@ class Statement:
     """The segment had ended in a kill or a power failure."""
     replaces_sha256: str = ""
     """Hash of the statement about the whole segment, where this file has the time around its events only."""
+    rebuilt_before: SegmentNumber = 0
+    """Number of the first segment after the gateway had lost what it remembers of its chain, and had taken it from its
+    recordings: what these do not tell is not stated. 0: never."""
     public_key: str = ""
     """Empty: not signed."""
 
@@ -61,8 +76,8 @@ class Statement:
 def parse_statement(text: str) -> Statement | None:
     """Return the statement of a signature; None where it is none."""
     try:
-        return msgspec.json.decode(text, type=Statement)
-    except (msgspec.MsgspecError, RecursionError):
+        return decode_json(text, Statement)
+    except ValueError:
         return None
 
 
@@ -71,28 +86,88 @@ def hash_of(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-@dataclass(slots=True)
-class ChainState:
-    """What the chain has to remember over a restart."""
-
-    newest_segment: int = 0
-    """Number of the segment that was begun last."""
-    final_segment: int = 0
-    final_sha256: str = ""
-    """Number and hash of the last final statement."""
-    deleted_up_to: int = 0
-
-
 class SegmentChain:
     """Numbers the segments and signs statements about them; used by the recording and the compaction thread."""
 
     def __init__(self, data_dir: Path, gateway: str, key: SigningKey | None) -> None:
-        self._path = data_dir / STATE_NAME
+        self._data_dir = data_dir
         self._gateway = gateway
         self.key = key
         """Signs the statements from now on; None: they are not signed."""
         self._lock = threading.Lock()
-        self._state = read_state(data_dir) or ChainState()
+        self._state = ChainState()
+        self.loss: str | None = None
+        """What was lost of the state at the start, in one line; None: nothing."""
+
+    def restore(self, newest_first: Sequence[Path]) -> None:
+        """Continue from the saved state; where that is damaged, from the statements in these segments of former runs.
+
+        A kill may have kept the number of the newest segment from being saved, so that its own statement counts in any case.
+        """
+        with self._lock:
+            try:
+                saved, problem = read_state(self._data_dir), None
+            except ChainStateError as error:
+                saved, problem = None, str(error)
+            self._state = saved or ChainState()
+            self._state.newest_segment = max(self._state.newest_segment, self._state.final_segment)
+            for path in newest_first if saved is None else newest_first[:1]:
+                self._learn(path)
+            if saved is None and self._state.final_segment:
+                problem = problem or f"{self._data_dir / STATE_NAME}: is missing"
+            if problem is not None:
+                self._state.rebuilt_before = self._state.newest_segment + 1
+                self.loss = f"{problem}{self._put_aside()}; {_describe(self._state)}"
+                with suppress(OSError):  # tried again with the next statement
+                    self._save()
+
+    def number_of(self, path: Path) -> int:
+        """Return the number of a segment: by its signed statement, or by its metadata; 0: it has none or cannot be read."""
+        return self._read(path)[0]
+
+    def _learn(self, path: Path) -> None:
+        """Raise the state to what a segment tells."""
+        state, (number, statement, text) = self._state, self._read(path)
+        state.newest_segment = max(number, state.newest_segment)
+        if statement is None:
+            return
+        state.deleted_up_to = max(statement.deleted_up_to, state.deleted_up_to)
+        state.rebuilt_before = max(statement.rebuilt_before, state.rebuilt_before)
+        final = statement.previous_segment, statement.previous_sha256
+        if statement.kind == "final":
+            final = statement.segment, hash_of(text)
+        if final[0] > state.final_segment:
+            state.final_segment, state.final_sha256 = final
+
+    def _read(self, path: Path) -> tuple[int, Statement | None, str]:
+        """Return the number of a segment, and the last statement of this gateway in it, if there is one."""
+        try:
+            metadata = read_index(path).metadata
+        except RecordingError:
+            return 0, None, ""
+        signature = metadata.get(SIGNATURE, {})
+        text = signature.get("statement", "")
+        statement = parse_statement(text)
+        if statement is None or not self._is_own(statement, text, signature):
+            return segment_number(metadata.get(ORIGIN, {})), None, ""
+        return statement.segment, statement, text
+
+    def _is_own(self, statement: Statement, text: str, signature: Mapping[str, str]) -> bool:
+        """Return whether this gateway has signed a statement; without a key, whether it says so."""
+        if self.key is None:
+            return statement.gateway == self._gateway
+        key = self.key.public_hex
+        return statement.public_key == key and is_valid(key, text, signature.get("signature", ""))
+
+    def _put_aside(self) -> str:
+        """Keep the damaged file aside; return the name as a phrase."""
+        try:
+            replaces = " in place of the last one" if len(list_aside(self._data_dir)) == KEPT_ASIDE else ""
+            return f"; it is kept as {put_aside(self._data_dir).name}{replaces}"
+        except FileNotFoundError:
+            return ""
+        except OSError as error:
+            return f"; it cannot be kept aside ({error.strerror or error})"
 
     @property
     def next_segment(self) -> int:
@@ -101,10 +176,7 @@ class SegmentChain:
             return self._state.newest_segment + 1
 
     def note_segment(self, number: int) -> None:
-        """Note that a segment has this number; later ones have higher numbers.
-
-        That of the newest file is noted at each start, so that a kill before the next statement is saved costs nothing.
-        """
+        """Note that a segment has this number; later ones have higher numbers."""
         with self._lock:
             self._state.newest_segment = max(number, self._state.newest_segment)
 
@@ -178,6 +250,7 @@ class SegmentChain:
             from_ns=from_ns,
             to_ns=to_ns,
             repaired=repaired,
+            rebuilt_before=self._state.rebuilt_before,
             public_key="" if self.key is None else self.key.public_hex,
         )
 
@@ -186,12 +259,14 @@ class SegmentChain:
         return {"statement": text, "signature": "" if self.key is None else self.key.sign(text)}
 
     def _save(self) -> None:
-        write_durably(self._path, msgspec.json.encode(self._state))
+        save_state(self._data_dir, self._state)
 
 
-def read_state(data_dir: Path) -> ChainState | None:
-    """Return the state of the chain in a folder; None where there is none that can be read."""
-    try:
-        return msgspec.json.decode(read_bounded(data_dir / STATE_NAME), type=ChainState)
-    except (OSError, msgspec.MsgspecError, RecursionError):
-        return None
+def _describe(state: ChainState) -> str:
+    """Return what the recordings told, and what they cannot tell."""
+    if not state.newest_segment:
+        return "no recording tells the numbers of segments; they begin with 1"
+    return (
+        f"by the statements in the recordings, numbers go on with {state.rebuilt_before}; "
+        "whether later segments and deletions were lost with it is not known"
+    )

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import chain, islice, pairwise
 from pathlib import Path
 from typing import Any
 
-from gateway.recording.chain import Statement, hash_of, read_state
+from gateway.recording.chain import Statement, hash_of
+from gateway.recording.chain_state import STATE_NAME, ChainStateError, read_state
 from gateway.recording.signing_key import fingerprint
 from gateway.recording.timestamp import iso_utc
 from gateway.recording.verification import FileVerification
@@ -55,11 +56,17 @@ def verify_chain(files: Sequence[FileVerification], folders: Sequence[Path] = ()
     for (before, first), (after, second) in pairwise(stated):
         problems += _between(before, first, after, second)
     missing = _missing(numbered)
-    if removed := [number for number in missing if number > deleted_up_to]:
+    if removed := [part for gap in missing if (part := range(max(gap.start, deleted_up_to + 1), gap.stop))]:
         problems.append(f"REMOVED: {_list(removed)} missing; the quota has deleted none above {deleted_up_to}")
-    if deleted := [number for number in missing if number <= deleted_up_to]:
+    if deleted := [part for gap in missing if (part := range(gap.start, min(gap.stop, deleted_up_to + 1)))]:
         remarks.append(f"{_list(deleted)} missing, which the quota may have deleted")
-    problems += _missing_newest(numbered, folders)
+    for number in sorted({statement.rebuilt_before for _, statement in stated} - {0}):
+        remarks.append(
+            f"before segment {number} the gateway had lost {STATE_NAME} and went on from its recordings: "
+            "whether later ones had been there, and what the quota had just deleted, cannot be proved"
+        )
+    for folder in folders:
+        _check_newest([file for file in numbered if file.path.parent == folder], folder, problems, remarks)
     return ChainVerification((*numbered, *others), tuple(problems), tuple(remarks), keys)
 
 
@@ -93,26 +100,31 @@ def _between(before: FileVerification, first: Statement, after: FileVerification
     return problems
 
 
-def _missing(numbered: Sequence[FileVerification]) -> list[int]:
-    found = {file.segment for file in numbered if file.segment is not None}
-    return [number for number in range(min(found), max(found)) if number not in found] if found else []
+def _missing(numbered: Sequence[FileVerification]) -> list[range]:
+    found = sorted({file.segment for file in numbered if file.segment is not None})
+    return [range(before + 1, after) for before, after in pairwise(found) if after > before + 1]
 
 
-def _missing_newest(numbered: Sequence[FileVerification], folders: Sequence[Path]) -> list[str]:
-    """Return a problem for each folder of a gateway that lacks the segments that were written last."""
-    problems = []
-    for folder in folders:
-        state = read_state(folder)
-        newest = max((file.segment or 0 for file in numbered if file.path.parent == folder), default=0)
-        if state is not None and newest < state.final_segment:
-            removed = list(range(newest + 1, state.final_segment + 1))
-            problems.append(f"REMOVED: {_list(removed)} missing at the end of {folder}")
-    return problems
+def _check_newest(numbered: Sequence[FileVerification], folder: Path, problems: list[str], remarks: list[str]) -> None:
+    """Add what is wrong, or not known, of the segments that a gateway wrote last into a folder."""
+    try:
+        state, reason = read_state(folder), f"{folder}: has no {STATE_NAME}"
+    except ChainStateError as error:
+        state, reason = None, str(error)
+    newest = max((file.segment or 0 for file in numbered), default=0)
+    if state is not None and newest < state.final_segment:
+        removed = range(newest + 1, state.final_segment + 1)
+        problems.append(f"REMOVED: {_list([removed])} missing at the end of {folder}")
+    elif state is None and any(file.is_final for file in numbered):
+        remarks.append(f"{reason}: whether segments after {newest} were removed cannot be proved")
 
 
-def _list(numbers: Sequence[int]) -> str:
-    shown = ", ".join(map(str, numbers[:8])) + (f" and {len(numbers) - 8} more" if len(numbers) > 8 else "")
-    return f"segment {shown} is" if len(numbers) == 1 else f"segments {shown} are"
+def _list(missing: Sequence[range]) -> str:
+    count = sum(map(len, missing))
+    shown = ", ".join(map(str, islice(chain.from_iterable(missing), 8))) + (
+        f" and {count - 8} more" if count > 8 else ""
+    )
+    return f"segment {shown} is" if count == 1 else f"segments {shown} are"
 
 
 def _file_json(file: FileVerification) -> dict[str, Any]:

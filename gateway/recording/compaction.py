@@ -19,7 +19,7 @@ from devices.errors import RecordingError
 from gateway.atomic_io import partial_of, replace_file
 from gateway.recording.chain import SIGNATURE, SegmentChain
 from gateway.recording.copying import RecordCopier
-from gateway.recording.header import ORIGIN, REPAIRED, SEGMENT
+from gateway.recording.header import ORIGIN, REPAIRED, segment_number
 from gateway.recording.markers import uncompacted_marker
 from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
 from gateway.recording.mcap_writer import DENSE, McapWriter
@@ -53,7 +53,7 @@ def compact(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
                 )
             if not losses.closed:
                 writer.add_metadata(REPAIRED, {name: json.dumps(value) for name, value in asdict(losses).items()})
-            segment = int(copier.metadata.get(ORIGIN, {}).get(SEGMENT, 0))
+            segment = segment_number(copier.metadata.get(ORIGIN, {}))
             if chain is not None and segment:
                 writer.flush()
                 signature = chain.final(

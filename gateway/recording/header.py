@@ -2,6 +2,7 @@
 
 import json
 import platform
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 
@@ -21,6 +22,8 @@ REPAIRED = "repaired"
 TRIMMED = "trimmed"
 SEGMENT = "segment"
 """In the metadata record of the origin: the number of the segment in the chain of its gateway."""
+LARGEST_SEGMENT = 2**31 - 1
+"""Largest number that is believed. Basis: a new segment in each second of 68 years."""
 CONFIGURATION = "configuration.toml"
 CONFIGURATION_MEDIA_TYPE = "application/toml"
 CALIBRATION = "calibration-{id}.json"
@@ -59,6 +62,13 @@ class RecordingHeader:
             "numpy": np.__version__,
             "machine": platform.machine(),
         }
+
+
+def segment_number(origin: Mapping[str, str]) -> int:
+    """Return the number of a segment from its metadata record `plumbline`; 0: it has none that can be believed."""
+    text = origin.get(SEGMENT, "")
+    number = int(text) if text.isdecimal() and len(text) <= len(str(LARGEST_SEGMENT)) else 0
+    return number if number <= LARGEST_SEGMENT else 0
 
 
 @cache

@@ -6,6 +6,7 @@ from pathlib import Path
 import msgspec
 
 from gateway.atomic_io import append_durably, write_durably
+from gateway.file_input import decode_json
 
 MARKER = ".event"
 UNCOMPACTED = ".live"
@@ -51,8 +52,8 @@ def _parse(content: bytes) -> list[Stretch]:
     stretches = []
     for line in content.splitlines():
         try:
-            stretches.append(msgspec.json.decode(line, type=Stretch))
-        except msgspec.MsgspecError:
+            stretches.append(decode_json(line, Stretch))
+        except ValueError:
             continue  # the mark of a trimmed segment, or a line that a power failure cut off
     return stretches
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import msgspec
 
 from gateway import messages
+from gateway.file_input import decode_json
 from gateway.recording.sample_summary import SampleSummary
 
 SUMMARY = "summary.json"
@@ -152,8 +153,8 @@ def encode_summary(summary: SegmentSummary) -> bytes:
 def decode_summary(content: bytes) -> SegmentSummary | None:
     """Return the summary of an attachment; None where it is damaged or of another version."""
     try:
-        summary = msgspec.json.decode(content, type=SegmentSummary)
-    except msgspec.MsgspecError:
+        summary = decode_json(content, SegmentSummary)
+    except ValueError:
         return None
     return summary if summary.version == SUMMARY_VERSION else None
 

@@ -13,7 +13,7 @@ from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
 from gateway.recording.chain import SIGNATURE, Statement, parse_statement
-from gateway.recording.header import ORIGIN, SEGMENT
+from gateway.recording.header import ORIGIN, segment_number
 from gateway.recording.mcap_frames import Frame, find_chunk, next_frame
 from gateway.recording.mcap_salvage import DAMAGED, FOOTER, PARSERS, open_mcap
 from gateway.recording.signing_key import fingerprint, is_valid
@@ -112,8 +112,8 @@ class _FileCheck:
             return
         if not isinstance(record, Metadata):
             return
-        if record.name == ORIGIN and record.metadata.get(SEGMENT, "").isdecimal():
-            self._found.segment = int(record.metadata[SEGMENT])
+        if record.name == ORIGIN and (number := segment_number(record.metadata)):
+            self._found.segment = number
         elif record.name == SIGNATURE:
             self._check_signature(record.metadata, place)
 

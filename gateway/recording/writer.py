@@ -8,18 +8,16 @@ import errno
 from pathlib import Path
 
 from devices.block import DeviceInfo
-from devices.errors import RecordingError
 from gateway.errors import PlumblineError
 from gateway.messages import Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.calibration_files import AttachedFile, CalibrationFiles
 from gateway.recording.chain import SegmentChain
 from gateway.recording.events import EventDetector, EventIndex
-from gateway.recording.header import ORIGIN, SEGMENT, RecordingHeader
+from gateway.recording.header import RecordingHeader
 from gateway.recording.retention import BYTES_PER_MB, Retention, SegmentNames
 from gateway.recording.schemas import logged_topics, schema_bytes
 from gateway.recording.segment import Segment
-from gateway.recording.segment_index import read_index
 
 REPEATED_TOPICS = ("calibration", "clock")
 """Repeated at the start of each segment, so that a segment can be read without the one before."""
@@ -100,6 +98,11 @@ class Recorder:
         return self._segment.path if self._segment else None
 
     @property
+    def chain_loss(self) -> str | None:
+        """What was lost of the state of the chain, in one line; None: nothing."""
+        return None if self._chain is None else self._chain.loss
+
+    @property
     def undeletable(self) -> int:
         """How often a segment beyond the quota could not be deleted."""
         return self._retention.undeletable
@@ -120,8 +123,8 @@ class Recorder:
             self._data_dir.mkdir(parents=True, exist_ok=True)
             if self._uncompacted is None:
                 self._names.remove_unfinished(self._data_dir)
+                self._restore_chain()
                 self._uncompacted = self._names.list_uncompacted(self._data_dir)
-                self._note_newest_segment()
             self._retention.rescan()
             self._segment = self._new_segment(now_ns)
             if self._events is not None:
@@ -220,16 +223,16 @@ class Recorder:
         path = self._names.unused_path(self._data_dir, now_ns)
         return Segment(path, self._header, self._device, now_ns, repeated, self._attached_files(), self._chain)
 
-    def _note_newest_segment(self) -> None:
-        """Note the number of the newest segment, which a former run may not have saved. Raises `OSError`."""
-        segments = self._names.list_segments(self._data_dir)
-        newest = max(segments, key=lambda segment: (segment.utc, segment.copy), default=None)
-        if self._chain is not None and newest is not None and (number := _segment_number(newest.path)) is not None:
-            self._chain.note_segment(number)
+    def _restore_chain(self) -> None:
+        """Continue the chain of the segments of former runs. Raises `OSError`."""
+        if self._chain is not None:
+            segments = self._names.list_segments(self._data_dir)
+            segments.sort(key=lambda segment: (segment.utc, segment.copy), reverse=True)
+            self._chain.restore([segment.path for segment in segments])
 
     def _note_deletion(self, path: Path) -> None:
         """Note in the chain that the quota deletes a segment. Raises `OSError`."""
-        if self._chain is not None and (number := _segment_number(path)) is not None:
+        if self._chain is not None and (number := self._chain.number_of(path)):
             self._chain.note_deleted(number)
 
     def _attached_files(self) -> tuple[AttachedFile, ...]:
@@ -255,12 +258,3 @@ class Recorder:
             self._uncompacted.append(self._segment.path)
         self._segment = None
         self._unsynced_messages = self._unsynced_samples = 0
-
-
-def _segment_number(path: Path) -> int | None:
-    """Return the number of a segment in its chain; None where it has none or cannot be read."""
-    try:
-        number = read_index(path).metadata.get(ORIGIN, {}).get(SEGMENT, "")
-    except RecordingError:
-        return None
-    return int(number) if number.isdecimal() else None

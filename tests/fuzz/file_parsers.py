@@ -33,7 +33,7 @@ from gateway.measurement.rig import read_rig
 from gateway.outbox.outbox import AlertOutbox
 from gateway.recalibration.journal import Journal
 from gateway.recalibration.requests import parse_payload
-from gateway.recording.chain import read_state
+from gateway.recording.chain_state import read_state
 from gateway.recording.markers import read_stretches
 from gateway.recording.mcap_frames import RECORD_HEAD
 from gateway.recording.reader import open_recording
@@ -106,7 +106,8 @@ def parse_state(content: bytes) -> None:
     """Read every state file of a data folder."""
     Journal(_file(content, "session.json"))
     _file(content, "chain.json")
-    read_state(FOLDER)
+    with suppress(PlumblineError):
+        read_state(FOLDER)
     store = CalibrationStore(FOLDER, "part-7")
     _file(content, "calibration/part-7/in_force.json")
     with suppress(PlumblineError):

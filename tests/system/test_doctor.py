@@ -53,6 +53,22 @@ def test_doctor_makes_no_folder(plumbline: Plumbline, tmp_path: Path) -> None:
     assert not data_dir.parent.exists()
 
 
+def test_doctor_names_a_damaged_chain_and_what_was_kept_of_it(plumbline: Plumbline, tmp_path: Path) -> None:
+    data_dir = tmp_path / "data"
+    data_dir.mkdir()
+    config = _config(tmp_path, data_dir, "tcp/127.0.0.1:0")
+    assert "chain" not in plumbline("doctor", "--config", config).stdout
+    (data_dir / "chain.json").write_bytes(b'{"final_sha256":"\xe1"}')
+    done = plumbline("doctor", "--config", config)
+    assert done.returncode == 1
+    assert f"BAD  chain        {data_dir}/chain.json: is damaged; the next start keeps it aside" in done.stdout
+    (data_dir / "chain.json").rename(data_dir / "chain.json.damaged-1")
+    done = plumbline("doctor", "--config", config)
+    assert done.returncode == 0
+    assert "note chain" in done.stdout
+    assert "has chain.json.damaged-1, kept from damage" in done.stdout
+
+
 def test_doctor_examines_a_sensor_alone(plumbline: Plumbline, tmp_path: Path) -> None:
     done = plumbline("doctor", "--device", "--config", _config(tmp_path, tmp_path / "data", "tcp/127.0.0.1:0"))
     assert done.returncode == 0, done.stdout + done.stderr

@@ -11,8 +11,10 @@ from urllib.request import urlopen
 import pytest
 import zenoh
 
+from gateway.messages import Health
+from gateway.recording.reader import open_recording
 from tests.ports import unused_port
-from tests.system.conftest import JoinBus, RunningGateway, StartGateway, listening_on
+from tests.system.conftest import JoinBus, Plumbline, RunningGateway, StartGateway, listening_on
 from tests.waiting import wait_until
 
 ALERTS = "alert"
@@ -106,6 +108,7 @@ DAMAGED = {
     "drift that is nested": ("calibration/simulated-1/drift.json", b"[" * 100_000),
     "record in force that is nested": ("calibration/simulated-1/in_force.json", b"[" * 100_000),
     "chain that is nested": ("chain.json", b"[" * 100_000),
+    "chain that is no text": ("chain.json", b'{"newest_segment":3,"final_segment":3,"final_sha256":"\xe1"}'),
     "key that is none": ("signing-key.pem", b"no key"),
 }
 COLLECTING = {
@@ -137,7 +140,36 @@ def test_a_damaged_state_file_does_not_stop_the_monitoring(
     assert code == 0
     assert seconds < 5
     assert "Traceback" not in err
-    assert "ERROR" in err or "WARNING" in err or name == "chain.json"
+    assert "ERROR" in err or "WARNING" in err
+
+
+@pytest.mark.slow
+def test_a_gateway_whose_chain_is_damaged_records_signs_and_says_what_it_lost(
+    start_gateway: StartGateway, plumbline: Plumbline
+) -> None:
+    first = start_gateway(arguments=["--duration", "2"])
+    assert first.wait()[0] == 0
+    path = first.data_dir / "chain.json"
+    content = bytearray(path.read_bytes())
+    content[content.index(b'"final_sha256":"') + 20] ^= 0x80
+    path.write_bytes(content)
+    code, out, err = start_gateway(arguments=["--duration", "2"]).wait()
+    assert code == 0
+    assert "signed" in out
+    (line,) = [line for line in err.splitlines() if "chain.json" in line]
+    assert "ERROR plumbline.fault: " in line
+    assert "is damaged; it is kept as chain.json.damaged-1; by the statements in the recordings" in line
+    assert "numbers go on with 2" in line
+    assert (first.data_dir / "chain.json.damaged-1").read_bytes() == content
+    _, newest = first.recordings
+    recorded = [message for message in open_recording(newest).messages() if message.topic == "/health"]
+    health = [open_recording(newest).decode(message) for message in recorded]
+    assert any("chain.json" in each.standing_faults.get("chain", "") for each in health if isinstance(each, Health))
+    key = str(first.data_dir / "signing-key.pem.pub")
+    verified = plumbline("record", "verify", str(first.data_dir), "--key", key)
+    assert verified.returncode == 0, verified.stdout
+    assert "before segment 2 the gateway had lost chain.json" in verified.stdout
+    assert "chain.json" not in start_gateway(arguments=["--duration", "2"]).wait()[2]
 
 
 @pytest.mark.slow

@@ -182,6 +182,7 @@ def save(item: FileContent) -> None:
 
 class FullDisk(Recorder):
     path = None
+    chain_loss = None
 
     def __init__(self) -> None:
         pass

@@ -8,7 +8,11 @@ import pytest
 
 from devices.block import DeviceInfo
 from gateway import messages
+from gateway.pipeline.outgoing_message import encode_message
+from gateway.recording.chain import SegmentChain
+from gateway.recording.compaction import compact
 from gateway.recording.header import RecordingHeader
+from gateway.recording.signing_key import load_or_create_key
 from gateway.recording.writer import Recorder
 
 START_NS = 1_767_225_600_000_000_000
@@ -47,6 +51,8 @@ MOTION = messages.Motion(
 )
 AlertEvent = Literal["raised", "changed", "cleared", "standing"]
 MakeRecorder = Callable[..., Recorder]
+Record = Callable[..., list[Path]]
+SECOND_NS = 1_000_000_000
 
 
 @pytest.fixture
@@ -238,3 +244,38 @@ def _calibration(name: str) -> messages.Calibration:
         in_force={"gain_g_per_unit": [[3.9e-6, 0, 0], [0, 3.9e-6, 0], [0, 0, 3.9e-6]], "bias_g": [0.0, 0.0, 0.0]},
         text="six-position, 2026-01-01",
     )
+
+
+@pytest.fixture
+def record(
+    make_samples: Callable[..., messages.Samples], device: DeviceInfo, header: RecordingHeader, tmp_path: Path
+) -> Record:
+    """Record segments of half a minute; without compaction the last one stays as it was written."""
+
+    def run(
+        start_ns: int,
+        folder: Path = tmp_path / "data",
+        segments: int = 3,
+        quota_mb: float = 100.0,
+        compacted: bool = True,
+        closed: bool = True,
+        signed: bool = True,
+    ) -> list[Path]:
+        key = load_or_create_key(folder / "signing-key.pem") if signed else None
+        chain = SegmentChain(folder, "yard/crane-2/hook", key)
+        recorder = Recorder(folder, header, segment_s=30, fsync_s=1.0, quota_mb=quota_mb, chain=chain)
+        recorder.set_device(device, start_ns)
+        recorder.start(start_ns)
+        for number in range(segments * 30 - 1):
+            now_ns = start_ns + number * SECOND_NS
+            recorder.write(encode_message("samples", make_samples(number), now_ns))
+            recorder.tick(now_ns)
+            for path in recorder.take_uncompacted():
+                compact(path, chain)
+        if closed:
+            recorder.close()
+        for path in recorder.take_uncompacted() if compacted else ():
+            compact(path, chain)
+        return sorted(folder.glob("*.mcap"))
+
+    return run

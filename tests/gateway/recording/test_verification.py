@@ -2,59 +2,20 @@
 
 import errno
 import shutil
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from mcap.reader import make_reader
 
-from devices.block import DeviceInfo
-from gateway import messages
 from gateway.cli.main import main
-from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.chain import SegmentChain
+from gateway.recording.chain_state import read_state, save_state
 from gateway.recording.chain_verification import ChainVerification, verify_chain
-from gateway.recording.compaction import compact
-from gateway.recording.header import RecordingHeader
 from gateway.recording.signing_key import KeyFileError, fingerprint, load_or_create_key, read_public_key
 from gateway.recording.verification import verify_file
-from gateway.recording.writer import Recorder, RecorderError
+from gateway.recording.writer import RecorderError
+from tests.gateway.recording.conftest import Record
 
 SECOND_NS = 1_000_000_000
-Record = Callable[..., list[Path]]
-
-
-@pytest.fixture
-def record(
-    make_samples: Callable[..., messages.Samples], device: DeviceInfo, header: RecordingHeader, tmp_path: Path
-) -> Record:
-    """Record segments of half a minute; without compaction the last one stays as it was written."""
-
-    def run(
-        start_ns: int,
-        folder: Path = tmp_path / "data",
-        segments: int = 3,
-        quota_mb: float = 100.0,
-        compacted: bool = True,
-        closed: bool = True,
-    ) -> list[Path]:
-        chain = SegmentChain(folder, "yard/crane-2/hook", load_or_create_key(folder / "signing-key.pem"))
-        recorder = Recorder(folder, header, segment_s=30, fsync_s=1.0, quota_mb=quota_mb, chain=chain)
-        recorder.set_device(device, start_ns)
-        recorder.start(start_ns)
-        for number in range(segments * 30 - 1):
-            now_ns = start_ns + number * SECOND_NS
-            recorder.write(encode_message("samples", make_samples(number), now_ns))
-            recorder.tick(now_ns)
-            for path in recorder.take_uncompacted():
-                compact(path, chain)
-        if closed:
-            recorder.close()
-        for path in recorder.take_uncompacted() if compacted else ():
-            compact(path, chain)
-        return sorted(folder.glob("*.mcap"))
-
-    return run
 
 
 @pytest.fixture
@@ -197,10 +158,13 @@ def full(_: Path) -> None:
 
 def test_a_number_that_a_kill_left_unnoted_is_not_given_twice(record: Record, start_ns: int) -> None:
     (path,) = record(start_ns, segments=1)
-    state = path.parent / "chain.json"
-    state.write_text(state.read_text().replace('"newest_segment":1', '"newest_segment":0'))
+    state = read_state(path.parent)
+    assert state is not None
+    state.newest_segment = 0
+    save_state(path.parent, state)
     found = verify(record(start_ns + 60 * SECOND_NS, segments=1))
     assert problems(found) == []
+    assert found.remarks == ()
     assert [file.segment for file in found.files] == [1, 2]
 
 
@@ -236,11 +200,8 @@ def test_segments_that_the_quota_deleted_are_no_difference(record: Record, start
     assert found.files[0].segment != 1
 
 
-def test_without_the_package_segments_are_chained_and_not_signed(
-    record: Record, start_ns: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("tests.gateway.recording.test_verification.load_or_create_key", lambda path: None)
-    paths = record(start_ns)
+def test_without_the_package_segments_are_chained_and_not_signed(record: Record, start_ns: int) -> None:
+    paths = record(start_ns, signed=False)
     found = verify(paths)
     assert problems(found) == []
     assert all("not signed, chained by hashes only" in file.remarks for file in found.files)
