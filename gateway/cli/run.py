@@ -83,19 +83,27 @@ def _run(arguments: argparse.Namespace, stopping: threading.Event, output: "Line
         changes.roll_back(f"the {failed} thread failed")
     if changes.restart_wanted:
         return _start_again(output, errors)
-    code = 0
-    if failed is not None:
-        errors.put(f"plumbline run: the {failed} thread failed; see the log above")
-        code = FAILED
-    elif gateway.samples_not_recorded:
-        errors.put(f"plumbline run: {gateway.samples_not_recorded} samples could not be recorded")
-        code = WITH_LOSSES
+    code = _exit_code(gateway, failed, errors)
     if gateway.shutdown.stuck:
         errors.put(f"plumbline run: ended without {', '.join(gateway.shutdown.stuck)}, which did not stop in time")
         for writer in (output, errors):
             writer.finish(OUTPUT_S)
         os._exit(code)  # the interpreter would wait for what these threads are stuck in
     return code
+
+
+def _exit_code(gateway: "Gateway", failed: str | None, errors: "LineWriter") -> int:
+    """Return the exit code, and print what has failed or was lost; `failed`: name of a thread."""
+    if failed is not None:
+        errors.put(f"plumbline run: the {failed} thread failed; see the log above")
+        return FAILED
+    if gateway.samples_not_recorded:
+        errors.put(f"plumbline run: {gateway.samples_not_recorded} samples could not be recorded")
+        return WITH_LOSSES
+    if gateway.is_backlog_lost:
+        errors.put("plumbline run: samples that waited in a queue could not be recorded")
+        return WITH_LOSSES
+    return 0
 
 
 def _make_gateway(arguments: argparse.Namespace, errors: "LineWriter", changes: "ConfigurationService") -> "Gateway":

@@ -30,7 +30,7 @@ from gateway.daemon.logs import RecordingHandler
 from gateway.daemon.notify import ServiceNotifier
 from gateway.daemon.parts import compose
 from gateway.daemon.recording_parts import describe_key, load_key
-from gateway.daemon.shutdown import Shutdown
+from gateway.daemon.shutdown import STOP_S, Shutdown
 from gateway.daemon.start_description import describe
 from gateway.daemon.trial_supervisor import TrialSupervisor
 from gateway.daemon.watchdog import HUNG_S, SLOW_DISK_S, Watchdog
@@ -50,7 +50,8 @@ PAGE_END_S = 3.0
 WRITING_S = 10.0
 """Longest wait for a disk to take what is queued."""
 DRAIN_S = 60.0
-"""Longest wait for the processing of a recording that was replayed faster than it is processed, and for the last compaction."""
+"""Longest wait for a step in the processing of a recording that was replayed faster than it is processed, and for the last
+compaction."""
 
 
 class Gateway:
@@ -178,6 +179,11 @@ class Gateway:
         """Number of samples that arrived and are not on the disk, as far as they were counted."""
         return self._parts.recording.samples_lost + self._parts.sampler.lost_in_queue
 
+    @property
+    def is_backlog_lost(self) -> bool:
+        """Whether samples were left in a queue at the end, because a thread between them and the disk did not get on."""
+        return not {self._parts.processor.name, self._parts.recording.name}.isdisjoint(self.shutdown.stuck)
+
     def _stop(self, signalled: threading.Event) -> None:
         """Write the queued samples to the disk, then release everything; within `STOP_S` after a signal.
 
@@ -188,14 +194,11 @@ class Gateway:
         parts.health.stopping = True
         self.shutdown = shutdown = Shutdown(signalled)
         patience_s = DRAIN_S if parts.sampler.ended.is_set() else JOIN_S
-        patience_of_s = {
-            parts.recording: max(patience_s, WRITING_S),
-            parts.compaction: JOIN_S if signalled.is_set() else DRAIN_S,
-        }
+        compaction_s = JOIN_S if signalled.is_set() else DRAIN_S
         parts.sampler.stop()
         shutdown.join(parts.sampler, JOIN_S)
         parts.processor.finish()
-        shutdown.join(parts.processor, patience_s)
+        shutdown.drain(parts.processor, max(patience_s, HUNG_S), JOIN_S)
         page_end = threading.Thread(
             target=parts.page.stop if parts.page is not None else bool, name="page", daemon=True
         )
@@ -205,7 +208,10 @@ class Gateway:
                 worker.finish()
         for worker in parts.sinks:
             worker.finish()
-            shutdown.join(worker, patience_of_s.get(worker, patience_s))
+            if worker is parts.recording:
+                shutdown.drain(worker, max(patience_s, WRITING_S), STOP_S)
+            else:
+                shutdown.join(worker, compaction_s if worker is parts.compaction else patience_s)
         parts.bus.stop()
         shutdown.join(parts.bus, JOIN_S)
         shutdown.join(page_end, PAGE_END_S)

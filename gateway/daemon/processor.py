@@ -231,10 +231,8 @@ class Processor(Worker[SamplerItem]):
                 self._alerts.submit(message.message, message.log_time_ns, SINK_PATIENCE_S if can_wait else 0.0)
             elif topic.published:
                 self._publisher.inbox.put(encoded)
-            if topic.logged and can_wait:
-                self._recording.inbox.put_waiting(encoded, SINK_PATIENCE_S)
-            elif topic.logged:
-                self._recording.inbox.put(encoded)
+            if topic.logged:
+                self._recording.submit(encoded, can_wait=can_wait)
 
 
 def _is_no_alert(message: OutgoingMessage) -> bool:

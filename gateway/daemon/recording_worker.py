@@ -2,6 +2,7 @@
 
 import logging
 import threading
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from gateway.daemon.faults import FaultRegister
 from gateway.daemon.instance import FolderError, InstanceError
 from gateway.daemon.resources import disk_free_mb
 from gateway.daemon.worker import Worker
+from gateway.messages import Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.calibration_files import CalibrationFiles
 from gateway.recording.compaction import compact
@@ -23,6 +25,10 @@ log = logging.getLogger("plumbline.recorder")
 INBOX = 4096
 RETRY_S = 5.0
 LOOK_NS = 1_000_000_000
+ROOM_S = 0.5
+"""Time after which a source that waits for room looks whether the disk takes anything."""
+STALLED_S = 5.0
+"""A disk that takes nothing for so long is not waited for. Basis: shorter than what the watchdog allows the processor."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +73,8 @@ class RecordingWorker(Worker[RecordingItem]):
         """Gateway time of the next attempt to record; None while it is recorded."""
         self.tried = threading.Event()
         """Set after the first attempt to record."""
-        self.samples_lost = 0
+        self._lost_on_disk = 0
+        self._lost_in_queue = 0
         self.unwritable = 0
         """Number of messages with a time that no recording can hold."""
         self.disk_free_mb: float | None = None
@@ -80,6 +87,11 @@ class RecordingWorker(Worker[RecordingItem]):
         return self._recorder.path
 
     @property
+    def samples_lost(self) -> int:
+        """Number of samples that a failure of the disk has cost, or that found the queue full."""
+        return self._lost_on_disk + self._lost_in_queue
+
+    @property
     def undeletable(self) -> int:
         """How often a segment beyond the quota could not be deleted."""
         return self._recorder.undeletable
@@ -88,6 +100,14 @@ class RecordingWorker(Worker[RecordingItem]):
     def vanished(self) -> int:
         """How often the open segment was deleted or moved away."""
         return self._recorder.vanished
+
+    def submit(self, message: EncodedMessage, *, can_wait: bool) -> None:
+        """Record a message; from a source that can wait, wait for room while the disk takes something. Called by any thread."""
+        while can_wait and time.monotonic() - self.progress_s <= STALLED_S:
+            if self.inbox.put_waiting(message, ROOM_S):
+                return
+        if not self.inbox.put(message) and isinstance(message.message, Samples):
+            self._lost_in_queue += len(message.message.x)
 
     def run(self) -> None:
         """Begin to record, and work until the end."""
@@ -157,7 +177,7 @@ class RecordingWorker(Worker[RecordingItem]):
             self._rewrite(RewriteRequest(path, trim))
 
     def _fail(self, error: RecorderError) -> None:
-        self.samples_lost += error.lost_samples
+        self._lost_on_disk += error.lost_samples
         if self._retry_at_ns is not None:
             return  # recording had stopped before; this message is only counted
         self._interrupt(str(error))

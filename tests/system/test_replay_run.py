@@ -124,3 +124,29 @@ def test_options_of_a_recording_want_one(plumbline: Plumbline) -> None:
     done = plumbline("run", "--unit", "g")
     assert done.returncode == 2
     assert "describe the recording of --replay LOG" in done.stderr
+
+
+def table_at_once(folder: Path) -> str:
+    """A configuration that plays 60 blocks of ten samples as fast as possible."""
+    table = folder / "log.csv"
+    table.write_text("time_s,ax_g,ay_g,az_g\n" + "".join(f"{n / 100},0.01,0,1\n" for n in range(600)))
+    return AT_ONCE + f'path = "{table}"\nblock_samples = 10\n'
+
+
+def test_a_processor_that_is_slow_yet_progresses_is_waited_for(start_gateway: StartGateway, tmp_path: Path) -> None:
+    gateway = start_gateway(table_at_once(tmp_path), program=("tests.system.slow_processor", "0.1", "0"))
+    code, _, err = gateway.wait(60)
+    assert code == 0, err
+    assert "ended without" not in err
+    (path,) = gateway.recordings
+    assert summarise(path).samples.count == 600
+
+
+def test_a_processor_that_hangs_leaves_losses(start_gateway: StartGateway, tmp_path: Path) -> None:
+    gateway = start_gateway(table_at_once(tmp_path), program=("tests.system.slow_processor", "0", "20"))
+    code, _, err = gateway.wait(60)
+    assert code == 3
+    assert "ended without processor, which did not stop in time" in err
+    assert "samples that waited in a queue could not be recorded" in err
+    (path,) = gateway.recordings
+    assert summarise(path).samples.count == 190
