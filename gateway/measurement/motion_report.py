@@ -7,7 +7,7 @@ import numpy as np
 from gateway.measurement.motion import RecordingMotion
 from gateway.motion.estimate import MotionState
 from gateway.motion.history import LargestAngle, MotionHistory
-from gateway.motion.hypotheses import MotionHypothesis
+from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING
 from gateway.units import degrees
 
 MOST_PHASES = 12
@@ -103,10 +103,21 @@ def motion_table(history: MotionHistory) -> str:
         "length_m": history.length_m,
         "length_u_m": history.length_u_m,
     }
-    columns |= {f"p_{one.name.lower()}": history.probabilities[:, one] for one in MotionHypothesis}
+    columns |= {f"p_{name}": history.probabilities[:, which].sum(axis=1) for name, which in _KINDS.items()}
     values = np.column_stack(list(columns.values()))
     rows = [
         ",".join([f"{time_s:.3f}", *("" if np.isnan(value) else f"{value:.6g}" for value in row), state])
         for time_s, row, state in zip(history.time_s, values, history.state, strict=True)
     ]
     return "\n".join([",".join(["time_s", *columns, "state"]), *rows]) + "\n"
+
+
+_KINDS = {
+    "free": ~IS_DRIVEN & ~IS_GUST & ~IS_HOISTING,
+    "driven": IS_DRIVEN & ~IS_HOISTING,
+    "gust": ~IS_DRIVEN & IS_GUST & ~IS_HOISTING,
+    "free_hoisting": ~IS_DRIVEN & ~IS_GUST & IS_HOISTING,
+    "driven_hoisting": IS_DRIVEN & IS_HOISTING,
+    "gust_hoisting": ~IS_DRIVEN & IS_GUST & IS_HOISTING,
+}
+"""Hypotheses of each column; a drive beside a wind counts as a drive."""

@@ -6,8 +6,8 @@ from gateway.numerics.array import Array
 
 DIFFERENCE_GAIN_SQUARED = 20.0
 """Definition: variance of a third difference over that of a bin (1 + 9 + 9 + 1)."""
-MEMORY = 0.93
-"""Weight of the earlier variance at each bin. Basis: averages fourteen bins, some 1.5 s."""
+MEMORY = 0.98
+"""Weight of the earlier variance at each bin. Basis: averages fifty bins, some five seconds."""
 LARGEST_JUMP = 30.0
 """One bin counts at most as this many times the variance so far. Basis: an impact of one bin is no vibration."""
 

@@ -1,4 +1,4 @@
-"""Means of the samples over short bins: the filter takes ten readings a second instead of a thousand."""
+"""Means of the samples over short bins: the filter takes a few readings a second instead of a thousand."""
 
 from dataclasses import dataclass
 
@@ -76,6 +76,10 @@ class Binning:
             begin = end
         return complete
 
+    def finish(self) -> list[ForceBin]:
+        """Return the bin that is not complete."""
+        return self._close()
+
     def _close(self) -> list[ForceBin]:
         if self._count == 0:
             return []
@@ -86,3 +90,45 @@ class Binning:
         self._time_sum_s, self._count, self._is_clipped = 0.0, 0, False
         self._force_sum_g, self._rate_sum_rad_s = np.zeros(3), None
         return [closed]
+
+
+class BinGroups:
+    """Joins a fixed number of short bins to a longer one, leaving out those that cannot be used.
+
+    The filter takes long bins, which average the fast motion of slings, strings and engines; noise is measured on short ones.
+    """
+
+    def __init__(self, width_s: float, size: int) -> None:
+        """`width_s`: of a short bin; `size`: short bins in a long one."""
+        self._width_s, self._size = width_s, size
+        self._label: int | None = None
+        self._members: list[ForceBin] = []
+
+    def add(self, one: ForceBin) -> list[ForceBin]:
+        """Add a short bin; return the long bins that it completes."""
+        label, place = divmod(int(np.floor(one.time_s / self._width_s)), self._size)
+        complete = self._close() if label != self._label else []
+        self._label = label
+        self._members.append(one)
+        return complete + self._close() if place == self._size - 1 else complete
+
+    def finish(self) -> list[ForceBin]:
+        """Return the long bin that is not complete."""
+        return self._close()
+
+    def _close(self) -> list[ForceBin]:
+        members, self._members = self._members, []
+        if not members:
+            return []
+        usable = [one for one in members if one.is_usable]
+        kept = usable or members
+        count = sum(one.count for one in kept)
+        time_s = sum(one.count * one.time_s for one in kept) / count
+        force_g = np.add.reduce([one.count * one.force_g for one in kept]) / count
+        rates = [one.rate_rad_s for one in kept]
+        rate_rad_s = None
+        if all(rate is not None for rate in rates):
+            rate_rad_s = (
+                np.add.reduce([one.count * one.rate_rad_s for one in kept if one.rate_rad_s is not None]) / count
+            )
+        return [ForceBin(time_s, force_g, count, not usable, rate_rad_s)]

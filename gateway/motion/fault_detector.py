@@ -22,9 +22,6 @@ CHECK_EVERY_BINS = BINS_PER_PERIOD // 3
 SEARCHES = (FREQUENCY_SPAN, (0.94, 1.06), (0.99, 1.01))
 """Ranges of frequency that are searched one after the other, each relative to the result of the one before. Basis: the last one
 leaves an error of 0.1 %."""
-LEAST_GAIN, LARGEST_UNEXPLAINED = 400.0, 0.05
-"""Gain in log-likelihood against a constant from which on, and rms that harmonics leave unexplained up to which, a motion looks
-like a free swing."""
 PERSISTENT = 3
 """Checks in a row that must find an axis silent: one period."""
 
@@ -44,8 +41,6 @@ class FaultDetector:
         """Relative uncertainty of the angle because the axes contradict each other, of the last checks."""
         self.fault: str | None = None
         """What is wrong; None: nothing is known to be."""
-        self.free_swing_length_m: float | None = None
-        """Length of the rope by the period of what looks like a free swing; None: nothing does."""
 
     @property
     def is_ready(self) -> bool:
@@ -71,7 +66,6 @@ class FaultDetector:
                 self._noise.clear()
                 self._axes.clear()
                 self._contradictions.clear()
-                self.free_swing_length_m = None
             self._noise.add(one.force_g)
             self._bins.append(one)
         if complete and self.is_ready:
@@ -100,8 +94,6 @@ class FaultDetector:
         for span in SEARCHES:
             harmonics = find_harmonics(bins, noise_g, rig, span=span)
             rig = replace(rig, length_m=rig.length_of(2 * np.pi * harmonics.frequency_hz))
-        is_free = harmonics.gain > LEAST_GAIN and harmonics.unexplained < LARGEST_UNEXPLAINED
-        self.free_swing_length_m = rig.length_m if is_free else None
         self._axes.append(compare_axes(harmonics, self._rig, rig.length_m))
         self._contradictions.append(contradiction_u_rel(harmonics, self._rig, rig.length_m))
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.motion.hypotheses import N_HYPOTHESES
-from gateway.motion.mixing import Mixture
+from gateway.motion.mixture import Mixture
 from gateway.motion.state_vector import GYRO_BIAS, GYRO_SCALE, N_GYRO_STATES, N_STATES, RATE, SPIN
 from gateway.numerics.array import Array
 
@@ -45,19 +45,6 @@ def with_gyro_states(mixture: Mixture, prior: GyroPrior) -> Mixture:
         places = list(range(states.start, states.stop))
         covariance[:, places, places] = sigma**2
     return Mixture(state, covariance, mixture.weight)
-
-
-def pad_states(values: Array, *axes: int) -> Array:
-    """Return an array with zeros for the states of a gyroscope behind the others, along the given axes."""
-    widths = [(0, N_GYRO_STATES if axis in axes else 0) for axis in range(values.ndim)]
-    return np.pad(values, widths)
-
-
-def gyro_noise(noise: Array) -> Array:
-    """Return the density of the process noise with that of a gyroscope's states, shape (m, n)."""
-    padded = pad_states(noise, 1)
-    padded[:, GYRO_BIAS] = BIAS_WALK_RAD_S**2
-    return padded
 
 
 def expected_rate(x: Array) -> tuple[Array, Array]:

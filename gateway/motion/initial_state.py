@@ -1,50 +1,66 @@
 """What the motion filter knows before the first reading."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from gateway.motion.disturbances import HOIST_JERK_SIGMA_M_S2, STILL_ACCELERATION_M_S2
 from gateway.motion.hypotheses import (
-    GUST_RATE_1_S,
-    GUST_SIGMA,
     INITIAL_WEIGHTS,
-    IS_DRIVEN,
-    IS_GUST,
     IS_HOISTING,
     N_HYPOTHESES,
-    PIVOT_RATE_1_S,
-    PIVOT_SIGMA,
+    PIVOT_LEVEL,
+    PIVOT_LEVELS,
+    WIND_LEVEL,
+    WIND_LEVELS,
 )
-from gateway.motion.mixing import Mixture
+from gateway.motion.mixture import Mixture
 from gateway.motion.state_vector import (
     AXIAL_OFFSET,
     DAMPING,
     GRAVITY,
+    GUST,
+    HEAVE,
     HOIST_ACCELERATION,
     HOIST_SPEED,
-    INPUT,
-    INPUT_RATE,
+    LEVER,
     LN_LENGTH,
     MOUNT,
     N_STATES,
     OFFSET,
+    PIVOT,
+    PIVOT_RATE,
     PLACE,
     RATE,
     SIDE_FORCE,
     SPIN,
+    STIFFNESS,
 )
 from gateway.swing.rig import MountedHousing
 
 INITIAL_ANGLE_RAD = 0.12
 """Standard deviation of each component of the rope's angle before the first reading: 7 degrees."""
-SIDE_FORCE_U = 3e-3
-"""Standard uncertainty of each component of a steady side force over the weight. Basis: leans of 0.2 degrees by a breeze."""
 DAMPING_RATIO, DAMPING_RATIO_U = 0.005, 0.005
 """Damping ratio of a load on a rope before it is measured."""
 SMALLEST_OFFSET_U_G = 3e-4
 """Standard uncertainty of an offset that is stated as exact."""
 SPIN_U_1_S = 0.01
 """Standard deviation of the housing's rate about the rope, 1/s."""
+HOIST_SPEED_U_M_S, STILL_SPEED_U_M_S = 0.3, 2e-3
+"""Standard deviation of the speed of a winch that runs, and of one that rests."""
+LENGTH_U_REL = 0.1
+"""Largest relative standard uncertainty of the rope's length. Basis: riggers state it to 5 %; slings and blocks add to it. A
+length stated less certainly is found by the swing's period all the same."""
+PLACE_U_REL = 0.08
+"""Standard uncertainty of the housing's place, as a share of its distance: a tape, a load whose centre is estimated, ropes that
+converge."""
+LEVER_U_M = 0.02
+"""Standard uncertainty of the accelerometer's place beside the rope's axis, per direction, where it is not stated."""
+STIFFNESS_U = 0.03
+"""Standard deviation of the relative difference of the stiffness in two directions. Basis: two falls fixed at both ends, 0.1."""
+SPREADER_TILT, SPREADER_TILT_U = 0.2, 0.08
+"""Tilt of a spreader per angle of its ropes, and its standard deviation. Basis: 0.13 to 0.27 on container cranes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,42 +73,45 @@ class Constants:
     place_u_m: float
     offset_u_g: tuple[float, float, float]
     mount_u_rad: float
+    lever_u_m: float = LEVER_U_M
 
 
 def constants_of(rig: MountedHousing, mount_u_rad: float) -> Constants:
     """Return what is known of crane and sensor; `mount_u_rad`: of the housing's z axis against the rope."""
     x, y, z = (max(SMALLEST_OFFSET_U_G, u_g) for u_g in rig.zero_g_offset_u_g)
-    place_m = rig.above_load_m if rig.above_load_m is not None else rig.position_m
+    place_m = float(rig.above_load_m if rig.above_load_m is not None else rig.position_m or 0.0)
     return Constants(
         length_m=rig.length_m,
-        length_u_rel=rig.length_u_rel,
-        place_m=float(place_m or 0.0),
-        place_u_m=rig.position_u_m,
-        offset_u_g=(x, y, float(np.hypot(z, rig.scale_u[2]))),
+        length_u_rel=min(rig.length_u_rel, LENGTH_U_REL),
+        place_m=place_m,
+        place_u_m=math.hypot(rig.position_u_m, PLACE_U_REL * place_m),
+        offset_u_g=(x, y, math.hypot(z, rig.scale_u[2])),
         mount_u_rad=mount_u_rad,
+        lever_u_m=max(LEVER_U_M, rig.beside_u_m),
     )
 
 
-def initial_mixture(gravity_m_s2: float, constants: Constants) -> Mixture:
+def initial_mixture(gravity_m_s2: float, constants: Constants, *, on_spreader: bool = False) -> Mixture:
     """Return what is known before the first reading."""
-    omega = np.sqrt(gravity_m_s2 / constants.length_m)
+    omega = math.sqrt(gravity_m_s2 / constants.length_m)
     state = np.zeros((N_HYPOTHESES, N_STATES))
-    state[:, LN_LENGTH] = np.log(constants.length_m)
+    state[:, LN_LENGTH] = math.log(constants.length_m)
     state[:, DAMPING] = 2 * DAMPING_RATIO * omega
-    state[:, PLACE] = constants.place_m
+    state[:, PLACE] = SPREADER_TILT if on_spreader else constants.place_m
     sigma = np.zeros((N_HYPOTHESES, N_STATES))
     sigma[:, GRAVITY], sigma[:, RATE] = INITIAL_ANGLE_RAD, INITIAL_ANGLE_RAD * omega
-    sigma[:, SIDE_FORCE] = SIDE_FORCE_U
     sigma[:, OFFSET] = np.hypot(constants.offset_u_g[:2], constants.mount_u_rad)
-    sigma[:, MOUNT] = constants.mount_u_rad
-    sigma[:, AXIAL_OFFSET] = constants.offset_u_g[2]
-    sigma[:, LN_LENGTH], sigma[:, PLACE] = constants.length_u_rel, constants.place_u_m
-    sigma[:, SPIN] = SPIN_U_1_S
-    sigma[:, DAMPING] = 2 * DAMPING_RATIO_U * omega
-    sigma[IS_DRIVEN, INPUT] = PIVOT_SIGMA
-    sigma[IS_DRIVEN, INPUT_RATE] = PIVOT_RATE_1_S * PIVOT_SIGMA
-    sigma[IS_GUST, INPUT], sigma[IS_GUST, INPUT_RATE] = GUST_SIGMA, GUST_RATE_1_S * GUST_SIGMA
-    sigma[IS_HOISTING, HOIST_SPEED], sigma[IS_HOISTING, HOIST_ACCELERATION] = 0.3, 0.1
+    sigma[:, MOUNT], sigma[:, AXIAL_OFFSET] = constants.mount_u_rad, constants.offset_u_g[2]
+    sigma[:, LN_LENGTH] = constants.length_u_rel
+    sigma[:, PLACE] = SPREADER_TILT_U if on_spreader else constants.place_u_m
+    sigma[:, LEVER], sigma[:, STIFFNESS] = constants.lever_u_m, STIFFNESS_U
+    sigma[:, SPIN], sigma[:, DAMPING] = SPIN_U_1_S, 2 * DAMPING_RATIO_U * omega
+    for i in range(N_HYPOTHESES):
+        pivot, wind = PIVOT_LEVELS[PIVOT_LEVEL[i]], WIND_LEVELS[WIND_LEVEL[i]]
+        sigma[i, PIVOT], sigma[i, PIVOT_RATE] = pivot.sigma, pivot.rate_1_s * pivot.sigma
+        sigma[i, HEAVE], sigma[i, GUST], sigma[i, SIDE_FORCE] = pivot.heave_sigma, wind.sigma, wind.side_sigma
+    sigma[:, HOIST_SPEED] = np.where(IS_HOISTING, HOIST_SPEED_U_M_S, STILL_SPEED_U_M_S)
+    sigma[:, HOIST_ACCELERATION] = np.where(IS_HOISTING, HOIST_JERK_SIGMA_M_S2, STILL_ACCELERATION_M_S2)
     covariance = np.zeros((N_HYPOTHESES, N_STATES, N_STATES))
     covariance.reshape(N_HYPOTHESES, -1)[:, :: N_STATES + 1] = sigma**2
     for i in (0, 1):

@@ -1,85 +1,102 @@
-"""The motion filter: an interacting-multiple-model extended Kalman filter of the rope's motion.
+"""The motion filter: an interacting-multiple-model extended Kalman filter of the motion of rope, load and crane.
 
-It is bounded in memory and in cost per update, and it never starts anew because of what the crane does.
+It is bounded in memory and in cost per update. What is constant (offsets, place, stiffness) is constant for a time only: it
+returns to what was stated, so that no misfit drives it away for good and none is certain for ever.
 """
 
-from dataclasses import replace
+import math
+from functools import lru_cache
 
 import numpy as np
 
-from gateway.motion.gyro_reading import GyroPrior, expected_rate, gyro_noise, rate_variance, with_gyro_states
-from gateway.motion.hypotheses import (
-    GUST_RATE_1_S,
-    GUST_SIGMA,
-    HOIST_JERK,
-    IS_DRIVEN,
-    IS_GUST,
-    IS_HOISTING,
-    N_HYPOTHESES,
-    N_INPUTS,
-    PIVOT_RATE_1_S,
-    PIVOT_SIGMA,
-    transitions,
-)
+from gateway.motion.disturbances import DisturbanceStep
+from gateway.motion.gyro_reading import BIAS_WALK_RAD_S, GyroPrior, expected_rate, rate_variance, with_gyro_states
+from gateway.motion.hypotheses import IS_HOISTING, N_HYPOTHESES, WIND_LEVEL, WIND_LEVELS
 from gateway.motion.initial_state import Constants, initial_mixture
-from gateway.motion.innovation import Innovation
-from gateway.motion.mixing import SMALLEST_WEIGHT, Exchange, Mixture, revive
-from gateway.motion.prediction import add_line, advance_covariance, taylor_step
+from gateway.motion.mixture import Mixture, exchange
 from gateway.motion.rope_model import RopeModel, axial_curvature
 from gateway.motion.state_vector import (
     AXIAL_OFFSET,
+    GUST,
     GYRO_BIAS,
+    HEAVE,
     HOIST_ACCELERATION,
     HOIST_SPEED,
-    INPUT,
-    INPUT_RATE,
+    LEVER,
     LINE,
     LINE_RATE,
     LN_LENGTH,
-    MOVING,
+    MOUNT,
+    N_MOVING,
     N_STATES,
     OFFSET,
+    PIVOT,
+    PIVOT_RATE,
     PIVOT_VELOCITY,
+    PLACE,
     RATE,
     SIDE_FORCE,
     SPIN,
+    STIFFNESS,
+    indices,
 )
+from gateway.motion.step_record import StepRecord, kept_transition
 from gateway.numerics.array import Array
 
 FORCE_NOISE = 3e-5
 """Root of the noise density of unmodelled forces on the load per weight, 1/sqrt(Hz)."""
-SIDE_FORCE_WALK = 3e-5
-"""Random walk of the steady side force per weight, 1/sqrt(s): 0.01 degrees in a minute."""
-OFFSET_WALK_G = 1e-6
-"""Random walk of the offsets, g/sqrt(s). Basis: 0.15 mg/K and some kelvin per hour."""
-LENGTH_WALK = 1e-5
-"""Random walk of ln L while the rope is taken as constant, 1/sqrt(s)."""
-READING_FLOOR_G = 3e-5
-"""Smallest standard deviation of a bin's mean. Basis: what the equations of motion leave out."""
-LINE_WALK = 1.0
-"""Relative change of a fast oscillation's amplitude in a second."""
-MODEL_SHARE, INPUT_SHARE = 0.003, 0.01
-"""Error of the equations as a share of the reading's deviation from rest, and of the input. Basis: scale errors; a load that is
-no point; a force that acts on the hook block and on the load."""
-TEMPERING = 0.6
-"""Exponent of the likelihood by which hypotheses are weighed (Grünwald and van Ommen 2017). Basis: errors of the equations are
-not white, so that consecutive readings tell less apart than independent ones would."""
-PIVOT_SPEED_M_S, HOIST_SPEED_M_S, SPEED_TIME_S = 1.5, 0.7, 20.0
-"""Standard deviations of the speeds of pivot and hoist, and how long a speed lasts: a hypothesis that asks for much more loses
-weight. Basis: cranes drive at up to 4 m/s and hoist at up to 1.2 m/s."""
+LENGTH_WALK = 1e-3
+"""Random walk of ln L, 1/sqrt(s): slings that settle, a hoist too slow to be seen."""
 SPIN_WALK_1_S = 0.003
 """Random walk of the housing's rate about the rope, 1/s/sqrt(s)."""
-SPIN_WITH_LINE = 4.0
-"""That walk where a fast oscillation is seen: a hook block turns more easily than a load on a plain rope."""
-INPUT_TIME_S = 3.0
-"""How long an input lasts, which loses weight where it is much larger than its standard deviation."""
 PIVOT_VELOCITY_WALK_M_S = 0.05
 """Random walk of the pivot's velocity, m/s/sqrt(s): a drive too gentle to be seen."""
-OUTLIER_SQUARED = 60.0
+LINE_WALK, LINE_TIME_S = 0.5, 20.0
+"""Relative change of a fast oscillation's amplitude in a second, and the time in which it dies away."""
+READING_FLOOR_G = 5e-5
+"""Smallest standard deviation of a bin's mean. Basis: what the equations of motion leave out."""
+MODEL_SHARE = 0.003
+"""Error of the equations as a share of the reading's deviation from rest. Basis: scale errors, a load that is no point."""
+RETURN_TIMES_S = (
+    (OFFSET, 1e4),
+    (MOUNT, 1e4),
+    (AXIAL_OFFSET, 1e4),
+    (PLACE, 3e3),
+    (LEVER, 3e3),
+    (STIFFNESS, 3e3),
+    (SIDE_FORCE, 600.0),
+)
+"""Constants, and the time in which each returns to what was stated. Basis: 2 mg in ten minutes of a warming sensor, clamps that
+slip, winds that turn."""
+RETURN_EVERY_S = 4.0
+"""Time between two such returns. Basis: short against all of them."""
+TEMPERING = 0.3
+"""Exponent of the likelihood by which hypotheses are weighed (Grünwald and van Ommen 2017). Basis: errors of the equations are
+not white, so that consecutive readings tell less apart than independent ones; on simulated cranes 0.4 has the same error and
+intervals that hold less often."""
+PIVOT_SPEED_M_S, PIVOT_SPEED_TIME_S = 1.5, 20.0
+"""Standard deviation of the pivot's speed, and the time for which it counts as one observation. Basis: cranes drive at up to
+4 m/s."""
+LN_LENGTH_SIGMA, LN_LENGTH_TIME_S = 0.5, 30.0
+"""The same of the logarithm of the rope's length against what was stated: hoists change it, but not to anything."""
+HOIST_SPEED_M_S, HOIST_SPEED_TIME_S = 0.5, 25.0
+"""The same of the speed of a winch that runs. Basis: cranes hoist at up to 1.2 m/s."""
+RESTING_SPEED_M_S = 0.02
+"""Standard deviation of the speed of a winch that rests, at each update: what ends must have come to rest."""
+MISFIT_TIME_S, LARGEST_MISFIT = 6.0, 9.0
+"""Time over which innovations beyond the expected count as noise of the reading, and the most that one of them counts. Basis: a
+swing's period; an impact of one bin is no vibration."""
+OUTLIER_SQUARED = 30.0
 """Normalised innovation squared under every hypothesis from which a bin counts as an outlier. Basis: chance exceeds it once in
-1e12 bins."""
+7e5 bins."""
 EXPECTED_SQUARED = 3.0
 """Definition: mean of the normalised innovation squared."""
+SMALLEST_WEIGHT = 1e-30
+"""Keeps weights positive; a hypothesis revives by transitions from the others."""
+STEP_RESOLUTION_S = 1e-3
+"""Resolution of the time for which disturbances change within a step. Basis: bins of a stream differ by less."""
+_N_OBSERVED = 7
+_DIAGONAL = np.arange(_N_OBSERVED)
 
 
 class MotionFilter:
@@ -88,50 +105,119 @@ class MotionFilter:
     def __init__(self, model: RopeModel, constants: Constants, gyro: GyroPrior | None = None) -> None:
         """`gyro`: what is known of the gyroscope, for whose states the model has room; None: there is none."""
         self.model = model
-        prior, self._noise = initial_mixture(model.gravity_m_s2, constants), _process_noise()
-        if gyro is not None:
-            prior, self._noise = with_gyro_states(prior, gyro), gyro_noise(self._noise)
-        self._exchange = Exchange(transitions(), prior.state.shape[1])
-        self._prior = self.mixture = prior
+        prior = initial_mixture(model.gravity_m_s2, constants, on_spreader=model.on_spreader)
+        self.prior = prior if gyro is None else with_gyro_states(prior, gyro)
+        self.mixture = self.prior
+        self._ln_length = math.log(constants.length_m)
         self.line_rate_1_s: float | None = None
         """Angular frequency of a fast oscillation that is part of the state; None: there is none."""
-        self._step_s = 0.0
-        self.line_walk = 0.0
-        """Root of the density with which the oscillation's amplitude changes, 1/sqrt(s)."""
+        self._line_amplitude_g = 0.0
+        self._step_s = 1.0
+        self._since_return_s = 0.0
+        self._transverse_misfit_g2 = self._axial_misfit_g2 = 0.0
+        """Variance of what the innovations show beyond the expected."""
         self.squared_innovation = EXPECTED_SQUARED
-        """Normalised, of the most probable hypothesis, at the last update."""
+        """Normalised, of the hypothesis that explains the last reading best."""
         self.log_evidence = 0.0
         """Logarithm of the probability density of the last reading, but for a constant."""
 
+    @property
+    def is_broken(self) -> bool:
+        """It has lost its numbers; it must be made anew."""
+        return not math.isfinite(float(self.mixture.weight.sum()))
+
     def predict(self, time_s: float) -> None:
-        """Advance the motion by a time without a reading."""
-        self.exchange(time_s)
-        self.advance(time_s)
+        """Advance the motion by a time."""
+        self._predict(time_s)
 
-    def exchange(self, time_s: float) -> None:
-        """Let the hypotheses exchange the probability of a time."""
-        self.mixture = self._exchange.after(revive(self.mixture, self._prior), time_s)
+    def recorded_predict(self, time_s: float, at_s: float | None) -> StepRecord:
+        """Advance the motion by a time; return the step for a smoother. `at_s`: the time before, None between two bins."""
+        before = self.mixture
+        mixed, transition, factor, exchanged = self._predict(time_s)
+        return StepRecord.of(at_s, before, mixed, self.mixture, kept_transition(transition, factor), exchanged)
 
-    def advance(self, time_s: float) -> None:
-        """Advance the motion under each hypothesis, in place."""
+    def _predict(self, time_s: float) -> tuple[Mixture, Array, Array, Array]:
+        """Advance the motion; return the mixture after the exchange of probability, the transition of the moving states, the
+        factors of the others, and the probabilities of the exchange.
+        """
         self._step_s = time_s
-        x, covariance = self.mixture.state, self.mixture.covariance
-        rate, jacobian = self.model.rate(x)
-        k = self.model.gravity_m_s2 * np.exp(-x[:, LN_LENGTH])
-        noise = self._noise * time_s
-        noise[:, RATE] += ((FORCE_NOISE**2 * time_s) * k**2)[:, None]
-        if self.line_rate_1_s is None:
-            x[:, LINE] = x[:, LINE_RATE] = 0.0
-            transition = taylor_step(x, rate, jacobian, time_s, MOVING.stop)
-        else:
-            before = x.copy()
-            transition = taylor_step(x, rate, jacobian, time_s, N_STATES)
-            add_line(x, before, transition, k, self.line_rate_1_s, time_s)
-            noise[:, SPIN] *= SPIN_WITH_LINE**2
-            noise[:, LINE_RATE] += (self.line_walk * self.line_rate_1_s) ** 2 * time_s
+        step = _disturbance_step(round(time_s / STEP_RESOLUTION_S))
+        mixed = exchange(self.mixture, step.exchange)
+        x, covariance = mixed.state.copy(), mixed.covariance.copy()
+        transition = self._flow(x, time_s)
+        _follow_levels(x, transition, step)
         self.model.keep_in_domain(x)
-        advance_covariance(covariance, transition)
-        covariance.reshape(N_HYPOTHESES, -1)[:, :: x.shape[1] + 1] += noise
+        _advance(covariance, transition)
+        x[:, HEAVE] *= step.heave
+        covariance[:, HEAVE] *= step.heave[:, None]
+        covariance[:, :, HEAVE] *= step.heave[:, None]
+        self._add_noise(covariance, x, step, time_s)
+        if self.line_rate_1_s is not None:
+            self._advance_line(x, covariance, self.line_rate_1_s, time_s)
+        factor = np.ones_like(x)
+        factor[:, HEAVE] = step.heave
+        self._since_return_s += time_s
+        if self._since_return_s >= RETURN_EVERY_S:
+            factor *= self._return_to_stated(x, covariance, self._since_return_s)
+            self._since_return_s = 0.0
+        self.mixture = Mixture(x, covariance, mixed.weight)
+        return mixed, transition, factor, step.exchange
+
+    def _flow(self, x: Array, time_s: float) -> Array:
+        """Advance states in place by a Taylor step of fourth order; return that of the moving ones, shape (m, N_MOVING, n)."""
+        rate, scaled = self.model.rate(x)
+        rate *= time_s
+        scaled *= time_s
+        within = scaled[:, :, :N_MOVING]
+        later = within @ (scaled / 24) + scaled / 6
+        later = within @ later
+        later += 0.5 * scaled
+        x[:, :N_MOVING] += rate + np.matvec(later[:, :, :N_MOVING], rate)
+        transition: Array = within @ later
+        transition += scaled
+        transition.reshape(len(x), -1)[:, :: x.shape[1] + 1] += 1.0
+        return transition
+
+    def _add_noise(self, covariance: Array, x: Array, step: DisturbanceStep, time_s: float) -> None:
+        k = self.model.gravity_m_s2 * np.exp(-x[:, LN_LENGTH])
+        noise = np.zeros((len(x), x.shape[1]))
+        noise[:, RATE] = (FORCE_NOISE**2 * time_s * k**2)[:, None]
+        noise[:, GUST], noise[:, HEAVE] = step.gust_noise[:, None], step.heave_noise
+        noise[:, SIDE_FORCE] = (_SIDE_WALK_SQUARED * time_s)[:, None]
+        noise[:, PIVOT_VELOCITY] = PIVOT_VELOCITY_WALK_M_S**2 * time_s
+        noise[:, LN_LENGTH], noise[:, SPIN] = LENGTH_WALK**2 * time_s, SPIN_WALK_1_S**2 * time_s
+        if x.shape[1] > N_STATES:
+            noise[:, GYRO_BIAS] = BIAS_WALK_RAD_S**2 * time_s
+        covariance.reshape(len(x), -1)[:, :: x.shape[1] + 1] += noise
+        for i in (0, 1):
+            pair = [PIVOT.start + i, PIVOT_RATE.start + i]
+            covariance[:, pair[0] : pair[1] + 1 : 2, pair[0] : pair[1] + 1 : 2] += step.pivot_noise
+        covariance[:, HOIST_SPEED : HOIST_ACCELERATION + 1, HOIST_SPEED : HOIST_ACCELERATION + 1] += step.hoist_noise
+
+    def _advance_line(self, x: Array, covariance: Array, omega: float, time_s: float) -> None:
+        """Turn the fast oscillation exactly, because a step may be a large part of its period."""
+        decay = math.exp(-time_s / LINE_TIME_S)
+        sine, cosine = decay * math.sin(omega * time_s), decay * math.cos(omega * time_s)
+        turn = np.kron(np.array([[cosine, sine / omega], [-omega * sine, cosine]]), np.eye(2))
+        both = slice(LINE.start, LINE_RATE.stop)
+        x[:, both] = x[:, both] @ turn.T
+        covariance[:, both] = turn @ covariance[:, both]
+        covariance[:, :, both] = covariance[:, :, both] @ turn.T
+        variance = 0.5 * (LINE_WALK * self._line_amplitude_g) ** 2 * time_s
+        places = indices(both)
+        covariance[:, places, places] += np.repeat([variance, variance * omega**2], 2)
+
+    def _return_to_stated(self, x: Array, covariance: Array, time_s: float) -> Array:
+        """Let the constants return towards what was stated, in place; return the factors of all states, shape (n,)."""
+        factor = np.ones(x.shape[1])
+        for states, return_s in RETURN_TIMES_S:
+            factor[states] = math.exp(-time_s / return_s)
+        stated, variance = self.prior.state[0], np.diagonal(self.prior.covariance[0])
+        x *= factor
+        x += (1 - factor) * stated
+        covariance *= np.multiply.outer(factor, factor)
+        covariance.reshape(len(x), -1)[:, :: x.shape[1] + 1] += np.where(factor < 1, variance * (1 - factor**2), 0.0)
+        return factor
 
     def update(self, reading_g: Array, sigma_g: Array) -> bool:
         """Take the mean reading of a bin, shape (3,), with its standard deviation; return whether it was an outlier.
@@ -141,34 +227,75 @@ class MotionFilter:
         try:
             return self._update(reading_g, sigma_g)
         except np.linalg.LinAlgError:
-            self.mixture = replace(self.mixture, weight=np.full(N_HYPOTHESES, np.nan))
+            self._break()
             return True
 
     def _update(self, reading_g: Array, sigma_g: Array) -> bool:
-        x, covariance, weight = self.mixture.state, self.mixture.covariance, self.mixture.weight
-        expected, jacobian, place_s2 = self.model.reading(x)
+        x, covariance = self.mixture.state, self.mixture.covariance
+        expected, by_state, place_s2 = self.model.reading(x)
         bias, curvature = axial_curvature(covariance, place_s2)
-        expected[:, 2] += bias
+        innovation = np.empty((len(x), _N_OBSERVED))
+        innovation[:, :3] = reading_g - expected
+        innovation[:, 2] -= bias
+        innovation[:, 3:5], innovation[:, 5] = -x[:, PIVOT_VELOCITY], self._ln_length - x[:, LN_LENGTH]
+        innovation[:, 6] = -x[:, HOIST_SPEED]
+        jacobian = np.zeros((len(x), _N_OBSERVED, x.shape[1]))
+        jacobian[:, :3] = by_state
+        jacobian[:, 3, PIVOT_VELOCITY.start] = jacobian[:, 4, PIVOT_VELOCITY.start + 1] = 1.0
+        jacobian[:, 5, LN_LENGTH] = jacobian[:, 6, HOIST_SPEED] = 1.0
+        noise = self._observation_noise(reading_g, sigma_g)
+        noise[:, 2] += curvature
+
         cross = covariance @ jacobian.transpose(0, 2, 1)
         spread = jacobian @ cross
-        spread[:, 2, 2] += curvature
-        noise = _model_variance(x, reading_g, sigma_g)
-        found = Innovation.of(reading_g - expected, spread, noise)
-        smallest = float(found.squared.min())
+        spread[:, _DIAGONAL, _DIAGONAL] += noise
+        read = spread[:, :3, :3]
+        squared = np.vecdot(innovation[:, :3], np.linalg.solve(read, innovation[:, :3, None])[:, :, 0])
+        smallest = float(squared.min())
         is_outlier = smallest > OUTLIER_SQUARED
         if is_outlier:
-            found = Innovation.of(reading_g - expected, spread, noise * (smallest / EXPECTED_SQUARED))
-        gain = cross @ found.whitening.transpose(0, 2, 1)
-        x = x + np.matvec(gain, found.white)
+            places = _DIAGONAL[:3]
+            spread[:, places, places] *= 1 + smallest / EXPECTED_SQUARED
+        root = np.linalg.cholesky(spread)
+        whitening = np.linalg.inv(root)
+        white = np.matvec(whitening, innovation)
+        gain = cross @ whitening.transpose(0, 2, 1)
+        x = x + np.matvec(gain, white)
         self.model.keep_in_domain(x)
         # Safe without the Joseph form: over an hour the least eigenvalue of the correlations stays above 3e-4.
         covariance = covariance - gain @ gain.transpose(0, 2, 1)
-        log_density = found.log_density + _transverse_correction(found.transverse_log_density)
-        log_weight = np.log(weight) + TEMPERING * (log_density - (0.5 * self._step_s) * _implausibility_1_s(x))
-        weight, self.log_evidence = _weighed(log_weight)
+        log_density = -0.5 * np.vecdot(white, white) - np.log(root[:, _DIAGONAL, _DIAGONAL]).sum(axis=1)
+        log_density += 0.5 * np.log(noise[:, 3:]).sum(
+            axis=1
+        )  # what is stated of speeds and length has no units of its own
+        weight, self.log_evidence = _weighed(np.log(self.mixture.weight) + TEMPERING * log_density)
         self.mixture = Mixture(x, covariance, weight)
-        self.squared_innovation = float(found.squared[weight.argmax()])
+        self.squared_innovation = smallest
+        self._follow_misfit(innovation, spread, weight)
         return is_outlier
+
+    def _observation_noise(self, reading_g: Array, sigma_g: Array) -> Array:
+        """Return the variance of a bin's errors and of what is stated of speeds and length, shape (m, 7)."""
+        noise = np.empty((N_HYPOTHESES, _N_OBSERVED))
+        variance = np.square(sigma_g) + READING_FLOOR_G**2
+        variance[:2] += MODEL_SHARE**2 * float(reading_g[0] ** 2 + reading_g[1] ** 2) + self._transverse_misfit_g2
+        variance[2] += (MODEL_SHARE * float(reading_g[2] - 1)) ** 2 + self._axial_misfit_g2
+        noise[:, :3] = variance
+        noise[:, 3:5] = PIVOT_SPEED_M_S**2 * PIVOT_SPEED_TIME_S / self._step_s
+        noise[:, 5] = LN_LENGTH_SIGMA**2 * LN_LENGTH_TIME_S / self._step_s
+        noise[:, 6] = np.where(
+            IS_HOISTING, HOIST_SPEED_M_S**2 * HOIST_SPEED_TIME_S / self._step_s, RESTING_SPEED_M_S**2
+        )
+        return noise
+
+    def _follow_misfit(self, innovation: Array, spread: Array, weight: Array) -> None:
+        """Take innovations beyond the expected as noise of the reading: what no disturbance of the model explains."""
+        share = min(1.0, self._step_s / MISFIT_TIME_S)
+        found_g2, expected_g2 = weight @ np.square(innovation[:, :3]), weight @ spread[:, _DIAGONAL[:3], _DIAGONAL[:3]]
+        beyond_g2 = np.minimum(found_g2, LARGEST_MISFIT * expected_g2) - expected_g2
+        transverse_g2, axial_g2 = 0.5 * float(beyond_g2[0] + beyond_g2[1]), float(beyond_g2[2])
+        self._transverse_misfit_g2 = max(0.0, self._transverse_misfit_g2 + share * transverse_g2)
+        self._axial_misfit_g2 = max(0.0, self._axial_misfit_g2 + share * axial_g2)
 
     def update_rate(self, rate_rad_s: Array, sigma_rad_s: Array) -> float:
         """Take the mean of the gyroscope's readings in a bin, shape (3,); an outlier is not used.
@@ -178,118 +305,100 @@ class MotionFilter:
         try:
             return self._update_rate(rate_rad_s, sigma_rad_s)
         except np.linalg.LinAlgError:
-            self.mixture = replace(self.mixture, weight=np.full(N_HYPOTHESES, np.nan))
+            self._break()
             return np.inf
 
     def _update_rate(self, rate_rad_s: Array, sigma_rad_s: Array) -> float:
         x, covariance = self.mixture.state, self.mixture.covariance
         expected, jacobian = expected_rate(x)
         cross = covariance @ jacobian.transpose(0, 2, 1)
-        noise = rate_variance(rate_rad_s, x[:, GYRO_BIAS], sigma_rad_s)
-        found = Innovation.of(rate_rad_s - expected, jacobian @ cross, noise)
-        smallest = float(found.squared.min())
+        spread = jacobian @ cross
+        spread[:, _DIAGONAL[:3], _DIAGONAL[:3]] += rate_variance(rate_rad_s, x[:, GYRO_BIAS], sigma_rad_s)
+        root = np.linalg.cholesky(spread)
+        whitening = np.linalg.inv(root)
+        white = np.matvec(whitening, rate_rad_s - expected)
+        squared = np.vecdot(white, white)
+        smallest = float(squared.min())
         if not smallest < OUTLIER_SQUARED:
             return smallest
-        gain = cross @ found.whitening.transpose(0, 2, 1)
-        x = x + np.matvec(gain, found.white)
+        gain = cross @ whitening.transpose(0, 2, 1)
+        x = x + np.matvec(gain, white)
         self.model.keep_in_domain(x)
-        log_density = found.log_density + _transverse_correction(found.transverse_log_density)
+        log_density = -0.5 * squared - np.log(root[:, _DIAGONAL[:3], _DIAGONAL[:3]]).sum(axis=1)
         weight, log_evidence = _weighed(np.log(self.mixture.weight) + TEMPERING * log_density)
         self.log_evidence += log_evidence
         self.mixture = Mixture(x, covariance - gain @ gain.transpose(0, 2, 1), weight)
         return smallest
 
-    def widen_gyro_bias(self, u_rad_s: float) -> None:
-        """Add an unknown change of the gyroscope's bias, as by a temperature."""
-        covariance = self.mixture.covariance.copy()
-        places = list(range(GYRO_BIAS.start, GYRO_BIAS.stop))
-        covariance[:, places, places] += u_rad_s**2
-        self.mixture = replace(self.mixture, covariance=covariance)
+    def _break(self) -> None:
+        self.mixture = Mixture(self.mixture.state, self.mixture.covariance, np.full(N_HYPOTHESES, np.nan))
 
-    def widen_offset(self, u_g: Array) -> None:
-        """Add an unknown change of the offsets, standard uncertainties of shape (3,), as by a temperature."""
+    def forget_motion(self) -> None:
+        """Return to what was known of the motion before the first reading, but keep the constants; after a gap."""
+        constants = [place for states, _ in RETURN_TIMES_S for place in indices(states)]
+        mean, covariance = self.mixture.moments()
+        state, spread = self.prior.state.copy(), self.prior.covariance.copy()
+        state[:, constants] = mean[constants]
+        spread[:, constants], spread[:, :, constants] = 0.0, 0.0
+        spread[np.ix_(range(N_HYPOTHESES), constants, constants)] = covariance[np.ix_(constants, constants)]
+        state[:, LN_LENGTH] = mean[LN_LENGTH]
+        self.mixture = Mixture(state, spread, self.prior.weight)
+        self.line_rate_1_s = None
+
+    def widen(self, states: slice | int, u: float | Array) -> None:
+        """Add an unknown change of states, standard uncertainty, as by a temperature."""
         covariance = self.mixture.covariance.copy()
-        places = [*range(OFFSET.start, OFFSET.stop), AXIAL_OFFSET]
-        covariance[:, places, places] += u_g**2
+        places = indices(states)
+        covariance[:, places, places] += np.square(u)
         self.mixture = Mixture(self.mixture.state, covariance, self.mixture.weight)
 
-    def begin_line(self, rate_1_s: float, amplitude: float) -> None:
-        """Add a fast oscillation of a force to the state, or change its frequency."""
-        if self.line_rate_1_s is None:
-            covariance = self.mixture.covariance.copy()
-            for states, sigma in ((LINE, amplitude), (LINE_RATE, amplitude * rate_1_s)):
-                places = list(range(states.start, states.stop))
-                covariance[:, places, places] = sigma**2
-            self.mixture = Mixture(self.mixture.state, covariance, self.mixture.weight)
-        self.line_rate_1_s, self.line_walk = rate_1_s, LINE_WALK * amplitude
+    def follow_line(self, rate_1_s: float | None, amplitude_g: float) -> None:
+        """Make a fast oscillation of the reading part of the state, or change its frequency; None: remove it."""
+        both = indices(slice(LINE.start, LINE_RATE.stop))
+        if (rate_1_s is None) != (self.line_rate_1_s is None):
+            state, covariance = self.mixture.state.copy(), self.mixture.covariance.copy()
+            state[:, both], covariance[:, both], covariance[:, :, both] = 0.0, 0.0, 0.0
+            if rate_1_s is not None:
+                covariance[:, both, both] = np.repeat(np.square([amplitude_g, amplitude_g * rate_1_s]), 2)
+            self.mixture = Mixture(state, covariance, self.mixture.weight)
+        self.line_rate_1_s, self._line_amplitude_g = rate_1_s, amplitude_g
 
-    def end_line(self) -> None:
-        """Remove the fast oscillation from the state."""
-        state, covariance = self.mixture.state.copy(), self.mixture.covariance.copy()
-        places = [*range(LINE.start, LINE_RATE.stop)]
-        state[:, places] = 0.0
-        covariance[:, places], covariance[:, :, places] = 0.0, 0.0
-        self.mixture, self.line_rate_1_s = Mixture(state, covariance, self.mixture.weight), None
+
+@lru_cache(maxsize=64)
+def _disturbance_step(steps: int) -> DisturbanceStep:
+    return DisturbanceStep.of(max(steps, 1) * STEP_RESOLUTION_S)
+
+
+def _follow_levels(x: Array, transition: Array, step: DisturbanceStep) -> None:
+    """Let the disturbances decay as their levels have it, in place."""
+    for i in (0, 1):
+        pair = slice(PIVOT.start + i, PIVOT_RATE.start + i + 1, 2)
+        x[:, pair] = np.matvec(step.pivot, x[:, pair])
+        transition[:, pair] = step.pivot @ transition[:, pair]
+    hoist = slice(HOIST_SPEED, HOIST_ACCELERATION + 1)
+    x[:, hoist] = np.matvec(step.hoist, x[:, hoist])
+    transition[:, hoist] = step.hoist @ transition[:, hoist]
+    x[:, GUST] *= step.gust[:, None]
+    transition[:, GUST] *= step.gust[:, None, None]
+
+
+def _advance(covariance: Array, transition: Array) -> None:
+    """Advance covariances, shape (m, n, n), in place by the transition of the moving states, shape (m, N_MOVING, n)."""
+    rows = transition @ covariance
+    block = rows @ transition.transpose(0, 2, 1)
+    block += block.transpose(0, 2, 1)
+    covariance[:, :N_MOVING, :N_MOVING] = 0.5 * block
+    covariance[:, :N_MOVING, N_MOVING:] = rows[:, :, N_MOVING:]
+    covariance[:, N_MOVING:, :N_MOVING] = rows[:, :, N_MOVING:].transpose(0, 2, 1)
 
 
 def _weighed(log_weight: Array) -> tuple[Array, float]:
     """Return the weights, which add up to 1, and the logarithm of what they were divided by."""
     largest = float(log_weight.max())
-    weight = np.maximum(np.exp(log_weight - largest), SMALLEST_WEIGHT)
+    weight = np.exp(log_weight - largest)
     total = float(weight.sum())
-    return weight / total, largest + float(np.log(total))
+    weight = np.maximum(weight / total, SMALLEST_WEIGHT)
+    return weight / weight.sum(), largest + math.log(total)
 
 
-def _model_variance(x: Array, reading_g: Array, sigma_g: Array) -> Array:
-    """Return the variance of a reading's error, shape (m, 3): its noise, and shares of what the equations simplify."""
-    transverse = np.square(sigma_g) + READING_FLOOR_G**2
-    transverse[:2] += MODEL_SHARE**2 * (reading_g[0] ** 2 + reading_g[1] ** 2)
-    transverse[2] += (MODEL_SHARE * (reading_g[2] - 1)) ** 2
-    acting = x[:, INPUT]
-    variance: Array = transverse + np.vecdot(acting, acting)[:, None] * _INPUT_VARIANCE
-    return variance
-
-
-def _implausibility_1_s(x: Array) -> Array:
-    """Return squared speeds and inputs over what cranes and gusts reach, over how long they last, shape (m,)."""
-    found: Array = np.vecdot(np.square(x[:, :N_STATES]), _IMPLAUSIBLE)
-    return found
-
-
-def _transverse_correction(transverse_log_density: Array) -> Array:
-    """Return what makes the transverse readings as probable under a drive as under a gust, shape (m,).
-
-    Any transverse reading can be explained by either. Which of them has the narrower prior says nothing about the crane, and
-    would decide within seconds; so the axial reading decides, and the size of the input.
-    """
-    alike = transverse_log_density.reshape(-1, N_INPUTS)[:, 1:]
-    correction = np.zeros((len(alike), N_INPUTS))
-    correction[:, 1:] = alike.max(axis=1, keepdims=True) - alike
-    return correction.ravel()
-
-
-def _process_noise() -> Array:
-    """Return the density of the process noise, shape (m, N_STATES), without that of unmodelled forces on the load."""
-    noise = np.zeros((N_HYPOTHESES, N_STATES))
-    noise[IS_DRIVEN, INPUT_RATE] = 4 * PIVOT_RATE_1_S**3 * PIVOT_SIGMA**2
-    noise[IS_GUST, INPUT_RATE] = 4 * GUST_RATE_1_S**3 * GUST_SIGMA**2
-    noise[:, SIDE_FORCE] = SIDE_FORCE_WALK**2
-    noise[:, OFFSET] = noise[:, AXIAL_OFFSET] = OFFSET_WALK_G**2
-    noise[:, LN_LENGTH] = LENGTH_WALK**2
-    noise[:, SPIN] = SPIN_WALK_1_S**2
-    noise[:, PIVOT_VELOCITY] = PIVOT_VELOCITY_WALK_M_S**2
-    noise[IS_HOISTING, HOIST_ACCELERATION] = HOIST_JERK**2
-    return noise
-
-
-def _implausible() -> Array:
-    """Return the weight of each state's square in the implausibility, shape (m, N_STATES)."""
-    found = np.zeros((N_HYPOTHESES, N_STATES))
-    found[:, PIVOT_VELOCITY] = 1 / (PIVOT_SPEED_M_S**2 * SPEED_TIME_S)
-    found[:, HOIST_SPEED] = 1 / (HOIST_SPEED_M_S**2 * SPEED_TIME_S)
-    found[:, INPUT] = 1 / (np.where(IS_DRIVEN, PIVOT_SIGMA, GUST_SIGMA)[:, None] ** 2 * INPUT_TIME_S)
-    return found
-
-
-_INPUT_VARIANCE = np.array([INPUT_SHARE**2, INPUT_SHARE**2, 0.0])
-_IMPLAUSIBLE = _implausible()
+_SIDE_WALK_SQUARED = np.square([WIND_LEVELS[level].side_walk for level in WIND_LEVEL])

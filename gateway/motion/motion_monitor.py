@@ -11,7 +11,7 @@ from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.fault_detector import FaultDetector
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.gyro_tracker import GyroTracker
-from gateway.motion.length_check import LengthCheckedTracker
+from gateway.motion.motion_tracker import MotionTracker
 from gateway.numerics.array import Array
 from gateway.swing.model.sensor_lowpass import delay_s
 from gateway.swing.rig import MountedHousing
@@ -50,8 +50,6 @@ class MotionMonitor:
         self._new_trackers()
         self._faults = FaultDetector(self._rig)
         self._unclipped_s: float | None = None
-        self._outliers: deque[tuple[float, int]] = deque()
-        """Time and number of all outliers so far."""
 
     def set_sensor(self, rig: MountedHousing, change_u_g: Array, warnings: tuple[str, ...]) -> None:
         """Set the same housing with other uncertainties of its sensor.
@@ -59,11 +57,9 @@ class MotionMonitor:
         `change_u_g`: standard uncertainty of how far the offsets have changed, shape (3,); `warnings`: why.
         """
         self._rig, self._warnings = rig, warnings
-        x, y, z = rig.zero_g_offset_u_g
-        offset_u_g = np.array([x, y, np.hypot(z, rig.scale_u[2])])
-        self._tracker.set_sensor(rig, offset_u_g, change_u_g)
+        self._tracker.widen_offset(change_u_g)
         if self._sharpened is not None:
-            self._sharpened.tracker.set_sensor(rig, offset_u_g, change_u_g)
+            self._sharpened.tracker.widen_offset(change_u_g)
 
     def gyro_bias_rad_s(self) -> Array | None:
         """Return the reading of the gyroscope at rest, shape (3,); None where it is not known, or without a gyroscope in use."""
@@ -95,19 +91,16 @@ class MotionMonitor:
             at_s, clipped = time_s - delay_s(self._rig.bandwidth_hz), is_clipped if has_clipped else None
             self._tracker.update(at_s, force_g, clipped)
             if self._sharpened is not None and rate_rad_s is not None:
-                self._sharpened.update(at_s, force_g, clipped, rate_rad_s)
+                self._sharpened.update(at_s, force_g, clipped, rate_rad_s, self._tracker)
+            self._count_outliers(float(time_s[-1]))
         elif not had_fault:
             self._new_trackers()  # they have been fed with wrong readings
 
     def estimate(self, now_s: float) -> MotionEstimate:
-        """Return the motion at a time not before the newest sample; call it once per update."""
-        estimate = self._tracker.estimate(now_s, self._faults.free_swing_length_m)
-        if estimate.u_rad is None and estimate.length_m is not None and not math.isfinite(estimate.length_m):
-            self._new_trackers()
+        """Return the motion at a time not before the newest sample."""
+        estimate = self._tracker.estimate(now_s)
         if self._sharpened is not None:
-            evidence = self._tracker.force_evidence
-            estimate = self._sharpened.choose(estimate, evidence, now_s, self._faults.free_swing_length_m)
-        self._count_outliers(now_s)
+            estimate = self._sharpened.choose(estimate, now_s)
         if (why := self._why_unknown(now_s)) is not None:
             return MotionEstimate(time_s=now_s, state="unknown", reasons=(why,))
         if estimate.angle_rad is None:
@@ -142,7 +135,9 @@ class MotionMonitor:
             self._outliers.popleft()
 
     def _new_trackers(self) -> None:
-        self._tracker = LengthCheckedTracker(self._rig, mount_u_rad=self._mount_u_rad, noise_g=self._noise_g)
+        self._outliers: deque[tuple[float, int]] = deque()
+        """Time and number of all outliers so far."""
+        self._tracker = MotionTracker(self._rig, mount_u_rad=self._mount_u_rad, noise_g=self._noise_g)
         self._sharpened = None
         if self._gyro is not None:
             self._sharpened = GyroTracker(self._rig, self._mount_u_rad, self._noise_g, self._gyro)

@@ -11,11 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.motion.estimate import PeakEstimate
-from gateway.motion.state_vector import GRAVITY, INPUT, RATE, SIDE_FORCE
 from gateway.numerics.array import Array
 
-PHASE_STATES = np.ix_(*2 * ([i for pair in (GRAVITY, RATE, SIDE_FORCE, INPUT) for i in range(pair.start, pair.stop)],))
-"""Places of the four pairs of a `SwingPhase` in a covariance of the filter."""
 N_PHASES = 33
 """Phases at which half a swing is evaluated. Basis: the maximum between two of them is 0.1 % above the larger."""
 
@@ -25,7 +22,7 @@ class SwingPhase:
     """The motion that a prediction starts from; the four pairs are jointly Gaussian."""
 
     mean: Array
-    """u, w, steady side force and the pivot's acceleration over g, shape (8,)."""
+    """u, w, force on the load and the pivot's acceleration over g, shape (8,)."""
     covariance: Array
     """Shape (8, 8)."""
     rate_1_s: float

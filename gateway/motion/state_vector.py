@@ -1,52 +1,67 @@
 """The state vector of the motion filter, in the frame of the housing.
 
-A pair is the two components across the rope. Forces are per unit weight (1 is g). The rope's direction n points from pivot to
-load. States that change by the equations of motion come first, so that a prediction leaves the others alone.
+A pair is the two components across the rope. Forces are per unit weight, accelerations per g. The rope's direction n points from
+pivot to load. States that change by the equations of motion come first, so that a prediction leaves the others alone.
 """
 
 GRAVITY = slice(0, 2)
 """Transverse components of the unit vector of gravity; their magnitude is the sine of the rope's angle."""
 RATE = slice(2, 4)
 """n', the rate of the rope's direction, 1/s."""
-INPUT = slice(4, 6)
-"""What the hypothesis lets act: horizontal acceleration of the pivot over g, or the force of a gust on the load per weight."""
-INPUT_RATE = slice(6, 8)
+PIVOT = slice(4, 6)
+"""Horizontal acceleration of the pivot."""
+PIVOT_RATE = slice(6, 8)
 """Its time derivative, 1/s."""
-SIDE_FORCE = slice(8, 10)
-"""Steady horizontal force on the load per weight, as of a constant wind; it makes the rope lean."""
-PIVOT_VELOCITY = slice(10, 12)
+GUST = slice(8, 10)
+"""Horizontal force on the load that changes within seconds: turbulence, a gust."""
+SIDE_FORCE = slice(10, 12)
+"""Steady horizontal force on the load, as of the mean wind; it makes the rope lean."""
+PIVOT_VELOCITY = slice(12, 14)
 """Horizontal velocity of the pivot by its accelerations of the last minute, m/s."""
-SPIN = 12
-"""Rate at which the housing turns about the rope, 1/s; everything but OFFSET and MOUNT turns the other way in its frame."""
-LN_LENGTH = 13
-"""ln(L/m)."""
-HOIST_SPEED = 14
+SPIN = 14
+"""Rate at which the housing turns about the rope, 1/s; all but OFFSET, MOUNT and LEVER turns the other way in its frame."""
+LN_LENGTH = 15
+"""ln(L/m), L the length of a pendulum that swings as the load does."""
+HOIST_SPEED = 16
 """L', lowering positive, m/s."""
-HOIST_ACCELERATION = 15
+HOIST_ACCELERATION = 17
 """L'', m/s^2."""
-OFFSET = slice(16, 18)
+OFFSET = slice(18, 20)
 """Constant part of the transverse reading: zero-g offset plus MOUNT, g."""
-MOUNT = slice(18, 20)
+MOUNT = slice(20, 22)
 """Tilt of the housing's z axis against the rope, rad."""
-AXIAL_OFFSET = 20
+AXIAL_OFFSET = 22
 """Constant part of the axial reading: zero-g offset and scale error, g."""
-DAMPING = 21
+DAMPING = 23
 """Viscous damping rate c, 1/s."""
-PLACE = 22
-"""Distance of the housing from the end of the rope from which it is stated: load or pivot, m."""
-LINE = slice(23, 25)
-"""Force of a fast oscillation on the load (a load that swings under its hook, a rope that vibrates) per weight."""
-LINE_RATE = slice(25, 27)
-"""Its time derivative, 1/s."""
-N_STATES = 27
+PLACE = 24
+"""Distance of the housing from the end of the rope from which it is stated, m: load or pivot. On a spreader, which does not turn
+with the ropes: its tilt against theirs, per angle of the ropes."""
+LEVER = slice(25, 27)
+"""Place of the accelerometer beside the rope's axis, m."""
+STIFFNESS = slice(27, 29)
+"""Relative difference of the stiffness in two directions, as components of a symmetric matrix without trace: along x against y,
+and along the diagonals. Ropes that converge, and falls that are fixed at both ends, hang stiffer in one plane."""
+HEAVE = 29
+"""Vertical acceleration of the pivot, as of a yielding jib or a floating base."""
+LINE = slice(30, 32)
+"""Reading of a fast oscillation that is no swing: a string mode of the rope, a load under its hook, a vibration; g."""
+LINE_RATE = slice(32, 34)
+"""Its time derivative, g/s."""
+N_STATES = 34
 """Definition: without a gyroscope."""
-GYRO_BIAS = slice(27, 30)
+GYRO_BIAS = slice(34, 37)
 """Reading of the gyroscope at rest, 1/s."""
-GYRO_SCALE = slice(30, 32)
+GYRO_SCALE = slice(37, 39)
 """Relative scale errors of the gyroscope about x and y."""
 N_GYRO_STATES = 5
 """Definition: behind the others where there is a gyroscope."""
-TURNING = slice(0, 12)
+TURNING = slice(0, 14)
 """Pairs that keep their direction in the world while the housing turns."""
-MOVING = slice(0, 15)
-"""States that change by the equations of motion; without a fast oscillation all others are constant or walk randomly."""
+N_MOVING = 18
+"""States that change by the equations of motion; of the others, the constants return slowly to what was stated."""
+
+
+def indices(states: slice | int) -> list[int]:
+    """Return the places of a state or of a pair."""
+    return [states] if isinstance(states, int) else list(range(states.start, states.stop))

@@ -1,0 +1,101 @@
+"""How the disturbances of each hypothesis change within a step: their decay and their noise, in closed form."""
+
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from gateway.motion.hypotheses import (
+    IS_HOISTING,
+    N_HYPOTHESES,
+    PIVOT_LEVEL,
+    PIVOT_LEVELS,
+    WIND_LEVEL,
+    WIND_LEVELS,
+    starts_1_s,
+)
+from gateway.numerics.array import Array
+
+HOIST_JERK_SIGMA_M_S2, HOIST_JERK_RATE_1_S = 0.3, 1.0
+"""Standard deviation and rate of a hoist's acceleration. Basis: 0.5 m/s reached in one to two seconds."""
+HOIST_SPEED_TIME_S = 20.0
+"""Time after which the speed of a hoist is forgotten that no reading confirms."""
+STILL_ACCELERATION_M_S2, STILL_RATE_1_S = 5e-4, 6.0
+"""The same of a winch that rests: what is left of its acceleration."""
+STILL_SPEED_WALK_M_S = 2e-3
+"""Random walk of its speed, m/s/sqrt(s): a rope that settles on its drum."""
+
+
+@dataclass(frozen=True, slots=True)
+class DisturbanceStep:
+    """The change within one step, for all hypotheses. Pairs of a value and its rate have 2 x 2 matrices.
+
+    The equations of motion have carried a pair by its own rate before; `pivot` and `hoist` replace that by the level's decay.
+    """
+
+    pivot: Array
+    """Shape (m, 2, 2)."""
+    pivot_noise: Array
+    hoist: Array
+    hoist_noise: Array
+    gust: Array
+    """Factor, shape (m,)."""
+    gust_noise: Array
+    heave: Array
+    heave_noise: Array
+    exchange: Array
+    """Probability of each hypothesis (column) after each (row), shape (m, m)."""
+
+    @classmethod
+    def of(cls, time_s: float) -> Self:
+        """Return the change within a time."""
+        carried_back = np.array([[1.0, -time_s], [0.0, 1.0]])
+        pivots = [_oscillator(level.rate_1_s, level.damping_ratio, time_s) for level in PIVOT_LEVELS]
+        spreads = [np.diag([level.sigma**2, (level.rate_1_s * level.sigma) ** 2]) for level in PIVOT_LEVELS]
+        noises = [spread - step @ spread @ step.T for step, spread in zip(pivots, spreads, strict=True)]
+        hoist, hoist_noise = _hoist(time_s)
+        gust = np.exp([-level.rate_1_s * time_s for level in WIND_LEVELS])
+        heave = np.exp([-level.heave_rate_1_s * time_s for level in PIVOT_LEVELS])
+        gust_noise = np.square([level.sigma for level in WIND_LEVELS]) * (1 - gust**2)
+        heave_noise = np.square([level.heave_sigma for level in PIVOT_LEVELS]) * (1 - heave**2)
+        exchange = starts_1_s() * time_s
+        leaving = exchange.sum(axis=1)
+        exchange *= (-np.expm1(-leaving) / leaving)[:, None]
+        exchange[np.diag_indices(N_HYPOTHESES)] = np.exp(-leaving)
+        return cls(
+            pivot=(np.array(pivots) @ carried_back)[PIVOT_LEVEL],
+            pivot_noise=np.array(noises)[PIVOT_LEVEL],
+            hoist=(hoist @ carried_back)[IS_HOISTING.astype(int)],
+            hoist_noise=hoist_noise[IS_HOISTING.astype(int)],
+            gust=gust[WIND_LEVEL],
+            gust_noise=gust_noise[WIND_LEVEL],
+            heave=heave[PIVOT_LEVEL],
+            heave_noise=heave_noise[PIVOT_LEVEL],
+            exchange=exchange,
+        )
+
+
+def _oscillator(rate_1_s: float, damping_ratio: float, time_s: float) -> Array:
+    """Return the transition of x'' = -2 z r x' - r^2 x, z at most 1."""
+    decay = math.exp(-damping_ratio * rate_1_s * time_s)
+    bare_1_s = rate_1_s * math.sqrt(1 - damping_ratio**2)
+    sine = time_s if bare_1_s == 0 else math.sin(bare_1_s * time_s) / bare_1_s
+    cosine, drag = math.cos(bare_1_s * time_s), damping_ratio * rate_1_s * sine
+    return decay * np.array([[cosine + drag, sine], [-(rate_1_s**2) * sine, cosine - drag]])
+
+
+def _hoist(time_s: float) -> tuple[Array, Array]:
+    """Return transition and noise of speed and acceleration of a winch that rests, and of one that runs, shapes (2, 2, 2)."""
+    rest = math.exp(-STILL_RATE_1_S * time_s)
+    slow, fast = math.exp(-time_s / HOIST_SPEED_TIME_S), math.exp(-HOIST_JERK_RATE_1_S * time_s)
+    reached_s = (slow - fast) / (HOIST_JERK_RATE_1_S - 1 / HOIST_SPEED_TIME_S)
+    steps = np.array([[[1.0, time_s], [0.0, rest]], [[slow, reached_s], [0.0, fast]]])
+    density = 2 * HOIST_JERK_RATE_1_S * HOIST_JERK_SIGMA_M_S2**2
+    noises = np.array(
+        [
+            np.diag([STILL_SPEED_WALK_M_S**2 * time_s, STILL_ACCELERATION_M_S2**2 * (1 - rest**2)]),
+            density * np.array([[time_s**3 / 3, time_s**2 / 2], [time_s**2 / 2, time_s]]),
+        ]
+    )
+    return steps, noises
