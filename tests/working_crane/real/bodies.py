@@ -37,6 +37,11 @@ def point_damping(name: str, mass_kg: float, length_m: float, ratio: float) -> d
     return {f"{name}_{a}": drag for a in "xyz"}
 
 
+def hook_damping(hook_kg: float, drag_1_s: float) -> dict[str, float | tuple[float, ...]]:
+    """Drag of a hook per its mass: friction in bearings and slings takes its fast mode above the load away."""
+    return {f"hook_{axis}": drag_1_s * hook_kg for axis in "xyz"}
+
+
 def hung(name: str, sites: tuple[str, ...], length_m: float, load_kg: float, bounce_hz: float, falls: int = 0) -> Rope:
     """Return a rope on which this load goes up and down at `bounce_hz`; without tension it is shorter by the sag."""
     share = max(falls, 1)

@@ -36,7 +36,7 @@ def heavy_rope(draw: Draw) -> Rig:
     clamp_m = (carrier + 1) * link_m - rho * length_m
     tension_n = (load_kg + rope_kg / 2) * G_M_S2
     moves = draw.work(length_m, {"x": 0.5, "y": 0.5}, ramp_periods=(0.06, 0.35), brake=0.3)
-    bending = 0.01 * tension_n * link_m * np.sqrt(rope_kg_m * length_m**2 / tension_n)
+    bending = draw.log_uniform(0.015, 0.06) * tension_n * link_m * np.sqrt(rope_kg_m * length_m**2 / tension_n)
     return Rig(
         bodies=pivot(site("pivot") + chain(length_m, rope_kg, load_kg)),
         ropes=(),

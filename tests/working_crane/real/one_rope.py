@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from tests.working_crane.real.bodies import hung, pivot, point, point_damping, site
+from tests.working_crane.real.bodies import hook_damping, hung, pivot, point, point_damping, site
 from tests.working_crane.real.draw import Draw
 from tests.working_crane.real.rig import Place, Rope
 
@@ -47,5 +47,5 @@ def one_rope(
         hung("rope", ("pivot", "hook"), length_m, (1 + share) * load_kg, bounce_hz, 1),
         hung("sling", ("hook", "load"), sling_m, load_kg, draw.uniform(5, 8)),
     )
-    damping |= point_damping("hook", share * load_kg, length_m, ratio)
+    damping |= hook_damping(share * load_kg, draw.uniform(0.04, 0.12))
     return OneRope(top + bodies, ropes, Place("pivot", "hook", above_end_m=above_end_m), "hook", damping)

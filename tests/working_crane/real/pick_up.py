@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from tests.blind.mechanics import Array
-from tests.working_crane.real.bodies import hung, inertia, pivot, point, point_damping, site
+from tests.working_crane.real.bodies import hook_damping, hung, inertia, pivot, point, point_damping, site
 from tests.working_crane.real.draw import LEAD_IN_S, Draw
 from tests.working_crane.real.engine import PRESCRIBED_KG
 from tests.working_crane.real.heavy_rope import chain
@@ -13,7 +13,7 @@ from tests.working_crane.real.reeving import CORNERS
 from tests.working_crane.real.rig import G_M_S2, Outside, OutsideFactory, Place, Rig, Rope
 
 HOOK_DRAG_1_S = 0.3
-"""Force on the hook per its mass and velocity: friction in bearings and slings."""
+"""Of a hook that slings jerk."""
 SNAG_N_M_KG = 40.0
 """Stiffness of what a load catches, per mass of the load."""
 
@@ -48,7 +48,7 @@ def lifted(draw: Draw) -> Rig:
         place=Place("pivot", "hook", above_end_m=above_hook_m),
         moves=draw.commanded(moves, 0.2),
         end="hook",
-        damping={"load": (0.002 * load_kg,) * 3 + (0.05 * load_kg,) * 3, **hook_damping(hook_kg)},
+        damping={"load": (0.002 * load_kg,) * 3 + (0.05 * load_kg,) * 3, **hook_damping(hook_kg, HOOK_DRAG_1_S)},
         outside=None if snag is None else snagged("load", snag),
         touch=True,
         load_length=True,
@@ -64,11 +64,6 @@ def lifted(draw: Draw) -> Rig:
             "friction": friction,
         },
     )
-
-
-def hook_damping(hook_kg: float) -> dict[str, float | tuple[float, ...]]:
-    """Return a drag that takes the hook's fast mode above the load away within some ten seconds."""
-    return {f"hook_{axis}": HOOK_DRAG_1_S * hook_kg for axis in "xyz"}
 
 
 def _carry(draw: Draw, length_m: float, slack_m: float, up_m: float) -> list[Move]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from tests.working_crane.real.bodies import hung, inertia, pivot, point, point_damping, site
 from tests.working_crane.real.draw import Draw
-from tests.working_crane.real.rig import G_M_S2, Place, Rig, Rope
+from tests.working_crane.real.rig import Place, Rig, Rope
 
 HOOK_M = 0.6
 """From the sheaves' axis down to the hook."""
@@ -71,7 +71,8 @@ def reeving(draw: Draw) -> Rig:
     sling = hung("sling", ("hook", "load"), sling_m, load_kg, draw.uniform(5, 8))
     rho = draw.uniform(0.12, 0.6)
     moves = draw.work(length_m, {"x": 0.3, "y": 0.35, "hoist": 0.42}, bounds_m=(0.75 * length_m, 1.3 * length_m))
-    drag = 2 * draw.uniform(0.001, 0.005) * float(np.sqrt(G_M_S2 / length_m))
+    hook_drag = draw.uniform(0.04, 0.12)
+    ratio = draw.uniform(0.001, 0.005)
     return Rig(
         bodies=pivot(site("pivot") + top)
         + block(block_kg, block_m, gap_m if falls == 4 else 0.0, length_m)
@@ -81,8 +82,8 @@ def reeving(draw: Draw) -> Rig:
         moves=draw.commanded(moves, 0.2),
         end="block",
         damping={
-            "block": (drag * block_kg,) * 3 + (0.02 * block_kg, 0.02 * block_kg, 0.04 * block_kg),
-            **point_damping("load", load_kg, length_m, drag / 2 / float(np.sqrt(G_M_S2 / length_m))),
+            "block": (hook_drag * block_kg,) * 3 + (0.06 * block_kg, 0.06 * block_kg, 0.04 * block_kg),
+            **point_damping("load", load_kg, length_m, ratio),
         },
         facts={
             "position_m": rho * part_m,

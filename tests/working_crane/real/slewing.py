@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tests.working_crane.real.bodies import hung, inertia, point, point_damping, site
+from tests.working_crane.real.bodies import hook_damping, hung, inertia, point, point_damping, site
 from tests.working_crane.real.draw import Draw
 from tests.working_crane.real.engine import PRESCRIBED_KG
 from tests.working_crane.real.rig import Place, Rig
@@ -67,7 +67,7 @@ def slewing(draw: Draw) -> Rig:
             "across": float(damped[0]),
             "up": float(damped[1]),
             "torsion": 2 * 0.02 * flex[2] * 2 * np.pi * 1.1,
-            **point_damping("hook", hook_kg, length_m, ratio),
+            **hook_damping(hook_kg, draw.uniform(0.04, 0.12)),
             **point_damping("load", load_kg, length_m, ratio),
         },
         heading_lag_s=lag_s,
