@@ -111,7 +111,7 @@ def _ask_rope(answers: Answers, ask: Ask) -> None:
 
 
 def _ask_limits(answers: Answers, ask: Ask) -> None:
-    print("\nLimits of the swing, compared with the upper end of its 95 % interval.")
+    print("\nLimits of the swing, compared with the angle plus half its standard uncertainty.")
 
     def take_trip(text: str) -> None:
         trip_deg = _number(text)

@@ -101,7 +101,7 @@ class FilterSection(Section):
 
 
 class AlertsSection(Section):
-    """Limits of the alerts, compared with the upper end of the 95 % interval."""
+    """Limits of the alerts, compared with the angle plus half its standard uncertainty."""
 
     warn_deg: float = Field(4.0, gt=0, lt=90, description="warning level of the swing")
     trip_deg: float = Field(6.0, gt=0, lt=90, description="trip level of the swing")

@@ -56,7 +56,7 @@ def _what_was_raised(
         yield f"The incident began {highest_s - facts.raised_s:.1f} s before, with a {first}."
     if highest.is_bound and highest.value_deg is not None:
         yield (
-            f"The {highest.value_deg:.1f}° that raised it were an upper bound (95 %), of a coming peak or of the angle at that "
+            f"The {highest.value_deg:.1f}° that raised it were an upper bound, of a coming peak or of the angle at that "
             "time, which was estimated below the limit."
         )
 

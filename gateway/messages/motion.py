@@ -42,7 +42,7 @@ class MotionProbabilities:
 
     free: Annotated[float, Field(description="nothing acts on the pivot, and no gust on the load")]
     driven: Annotated[float, Field(description="the pivot accelerates")]
-    wind: Annotated[float, Field(description="a gust pushes the load")]
+    wind: Annotated[float, Field(description="a gust pushes the load, and the pivot rests")]
     hoisting: Annotated[float, Field(description="the rope's length changes, whatever else acts")]
 
 

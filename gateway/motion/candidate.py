@@ -10,6 +10,7 @@ from gateway.motion.binning import ForceBin
 from gateway.motion.fast_oscillation import FastOscillation
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.motion_filter import EXPECTED_SQUARED, MotionFilter
+from gateway.motion.state_vector import GRAVITY, indices
 from gateway.motion.step_record import Moments, StepHistory, StepRecord
 from gateway.numerics.array import Array
 
@@ -21,13 +22,16 @@ INNOVATION_MEMORY = 0.9
 """Weight of the earlier innovations of a gyroscope in their mean: some four seconds."""
 LARGEST_SQUARED = 40 * EXPECTED_SQUARED
 """The most that one innovation counts in it."""
+SPREADER_U_REL = 0.03
+"""Relative standard uncertainty of an angle on a spreader beyond the filter's. Basis: simulated spreaders, whose ropes converge
+differently in two planes."""
 LONGEST_STEP_BINS = 1.5
 """Longest step of a prediction, in bins. Basis: the Taylor step's error."""
 FORGOTTEN_PERIODS = 2.0
 """Time without readings, in periods of a small swing, after which the motion is not known any more, but the constants are."""
 
 
-class Candidate:
+class MotionCandidate:
     """A filter that takes bins."""
 
     def __init__(
@@ -46,6 +50,14 @@ class Candidate:
         """The steps so far, where a smoother needs them."""
         self._force_evidence: deque[float] = deque(maxlen=COMPARED_BINS)
         self._gyro_noise = BinNoise()
+
+    def moments(self) -> tuple[Array, Array]:
+        """Return mean and covariance over all hypotheses, widened by what the structure of the crane leaves out."""
+        mean, covariance = self.filter.mixture.moments()
+        if self.filter.model.on_spreader:
+            squared = SPREADER_U_REL**2 * float(mean[GRAVITY] @ mean[GRAVITY])
+            covariance[indices(GRAVITY), indices(GRAVITY)] += squared
+        return mean, covariance
 
     @property
     def force_evidence(self) -> float:

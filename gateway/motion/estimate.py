@@ -53,7 +53,7 @@ class MotionEstimate:
     """Rate of the rope's length, lowering positive."""
     hoist_u_m_s: float | None = None
     probabilities: tuple[float, ...] = ()
-    """Of the hypotheses, in the order of `MotionHypothesis`."""
+    """Of the hypotheses, in the order of `gateway.motion.hypotheses`."""
     next_peak: PeakEstimate | None = None
     """The next maximum if the pivot keeps its present acceleration."""
     next_peak_if_coasting: PeakEstimate | None = None

@@ -10,9 +10,9 @@ from gateway.numerics.array import Array
 
 CONTRADICTS = "the gyroscope is left out: its rates contradict the accelerometer"
 SILENT = "the gyroscope is left out: its rates do not change at all"
-LEAST_EVIDENCE = -15.0
-"""Log evidence of the forces with the gyroscope less that without it below which the gyroscope is left out. Basis: as for an
-account of the motion that takes over."""
+LEAST_EVIDENCE = -8.0
+"""Log evidence of the forces with the gyroscope less that without it below which the gyroscope is left out. Basis: odds of
+1e10 before tempering."""
 LARGEST_INNOVATION = 12.0
 """Mean of the normalised innovation squared of the rates from which on it is left out. Definition: 3 is expected."""
 PROBATION_S, LEFT_OUT_S = 10.0, 30.0

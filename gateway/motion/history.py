@@ -55,7 +55,7 @@ class MotionHistory:
     length_m: Array
     length_u_m: Array
     probabilities: Array
-    """Of the hypotheses, in the order of `MotionHypothesis`, shape (n, m)."""
+    """Of the hypotheses, in the order of `gateway.motion.hypotheses`, shape (n, m)."""
     state: tuple[MotionState, ...]
 
     @classmethod

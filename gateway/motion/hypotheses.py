@@ -56,9 +56,9 @@ or a snag holds was tried and left out: it explained swings (error on 27 simulat
 
 PIVOT_STARTS_1_S = np.array(
     [
-        [0.0, 1 / 100, 1 / 25, 1 / 2000],
-        [1 / 30, 0.0, 1 / 15, 1 / 1000],
-        [1 / 6, 1 / 20, 0.0, 1 / 1000],
+        [0.0, 1 / 100, 1 / 25, 1 / 20000],
+        [1 / 30, 0.0, 1 / 15, 1 / 10000],
+        [1 / 6, 1 / 20, 0.0, 1 / 10000],
         [1 / 200, 1 / 200, 1 / 200, 0.0],
     ]
 )
@@ -79,11 +79,11 @@ IS_GUST = WIND_LEVEL != CALM
 IS_FREE = ~IS_DRIVEN & ~IS_GUST & ~IS_HOISTING
 """The load swings freely or rests."""
 INITIAL_WEIGHTS = np.array([_PIVOT_WEIGHTS[p] * _WIND_WEIGHTS[w] * _HOIST_WEIGHTS[h] for p, w, h in _ALL])
-_KINDS = np.column_stack([IS_DRIVEN, IS_GUST, IS_HOISTING]).astype(float)
+_KINDS = np.column_stack([IS_DRIVEN, IS_GUST & ~IS_DRIVEN, IS_HOISTING]).astype(float)
 
 
 def probabilities(weight: Array) -> tuple[float, float, float]:
-    """Return how probably the pivot accelerates, a gust pushes the load, and the rope's length changes."""
+    """Return how probably the pivot accelerates, only a gust pushes the load, and the rope's length changes."""
     driven, gust, hoisting = (weight @ _KINDS).tolist()
     return driven, gust, hoisting
 

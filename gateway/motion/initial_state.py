@@ -59,8 +59,9 @@ LEVER_U_M = 0.02
 """Standard uncertainty of the accelerometer's place beside the rope's axis, per direction, where it is not stated."""
 STIFFNESS_U = 0.03
 """Standard deviation of the relative difference of the stiffness in two directions. Basis: two falls fixed at both ends, 0.1."""
-SPREADER_TILT, SPREADER_TILT_U = 0.2, 0.08
-"""Tilt of a spreader per angle of its ropes, and its standard deviation. Basis: 0.13 to 0.27 on container cranes."""
+SPREADER_TILT, SPREADER_TILT_U, SPREADER_TILT_DIFFERENCE_U = 0.2, 0.08, 0.05
+"""Tilt of a spreader per angle of its ropes, its standard deviation, and that of its difference in two directions. Basis: 0.13 to
+0.27 on container cranes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +105,8 @@ def initial_mixture(gravity_m_s2: float, constants: Constants, *, on_spreader: b
     sigma[:, MOUNT], sigma[:, AXIAL_OFFSET] = constants.mount_u_rad, constants.offset_u_g[2]
     sigma[:, LN_LENGTH] = constants.length_u_rel
     sigma[:, PLACE] = SPREADER_TILT_U if on_spreader else constants.place_u_m
-    sigma[:, LEVER], sigma[:, STIFFNESS] = constants.lever_u_m, STIFFNESS_U
+    sigma[:, LEVER] = SPREADER_TILT_DIFFERENCE_U if on_spreader else constants.lever_u_m
+    sigma[:, STIFFNESS] = STIFFNESS_U
     sigma[:, SPIN], sigma[:, DAMPING] = SPIN_U_1_S, 2 * DAMPING_RATIO_U * omega
     for i in range(N_HYPOTHESES):
         pivot, wind = PIVOT_LEVELS[PIVOT_LEVEL[i]], WIND_LEVELS[WIND_LEVEL[i]]

@@ -83,9 +83,9 @@ HOIST_SPEED_M_S, HOIST_SPEED_TIME_S = 0.5, 25.0
 """The same of the speed of a winch that runs. Basis: cranes hoist at up to 1.2 m/s."""
 RESTING_SPEED_M_S = 0.02
 """Standard deviation of the speed of a winch that rests, at each update: what ends must have come to rest."""
-MISFIT_TIME_S, LARGEST_MISFIT = 6.0, 9.0
-"""Time over which innovations beyond the expected count as noise of the reading, and the most that one of them counts. Basis: a
-swing's period; an impact of one bin is no vibration."""
+MISFIT_TIME_S, LARGEST_MISFIT, LARGEST_OF_OUTLIER = 6.0, 9.0, 4.0
+"""Time over which innovations beyond the expected count as noise of the reading, and the most that one of them counts, of an
+outlier too. Basis: a swing's period; an impact of one bin is no vibration, and many are."""
 OUTLIER_SQUARED = 30.0
 """Normalised innovation squared under every hypothesis from which a bin counts as an outlier. Basis: chance exceeds it once in
 7e5 bins."""
@@ -117,7 +117,7 @@ class MotionFilter:
         self._transverse_misfit_g2 = self._axial_misfit_g2 = 0.0
         """Variance of what the innovations show beyond the expected."""
         self.squared_innovation = EXPECTED_SQUARED
-        """Normalised, of the hypothesis that explains the last reading best."""
+        """Normalised, of the hypothesis that is most probable after the last reading."""
         self.log_evidence = 0.0
         """Logarithm of the probability density of the last reading, but for a constant."""
 
@@ -270,8 +270,8 @@ class MotionFilter:
         )  # what is stated of speeds and length has no units of its own
         weight, self.log_evidence = _weighed(np.log(self.mixture.weight) + TEMPERING * log_density)
         self.mixture = Mixture(x, covariance, weight)
-        self.squared_innovation = smallest
-        self._follow_misfit(innovation, spread, weight)
+        self.squared_innovation = float(squared[weight.argmax()])
+        self._follow_misfit(innovation, spread, weight, LARGEST_OF_OUTLIER if is_outlier else LARGEST_MISFIT)
         return is_outlier
 
     def _observation_noise(self, reading_g: Array, sigma_g: Array) -> Array:
@@ -288,11 +288,14 @@ class MotionFilter:
         )
         return noise
 
-    def _follow_misfit(self, innovation: Array, spread: Array, weight: Array) -> None:
-        """Take innovations beyond the expected as noise of the reading: what no disturbance of the model explains."""
+    def _follow_misfit(self, innovation: Array, spread: Array, weight: Array, largest: float) -> None:
+        """Take innovations beyond the expected as noise of the reading: what no disturbance of the model explains.
+
+        `largest`: the most that they count, in expected variances.
+        """
         share = min(1.0, self._step_s / MISFIT_TIME_S)
         found_g2, expected_g2 = weight @ np.square(innovation[:, :3]), weight @ spread[:, _DIAGONAL[:3], _DIAGONAL[:3]]
-        beyond_g2 = np.minimum(found_g2, LARGEST_MISFIT * expected_g2) - expected_g2
+        beyond_g2 = np.minimum(found_g2, largest * expected_g2) - expected_g2
         transverse_g2, axial_g2 = 0.5 * float(beyond_g2[0] + beyond_g2[1]), float(beyond_g2[2])
         self._transverse_misfit_g2 = max(0.0, self._transverse_misfit_g2 + share * transverse_g2)
         self._axial_misfit_g2 = max(0.0, self._axial_misfit_g2 + share * axial_g2)

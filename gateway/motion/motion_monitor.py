@@ -20,8 +20,9 @@ LONGEST_CLIPPING_S = 1.0
 """Time without an unclipped block after which the angle is no longer known."""
 UNEXPLAINED_S = 2.0
 """Time in which outliers are counted. Basis: the window of a condition."""
-MOST_OUTLIERS = 3
-"""Bins that no hypothesis explains, in that time, from which on the motion is not explained. Basis: an impact spoils two bins."""
+MOST_OUTLIERS = 2
+"""Bins that no hypothesis explains, in that time, from which on the motion is not explained. Basis: an impact spoils one bin; at
+its edge it spoils two, and those two seconds are not explained."""
 
 CONTRADICTION = "widened: x and y show another swing than z; the housing is not where stated, or a scale is wrong"
 

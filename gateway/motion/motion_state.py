@@ -8,6 +8,8 @@ from gateway.numerics.array import Array
 
 REST_RAD = np.radians(0.15)
 """Amplitude below which a load rests."""
+LARGEST_REST_RAD = np.radians(1.0)
+"""Amplitude from which on a load is not said to rest, however uncertain it is. Basis: what an operator sees."""
 SIGNIFICANT = 3.0
 """Standard uncertainties."""
 SLOWEST_HOIST_M_S = 0.02
@@ -26,4 +28,4 @@ def motion_state(
         return "hoisting"
     if gust > LIKELY:
         return "wind"
-    return "rest" if amplitude < max(REST_RAD, SIGNIFICANT * u_amplitude) else "free"
+    return "rest" if amplitude < max(REST_RAD, min(SIGNIFICANT * u_amplitude, LARGEST_REST_RAD)) else "free"

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from gateway.motion.bin_noise import BinNoise
 from gateway.motion.binning import BinGroups, Binning, ForceBin
-from gateway.motion.candidate import Candidate
-from gateway.motion.describe import Angle, Described, describe, swing_phase
+from gateway.motion.candidate import MotionCandidate
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.fast_oscillation import FastOscillationDetector
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.initial_state import constants_of
 from gateway.motion.motion_filter import MotionFilter
 from gateway.motion.rope_model import RopeModel
+from gateway.motion.state_estimate import Angle, Described, describe, swing_phase
 from gateway.motion.state_vector import AXIAL_OFFSET, GYRO_BIAS, N_GYRO_STATES, N_STATES, OFFSET
 from gateway.motion.step_record import StepHistory
 from gateway.numerics.array import Array
@@ -70,16 +70,18 @@ class MotionTracker:
         size = max(3, math.ceil(self.bin_s / SHORT_BIN_S - 1e-9))
         self._short_s = self.bin_s / size
         self._binning, self._groups = Binning(self._short_s), BinGroups(self._short_s, size)
-        self._noise = BinNoise()
+        self._noise, self._long_noise = BinNoise(), BinNoise()
         self._oscillation = FastOscillationDetector(self._short_s, 2 * np.pi / period_s)
         self._newest_short_s: float | None = None
         self._outliers_before = 0
         self._angles: deque[tuple[float, float, float]] = deque()
         """Time, angle and uncertainty of the last period."""
         self.candidates = self._new_candidates()
+        self._state = self._over_candidates()
+        """After the newest bin."""
 
     @property
-    def leader(self) -> Candidate:
+    def leader(self) -> MotionCandidate:
         """The candidate that explains the newest readings best."""
         return max(self.candidates, key=lambda one: one.evidence)
 
@@ -132,6 +134,7 @@ class MotionTracker:
         for candidate in self.candidates:
             candidate.filter.widen(OFFSET, change_u_g[:2])
             candidate.filter.widen(AXIAL_OFFSET, change_u_g[2:])
+        self._state = self._over_candidates()
 
     def widen_gyro_bias(self, u_rad_s: float) -> None:
         """Add an unknown change of the gyroscope's bias, standard uncertainty, as by a temperature."""
@@ -139,7 +142,7 @@ class MotionTracker:
             for candidate in self.candidates:
                 candidate.filter.widen(GYRO_BIAS, u_rad_s)
 
-    def _new_candidates(self) -> list[Candidate]:
+    def _new_candidates(self) -> list[MotionCandidate]:
         reach_m = max(SPREADER_REACH_M, SPREADER_REACH * self._rig.length_m)
         above_m = self._rig.above_load_m
         structures = [("rope", False)]
@@ -147,7 +150,7 @@ class MotionTracker:
             structures.append(("spreader", True))
         return [self._new_candidate(name, on_spreader=on_spreader) for name, on_spreader in structures]
 
-    def _new_candidate(self, name: str, *, on_spreader: bool) -> Candidate:
+    def _new_candidate(self, name: str, *, on_spreader: bool) -> MotionCandidate:
         model = RopeModel(
             self._rig.gravity_m_s2,
             self._rig.length_m,
@@ -156,7 +159,7 @@ class MotionTracker:
             n_states=N_STATES + (0 if self._gyro is None else N_GYRO_STATES),
         )
         motion_filter = MotionFilter(model, self._constants, self._gyro)
-        candidate = Candidate(motion_filter, self.bin_s, self._rig.small_swing_period_s, self._gyro, name)
+        candidate = MotionCandidate(motion_filter, self.bin_s, self._rig.small_swing_period_s, self._gyro, name)
         candidate.history = StepHistory() if self._keeps_steps else None
         return candidate
 
@@ -169,7 +172,7 @@ class MotionTracker:
             if step_s <= -LARGEST_SETBACK_S:
                 self._begin_anew()
             if not 0 < step_s < 1.5 * self._short_s:
-                self._noise.clear()
+                self._clear_noise()
                 self._oscillation.clear()
         self._newest_short_s = one.time_s
         if one.is_usable:
@@ -178,11 +181,14 @@ class MotionTracker:
                 for candidate in self.candidates:
                     candidate.follow_line(self._oscillation.found)
         else:
-            self._noise.clear()
+            self._clear_noise()
         for group in self._groups.add(one):
             self._take(group)
+        self._remember(one.time_s)
 
     def _take(self, one: ForceBin) -> None:
+        if one.is_usable:
+            self._long_noise.add(one.force_g)
         sigma_g = self._sigma_g(one.count)
         for candidate in self.candidates:
             candidate.take(one, sigma_g)
@@ -190,16 +196,24 @@ class MotionTracker:
         self.candidates = [c for c in self.candidates if best.evidence - c.evidence < EXCLUDED_EVIDENCE]
         if all(candidate.filter.is_broken for candidate in self.candidates):
             self._begin_anew()
-            return
-        self._remember(one.time_s)
+        self._state = self._over_candidates()
+
+    def _clear_noise(self) -> None:
+        self._noise.clear()
+        self._long_noise.clear()
 
     def _sigma_g(self, count: int) -> Array:
-        """Return the standard deviation of a long bin's mean, shape (3,)."""
+        """Return the standard deviation of a long bin's mean, shape (3,).
+
+        Both measures are too large, the one of short bins by what a long bin averages, the one of long bins by the swing.
+        """
         stated_g = self._noise_g
         if stated_g is None:
             stated_g = 0.0 if self._noise.is_known else UNKNOWN_NOISE_G
         independent = math.sqrt(self.bin_s / self._short_s)
         measured_g = self._noise.sigma_g(0.0) * (NOISE_FACTOR / independent)
+        if self._long_noise.is_known:
+            measured_g = np.minimum(measured_g, self._long_noise.sigma_g(0.0))
         return np.maximum(measured_g, stated_g / math.sqrt(count))
 
     def _begin_anew(self) -> None:
@@ -209,19 +223,21 @@ class MotionTracker:
         self.candidates = self._new_candidates()
         self._angles.clear()
 
-    def described(self) -> Described:
+    def _over_candidates(self) -> Described:
         """Return the state over all hypotheses of all candidates at the newest bin."""
-        best = self.leader.evidence
-        weights = np.exp([candidate.evidence - best for candidate in self.candidates])
-        weights /= weights.sum()
-        parts = [candidate.filter.mixture for candidate in self.candidates]
-        moments = [part.moments() for part in parts]
-        mean = np.tensordot(weights, [part for part, _ in moments], 1)
-        covariance = np.tensordot(weights, [part for _, part in moments], 1)
-        for weight, (part, _) in zip(weights, moments, strict=True):
-            covariance += weight * np.multiply.outer(part - mean, part - mean)
-        weight = np.tensordot(weights, [part.weight for part in parts], 1)
-        return Described(mean, covariance, weight, self.leader.filter.line_rate_1_s)
+        best = self.leader
+        mean, covariance = best.moments()
+        weight = best.filter.mixture.weight
+        if len(self.candidates) > 1:
+            shares = np.exp([candidate.evidence - best.evidence for candidate in self.candidates])
+            shares /= shares.sum()
+            moments = [candidate.moments() for candidate in self.candidates]
+            mean = np.tensordot(shares, [part for part, _ in moments], 1)
+            covariance = np.tensordot(shares, [part for _, part in moments], 1)
+            for share, (part, _) in zip(shares, moments, strict=True):
+                covariance += share * np.multiply.outer(part - mean, part - mean)
+            weight = np.tensordot(shares, [candidate.filter.mixture.weight for candidate in self.candidates], 1)
+        return Described(mean, covariance, weight, best.filter.line_rate_1_s)
 
     def estimate(self, now_s: float) -> MotionEstimate:
         """Return the motion at a time not before the newest bin."""
@@ -231,10 +247,13 @@ class MotionTracker:
         ahead_s = now_s - newest_s
         if ahead_s > LONGEST_AHEAD_S + self.bin_s or self.leader.filter.is_broken:
             return MotionEstimate(time_s=now_s, state="unknown", reasons=("no reading that can be used",))
-        return describe(self.described(), self._rig.gravity_m_s2, now_s, ahead_s, self._largest(now_s))
+        return describe(self._state, self._rig.gravity_m_s2, now_s, ahead_s, self._largest(now_s))
 
     def _remember(self, now_s: float) -> None:
-        phase = swing_phase(self.described(), self._rig.gravity_m_s2, 0.0)
+        newest_s = self.leader.newest_s
+        if newest_s is None or now_s < newest_s:
+            return
+        phase = swing_phase(self._state, self._rig.gravity_m_s2, now_s - newest_s)
         angle = Angle.of(complex(*phase.mean[:2]), phase.covariance[:2, :2])
         self._angles.append((now_s, angle.angle_rad, angle.u_rad))
         while self._angles[0][0] < now_s - 2 * math.pi / phase.rate_1_s:

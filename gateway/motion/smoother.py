@@ -1,7 +1,7 @@
 """The motion of the rope over a whole recording: at each time from the readings before and after it.
 
-The live tracker runs over the recording; from its end, each state is corrected by what the later ones found (Rauch, Tung and
-Striebel 1965), for the mean and covariance over all hypotheses, whose joint moments over a step are exact.
+The live tracker runs over the recording; from its end, each state is corrected by what the later ones found (Rauch et al.
+1965), for the mean and covariance over all hypotheses, whose joint moments over a step are exact.
 """
 
 import cmath
@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.motion.describe import Angle
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.motion.history import MotionHistory
 from gateway.motion.motion_state import motion_state
 from gateway.motion.motion_tracker import MotionTracker
 from gateway.motion.peaks import ellipse
+from gateway.motion.state_estimate import Angle
 from gateway.motion.state_vector import GRAVITY, GUST, HOIST_SPEED, LN_LENGTH, PIVOT, RATE, SIDE_FORCE
 from gateway.motion.step_record import Moments
 from gateway.numerics.array import Array

@@ -19,7 +19,7 @@ SIDE_FORCE = slice(10, 12)
 PIVOT_VELOCITY = slice(12, 14)
 """Horizontal velocity of the pivot by its accelerations of the last minute, m/s."""
 SPIN = 14
-"""Rate at which the housing turns about the rope, 1/s; all but OFFSET, MOUNT and LEVER turns the other way in its frame."""
+"""Rate at which the housing turns about the rope, 1/s; what is fixed to the world turns the other way in its frame."""
 LN_LENGTH = 15
 """ln(L/m), L the length of a pendulum that swings as the load does."""
 HOIST_SPEED = 16
@@ -38,7 +38,8 @@ PLACE = 24
 """Distance of the housing from the end of the rope from which it is stated, m: load or pivot. On a spreader, which does not turn
 with the ropes: its tilt against theirs, per angle of the ropes."""
 LEVER = slice(25, 27)
-"""Place of the accelerometer beside the rope's axis, m."""
+"""Place of the accelerometer beside the rope's axis, m. On a spreader: difference of its tilt in two
+directions, as of STIFFNESS."""
 STIFFNESS = slice(27, 29)
 """Relative difference of the stiffness in two directions, as components of a symmetric matrix without trace: along x against y,
 and along the diagonals. Ropes that converge, and falls that are fixed at both ends, hang stiffer in one plane."""

@@ -57,14 +57,14 @@ class Incident:
         present = reading.now
         self.known_s = time_s
         self.largest_rad = max(self.largest_rad, present.best_rad)
-        self.largest_upper_rad = max(self.largest_upper_rad, present.value_rad)
+        self.largest_upper_rad = max(self.largest_upper_rad, present.upper_rad)
 
     def refutes(self, reading: Reading | None, time_s: float) -> bool:
         """Return whether the first bound is now known to be wrong: its time has passed, and nothing reached the limit."""
         if self.first is None or self.is_refuted or not self.first.is_bound(self.limit_rad) or reading is None:
             return False
         is_due = time_s >= self.raised_s + self.first.expected_in_s + CHECK_S
-        is_below = max(reading.value_rad, self.largest_upper_rad) < self.limit_rad
+        is_below = max(reading.upper_rad, self.largest_upper_rad) < self.limit_rad
         return is_due and is_below and self.is_seen_throughout
 
 

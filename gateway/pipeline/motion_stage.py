@@ -13,7 +13,6 @@ from gateway.messages import Motion, Swing
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.array import Array
-from gateway.numerics.stats import NORMAL_975
 from gateway.pipeline.angular_rate import device_gyro
 from gateway.pipeline.header import Header
 from gateway.pipeline.motion_context import motion_context
@@ -112,22 +111,22 @@ class MotionStage:
         return motion_context(self.estimate, self._rig, is_explained=is_explained)
 
     def swing_reading(self) -> Reading | None:
-        """Return the largest upper 95 % end of the present angle and of the coming peaks; None where they are not known.
+        """Return the largest of the present angle and the coming peaks, as they are compared; None where they are not known.
 
         The coming peaks are those with the pivot's present acceleration and with none from now on.
         """
         present = self.estimate
         if present.angle_rad is None or present.u_rad is None:
             return None
-        now = Reading(present.angle_rad + NORMAL_975 * present.u_rad, estimate_rad=present.angle_rad)
+        now = Reading.of(present.angle_rad, present.u_rad)
         return largest_reading(now, *map(_peak_reading, (present.next_peak, present.next_peak_if_coasting)))
 
     def lean_reading(self) -> Reading | None:
-        """Return the upper 95 % end of the lean; None where it is not known."""
+        """Return the lean; None where it is not known."""
         lean_rad, u_rad = self.estimate.lean_rad, self.estimate.lean_u_rad
         if self.estimate.angle_rad is None or lean_rad is None or u_rad is None:
             return None
-        return Reading(lean_rad + NORMAL_975 * u_rad, estimate_rad=lean_rad)
+        return Reading.of(lean_rad, u_rad)
 
     def motion_message(self, header: Header) -> Motion:
         """Return the motion in degrees."""
@@ -177,7 +176,7 @@ class MotionStage:
 
 
 def _peak_reading(peak: PeakEstimate | None) -> Reading | None:
-    return None if peak is None else Reading(peak.upper_rad(NORMAL_975), peak.in_s, peak.angle_rad)
+    return None if peak is None else Reading.of(peak.angle_rad, peak.u_rad, peak.in_s)
 
 
 def _unknown(time_s: float, why: str) -> MotionEstimate:

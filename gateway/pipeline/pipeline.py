@@ -36,8 +36,6 @@ from gateway.stages.conditions.window import ConditionWindow
 from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty
 
-LEAN_COVERAGE_FACTOR = 2
-"""The upper limit of the lean, from the static tilt, is this many standard uncertainties above it."""
 UPDATE_PERIOD_S, CONDITION_PERIOD_S, HEARTBEAT_PERIOD_S, CALIBRATION_PERIOD_S = 0.1, 0.5, 1.0, 10.0
 """The period of the updates, with a tilt message each, divides the others."""
 ACCELERATION_PERIOD_S = 0.2
@@ -273,7 +271,7 @@ class Pipeline:
         lowpassed_g = self._lowpassed()
         u_rad = axial_tilt_uncertainty(lowpassed_g, self._correction.u_force_g(lowpassed_g, self._temperature_c))
         tilt_rad = axial_tilt(lowpassed_g)
-        return Reading(tilt_rad + LEAN_COVERAGE_FACTOR * u_rad, estimate_rad=tilt_rad)
+        return Reading.of(tilt_rad, u_rad)
 
     def _apply_limits(
         self, readings: dict[str, Reading | None], why: str, now: MessageTime

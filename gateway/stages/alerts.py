@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from gateway.messages import Level
+from gateway.numerics.stats import NORMAL_975
 
 Event = Literal["raised", "changed", "corrected", "cleared", "acknowledged", "standing"]
 """corrected: the first value of an alert was an upper bound, and the angle stayed below the limit. acknowledged: by a person."""
@@ -27,9 +28,15 @@ class Limits:
     warn_rad: float | None = None
 
 
+DECISION_FACTOR = 0.5
+"""Standard uncertainties above the best estimate at which an angle is compared with its limits: one-sided confidence 69 %. Basis:
+on simulated cranes (docs/motion.md, alerts) 92 % of the exceedances are announced, and trips without cause stand 2 % of the time;
+with the upper end of the 95 % interval 98 % and 12 %."""
+
+
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """The upper end of the 95 % interval of an angle."""
+    """An angle as it is compared with its limits: the best estimate and a share of its uncertainty."""
 
     value_rad: float
     expected_in_s: float = 0.0
@@ -38,6 +45,18 @@ class Reading:
     """Best estimate of the same angle; None: the value itself."""
     present: "Reading | None" = None
     """The reading of the present angle, where this one is that of a coming peak."""
+    u_rad: float = 0.0
+    """Standard uncertainty of the angle."""
+
+    @classmethod
+    def of(cls, angle_rad: float, u_rad: float, expected_in_s: float = 0.0) -> "Reading":
+        """Return the reading of an angle with its standard uncertainty."""
+        return cls(angle_rad + DECISION_FACTOR * u_rad, expected_in_s, angle_rad, u_rad=u_rad)
+
+    @property
+    def upper_rad(self) -> float:
+        """Upper end of the 95 % interval."""
+        return max(self.value_rad, self.best_rad + NORMAL_975 * self.u_rad)
 
     @property
     def best_rad(self) -> float:
@@ -75,7 +94,7 @@ class RuleState:
 
 
 def judge(state: RuleState, value_rad: float | None, limits: Limits, time_s: float) -> RuleState:
-    """Return the next state of a rule; `value_rad` is the upper end of a 95 % interval, None where it is not known.
+    """Return the next state of a rule; `value_rad` is the angle as it is compared, None where it is not known.
 
     A rule is raised at once, and a known value decides at once where the level was unknown. It clears after the value has been
     below the clear level for hold_s. A trip of a rule with a warn level steps down to a warning after the value has been below

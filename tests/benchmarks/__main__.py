@@ -21,6 +21,7 @@ from tests.benchmarks import (
     motion,
     motion_gyro,
     page,
+    real_cranes,
     record_info,
     recorder,
     rotation,
@@ -39,6 +40,7 @@ ALL: dict[str, Callable[..., None]] = {
     "swing": swing.main,
     "motion": motion.main,
     "motion_gyro": motion_gyro.main,
+    "real_cranes": real_cranes.main,
     "conditions": conditions.main,
     "calibration": calibration.main,
     "inclinometer": inclinometer.main,
@@ -59,7 +61,7 @@ options = sys.argv[1 + len(names) :]
 unknown = [name for name in names if name not in ALL]
 if unknown:
     sys.exit(f"no benchmark {', '.join(unknown)}; there are {', '.join(ALL)}")
-if options and names not in (["footprint"], ["motion"], ["motion_gyro"], ["record_info"]):
-    sys.exit("only the benchmarks footprint, motion, motion_gyro and record_info have options")
+if options and names not in (["footprint"], ["motion"], ["motion_gyro"], ["real_cranes"], ["record_info"]):
+    sys.exit("only the benchmarks footprint, motion, motion_gyro, real_cranes and record_info have options")
 for name in names or ALL:
     ALL[name](*([options] if options else []))

@@ -207,10 +207,10 @@ def worst_line(followed: Sequence[Followed], rows: Rows) -> str:
     )
 
 
-def replace_tables(page: str, tables: dict[str, str]) -> str:
+def replace_tables(page: str, tables: dict[str, str], benchmark: str = "motion") -> str:
     """Return the page with each table between its two comments. Raises `ValueError` where the page has no such place."""
     for name, content in tables.items():
-        begin, end = f"<!-- script/bench motion: {name} -->", "<!-- end -->"
+        begin, end = f"<!-- script/bench {benchmark}: {name} -->", "<!-- end -->"
         before, found, rest = page.partition(begin)
         if not found:
             raise ValueError(f"the page has no place for the table {name}: {begin} ... {end}")

@@ -21,7 +21,7 @@ FEWEST_HARMONICS, MOST_HARMONICS = 4, 16
 LARGEST_CORRECTION_M_S, LARGEST_LENGTH_CORRECTION = 2.0, 0.1
 """Bounds of the corrections; that of the length relative to the nominal one."""
 LENGTH_CORRECTION = "length_correction_m"
-REFERENCE = "smoothed estimate of the motion (Fraser and Potter 1969)"
+REFERENCE = "smoothed estimate of the motion (Rauch et al. 1965)"
 
 
 def _start() -> Parameter:

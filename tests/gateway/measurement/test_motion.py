@@ -74,7 +74,8 @@ def test_a_drive_leaves_the_largest_angle_with_an_interval(
 ) -> None:
     content: dict[str, Any] = json.loads(json.dumps(as_json(working[0], measured)))
     low_deg, high_deg = content["swing"]["coverage95_deg"]
-    assert low_deg < working[1] < high_deg < low_deg + 0.5
+    # 8 % of the distance to the load, to which the place counts as known, are 0.25 deg of a swing of 3.3 deg
+    assert low_deg < working[1] < high_deg < low_deg + 0.6
     assert content["swing_reasons"][0] == "largest angle from the smoothed motion, because the crane worked"
     assert content["motion"]["largest"]["angle_deg"] == content["swing"]["phi_max_deg"]
     assert content["motion"]["known_percent"] == 100
@@ -110,7 +111,8 @@ def test_the_text_has_a_line_for_each_phase(working: tuple[Source, float], measu
 def test_the_table_has_a_row_for_each_bin(measured: Measurement) -> None:
     history = present(measured.motion).history
     rows = list(csv.DictReader(io.StringIO(motion_table(history))))
-    assert len(rows) == len(history.time_s) == pytest.approx(10 * DURATION_S, abs=2)
+    bin_s = HOUSING.small_swing_period_s / 20  # long bins average what slings and strings do
+    assert len(rows) == len(history.time_s) == pytest.approx(DURATION_S / bin_s, abs=2)
     middle = rows[len(rows) // 2]
     place = len(rows) // 2
     assert float(middle["angle_deg"]) == pytest.approx(math.degrees(history.angle_rad[place]), rel=1e-4)

@@ -1,4 +1,4 @@
-"""Recordings with a known motion, and the motion filter that follows them."""
+"""Recordings with a known motion, and the motion tracker that follows them."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

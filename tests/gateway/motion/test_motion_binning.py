@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from gateway.motion.bin_noise import BinNoise
-from gateway.motion.binning import Binning
+from gateway.motion.binning import BinGroups, Binning, ForceBin
 from gateway.numerics.array import Array
+from tests.values import present
 
 
 def noise_of(readings: Array) -> BinNoise:
@@ -136,3 +138,76 @@ def test_bins_on_either_side_of_a_gap_are_not_compared() -> None:
         noise.add(reading)
 
     np.testing.assert_array_equal(noise.sigma_g(0.0), before)
+
+
+def long_bins(time_s: Array, force_g: Array, is_clipped: NDArray[np.bool_], block: int) -> list[ForceBin]:
+    """Long bins of five short ones, out of blocks."""
+    binning, groups, found = Binning(0.1), BinGroups(0.1, 5), []
+    for n in range(0, len(time_s), block):
+        for one in binning.add(time_s[n : n + block], force_g[n : n + block], is_clipped[n : n + block]):
+            found += groups.add(one)
+    for one in binning.finish():
+        found += groups.add(one)
+    return found + groups.finish()
+
+
+@pytest.mark.parametrize("block", [1, 7, 60, 1000])
+def test_long_bins_are_means_of_their_samples_for_blocks_of_any_size(block: int) -> None:
+    rng = np.random.default_rng(7)
+    time_s: Array = 3.0 + np.arange(1000) / 100
+    force_g = rng.normal(size=(1000, 3))
+
+    found = long_bins(time_s, force_g, np.zeros(1000, dtype=bool), block)
+
+    assert [one.count for one in found] == [50] * 20
+    np.testing.assert_allclose([one.time_s for one in found], time_s.reshape(20, 50).mean(axis=1), rtol=1e-12)
+    np.testing.assert_allclose([one.force_g for one in found], force_g.reshape(20, 50, 3).mean(axis=1), atol=1e-12)
+    assert all(one.is_usable for one in found)
+
+
+def test_short_bins_that_cannot_be_used_are_left_out_of_the_long_one() -> None:
+    rng = np.random.default_rng(8)
+    time_s: Array = np.arange(150) / 100
+    force_g, is_clipped = rng.normal(size=(150, 3)), np.zeros(150, dtype=bool)
+    is_clipped[12] = True
+    force_g[73] = np.nan
+    kept = np.ones(150, dtype=bool)
+    kept[10:20], kept[70:80] = False, False
+
+    found = long_bins(time_s, force_g, is_clipped, 25)
+
+    assert [one.count for one in found] == [40, 40, 50]
+    assert all(one.is_usable for one in found)
+    for n, one in enumerate(found):
+        samples = slice(50 * n, 50 * (n + 1))
+        np.testing.assert_allclose(one.time_s, time_s[samples][kept[samples]].mean())
+        np.testing.assert_allclose(one.force_g, force_g[samples][kept[samples]].mean(axis=0))
+
+
+def test_long_bin_of_clipped_ones_alone_is_not_usable() -> None:
+    is_clipped = np.zeros(150, dtype=bool)
+    is_clipped[50:100:5] = True
+
+    found = long_bins(np.arange(150) / 100, np.ones((150, 3)), is_clipped, 10)
+
+    assert [one.is_usable for one in found] == [True, False, True]
+    assert found[1].time_s == pytest.approx(0.745)
+
+
+def test_long_bins_on_either_side_of_a_gap_are_apart() -> None:
+    time_s: Array = np.arange(200) / 100
+    kept = (time_s < 0.315) | (time_s > 1.285)
+
+    found = long_bins(time_s[kept], np.ones((int(kept.sum()), 3)), np.zeros(int(kept.sum()), dtype=bool), 9)
+
+    assert [one.count for one in found] == [32, 21, 50]
+
+
+def test_long_bin_has_a_rate_where_all_of_its_short_ones_have() -> None:
+    rates = [np.full(3, float(n)) for n in range(10)]
+    groups, found = BinGroups(0.1, 5), []
+    for n, rate in enumerate(rates):
+        found += groups.add(ForceBin(0.1 * n + 0.05, np.ones(3), 10, False, None if n == 7 else rate))
+
+    assert present(found[0].rate_rad_s) == pytest.approx(np.full(3, 2.0))
+    assert found[1].rate_rad_s is None

@@ -5,10 +5,20 @@ import pytest
 
 from devices.pendulum import pendulum
 from devices.pendulum.small_swing import period_ratio
-from gateway.motion.hypotheses import N_HYPOTHESES, MotionHypothesis
+from gateway.motion.hypotheses import N_HYPOTHESES
 from gateway.motion.peaks import SwingPhase, ellipse, next_peak
 from gateway.motion.rope_model import RopeModel
-from gateway.motion.state_vector import GRAVITY, INPUT, LN_LENGTH, N_STATES, PLACE, RATE, SIDE_FORCE
+from gateway.motion.state_vector import (
+    GRAVITY,
+    LN_LENGTH,
+    N_MOVING,
+    N_STATES,
+    PIVOT,
+    PIVOT_RATE,
+    PLACE,
+    RATE,
+    SIDE_FORCE,
+)
 from gateway.numerics.array import Array
 from tests.gateway.motion.conftest import GRAVITY_M_S2
 
@@ -17,30 +27,31 @@ RATE_1_S = float(np.sqrt(GRAVITY_M_S2 / LENGTH_M))
 HALF_SWING_S = np.pi / RATE_1_S
 
 
-def integrate(mean: Array, duration_s: float, hypothesis: MotionHypothesis) -> tuple[Array, Array]:
+def integrate(mean: Array, duration_s: float) -> tuple[Array, Array]:
     """Time and angle of the motion that begins with this phase and keeps the pivot's acceleration."""
-    model = RopeModel(GRAVITY_M_S2, is_clamped=True)
+    model = RopeModel(GRAVITY_M_S2, LENGTH_M, is_clamped=True)
     x = np.zeros((N_HYPOTHESES, N_STATES))
-    x[:, GRAVITY], x[:, RATE], x[:, SIDE_FORCE], x[:, INPUT] = mean.reshape(4, 2)
+    x[:, GRAVITY], x[:, RATE], x[:, SIDE_FORCE], x[:, PIVOT] = mean.reshape(4, 2)
     x[:, LN_LENGTH], x[:, PLACE] = np.log(LENGTH_M), 4.0
 
     def rate(_time_s: float, states: Array) -> Array:
-        found, _ = model.rate(states)
-        found[:, INPUT.start : INPUT.stop + 2] = 0.0
+        found = np.zeros_like(states)
+        found[:, :N_MOVING] = model.rate(states)[0]
+        found[:, PIVOT] = found[:, PIVOT_RATE] = 0.0
         return found
 
     states = [x]
     for _ in range(round(duration_s / STEP_S)):
         states.append(pendulum.runge_kutta_step(rate, 0.0, states[-1], STEP_S))
-    track = np.array(states)[:, hypothesis, GRAVITY]
+    track = np.array(states)[:, 0, GRAVITY]
     time_s: Array = STEP_S * np.arange(len(track), dtype=np.float64)
     angle_rad: Array = np.arcsin(np.hypot(track[:, 0], track[:, 1]))
     return time_s, angle_rad
 
 
-def largest(mean: Array, hypothesis: MotionHypothesis) -> tuple[float, float]:
+def largest(mean: Array) -> tuple[float, float]:
     """The largest angle of the next half swing, and its time."""
-    time_s, angle_rad = integrate(mean, HALF_SWING_S * period_ratio(np.hypot(*mean[:2])), hypothesis)
+    time_s, angle_rad = integrate(mean, HALF_SWING_S * period_ratio(np.hypot(*mean[:2])))
     at = int(angle_rad.argmax())
     return float(angle_rad[at]), float(time_s[at])
 
@@ -70,7 +81,7 @@ CASES = {
 def test_predicted_maximum_of_a_free_swing_is_that_of_the_pendulum(case: str) -> None:
     predicted = next_peak(CASES[case], is_driven=False)
 
-    angle_rad, in_s = largest(CASES[case].mean, MotionHypothesis.FREE)
+    angle_rad, in_s = largest(CASES[case].mean)
     assert predicted.angle_rad == pytest.approx(angle_rad, rel=0.01)
     if case != "circular":  # every moment is a maximum
         assert predicted.in_s == pytest.approx(in_s, abs=0.03 * HALF_SWING_S)
@@ -81,7 +92,7 @@ def test_predicted_maximum_holds_for_any_swing_with_a_lean(seed: int) -> None:
     rng = np.random.default_rng(seed)
     swing = SwingPhase(np.array([*rng.normal(0, 0.06, 4), *rng.normal(0, 0.01, 2), 0, 0]), np.zeros((8, 8)), RATE_1_S)
 
-    angle_rad, _ = largest(swing.mean, MotionHypothesis.FREE)
+    angle_rad, _ = largest(swing.mean)
 
     assert next_peak(swing, is_driven=False).angle_rad == pytest.approx(angle_rad, rel=0.02)
 
@@ -92,7 +103,7 @@ def test_predicted_maximum_holds_while_the_pivot_keeps_its_acceleration(pivot: t
 
     predicted = next_peak(driven, is_driven=True)
 
-    angle_rad, in_s = largest(driven.mean, MotionHypothesis.DRIVEN)
+    angle_rad, in_s = largest(driven.mean)
     assert predicted.angle_rad == pytest.approx(angle_rad, rel=0.01)
     assert predicted.in_s == pytest.approx(in_s, abs=0.03 * HALF_SWING_S)
 

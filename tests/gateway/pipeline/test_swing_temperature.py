@@ -54,7 +54,7 @@ def last_word(crane: tuple[NDArray[np.float64], NDArray[np.float64]], temperatur
         part = slice(begin, begin + 10)
         stage.update(time_s[part], planted_g[part], planted_g[part], temperature_c=temperature_c)
     header = HeaderMaker().make("swing", MessageTime(0, ClockState("synchronised", 0)), "r1")
-    return stage.swing_message(header), present(stage.lean_reading()).value_rad
+    return stage.swing_message(header), present(stage.lean_reading()).upper_rad
 
 
 def test_uncertainty_covers_swing_and_lean_outside_the_calibrated_temperature_range(

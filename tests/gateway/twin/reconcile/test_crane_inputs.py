@@ -10,7 +10,7 @@ from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from devices.recording import Recording
 from gateway.measurement.source import Source
 from gateway.motion.history import MotionHistory
-from gateway.motion.hypotheses import N_HYPOTHESES, MotionHypothesis
+from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING, N_HYPOTHESES
 from gateway.recording.interval import RecordingExtent
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.crane_input import CraneMotion, MotionCorrection, SineSeries
@@ -77,10 +77,8 @@ def history(
 
     driven, hoisting = within(driven_s), within(hoisting_s)
     probabilities = np.zeros((len(time_s), N_HYPOTHESES))
-    probabilities[~driven & ~hoisting, MotionHypothesis.FREE] = 1.0
-    probabilities[driven & ~hoisting, MotionHypothesis.DRIVEN] = 1.0
-    probabilities[~driven & hoisting, MotionHypothesis.FREE_HOISTING] = 1.0
-    probabilities[driven & hoisting, MotionHypothesis.DRIVEN_HOISTING] = 1.0
+    for place in np.flatnonzero(~IS_GUST):
+        probabilities[(driven == IS_DRIVEN[place]) & (hoisting == IS_HOISTING[place]), place] = 0.5
     still = np.zeros(len(time_s))
     return MotionHistory(
         time_s=time_s,

@@ -27,6 +27,8 @@ from gateway.numerics.stats import NORMAL_975
 
 LARGEST_U_RAD = math.radians(5.0)
 """Standard uncertainty from which on an angle counts as not known."""
+SMALLEST_SHARE_RAD = math.radians(0.01)
+"""Share of a fast oscillation in the rope's angle from which on it is named. Basis: a drive's jerk has less."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,11 +138,10 @@ def _fast_oscillation(state: Described, swing_rate_1_s: float) -> FastOscillatio
     if omega is None:
         return None
     amplitude_g, _, _ = ellipse(complex(*state.mean[LINE]), complex(*state.mean[LINE_RATE]) / omega)
-    return FastOscillationShare(
-        frequency_hz=omega / (2 * math.pi),
-        reading_g=amplitude_g,
-        angle_rad=amplitude_g * (swing_rate_1_s / omega) ** 2,
-    )
+    angle_rad = amplitude_g * (swing_rate_1_s / omega) ** 2
+    if angle_rad < SMALLEST_SHARE_RAD:
+        return None
+    return FastOscillationShare(frequency_hz=omega / (2 * math.pi), reading_g=amplitude_g, angle_rad=angle_rad)
 
 
 _PAIR = np.eye(2)

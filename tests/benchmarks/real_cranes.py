@@ -1,0 +1,242 @@
+"""Accuracy of the motion on cranes as they are, by kind, and what an alert costs: exceedances announced, trips without cause.
+
+`script/bench real_cranes` makes recordings with `tests.working_crane.real`; `--recordings FOLDER...` reads folders with
+`log.csv`, `truth.csv`, `gateway.toml` and `case.json`; `--write PAGE` replaces the tables of a page.
+"""
+
+import argparse
+import csv
+import json
+import math
+import tempfile
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.configuration.model import Configuration
+from gateway.motion.estimate import MotionEstimate
+from gateway.motion.motion_monitor import MotionMonitor
+from gateway.numerics.array import Array
+from gateway.numerics.stats import NORMAL_975
+from gateway.stages.alerts import DECISION_FACTOR, Limits, RuleState, judge
+from gateway.swing.rig import MountedHousing
+from tests.benchmarks.motion import replace_tables, table
+from tests.working_crane.real.kinds import KINDS
+from tests.working_crane.real.recording import make
+from tests.working_crane.real.write import write_recording
+
+BLOCK_S = 0.1
+FACTORS = (0.0, DECISION_FACTOR, 1.0, NORMAL_975)
+TRIPS_DEG = (3.0, 4.5, 6.0, 10.0)
+QUIET_PERIODS = 2.0
+"""An exceedance counts after so long below the limit; a trip is without cause where nothing near it came within this time."""
+NEAR_LIMIT = 0.8
+POSITION_U_M = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A recording with its truth and what the gateway was told."""
+
+    name: str
+    kind: str
+    time_s: Array
+    force_g: Array
+    true_time_s: Array
+    true_deg: Array
+    is_busy: Array
+    rig: MountedHousing
+    mount_u_rad: float
+    period_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Followed:
+    """What the gateway stated of a case after the first period; angles in deg, NaN where not known."""
+
+    case: Case
+    time_s: Array
+    error: Array
+    u: Array
+    is_busy: Array
+    estimates: Sequence[MotionEstimate]
+
+    @property
+    def holds(self) -> NDArray[np.bool_]:
+        known = np.isfinite(self.u)
+        held: NDArray[np.bool_] = np.abs(self.error[known]) <= NORMAL_975 * self.u[known]
+        return held
+
+    def longest_wrong_s(self) -> float:
+        """Longest time in which the angle is wrong by more than three of its own uncertainties."""
+        longest = run = 0.0
+        steps = np.diff(self.time_s, prepend=self.time_s[0])
+        for wrong, step_s in zip(np.abs(self.error) > 3 * self.u, steps, strict=True):
+            run = run + step_s if wrong else 0.0
+            longest = max(longest, run)
+        return longest
+
+
+def read_case(folder: Path) -> Case:
+    """Return the case of a folder."""
+    with (folder / "log.csv").open() as file:
+        rows = [[float(cell) if cell else math.nan for cell in row[:4]] for row in list(csv.reader(file))[1:]]
+    log = np.array(rows)
+    log = log[np.isfinite(log).all(axis=1)]
+    with (folder / "truth.csv").open() as file:
+        truth = list(csv.DictReader(file))
+    info = json.loads((folder / "case.json").read_text())
+    stated = Configuration.model_validate(tomllib.loads((folder / "gateway.toml").read_text()))
+    above_m, position_m = stated.housing.above_load_m, stated.housing.position_m
+    gravity_m_s2 = stated.site.local_gravity_m_s2
+    rig = MountedHousing(
+        length_m=max(stated.rope.length_m, 1.02 * (above_m or 0.0)),
+        position_m=position_m,
+        above_load_m=above_m,
+        position_u_m=POSITION_U_M,
+        gravity_m_s2=gravity_m_s2,
+    )
+    return Case(
+        name=folder.name,
+        kind=str(info["kind"]),
+        time_s=log[:, 0],
+        force_g=log[:, 1:],
+        true_time_s=np.array([float(row["time_s"]) for row in truth]),
+        true_deg=np.array([float(row["angle_deg"]) for row in truth]),
+        is_busy=np.array([float("1" in (row["driven"], row["hoisting"], row["gust"])) for row in truth]),
+        rig=rig,
+        mount_u_rad=math.radians(stated.housing.mount_u_deg),
+        period_s=2 * math.pi * math.sqrt(info["length_m"] / gravity_m_s2),
+    )
+
+
+def follow(case: Case) -> Followed:
+    """Return what a live gateway states at every tenth of a second."""
+    monitor = MotionMonitor(case.rig, mount_u_rad=case.mount_u_rad)
+    block = max(1, round(BLOCK_S / float(np.median(np.diff(case.time_s)))))
+    estimates = []
+    for begin in range(0, len(case.time_s), block):
+        part = slice(begin, begin + block)
+        monitor.update(case.time_s[part], case.force_g[part])
+        estimates.append(monitor.estimate(float(case.time_s[part][-1])))
+    counted = [one for one in estimates if one.time_s > case.period_s]
+    time_s = np.array([one.time_s for one in counted])
+    angle = np.degrees([math.nan if one.angle_rad is None else one.angle_rad for one in counted])
+    u = np.degrees([math.nan if one.u_rad is None else one.u_rad for one in counted])
+    error = angle - np.interp(time_s, case.true_time_s, case.true_deg)
+    is_busy = np.interp(time_s, case.true_time_s, case.is_busy) > 0.5
+    return Followed(case, time_s, error, u, is_busy, counted)
+
+
+def alert_cost(followed: Followed, trip_deg: float, factor: float) -> tuple[int, int, list[float], float]:
+    """Return exceedances, those announced, their lead times in s, and the share of the time of trips without cause."""
+    case, limits = followed.case, _limits(trip_deg)
+    state, levels = RuleState("unknown", 0.0), []
+    for one in followed.estimates:
+        state = judge(state, _value_rad(one, factor), limits, one.time_s)
+        levels.append(state.level == "trip")
+    trips, quiet_s = np.array(levels), QUIET_PERIODS * case.period_s
+    without_cause = 0
+    for at in np.flatnonzero(trips):
+        near = np.abs(case.true_time_s - followed.time_s[at]) < quiet_s
+        without_cause += bool(case.true_deg[near].max() < NEAR_LIMIT * trip_deg)
+    exceedances, leads, over_s = 0, [], -math.inf
+    for time_s in case.true_time_s[case.true_deg > 1.02 * trip_deg]:
+        if time_s - over_s > quiet_s and time_s > case.period_s:
+            exceedances += 1
+            last = int(np.searchsorted(followed.time_s, time_s, side="right")) - 1
+            if last >= 0 and trips[last]:
+                first = last - int(np.argmin(trips[last::-1])) if not trips[: last + 1].all() else -1
+                leads.append(min(float(time_s - followed.time_s[first + 1]), quiet_s))
+        over_s = time_s
+    return exceedances, len(leads), leads, without_cause / max(1, len(trips))
+
+
+def _limits(trip_deg: float) -> Limits:
+    trip_rad = math.radians(trip_deg)
+    return Limits(trip_rad=trip_rad, clear_rad=trip_rad / 2, hold_s=3.0, warn_rad=trip_rad * 2 / 3)
+
+
+def _value_rad(one: MotionEstimate, factor: float) -> float | None:
+    if one.angle_rad is None or one.u_rad is None:
+        return None
+    peaks = [peak.upper_rad(factor) for peak in (one.next_peak, one.next_peak_if_coasting) if peak is not None]
+    return max([one.angle_rad + factor * one.u_rad, *peaks])
+
+
+def accuracy(all_followed: Sequence[Followed]) -> str:
+    """Return the table by kind."""
+    header = ("kind", "recordings", "known", "rms moving", "rms free", "inside 95 %", "half width", "longest wrong, s")
+    kinds = sorted({one.case.kind for one in all_followed})
+    body = [_accuracy_row(kind, [one for one in all_followed if one.case.kind == kind]) for kind in kinds]
+    return table(header, [*body, _accuracy_row("all", all_followed)])
+
+
+def _accuracy_row(name: str, chosen: Sequence[Followed]) -> tuple[str, ...]:
+    error, busy = np.concatenate([one.error for one in chosen]), np.concatenate([one.is_busy for one in chosen])
+    half = np.concatenate([NORMAL_975 * one.u for one in chosen])
+    return (
+        KINDS[name][0] if name in KINDS else name,
+        str(len(chosen)),
+        f"{100 * np.mean(np.isfinite(error)):.1f} %",
+        f"{_rms(error[busy]):.2f}",
+        f"{_rms(error[~busy]):.2f}",
+        f"{100 * np.mean([one.holds.mean() for one in chosen]):.1f} %",
+        f"{np.nanmedian(half):.2f}",
+        f"{max(one.longest_wrong_s() for one in chosen):.1f}",
+    )
+
+
+def _rms(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return math.sqrt(float(np.mean(known**2))) if len(known) else math.nan
+
+
+def costs(all_followed: Sequence[Followed]) -> str:
+    """Return the table of announced exceedances and trips without cause by limit and decision factor."""
+    header = ("limit, deg", *(f"{factor:.3g} u" for factor in FACTORS))
+    body = []
+    for trip_deg in TRIPS_DEG:
+        cells = []
+        for factor in FACTORS:
+            found = [alert_cost(one, trip_deg, factor) for one in all_followed]
+            exceedances, announced = sum(one[0] for one in found), sum(one[1] for one in found)
+            leads = [lead_s for one in found for lead_s in one[2]]
+            lead = f", {np.median(leads):.1f} s before" if leads else ""
+            cells.append(f"{announced} of {exceedances}{lead}; {100 * np.mean([one[3] for one in found]):.1f} %")
+        body.append((f"{trip_deg:g}", *cells))
+    return table(header, body)
+
+
+def generated(seed: int, count: int, duration_s: float) -> list[Case]:
+    """Return cases of every kind; the engine draws them."""
+    cases = []
+    with tempfile.TemporaryDirectory() as folder:
+        for kind, index in product(KINDS, range(count)):
+            place = Path(folder) / f"{kind}{index}"
+            write_recording(make(kind, seed, index, duration_s, 50.0), place)
+            cases.append(read_case(place))
+    return cases
+
+
+def main(arguments: Sequence[str] = ()) -> None:
+    """Print the tables; write them into a page where wanted."""
+    parser = argparse.ArgumentParser(prog="script/bench real_cranes", description=__doc__)
+    parser.add_argument("--recordings", type=Path, nargs="+", default=[], help="folders with log.csv and truth.csv")
+    parser.add_argument("--count", type=int, default=3, help="recordings of each kind that are made")
+    parser.add_argument("--seed", type=int, default=11)
+    parser.add_argument("--duration", type=float, default=120.0, help="of each, s")
+    parser.add_argument("--write", type=Path, metavar="PAGE", help="replace the tables of this page")
+    chosen = parser.parse_args(arguments)
+    cases = [read_case(folder) for folder in chosen.recordings]
+    all_followed = [follow(case) for case in cases or generated(chosen.seed, chosen.count, chosen.duration)]
+    tables = {"real cranes": accuracy(all_followed), "alerts": costs(all_followed)}
+    for name, content in tables.items():
+        print(f"{name}\n{content}\n")
+    if chosen.write is not None:
+        chosen.write.write_text(replace_tables(chosen.write.read_text(), tables, "real_cranes"))

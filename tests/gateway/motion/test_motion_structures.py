@@ -1,0 +1,101 @@
+"""Structures of the crane that are told apart or followed: a housing on a spreader, and a base that never rests."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from gateway.motion.motion_tracker import MotionTracker
+from gateway.numerics.array import Array
+from gateway.swing.rig import MountedHousing
+from tests.gateway.motion.conftest import Recording, follow, holds, new_tracker, normalised_errors, swing
+from tests.values import present
+from tests.working_crane.real.recording import make
+
+
+def simulated(kind: str, seed: int, index: int, duration_s: float) -> Recording:
+    """A crane of the independent engine, with what a rigger states of it."""
+    made = make(kind, seed, index, duration_s, 50.0)
+    rig = MountedHousing(
+        length_m=made.stated["length_m"],
+        above_load_m=made.stated.get("above_load_m"),
+        position_m=made.stated.get("position_m"),
+        length_u_rel=0.05,
+        position_u_m=0.05,
+        zero_g_offset_u_g=(3e-4, 3e-4, 3e-4),
+    )
+    at: Array = np.interp(made.log_time_s, made.truth["time_s"], np.radians(made.truth["angle_deg"]))
+    return Recording(made.log_time_s, made.reading_g, at, rig)
+
+
+def names(tracker: MotionTracker) -> set[str]:
+    return {candidate.name for candidate in tracker.candidates}
+
+
+def near_the_load(*, tilt: float | None) -> Recording:
+    """A free swing, and a housing 0.3 m above the load: on the rope, or on a spreader that tilts against it."""
+    on_rope, at_pivot, at_load = (swing(seed=4, rho=rho, noise_g=0.0, offset_g=0.0) for rho in (0.97, 0.0, 1.0))
+    force_g = on_rope.force_g
+    if tilt is not None:
+        tilted = (
+            -(1 + tilt) * at_pivot.force_g[:, :2]
+        )  # at the pivot of a free swing only gravity is left across the rope
+        tension = at_load.force_g[:, 2:]
+        force_g = tension * np.column_stack([tilted, 1 - 0.5 * (tilted**2).sum(axis=1)])
+    noise_g = 4e-4 * np.random.default_rng(4).normal(size=force_g.shape)
+    return replace(on_rope, force_g=force_g + noise_g)
+
+
+@pytest.mark.parametrize(("tilt", "name"), [(None, "rope"), (0.15, "spreader"), (0.25, "spreader")])
+def test_housing_on_a_spreader_is_told_from_one_on_a_rope(tilt: float | None, name: str) -> None:
+    recording = near_the_load(tilt=tilt)
+    tracker = new_tracker(recording.rig)
+    assert names(tracker) == {"rope", "spreader"}
+
+    estimates = list(follow(recording, tracker))
+
+    assert names(tracker) == {name}
+    assert np.abs(normalised_errors(recording, [e for e in estimates if e.time_s > 15.0])).max() < 4
+
+
+def test_only_a_housing_near_the_load_may_be_on_a_spreader() -> None:
+    assert names(new_tracker(swing(duration_s=1.0, rho=0.5).rig)) == {"rope"}
+
+
+def test_housing_on_the_spreader_of_a_container_crane_is_recognised() -> None:
+    recording = simulated("d", 1, 1, 40.0)
+    tracker = new_tracker(recording.rig)
+
+    estimates = list(follow(recording, tracker))
+
+    assert names(tracker) == {"spreader"}
+    late = [e for e in estimates if e.time_s > 10.0]
+    error_rad = np.array([present(e.angle_rad) - recording.angle_at(e.time_s) for e in late])
+    assert np.sqrt((error_rad**2).mean()) < 0.1 * recording.angle_rad.max()
+
+
+def test_candidate_that_has_lost_its_numbers_does_not_spoil_the_other() -> None:
+    recording = near_the_load(tilt=None)
+    tracker = new_tracker(recording.rig)
+    tracker.update(recording.time_s[:50], recording.force_g[:50])
+    lost = next(candidate for candidate in tracker.candidates if candidate is not tracker.leader)
+    lost.filter.mixture.covariance[:] *= -1e3
+
+    for begin in range(50, 1000, 10):
+        part = slice(begin, begin + 10)
+        tracker.update(recording.time_s[part], recording.force_g[part])
+
+    found = tracker.estimate(float(recording.time_s[999]))
+    assert abs(normalised_errors(recording, [found])[0]) < 4
+
+
+def test_base_that_never_rests_keeps_its_interval() -> None:
+    """Barges that roll in a regular and in an irregular sea move the pivot all the time."""
+    held = []
+    for index in (1, 2):
+        recording = simulated("i", 1, index, 45.0)
+        late = [e for e in follow(recording) if e.time_s > 10.0]
+        assert all(e.angle_rad is not None for e in late)
+        held += [holds(recording, e) for e in late]
+
+    assert np.mean(held) > 0.9
