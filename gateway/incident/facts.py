@@ -127,10 +127,16 @@ def _first_at(time_s: Array, values: Array, limit: float, begin_s: float, end_s:
 def _moves(course: Course, peak_s: float) -> tuple[CraneMove, ...]:
     """Return what moved before the peak, in order of time."""
     motion = course.motion
-    found = []
+    spans: list[tuple[float, float, str]] = []
     for from_s, to_s, state in motion.states.spans(course.end_s):
+        if spans and spans[-1][2] == state and from_s - spans[-1][1] < SHORTEST_MOVE_S:
+            spans[-1] = (spans[-1][0], to_s, state)
+        elif state in MOVES:
+            spans.append((from_s, to_s, state))
+    found = []
+    for from_s, to_s, state in spans:
         begin_s, end_s = max(from_s, peak_s - CAUSE_BEFORE_S), min(to_s, peak_s)
-        if state in MOVES and end_s - begin_s >= SHORTEST_MOVE_S:
+        if end_s - begin_s >= SHORTEST_MOVE_S:
             inside = (motion.time_s >= begin_s) & (motion.time_s <= end_s)
             pivot_m_s2 = np.hypot(*motion.pivot_m_s2[inside].T)
             hoist_m_s = motion.hoist_m_s[inside]

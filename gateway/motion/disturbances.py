@@ -19,7 +19,7 @@ from gateway.numerics.array import Array
 
 HOIST_JERK_SIGMA_M_S2, HOIST_JERK_RATE_1_S = 0.3, 1.0
 """Standard deviation and rate of a hoist's acceleration. Basis: 0.5 m/s reached in one to two seconds."""
-HOIST_SPEED_TIME_S = 20.0
+HOIST_MEMORY_S = 20.0
 """Time after which the speed of a hoist is forgotten that no reading confirms."""
 STILL_ACCELERATION_M_S2, STILL_RATE_1_S = 5e-4, 6.0
 """The same of a winch that rests: what is left of its acceleration."""
@@ -88,8 +88,8 @@ def _oscillator(rate_1_s: float, damping_ratio: float, time_s: float) -> Array:
 def _hoist(time_s: float) -> tuple[Array, Array]:
     """Return transition and noise of speed and acceleration of a winch that rests, and of one that runs, shapes (2, 2, 2)."""
     rest = math.exp(-STILL_RATE_1_S * time_s)
-    slow, fast = math.exp(-time_s / HOIST_SPEED_TIME_S), math.exp(-HOIST_JERK_RATE_1_S * time_s)
-    reached_s = (slow - fast) / (HOIST_JERK_RATE_1_S - 1 / HOIST_SPEED_TIME_S)
+    slow, fast = math.exp(-time_s / HOIST_MEMORY_S), math.exp(-HOIST_JERK_RATE_1_S * time_s)
+    reached_s = (slow - fast) / (HOIST_JERK_RATE_1_S - 1 / HOIST_MEMORY_S)
     steps = np.array([[[1.0, time_s], [0.0, rest]], [[slow, reached_s], [0.0, fast]]])
     density = 2 * HOIST_JERK_RATE_1_S * HOIST_JERK_SIGMA_M_S2**2
     noises = np.array(

@@ -127,7 +127,8 @@ def test_every_part_from_the_bus_to_the_swing(part: Part) -> None:
                 swings.append(emission.message)
     low_deg, high_deg = present(swings[-1].coverage95_deg)
     assert low_deg < SWING_DEG < high_deg
-    assert swings[-1].period_s == pytest.approx(2 * math.pi * math.sqrt(LENGTH_M / 9.80665), rel=0.01)
+    # noise of a data sheet, five swings, a rope whose length may change: twice the uncertainty of the period is 3 %
+    assert swings[-1].period_s == pytest.approx(2 * math.pi * math.sqrt(LENGTH_M / 9.80665), rel=0.03)
 
 
 def frame(x_g: float, y_g: float, z_g: float) -> bytes:

@@ -47,10 +47,10 @@ def test_the_sentences_state_the_numbers_of_the_recording(recorded: RecordedCran
     assert cleared.event == "cleared"
     assert f"raised to trip (limit {LIMITS['trip_deg']:.1f}°) at {when(tripped.time_ns)} UTC" in text
     assert f"It cleared at {when(cleared.time_ns)} UTC" in text
-    assert f"was {present(largest.angle_deg):.2f}°" in text
+    assert f"was {present(largest.angle_deg):.1f}°" in text
     assert f"at {when(largest.time_ns)} UTC" in text
     low_deg, high_deg = (present(largest.angle_deg) + sign * 1.96 * present(largest.u_deg) for sign in (-1, 1))
-    assert f"({low_deg:.2f}° to {high_deg:.2f}° at 95 %)" in text
+    assert f"({low_deg:.1f}° to {high_deg:.1f}° at 95 %)" in text
     (value_deg,) = {active.value_deg for active in tripped.active}
     assert f"The {present(value_deg):.1f}° that raised it were an upper bound" in text
     assert "trolley, bridge or jib accelerated" in text
