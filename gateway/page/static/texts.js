@@ -19,7 +19,7 @@ const TABLES = {
     gate_norm_hanging: "The force is not that of a hanging load.", gate_explained: "No motion of crane and load explains the readings.",
     gate_no_spin: "The housing turns about the rope.", gate_rate_pendulum: "The housing turns faster than the rope swings.",
     part_device: "sensor", part_recording: "recording", part_relay: "relay", part_bus: "network", part_page: "the crane's page", part_page_pin: "PIN of the page",
-    part_outbox: "storage of alerts", part_signing: "signing of recordings", part_identity: "name of the gateway", part_clock: "clock", part_state_files: "state files",
+    part_outbox: "storage of alerts", part_chain: "chain of recordings", part_signing: "signing of recordings", part_identity: "name of the gateway", part_clock: "clock", part_state_files: "state files",
     also: "also: {words}", last_known: "last: {words}",
 
     rest: "Load at rest.", free: "Load swings freely.", driven: "Trolley or bridge moving.", lowering: "Lowering.", hoisting: "Hoisting.",
@@ -98,7 +98,7 @@ const TABLES = {
     gate_norm_hanging: "Die Kraft ist nicht die einer hängenden Last.", gate_explained: "Keine Bewegung von Kran und Last erklärt die Messwerte.",
     gate_no_spin: "Das Gehäuse dreht sich um das Seil.", gate_rate_pendulum: "Das Gehäuse dreht sich schneller, als das Seil pendelt.",
     part_device: "Sensor", part_recording: "Aufzeichnung", part_relay: "Relais", part_bus: "Netzwerk", part_page: "Seite des Krans", part_page_pin: "PIN der Seite",
-    part_outbox: "Speicher der Alarme", part_signing: "Signatur der Aufzeichnungen", part_identity: "Name des Gateways", part_clock: "Uhr", part_state_files: "Zustandsdateien",
+    part_outbox: "Speicher der Alarme", part_chain: "Kette der Aufzeichnungen", part_signing: "Signatur der Aufzeichnungen", part_identity: "Name des Gateways", part_clock: "Uhr", part_state_files: "Zustandsdateien",
     also: "auch: {words}", last_known: "zuletzt: {words}",
 
     rest: "Last in Ruhe.", free: "Last pendelt frei.", driven: "Katze oder Brücke fährt.", lowering: "Senken.", hoisting: "Heben.",
