@@ -24,6 +24,15 @@ MOST_OUTLIERS = 2
 """Bins that no hypothesis explains, in that time, from which on the motion is not explained. Basis: an impact spoils one bin; at
 its edge it spoils two, and those two seconds are not explained."""
 
+SHORTEST_DISTANCE = 0.03
+"""Distance above the load, as a share of the rope's length, below which the transverse reading tells nothing of a swing."""
+LARGEST_AXIAL_U_G = 3.8e-3
+"""Standard uncertainty of the axial reading up to which it tells a swing there. Basis: a constant axial reading of 1 + b is an
+offset or a steady circular swing of sqrt(2 b), here 5 degrees, from which on an angle counts as not known."""
+UNCALIBRATED_AT_LOAD = (
+    "a sensor at the load sees a swing by its axial reading alone, and it is not calibrated well enough for that; "
+    "calibrate it, or clamp the housing higher"
+)
 CONTRADICTION = "widened: x and y show another swing than z; the housing is not where stated, or a scale is wrong"
 
 
@@ -126,9 +135,17 @@ class MotionMonitor:
             return self._faults.fault
         if not self._faults.is_ready:
             return "less than half a swing observed"
+        if self._is_blind_at_load():
+            return UNCALIBRATED_AT_LOAD
         if now_s - self._unclipped_s > LONGEST_CLIPPING_S:
             return f"clipped for {now_s - self._unclipped_s:.0f} s: readings reach full scale"
         return None
+
+    def _is_blind_at_load(self) -> bool:
+        above_m = self._rig.above_load_m
+        if above_m is None or above_m >= SHORTEST_DISTANCE * self._rig.length_m:
+            return False
+        return math.hypot(self._rig.zero_g_offset_u_g[2], self._rig.scale_u[2]) > LARGEST_AXIAL_U_G
 
     def _count_outliers(self, now_s: float) -> None:
         self._outliers.append((now_s, self._tracker.outliers))

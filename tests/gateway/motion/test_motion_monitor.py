@@ -209,3 +209,14 @@ def test_estimates_do_not_depend_on_the_blocks(block: int) -> None:
     known = [(e.angle_rad, f.angle_rad) for e, f in zip(found, expected, strict=True) if f.angle_rad is not None]
     assert len(known) > 40
     assert [a for a, _ in known] == pytest.approx([b for _, b in known], rel=1e-9)
+
+
+def test_an_uncalibrated_sensor_at_the_load_states_no_angle() -> None:
+    """There a constant axial reading is an offset or a steady circular swing."""
+    recording = swing(duration_s=20.0, amplitude_deg=30.0, length_m=4.0, rho=1.0, noise_g=0.012, offset_g=0.02)
+    rig = replace(recording.rig, zero_g_offset_u_g=(0.087, 0.087, 0.087), scale_u=(0.03, 0.03, 0.03))
+
+    estimates = list(follow(replace(recording, rig=rig), monitor_of(rig)))
+
+    assert all(estimate.angle_rad is None for estimate in estimates)
+    assert "calibrate it" in estimates[-1].reasons[0]
