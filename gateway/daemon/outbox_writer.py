@@ -37,7 +37,7 @@ class OutboxWriter(Worker[StoreRequest]):
     """Owns the outbox from start to stop."""
 
     def __init__(self, folder: Path, faults: FaultRegister) -> None:
-        super().__init__("outbox", BoundedQueue(INBOX))
+        super().__init__("outbox-writer", BoundedQueue(INBOX))
         self._outbox = AlertOutbox(folder)
         self._folder = folder
         self._faults = faults

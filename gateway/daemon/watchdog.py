@@ -17,6 +17,7 @@ class ProgressingThread(Protocol):
     """A thread that notes when it has last made progress: a sampler, or a worker with or without items."""
 
     name: str
+    """Also the part whose fault the watchdog sets and clears; no thread sets faults of its own under it."""
     progress_s: float
 
     def is_alive(self) -> bool:

@@ -101,6 +101,25 @@ def test_a_data_folder_that_cannot_be_made_is_recorded_to_as_soon_as_it_can(
     assert gateway.stop()[0] == 3  # the samples before are not in the recording
 
 
+@pytest.mark.slow
+def test_an_outbox_that_cannot_be_made_is_a_fault_until_it_can(
+    start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
+) -> None:
+    blocking = tmp_path / "data" / "alerts"
+    blocking.parent.mkdir()
+    blocking.write_text("a file where the folder should be")
+    gateway = start_gateway()
+    peer = join_bus(gateway.endpoint)
+    first = peer.wait_for("health", lambda message: message["standing_faults"])
+    peer.wait_for("health", lambda message: message["sequence"] > first["sequence"] + 8)  # beyond a retry of the writing
+    said = [message for message in peer.messages("health") if message["sequence"] >= first["sequence"]]
+    assert all("alerts are sent without being stored" in each["standing_faults"]["outbox"] for each in said)
+    assert {each["faults"]["outbox_failures"] for each in said} == {1}
+    blocking.unlink()
+    peer.wait_for("health", lambda message: not message["standing_faults"])
+    gateway.stop()
+
+
 DAMAGED = {
     "session of an unknown method": ("calibration/session.json", b'{"format": 1, "answers": [], "session": %s}'),
     "session that is nested": ("calibration/session.json", b"[" * 100_000),
