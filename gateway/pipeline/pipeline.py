@@ -139,23 +139,21 @@ class Pipeline:
             batch = self._forces.take()
             self._lowpassed_g = batch.lowpassed_g[-1]
             yield from self._acceleration(batch, now)
-            yield from self._without_load(self._suspended, block.temperature_c, due, now)
+            yield from self._without_load(self._suspended, due, now)
         elif due or "fresh" in self._condition.gates:  # stale readings are judged again at once
-            yield from self._update(self._forces.take(), block.temperature_c, due, now)
+            yield from self._update(self._forces.take(), due, now)
 
-    def _update(
-        self, batch: ForceBatch, temperature_c: float | None, tilt_due: bool, now: MessageTime
-    ) -> Iterator[OutgoingMessage]:
+    def _update(self, batch: ForceBatch, tilt_due: bool, now: MessageTime) -> Iterator[OutgoingMessage]:
         """Return what follows from all samples since the last update."""
         self._lowpassed_g = batch.lowpassed_g[-1]
         yield from self._acceleration(batch, now)
         swing_due = self._add_to_windows(batch)
         if tilt_due:
-            yield self._tilt(temperature_c, now)
+            yield self._tilt(now)
             yield self._motion_message(now)
         if swing_due:
             yield self._swing_message(now)
-        yield from self._judge_condition(temperature_c, now)
+        yield from self._judge_condition(now)
         yield from self._judge_alerts(now)
 
     def _add_to_windows(self, batch: ForceBatch) -> bool:
@@ -185,14 +183,12 @@ class Pipeline:
             yield self._condition_message(now)
         yield from self._apply_limits({"swing": None, "lean": None}, why, now)
 
-    def _without_load(
-        self, why: str, temperature_c: float | None, tilt_due: bool, now: MessageTime
-    ) -> Iterator[OutgoingMessage]:
+    def _without_load(self, why: str, tilt_due: bool, now: MessageTime) -> Iterator[OutgoingMessage]:
         """Return the messages while the housing is off the rope, when no reading describes the load."""
         changed = self._set_unknown(why, {"on_rope": False})
         self._motion.restart(why)
         if tilt_due:
-            yield self._tilt(temperature_c, now)
+            yield self._tilt(now)
             yield self._motion_message(now)
         if self._condition_limiter.is_due(now.log_time_ns) or changed:
             yield self._condition_message(now)
@@ -218,14 +214,14 @@ class Pipeline:
         message = compose.acceleration_message(self._header("acceleration", now), force_g, u_force_g)
         yield OutgoingMessage("acceleration", now.log_time_ns, message)
 
-    def _tilt(self, temperature_c: float | None, now: MessageTime) -> OutgoingMessage:
+    def _tilt(self, now: MessageTime) -> OutgoingMessage:
         trusted = self._condition.verdict in ("static", "quasi_static")
         message = compose.tilt_message(
             self._header("tilt", now),
             self._lowpassed(),
             self._correction.u_force_g(self._lowpassed(), self._temperature_c),
             self._delay_s,
-            temperature_c,
+            self._temperature_c,
             trusted,
         )
         return OutgoingMessage("tilt", now.log_time_ns, message)
@@ -238,7 +234,7 @@ class Pipeline:
         message = self._motion.swing_message(self._header("swing", now))
         return OutgoingMessage("swing", now.log_time_ns, message)
 
-    def _judge_condition(self, temperature_c: float | None, now: MessageTime) -> Iterator[OutgoingMessage]:
+    def _judge_condition(self, now: MessageTime) -> Iterator[OutgoingMessage]:
         """Judge the condition at its rate, or at once after stale readings; readings at rest also go to the drift monitor."""
         if not self._condition_limiter.is_due(now.log_time_ns) and "fresh" not in self._condition.gates:
             return
@@ -248,7 +244,7 @@ class Pipeline:
             self._info.noise_g,
             self._correction.permissible_norm_error_g,
         )
-        self._drift.update(self._condition.gates, now.utc_ns, self._lowpassed(), temperature_c)
+        self._drift.update(self._condition.gates, now.utc_ns, self._lowpassed(), self._temperature_c)
         yield self._condition_message(now)
 
     def _condition_message(self, now: MessageTime) -> OutgoingMessage:

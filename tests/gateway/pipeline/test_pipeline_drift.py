@@ -71,7 +71,7 @@ class Hanging:
             force_g[:, 0] += sway_g * np.sin(2 * np.pi * at_s / 5.7)
             raw = force_g + self._random.normal(0, NOISE_G, (BLOCK, 3))
             time_ns = MADE_NS + hour * NS_PER_HOUR + np.rint(at_s * 1e9).astype(np.int64)
-            block = SampleBlock(time_ns=time_ns, raw=raw, temperature_c=20.0)
+            block = SampleBlock(time_ns=time_ns, raw=raw, temperature_c=20.0 if number == 0 else None)
             for emission in self.pipeline.process(block, self.clock).messages:
                 self.out[emission.topic].append(emission.message)
         return self
@@ -158,6 +158,10 @@ def test_drift_readings_have_the_time_of_the_wall_clock() -> None:
     behind = Hanging(-NS_PER_HOUR).hour(0)
     assert present(behind.rest.dump_state())["open"] is None
     assert present(behind.rest.dump_state())["misdated"] > 0
+
+
+def test_drift_readings_have_the_temperature_of_a_part_that_tells_it_rarely() -> None:
+    assert present(Hanging().hour(0).rest.dump_state())["open"]["temperature_c"] > 0  # the sum of the hour
 
 
 def test_a_drift_alarm_without_its_hours_states_what_to_do() -> None:

@@ -77,8 +77,8 @@ def test_uncertainty_is_unchanged_within_the_calibrated_temperature_range(
     assert not any("°C" in reason for reason in message.reasons)
 
 
-def tilt_u_deg(temperatures_c: list[float | None]) -> float:
-    """Uncertainty of the last tilt of a housing at rest, its part telling these temperatures, one a block."""
+def last_tilt(temperatures_c: list[float | None]) -> Tilt:
+    """The last tilt of a housing at rest, its part telling these temperatures, one a block."""
     table = {"rope": {"length_m": 9.3}, "housing": {"position_m": 2.7}, "device": {"odr_hz": RATE_HZ}}
     pipeline = Pipeline(validate(table, "test"), INFO, CORRECTION, HeaderMaker())
     tilts = []
@@ -87,10 +87,14 @@ def tilt_u_deg(temperatures_c: list[float | None]) -> float:
         block = SampleBlock(time_ns, np.tile([0.0, 0.0, 1.0], (10, 1)), temperature_c)
         emissions = pipeline.process(block, ClockState("synchronised", 0)).messages
         tilts += [emission.message for emission in emissions if isinstance(emission.message, Tilt)]
-    return present(tilts[-1].u_deg)
+    return tilts[-1]
 
 
 def test_the_tilt_uncertainty_follows_the_newest_temperature() -> None:
-    cool = tilt_u_deg([23.0] * 10)
-    assert tilt_u_deg([23.0] * 5 + [24.0 + WARMER_K] + [None] * 4) > 5 * cool
-    assert tilt_u_deg([*[24.0 + WARMER_K] * 5, *[23.0] * 5]) == cool
+    cool = present(last_tilt([23.0] * 10).u_deg)
+    assert present(last_tilt([23.0] * 5 + [24.0 + WARMER_K] + [None] * 4).u_deg) > 5 * cool
+    assert last_tilt([*[24.0 + WARMER_K] * 5, *[23.0] * 5]).u_deg == cool
+
+
+def test_the_tilt_states_the_newest_temperature_of_a_part_that_tells_it_rarely() -> None:
+    assert last_tilt([23.0] + [None] * 9).temperature_c == 23.0
