@@ -4,10 +4,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from gateway.messages import ActiveAlert, Alert, Level
+from gateway.stages.alerts import RANK
 
 STANDING = "standing"
 """The event of an alert that had been raised before the recordings begin."""
-RANK: dict[str, int] = {"unknown": 0, "normal": 0, "warn": 1, "trip": 2}
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,6 +62,17 @@ def test_the_highest_change_is_the_first_one_at_the_highest_level() -> None:
     assert (found.level, found.highest.time_ns, found.highest.limit_deg) == ("trip", 20, 6.0)
 
 
+def test_an_incident_that_is_unknown_in_the_recordings_is_not_normal() -> None:
+    (found,) = find_incidents(
+        [
+            (10, alert("acknowledged", "swing", incident="b-1")),
+            (20, alert("changed", "swing", active("swing", "unknown", "b-1"), incident="b-1")),
+            (30, alert("cleared", "swing", incident="b-1")),
+        ]
+    )
+    assert (found.level, found.highest.time_ns) == ("unknown", 20)
+
+
 def test_an_alert_that_stands_when_the_recordings_begin_is_an_incident() -> None:
     standing = active("swing", "trip", "b-7")
     (found,) = find_incidents(
