@@ -1,6 +1,8 @@
 """A bounded queue between two threads that counts the items that it had to drop."""
 
 import queue
+import threading
+from contextlib import suppress
 from typing import Generic, TypeVar
 
 Item = TypeVar("Item")
@@ -11,16 +13,18 @@ class BoundedQueue(Generic[Item]):
 
     def __init__(self, size: int) -> None:
         self._queue: queue.Queue[Item] = queue.Queue(size)
+        self._lock = threading.Lock()
         self.dropped = 0
 
-    def put(self, item: Item) -> bool:
-        """Add an item; return False if it was dropped."""
-        try:
-            self._queue.put_nowait(item)
-        except queue.Full:
+    def put(self, item: Item, reserved: int = 0) -> bool:
+        """Add an item, but not to the last `reserved` places; return False if it was dropped. Called by any thread."""
+        if self._queue.qsize() + reserved < self._queue.maxsize:
+            with suppress(queue.Full):
+                self._queue.put_nowait(item)
+                return True
+        with self._lock:
             self.dropped += 1
-            return False
-        return True
+        return False
 
     def put_waiting(self, item: Item, timeout_s: float) -> bool:
         """Add an item as soon as there is room, for sources that can wait; return False if there was none in time."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from devices.block import DeviceInfo
 from devices.device import Device
 from gateway import __version__
+from gateway.daemon.acknowledgement_service import AcknowledgementService
 from gateway.daemon.alert_sender import AlertSender
 from gateway.daemon.counters import SampleCounters
 from gateway.daemon.drift_state_store import DriftStateStore
@@ -46,6 +47,7 @@ class HealthReporter:
     counters: SampleCounters
     drift_store: DriftStateStore
     recalibration: RecalibrationService
+    acknowledgements: AcknowledgementService
     rpc: RpcServer
     security_log: SecurityLog
     duplicates: DuplicateWatch
@@ -91,7 +93,7 @@ class HealthReporter:
                 "recording": self.recording.inbox.dropped,
                 "bus": self.publisher.inbox.dropped + self.alerts.inbox.dropped + self.alerts.not_sent,
                 "page": self.page.dropped,
-                "requests": self.recalibration.dropped + self.rpc.inbox.dropped,
+                "requests": self.recalibration.dropped + self.acknowledgements.dropped + self.rpc.inbox.dropped,
                 "log": self.output.dropped,
             },
             standing_faults=standing,
@@ -132,6 +134,7 @@ class HealthReporter:
             "messages_not_writable": self.recording.unwritable,
             "segments_vanished": self.recording.vanished,
             "segments_not_deleted": self.recording.undeletable,
+            "security_log_not_written": self.security_log.write_failures,
         }
         if self.relay is not None:
             own |= self.relay.faults

@@ -174,6 +174,7 @@ def compose(
         counters=counters,
         drift_store=drift_store,
         recalibration=recalibration,
+        acknowledgements=acknowledgements,
         rpc=rpc,
         security_log=security_log,
         duplicates=duplicates,

@@ -11,13 +11,12 @@ import zenoh
 from pydantic_core import to_json
 
 from gateway.authorization.authoriser import SignedRequest
-from gateway.authorization.credential import MAX_CREDENTIAL_BYTES
 from gateway.bus.origin import describe_links
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.request_dispatcher import RequestDispatcher
 from gateway.daemon.worker import Worker
-from gateway.recalibration.requests import MAX_PAYLOAD_BYTES, LoadSignal, RequestError, parse_payload
+from gateway.recalibration.requests import LoadSignal, RequestError, parse_payload
 
 log = logging.getLogger("plumbline.rpc")
 INBOX = 256
@@ -71,8 +70,6 @@ class RpcServer(Worker[RpcItem]):
         self._dispatcher = dispatcher
         self._recalibration = recalibration
         self._prepare = prepare
-        self.too_large = 0
-        """Requests and load signals that were dropped unread."""
         self._queryables: list[zenoh.Queryable[None]] = []
         self._load: zenoh.Subscriber[None] | None = None
 
@@ -92,18 +89,10 @@ class RpcServer(Worker[RpcItem]):
         self._load = session.declare_subscriber(f"{self._key}/load", self._receive_load_signal)
 
     def _receive_query(self, verb: str, query: zenoh.Query) -> None:
-        if len(query.attachment or b"") > MAX_CREDENTIAL_BYTES:
-            self.too_large += 1
-        elif len(self.inbox) < INBOX - RESERVED_FOR_ANSWERS:
-            self.inbox.put(IncomingQuery(verb, query))
-        else:
-            self.inbox.dropped += 1
+        self.inbox.put(IncomingQuery(verb, query), RESERVED_FOR_ANSWERS)
 
     def _receive_load_signal(self, sample: zenoh.Sample) -> None:
-        if len(sample.payload) > MAX_PAYLOAD_BYTES:
-            self.too_large += 1
-        elif len(self.inbox) < INBOX - RESERVED_FOR_ANSWERS:
-            self.inbox.put(IncomingLoadSignal(sample.payload.to_bytes()))
+        self.inbox.put(IncomingLoadSignal(sample.payload.to_bytes()), RESERVED_FOR_ANSWERS)
 
     def handle(self, item: RpcItem) -> None:
         """Take a query or a load signal, or send an answer."""

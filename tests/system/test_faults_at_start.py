@@ -111,7 +111,9 @@ def test_an_outbox_that_cannot_be_made_is_a_fault_until_it_can(
     gateway = start_gateway()
     peer = join_bus(gateway.endpoint)
     first = peer.wait_for("health", lambda message: message["standing_faults"])
-    peer.wait_for("health", lambda message: message["sequence"] > first["sequence"] + 8)  # beyond a retry of the writing
+    peer.wait_for(
+        "health", lambda message: message["sequence"] > first["sequence"] + 8
+    )  # beyond a retry of the writing
     said = [message for message in peer.messages("health") if message["sequence"] >= first["sequence"]]
     assert all("alerts are sent without being stored" in each["standing_faults"]["outbox"] for each in said)
     assert {each["faults"]["outbox_failures"] for each in said} == {1}

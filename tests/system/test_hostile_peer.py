@@ -109,6 +109,25 @@ def test_no_request_without_a_credential_changes_anything(start_gateway: StartGa
     assert all(json.loads(line)["origin"].startswith("tcp/127.0.0.1:") for line in lines)
 
 
+def test_what_is_too_large_is_refused_and_counted(start_gateway: StartGateway, join_bus: JoinBus) -> None:
+    gateway = start_gateway(TOML)
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("health")
+    ((accepted, content),) = query(peer.session, "cancel", b"{}", bytes(20_000))
+    assert (accepted, content["kind"]) == (False, "malformed_credential")
+    peer.session.put(f"{KEY}/load", bytes(20_000))
+    assert health(peer)["refused"] == {"malformed_credential": 1, "invalid_signal": 1}
+
+
+def test_a_refusal_that_cannot_be_written_is_a_fault(start_gateway: StartGateway, join_bus: JoinBus) -> None:
+    gateway = start_gateway(TOML)
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("health", lambda message: message["recording"])
+    (gateway.data_dir / "security.jsonl").mkdir()
+    query(peer.session, "cancel", b"{}")
+    assert health(peer)["faults"]["security_log_not_written"] == 1
+
+
 def test_a_flood_of_requests_loses_no_sample_and_the_engineer_gets_through(
     start_gateway: StartGateway, join_bus: JoinBus, hostile: Any, plumbline: Plumbline
 ) -> None:
