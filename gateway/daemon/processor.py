@@ -1,6 +1,7 @@
 """The processing thread: runs the pipeline over the blocks, adds health and clock messages, and feeds the sinks."""
 
 import logging
+import threading
 from collections.abc import Iterable
 
 from devices.block import DeviceInfo, SampleBlock
@@ -85,6 +86,7 @@ class Processor(Worker[SamplerItem]):
         self._rigger = rigger
         self._headers = HeaderMaker()
         self._incidents = IncidentRegister(health.boot_id, last_number=0)
+        self._reporting = threading.Lock()
         self._next_second_ns = 0
         self._clock_steps = 0
         self.info: DeviceInfo | None = None
@@ -137,7 +139,7 @@ class Processor(Worker[SamplerItem]):
             self._serve_acknowledgements(time_ns)
         elif item.info != self.info:
             self._open(item.info)
-        self._each_second()
+        self._each_step()
 
     def idle(self) -> None:
         """Serve requests, and let the pipeline detect a stale reading."""
@@ -146,7 +148,7 @@ class Processor(Worker[SamplerItem]):
         if self._pipeline is not None:
             self._forward(self._pipeline.idle(now_ns, self._wall_clock.state), now_ns)
         self._serve_acknowledgements(now_ns)
-        self._each_second()
+        self._each_step()
 
     def close(self) -> None:
         """Send the last health message and save the state of the drift monitor."""
@@ -184,20 +186,21 @@ class Processor(Worker[SamplerItem]):
         now = MessageTime(time_ns, self._wall_clock.state)
         self._acknowledgements.serve(self._incidents, lambda given: self._send(pipeline.acknowledge(given, now)))
 
-    def _each_second(self) -> None:
-        now_ns = self._wall_clock.clock.now_ns()
-        if now_ns < self._next_second_ns:
-            return
-        self._next_second_ns = now_ns + round(HEALTH_PERIOD_S * 1e9)
-        self._send(self._status_messages(now_ns))
+    def _each_step(self) -> None:
+        self.report_status()
         self._drift_store.save_if_evaluated()
 
     def report_status(self) -> None:
-        """Send the health at its rate from another thread, while this one hangs."""
-        now_ns = self._wall_clock.clock.now_ns()
-        if now_ns >= self._next_second_ns:
-            self._next_second_ns = now_ns + round(HEALTH_PERIOD_S * 1e9)
-            self._send(self._status_messages(now_ns))
+        """Send the health at its rate. Also called by another thread while this one hangs; neither waits for the other."""
+        if not self._reporting.acquire(blocking=False):
+            return
+        try:
+            now_ns = self._wall_clock.clock.now_ns()
+            if now_ns >= self._next_second_ns:
+                self._next_second_ns = now_ns + round(HEALTH_PERIOD_S * 1e9)
+                self._send(self._status_messages(now_ns))
+        finally:
+            self._reporting.release()
 
     def _status_messages(self, now_ns: int) -> Iterable[OutgoingMessage]:
         now = MessageTime(now_ns, self._wall_clock.poll())
