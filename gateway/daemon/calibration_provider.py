@@ -35,7 +35,7 @@ class CalibrationProvider:
             return replace(uncalibrated, text=f"{uncalibrated.text}; {error}")
 
     def files(self, info: DeviceInfo, correction: Correction) -> CalibrationFiles | None:
-        """Return the record behind a correction and its certificate; None where there is no record."""
+        """Return the record behind a correction and its certificate; None where there is no record. For the recording thread."""
         if correction.record is None:
             return None
         record = CalibrationRecord.model_validate(correction.record)

@@ -3,6 +3,7 @@
 import logging
 import threading
 from collections.abc import Iterable
+from functools import partial
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
@@ -108,7 +109,7 @@ class Processor(Worker[SamplerItem]):
         self.correction = self._calibrations.correction(info)
         extra = None if self.is_alive() else RECORDED_ONLY  # at start `Gateway.describe` has printed it
         log.info("%s: calibration in force: %s", info.device_id, self.correction.text, extra=extra)
-        change = CalibrationChange(self._calibrations.files(info, self.correction))
+        change = CalibrationChange(partial(self._calibrations.files, info, self.correction))
         if not self._recording.inbox.put_waiting(change, SINK_PATIENCE_S):
             log.error("the recorder is too busy: later segments do not contain %s", self.correction.text)
         drift = self._drift_store.open(info.device_id, self.correction)

@@ -35,8 +35,8 @@ STALLED_S = 5.0
 class CalibrationChange:
     """Another calibration is in force from now on."""
 
-    files: CalibrationFiles | None
-    """The files that recordings carry of it; None: no record is in force."""
+    read_files: Callable[[], CalibrationFiles | None]
+    """Returns the files that recordings carry of it, None where no record is in force; it may wait for the disk."""
 
 
 RecordingItem = EncodedMessage | DeviceInfo | CalibrationChange
@@ -123,7 +123,7 @@ class RecordingWorker(Worker[RecordingItem]):
             if isinstance(item, DeviceInfo):
                 self._recorder.set_device(item, self._now_ns())
             elif isinstance(item, CalibrationChange):
-                self._recorder.set_calibration(item.files, self._now_ns())
+                self._recorder.set_calibration(item.read_files(), self._now_ns())
             else:
                 self._write(item)
         except RecorderError as error:

@@ -7,9 +7,16 @@ import time
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 
+from devices.clock import HostClock
+from gateway.calibration.record import CalibrationRecord, content_hash
+from gateway.calibration.store import CalibrationStore
+from gateway.configuration.loading import validate
+from gateway.daemon.device_factory import make_device
 from tests.ports import unused_port
 from tests.system.conftest import BusPeer, JoinBus, RunningGateway, StartGateway
+from tests.values import present
 from tests.waiting import wait_until
 
 LONGEST_STOP_S = 5.0
@@ -26,6 +33,17 @@ def ends_in_time(gateway: RunningGateway) -> int:
     assert seconds < LONGEST_STOP_S
     assert "Traceback" not in err
     return code
+
+
+def put_in_force(data_dir: Path, *names: str) -> None:
+    """Store copies of the simulated device's factory record, and put one after the other in force."""
+    info = make_device(validate({}, "test"), HostClock()).open()
+    store = CalibrationStore(data_dir, info.device_id)
+    for name in names:
+        content = present(info.factory_calibration) | {"id": name}
+        content["sha256"] = content_hash(content)
+        store.add(CalibrationRecord.model_validate(content))
+        store.put_in_force(name, by="ann", reason="", request=name, time_utc="2026-01-03T00:00:00Z")
 
 
 @pytest.mark.slow
@@ -56,6 +74,24 @@ def test_a_disk_that_takes_nothing_at_start_delays_neither_samples_nor_the_end(
     peer = join_bus(gateway.endpoint)
     peer.wait_for("alert")
     ends_in_time(gateway)
+
+
+@pytest.mark.slow
+def test_a_stored_record_that_cannot_be_read_delays_nothing_but_the_recording(
+    start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
+) -> None:
+    put_in_force(tmp_path / "data", "older", "newer")
+    gate = tmp_path / "stalled"
+    gate.write_text("older.json")
+    gateway = start_gateway(program=("tests.system.stalling_disk", str(gate)))
+    peer = join_bus(gateway.endpoint)
+    assert peer.wait_for("alert")["calibration_id"] == "newer"
+    alerts_go_on(peer)
+    gate.unlink()
+    peer.wait_for("health", lambda message: message["recording"])
+    assert ends_in_time(gateway) == 0
+    with gateway.recordings[0].open("rb") as file:
+        assert "calibration-newer.html" in {each.name for each in make_reader(file).iter_attachments()}
 
 
 @pytest.mark.slow
