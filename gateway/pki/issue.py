@@ -14,8 +14,6 @@ from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 BACKDATED = timedelta(days=1)
 """A certificate is valid from a day before it is made: the clocks of gateways are not all right."""
 LOCAL_HOSTS = ("localhost", "127.0.0.1", "::1")
-MAX_NAME_LENGTH = 64
-"""Upper bound of a common name (RFC 5280, appendix A.1, ub-common-name)."""
 
 
 class Holder(StrEnum):

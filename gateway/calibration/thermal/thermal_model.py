@@ -110,7 +110,14 @@ class ThermalModel(BaseModel):
 
 def thermal_model(record: CalibrationRecord) -> ThermalModel | None:
     """Return the thermal model of a record, None if it has none. Raises `CalibrationError` for one that cannot be used."""
-    return _parse(record.thermal, record.id)
+    if record.thermal is None:
+        return None
+    try:
+        return ThermalModel.model_validate(record.thermal)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(map(str, ("thermal", *first["loc"])))
+        raise CalibrationError(f"calibration {record.id}: {place}: {first['msg']}; calibrate again") from error
 
 
 def holds_at_c(temperature_c: Mapping[str, float] | None, thermal: Mapping[str, Any] | None) -> float | None:
@@ -133,28 +140,6 @@ def correction_at(record: CalibrationRecord, temperature_c: float | None) -> tup
     changes = [model.axes[axis].change(from_reference_c) for axis in AXES]
     offset_change, scale_change = (np.array([change[part] for change in changes]) for part in (0, 1))
     return matrix / (1 + scale_change), offset + offset_change
-
-
-def raw_at_reference(raw: Array, record: Mapping[str, Any], temperature_c: float) -> Array:
-    """Return readings, (n, 3), as at the reference temperature of a record as JSON; as they are without a thermal model.
-
-    An unknown temperature is NaN. Raises `CalibrationError` for a model that cannot be used.
-    """
-    model = _parse(record.get("thermal"), str(record.get("id")))
-    return (
-        raw if model is None else model.to_reference(raw, np.array(record["offset"], dtype=np.float64), temperature_c)
-    )
-
-
-def _parse(content: Mapping[str, Any] | None, record_id: str) -> ThermalModel | None:
-    if content is None:
-        return None
-    try:
-        return ThermalModel.model_validate(content)
-    except ValidationError as error:
-        first = error.errors()[0]
-        place = ".".join(map(str, ("thermal", *first["loc"])))
-        raise CalibrationError(f"calibration {record_id}: {place}: {first['msg']}; calibrate again") from error
 
 
 def _powers(count: int, value: float) -> Array:

@@ -23,7 +23,7 @@ from gateway.calibration.record_factory import add_content_hash, make_record
 from gateway.calibration.thermal.datasheet_limits import PARTS, judge_interval
 from gateway.calibration.thermal.ramp_calibration import ThermalCalibration, calibrate_ramps
 from gateway.calibration.thermal.rest_calibration import learn_at_rest
-from gateway.calibration.thermal.thermal_model import raw_at_reference
+from gateway.calibration.thermal.thermal_model import thermal_model
 from gateway.errors import InputError
 from gateway.pipeline.force_stage import ForceStage
 from gateway.pipeline.temperature_filter import TIME_CONSTANT_S
@@ -255,15 +255,15 @@ def test_the_pipeline_corrects_each_block_by_its_filtered_temperature() -> None:
     assert np.max(np.abs(uncorrected.apply(batch.raw) - [0, 0, 1])) > 0.015
 
 
-def test_a_record_as_json_brings_readings_to_its_reference_temperature() -> None:
+def test_a_thermal_model_brings_readings_to_its_reference_temperature() -> None:
     learned = make(calibrate_ramps(ramps("MPU-9255", np.random.default_rng(8))))
     zero_g, sensitivity, offset_mg, scale_percent = planted("MPU-9255")
     force_g = np.array([[0.0, 0.0, 1.0]])
     raw = zero_g + sensitivity * (force_g * (1 + scale_percent / 100 * 30) + offset_mg / 1000 * 30)
-    found = raw_at_reference(raw, learned.model_dump(mode="json"), 55.0)
+    model, offset = present(thermal_model(learned)), np.array(learned.offset)
+    found = model.to_reference(raw, offset, 55.0)
     np.testing.assert_allclose(found, zero_g + sensitivity * force_g, atol=16384 * 3e-4)
-    np.testing.assert_array_equal(raw_at_reference(raw, {}, 55.0), raw)
-    np.testing.assert_allclose(raw_at_reference(raw, learned.model_dump(mode="json"), float("nan")), raw)
+    np.testing.assert_allclose(model.to_reference(raw, offset, float("nan")), raw)
 
 
 def test_a_calibration_at_another_temperature_is_compared_through_the_thermal_model() -> None:
