@@ -133,6 +133,7 @@ class Retention:
     def rescan(self) -> None:
         """Find the segments, while none of them is open. Raises `OSError`."""
         self._closed = self._names.list_segments(self._data_dir)
+        self._asked &= {segment.path for segment in self._closed}
 
     def take_segments_to_trim(self) -> list[Path]:
         """Return the segments that shall be trimmed since the last call; their sizes count again after a `rescan`."""
