@@ -11,6 +11,8 @@ from gateway.configuration.device_sections import AnyDevice, SimulatedDevice
 from gateway.configuration.relay_section import AnyRelay, NoRelay
 from gateway.configuration.section import KEY_PATTERN, Section
 
+HIGHEST_CUTOFF = 0.4
+"""Largest cut-off frequency of the low-pass, relative to the sample rate."""
 SIMULATED_RHO = 0.75
 """Position of a simulated housing without a configured position, as a share of the rope's length."""
 
@@ -225,9 +227,10 @@ class Configuration(Section):
         if above_m is not None and above_m > LONGEST_ABOVE_LOAD * self.rope.length_m:
             raise ValueError(f"housing.above_load_m {above_m:g} is more than rope.length_m {self.rope.length_m:g}")
         rate_hz = getattr(self.device, "odr_hz", None)
-        if rate_hz is not None and self.filter.cutoff_hz >= 0.4 * rate_hz:
+        if rate_hz is not None and self.filter.cutoff_hz >= HIGHEST_CUTOFF * rate_hz:
             raise ValueError(
-                f"filter.cutoff_hz {self.filter.cutoff_hz:g} must stay below {0.4 * rate_hz:g}, 0.4 of device.odr_hz"
+                f"filter.cutoff_hz {self.filter.cutoff_hz:g} must stay below {HIGHEST_CUTOFF * rate_hz:g}, "
+                f"{HIGHEST_CUTOFF} of device.odr_hz"
             )
         return self
 

@@ -10,10 +10,9 @@ from gateway.configuration.bus_section import BusSection, is_encrypted, is_loopb
 from gateway.configuration.model import Configuration
 from gateway.daemon.check_result import CheckResult
 from gateway.daemon.command_authorisation import read_certificates
-from gateway.pki.check_files import find_problems
+from gateway.pki.check_files import EXPIRES_SOON_DAYS, find_problems
 from gateway.recording.signing_key import KEY_NAME
 
-EXPIRES_SOON_DAYS = 30
 OTHERS, GROUP_OR_OTHERS = 0o007, 0o077
 
 

@@ -7,9 +7,9 @@ from gateway.bus.client import open_client_session, query_status
 from gateway.configuration.model import Configuration
 from gateway.daemon.check_result import CheckResult
 from gateway.errors import PlumblineError
+from gateway.page.verdict import TRUSTED_CALIBRATIONS
 
 MOST_LOST_SHARE = 0.01
-TRUSTED_CALIBRATIONS = ("calibrated", "factory")
 
 
 def examine_running(configuration: Configuration) -> Iterator[CheckResult]:

@@ -9,10 +9,10 @@ from cryptography import x509
 
 from gateway.authorization.certificates import CertificateVerifier
 from gateway.configuration.bus_section import TlsSection
+from gateway.pki.check_files import EXPIRES_SOON_DAYS
 from gateway.pki.inspect import CertificateError, identity_of, parse_authorities, parse_certificate, revoked_serials
 
 log = logging.getLogger("plumbline.security")
-EXPIRES_SOON_DAYS = 30
 LOOK_S, WARNING_S = 3600.0, 86_400.0
 NOTHING_REVOKED: frozenset[int] = frozenset()
 

@@ -14,7 +14,7 @@ from gateway.recording import header as names
 from gateway.recording.mcap_salvage import describe_losses
 from gateway.recording.reader import RecordingFile, Selection
 from gateway.recording.sample_reader import NEEDED_TOPICS, CalibratedReader
-from gateway.recording.timeline import REPEATED_TOPICS, ReportProgress, Timeline, TimelineSegment, ignore_progress
+from gateway.recording.timeline import REPEATED_PATHS, ReportProgress, Timeline, TimelineSegment, ignore_progress
 from gateway.recording.timestamp import iso_utc
 
 CERTIFICATE_NAME = re.compile(names.CERTIFICATE.format(id=r"[A-Za-z0-9._-]+"))
@@ -69,7 +69,7 @@ def read_evidence(
     for message in timeline.messages(wanted, report):
         files[message.segment.path] = message.file
         recorded = message.recorded
-        if recorded.log_time_ns < window.begin_ns and recorded.topic not in REPEATED_TOPICS:
+        if recorded.log_time_ns < window.begin_ns and recorded.topic not in REPEATED_PATHS:
             continue
         cut.add(message.file, recorded)
         if recorded.topic in TOPICS:

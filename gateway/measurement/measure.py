@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 
+from gateway.configuration.model import HIGHEST_CUTOFF
 from gateway.measurement.conditions import ConditionSummary, summarise_conditions
 from gateway.measurement.formulas import FormulaEvaluation, FormulaResult
 from gateway.measurement.free_swing import cut_to_free_swing
@@ -17,9 +18,6 @@ from gateway.stages.lowpass import LowPass
 from gateway.stages.tilt import TiltAngles, axial_tilt, fused_tilt, plain_tilt, roll_about_x
 from gateway.swing.detection.free_swing import FreeSwing
 from gateway.swing.estimate import SwingEstimate
-
-HIGHEST_CUTOFF = 0.4
-"""Largest cut-off frequency of the low-pass, relative to the sample rate."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 LIBRARY = "cryptography"
+EXPIRES_SOON_DAYS = 30
+"""A certificate with fewer days left is reported."""
 
 
 def find_problems(files: Mapping[str, Path]) -> Iterator[str]:

@@ -16,14 +16,14 @@ from gateway.recording.interval import WHOLE_RECORDING, RecordingExtent, Recordi
 from gateway.recording.mcap_salvage import SalvageReport
 from gateway.recording.reader import EVERYTHING, RecordedMessage, RecordingFile, Selection, open_recording
 from gateway.recording.sample_summary import SampleSummary
+from gateway.recording.schemas import REPEATED_TOPICS
 from gateway.recording.segment_index import SegmentIndex
 from gateway.recording.segment_summary import SegmentSummary
 from gateway.recording.summary_builder import UNUSED_TOPICS, SummaryBuilder
 from gateway.topics import TOPICS
 
 GATEWAY_KEYS = ("site", "crane", "sensor")
-REPEATED_TOPICS = frozenset({"/calibration", "/clock"})
-"""Topics whose last message is repeated at the start of the next segment."""
+REPEATED_PATHS = frozenset(TOPICS[name].path for name in REPEATED_TOPICS)
 SUMMARISED_TOPICS = frozenset(topic.path for topic in TOPICS.values() if topic.name not in UNUSED_TOPICS)
 LONGEST_BLOCK_NS = 10_000_000_000
 """A block is recorded at the time of its newest sample, so that samples before an end may be in a message this much later."""
@@ -142,7 +142,7 @@ class Timeline:
         for segment in chosen:
             file = open_recording(segment.path)
             for number, recorded in enumerate(file.messages(selection)):
-                if recorded.topic in REPEATED_TOPICS:
+                if recorded.topic in REPEATED_PATHS:
                     key = segment.boot_id, recorded.topic
                     if recorded.sequence <= seen.get(key, -1):
                         continue

@@ -16,11 +16,9 @@ from gateway.recording.chain import SegmentChain
 from gateway.recording.events import EventDetector, EventIndex
 from gateway.recording.header import RecordingHeader
 from gateway.recording.retention import BYTES_PER_MB, Retention, SegmentNames
-from gateway.recording.schemas import logged_topics, schema_bytes
+from gateway.recording.schemas import REPEATED_TOPICS, logged_topics, schema_bytes
 from gateway.recording.segment import Segment
 
-REPEATED_TOPICS = ("calibration", "clock")
-"""Repeated at the start of each segment, so that a segment can be read without the one before."""
 RECORDED_EVERY = {"tilt": 5}
 """Of these topics, one message in so many: the low-pass of the tilt leaves nothing that is faster than 2 Hz."""
 SEGMENTS_IN_QUOTA = 4

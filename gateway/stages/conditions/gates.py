@@ -20,9 +20,9 @@ STEADY_BINS = 40
 ROUGHEST_G = 0.1
 """Largest vibration with a reliable mean."""
 IMPACT_G = 0.05
-"""A sample at least this far from the mean of its bin is an impact,"""
+"""Smallest distance of a sample from the mean of its bin that is an impact."""
 CREST = 8.0
-"""unless vibration scatters as much: the distance must exceed this many times the usual scatter of the window."""
+"""The distance of an impact also exceeds this many times the usual scatter of the window, or vibration would be one."""
 LOST_SHARE = 0.1
 WIDEST_RAD = np.radians(30.0)
 """Largest swing of a hanging load while the swing is not known."""
