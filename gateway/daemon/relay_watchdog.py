@@ -86,13 +86,14 @@ def main() -> int:
     watchdog = RelayWatchdog(output, parameters.watchdog_s, _report)
     watchdog.apply(time.monotonic(), answer=True)
     while not stopping:
+        received: list[bytes] | None = []
         if select.select([source], [], [], watchdog.wait_s(time.monotonic()))[0]:
             received = lines.read()
-            if received is None:
-                break
-            for line in received[-1:]:  # the last word counts
-                watchdog.receive(line, time.monotonic())
-        else:
+        if received is None:
+            break
+        if received:
+            watchdog.receive(received[-1], time.monotonic())  # the last word counts
+        else:  # also after a part of a line, or a gateway that stops within one would postpone the release
             watchdog.apply(time.monotonic())
     return _release(output)
 

@@ -1,5 +1,6 @@
 """The relay drops whatever dies or hangs: the gateway, its thread, the process that switches, the output."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -15,8 +16,10 @@ from gateway.daemon import relay_worker
 from gateway.daemon.faults import FaultRegister
 from gateway.daemon.relay_worker import RelayWorker
 from gateway.messages import ActiveAlert, Alert
+from gateway.relay.protocol import ENERGISE
 from tests.gateway.daemon.relay_script import FakeGpioChip, ScriptedRelay
 from tests.system.conftest import ROOT
+from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until
 
 NORMAL = Alert(time_ns=0, clock="synchronised", sequence=0, level="normal", event="standing", active=[], text="normal")
@@ -183,6 +186,28 @@ def test_a_frozen_gateway_drops_the_relay(relay: ScriptedRelay) -> None:
     finally:
         parent.kill()
         parent.wait()
+
+
+def test_lines_that_never_end_do_not_postpone_the_release(relay: ScriptedRelay) -> None:
+    watched = subprocess.Popen([sys.executable, "-m", "gateway.daemon.relay_watchdog"], cwd=ROOT, stdin=subprocess.PIPE)
+    pipe = present(watched.stdin).fileno()
+
+    def state_after(word: bytes) -> str | None:
+        os.write(pipe, word)
+        return relay.state
+
+    try:
+        os.write(pipe, relay_worker.relay_parameters(command(relay)).encode())
+        wait_until(lambda: state_after(ENERGISE) == "energise", "the relay")
+        time.sleep(0.5)  # for the last whole line
+        watched.send_signal(signal.SIGSTOP)  # so that a part of a line waits when the 1.5 s of the watchdog are over
+        os.write(pipe, b"e")
+        time.sleep(2.0)
+        watched.send_signal(signal.SIGCONT)
+        wait_until(lambda: state_after(b"e") == "release", "the release", patience_s=10.0)
+    finally:
+        watched.kill()
+        watched.communicate()
 
 
 def test_a_gpio_line_is_high_while_well_and_low_before_and_after(
