@@ -51,12 +51,14 @@ class ConditionWindow:
         self, time_s: Array, force_g: Array, clipped: int, missing: int, rate_rad_s: Array | None = None
     ) -> None:
         """Add a block: times (n,), specific force (n, 3), numbers of clipped and missing samples, angular rates (n, 3)."""
-        self._clipped += clipped
-        self._missing += missing
         first_s = float(time_s[0])
         if self._last_s is not None and first_s - self._last_s > WINDOW_S:
             self._bins.clear()  # after a gap longer than the window the earlier bins are not relevant
             self._open, self._open_rates, self._open_count, self._open_since_s = [], [], 0, None
+        elif self._follows_gap(first_s):
+            self._close_bin()
+        self._clipped += clipped
+        self._missing += missing
         self._last_s = last_s = float(time_s[-1])
         if self._open_since_s is None:
             self._open_since_s = first_s
@@ -67,7 +69,7 @@ class ConditionWindow:
         count = self._open_count
         length_s = (last_s - self._open_since_s) * count / max(count - 1, 1)  # including the last sample's own period
         if length_s >= COMPLETE_SHARE * BIN_S:
-            self._close_bin((self._open_since_s + last_s) / 2)
+            self._close_bin()
 
     @property
     def bins(self) -> list[Bin]:
@@ -79,7 +81,14 @@ class ConditionWindow:
         """The bins of the longer memory, including the window."""
         return list(self._bins)
 
-    def _close_bin(self, time_s: float) -> None:
+    def _follows_gap(self, first_s: float) -> bool:
+        """Return whether a block begins after the open bin should be complete; one sample alone does not tell the rate."""
+        return self._open_count > 1 and self._open_since_s is not None and first_s - self._open_since_s >= BIN_S
+
+    def _close_bin(self) -> None:
+        assert self._open_since_s is not None
+        assert self._last_s is not None
+        time_s = (self._open_since_s + self._last_s) / 2
         force_g = np.concatenate(self._open)
         count = self._open_count
         mean_g = np.add.reduce(force_g) / count

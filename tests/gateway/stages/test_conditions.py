@@ -217,6 +217,14 @@ def test_a_gap_clears_the_window() -> None:
     assert judge_condition(window, STILL, NOISE_G, DM_G).verdict == "unknown"
 
 
+def test_no_bin_spans_a_gap() -> None:
+    window, time_s = ConditionWindow(), np.arange(5) / RATE_HZ
+    window.update(time_s, np.tile(REST, (5, 1)), 0, 0)
+    window.update(time_s + 1.0, np.tile((0.1, 0.0, 1.0), (5, 1)), 0, 95)
+    window.update(time_s + 1.05, np.tile((0.1, 0.0, 1.0), (5, 1)), 0, 0)
+    assert [(each.mean_g[0], each.missing) for each in window.bins] == [(0.0, 0), (pytest.approx(0.1), 95)]
+
+
 def test_a_constant_acceleration_with_unit_norm_is_not_detectable() -> None:
     """Łuczak n.d., Fig. 2: a constant acceleration of -2 g upright leaves |m| = 1 and turns the reading by 180 degrees.
 
