@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from gateway.atomic_io import write_durably
 from gateway.calibration.record import CalibrationError, CalibrationRecord
-from gateway.disk_job import PerformJob, perform_now
+from gateway.disk_job import PerformJob, perform_now, read_with
 from gateway.errors import describe_problems
 from gateway.file_input import parse_json, read_bounded
 
@@ -59,10 +59,13 @@ class InForceState(BaseModel):
 
 
 class CalibrationStore:
-    """The records of one device. Each call reads the disk, so its answer is what a restart would find."""
+    """The records of one device. Each call reads the disk, so its answer is what a restart would find.
+
+    Each raises `TimeoutError` where `perform` has a bound and the disk takes longer.
+    """
 
     def __init__(self, data_dir: Path, device_id: str, perform: PerformJob = perform_now) -> None:
-        """`perform` carries out what is to be written."""
+        """`perform` carries out what is to be read or written."""
         self.device_id = device_id
         self._perform = perform
         name = quote(device_id, safe=" ")
@@ -75,6 +78,9 @@ class CalibrationStore:
 
     def state(self) -> InForceState:
         """Return the id of the record in force and its history. Raises `CalibrationError` if they cannot be read."""
+        return read_with(self._perform, self._read_state)
+
+    def _read_state(self) -> InForceState:
         path = self._in_force_path
         content = _read_json(path)
         if content is None:
@@ -90,7 +96,7 @@ class CalibrationStore:
     def record(self, record_id: str) -> CalibrationRecord:
         """Return a record by its id. Raises `CalibrationError` if it does not exist or must not be used."""
         path = self._record_path(record_id)
-        content = _read_json(path)
+        content = read_with(self._perform, lambda: _read_json(path))
         if content is None:
             raise CalibrationError(f"{path}: there is no such record; {REMEDY}")
         record = parse_record(content, self.device_id, str(path))
@@ -100,7 +106,8 @@ class CalibrationStore:
 
     def ids(self) -> list[str]:
         """Return the ids of all records, sorted."""
-        return sorted(path.stem for path in (self.folder / "records").glob("[!.]*.json"))
+        records = self.folder / "records"
+        return read_with(self._perform, lambda: sorted(path.stem for path in records.glob("[!.]*.json")))
 
     def add(self, record: CalibrationRecord) -> None:
         """Store a record without putting it in force.
@@ -110,27 +117,32 @@ class CalibrationStore:
         path = self._record_path(record.id)
         if record.device_id != self.device_id:
             raise CalibrationError(f"record {record.id} belongs to {record.device_id}, not to {self.device_id}")
-        if path.exists():
+        if read_with(self._perform, path.exists):
             if self.record(record.id).sha256 != record.sha256:
                 raise CalibrationError(f"{path}: another record has this id; records are never changed")
             return
         self._write(path, _json_bytes(record.model_dump(mode="json")))
 
     def put_in_force(self, record_id: str | None, *, by: str, reason: str, request: str, time_utc: str) -> None:
-        """Change the record in force. Raises `CalibrationError` if the record cannot be used, and `OSError`."""
+        """Change the record in force. Raises `CalibrationError` if it cannot be used, and `OSError` if nothing has changed."""
         if record_id is not None:
             self.record(record_id)
         path = self._in_force_path
         try:
             before = self.state()
         except CalibrationError:  # a person may put a record in force nevertheless; the unreadable file is kept
-            self._write(self.folder / "in_force.unreadable.json", path.read_bytes())
+            self._write(self.folder / "in_force.unreadable.json", read_with(self._perform, path.read_bytes))
             before = InForceState(device_id=self.device_id, in_force=None, history=())
         change = InForceChange(
             time_utc=time_utc, by=by, reason=reason, request=request, before=before.in_force, after=record_id
         )
         after = InForceState(device_id=self.device_id, in_force=record_id, history=(*before.history, change))
-        self._write(path, _json_bytes(after.model_dump(mode="json", by_alias=True)))
+        try:
+            self._write(path, _json_bytes(after.model_dump(mode="json", by_alias=True)))
+        except OSError:
+            # Read at once: what was renamed a moment ago is in memory, while the disk still hangs in the last sync.
+            if self._read_state().in_force != record_id:
+                raise  # otherwise only the last sync failed, and a restart would find the requested record
 
     def _write(self, path: Path, content: bytes) -> None:
         self._perform(lambda is_wanted: write_durably(path, content, is_wanted))
@@ -147,9 +159,9 @@ class CalibrationStore:
         return self.folder / "records" / f"{record_id}.json"
 
 
-def find_record_in_force(data_dir: Path, device_id: str) -> CalibrationRecord | None:
+def find_record_in_force(data_dir: Path, device_id: str, perform: PerformJob = perform_now) -> CalibrationRecord | None:
     """Return the record in force of a device, or None. Raises `CalibrationError` if it must not be used."""
-    return CalibrationStore(data_dir, device_id).in_force()
+    return CalibrationStore(data_dir, device_id, perform).in_force()
 
 
 def parse_record(content: dict[str, Any], device_id: str, where: str) -> CalibrationRecord:

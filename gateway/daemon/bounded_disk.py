@@ -1,4 +1,4 @@
-"""Writing for a thread that must not wait for the disk: a job that takes too long fails, and is not carried out later."""
+"""The disk for a thread that must not wait for it: a job that takes too long fails, and is not carried out later."""
 
 import threading
 from dataclasses import dataclass, field
@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.worker import Worker
 from gateway.disk_job import DiskJob
+from gateway.errors import PlumblineError
 
 PATIENCE_S = 0.2
 """Longest wait for one job. Basis: an SD card needs 5 to 50 ms, and alerts are due every second."""
@@ -18,7 +19,7 @@ class _Ticket:
 
     job: DiskJob
     done: threading.Event = field(default_factory=threading.Event)
-    error: OSError | None = None
+    error: OSError | PlumblineError | None = None
     abandoned: bool = False
 
 
@@ -30,7 +31,7 @@ class BoundedDisk(Worker[_Ticket]):
         self._hanging = threading.Event()
 
     def perform(self, job: DiskJob) -> None:
-        """Carry a job out within a bounded time. Raises `OSError`, `TimeoutError` where the disk takes too long."""
+        """Carry a job out within a bounded time. Raises what the job raises, `TimeoutError` where the disk takes too long."""
         ticket = _Ticket(job)
         if self._hanging.is_set() or not self.inbox.put(ticket):
             raise TimeoutError("the disk does not answer")
@@ -46,7 +47,7 @@ class BoundedDisk(Worker[_Ticket]):
         if not item.abandoned:
             try:
                 item.job(lambda: not item.abandoned)
-            except OSError as error:
+            except (OSError, PlumblineError) as error:
                 item.error = error
         self._hanging.clear()
         item.done.set()

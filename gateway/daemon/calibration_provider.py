@@ -9,6 +9,7 @@ from devices.block import DeviceInfo
 from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.store import CalibrationStore, find_record_in_force
+from gateway.disk_job import PerformJob, perform_now
 from gateway.recording.calibration_files import CalibrationFiles, calibration_files
 
 log = logging.getLogger("plumbline.calibration")
@@ -24,15 +25,21 @@ class CalibrationProvider:
         self._axes = axes
         self._files: CalibrationFiles | None = None
 
-    def correction(self, info: DeviceInfo) -> Correction:
-        """Return the correction in force for a device. A record that must not be used leaves the device uncalibrated."""
+    def correction(self, info: DeviceInfo, perform: PerformJob = perform_now) -> Correction:
+        """Return the correction in force for a device. A record that must not be used leaves the device uncalibrated.
+
+        Raises `TimeoutError` where `perform` has a bound and the disk takes longer.
+        """
         try:
-            return correction_for(info, self._axes, find_record_in_force(self._data_dir, info.device_id))
+            return correction_for(info, self._axes, find_record_in_force(self._data_dir, info.device_id, perform))
         except CalibrationError as error:
             log.error("%s", error)
-            without_factory = replace(info, factory_calibration=None)  # the factory's must not replace it silently
-            uncalibrated = correction_for(without_factory, self._axes, None)
+            uncalibrated = self.uncalibrated(info)
             return replace(uncalibrated, text=f"{uncalibrated.text}; {error}")
+
+    def uncalibrated(self, info: DeviceInfo) -> Correction:
+        """Return the correction of a device whose record is not known; the factory's must not replace it silently."""
+        return correction_for(replace(info, factory_calibration=None), self._axes, None)
 
     def files(self, info: DeviceInfo, correction: Correction) -> CalibrationFiles | None:
         """Return the record behind a correction and its certificate; None where there is no record. For the recording thread."""

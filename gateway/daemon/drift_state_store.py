@@ -11,6 +11,7 @@ from gateway.calibration.drift.rest_monitor import RestDriftMonitor
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
 from gateway.daemon.file_writer import FileContent
+from gateway.disk_job import PerformJob, perform_now, read_with
 from gateway.file_input import parse_json, read_bounded
 from gateway.pipeline.drift_monitor import DriftMonitor
 
@@ -28,14 +29,17 @@ class DriftStateStore:
         self._saved_status: dict[str, Any] | None = None
         self.monitor = DriftMonitor(None)
 
-    def open(self, device_id: str, correction: Correction) -> DriftMonitor:
-        """Return the monitor of the record behind a correction: the present one if the record is the same."""
+    def open(self, device_id: str, correction: Correction, perform: PerformJob = perform_now) -> DriftMonitor:
+        """Return the monitor of the record behind a correction: the present one if the record is the same.
+
+        `perform` carries out the reading of the saved state, without which the monitor starts again.
+        """
         path = CalibrationStore(self._data_dir, device_id).folder / "drift.json"
         if path == self._path and self.monitor.calibration_id == correction.calibration_id:
             return self.monitor
         self.save()
         self._path = path
-        self.monitor = DriftMonitor(_rest_monitor(correction, path))
+        self.monitor = DriftMonitor(_rest_monitor(correction, path, perform))
         self._saved_status = self.monitor.status_json
         return self.monitor
 
@@ -52,20 +56,20 @@ class DriftStateStore:
         self._write(FileContent(self._path, json.dumps(self.monitor.dump_state()).encode()))
 
 
-def _rest_monitor(correction: Correction, path: Path) -> RestDriftMonitor | None:
+def _rest_monitor(correction: Correction, path: Path, perform: PerformJob) -> RestDriftMonitor | None:
     if correction.record is None:
         return None
     try:
-        return RestDriftMonitor(correction, _read_state(path))
+        return RestDriftMonitor(correction, _read_state(path, perform))
     except CalibrationError as error:
         log.error("%s; its drift is not monitored", error)
         return None
 
 
-def _read_state(path: Path) -> dict[str, Any] | None:
+def _read_state(path: Path, perform: PerformJob) -> dict[str, Any] | None:
     """Return the saved state; None where there is none that can be read: the monitor then starts again."""
     try:
-        content = parse_json(read_bounded(path))
+        content = parse_json(read_with(perform, lambda: read_bounded(path)))
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:

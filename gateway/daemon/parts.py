@@ -207,6 +207,7 @@ def compose(
         counters,
         health,
         CalibrationProvider(section.data_dir, axes),
+        calibration_disk.perform,
         drift_store,
         wall_clock,
         recalibration,

@@ -26,6 +26,7 @@ from gateway.daemon.sampler import SamplerItem
 from gateway.daemon.simulated_rigger import SimulatedRigger
 from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.daemon.worker import Worker
+from gateway.disk_job import PerformJob, perform_now
 from gateway.messages import Alert, ClockOffset
 from gateway.pipeline.calibration_state import PipelineCalibration
 from gateway.pipeline.clock_state import MessageTime
@@ -57,6 +58,7 @@ class Processor(Worker[SamplerItem]):
         counters: SampleCounters,
         health: HealthReporter,
         calibrations: CalibrationProvider,
+        perform: PerformJob,
         drift_store: DriftStateStore,
         wall_clock: WallClockMonitor,
         recalibration: RecalibrationService,
@@ -69,11 +71,15 @@ class Processor(Worker[SamplerItem]):
         relay: RelayWorker | None,
         rigger: SimulatedRigger | None,
     ) -> None:
+        """`perform` carries out what is read of the disk while samples come, within a bounded time."""
         super().__init__("processor", inbox)
         self._configuration = configuration
         self._counters = counters
         self._health = health
         self._calibrations = calibrations
+        self._bounded = perform
+        self._is_record_unread = False
+        """The disk did not answer when the record in force was to be read."""
         self._drift_store = drift_store
         self._wall_clock = wall_clock
         self._recalibration = recalibration
@@ -102,17 +108,34 @@ class Processor(Worker[SamplerItem]):
         self.info = info
         self._recalibration.open(info)
         self._recording.inbox.put(info)
-        self._open_pipeline(info)
+        self._open_pipeline(info, self._read_correction(info) or self._calibrations.uncalibrated(info))
 
-    def _open_pipeline(self, info: DeviceInfo) -> None:
-        """Make the pipeline with the calibration in force, and note that calibration in the recording and in the log."""
-        self.correction = self._calibrations.correction(info)
+    def _read_correction(self, info: DeviceInfo) -> Correction | None:
+        """Return the correction in force; None where the disk does not answer in time, which is tried again with each block."""
+        try:
+            correction = self._calibrations.correction(info, self._perform)
+        except TimeoutError as error:
+            if not self._is_record_unread:
+                log.error("%s: the record in force cannot be read: %s", info.device_id, error)
+            self._is_record_unread = True
+            return None
+        self._is_record_unread = False
+        return correction
+
+    @property
+    def _perform(self) -> PerformJob:
+        """Who reads the disk: at the start, when nothing waits for samples, this thread itself."""
+        return self._bounded if self.is_alive() else perform_now
+
+    def _open_pipeline(self, info: DeviceInfo, correction: Correction) -> None:
+        """Make the pipeline of a calibration, and note that calibration in the recording and in the log."""
+        self.correction = correction
         extra = None if self.is_alive() else RECORDED_ONLY  # at start `Gateway.describe` has printed it
         log.info("%s: calibration in force: %s", info.device_id, self.correction.text, extra=extra)
         change = CalibrationChange(partial(self._calibrations.files, info, self.correction))
         if not self._recording.inbox.put_waiting(change, SINK_PATIENCE_S):
             log.error("the recorder is too busy: later segments do not contain %s", self.correction.text)
-        drift = self._drift_store.open(info.device_id, self.correction)
+        drift = self._drift_store.open(info.device_id, self.correction, self._perform)
         self._pipeline = Pipeline(self._configuration, info, self.correction, self._headers, drift, self._incidents)
         self._made_for = self._present_calibration(self.correction)
         self._set_session()
@@ -161,11 +184,10 @@ class Processor(Worker[SamplerItem]):
         update = self._recalibration.serve()
         if self.info is None or self._pipeline is None:
             return
-        if (
-            update.pipeline_changed
-            and self._present_calibration(self._calibrations.correction(self.info)) != self._made_for
-        ):
-            self._open_pipeline(self.info)
+        is_due = update.pipeline_changed or self._is_record_unread
+        correction = self._read_correction(self.info) if is_due else None
+        if correction is not None and self._present_calibration(correction) != self._made_for:
+            self._open_pipeline(self.info, correction)
             self._next_second_ns = 0  # the health of the previous record must not be taken for that of the new one
         else:
             self._set_session()

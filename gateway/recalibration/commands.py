@@ -54,7 +54,7 @@ class CommandHandler:
     software: str
 
     def prepare(self, request: Request, session: Session | None, now: Timestamp) -> Command:
-        """Return the command of a request. Raises `Refused` or `CalibrationError` if it must not be executed."""
+        """Return the command of a request. Raises `Refused` or `CalibrationError` if it must not be executed, and `OSError`."""
         active = session if session is not None and session.is_active else None
         match request:
             case Commit():
@@ -73,18 +73,13 @@ class CommandHandler:
         raise Refused(f"{type(request).__name__}: not known")
 
     def parent(self) -> CalibrationRecord | None:
-        """Return the parent of a new record: the record in force, or the factory record; None if it cannot be read."""
-        try:
-            stored = self.store.in_force()
-        except CalibrationError:
-            return None
-        if stored is not None or self.device.factory_calibration is None:
-            return stored
-        return CalibrationRecord.model_validate(self.device.factory_calibration)
+        """Return the parent of a new record, see `find_parent`. Raises `OSError`."""
+        return find_parent(self.store, self.device)
 
-    def record_of(self, fit: CalibrationFit, *, by: str, request: str, now: Timestamp) -> CalibrationRecord:
+    def record_of(
+        self, fit: CalibrationFit, parent: CalibrationRecord | None, *, by: str, request: str, now: Timestamp
+    ) -> CalibrationRecord:
         """Return the record of a fit. Raises `CalibrationError`."""
-        parent = self.parent()
         try:
             return make_record(
                 fit,
@@ -124,7 +119,7 @@ class CommandHandler:
             raise Refused(reason)
         rotation = housing_rotation(self.axes)
         fit = zero_in_place(self.recent_samples.recent(), parent, rotation, self.device.units_per_g)
-        record = self.record_of(fit, by=request.by, request=request.id, now=now)
+        record = self.record_of(fit, parent, by=request.by, request=request.id, now=now)
         if (reason := judge(fit, parent).refusal(request.reason)) is not None:
             raise Refused(reason)
         session = Session(
@@ -196,10 +191,15 @@ class CommandHandler:
 
     def _change_in_force(self, record_id: str | None, request: Request, now: Timestamp) -> None:
         """Raises `OSError` if nothing has changed."""
-        try:
-            self.store.put_in_force(
-                record_id, by=request.by, reason=request.reason, request=request.id, time_utc=now.utc
-            )
-        except OSError:
-            if self.store.state().in_force != record_id:
-                raise  # otherwise only the last sync failed, and a restart would find the requested record
+        self.store.put_in_force(record_id, by=request.by, reason=request.reason, request=request.id, time_utc=now.utc)
+
+
+def find_parent(store: CalibrationStore, device: DeviceInfo) -> CalibrationRecord | None:
+    """Return the record in force, or the factory record; None if it must not be used. Raises `OSError`."""
+    try:
+        stored = store.in_force()
+    except CalibrationError:
+        return None
+    if stored is not None or device.factory_calibration is None:
+        return stored
+    return CalibrationRecord.model_validate(device.factory_calibration)

@@ -22,13 +22,13 @@ from gateway.calibration.store import CalibrationStore
 from gateway.disk_job import PerformJob, perform_now
 from gateway.errors import PlumblineError
 from gateway.recalibration.audit import Audit
-from gateway.recalibration.commands import CommandHandler, CommandResult
+from gateway.recalibration.commands import CommandHandler, CommandResult, find_parent
 from gateway.recalibration.fetch_handler import answer_fetch
 from gateway.recalibration.interlock import LoadInterlock
 from gateway.recalibration.journal import MAX_ANSWERS, Journal, RequestAnswer
 from gateway.recalibration.requests import Fetch, Recalibrate, Request, Zero
 from gateway.recalibration.sample_buffer import RecentSamples
-from gateway.recalibration.session import Session, Timestamp
+from gateway.recalibration.session import Session, Timestamp, abandoned_session
 
 BUFFER_MARGIN_S = 1.0
 """Duration of the readings that are kept beyond what zeroing needs, s."""
@@ -56,7 +56,7 @@ class Recalibration:
         log_line: Callable[[str], None],
         perform: PerformJob = perform_now,
     ) -> None:
-        """`log_line` writes a line to the log, `perform` carries out what is to be written.
+        """`log_line` writes a line to the log, `perform` carries out what requests read and write.
 
         No request can be answered before `open`.
         """
@@ -78,10 +78,9 @@ class Recalibration:
 
     def open(self, device: DeviceInfo, now: Timestamp) -> None:
         """Start with an opened device: an unfinished session continues with it, or ends."""
-        store = CalibrationStore(self._data_dir, device.device_id, self._perform)
         self._handler = CommandHandler(
             device=device,
-            store=store,
+            store=CalibrationStore(self._data_dir, device.device_id, self._perform),
             axes=self._axes,
             interlock=self.interlock,
             recent_samples=self._recent_samples,
@@ -92,14 +91,14 @@ class Recalibration:
         self._procedure = self._progress = None
         if self._journal.read_error is not None:
             self._try_audit(now, "journal", text=self._journal.read_error)
-            self.session = _abandoned_session(device.device_id, self._journal.read_error, now)
+            self.session = abandoned_session(device.device_id, self._journal.read_error, now)
             self._journal.read_error = None
         session = self.session
         if session is None or not session.is_active:
             return
         if session.device_id != device.device_id:
             self._end(session, "rejected", f"the sensor was exchanged for {device.device_id}", now)
-        elif session.record_id is not None and _id_in_force(store) == session.record_id:
+        elif session.record_id is not None and _id_in_force(self._patient_store) == session.record_id:
             self._end(session, "committed", f"record {session.record_id} is in force", now)
         elif (reason := session.restart_refusal(now.time_ns)) is not None:
             self._end(session, "rejected", reason, now)
@@ -107,7 +106,7 @@ class Recalibration:
             self._try_audit(now, "resumed", session=session.id, phase=session.phase, poses=len(session.poses))
             self._save_or_end(session.resume(), now)
             try:
-                self._start_procedure(self.session)
+                self._start_procedure(self._make_procedure(self.session, self._patient_store))
             except (PlumblineError, ValueError, ArithmeticError) as error:  # of whatever the journal contained
                 self._end(session, "rejected", f"the session cannot continue: {error}", now)
 
@@ -143,20 +142,26 @@ class Recalibration:
 
     def fetch(self, fetch: Fetch) -> RequestAnswer:
         """Return what is stored or in review. It changes nothing, and any thread may call it."""
-        return answer_fetch(fetch, self._opened.store, self._audit, self.session)
+        return answer_fetch(fetch, self._patient_store, self._audit, self.session)
 
     def answer(self, verb: str, request: Request, now: Timestamp) -> Response:
         """Execute a request or refuse it. The same request has the same answer, and is executed once."""
         fingerprint = f"{verb} {request.model_dump_json()}"
-        known = self._journal.answer(request.id) or self._find_executed(request, fingerprint)
-        if known is None:
-            return self._execute(verb, request, fingerprint, now)
+        try:
+            known = self._journal.answer(request.id) or self._find_executed(request, fingerprint)
+            if known is None:
+                return self._execute(verb, request, fingerprint, now)
+        except (OSError, CalibrationError) as error:  # not kept, so that the same request may be sent again
+            self._try_audit(now, "failed", id=request.id, text=str(error))
+            text = f"could not be executed: {error}"
+            return Response(RequestAnswer(id=request.id, request=fingerprint, accepted=False, text=text))
         if known.request == fingerprint:
             return Response(known)
         text = f"id {request.id} is that of another request; choose a new one"
         return Response(RequestAnswer(id=request.id, request=fingerprint, accepted=False, text=text))
 
     def _execute(self, verb: str, request: Request, fingerprint: str, now: Timestamp) -> Response:
+        """Execute a request or refuse it. Raises `OSError` or `CalibrationError` if the disk does not allow it."""
         audited = {"verb": verb, **request.model_dump(mode="json")}
         try:
             command = self._opened.prepare(request, self.session, now)
@@ -164,44 +169,50 @@ class Recalibration:
             answer = RequestAnswer(id=request.id, request=fingerprint, accepted=False, text=str(refusal))
             self._note_refusal(answer, audited, now)
             return Response(answer)
-        try:
-            self._audit.write(now.utc, "request", **audited, accepted=True)
-            result = command()
-        except (OSError, CalibrationError) as error:
-            self._try_audit(now, "failed", id=request.id, text=str(error))
-            text = f"could not be executed: {error}"
-            return Response(RequestAnswer(id=request.id, request=fingerprint, accepted=False, text=text))
+        self._audit.write(now.utc, "request", **audited, accepted=True)
+        result = command()
+        procedure = self._make_procedure(result.session, self._opened.store)
         content = {} if result.record_id is None else {"record": result.record_id}
         answer = RequestAnswer(id=request.id, request=fingerprint, accepted=True, text=result.text, content=content)
-        return self._save_result(result, answer, now)
+        return self._save_result(result, procedure, answer, now)
 
-    def _save_result(self, result: CommandResult, answer: RequestAnswer, now: Timestamp) -> Response:
+    def _save_result(
+        self, result: CommandResult, procedure: PoseProcedure | None, answer: RequestAnswer, now: Timestamp
+    ) -> Response:
         """Save the result of a command and its answer in one step."""
         starts_session = result.session is not None and result.session.is_active
         if not self._try_save(result.session, answer) and starts_session:
             return Response(answer.model_copy(update={"accepted": False, "text": NOT_SAVED}))
         self.session = result.session
-        self._procedure = self._progress = None
-        self._start_procedure(result.session)
+        self._start_procedure(procedure)
         self.interlock.clear()
         self._try_audit(now, "done", id=answer.id, text=answer.text)
         return Response(answer, pipeline_changed=True)
 
-    def _start_procedure(self, session: Session | None) -> None:
+    def _make_procedure(self, session: Session | None, store: CalibrationStore) -> PoseProcedure | None:
+        """Return the procedure of a session that collects poses. Raises `OSError`."""
         if session is None or session.phase != "collecting":
-            return
-        handler = self._opened
-        nominal = NominalSensitivity(handler.device.units_per_g)
-        self._procedure = make_procedure(session.method, nominal, parent=handler.parent())
-        self._procedure.resume(session.poses)
-        self._progress = self._procedure.progress()
+            return None
+        device = self._opened.device
+        nominal, parent = NominalSensitivity(device.units_per_g), find_parent(store, device)
+        procedure = make_procedure(session.method, nominal, parent=parent)
+        procedure.resume(session.poses)
+        return procedure
+
+    def _start_procedure(self, procedure: PoseProcedure | None) -> None:
+        self._procedure = procedure
+        self._progress = None if procedure is None else procedure.progress()
 
     def _review(self, session: Session, procedure: PoseProcedure, now: Timestamp) -> None:
-        """Fit the complete poses, make the record, and judge it."""
+        """Fit the complete poses, make the record, and judge it; with the next block where the disk does not answer now."""
+        try:
+            parent = self._opened.parent()
+        except OSError:
+            return
         try:
             fit = procedure.finish()
-            record = self._opened.record_of(fit, by=session.by, request=session.id, now=now)
-            acceptance = judge(fit, self._opened.parent())
+            record = self._opened.record_of(fit, parent, by=session.by, request=session.id, now=now)
+            acceptance = judge(fit, parent)
         except (ValueError, ArithmeticError) as error:  # of unforeseen numbers as well: a restart would not help
             self._end(session, "rejected", str(error), now)
             return
@@ -264,26 +275,15 @@ class Recalibration:
             self._log_line(f"the audit cannot be written: {error}")
 
     @property
+    def _patient_store(self) -> CalibrationStore:
+        """The store for a start, and for another thread: it waits for the disk."""
+        return CalibrationStore(self._data_dir, self._opened.device.device_id)
+
+    @property
     def _opened(self) -> CommandHandler:
         if self._handler is None:
             raise ValueError("no device has been opened yet")
         return self._handler
-
-
-def _abandoned_session(device_id: str, text: str, now: Timestamp) -> Session:
-    """Return an abandoned session, for a journal that cannot show whether one was active."""
-    return Session(
-        id="unknown",
-        phase="rejected",
-        method="",
-        by="",
-        device_id=device_id,
-        parent=None,
-        begun_ns=now.time_ns,
-        touched_ns=now.time_ns,
-        text=text,
-        left=True,
-    )
 
 
 def _id_in_force(store: CalibrationStore) -> str | None:

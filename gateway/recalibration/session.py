@@ -136,3 +136,19 @@ class Session(BaseModel):
         if self.restarts >= MAX_RESTARTS:
             return f"the gateway was started {self.restarts} times without a pose in between"
         return self.timeout_reason(now_ns)
+
+
+def abandoned_session(device_id: str, text: str, now: Timestamp) -> Session:
+    """Return an abandoned session, for a journal that cannot show whether one was active."""
+    return Session(
+        id="unknown",
+        phase="rejected",
+        method="",
+        by="",
+        device_id=device_id,
+        parent=None,
+        begun_ns=now.time_ns,
+        touched_ns=now.time_ns,
+        text=text,
+        left=True,
+    )

@@ -1,10 +1,13 @@
 """A gateway whose surroundings break while it runs: alerts go on, the fault is published, and SIGTERM is obeyed."""
 
+import json
 import os
 import signal
 import socket
 import time
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
@@ -15,6 +18,7 @@ from gateway.calibration.store import CalibrationStore
 from gateway.configuration.loading import validate
 from gateway.daemon.device_factory import make_device
 from tests.ports import unused_port
+from tests.system.bus_query import query_signed
 from tests.system.conftest import BusPeer, JoinBus, RunningGateway, StartGateway
 from tests.values import present
 from tests.waiting import wait_until
@@ -92,6 +96,33 @@ def test_a_stored_record_that_cannot_be_read_delays_nothing_but_the_recording(
     assert ends_in_time(gateway) == 0
     with gateway.recordings[0].open("rb") as file:
         assert "calibration-newer.html" in {each.name for each in make_reader(file).iter_attachments()}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("file", ["in_force.json", "older.json"])
+def test_a_request_for_what_the_disk_does_not_give_is_refused_and_delays_no_alert(
+    start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path, file: str
+) -> None:
+    put_in_force(tmp_path / "data", "older", "newer")
+    gate = tmp_path / "stalled"
+    gateway = start_gateway(program=("tests.system.stalling_disk", str(gate)))
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("health", lambda message: message["recording"])
+
+    def roll_back(number: int) -> tuple[bool, Any]:
+        payload = json.dumps({"id": f"request-{number}", "by": "ann", "to": "older"}).encode()
+        ((accepted, content),) = query_signed(peer.session, "rollback", payload, gateway.data_dir)
+        return accepted, content
+
+    gate.write_text(file)
+    accepted, content = roll_back(1)
+    assert (accepted, content["reason"]) == (False, "could not be executed: the disk does not answer")
+    alerts_go_on(peer)
+    gate.unlink()
+    numbers = count(2)
+    wait_until(lambda: roll_back(next(numbers))[0], "the disk")
+    peer.wait_for("calibration", lambda message: message["calibration_id"] == "older")
+    ends_in_time(gateway)
 
 
 @pytest.mark.slow

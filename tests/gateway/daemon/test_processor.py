@@ -2,20 +2,29 @@
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import HostClock
+from gateway.calibration.record import CalibrationRecord
+from gateway.calibration.store import CalibrationStore
 from gateway.configuration.loading import validate
 from gateway.daemon.configuration_service import ConfigurationService
 from gateway.daemon.faults import FaultRegister
 from gateway.daemon.line_writer import LineWriter
 from gateway.daemon.parts import Parts, compose
 from gateway.daemon.processor import HEALTH_PERIOD_S
+from gateway.daemon.sampler import DeviceReopened
 from gateway.messages import Health
 from gateway.recording.chain import SegmentChain
-from tests.waiting import PATIENCE_S
+from tests.values import present
+from tests.waiting import PATIENCE_S, wait_until
 
 INFO = DeviceInfo(kind="test", device_id="part-7", unit="g", odr_hz=100.0, units_per_g=1.0)
 
@@ -57,6 +66,34 @@ def composed(folder: Path, device: HangingDevice) -> Parts:
         changes=ConfigurationService(None, service=False, environment={}),
         faults=FaultRegister(),
     )
+
+
+def test_a_device_whose_record_the_disk_does_not_give_is_uncalibrated_until_it_does(
+    tmp_path: Path, record: Callable[..., dict[str, Any]]
+) -> None:
+    other, device, gate = replace(INFO, device_id="part-8"), HangingDevice(), threading.Event()
+    made = CalibrationRecord.model_validate(record(device_id="part-8", unit="g", correction_matrix=np.eye(3).tolist()))
+    store = CalibrationStore(tmp_path, "part-8")
+    store.add(made)
+    store.put_in_force(made.id, by="ann", reason="", request="request-1", time_utc="2026-01-01T00:00:00Z")
+    device.gate.set()
+    parts = composed(tmp_path, device)
+    parts.outbox.start()
+    parts.processor.start()
+
+    def hang(_is_wanted: Callable[[], bool]) -> None:
+        gate.wait(PATIENCE_S)
+
+    with suppress(TimeoutError):
+        parts.calibration_disk.perform(hang)
+    parts.sampler.blocks.put(DeviceReopened(other))
+    wait_until(lambda: parts.processor.info == other, "the other device")
+    assert present(parts.processor.correction).status == "uncalibrated"
+    gate.set()
+    wait_until(lambda: present(parts.processor.correction).calibration_id == made.id, "its record")
+    for worker in (parts.processor, parts.outbox, parts.calibration_disk):
+        worker.finish()
+        worker.join(PATIENCE_S)
 
 
 def test_health_keeps_its_order_when_the_processor_hangs_in_it_and_goes_on(tmp_path: Path) -> None:
