@@ -208,7 +208,9 @@ def test_every_word_gate_and_part_has_a_text() -> None:
         for name in re.findall(r'super\(\).__init__\((?:name=)?"([\w-]+)"', path.read_text())
     }
     assert {"sampler", "recorder", "state-files"} <= threads
-    parts |= threads - {"compaction"}  # which the watchdog does not look at
+    threads -= {"compaction", "bus"}  # which the watchdog does not look at
+    assert parts.isdisjoint(threads)  # it would clear the part's own fault
+    parts |= threads
     wanted = {f"word_{word}" for word in CARD_STYLES}
     wanted |= {f"gate_{gate}" for gate in {*UNUSABLE, *DISTURBING}} | {f"part_{part}" for part in parts}
     for language, table in tables:
