@@ -1,0 +1,82 @@
+"""What a gateway states about the segments that it has deleted, signed with its key.
+
+The newest statement stands in `chain.json`, and in each segment in a metadata record named `deletions`.
+"""
+
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Literal
+
+from gateway.file_input import decode_json
+from gateway.recording.chain_state import SegmentNumber
+from gateway.recording.signing_key import is_valid
+
+DELETIONS = "deletions"
+DeletionReason = Literal["quota", "disk"]
+"""All recordings were larger than the quota; the disk had less room than the quota."""
+Run = tuple[SegmentNumber, SegmentNumber]
+"""First and last number of neighbouring segments."""
+
+
+@dataclass(frozen=True, slots=True)
+class Deletion:
+    """Segments that were deleted for one reason."""
+
+    reason: str
+    """A `DeletionReason`, or one of a later version."""
+    quota_mb: float
+    """`recorder.quota_mb` at the time, so that the deletions of a changed quota stand apart."""
+    segments: tuple[Run, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeletionStatement:
+    """All segments that a gateway has deleted, and why."""
+
+    format: int = 1
+    kind: Literal["deletions"] = "deletions"
+    gateway: str
+    unstated_up_to: SegmentNumber = 0
+    """Before the gateway stated which segments it deletes, it had deleted some up to this number. 0: none."""
+    deleted: tuple[Deletion, ...] = ()
+    public_key: str = ""
+    """Empty: not signed."""
+
+    def including(self, other: "DeletionStatement") -> "DeletionStatement":
+        """Return the statement with the deletions of another one."""
+        runs: dict[tuple[str, float], tuple[Run, ...]] = {}
+        for deletion in (*self.deleted, *other.deleted):
+            why = deletion.reason, deletion.quota_mb
+            runs[why] = _merge((*runs.get(why, ()), *deletion.segments))
+        deleted = tuple(Deletion(*why, segments) for why, segments in runs.items())
+        return replace(self, deleted=deleted, unstated_up_to=max(self.unstated_up_to, other.unstated_up_to))
+
+    def text(self) -> str:
+        """Return the bytes that are signed, as text."""
+        return json.dumps(asdict(self), separators=(",", ":"))
+
+
+def parse_deletions(record: Mapping[str, str]) -> DeletionStatement | None:
+    """Return the statement of a metadata record; None where it is none, or where its signature is not that of its key.
+
+    Raises `KeyFileError` where signatures cannot be checked.
+    """
+    text = record.get("statement", "")
+    try:
+        statement = decode_json(text, DeletionStatement)
+    except ValueError:
+        return None
+    if statement.public_key and not is_valid(statement.public_key, text, record.get("signature", "")):
+        return None
+    return statement
+
+
+def _merge(runs: Iterable[Run]) -> tuple[Run, ...]:
+    merged: list[Run] = []
+    for first, last in sorted(runs):
+        if merged and first <= merged[-1][1] + 1:
+            merged[-1] = merged[-1][0], max(last, merged[-1][1])
+        else:
+            merged.append((first, last))
+    return tuple(merged)
