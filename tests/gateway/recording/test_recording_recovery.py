@@ -72,7 +72,7 @@ def test_an_incomplete_recording_becomes_a_complete_one(torn: Path, tmp_path: Pa
     ]
     run, source = read_samples(out), read_samples(torn)
     assert (run.device, run.origin, run.configuration_toml) == (source.device, source.origin, source.configuration_toml)
-    np.testing.assert_array_equal(run.time_ns, source.time_ns)
+    np.testing.assert_array_equal(run.samples.time_ns, source.samples.time_ns)
     assert run.losses.closed
     assert f"recovered      from {torn.name}, closed false" in info_text(summarise(out))
 
