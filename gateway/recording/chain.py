@@ -176,7 +176,8 @@ class SegmentChain:
         """Note that a segment is deleted, before that is done; the next statement says so. Raises `OSError`."""
         with self._lock:
             deletion = Deletion(reason, quota_mb, ((segment, segment),))
-            self._deleted = self._deleted.including(DeletionStatement(gateway=self._gateway, deleted=(deletion,)))
+            stated = DeletionStatement(gateway=self._gateway, deleted=(deletion,))
+            self._deleted = self._deleted.including(stated).bounded()
             self._state.deleted_up_to = max(segment, self._state.deleted_up_to)
             self._sign_deletions()
             self._save()

@@ -102,7 +102,7 @@ def _join_deletions(
     """Return all that is stated about deletions; of files without such statements, the largest number that they state."""
     statements = [file.statement for file in stated if file.statement is not None]
     key = statements[-1].public_key if statements else ""
-    found = [file.deletions for file in stated if file.deletions is not None]
+    found = [found for file in stated if (found := parse_deletions(file.deletions)) is not None]
     for state in states:
         if state.deletions:
             statement = parse_deletions(state.deletions)

@@ -17,6 +17,8 @@ DeletionReason = Literal["quota", "disk"]
 """All recordings were larger than the quota; the disk had less room than the quota."""
 Run = tuple[SegmentNumber, SegmentNumber]
 """First and last number of neighbouring segments."""
+MAX_RUNS = 1000
+"""Most runs in a statement. Basis: 12 kB in each segment; with eight events a day apart from each other, four months."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +40,8 @@ class DeletionStatement:
     kind: Literal["deletions"] = "deletions"
     gateway: str
     unstated_up_to: SegmentNumber = 0
-    """Before the gateway stated which segments it deletes, it had deleted some up to this number. 0: none."""
+    """The gateway has deleted segments up to this number of which the statement does not tell: before it made such statements,
+    or more than `MAX_RUNS` runs ago. 0: none."""
     deleted: tuple[Deletion, ...] = ()
     public_key: str = ""
     """Empty: not signed."""
@@ -51,6 +54,18 @@ class DeletionStatement:
             runs[why] = _merge((*runs.get(why, ()), *deletion.segments))
         deleted = tuple(Deletion(*why, segments) for why, segments in runs.items())
         return replace(self, deleted=deleted, unstated_up_to=max(self.unstated_up_to, other.unstated_up_to))
+
+    def bounded(self) -> "DeletionStatement":
+        """Return the statement with the newest `MAX_RUNS` runs."""
+        ends = sorted(last for deletion in self.deleted for _, last in deletion.segments)
+        if len(ends) <= MAX_RUNS:
+            return self
+        forgotten = ends[-MAX_RUNS - 1]
+        kept = (
+            replace(each, segments=tuple(run for run in each.segments if run[1] > forgotten)) for each in self.deleted
+        )
+        deleted = tuple(each for each in kept if each.segments)
+        return replace(self, deleted=deleted, unstated_up_to=max(forgotten, self.unstated_up_to))
 
     def text(self) -> str:
         """Return the bytes that are signed, as text."""

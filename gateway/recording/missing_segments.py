@@ -11,7 +11,7 @@ Place = Literal["beginning", "middle", "end"]
 REMOVED = "removed"
 """The gateway states no deletion: somebody else took the segment away."""
 NOT_STATED = "not_stated"
-"""The segment is older than the statements about deletions, and the gateway may have deleted it."""
+"""The segment is older than what is stated of deletions, and the gateway may have deleted it."""
 DELETED = {"quota": "by the quota", "disk": "for want of space on the disk, with a quota"}
 SHOWN = 8
 
@@ -46,7 +46,7 @@ def describe_missing(missing: Iterable[MissingSegments], stated: DeletionStateme
         if reason == REMOVED:
             problems.append(f"REMOVED: {which}; nothing signed speaks of a deletion by the gateway")
         elif reason == NOT_STATED:
-            why = f"the quota had deleted segments up to {stated.unstated_up_to}, and which ones was not stated"
+            why = f"the quota had deleted segments up to {stated.unstated_up_to}, and which ones is not stated"
             remarks.append(f"{which}; nothing signed says why: {why}")
         else:
             signed = "has signed" if stated.public_key else "states without a signature"
