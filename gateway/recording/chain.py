@@ -17,7 +17,14 @@ from gateway.recording.chain_state import (
     read_state,
     save_state,
 )
-from gateway.recording.deletions import DELETIONS, Deletion, DeletionReason, DeletionStatement, parse_deletions
+from gateway.recording.deletions import (
+    DELETIONS,
+    Deletion,
+    DeletionReason,
+    DeletionStatement,
+    has_signature,
+    parse_deletions,
+)
 from gateway.recording.header import ORIGIN, segment_number
 from gateway.recording.segment_index import read_index
 from gateway.recording.signing_key import SigningKey, is_valid
@@ -69,9 +76,9 @@ class SegmentChain:
         return self._read(path)[0]
 
     def _take_deletions(self, record: Mapping[str, str]) -> bool:
-        """Add what a statement says was deleted; return whether it is signed with this key, or signatures are not at hand."""
+        """Add what a statement says was deleted; return whether this key has signed it; without a key, whether it is one."""
         statement = parse_deletions(record)
-        if statement is None or (self.key is not None and statement.public_key != self.key.public_hex):
+        if statement is None or (self.key is not None and not has_signature(record, self.key.public_hex)):
             return False
         self._deleted = self._deleted.including(statement)
         return True

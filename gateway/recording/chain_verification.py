@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gateway.recording.chain_state import STATE_NAME, ChainState, ChainStateError, read_state
-from gateway.recording.deletions import DeletionStatement, parse_deletions
+from gateway.recording.deletions import DeletionStatement, has_signature, parse_deletions
 from gateway.recording.missing_segments import MissingSegments, describe_missing, list_missing
 from gateway.recording.signing_key import fingerprint
 from gateway.recording.statements import Statement, hash_of
@@ -104,9 +104,8 @@ def _join_deletions(
     key = statements[-1].public_key if statements else ""
     found = [found for file in stated if (found := parse_deletions(file.deletions)) is not None]
     for state in states:
-        if state.deletions:
-            statement = parse_deletions(state.deletions)
-            if statement is not None and statement.public_key == key:
+        if state.deletions and statements:
+            if (statement := parse_deletions(state.deletions)) and has_signature(state.deletions, key):
                 found.append(statement)
             else:
                 problems.append(

@@ -73,18 +73,22 @@ class DeletionStatement:
 
 
 def parse_deletions(record: Mapping[str, str]) -> DeletionStatement | None:
-    """Return the statement of a metadata record; None where it is none, or where its signature is not that of its key.
+    """Return the statement of a metadata record; None where it is none. Its signature is not checked."""
+    try:
+        return decode_json(record.get("statement", ""), DeletionStatement)
+    except ValueError:
+        return None
+
+
+def has_signature(record: Mapping[str, str], key: str) -> bool:
+    """Return whether a metadata record is signed with a key; empty: whether it says that it is not signed.
 
     Raises `KeyFileError` where signatures cannot be checked.
     """
-    text = record.get("statement", "")
-    try:
-        statement = decode_json(text, DeletionStatement)
-    except ValueError:
-        return None
-    if statement.public_key and not is_valid(statement.public_key, text, record.get("signature", "")):
-        return None
-    return statement
+    statement = parse_deletions(record)
+    if statement is None or statement.public_key != key:
+        return False
+    return not key or is_valid(key, record["statement"], record.get("signature", ""))
 
 
 def _merge(runs: Iterable[Run]) -> tuple[Run, ...]:

@@ -1,6 +1,7 @@
 """Deletions: what the gateway deletes it signs with the reason, and what somebody else took away is told apart from it."""
 
 import json
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -134,6 +135,15 @@ def test_a_deletion_that_no_segment_states_yet_is_in_the_saved_state(folder: Pat
     code, text, _ = verify(capsys, folder)
     assert code == 0
     assert "deleted for want of space on the disk, with a quota of 16000 MB, as the gateway has signed" in text
+
+
+def test_recording_goes_on_where_signatures_can_no_longer_be_checked(
+    record: Record, folder: Path, start_ns: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with monkeypatch.context() as patched:
+        patched.setitem(sys.modules, "cryptography.exceptions", None)
+        paths = record(start_ns + LATER_NS, segments=1, signed=False)
+    assert b'"quota_mb":0.2' in paths[-1].read_bytes()
 
 
 def test_a_deletion_that_was_written_into_the_saved_state_is_never_believed(
