@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.recording.info import summarise
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
 from gateway.recording.writer import RECORDED_EVERY
+from tests.gateway.recording.recorded_files import summarise
 from tests.system.conftest import Plumbline, StartGateway
 
 pytestmark = pytest.mark.slow

@@ -12,8 +12,8 @@ from urllib.request import urlopen
 
 import pytest
 
-from gateway.recording.info import summarise
 from gateway.recording.run import read_samples
+from tests.gateway.recording.recorded_files import summarise
 from tests.system.bus_query import KEY
 from tests.system.conftest import JoinBus, StartGateway
 from tests.values import present

@@ -10,12 +10,12 @@ from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.info import summarise
 from gateway.recording.info_text import info_text
 from gateway.recording.reader import open_recording
 from gateway.recording.recovery import recover
 from gateway.recording.run import read_samples
 from tests.gateway.recording.conftest import MakeRecorder
+from tests.gateway.recording.recorded_files import summarise
 from tests.values import present
 
 
