@@ -18,7 +18,8 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         "verify",
         help="check that recordings are what the gateway wrote: nothing changed, removed, exchanged or forged",
         description="Check recordings against the signed statements in them: nothing changed, removed, exchanged, cut off or "
-        "forged, and no clock set back. Exit code 1: something differs, and each difference is named.",
+        "forged, and no clock set back. Exit code 1: something differs, and each difference is named. A folder is expected "
+        "from the first segment on: those that the gateway has deleted, as it has signed, are named and are no difference.",
         epilog="example: plumbline record verify plumbline-data --key signing-key.pem.pub",
     )
     add_paths(verify)
@@ -56,6 +57,8 @@ def _text(chain: "ChainVerification", key: str | None) -> str:
     from gateway.recording.signing_key import fingerprint
 
     lines = [line for file in chain.files for line in _file_lines(file)]
+    if chain.segments:
+        lines.append(f"the files are segments {chain.segments[0]} to {chain.segments[-1]}")
     lines += [f"  {problem}" for problem in chain.problems] + [f"  {remark}" for remark in chain.remarks]
     if key is None and chain.public_keys:
         lines.append(

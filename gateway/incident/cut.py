@@ -9,7 +9,7 @@ from mcap.records import Attachment, Channel, Schema
 from mcap.writer import Writer
 
 from gateway import __version__
-from gateway.recording.chain import SIGNATURE
+from gateway.recording.copying import STATED
 from gateway.recording.header import PROFILE, SEGMENT
 from gateway.recording.reader import RecordedMessage, RecordingFile
 from gateway.recording.segment_summary import SUMMARY
@@ -48,7 +48,7 @@ class CutWriter:
 
         Signature, number and summary of a segment are of the whole of it, and stay out.
         """
-        metadata = {name: content for name, content in file.metadata.items() if name != SIGNATURE}
+        metadata = {name: content for name, content in file.metadata.items() if name not in STATED}
         self._metadata |= {
             name: {key: value for key, value in content.items() if key != SEGMENT} for name, content in metadata.items()
         }

@@ -101,6 +101,12 @@ def read_evidence(
     )
 
 
+def file_sha256(path: Path) -> str:
+    """Return the hash of a file of any size. Raises `OSError`."""
+    with path.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
+
+
 def _finish(cut: CutWriter, timeline: Timeline, window: IncidentWindow, course: Course, paths: list[Path]) -> None:
     incident = window.incident
     cut.finish(
@@ -116,12 +122,10 @@ def _finish(cut: CutWriter, timeline: Timeline, window: IncidentWindow, course: 
 
 def _source(segment: TimelineSegment, file: RecordingFile | None) -> SourceFile:
     """Return a file with its hash; `file` is None where no message of it could be read."""
-    with segment.path.open("rb") as content:
-        digest = hashlib.file_digest(content, "sha256").hexdigest()
     return SourceFile(
         path=segment.path,
         size_bytes=segment.index.size_bytes,
-        sha256=digest,
+        sha256=file_sha256(segment.path),
         from_ns=segment.from_ns,
         to_ns=segment.to_ns,
         software=segment.origin.get("software", "unknown"),

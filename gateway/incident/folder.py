@@ -1,6 +1,5 @@
 """The folder of an incident report: complete, or not there at all."""
 
-import hashlib
 import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -11,7 +10,7 @@ from typing import Any
 
 from gateway.errors import InputError
 from gateway.incident.cut import CutWriter
-from gateway.incident.evidence import read_evidence
+from gateway.incident.evidence import file_sha256, read_evidence
 from gateway.incident.facts import incident_facts
 from gateway.incident.facts_json import facts_json
 from gateway.incident.page import CauseAnalysis, render_page
@@ -65,7 +64,7 @@ def write_report(
                 facts,
                 verification=verification,
                 cause=None if analyse is None else analyse(partial / CUT),
-                cut=(("File", CUT), ("SHA-256", hashlib.sha256((partial / CUT).read_bytes()).hexdigest())),
+                cut=(("File", CUT), ("SHA-256", file_sha256(partial / CUT))),
                 computed=tuple(computed.items()),
             )
             (partial / PAGE).write_text(page, encoding="utf-8")

@@ -265,9 +265,9 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
 
 def _filtered_temperature_c(run: RecordedRun, recording: Recording) -> NDArray[np.float64]:
     """Return the temperature of each sample as the gateway filters it, shape (n,), NaN before the first one."""
-    thermometer = TemperatureFilter()
-    end_ns = np.array([block.time_ns[-1] for block in run.blocks])
-    filtered_c = np.array([thermometer.update(int(block.time_ns[-1]), block.temperature_c) for block in run.blocks])
+    thermometer, end_ns = TemperatureFilter(), run.samples.end_ns
+    blocks = zip(end_ns.tolist(), run.samples.temperature_c.tolist(), strict=True)
+    filtered_c = np.array([thermometer.update(time_ns, None if math.isnan(c) else c) for time_ns, c in blocks])
     sample_ns = (recording.origin_ns or 0) + np.rint(recording.time_s * 1e9).astype(np.int64)
     place = np.minimum(np.searchsorted(end_ns, sample_ns), len(end_ns) - 1)
     return np.asarray(filtered_c[place], dtype=np.float64)

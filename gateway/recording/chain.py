@@ -1,89 +1,34 @@
-"""The chain of a gateway's segments: statements about them, each with the hash of the one before, signed with its key.
+"""The chain of a gateway's segments: statements about them, each with the hash of the one before, signed with its key."""
 
-A checkpoint in a segment that is being written states the bytes so far; the final statement of a compacted segment states all of
-it. Both are metadata records named `signature`.
-"""
-
-import hashlib
-import json
 import threading
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Literal
 
 from devices.errors import RecordingError
-from gateway.file_input import decode_json
 from gateway.recording.chain_state import (
     KEPT_ASIDE,
     STATE_NAME,
     ChainState,
     ChainStateError,
-    SegmentNumber,
     list_aside,
     put_aside,
     read_state,
     save_state,
 )
+from gateway.recording.deletions import (
+    DELETIONS,
+    Deletion,
+    DeletionReason,
+    DeletionStatement,
+    has_signature,
+    parse_deletions,
+)
 from gateway.recording.header import ORIGIN, segment_number
 from gateway.recording.segment_index import read_index
 from gateway.recording.signing_key import SigningKey, is_valid
-
-SIGNATURE = "signature"
-StatementKind = Literal["checkpoint", "final"]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Statement:
-    """What the gateway states about a segment up to the signature; times are gateway times."""
-
-    format: int = 1
-    kind: StatementKind
-    gateway: str
-    name: str
-    """The file's name."""
-    segment: SegmentNumber
-    """Number of the segment, from 1 on."""
-    previous_segment: SegmentNumber
-    """Number of the last segment with a final statement; 0: none."""
-    previous_sha256: str
-    """Hash of that statement."""
-    deleted_up_to: SegmentNumber
-    """The quota has deleted segments up to this number, so that older ones may be missing."""
-    bytes: int
-    """Length of the file before the signature."""
-    sha256: str
-    """Hash of these bytes."""
-    from_ns: int
-    to_ns: int
-    """Gateway times of the first and the last message."""
-    repaired: bool = False
-    """The segment had ended in a kill or a power failure."""
-    replaces_sha256: str = ""
-    """Hash of the statement about the whole segment, where this file has the time around its events only."""
-    rebuilt_before: SegmentNumber = 0
-    """Number of the first segment after the gateway had lost what it remembers of its chain, and had taken it from its
-    recordings: what these do not tell is not stated. 0: never."""
-    public_key: str = ""
-    """Empty: not signed."""
-
-    def text(self) -> str:
-        """Return the bytes that are signed, as text."""
-        return json.dumps(asdict(self), separators=(",", ":"))
-
-
-def parse_statement(text: str) -> Statement | None:
-    """Return the statement of a signature; None where it is none."""
-    try:
-        return decode_json(text, Statement)
-    except ValueError:
-        return None
-
-
-def hash_of(text: str) -> str:
-    """Return the hash of a statement, for the next one."""
-    return hashlib.sha256(text.encode()).hexdigest()
+from gateway.recording.statements import SIGNATURE, Statement, StatementKind, hash_of, parse_statement
 
 
 class SegmentChain:
@@ -96,6 +41,7 @@ class SegmentChain:
         """Signs the statements from now on; None: they are not signed."""
         self._lock = threading.Lock()
         self._state = ChainState()
+        self._deleted = DeletionStatement(gateway=gateway)
         self.loss: str | None = None
         """What was lost of the state at the start, in one line; None: nothing."""
 
@@ -111,8 +57,12 @@ class SegmentChain:
                 saved, problem = None, str(error)
             self._state = saved or ChainState()
             self._state.newest_segment = max(self._state.newest_segment, self._state.final_segment)
+            stated = self._take_deletions(self._state.deletions)
             for path in newest_first if saved is None else newest_first[:1]:
-                self._learn(path)
+                stated |= self._learn(path)
+            if not stated:  # by a version that stated the largest number alone, or without this key
+                self._deleted = replace(self._deleted, unstated_up_to=self._state.deleted_up_to)
+            self._sign_deletions()
             if saved is None and self._state.final_segment:
                 problem = problem or f"{self._data_dir / STATE_NAME}: is missing"
             if problem is not None:
@@ -125,12 +75,20 @@ class SegmentChain:
         """Return the number of a segment: by its signed statement, or by its metadata; 0: it has none or cannot be read."""
         return self._read(path)[0]
 
-    def _learn(self, path: Path) -> None:
-        """Raise the state to what a segment tells."""
-        state, (number, statement, text) = self._state, self._read(path)
+    def _take_deletions(self, record: Mapping[str, str]) -> bool:
+        """Add what a statement says was deleted; return whether this key has signed it; without a key, whether it is one."""
+        statement = parse_deletions(record)
+        if statement is None or (self.key is not None and not has_signature(record, self.key.public_hex)):
+            return False
+        self._deleted = self._deleted.including(statement)
+        return True
+
+    def _learn(self, path: Path) -> bool:
+        """Raise the state to what a segment tells; return whether it tells what was deleted."""
+        state, (number, statement, text, metadata) = self._state, self._read(path)
         state.newest_segment = max(number, state.newest_segment)
         if statement is None:
-            return
+            return False
         state.deleted_up_to = max(statement.deleted_up_to, state.deleted_up_to)
         state.rebuilt_before = max(statement.rebuilt_before, state.rebuilt_before)
         final = statement.previous_segment, statement.previous_sha256
@@ -138,19 +96,20 @@ class SegmentChain:
             final = statement.segment, hash_of(text)
         if final[0] > state.final_segment:
             state.final_segment, state.final_sha256 = final
+        return self._take_deletions(metadata.get(DELETIONS, {}))
 
-    def _read(self, path: Path) -> tuple[int, Statement | None, str]:
-        """Return the number of a segment, and the last statement of this gateway in it, if there is one."""
+    def _read(self, path: Path) -> tuple[int, Statement | None, str, Mapping[str, Mapping[str, str]]]:
+        """Return the number of a segment, the last statement of this gateway in it, if there is one, and its metadata."""
         try:
             metadata = read_index(path).metadata
         except RecordingError:
-            return 0, None, ""
+            return 0, None, "", {}
         signature = metadata.get(SIGNATURE, {})
         text = signature.get("statement", "")
         statement = parse_statement(text)
         if statement is None or not self._is_own(statement, text, signature):
-            return segment_number(metadata.get(ORIGIN, {})), None, ""
-        return statement.segment, statement, text
+            return segment_number(metadata.get(ORIGIN, {})), None, "", metadata
+        return statement.segment, statement, text, metadata
 
     def _is_own(self, statement: Statement, text: str, signature: Mapping[str, str]) -> bool:
         """Return whether this gateway has signed a statement; without a key, whether it says so."""
@@ -208,7 +167,7 @@ class SegmentChain:
                 to_ns=to_ns,
                 deleted_up_to=self._state.deleted_up_to,
                 replaces_sha256=hash_of(text),
-                public_key="" if self.key is None else self.key.public_hex,
+                public_key=self._public_key,
             )
             return self._sign(part)
 
@@ -220,11 +179,21 @@ class SegmentChain:
             self._state.final_segment, self._state.final_sha256 = segment, hash_of(signature["statement"])
             self._save()
 
-    def note_deleted(self, segment: int) -> None:
-        """Note that the quota has deleted a segment; the next statement says so. Raises `OSError`."""
+    def note_deletion(self, segment: int, reason: DeletionReason, quota_mb: float) -> None:
+        """Note that a segment is deleted, before that is done; the next statement says so. Raises `OSError`."""
         with self._lock:
+            deletion = Deletion(reason, quota_mb, ((segment, segment),))
+            stated = DeletionStatement(gateway=self._gateway, deleted=(deletion,))
+            self._deleted = self._deleted.including(stated).bounded()
             self._state.deleted_up_to = max(segment, self._state.deleted_up_to)
+            self._sign_deletions()
             self._save()
+
+    @property
+    def deletions(self) -> dict[str, str]:
+        """The signed statement about the segments that were deleted."""
+        with self._lock:
+            return self._state.deletions
 
     def _statement(
         self,
@@ -251,10 +220,18 @@ class SegmentChain:
             to_ns=to_ns,
             repaired=repaired,
             rebuilt_before=self._state.rebuilt_before,
-            public_key="" if self.key is None else self.key.public_hex,
+            public_key=self._public_key,
         )
 
-    def _sign(self, statement: Statement) -> dict[str, str]:
+    @property
+    def _public_key(self) -> str:
+        return "" if self.key is None else self.key.public_hex
+
+    def _sign_deletions(self) -> None:
+        self._deleted = replace(self._deleted, public_key=self._public_key)
+        self._state.deletions = self._sign(self._deleted)
+
+    def _sign(self, statement: Statement | DeletionStatement) -> dict[str, str]:
         text = statement.text()
         return {"statement": text, "signature": "" if self.key is None else self.key.sign(text)}
 

@@ -6,7 +6,7 @@ is kept aside.
 
 import hashlib
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated
 
@@ -23,6 +23,8 @@ KEPT_ASIDE = 8
 """Number of damaged files that are kept: the first ones, and the last."""
 WITHOUT_CHECKSUM = "newest_segment", "final_segment", "final_sha256", "deleted_up_to"
 """Fields of the file before it had a checksum."""
+CHECKSUM = b',"sha256":"'
+"""Last field of the file, with the SHA-256 of the others."""
 SegmentNumber = Annotated[int, msgspec.Meta(ge=0, le=LARGEST_SEGMENT)]
 Sha256 = Annotated[str, msgspec.Meta(pattern=r"^([0-9a-f]{64})?\Z")]
 
@@ -43,6 +45,8 @@ class ChainState:
     deleted_up_to: SegmentNumber = 0
     rebuilt_before: SegmentNumber = 0
     """Number of the first segment after this state was last lost and taken from the recordings; 0: never."""
+    deletions: dict[str, str] = field(default_factory=dict)
+    """The signed statement about the segments that were deleted; empty: none was made."""
 
 
 def read_state(data_dir: Path) -> ChainState | None:
@@ -58,7 +62,7 @@ def read_state(data_dir: Path) -> ChainState | None:
         state = decode_json(content, ChainState)
     except ValueError as error:
         raise ChainStateError(f"{path}: is damaged") from error
-    if content not in (_encode(state), _encode_without_checksum(state)):
+    if not _has_checksum(content) and content != _encode_without_checksum(state):
         raise ChainStateError(f"{path}: is damaged, or was changed: its checksum is wrong")
     return state
 
@@ -88,7 +92,17 @@ def _names_aside(data_dir: Path) -> list[Path]:
 
 def _encode(state: ChainState) -> bytes:
     content = msgspec.json.encode(state)
-    return content[:-1] + b',"sha256":"' + hashlib.sha256(content).hexdigest().encode() + b'"}'
+    return content[:-1] + _checksum(content)
+
+
+def _has_checksum(content: bytes) -> bool:
+    """Return whether a file ends with the checksum of what is before."""
+    place = content.rfind(CHECKSUM)
+    return place > 0 and content[place:] == _checksum(content[:place] + b"}")
+
+
+def _checksum(content: bytes) -> bytes:
+    return CHECKSUM + hashlib.sha256(content).hexdigest().encode() + b'"}'
 
 
 def _encode_without_checksum(state: ChainState) -> bytes:

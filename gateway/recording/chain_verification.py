@@ -1,14 +1,17 @@
 """Offline verification of the segments of a gateway together: none removed, none exchanged, none with a clock set back."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from itertools import chain, islice, pairwise
+from dataclasses import asdict, dataclass
+from functools import reduce
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
-from gateway.recording.chain import Statement, hash_of
-from gateway.recording.chain_state import STATE_NAME, ChainStateError, read_state
+from gateway.recording.chain_state import STATE_NAME, ChainState, ChainStateError, read_state
+from gateway.recording.deletions import DeletionStatement, has_signature, parse_deletions
+from gateway.recording.missing_segments import MissingSegments, describe_missing, list_missing
 from gateway.recording.signing_key import fingerprint
+from gateway.recording.statements import Statement, hash_of
 from gateway.recording.timestamp import iso_utc
 from gateway.recording.verification import FileVerification
 
@@ -22,6 +25,8 @@ class ChainVerification:
 
     files: tuple[FileVerification, ...]
     """In the order of their numbers; those without one at the end."""
+    missing: tuple[MissingSegments, ...]
+    """Numbers without a file, in their order. Where files were named, those before and after them are not missed."""
     problems: tuple[str, ...]
     remarks: tuple[str, ...]
     public_keys: tuple[str, ...]
@@ -31,6 +36,11 @@ class ChainVerification:
         """Whether nothing differs from what the gateway stated."""
         return not self.problems and not any(file.problems for file in self.files)
 
+    @property
+    def segments(self) -> list[int]:
+        """The numbers of the files, in their order."""
+        return [file.segment for file in self.files if file.segment is not None]
+
     def as_json(self) -> dict[str, Any]:
         """Return the content of `record verify --json`."""
         return {
@@ -38,36 +48,83 @@ class ChainVerification:
             "problems": list(self.problems),
             "remarks": list(self.remarks),
             "public_keys": list(self.public_keys),
+            "first_segment": self.segments[0] if self.segments else None,
+            "last_segment": self.segments[-1] if self.segments else None,
+            "missing": [asdict(each) for each in self.missing],
             "files": [_file_json(file) for file in self.files],
         }
 
 
 def verify_chain(files: Sequence[FileVerification], folders: Sequence[Path] = ()) -> ChainVerification:
-    """Compare the statements of files with each other; `folders` are given as a whole, with the newest segment."""
+    """Compare the statements of files with each other; `folders` are given as a whole, from the first to the newest segment."""
     numbered = sorted((file for file in files if file.segment is not None), key=lambda file: file.segment or 0)
     others = [file for file in files if file.segment is None]
     stated = [(file, file.statement) for file in numbered if file.statement is not None]
-    problems, remarks = [], []
+    problems: list[str] = []
+    remarks: list[str] = []
     keys = tuple(dict.fromkeys(statement.public_key for _, statement in stated if statement.public_key))
     if len(keys) > 1:
         problems.append(f"WRONG KEY: {len(keys)} keys have signed: {', '.join(map(fingerprint, keys))}")
     problems += _exchanged(numbered)
-    deleted_up_to = max((statement.deleted_up_to for _, statement in stated), default=0)
     for (before, first), (after, second) in pairwise(stated):
         problems += _between(before, first, after, second)
-    missing = _missing(numbered)
-    if removed := [part for gap in missing if (part := range(max(gap.start, deleted_up_to + 1), gap.stop))]:
-        problems.append(f"REMOVED: {_list(removed)} missing; the quota has deleted none above {deleted_up_to}")
-    if deleted := [part for gap in missing if (part := range(gap.start, min(gap.stop, deleted_up_to + 1)))]:
-        remarks.append(f"{_list(deleted)} missing, which the quota may have deleted")
+    states = _read_states(numbered, folders, remarks)
+    deletions = _join_deletions([file for file, _ in stated], states, problems)
+    missing = _missing(numbered, states, deletions, is_whole=bool(folders))
+    removed, deleted = describe_missing(missing, deletions)
     for number in sorted({statement.rebuilt_before for _, statement in stated} - {0}):
         remarks.append(
             f"before segment {number} the gateway had lost {STATE_NAME} and went on from its recordings: "
             "whether later ones had been there, and what the quota had just deleted, cannot be proved"
         )
+    return ChainVerification((*numbered, *others), missing, (*problems, *removed), (*deleted, *remarks), keys)
+
+
+def _read_states(numbered: Sequence[FileVerification], folders: Sequence[Path], remarks: list[str]) -> list[ChainState]:
+    """Return what the gateway has saved in the folders; where that is missing, add what it would prove."""
+    states = []
     for folder in folders:
-        _check_newest([file for file in numbered if file.path.parent == folder], folder, problems, remarks)
-    return ChainVerification((*numbered, *others), tuple(problems), tuple(remarks), keys)
+        try:
+            state, reason = read_state(folder), f"{folder}: has no {STATE_NAME}"
+        except ChainStateError as error:
+            state, reason = None, str(error)
+        here = [file for file in numbered if file.path.parent == folder]
+        if state is not None:
+            states.append(state)
+        elif any(file.is_final for file in here):
+            remarks.append(f"{reason}: whether segments after {here[-1].segment} were removed cannot be proved")
+    return states
+
+
+def _join_deletions(
+    stated: Sequence[FileVerification], states: Sequence[ChainState], problems: list[str]
+) -> DeletionStatement:
+    """Return all that is stated about deletions; of files without such statements, the largest number that they state."""
+    statements = [file.statement for file in stated if file.statement is not None]
+    key = statements[-1].public_key if statements else ""
+    found = [found for file in stated if (found := parse_deletions(file.deletions)) is not None]
+    for state in states:
+        if state.deletions and statements:
+            if (statement := parse_deletions(state.deletions)) and has_signature(state.deletions, key):
+                found.append(statement)
+            else:
+                problems.append(
+                    f"FORGED: what {STATE_NAME} says of deletions is not signed with the key of the recordings"
+                )
+    if found:
+        return reduce(DeletionStatement.including, found)
+    largest = max((statement.deleted_up_to for statement in statements), default=0)
+    return DeletionStatement(gateway="", unstated_up_to=largest)
+
+
+def _missing(
+    numbered: Sequence[FileVerification], states: Sequence[ChainState], stated: DeletionStatement, *, is_whole: bool
+) -> tuple[MissingSegments, ...]:
+    found = sorted({file.segment for file in numbered if file.segment is not None})
+    if not found:
+        return ()
+    newest = max((state.final_segment for state in states), default=0)
+    return list_missing(found, 1 if is_whole else found[0], newest, stated)
 
 
 def _exchanged(numbered: Sequence[FileVerification]) -> list[str]:
@@ -98,33 +155,6 @@ def _between(before: FileVerification, first: Statement, after: FileVerification
             f"{before.path.name} ended at {iso_utc(first.to_ns)}"
         )
     return problems
-
-
-def _missing(numbered: Sequence[FileVerification]) -> list[range]:
-    found = sorted({file.segment for file in numbered if file.segment is not None})
-    return [range(before + 1, after) for before, after in pairwise(found) if after > before + 1]
-
-
-def _check_newest(numbered: Sequence[FileVerification], folder: Path, problems: list[str], remarks: list[str]) -> None:
-    """Add what is wrong, or not known, of the segments that a gateway wrote last into a folder."""
-    try:
-        state, reason = read_state(folder), f"{folder}: has no {STATE_NAME}"
-    except ChainStateError as error:
-        state, reason = None, str(error)
-    newest = max((file.segment or 0 for file in numbered), default=0)
-    if state is not None and newest < state.final_segment:
-        removed = range(newest + 1, state.final_segment + 1)
-        problems.append(f"REMOVED: {_list([removed])} missing at the end of {folder}")
-    elif state is None and any(file.is_final for file in numbered):
-        remarks.append(f"{reason}: whether segments after {newest} were removed cannot be proved")
-
-
-def _list(missing: Sequence[range]) -> str:
-    count = sum(map(len, missing))
-    shown = ", ".join(map(str, islice(chain.from_iterable(missing), 8))) + (
-        f" and {count - 8} more" if count > 8 else ""
-    )
-    return f"segment {shown} is" if count == 1 else f"segments {shown} are"
 
 
 def _file_json(file: FileVerification) -> dict[str, Any]:

@@ -17,12 +17,14 @@ from mcap.records import Attachment, Channel, McapRecord, Message
 
 from devices.errors import RecordingError
 from gateway.atomic_io import partial_of, replace_file
-from gateway.recording.chain import SIGNATURE, SegmentChain
+from gateway.recording.chain import SegmentChain
 from gateway.recording.copying import RecordCopier
+from gateway.recording.deletions import DELETIONS
 from gateway.recording.header import ORIGIN, REPAIRED, segment_number
 from gateway.recording.markers import uncompacted_marker
 from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
 from gateway.recording.mcap_writer import DENSE, McapWriter
+from gateway.recording.statements import SIGNATURE
 
 TIMES = struct.Struct("<IQQ")
 
@@ -55,6 +57,7 @@ def compact(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
                 writer.add_metadata(REPAIRED, {name: json.dumps(value) for name, value in asdict(losses).items()})
             segment = segment_number(copier.metadata.get(ORIGIN, {}))
             if chain is not None and segment:
+                writer.add_metadata(DELETIONS, chain.deletions)
                 writer.flush()
                 signature = chain.final(
                     segment=segment,

@@ -4,11 +4,14 @@ from collections.abc import Iterable
 
 from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
 
-from gateway.recording.chain import SIGNATURE
+from gateway.recording.deletions import DELETIONS
 from gateway.recording.mcap_salvage import SalvageReport
 from gateway.recording.mcap_writer import McapWriter
+from gateway.recording.statements import SIGNATURE
 
 LARGEST_NS = 2**63 - 1
+STATED = frozenset({SIGNATURE, DELETIONS})
+"""Metadata that are not copied: the gateway's statements are about the source's bytes."""
 
 
 class RecordCopier:
@@ -46,7 +49,7 @@ class RecordCopier:
         match record:
             case Message():
                 self._add_message(record)
-            case Metadata() if record.name != SIGNATURE:  # which is of the source's bytes
+            case Metadata() if record.name not in STATED:
                 self.metadata[record.name] = record.metadata
                 self._writer.add_metadata(record.name, record.metadata)
             case Attachment():

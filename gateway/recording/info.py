@@ -2,14 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from typing import Any
 
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.recording import header as names
 from gateway.recording.alert_join import RecordedAlert, join_alerts, unknown_s
-from gateway.recording.catalogue import open_timelines
 from gateway.recording.gaps import RecordingGap, SampleInfo, count_samples, describe_overlaps, join_gaps
 from gateway.recording.interval import WHOLE_RECORDING, RecordingInterval
 from gateway.recording.mcap_salvage import SalvageReport, sum_losses
@@ -130,11 +128,6 @@ class RecordingInfo:
     def as_json(self) -> dict[str, Any]:
         """Return the content of `record info --json`."""
         return {"schema_version": messages.SCHEMA_VERSION, **asdict(self)}
-
-
-def summarise(path: Path) -> RecordingInfo:
-    """Return the contents of one recording, complete or not. Raises `RecordingError`."""
-    return summarise_timeline(open_timelines([path])[0])
 
 
 def summarise_timeline(

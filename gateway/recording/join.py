@@ -10,13 +10,18 @@ import numpy as np
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from devices.recording import Recording, longest_increasing_mask, typical_interval
+from gateway.errors import InputError
 from gateway.recording.catalogue import open_timeline
 from gateway.recording.interval import WHOLE_RECORDING, RecordingInterval
 from gateway.recording.mcap_salvage import describe_losses, sum_losses
+from gateway.recording.reader import EVERYTHING, Selection
 from gateway.recording.run import NoSamplesError, RecordedRun, list_changes, read_samples
-from gateway.recording.timeline import LONGEST_BLOCK_NS, TimelineSegment, TimelineSpan
+from gateway.recording.sample_columns import concatenate
+from gateway.recording.timeline import LONGEST_BLOCK_NS, Timeline, TimelineSegment, TimelineSpan
 from gateway.recording.timestamp import iso_utc
 
+LEAD_NS = 300_000_000_000
+"""Samples before an interval that are read too: ten time constants of the filter of the temperature, `TIME_CONSTANT_S`."""
 FREE_DEVICE_FIELDS = frozenset({"details", "can_wait"})
 """Fields of a device that may differ between files: they do not change the meaning of a sample."""
 
@@ -42,46 +47,59 @@ class JoinedRun:
 def read_joined_samples(paths: Sequence[Path], interval: RecordingInterval = WHOLE_RECORDING) -> JoinedRun:
     """Read files and folders of one gateway as one recording, in order of time; incomplete files are read up to their end.
 
-    Of an interval, only the files that contain a part of it are read. Gaps between files remain gaps in time. Raises
-    `RecordingError` where a file cannot be read, no file has samples, the files are of different gateways or devices, or two of
-    them overlap; `InputError` for an impossible interval.
+    Of an interval, only its samples are read, from the files that contain a part of it, and there those of the five minutes
+    before it. Gaps between files remain gaps in time.
+    Raises `RecordingError` where a file cannot be read, no file has samples, the files are of different gateways or devices, or
+    two of them overlap; `InputError` for an impossible interval, and for one without samples.
     """
     timeline = open_timeline(paths)
-    selection = timeline.select(interval)
-    chosen = [each for each in timeline.segments if selection.may_contain(each.from_ns - LONGEST_BLOCK_NS, each.to_ns)]
-    runs, remarks = _read_runs(chosen or timeline.segments)
+    if interval == WHOLE_RECORDING:
+        span, (runs, remarks) = None, _read_runs(timeline.segments, EVERYTHING)
+    else:
+        span = timeline.span()
+        runs, remarks = _read_interval(timeline, timeline.select(interval), span)
     remarks = [*timeline.remarks, *remarks]
-    span = None if interval == WHOLE_RECORDING else timeline.span()
     spans_ns = {run.path: _span_ns(run) for run in runs}
     runs.sort(key=lambda run: spans_ns[run.path])
     for run in runs[1:]:
         _check_same_device(runs[0], run)
     for before, after in pairwise(runs):
         _check_overlap(before, after, spans_ns[before.path], spans_ns[after.path])
-    remarks += _describe_incomplete(runs)
+    remarks += _describe_incomplete(runs, is_whole=span is None)
     if len(runs) == 1:
         return JoinedRun(runs[0], tuple(runs), tuple(remarks), span)
     remarks += _describe_gaps(runs, [spans_ns[run.path] for run in runs])
     return JoinedRun(_concatenate(runs), tuple(runs), tuple(remarks), span)
 
 
-def _read_runs(segments: Sequence[TimelineSegment]) -> tuple[list[RecordedRun], list[str]]:
-    """Return the runs of all files with samples, and a remark on each file without."""
-    runs, remarks, failure = [], [], None
+def _read_interval(timeline: Timeline, selection: Selection, span: TimelineSpan) -> tuple[list[RecordedRun], list[str]]:
+    """Return the parts of the files that an interval needs. Raises `InputError` where it has no samples."""
+    chosen = [each for each in timeline.segments if selection.may_contain(each.from_ns - LONGEST_BLOCK_NS, each.to_ns)]
+    begin_ns = None if selection.begin_ns is None else selection.begin_ns - LEAD_NS
+    end_ns = None if selection.end_ns is None else selection.end_ns + LONGEST_BLOCK_NS
+    try:
+        return _read_runs(chosen, Selection(begin_ns, end_ns))[0], []
+    except NoSamplesError as error:
+        raise InputError(f"the interval has fewer than two samples; the recording is {span.extent}") from error
+
+
+def _read_runs(segments: Sequence[TimelineSegment], wanted: Selection) -> tuple[list[RecordedRun], list[str]]:
+    """Return the runs of all files with samples, and a remark on each file without. Raises `NoSamplesError` for no run."""
+    runs, remarks, failure = [], [], NoSamplesError("no file")
     for segment in segments:
         try:
-            runs.append(read_samples(segment.path))
+            runs.append(read_samples(segment.path, wanted.begin_ns, wanted.end_ns))
         except NoSamplesError as error:
             failure = error
             remarks.append(f"{segment.path.name}: has no samples, left out")
-    if failure is not None and not runs:
+    if not runs:
         raise failure
     return runs, remarks
 
 
 def _span_ns(run: RecordedRun) -> tuple[int, int]:
     """Return the times of the first and the last sample, without those that are out of order."""
-    time_ns = run.time_ns
+    time_ns = run.samples.time_ns
     kept_ns = time_ns[longest_increasing_mask(time_ns)]
     return int(kept_ns[0]), int(kept_ns[-1])
 
@@ -108,22 +126,22 @@ def _concatenate(runs: Sequence[RecordedRun]) -> RecordedRun:
     """Return one run of all files; the offset of the wall clock is the newest one."""
     return replace(
         runs[0],
-        blocks=tuple(block for run in runs for block in run.blocks),
+        samples=concatenate([run.samples for run in runs]),
         calibrations=list_changes(calibration for run in runs for calibration in run.calibrations),
         losses=sum_losses([run.losses for run in runs]),
         wall_offset_ns=runs[-1].wall_offset_ns,
     )
 
 
-def _describe_incomplete(runs: Sequence[RecordedRun]) -> Iterator[str]:
+def _describe_incomplete(runs: Sequence[RecordedRun], *, is_whole: bool) -> Iterator[str]:
     for run in runs:
         if losses := describe_losses(run.losses):
-            end_ns = int(run.time_ns.max()) + run.wall_offset_ns
-            yield f"{run.path.name}: {', '.join(losses)}; samples up to {iso_utc(end_ns)}"
+            end_ns = int(run.samples.time_ns.max()) + run.wall_offset_ns
+            yield f"{run.path.name}: {', '.join(losses)}" + (f"; samples up to {iso_utc(end_ns)}" if is_whole else "")
 
 
 def _describe_gaps(runs: Sequence[RecordedRun], spans_ns: Sequence[tuple[int, int]]) -> Iterator[str]:
-    time_ns = np.concatenate([run.time_ns for run in runs])
+    time_ns = np.concatenate([run.samples.time_ns for run in runs])
     period_ns = typical_interval((time_ns - time_ns[0]).astype(np.float64))
     for number in range(1, len(runs)):
         before, after = runs[number - 1 : number + 1]

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from enum import IntEnum
 from pathlib import Path
 
+from gateway.recording.deletions import DeletionReason
 from gateway.recording.markers import is_trimmed, marker_path, uncompacted_marker
 
 BYTES_PER_MB = 1_000_000
@@ -116,10 +117,10 @@ class Retention:
         names: SegmentNames,
         data_dir: Path,
         quota_mb: float,
-        before_deletion: Callable[[Path], None] = lambda path: None,
+        before_deletion: Callable[[Path, DeletionReason], None] = lambda path, reason: None,
         free_bytes: Callable[[Path], float] = free_disk_bytes,
     ) -> None:
-        """`before_deletion` is called with each segment that is to be deleted, and may raise `OSError`."""
+        """`before_deletion` is called with each segment that is to be deleted and the reason, and may raise `OSError`."""
         self._free_bytes = free_bytes
         self._before_deletion = before_deletion
         self._names = names
@@ -157,7 +158,7 @@ class Retention:
                 self._to_trim.append(oldest.path)
                 break  # what that makes free is not known yet
             try:
-                self._before_deletion(oldest.path)
+                self._before_deletion(oldest.path, "quota" if total_bytes > self._quota_bytes else "disk")
                 oldest.path.unlink(missing_ok=True)
                 marker_path(oldest.path).unlink(missing_ok=True)
                 uncompacted_marker(oldest.path).unlink(missing_ok=True)

@@ -7,15 +7,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.block import DeviceInfo, SampleBlock
+from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from devices.recording import Recording, longest_increasing_mask, missing_before
-from devices.saturation import GYRO_END_OF_RANGE, angular_rates
+from devices.saturation import angular_rates
 from gateway import messages
 from gateway.packing import unpack
 from gateway.recording import header as names
 from gateway.recording.mcap_salvage import SalvageReport
-from gateway.recording.reader import RecordingFile, open_recording
+from gateway.recording.reader import RecordingFile, Selection, open_recording
+from gateway.recording.sample_columns import ColumnBuilder, SampleColumns
+
+SAMPLES = "/samples"
+NEEDED_TOPICS = frozenset({SAMPLES, "/calibration", "/clock"})
 
 
 class NoSamplesError(RecordingError):
@@ -38,8 +42,8 @@ class RecordedRun:
     origin: dict[str, str]
     """Software, site, crane, sensor and boot id of the gateway; empty where another program wrote the file."""
     device: DeviceInfo
-    blocks: tuple[SampleBlock, ...]
-    """The blocks as the device delivered them: times in gateway time, readings in `device.unit`."""
+    samples: SampleColumns
+    """The samples as the device delivered them: times in gateway time, readings in `device.unit`."""
     configuration_toml: str | None
     calibrations: tuple[CalibrationInForce, ...]
     """The calibration in force at the start, and each later one."""
@@ -47,86 +51,60 @@ class RecordedRun:
     wall_offset_ns: int = 0
     """UTC of the wall clock minus gateway time, by the last message of the clock."""
 
-    @property
-    def time_ns(self) -> NDArray[np.int64]:
-        """Gateway time of every sample, shape (n,)."""
-        return np.concatenate([block.time_ns for block in self.blocks])
-
     def recording(self, origin_ns: int | None = None) -> Recording:
         """Return all samples as one recording, for `measure`; times count from `origin_ns`, or from the first sample.
 
         Samples with a repeated or backward time are left out and counted. Raises `RecordingError` for fewer than two samples.
         """
-        time_ns = self.time_ns
-        raw = np.concatenate([block.raw for block in self.blocks]).astype(np.float64)
-        kept = longest_increasing_mask(time_ns)
-        if kept.sum() < 2:
+        samples = self.samples
+        mask = longest_increasing_mask(samples.time_ns)
+        if mask.sum() < 2:
             raise RecordingError(f"{self.path}: has a single sample; choose a longer recording")
-        repeated = np.isin(time_ns[~kept], time_ns[kept])
-        origin_ns = int(time_ns[0]) if origin_ns is None else origin_ns
-        time_s = (time_ns[kept] - origin_ns) / 1e9
-        known_lost = self._before([block.lost for block in self.blocks])[kept]
+        kept: slice | NDArray[np.bool_] = slice(None) if mask.all() else mask  # a slice copies nothing
+        repeated = np.isin(samples.time_ns[~mask], samples.time_ns[mask])
+        origin_ns = int(samples.time_ns[0]) if origin_ns is None else origin_ns
+        time_s = (samples.time_ns[kept] - origin_ns) / 1e9
+        lost_before = samples.at_first_sample(samples.lost)[kept]
+        scale, rates = self.device.gyro_rad_s_per_count, samples.gyro_counts
         return Recording(
             time_s=time_s,
-            raw=raw[kept],
+            raw=samples.raw[kept].astype(np.float64),
             unit=self.device.unit,
-            lost_before=np.maximum(known_lost, missing_before(time_s)),
-            unusable_before=self._before([block.invalid for block in self.blocks])[kept],
-            temperature_c=self._temperature_c()[kept],
-            gyro_dps=None if (gyro_dps := self._gyro_dps()) is None else gyro_dps[kept],
-            saturated=None if (saturated := self._saturated()) is None else saturated[kept],
+            lost_before=np.maximum(lost_before, missing_before(time_s), out=lost_before),
+            unusable_before=samples.at_first_sample(samples.invalid)[kept],
+            temperature_c=np.repeat(samples.temperature_c, samples.length)[kept],
+            gyro_dps=None if scale is None or rates is None else np.degrees(angular_rates(rates[kept], scale)),
+            saturated=None if samples.saturated is None else samples.saturated[kept],
             repeated=int(repeated.sum()),
             backward=int((~repeated).sum()),
-            invalid=sum(block.invalid for block in self.blocks),
+            invalid=int(samples.invalid.sum()),
             origin_ns=origin_ns,
         )
 
-    def _before(self, counts: list[int]) -> NDArray[np.int64]:
-        """Return a count of each block at its first sample, zero at the others, shape (n,)."""
-        lengths = np.array([len(block) for block in self.blocks])
-        spread = np.zeros(lengths.sum(), dtype=np.int64)
-        spread[np.cumsum(lengths) - lengths] = counts
-        return spread
 
-    def _gyro_dps(self) -> NDArray[np.float64] | None:
-        """Return the angular rates in the sensor's axes, shape (n, 3), NaN where a block has none; None without a gyroscope."""
-        scale = self.device.gyro_rad_s_per_count
-        if scale is None or all(block.gyro_counts is None for block in self.blocks):
-            return None
-        none = np.zeros((1, 3), dtype=np.int32) + GYRO_END_OF_RANGE
-        counts = [
-            np.repeat(none, len(block), axis=0) if block.gyro_counts is None else block.gyro_counts
-            for block in self.blocks
-        ]
-        return np.degrees(angular_rates(np.concatenate(counts), scale))
+def read_samples(path: Path | str, begin_ns: int | None = None, end_ns: int | None = None) -> RecordedRun:
+    """Read a recording of the gateway; with `begin_ns` and `end_ns`, only the blocks that end from one until before the other.
 
-    def _saturated(self) -> NDArray[np.bool_] | None:
-        """Return the saturated samples, shape (n,); None where a block does not mark them."""
-        marks = [block.saturated for block in self.blocks if block.saturated is not None]
-        return np.concatenate(marks) if len(marks) == len(self.blocks) else None
-
-    def _temperature_c(self) -> NDArray[np.float64]:
-        known = [np.nan if block.temperature_c is None else block.temperature_c for block in self.blocks]
-        return np.repeat(np.array(known, dtype=np.float64), [len(block) for block in self.blocks])
-
-
-def read_samples(path: Path | str) -> RecordedRun:
-    """Read a recording of the gateway. Raises `RecordingError` where it has no samples or no description of the device."""
+    Raises `RecordingError` where there are no samples or no description of the device.
+    """
     file = open_recording(path)
-    blocks: list[SampleBlock] = []
+    builder = ColumnBuilder()
     calibrations: list[CalibrationInForce] = []
     units: set[str] = set()
     wall_offset_ns = 0
-    for recorded in file.messages():
+    for recorded in file.messages(Selection(end_ns=end_ns, topics=NEEDED_TOPICS)):
+        if begin_ns is not None and recorded.topic == SAMPLES and recorded.log_time_ns < begin_ns:
+            continue  # the calibration and the clock before are needed
         content = file.decode(recorded)
         if isinstance(content, messages.Samples):
-            _add_block(file, blocks, content)
+            _add_block(file, builder, content)
             units.add(content.unit)
         elif isinstance(content, messages.Calibration):
             calibrations.append(CalibrationInForce(recorded.log_time_ns, content))
         elif isinstance(content, messages.ClockOffset):
             wall_offset_ns = content.wall_offset_ns
-    if not blocks:
+    samples = builder.columns()
+    if samples is None:
         raise _missing_samples_error(file)
     device = file.device()
     if units != {device.unit}:
@@ -138,7 +116,7 @@ def read_samples(path: Path | str) -> RecordedRun:
         path=file.path,
         origin=file.metadata.get(names.ORIGIN, {}),
         device=device,
-        blocks=tuple(blocks),
+        samples=samples,
         configuration_toml=None if attachment is None else attachment.data.decode(errors="replace"),
         calibrations=list_changes(calibrations),
         losses=file.losses,
@@ -155,9 +133,9 @@ def list_changes(calibrations: Iterable[CalibrationInForce]) -> tuple[Calibratio
     return tuple(changes)
 
 
-def _add_block(file: RecordingFile, blocks: list[SampleBlock], samples: messages.Samples) -> None:
+def _add_block(file: RecordingFile, builder: ColumnBuilder, samples: messages.Samples) -> None:
     try:
-        blocks.append(unpack(samples))
+        builder.add(unpack(samples))
     except ValueError:
         file.losses.unreadable_messages += 1
 
@@ -169,7 +147,7 @@ def _content(calibration: CalibrationInForce) -> tuple[object, ...]:
 
 def _missing_samples_error(file: RecordingFile) -> RecordingError:
     topics = sorted({channel.topic for channel in file.channels.values()})
-    if "/samples" in topics or names.ORIGIN in file.metadata:
+    if SAMPLES in topics or names.ORIGIN in file.metadata:
         return NoSamplesError(
             f"{file.path}: has no samples; the gateway was stopped or lost its device before the first one"
         )

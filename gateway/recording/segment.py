@@ -13,13 +13,15 @@ from gateway.atomic_io import partial_of, sync_folder
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording import header as names
 from gateway.recording.calibration_files import AttachedFile
-from gateway.recording.chain import SIGNATURE, SegmentChain
+from gateway.recording.chain import SegmentChain
+from gateway.recording.deletions import DELETIONS
 from gateway.recording.encoding import encode_recorded
 from gateway.recording.header import RecordingHeader, device_metadata
 from gateway.recording.markers import uncompacted_marker
 from gateway.recording.mcap_writer import McapWriter
 from gateway.recording.schemas import logged_topics, schema_bytes
 from gateway.recording.segment_summary import SUMMARY, SUMMARY_MEDIA_TYPE, encode_summary
+from gateway.recording.statements import SIGNATURE
 from gateway.recording.summary_builder import SummaryBuilder
 from gateway.topics import TOPICS
 
@@ -104,6 +106,7 @@ class Segment:
         self._summary = SummaryBuilder()
         self._chain = chain
         self._number = 0 if chain is None else chain.next_segment
+        self._deletions: dict[str, str] = {}
         self._newest_ns = self._signed_ns = start_ns
         partial = partial_of(path)
         self._file = SyncedFile(partial)
@@ -161,9 +164,14 @@ class Segment:
     def sync(self) -> None:
         """Close the chunk and write it to the disk, with a checkpoint where one is due."""
         self._writer.flush()
-        if self._newest_ns - self._signed_ns >= CHECKPOINT_NS:
+        if self._newest_ns - self._signed_ns >= CHECKPOINT_NS or self._deletes:
             self._sign()
         self._file.sync()
+
+    @property
+    def _deletes(self) -> bool:
+        """Whether a segment is deleted, and this one does not state it yet."""
+        return self._chain is not None and self._chain.deletions != self._deletions
 
     @property
     def has_vanished(self) -> bool:
@@ -202,6 +210,9 @@ class Segment:
         """Add the signature of everything before."""
         if self._chain is None:
             return
+        if self._deletes:
+            self._deletions = self._chain.deletions
+            self._writer.add_metadata(DELETIONS, self._deletions)
         signature = self._chain.checkpoint(
             segment=self._number,
             name=self.path.name,

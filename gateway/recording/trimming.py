@@ -9,15 +9,17 @@ from pathlib import Path
 from mcap.records import Attachment, Channel, McapRecord, Message
 
 from gateway.atomic_io import replace_file
-from gateway.recording.chain import SIGNATURE, SegmentChain
+from gateway.recording.chain import SegmentChain
 from gateway.recording.compaction import CompactionError, HashingFile
 from gateway.recording.copying import RecordCopier
+from gateway.recording.deletions import DELETIONS
 from gateway.recording.header import TRIMMED
 from gateway.recording.markers import Stretch, note_trimmed, read_stretches
 from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
 from gateway.recording.mcap_writer import DENSE, McapWriter
 from gateway.recording.segment_index import read_index
 from gateway.recording.segment_summary import SUMMARY
+from gateway.recording.statements import SIGNATURE
 
 ALWAYS_KEPT = frozenset({"/calibration", "/clock", "/mark"})
 BLOCK_NS = 1_000_000_000
@@ -42,6 +44,7 @@ def trim(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
         kept = json.dumps([asdict(stretch) for stretch in stretches])
         writer.add_metadata(TRIMMED, {"stretches": kept, "whole_bytes": str(size_bytes)})
         if chain is not None and statement is not None:
+            writer.add_metadata(DELETIONS, chain.deletions)
             writer.flush()
             signature = chain.trimmed(
                 statement, n_bytes=sink.tell(), sha256=sink.sha256, from_ns=copier.from_ns, to_ns=copier.to_ns

@@ -12,11 +12,12 @@ from mcap.records import Metadata
 from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
-from gateway.recording.chain import SIGNATURE, Statement, parse_statement
+from gateway.recording.deletions import DELETIONS
 from gateway.recording.header import ORIGIN, segment_number
 from gateway.recording.mcap_frames import Frame, find_chunk, next_frame
 from gateway.recording.mcap_salvage import DAMAGED, FOOTER, PARSERS, open_mcap
 from gateway.recording.signing_key import fingerprint, is_valid
+from gateway.recording.statements import SIGNATURE, Statement, parse_statement
 
 CONTENT = frozenset({Opcode.CHUNK, Opcode.MESSAGE, Opcode.ATTACHMENT, Opcode.METADATA, Opcode.SCHEMA, Opcode.CHANNEL})
 """Records that nothing may add behind the final signature; what follows it is made from the records before."""
@@ -33,6 +34,8 @@ class FileVerification:
     statement: Statement | None = None
     """The last one that matches the content."""
     statement_text: str = ""
+    deletions: dict[str, str] = field(default_factory=dict)
+    """The last statement about deletions that is followed by a signature; empty: a version wrote the file that made none."""
     is_closed: bool = False
     problems: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
@@ -67,6 +70,7 @@ class _FileCheck:
         self._hash = hashlib.sha256(MCAP0_MAGIC)
         self._checksum = zlib.crc32(MCAP0_MAGIC)
         self._stated_bytes = 0
+        self._deletions: dict[str, str] = {}
         self._differs = False
         self._data_ended = False
 
@@ -114,6 +118,8 @@ class _FileCheck:
             return
         if record.name == ORIGIN and (number := segment_number(record.metadata)):
             self._found.segment = number
+        elif record.name == DELETIONS:
+            self._deletions = record.metadata
         elif record.name == SIGNATURE:
             self._check_signature(record.metadata, place)
 
@@ -139,6 +145,7 @@ class _FileCheck:
             self._problem(f"CLOCK SET BACK by {(before.to_ns - statement.to_ns) / 1e9:.3f} s inside the file")
         self._stated_bytes = place
         self._found.statement, self._found.statement_text = statement, text
+        self._found.deletions = self._deletions
 
     def _check_key(self, statement: Statement) -> None:
         if self._key is not None and statement.public_key != self._key:

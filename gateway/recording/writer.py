@@ -13,6 +13,7 @@ from gateway.messages import Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.calibration_files import AttachedFile, CalibrationFiles
 from gateway.recording.chain import SegmentChain
+from gateway.recording.deletions import DeletionReason
 from gateway.recording.events import EventDetector, EventIndex
 from gateway.recording.header import RecordingHeader
 from gateway.recording.retention import BYTES_PER_MB, Retention, SegmentNames
@@ -73,6 +74,7 @@ class Recorder:
         self._events = events
         self._detector = EventDetector()
         self._retention = Retention(self._names, data_dir, quota_mb, self._note_deletion)
+        self._quota_mb = quota_mb
         self._segment_ns = round(segment_s * 1e9)
         self._fsync_ns = round(fsync_s * 1e9)
         self._largest_segment_bytes = quota_mb * BYTES_PER_MB / SEGMENTS_IN_QUOTA
@@ -228,10 +230,10 @@ class Recorder:
             segments.sort(key=lambda segment: (segment.utc, segment.copy), reverse=True)
             self._chain.restore([segment.path for segment in segments])
 
-    def _note_deletion(self, path: Path) -> None:
+    def _note_deletion(self, path: Path, reason: DeletionReason) -> None:
         """Note in the chain that the quota deletes a segment. Raises `OSError`."""
         if self._chain is not None and (number := self._chain.number_of(path)):
-            self._chain.note_deleted(number)
+            self._chain.note_deletion(number, reason, self._quota_mb)
 
     def _attached_files(self) -> tuple[AttachedFile, ...]:
         """Return the attachments for the calibration in force, none if it belongs to another device."""

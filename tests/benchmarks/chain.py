@@ -22,9 +22,9 @@ from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.header import RecordingHeader
-from gateway.recording.info import summarise
 from gateway.recording.writer import Recorder
 from gateway.topics import TOPICS
+from tests.gateway.recording.recorded_files import summarise
 from tests.values import present
 
 RATE_HZ = 1000

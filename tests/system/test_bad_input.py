@@ -2,7 +2,7 @@
 
 import pytest
 
-from gateway.recording.info import summarise
+from tests.gateway.recording.recorded_files import summarise
 from tests.system.conftest import JoinBus, Plumbline, StartGateway
 
 

@@ -12,8 +12,8 @@ from urllib.request import urlopen
 
 import pytest
 
-from gateway.recording.info import summarise
 from gateway.recording.run import read_samples
+from tests.gateway.recording.recorded_files import summarise
 from tests.system.bus_query import KEY
 from tests.system.conftest import JoinBus, StartGateway
 from tests.values import present
@@ -79,8 +79,8 @@ def test_kill_loses_at_most_the_sync_interval(start_gateway: StartGateway, join_
     gateway.process.wait()
     (path,) = gateway.recordings
     run = read_samples(path)
-    assert (last_heard_ns - int(run.time_ns[-1])) / 1e9 < 1.1
-    assert len(run.time_ns) > 2000
+    assert (last_heard_ns - int(run.samples.time_ns[-1])) / 1e9 < 1.1
+    assert len(run.samples.time_ns) > 2000
 
 
 def test_duration_ends_it(start_gateway: StartGateway) -> None:

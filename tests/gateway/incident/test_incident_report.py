@@ -101,7 +101,7 @@ def test_the_recording_that_was_cut_out_has_every_message_of_its_time(
         assert times == sorted(each.log_time_ns for each in sent if each.topic == topic), topic
     blocks = [unpack(each.message) for each in sent if isinstance(each.message, Samples)]
     run = read_samples(path)
-    assert np.array_equal(np.concatenate([block.raw for block in blocks]), np.concatenate([b.raw for b in run.blocks]))
+    assert np.array_equal(np.concatenate([block.raw for block in blocks]), run.samples.raw)
     assert run.configuration_toml is not None
     assert isinstance(run.calibrations[0].message, Calibration)
 

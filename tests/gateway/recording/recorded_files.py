@@ -8,6 +8,8 @@ from typing import Any
 from mcap.reader import make_reader
 
 from gateway.pipeline.outgoing_message import encode_message
+from gateway.recording.catalogue import open_timeline
+from gateway.recording.info import RecordingInfo, summarise_timeline
 from gateway.recording.reader import open_recording
 from gateway.recording.writer import Recorder
 
@@ -19,6 +21,11 @@ def contents(path: Path) -> list[tuple[str, dict[str, Any]]]:
     with path.open("rb") as file:
         found = make_reader(file, validate_crcs=True).iter_messages(log_time_order=False)
         return [(channel.topic, json.loads(message.data)) for _, channel, message in found]
+
+
+def summarise(path: Path) -> RecordingInfo:
+    """The contents of one recording, complete or not."""
+    return summarise_timeline(open_timeline([path]))
 
 
 def segments(folder: Path) -> list[Path]:

@@ -16,12 +16,11 @@ from gateway import messages
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.calibration_files import CalibrationFiles, calibration_files
-from gateway.recording.info import summarise
 from gateway.recording.reader import open_recording
 from gateway.recording.recovery import recover
 from gateway.recording.writer import RecorderError
 from tests.gateway.recording.conftest import MakeRecorder
-from tests.gateway.recording.recorded_files import record_blocks, segments
+from tests.gateway.recording.recorded_files import record_blocks, segments, summarise
 from tests.values import present
 
 SECOND_NS = 1_000_000_000

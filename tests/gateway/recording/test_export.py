@@ -87,7 +87,7 @@ def test_parquet_has_the_same_samples_with_utc(recorded: Path, tmp_path: Path) -
     table = pq.read_table(out)
     assert table.column_names == ["time_s", "utc", "ax_g", "ay_g", "az_g", "temperature_c"]
     first_ns = table["utc"][0].value
-    assert first_ns == read_samples(sorted(recorded.glob("*.mcap"))[0]).time_ns[0] + CLOCK.wall_offset_ns
+    assert first_ns == read_samples(sorted(recorded.glob("*.mcap"))[0]).samples.time_ns[0] + CLOCK.wall_offset_ns
     assert table["az_g"].to_pylist() == pytest.approx([float(row["az_g"]) for row in rows(text)], rel=1e-8)
     assert table.schema.metadata[b"gateway"] == b"demo-site/crane-1/hook-1"
 
@@ -191,4 +191,4 @@ def test_samples_are_read_as_they_are_written(recorded: Path, monkeypatch: pytes
 
 
 def test_first_sample_is_at_the_start_of_the_simulated_crane(recorded: Path) -> None:
-    assert read_samples(sorted(recorded.glob("*.mcap"))[0]).time_ns[0] == START_NS
+    assert read_samples(sorted(recorded.glob("*.mcap"))[0]).samples.time_ns[0] == START_NS

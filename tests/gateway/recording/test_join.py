@@ -1,6 +1,7 @@
 """Files of one gateway that are read as one recording."""
 
 import os
+import tracemalloc
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,9 +12,11 @@ import pytest
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
+from gateway.errors import InputError
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.catalogue import NoMessageError, list_recordings
 from gateway.recording.header import RecordingHeader
+from gateway.recording.interval import RecordingInterval, parse_recording_time
 from gateway.recording.join import read_joined_samples
 from gateway.recording.run import read_samples
 from gateway.recording.writer import Recorder
@@ -22,6 +25,7 @@ from tests.gateway.recording.conftest import MakeRecorder
 Write = Callable[..., Path]
 BLOCK = 32
 PERIOD_NS = 1_000_000
+SLOW_NS = 12_500_000
 
 
 @pytest.fixture
@@ -40,16 +44,19 @@ def write(
         header: RecordingHeader = header,
         device: DeviceInfo = device,
         calibration: str = "a",
+        length: int = BLOCK,
+        period_ns: int = PERIOD_NS,
     ) -> Path:
-        recorder = Recorder(tmp_path, header, segment_s=600.0, fsync_s=0.01, quota_mb=100.0)
-        made = [make_samples(number, length=BLOCK, period_ns=PERIOD_NS) for number in numbers]
+        recorder = Recorder(tmp_path, header, segment_s=6000.0, fsync_s=0.01, quota_mb=100.0)
+        made = [make_samples(number, length=length, period_ns=period_ns) for number in numbers]
         start_ns = made[0].first_log_time_ns if made else 0
         recorder.set_device(device, start_ns)
         path = recorder.start(start_ns)
         recorder.write(encode_message("calibration", make_calibration(calibration), start_ns))
         for message in made:
             recorder.write(encode_message("samples", message, message.time_ns))
-            recorder.tick(message.time_ns)
+            if period_ns == PERIOD_NS:
+                recorder.tick(message.time_ns)
         recorder.close()
         return path.rename(tmp_path / name)
 
@@ -67,6 +74,45 @@ def test_segments_are_joined_in_order_of_time(write: Write) -> None:
         np.testing.assert_array_equal(getattr(found, name), getattr(expected, name))
     assert found.origin_ns == expected.origin_ns
     assert len(joined.whole.calibrations) == 1
+
+
+@pytest.mark.parametrize("files", [1, 3])
+def test_of_an_interval_only_its_samples_are_read_and_those_shortly_before(write: Write, files: int) -> None:
+    """Twenty minutes in blocks of 0.4 s; the samples are those of the whole recording."""
+    each = 3000 // files
+    paths = [
+        write(f"{place}.mcap", range(place * each, (place + 1) * each), period_ns=SLOW_NS) for place in range(files)
+    ]
+    whole = read_joined_samples(paths).recording()
+    tracemalloc.start()
+    joined = read_joined_samples(paths, RecordingInterval(parse_recording_time("1100"), parse_recording_time("1101")))
+    found = joined.recording()
+    peak_bytes = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak_bytes < 56 * len(whole)  # the arrays of the whole recording
+    assert 299 < 1100 - found.time_s[0] < 302
+    assert 1101 < found.time_s[-1] < 1112
+    place = int(np.searchsorted(whole.time_s, found.time_s[0]))
+    for name in ("time_s", "raw", "lost_before", "unusable_before", "temperature_c"):
+        np.testing.assert_array_equal(getattr(found, name), getattr(whole, name)[place : place + len(found)])
+    assert found.origin_ns == whole.origin_ns
+    assert len(joined.whole.calibrations) == 1
+
+
+def test_a_recording_takes_the_memory_of_its_samples(write: Write) -> None:
+    path = write("a.mcap", range(6000), length=4, period_ns=SLOW_NS)
+    tracemalloc.start()
+    run = read_samples(path)
+    kept_bytes = tracemalloc.get_traced_memory()[0]
+    tracemalloc.stop()
+    assert kept_bytes < 50 * len(run.samples)
+
+
+def test_an_interval_without_samples_is_refused(write: Write) -> None:
+    paths = [write("a.mcap", [0, 1]), write("b.mcap", [100_000])]
+    empty = RecordingInterval(parse_recording_time("1600"), parse_recording_time("1700"))
+    with pytest.raises(InputError, match=r"fewer than two samples; the recording is 0 to 3200\.031 s"):
+        read_joined_samples(paths, empty)
 
 
 def test_gap_between_segments_is_counted_as_lost_samples(write: Write) -> None:

@@ -46,12 +46,13 @@ def test_a_recording_is_read_back_block_by_block(
     blocks = [make_block(0), make_block(4, length=8, lost=9), make_block(12, length=5)]
     path = record(recorder, blocks)
     run = read_samples(path)
-    assert len(run.blocks) == 3
-    for block, back in zip(blocks, run.blocks, strict=True):
-        np.testing.assert_array_equal(back.time_ns, block.time_ns)
-        np.testing.assert_array_equal(back.raw, block.raw)
-        assert back.raw.dtype == np.int32
-        assert (back.temperature_c, back.lost) == (block.temperature_c, block.lost)
+    samples = run.samples
+    np.testing.assert_array_equal(samples.time_ns, np.concatenate([block.time_ns for block in blocks]))
+    np.testing.assert_array_equal(samples.raw, np.concatenate([block.raw for block in blocks]))
+    assert samples.raw.dtype == np.int32
+    assert samples.length.tolist() == [len(block) for block in blocks]
+    assert samples.temperature_c.tolist() == [block.temperature_c for block in blocks]
+    assert samples.lost.tolist() == [block.lost for block in blocks]
     assert run.device == device
     assert run.configuration_toml == header.configuration_toml
     assert run.origin["boot_id"] == "b00t"
@@ -114,7 +115,7 @@ def test_readings_in_g_are_read_back_exactly(make_recorder: MakeRecorder, device
     recorder.set_device(type(device)(kind="replay", device_id="r", unit="g", odr_hz=10, units_per_g=1.0), start_ns)
     rng = np.random.default_rng(1)
     block = SampleBlock(start_ns + np.arange(5) * 100, rng.normal(size=(5, 3)))
-    (back,) = read_samples(record(recorder, [block])).blocks
+    back = read_samples(record(recorder, [block])).samples
     assert back.raw.tobytes() == block.raw.tobytes()
 
 

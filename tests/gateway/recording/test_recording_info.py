@@ -12,13 +12,14 @@ from gateway import messages
 from gateway.errors import InputError
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.catalogue import open_timeline
-from gateway.recording.info import TopicInfo, summarise, summarise_timeline
+from gateway.recording.info import TopicInfo, summarise_timeline
 from gateway.recording.info_text import info_text
 from gateway.recording.interval import RecordingInterval, parse_recording_time
 from gateway.recording.recovery import recover
 from gateway.recording.segment_summary import RecordedPeak
 from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_crane import RecordedCrane
+from tests.gateway.recording.recorded_files import summarise
 
 SECOND_NS = 1_000_000_000
 

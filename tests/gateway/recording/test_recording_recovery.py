@@ -10,12 +10,12 @@ from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.info import summarise
 from gateway.recording.info_text import info_text
 from gateway.recording.reader import open_recording
 from gateway.recording.recovery import recover
 from gateway.recording.run import read_samples
 from tests.gateway.recording.conftest import MakeRecorder
+from tests.gateway.recording.recorded_files import summarise
 from tests.values import present
 
 
@@ -72,7 +72,7 @@ def test_an_incomplete_recording_becomes_a_complete_one(torn: Path, tmp_path: Pa
     ]
     run, source = read_samples(out), read_samples(torn)
     assert (run.device, run.origin, run.configuration_toml) == (source.device, source.origin, source.configuration_toml)
-    np.testing.assert_array_equal(run.time_ns, source.time_ns)
+    np.testing.assert_array_equal(run.samples.time_ns, source.samples.time_ns)
     assert run.losses.closed
     assert f"recovered      from {torn.name}, closed false" in info_text(summarise(out))
 

@@ -17,13 +17,13 @@ from devices.errors import RecordingError
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.header import RecordingHeader
-from gateway.recording.info import summarise
 from gateway.recording.info_text import info_text
 from gateway.recording.mcap_salvage import SalvageReport
 from gateway.recording.reader import open_recording
 from gateway.recording.run import read_samples
 from gateway.recording.writer import Recorder
 from tests.gateway.recording.conftest import MakeRecorder
+from tests.gateway.recording.recorded_files import summarise
 
 BLOCK = 32
 FSYNC_S = 1.0

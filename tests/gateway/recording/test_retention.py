@@ -61,6 +61,21 @@ def test_a_segment_that_cannot_be_deleted_is_counted(tmp_path: Path, monkeypatch
     assert retention.undeletable == 2
 
 
+def test_the_reason_is_known_before_a_segment_is_deleted(tmp_path: Path) -> None:
+    paths = make(tmp_path, *(f"2026010{day}T000000Z" for day in range(1, 6)))
+    noted: list[tuple[Path, str]] = []
+
+    def note(path: Path, reason: str) -> None:
+        assert path.exists()
+        noted.append((path, reason))
+
+    for quota_mb in (0.0045, 1.0):  # more than the quota; less than it, on a disk that is full
+        retention = Retention(NAMES, tmp_path, quota_mb, note, free_bytes=lambda _: 100.0)
+        retention.rescan()
+        retention.enforce(open_bytes=0)
+    assert noted == [(paths[0], "quota"), (paths[1], "disk")]
+
+
 def test_a_segment_that_was_deleted_already_is_no_error(tmp_path: Path) -> None:
     (gone,) = make(tmp_path, "20260101T000000Z")
     retention = Retention(NAMES, tmp_path, quota_mb=0.0001)

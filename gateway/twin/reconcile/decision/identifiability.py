@@ -54,13 +54,17 @@ class FittedRecording:
 def indistinguishable_from(
     rig: TwinRig, model: EffectValues, name: str, others: Iterable[str], recordings: Sequence[FittedRecording]
 ) -> tuple[str, ...]:
-    """Effects out of `others` that make the same contribution to all recordings as one effect of a fitted model."""
+    """Effects out of `others` that make the same contribution to all recordings as one effect of a fitted model.
+
+    The most similar one is first.
+    """
     size_sigma, angles_rad = contribution_angles(rig, model, name, others, recordings)
     unexplained = sum(each.excess_chi2 for each in recordings)
     # What the model leaves unexplained could be twice the difference between the two effects.
     misfit_rad = 2 * math.sqrt(unexplained) / size_sigma if size_sigma else 0.0
     limit_rad = max(MAX_INDISTINGUISHABLE_ANGLE_RAD, min(misfit_rad, DISTINCT_ANGLE_RAD))
-    return tuple(sorted(other for other, angle in angles_rad.items() if angle < limit_rad))
+    alike = (other for other, angle in angles_rad.items() if angle < limit_rad)
+    return tuple(sorted(alike, key=lambda other: (angles_rad[other], other)))
 
 
 def contribution_angles(

@@ -15,7 +15,7 @@ from gateway.twin.reconcile.residual.residual_tests import has_lines, residual_l
 from gateway.twin.reconcile.search.candidates import CandidateFit
 
 MAX_AMBIGUOUS = 4
-"""Candidates of a one_of verdict; more would be no answer."""
+"""Candidates of a one_of verdict, those with the most evidence; more would be no answer."""
 SAME_LINE_CYCLES = 3.0
 """Cycles in the recording by which two lines may differ and yet be one whose amplitude changes."""
 
@@ -86,10 +86,10 @@ def _make(
     reason: Reason,
     model: RankedCandidate,
     named: frozenset[str],
-    candidates: frozenset[str] = frozenset(),
+    candidates: tuple[str, ...] = (),
 ) -> Decision:
     """Decide on a model; what it does not have, because it was eliminated, is not named."""
-    return Decision(verdict, reason, reason.value, model, tuple(sorted(named & model.names)), tuple(sorted(candidates)))
+    return Decision(verdict, reason, reason.value, model, tuple(sorted(named & model.names)), candidates)
 
 
 def _baseline_wins(evidence: Evidence) -> bool:
@@ -124,7 +124,7 @@ def _certain_everywhere(evidence: Evidence) -> frozenset[str]:
 def _conclude_usual(evidence: Evidence) -> Decision:
     """Name what all rivals have; the effects in which they differ are candidates. What the samples show explains nothing else."""
     certain = _certain_everywhere(evidence)
-    group = _contested(evidence) if _rivals_differ_in_one_place(evidence) else frozenset()
+    group = _contested(evidence) if _rivals_differ_in_one_place(evidence) else ()
     named = certain | (evidence.baseline_names & evidence.necessary)
     if not certain and not group:
         return _make("unmodelled", Reason.NO_SET_EXPLAINS, evidence.best, evidence.baseline_names)
@@ -149,9 +149,10 @@ def _everywhere(evidence: Evidence) -> frozenset[str]:
     return frozenset.intersection(*(each.names for each in evidence.rivals))
 
 
-def _contested(evidence: Evidence) -> frozenset[str]:
-    """Effects that some rival sets have and others do not."""
-    return frozenset().union(*(each.names for each in evidence.rivals)) - _everywhere(evidence)
+def _contested(evidence: Evidence) -> tuple[str, ...]:
+    """Effects that some rival sets have and others do not, those of the best set first, then in the order of the evidence."""
+    everywhere = _everywhere(evidence)
+    return tuple(dict.fromkeys(name for each in evidence.rivals for name in sorted(each.names - everywhere)))
 
 
 def _rivals_differ_in_one_place(evidence: Evidence) -> bool:
@@ -161,7 +162,7 @@ def _rivals_differ_in_one_place(evidence: Evidence) -> bool:
 
 
 def _one_of(reason: Reason, evidence: Evidence) -> Decision:
-    candidates = frozenset(sorted(_contested(evidence))[:MAX_AMBIGUOUS])
+    candidates = _contested(evidence)[:MAX_AMBIGUOUS]
     return _make("one_of", reason, evidence.best, _everywhere(evidence) | evidence.baseline_names, candidates)
 
 
@@ -196,7 +197,7 @@ RULES = (
 def decide(evidence: Evidence, log: Observations, indistinguishable: Callable[[str], tuple[str, ...]]) -> Decision:
     """Decide by the first rule that applies, then correct for what no recording separates.
 
-    `indistinguishable` returns the effects with the same signature as one of the decided model.
+    `indistinguishable` returns the effects with the same signature as one of the decided model, the most similar first.
     """
     decision = next(rule.conclude(evidence) for rule in RULES if rule.applies(evidence))
     decision = _drop_nonstationary_lines(decision, log)
@@ -253,7 +254,7 @@ def _group_indistinguishable(
         partners = () if EFFECTS[name].found_before_search else indistinguishable(name)
         if not partners:
             continue
-        group = tuple(sorted((name, *partners)))[:MAX_AMBIGUOUS]
+        group = (name, *partners)[:MAX_AMBIGUOUS]
         named = tuple(each for each in decision.named if each != name)
         if decision.verdict == "named":
             reason = Reason.INDISTINGUISHABLE

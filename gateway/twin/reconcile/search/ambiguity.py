@@ -16,7 +16,7 @@ from gateway.twin.reconcile.search.validation_cache import Validator
 
 
 def indistinguishable(context: SearchContext, validator: Validator, best: CandidateFit, name: str) -> tuple[str, ...]:
-    """Effects with the same signature as one of a fitted set, on the log and on the selection part together."""
+    """Effects with the same signature as one of a fitted set, on the log and on the selection part together, by similarity."""
     setting, n = context.setting, context.setting.simulator(best.names).n_initial_states
     validation = validator.evaluate(best)
     recordings = (
@@ -53,7 +53,7 @@ def replace_implausible(
             continue
         rest = {each: values for each, values in best.values.items() if each != name}
         starts, residual_g = context.segment_starts(best), context.setting.log.force_g - best.fit.force_g
-        partners = indistinguishable(context, validator, best, name)
+        partners = sorted(indistinguishable(context, validator, best, name))
         for other in partners:
             guesses = EFFECTS[other].initial_guesses(context.setting.guess_context(residual_g))
             table = context.fit_first_that_explains(table, rest, other, guesses, starts)

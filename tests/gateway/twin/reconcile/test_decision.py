@@ -143,7 +143,7 @@ def test_effects_detected_before_the_search_are_named_with_the_rest(log: Observa
 def test_rivals_that_differ_in_one_effect_give_one_of(log: Observations) -> None:
     best, other = ranked(0.0, "impact", "rope_length"), ranked(3.0, "clock_drift", "impact")
     found = decided(log, evidence(best, other))
-    assert (found.verdict, found.named, found.candidates) == ("one_of", ("impact",), ("clock_drift", "rope_length"))
+    assert (found.verdict, found.named, found.candidates) == ("one_of", ("impact",), ("rope_length", "clock_drift"))
 
 
 def test_two_necessary_effects_are_named_and_an_imitating_third_is_not(log: Observations) -> None:
@@ -154,9 +154,9 @@ def test_two_necessary_effects_are_named_and_an_imitating_third_is_not(log: Obse
 
 def test_crane_and_housing_rotation_are_never_told_apart(log: Observations) -> None:
     alone = decided(log, evidence(ranked(0.0, "slewing")))
-    assert (alone.verdict, alone.named, alone.candidates) == ("one_of", (), ("housing_spin", "slewing"))
+    assert (alone.verdict, alone.named, alone.candidates) == ("one_of", (), ("slewing", "housing_spin"))
     pair = decided(log, evidence(ranked(0.0, "impact", "slewing")))
-    assert (pair.verdict, pair.named, pair.candidates) == ("one_of", ("impact",), ("housing_spin", "slewing"))
+    assert (pair.verdict, pair.named, pair.candidates) == ("one_of", ("impact",), ("slewing", "housing_spin"))
 
 
 def test_an_ambiguity_group_that_closes_the_gap_is_told_beside_a_residual(log: Observations) -> None:
@@ -173,9 +173,29 @@ def test_an_ambiguity_group_that_closes_the_gap_is_told_beside_a_residual(log: O
 def test_a_group_beside_rivals_takes_the_place_of_neither(log: Observations) -> None:
     best, other = (ranked(each, name, "housing_spin") for each, name in ((0.0, "rope_length"), (3.0, "clock_drift")))
     found = decided(log, evidence(best, other))
-    assert (found.verdict, found.named, found.candidates) == ("one_of", (), ("clock_drift", "rope_length"))
+    assert (found.verdict, found.named, found.candidates) == ("one_of", (), ("rope_length", "clock_drift"))
     assert found.also_one_of == (("housing_spin", "slewing"),)
     assert not found.leaves_remainder
+
+
+PARTNERS = ("impact", "hoisting", "axis_offset", "cross_axis")
+"""Effects with the same signature as another one, the most similar first; all come before it in the alphabet."""
+CONTESTED = (("viscous_damping", "wind_gust"), ("steady_wind",), ("impact",), ("axis_offset",))
+"""Rival sets, that with the most evidence first."""
+
+
+@pytest.mark.parametrize("residual", [False, True])
+def test_an_effect_stays_in_its_group_however_many_are_like_it(log: Observations, residual: bool) -> None:
+    best = ranked(0.0, "viscous_damping")
+    found = decide(evidence(best, best_leaves_excess=residual), log, lambda _: PARTNERS)
+    assert (found.verdict, found.named) == ("one_of", ())
+    assert found.candidates == ("viscous_damping", "impact", "hoisting", "axis_offset")
+
+
+def test_of_many_contested_effects_those_of_the_best_sets_are_told(log: Observations) -> None:
+    best, *others = (ranked(each, *names) for each, names in enumerate(CONTESTED))
+    found = decided(log, evidence(best, *others))
+    assert (found.verdict, found.candidates) == ("one_of", ("viscous_damping", "wind_gust", "steady_wind", "impact"))
 
 
 def test_misalignment_beside_cross_axis_sensitivity_is_not_named(log: Observations) -> None:
@@ -208,7 +228,7 @@ def test_usual_causes_that_rivals_replace_are_candidates(log: Observations) -> N
     found = decided(log, evidence(best, rival, **facts))
 
     assert (found.verdict, found.named) == ("named_with_remainder", ("axis_offset",))
-    assert found.candidates == ("coulomb_friction", "viscous_damping")
+    assert found.candidates == ("viscous_damping", "coulomb_friction")
 
 
 def test_an_answer_beside_a_remainder_may_have_two_groups(log: Observations) -> None:
@@ -219,7 +239,7 @@ def test_an_answer_beside_a_remainder_may_have_two_groups(log: Observations) -> 
     found = decide(evidence(best, rival, **facts), log, lambda name: tilt.get(name, ()))
 
     assert (found.verdict, found.named) == ("one_of", ())
-    assert found.candidates == ("coulomb_friction", "viscous_damping")
+    assert found.candidates == ("viscous_damping", "coulomb_friction")
     assert found.also_one_of == (("axis_offset", "mount_misalignment"),)
     assert found.known == {"coulomb_friction", "viscous_damping", "axis_offset", "mount_misalignment"}
 
