@@ -7,24 +7,24 @@ from typing import Self
 import numpy as np
 
 from gateway.motion.hypotheses import (
-    IS_HOISTING,
     N_HYPOTHESES,
     PIVOT_LEVEL,
     PIVOT_LEVELS,
+    WINCH_LEVEL,
     WIND_LEVEL,
     WIND_LEVELS,
     starts_1_s,
 )
 from gateway.numerics.array import Array
 
-HOIST_JERK_SIGMA_M_S2, HOIST_JERK_RATE_1_S = 0.3, 1.0
-"""Standard deviation and rate of a hoist's acceleration. Basis: 0.5 m/s reached in one to two seconds."""
+HOIST_JERK_SIGMA_M_S2, HOIST_JERK_RATE_1_S = 0.2, 0.5
+"""Standard deviation and rate of a hoist's acceleration while its speed changes. Basis: 0.5 m/s reached in one to two seconds."""
 HOIST_MEMORY_S = 20.0
-"""Time after which the speed of a hoist is forgotten that no reading confirms."""
+"""Time after which a changing speed is forgotten that no reading confirms."""
 STILL_ACCELERATION_M_S2, STILL_RATE_1_S = 5e-4, 6.0
-"""The same of a winch that rests: what is left of its acceleration."""
+"""The same of a winch that rests or runs steadily: what is left of its acceleration."""
 STILL_SPEED_WALK_M_S = 2e-3
-"""Random walk of its speed, m/s/sqrt(s): a rope that settles on its drum."""
+"""Random walk of such a speed, m/s/sqrt(s): a rope that settles on its drum."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +66,8 @@ class DisturbanceStep:
         return cls(
             pivot=(np.array(pivots) @ carried_back)[PIVOT_LEVEL],
             pivot_noise=np.array(noises)[PIVOT_LEVEL],
-            hoist=(hoist @ carried_back)[IS_HOISTING.astype(int)],
-            hoist_noise=hoist_noise[IS_HOISTING.astype(int)],
+            hoist=(hoist @ carried_back)[WINCH_LEVEL],
+            hoist_noise=hoist_noise[WINCH_LEVEL],
             gust=gust[WIND_LEVEL],
             gust_noise=gust_noise[WIND_LEVEL],
             heave=heave[PIVOT_LEVEL],
@@ -86,16 +86,13 @@ def _oscillator(rate_1_s: float, damping_ratio: float, time_s: float) -> Array:
 
 
 def _hoist(time_s: float) -> tuple[Array, Array]:
-    """Return transition and noise of speed and acceleration of a winch that rests, and of one that runs, shapes (2, 2, 2)."""
+    """Return transition and noise of the winch's speed and acceleration at each of its levels, shapes (3, 2, 2)."""
     rest = math.exp(-STILL_RATE_1_S * time_s)
     slow, fast = math.exp(-time_s / HOIST_MEMORY_S), math.exp(-HOIST_JERK_RATE_1_S * time_s)
     reached_s = (slow - fast) / (HOIST_JERK_RATE_1_S - 1 / HOIST_MEMORY_S)
-    steps = np.array([[[1.0, time_s], [0.0, rest]], [[slow, reached_s], [0.0, fast]]])
+    still = [[1.0, time_s], [0.0, rest]]
+    still_noise = np.diag([STILL_SPEED_WALK_M_S**2 * time_s, STILL_ACCELERATION_M_S2**2 * (1 - rest**2)])
     density = 2 * HOIST_JERK_RATE_1_S * HOIST_JERK_SIGMA_M_S2**2
-    noises = np.array(
-        [
-            np.diag([STILL_SPEED_WALK_M_S**2 * time_s, STILL_ACCELERATION_M_S2**2 * (1 - rest**2)]),
-            density * np.array([[time_s**3 / 3, time_s**2 / 2], [time_s**2 / 2, time_s]]),
-        ]
-    )
-    return steps, noises
+    changing_noise = density * np.array([[time_s**3 / 3, time_s**2 / 2], [time_s**2 / 2, time_s]])
+    steps = np.array([still, still, [[slow, reached_s], [0.0, fast]]])
+    return steps, np.array([still_noise, still_noise, changing_noise])

@@ -1,6 +1,6 @@
 """The hypotheses on what acts on crane and load, and how one follows another.
 
-A hypothesis joins a level of the pivot's acceleration, one of the wind and whether the winch runs. All of them have all states:
+A hypothesis joins a level of the pivot's acceleration, one of the wind and one of the winch. All of them have all states:
 levels differ by how large a disturbance is and how long it lasts, so that wind and a yielding jib act beside a drive. A pivot's
 acceleration is a damped oscillator driven by white noise (Matérn 3/2 where it is critically damped: Hartikainen and Särkkä 2010,
 eq. 12), a gust and a heave a first-order one.
@@ -65,20 +65,24 @@ PIVOT_STARTS_1_S = np.array(
 """How often a level (row) is followed by another. Basis: a crane at work moves twice a minute, for some seconds; a base that
 floats does so for hours."""
 WIND_STARTS_1_S = np.array([[0.0, 1 / 90], [1 / 60, 0.0]])
-HOIST_STARTS_1_S = np.array([[0.0, 1 / 60], [1 / 8, 0.0]])
-_PIVOT_WEIGHTS, _WIND_WEIGHTS, _HOIST_WEIGHTS = (0.6, 0.15, 0.15, 0.1), (0.75, 0.25), (0.9, 0.1)
+RESTING, STEADY, CHANGING = range(3)
+"""What the winch does: it rests, it runs at a steady speed, its speed changes."""
+WINCH_STARTS_1_S = np.array([[0.0, 1e-4, 1 / 60], [1 / 10, 0.0, 1 / 8], [1 / 4, 1 / 2, 0.0]])
+"""Basis: a winch starts and stops by a change of its speed, which the axial reading shows; nothing shows a steady speed."""
+_PIVOT_WEIGHTS, _WIND_WEIGHTS, _WINCH_WEIGHTS = (0.6, 0.15, 0.15, 0.1), (0.75, 0.25), (0.9, 0.05, 0.05)
 """Before the first reading. Basis: a gateway is switched on more often while the crane rests than while it works."""
 
-_ALL = tuple(product(range(len(PIVOT_LEVELS)), range(len(WIND_LEVELS)), (False, True)))
+_ALL = tuple(product(range(len(PIVOT_LEVELS)), range(len(WIND_LEVELS)), range(3)))
 N_HYPOTHESES = len(_ALL)
 PIVOT_LEVEL = np.array([pivot for pivot, _, _ in _ALL])
 WIND_LEVEL = np.array([wind for _, wind, _ in _ALL])
-IS_HOISTING = np.array([hoists for _, _, hoists in _ALL])
+WINCH_LEVEL = np.array([winch for _, _, winch in _ALL])
+IS_HOISTING = WINCH_LEVEL != RESTING
 IS_DRIVEN = (PIVOT_LEVEL == DRIVEN) | (PIVOT_LEVEL == FLOATING)
 IS_GUST = WIND_LEVEL != CALM
 IS_FREE = ~IS_DRIVEN & ~IS_GUST & ~IS_HOISTING
 """The load swings freely or rests."""
-INITIAL_WEIGHTS = np.array([_PIVOT_WEIGHTS[p] * _WIND_WEIGHTS[w] * _HOIST_WEIGHTS[h] for p, w, h in _ALL])
+INITIAL_WEIGHTS = np.array([_PIVOT_WEIGHTS[p] * _WIND_WEIGHTS[w] * _WINCH_WEIGHTS[h] for p, w, h in _ALL])
 _KINDS = np.column_stack([IS_DRIVEN, IS_GUST & ~IS_DRIVEN, IS_HOISTING]).astype(float)
 
 
@@ -91,13 +95,13 @@ def probabilities(weight: Array) -> tuple[float, float, float]:
 def starts_1_s() -> Array:
     """Return how often each hypothesis (row) is followed by each other one, shape (m, m)."""
     found = np.zeros((N_HYPOTHESES, N_HYPOTHESES))
-    for i, (pivot, wind, hoists) in enumerate(_ALL):
-        for j, (next_pivot, next_wind, next_hoists) in enumerate(_ALL):
-            changes = (pivot != next_pivot, wind != next_wind, hoists != next_hoists)
+    for i, (pivot, wind, winch) in enumerate(_ALL):
+        for j, (next_pivot, next_wind, next_winch) in enumerate(_ALL):
+            changes = (pivot != next_pivot, wind != next_wind, winch != next_winch)
             if changes == (True, False, False):
                 found[i, j] = PIVOT_STARTS_1_S[pivot, next_pivot]
             elif changes == (False, True, False):
                 found[i, j] = WIND_STARTS_1_S[wind, next_wind]
             elif changes == (False, False, True):
-                found[i, j] = HOIST_STARTS_1_S[int(hoists), int(next_hoists)]
+                found[i, j] = WINCH_STARTS_1_S[winch, next_winch]
     return found

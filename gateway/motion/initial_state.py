@@ -7,11 +7,13 @@ import numpy as np
 
 from gateway.motion.disturbances import HOIST_JERK_SIGMA_M_S2, STILL_ACCELERATION_M_S2
 from gateway.motion.hypotheses import (
+    CHANGING,
     INITIAL_WEIGHTS,
     IS_HOISTING,
     N_HYPOTHESES,
     PIVOT_LEVEL,
     PIVOT_LEVELS,
+    WINCH_LEVEL,
     WIND_LEVEL,
     WIND_LEVELS,
 )
@@ -113,7 +115,7 @@ def initial_mixture(gravity_m_s2: float, constants: Constants, *, on_spreader: b
         sigma[i, PIVOT], sigma[i, PIVOT_RATE] = pivot.sigma, pivot.rate_1_s * pivot.sigma
         sigma[i, HEAVE], sigma[i, GUST], sigma[i, SIDE_FORCE] = pivot.heave_sigma, wind.sigma, wind.side_sigma
     sigma[:, HOIST_SPEED] = np.where(IS_HOISTING, HOIST_SPEED_U_M_S, STILL_SPEED_U_M_S)
-    sigma[:, HOIST_ACCELERATION] = np.where(IS_HOISTING, HOIST_JERK_SIGMA_M_S2, STILL_ACCELERATION_M_S2)
+    sigma[:, HOIST_ACCELERATION] = np.where(WINCH_LEVEL == CHANGING, HOIST_JERK_SIGMA_M_S2, STILL_ACCELERATION_M_S2)
     covariance = np.zeros((N_HYPOTHESES, N_STATES, N_STATES))
     covariance.reshape(N_HYPOTHESES, -1)[:, :: N_STATES + 1] = sigma**2
     for i in (0, 1):

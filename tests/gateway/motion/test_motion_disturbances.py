@@ -7,6 +7,7 @@ import pytest
 
 from gateway.motion.disturbances import STILL_ACCELERATION_M_S2, DisturbanceStep
 from gateway.motion.hypotheses import (
+    CHANGING,
     DRIVEN,
     FLOATING,
     INITIAL_WEIGHTS,
@@ -17,6 +18,8 @@ from gateway.motion.hypotheses import (
     N_HYPOTHESES,
     PIVOT_LEVEL,
     PIVOT_LEVELS,
+    RESTING,
+    WINCH_LEVEL,
     WIND_LEVEL,
     WIND_LEVELS,
     probabilities,
@@ -51,24 +54,24 @@ def test_acceleration_of_the_pivot_keeps_its_size_on_every_level(time_s: float) 
 def test_gust_heave_and_resting_winch_keep_their_sizes_on_every_level(time_s: float) -> None:
     step = DisturbanceStep.of(time_s)
     gust, heave = np.array([one.sigma for one in WINDS]), np.array([one.heave_sigma for one in PIVOTS])
-    hoist = carried(step.hoist, time_s)[~IS_HOISTING]
+    hoist = carried(step.hoist, time_s)[WINCH_LEVEL == RESTING]
 
     np.testing.assert_allclose(step.gust**2 * gust**2 + step.gust_noise, gust**2)
     np.testing.assert_allclose(step.heave**2 * heave**2 + step.heave_noise, heave**2)
-    rests = hoist[:, 1, 1] ** 2 * STILL_ACCELERATION_M_S2**2 + step.hoist_noise[~IS_HOISTING, 1, 1]
+    rests = hoist[:, 1, 1] ** 2 * STILL_ACCELERATION_M_S2**2 + step.hoist_noise[WINCH_LEVEL == RESTING, 1, 1]
     np.testing.assert_allclose(rests, STILL_ACCELERATION_M_S2**2)
 
 
 @any_time
 def test_two_steps_of_a_time_are_one_of_twice_the_time(time_s: float) -> None:
     once, twice = DisturbanceStep.of(time_s), DisturbanceStep.of(2 * time_s)
-    pivot, hoist = carried(once.pivot, time_s), carried(once.hoist, time_s)[IS_HOISTING]
+    pivot, hoist = carried(once.pivot, time_s), carried(once.hoist, time_s)[WINCH_LEVEL == CHANGING]
 
     np.testing.assert_allclose(pivot @ pivot, carried(twice.pivot, 2 * time_s), atol=1e-12)
     np.testing.assert_allclose(
         pivot @ once.pivot_noise @ pivot.transpose(0, 2, 1) + once.pivot_noise, twice.pivot_noise, atol=1e-15
     )
-    np.testing.assert_allclose(hoist @ hoist, carried(twice.hoist, 2 * time_s)[IS_HOISTING], atol=1e-12)
+    np.testing.assert_allclose(hoist @ hoist, carried(twice.hoist, 2 * time_s)[WINCH_LEVEL == CHANGING], atol=1e-12)
     np.testing.assert_allclose(once.gust**2, twice.gust)
     np.testing.assert_allclose((1 + once.gust**2) * once.gust_noise, twice.gust_noise)
     np.testing.assert_allclose(once.heave**2, twice.heave)
@@ -106,16 +109,16 @@ def test_hypotheses_follow_each_other_as_often_as_stated() -> None:
 
 def test_one_thing_changes_at_a_time_and_every_hypothesis_is_reached() -> None:
     follows = starts_1_s() > 0
-    levels = np.column_stack([PIVOT_LEVEL, WIND_LEVEL, IS_HOISTING])
+    levels = np.column_stack([PIVOT_LEVEL, WIND_LEVEL, WINCH_LEVEL])
     changes = (levels[:, None] != levels[None]).sum(axis=2)
 
     np.testing.assert_array_equal(follows, changes == 1)
 
 
 def test_hypotheses_are_all_combinations_of_the_levels() -> None:
-    found = set(zip(PIVOT_LEVEL.tolist(), WIND_LEVEL.tolist(), IS_HOISTING.tolist(), strict=True))
+    found = set(zip(PIVOT_LEVEL.tolist(), WIND_LEVEL.tolist(), WINCH_LEVEL.tolist(), strict=True))
 
-    assert found == set(product(range(len(PIVOT_LEVELS)), range(len(WIND_LEVELS)), (False, True)))
+    assert found == set(product(range(len(PIVOT_LEVELS)), range(len(WIND_LEVELS)), range(3)))
     assert len(found) == N_HYPOTHESES
     np.testing.assert_array_equal(IS_DRIVEN, np.isin(PIVOT_LEVEL, (DRIVEN, FLOATING)))
     np.testing.assert_array_equal(IS_FREE, ~(IS_DRIVEN | IS_GUST | IS_HOISTING))
