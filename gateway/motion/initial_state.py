@@ -54,9 +54,10 @@ HOIST_SPEED_U_M_S, STILL_SPEED_U_M_S = 0.3, 2e-3
 LENGTH_U_REL = 0.1
 """Largest relative standard uncertainty of the rope's length. Basis: riggers state it to 5 %; slings and blocks add to it. A
 length stated less certainly is found by the swing's period all the same."""
-PLACE_U_REL = 0.08
-"""Standard uncertainty of the housing's place, as a share of its distance: a tape, a load whose centre is estimated, ropes that
-converge."""
+PLACE_U_REL, PLACE_U_PER_LENGTH = 0.03, 0.02
+"""Standard uncertainty of the housing's place, as a share of its distance and of the rope's length. Basis: a tape and a load whose
+centre is estimated; ropes that converge, whose load swings as one on a shorter rope does (14.6 m of 16.1 m on a container crane),
+so that the distance to the load that a swing shows is shorter than the tape's by the difference."""
 LEVER_U_M = 0.02
 """Standard uncertainty of the accelerometer's place beside the rope's axis, per direction, where it is not stated."""
 STIFFNESS_U = 0.03
@@ -87,7 +88,7 @@ def constants_of(rig: MountedHousing, mount_u_rad: float) -> Constants:
         length_m=rig.length_m,
         length_u_rel=min(rig.length_u_rel, LENGTH_U_REL),
         place_m=place_m,
-        place_u_m=math.hypot(rig.position_u_m, PLACE_U_REL * place_m),
+        place_u_m=math.hypot(rig.position_u_m, PLACE_U_REL * place_m, PLACE_U_PER_LENGTH * rig.length_m),
         offset_u_g=(x, y, math.hypot(z, rig.scale_u[2])),
         mount_u_rad=mount_u_rad,
         lever_u_m=max(LEVER_U_M, rig.beside_u_m),

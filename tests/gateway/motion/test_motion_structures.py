@@ -99,3 +99,18 @@ def test_base_that_never_rests_keeps_its_interval() -> None:
         held += [holds(recording, e) for e in late]
 
     assert np.mean(held) > 0.9
+
+
+def test_a_long_hoist_is_followed_until_it_ends() -> None:
+    """Ten metres to four: between its beginning and its end, nothing shows a steady speed."""
+    recording = simulated("e", 11, 3, 120.0)
+    early = recording.time_s < 45.0
+    part = replace(recording, time_s=recording.time_s[early], force_g=recording.force_g[early])
+
+    estimates = [e for e in follow(part, new_tracker(part.rig)) if e.time_s > 10.0]
+
+    up = [present(e.hoist_m_s) for e in estimates if 19.0 < e.time_s < 31.0]
+    assert max(up) < -0.1  # it is -0.38 m/s
+    ended = [e for e in estimates if 33.0 < e.time_s < 42.0]
+    assert present(ended[-1].length_m) == pytest.approx(4.0, abs=0.5)
+    assert np.mean([holds(recording, e) for e in ended]) > 0.8
