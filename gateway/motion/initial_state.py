@@ -55,9 +55,9 @@ LENGTH_U_REL = 0.1
 """Largest relative standard uncertainty of the rope's length. Basis: riggers state it to 5 %; slings and blocks add to it. A
 length stated less certainly is found by the swing's period all the same."""
 PLACE_U_REL, PLACE_U_PER_LENGTH = 0.03, 0.02
-"""Standard uncertainty of the housing's place, as a share of its distance and of the rope's length. Basis: a tape and a load whose
-centre is estimated; ropes that converge, whose load swings as one on a shorter rope does (14.6 m of 16.1 m on a container crane),
-so that the distance to the load that a swing shows is shorter than the tape's by the difference."""
+"""Standard uncertainty of the housing's place, as a share of its distance and of the rope's length. Basis: a tape and a load
+whose centre is estimated; ropes that converge, whose load swings as one on a shorter rope does (14.6 m of 16.1 m on a container
+crane), so that the distance to the load that a swing shows is shorter than the tape's by the difference."""
 LEVER_U_M = 0.02
 """Standard uncertainty of the accelerometer's place beside the rope's axis, per direction, where it is not stated."""
 STIFFNESS_U = 0.03

@@ -48,12 +48,20 @@ def largest_of_last_period(recording: WorkRecording, at_s: Array) -> Array:
 
 
 def complementary_angle(recording: WorkRecording, leak_s: float, at_s: Array) -> Array:
-    """Return the rope's angle in rad by the complementary filter, shape (times,)."""
-    x, y, z = recording.force_g.T
+    """Return the rope's angle in rad by the complementary filter, which is told rho and d, shape (times,)."""
+    length_m = recording.above_load_m / (1 - recording.rho)
+    return complementary(recording.time_s, recording.force_g, recording.above_load_m, length_m, leak_s, at_s)
+
+
+def complementary(
+    time_s: Array, force_g: Array, above_load_m: float, length_m: float, leak_s: float, at_s: Array
+) -> Array:
+    """Return the angle in rad by a complementary filter that is told lengths, shape (times,)."""
+    x, y, z = force_g.T
     reading = x + 1j * y
-    acceleration = (GRAVITY_M_S2 / recording.above_load_m * reading).tolist()
-    slow = (-reading / z / (1 - recording.rho)).tolist()
-    steps_s = np.diff(recording.time_s, prepend=recording.time_s[0]).tolist()
+    acceleration = (GRAVITY_M_S2 / above_load_m * reading).tolist()
+    slow = (-reading / z * length_m / above_load_m).tolist()
+    steps_s = np.diff(time_s, prepend=time_s[0]).tolist()
     rate, u, track = 0j, slow[0], []
     for step_s, fast, static in zip(steps_s, acceleration, slow, strict=True):
         share = min(step_s / leak_s, 1.0)
@@ -61,5 +69,5 @@ def complementary_angle(recording: WorkRecording, leak_s: float, at_s: Array) ->
         u += step_s * rate + share * (static - u)
         track.append(u)
     sine = np.minimum(np.abs(np.array(track)), 1.0)
-    angle_rad: Array = np.interp(at_s, recording.time_s, np.arcsin(sine))
+    angle_rad: Array = np.interp(at_s, time_s, np.arcsin(sine))
     return angle_rad

@@ -25,7 +25,10 @@ from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from gateway.stages.alerts import DECISION_FACTOR, Limits, RuleState, judge
 from gateway.swing.rig import MountedHousing
+from tests.benchmarks import motion_plot
 from tests.benchmarks.motion import replace_tables, table
+from tests.benchmarks.motion_baselines import LEAKS_IN_PERIODS, complementary
+from tests.benchmarks.motion_recordings import WorkRecording
 from tests.working_crane.real.kinds import KINDS
 from tests.working_crane.real.recording import make
 from tests.working_crane.real.write import write_recording
@@ -37,6 +40,7 @@ QUIET_PERIODS = 2.0
 """An exceedance counts after so long below the limit; a trip is without cause where nothing near it came within this time."""
 NEAR_LIMIT = 0.8
 POSITION_U_M = 0.05
+TRUE_COLUMNS = ("time_s", "angle_deg", "length_m", "driven", "hoisting", "gust")
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,12 +51,38 @@ class Case:
     kind: str
     time_s: Array
     force_g: Array
-    true_time_s: Array
-    true_deg: Array
-    is_busy: Array
+    truth: dict[str, Array]
+    rho: float
+    noise_g: float
     rig: MountedHousing
     mount_u_rad: float
     period_s: float
+    true_length_m: float
+
+    @property
+    def true_time_s(self) -> Array:
+        """Times of the truth."""
+        return self.truth["time_s"]
+
+    @property
+    def true_deg(self) -> Array:
+        """The rope's true angle."""
+        return self.truth["angle_deg"]
+
+    @property
+    def is_busy(self) -> Array:
+        """1 where trolley, bridge, winch or a gust acts."""
+        busy: Array = np.maximum(np.maximum(self.truth["driven"], self.truth["hoisting"]), self.truth["gust"])
+        return busy
+
+    def complementary_deg(self, leak_periods: float) -> Array:
+        """Return the angle at the truth's times by a complementary filter that is told the true length at the beginning."""
+        above_m = self.rig.above_load_m
+        if above_m is None:
+            above_m = self.true_length_m - (self.rig.position_m or 0.0)
+        leak_s = leak_periods * self.period_s
+        angle_rad = complementary(self.time_s, self.force_g, above_m, self.true_length_m, leak_s, self.true_time_s)
+        return np.degrees(angle_rad)
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,12 +136,13 @@ def read_case(folder: Path) -> Case:
         kind=str(info["kind"]),
         time_s=log[:, 0],
         force_g=log[:, 1:],
-        true_time_s=np.array([float(row["time_s"]) for row in truth]),
-        true_deg=np.array([float(row["angle_deg"]) for row in truth]),
-        is_busy=np.array([float("1" in (row["driven"], row["hoisting"], row["gust"])) for row in truth]),
+        truth={name: np.array([float(row[name]) for row in truth]) for name in TRUE_COLUMNS},
+        rho=float(info["rho"]),
+        noise_g=float(info["noise_g"]),
         rig=rig,
         mount_u_rad=math.radians(stated.housing.mount_u_deg),
         period_s=2 * math.pi * math.sqrt(info["length_m"] / gravity_m_s2),
+        true_length_m=float(info["length_m"]),
     )
 
 
@@ -171,20 +202,45 @@ def _value_rad(one: MotionEstimate, factor: float) -> float | None:
 
 def accuracy(all_followed: Sequence[Followed]) -> str:
     """Return the table by kind."""
-    header = ("kind", "recordings", "known", "rms moving", "rms free", "inside 95 %", "half width", "longest wrong, s")
+    header = (
+        "kind",
+        "recordings",
+        "known",
+        "rms moving",
+        "complementary",
+        "rms free",
+        "inside 95 %",
+        "half width",
+        "longest wrong, s",
+    )
+    return table(header, [_accuracy_row(name, chosen) for name, chosen in _by_kind(all_followed)])
+
+
+def _by_kind(all_followed: Sequence[Followed]) -> list[tuple[str, Sequence[Followed]]]:
     kinds = sorted({one.case.kind for one in all_followed})
-    body = [_accuracy_row(kind, [one for one in all_followed if one.case.kind == kind]) for kind in kinds]
-    return table(header, [*body, _accuracy_row("all", all_followed)])
+    chosen = [[one for one in all_followed if one.case.kind == kind] for kind in kinds]
+    return [*zip(kinds, chosen, strict=True), ("all", all_followed)]
+
+
+def _complementary_rms(chosen: Sequence[Followed]) -> float:
+    """Return the rms error while moving of a complementary filter with the best of its time constants, deg."""
+    found = []
+    for leak in LEAKS_IN_PERIODS:
+        errors = [one.case.complementary_deg(leak) - one.case.true_deg for one in chosen]
+        counted = [(one.case.true_time_s > one.case.period_s) & (one.case.is_busy > 0.5) for one in chosen]
+        found.append(_rms(np.concatenate([error[at] for error, at in zip(errors, counted, strict=True)])))
+    return min(found)
 
 
 def _accuracy_row(name: str, chosen: Sequence[Followed]) -> tuple[str, ...]:
     error, busy = np.concatenate([one.error for one in chosen]), np.concatenate([one.is_busy for one in chosen])
     half = np.concatenate([NORMAL_975 * one.u for one in chosen])
     return (
-        KINDS[name][0] if name in KINDS else name,
+        _title(name),
         str(len(chosen)),
         f"{100 * np.mean(np.isfinite(error)):.1f} %",
         f"{_rms(error[busy]):.2f}",
+        f"{_complementary_rms(chosen):.2f}",
         f"{_rms(error[~busy]):.2f}",
         f"{100 * np.mean([one.holds.mean() for one in chosen]):.1f} %",
         f"{np.nanmedian(half):.2f}",
@@ -200,17 +256,32 @@ def _rms(values: Array) -> float:
 def costs(all_followed: Sequence[Followed]) -> str:
     """Return the table of announced exceedances and trips without cause by limit and decision factor."""
     header = ("limit, deg", *(f"{factor:.3g} u" for factor in FACTORS))
-    body = []
-    for trip_deg in TRIPS_DEG:
-        cells = []
-        for factor in FACTORS:
-            found = [alert_cost(one, trip_deg, factor) for one in all_followed]
-            exceedances, announced = sum(one[0] for one in found), sum(one[1] for one in found)
-            leads = [lead_s for one in found for lead_s in one[2]]
-            lead = f", {np.median(leads):.1f} s before" if leads else ""
-            cells.append(f"{announced} of {exceedances}{lead}; {100 * np.mean([one[3] for one in found]):.1f} %")
-        body.append((f"{trip_deg:g}", *cells))
+    body = [(f"{trip_deg:g}", *(_cost(all_followed, trip_deg, factor) for factor in FACTORS)) for trip_deg in TRIPS_DEG]
     return table(header, body)
+
+
+def costs_by_kind(all_followed: Sequence[Followed]) -> str:
+    """Return the table of announced exceedances and trips without cause by kind of crane and limit, as the gateway decides."""
+    header = ("kind", *(f"{trip_deg:g} deg" for trip_deg in TRIPS_DEG))
+    return table(
+        header,
+        [
+            (_title(name), *(_cost(chosen, trip_deg, DECISION_FACTOR) for trip_deg in TRIPS_DEG))
+            for name, chosen in _by_kind(all_followed)
+        ],
+    )
+
+
+def _cost(chosen: Sequence[Followed], trip_deg: float, factor: float) -> str:
+    found = [alert_cost(one, trip_deg, factor) for one in chosen]
+    exceedances, announced = sum(one[0] for one in found), sum(one[1] for one in found)
+    leads = [lead_s for one in found for lead_s in one[2]]
+    lead = f", {np.median(leads):.1f} s before" if leads else ""
+    return f"{announced} of {exceedances}{lead}; {100 * np.mean([one[3] for one in found]):.1f} %"
+
+
+def _title(kind: str) -> str:
+    return KINDS[kind][0] if kind in KINDS else kind
 
 
 def generated(seed: int, count: int, duration_s: float) -> list[Case]:
@@ -224,6 +295,24 @@ def generated(seed: int, count: int, duration_s: float) -> list[Case]:
     return cases
 
 
+def drawing(followed: Followed) -> str:
+    """Return the drawing of a recording, its truth and what was stated."""
+    case = followed.case
+    recording = WorkRecording(
+        name=f"{case.name.removeprefix('work_')}, {_title(case.kind)}",
+        rho=case.rho,
+        noise_g=case.noise_g,
+        believed_length_m=case.rig.length_m,
+        above_load_m=case.rig.above_load_m or 0.0,
+        time_s=case.time_s,
+        force_g=case.force_g,
+        truth=case.truth,
+    )
+    stated_deg = followed.error + recording.true("angle_deg", followed.time_s)
+    states = [one.state for one in followed.estimates]
+    return motion_plot.svg(recording, followed.time_s, stated_deg, followed.u, states)
+
+
 def main(arguments: Sequence[str] = ()) -> None:
     """Print the tables; write them into a page where wanted."""
     parser = argparse.ArgumentParser(prog="script/bench real_cranes", description=__doc__)
@@ -232,10 +321,20 @@ def main(arguments: Sequence[str] = ()) -> None:
     parser.add_argument("--seed", type=int, default=11)
     parser.add_argument("--duration", type=float, default=120.0, help="of each, s")
     parser.add_argument("--write", type=Path, metavar="PAGE", help="replace the tables of this page")
+    parser.add_argument("--unseen", action="store_true", help="replace only the table of recordings not used before")
+    parser.add_argument("--figure", type=Path, metavar="SVG", help="draw the recording with the largest error here")
     chosen = parser.parse_args(arguments)
     cases = [read_case(folder) for folder in chosen.recordings]
     all_followed = [follow(case) for case in cases or generated(chosen.seed, chosen.count, chosen.duration)]
-    tables = {"real cranes": accuracy(all_followed), "alerts": costs(all_followed)}
+    tables = {
+        "real cranes": accuracy(all_followed),
+        "alerts": costs(all_followed),
+        "alerts by kind": costs_by_kind(all_followed),
+    }
+    if chosen.unseen:
+        tables = {"unseen": tables["real cranes"]}
+    if chosen.figure is not None:
+        chosen.figure.write_text(drawing(max(all_followed, key=lambda one: _rms(one.error))))
     for name, content in tables.items():
         print(f"{name}\n{content}\n")
     if chosen.write is not None:
