@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from gateway.bus.alert_sequence import MissedChanges
-from gateway.bus.gateway_state import GatewayState
+from gateway.gateway_state import GatewayState
 from gateway.messages import Alert
 
 

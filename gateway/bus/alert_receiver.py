@@ -23,16 +23,18 @@ from gateway.bus.alert_sequence import AlertPage, AlertRequest, AlertSequence, S
 from gateway.bus.client import open_client_session
 from gateway.bus.credentials import Credentials
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD
-from gateway.bus.gateway_state import LATE_S, GatewayPresence, GatewayState
 from gateway.bus.session import UnreachableError
 from gateway.bus.untrusted import GATEWAY_KEY
 from gateway.errors import InputError
+from gateway.gateway_state import GatewayPresence, GatewayState, is_overdue
 from gateway.messages import Alert
 from gateway.topics import adapter
 
 INBOX = 4096
 MOST_GATEWAYS = 256
 """Bound of the memory that a peer with invented names can take."""
+PATIENCE_S = 0.6
+"""A gateway whose alert message is overdue by this time is silent."""
 STEP_S = 0.1
 """Longest wait before the states are judged again."""
 ANSWER_S = 2.0
@@ -230,7 +232,7 @@ class AlertReceiver:
         """Go on where a gateway is heard and answers nothing."""
         now_s = time.monotonic()
         for key, gateway in self._gateways.items():
-            if not gateway.sequence.is_waiting or now_s - gateway.presence.heard_s > LATE_S:
+            if not gateway.sequence.is_waiting or is_overdue(now_s - gateway.presence.heard_s, PATIENCE_S):
                 gateway.waiting_since_s = None
             elif gateway.waiting_since_s is None:
                 gateway.waiting_since_s = now_s
@@ -266,7 +268,7 @@ class AlertReceiver:
                 gateway.presence.connected_s = now_s
         self._linked = is_linked
         for key, gateway in self._gateways.items():
-            state = gateway.presence.judge(now_s, is_linked=is_linked)
+            state = gateway.presence.judge(now_s, PATIENCE_S, is_linked=is_linked)
             if state != gateway.state:
                 gateway.state = state
                 yield AlertEvent(key, state=state, standing=gateway.presence.alert)

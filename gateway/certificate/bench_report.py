@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from gateway.calibration.record_figure import RecordFigure
-from gateway.certificate.method_figure import figure_view
+from gateway.certificate.method_figure import plot_figure
 from gateway.documents.environment import render
 from gateway.documents.text import printable_text
 
@@ -30,13 +30,13 @@ def render_bench_report(
     warnings: Sequence[str] = (),
 ) -> str:
     """Return the page; texts of unknown origin are bounded and escaped, a figure that cannot be plotted is left out."""
-    views = [view for view in (figure_view(figure) for figure in figures) if view is not None]
+    plots = [plot for plot in map(plot_figure, figures) if plot is not None]
     return render(
         "bench_report.html.j2",
         title=printable_text(title, CELL),
         facts=[(name, printable_text(value, CELL)) for name, value in facts],
         tables=[_bounded(table) for table in tables],
-        figures=views,
+        plots=plots,
         warnings=[printable_text(text, CELL) for text in warnings],
     )
 

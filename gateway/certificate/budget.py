@@ -1,60 +1,27 @@
-"""The uncertainty budget (GUM 5 and 8): contributions, combined, expanded."""
+"""The uncertainty budget (GUM 5 and 8): its largest contributions and their sum."""
 
 import math
-from dataclasses import dataclass
 
-from gateway.calibration.record import CalibrationRecord
-from gateway.documents.format import COVERAGE_FACTOR, format_short
-from gateway.documents.text import printable_text
+from gateway.calibration.record import BudgetEntry, CalibrationRecord
+from gateway.documents.format import format_short
 
 MOST_ROWS = 7
-SOURCE = 36
 NEGLIGIBLE = 1e-6
 """mg or degrees: digits below say nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class BudgetRow:
-    """A contribution, or a sum of contributions."""
-
-    source: str
-    type: str
-    u_mg: str
-    u_deg: str
+def largest_contributions(record: CalibrationRecord) -> list[BudgetEntry]:
+    """Return the contributions in the order of the record; where there are more than fit, the largest first."""
+    if len(record.budget) <= MOST_ROWS:
+        return record.budget
+    return sorted(record.budget, key=lambda entry: entry.u_g, reverse=True)[:MOST_ROWS]
 
 
-@dataclass(frozen=True, slots=True)
-class BudgetView:
-    """The budget as it is printed."""
-
-    rows: tuple[BudgetRow, ...]
-    """The largest first where there are more than fit."""
-    hidden: int
-    """Contributions that do not fit; the sums include them."""
-    sums: tuple[BudgetRow, ...]
-    """Combined and expanded uncertainty; root of the sum of squares of all contributions."""
+def combined_uncertainty(record: CalibrationRecord) -> tuple[float, float]:
+    """Return the root of the sum of squares of all contributions, in g and degrees."""
+    return math.hypot(*(entry.u_g for entry in record.budget)), math.hypot(*(entry.u_deg for entry in record.budget))
 
 
-def budget_view(record: CalibrationRecord) -> BudgetView:
-    """Return the rows of the record's budget and their sums; no rows where the record has no budget."""
-    rows = record.budget
-    if len(rows) > MOST_ROWS:
-        rows = sorted(rows, key=lambda row: row.u_g, reverse=True)[:MOST_ROWS]
-    combined_g = math.hypot(*(row.u_g for row in record.budget))
-    combined_deg = math.hypot(*(row.u_deg for row in record.budget))
-    return BudgetView(
-        rows=tuple(_row(printable_text(row.source, SOURCE), row.type, row.u_g, row.u_deg) for row in rows),
-        hidden=len(record.budget) - len(rows),
-        sums=(
-            _row("combined, u", "", combined_g, combined_deg),
-            _row("expanded, U (k = 2)", "", COVERAGE_FACTOR * combined_g, COVERAGE_FACTOR * combined_deg),
-        ),
-    )
-
-
-def _row(source: str, type_: str, u_g: float, u_deg: float) -> BudgetRow:
-    return BudgetRow(source, type_, _figure(1000 * u_g), _figure(u_deg))
-
-
-def _figure(value: float) -> str:
+def format_contribution(value: float) -> str:
+    """Return an uncertainty in mg or degrees."""
     return f"< {NEGLIGIBLE:g}" if 0 < value < NEGLIGIBLE else format_short(value)

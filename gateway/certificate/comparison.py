@@ -28,36 +28,17 @@ class Changes:
     """Warnings about the forecast, or why there is none."""
 
 
-@dataclass(frozen=True, slots=True)
-class ComparisonView:
-    """The section on changes as it is printed."""
-
-    parent: str
-    """Identifier and date of the parent; empty where no parent is given."""
-    refusal: str
-    """Why nothing is compared; empty where `changes` is given."""
-    changes: Changes | None = None
-
-
-def comparison_view(
-    record: CalibrationRecord, parent: CalibrationRecord | None, earlier: Sequence[CalibrationRecord]
-) -> ComparisonView:
-    """Return the changes against the parent, and the drift over all records at hand."""
-    if parent is None:
-        return ComparisonView(
-            "",
-            "This is the first record of the device, so no comparison is possible."
-            if record.parent is None
-            else "The parent record is not available, so no comparison is made.",
-        )
-    title = f"{printable_text(parent.id, 32)} ({printable_text(parent.created_utc, 25)})"
+def changes_since(
+    record: CalibrationRecord, parent: CalibrationRecord, earlier: Sequence[CalibrationRecord]
+) -> Changes | str:
+    """Return the changes against the parent, and the drift over all records at hand; or why they cannot be compared."""
     try:
         change = change_between(parent, record)
     except CalibrationError as error:
-        return ComparisonView(title, printable_text(f"Not compared: {error}", MOST))
+        return f"Not compared: {error}"
     measured = record.method in MEASURING_METHODS
     until, note = _forecast([*earlier, parent, record])
-    return ComparisonView(title, "", Changes(_rows(change, measured), _change_paragraph(change, measured), until, note))
+    return Changes(_rows(change, measured), _change_paragraph(change, measured), until, note)
 
 
 def differs_from_named(record: CalibrationRecord, parent: CalibrationRecord | None) -> list[str]:

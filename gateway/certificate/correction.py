@@ -1,42 +1,26 @@
 """The correction: offset, sensitivity, matrix and misalignment of each sensor axis."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from gateway.calibration.record import CalibrationRecord
-from gateway.documents.format import UNKNOWN, format_fixed, format_short, format_with_uncertainty, power_of_ten
+from gateway.documents.format import UNKNOWN, format_fixed, format_with_uncertainty, power_of_ten
 from gateway.documents.text import printable_text
 
 Array = NDArray[np.float64]
 LARGEST_EXPONENT = 300
 
 
-@dataclass(frozen=True, slots=True)
-class CorrectionView:
-    """The section as it is printed; values with U = 2 u."""
-
-    unit: str
-    matrix_unit: str
-    rows: tuple[tuple[str, ...], ...]
-    """Per axis: name, offset, sensitivity, three entries of the matrix, misalignment."""
-    prediction_interval_mg: str
-    condition_number: str
-
-
-def correction_view(record: CalibrationRecord) -> CorrectionView:
-    """Return a row per axis, and the figures that the condition check uses."""
+def correction_rows(record: CalibrationRecord) -> tuple[tuple[str, ...], ...]:
+    """Return for each axis its name, offset, sensitivity, three entries of the matrix, misalignment; values with U = 2 u."""
     matrix = np.array(record.correction_matrix, dtype=np.float64)
-    exponent = _exponent(matrix)
-    condition = None if record.condition_number is None else float(record.condition_number)
-    return CorrectionView(
-        unit=record.unit,
-        matrix_unit=f"{power_of_ten(exponent)} g/{record.unit}" if exponent else f"g/{record.unit}",
-        rows=tuple(_row(record, matrix, axis, exponent) for axis in range(3)),
-        prediction_interval_mg=format_short(1000 * float(record.prediction_interval_g)),
-        condition_number=format_short(condition),
-    )
+    return tuple(_row(record, matrix, axis, _exponent(matrix)) for axis in range(3))
+
+
+def matrix_unit(record: CalibrationRecord) -> str:
+    """Return the unit in which the entries of the matrix are printed."""
+    exponent = _exponent(np.array(record.correction_matrix, dtype=np.float64))
+    return f"{power_of_ten(exponent)} g/{record.unit}" if exponent else f"g/{record.unit}"
 
 
 def sensitivities(record: CalibrationRecord) -> Array | None:

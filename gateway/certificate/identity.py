@@ -1,32 +1,14 @@
 """Identity of a calibration: device, method, who, when, by which software, from which record."""
 
-from dataclasses import dataclass
-
 from gateway.calibration.record import CalibrationRecord
 from gateway.documents.format import UNKNOWN, format_short
 from gateway.documents.text import printable_text
 
 FIELD = 40
-HASH = 64
-WARNING = 160
-MOST_WARNINGS = 4
-
-
-@dataclass(frozen=True, slots=True)
-class WarningsView:
-    """Warnings as they are printed."""
-
-    count: int
-    shown: tuple[str, ...]
-
-    @property
-    def hidden(self) -> int:
-        """Number of warnings that do not fit."""
-        return self.count - len(self.shown)
 
 
 def identity_facts(record: CalibrationRecord) -> tuple[tuple[str, str], ...]:
-    """Return names and values, two in a row; the hash is printed apart."""
+    """Return names and values, two in a row; the template prints the hash apart."""
     facts = (
         ("Device", record.device_id),
         ("Method", record.method),
@@ -40,17 +22,6 @@ def identity_facts(record: CalibrationRecord) -> tuple[tuple[str, str], ...]:
         ("Poses used", _poses(record)),
     )
     return tuple((name, printable_text(value, FIELD)) for name, value in facts)
-
-
-def hash_text(record: CalibrationRecord) -> str:
-    """Return the hash of the record's content."""
-    return printable_text(record.sha256, HASH)
-
-
-def warnings_view(record: CalibrationRecord, others: list[str]) -> WarningsView:
-    """Return what a reader must know before any number: `others` that this page found, then the record's own."""
-    texts = [*others, *record.warnings]
-    return WarningsView(len(texts), tuple(printable_text(text, WARNING) for text in texts[:MOST_WARNINGS]))
 
 
 def _poses(record: CalibrationRecord) -> str:

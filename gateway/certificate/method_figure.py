@@ -13,8 +13,6 @@ from gateway.documents.text import printable_text
 
 MOST_POINTS = 160
 """Points of a series that are drawn; a longer series is thinned."""
-LABEL = 60
-CAPTION = 300
 X_MARGIN, Y_MARGIN = 1.06, 1.35
 """Half ranges of the scales relative to those of the values; the legend stands above the points, the unit below."""
 SMALLEST_SHARE, SMALLEST_HALF = 1e-6, 1e-9
@@ -42,13 +40,10 @@ class PlottedSeries:
 
 
 @dataclass(frozen=True, slots=True)
-class MethodFigureView:
+class MethodPlot:
     """All coordinates of the figure."""
 
-    title: str
-    caption: str
-    x_label: str
-    y_label: str
+    figure: RecordFigure
     x_ticks: tuple[Tick, ...]
     y_ticks: tuple[Tick, ...]
     bounds: tuple[float, ...]
@@ -56,15 +51,15 @@ class MethodFigureView:
     area: PlotArea = AREA
 
 
-def method_figure_view(record: CalibrationRecord) -> MethodFigureView | None:
+def method_plot(record: CalibrationRecord) -> MethodPlot | None:
     """Return the figure of a record; None where it has none, or none that can be plotted."""
     try:
-        return figure_view(RecordFigure.model_validate((record.model_extra or {}).get("figure")))
+        return plot_figure(RecordFigure.model_validate((record.model_extra or {}).get("figure")))
     except ValidationError:
         return None
 
 
-def figure_view(figure: RecordFigure) -> MethodFigureView | None:
+def plot_figure(figure: RecordFigure) -> MethodPlot | None:
     """Return the coordinates of a figure; None where it cannot be plotted."""
     x_values = [x for series in figure.series for x in series.x]
     y_values = [
@@ -81,11 +76,8 @@ def figure_view(figure: RecordFigure) -> MethodFigureView | None:
     )
     if x_scale is None or y_scale is None:
         return None
-    return MethodFigureView(
-        title=printable_text(figure.title, LABEL),
-        caption=printable_text(figure.caption, CAPTION),
-        x_label=printable_text(figure.x_label, LABEL),
-        y_label=printable_text(figure.y_label, LABEL),
+    return MethodPlot(
+        figure=figure,
         x_ticks=x_scale.ticks(),
         y_ticks=y_scale.ticks(),
         bounds=tuple(y_scale.place(height) for height in figure.bounds),

@@ -9,13 +9,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from gateway.calibration.record import CalibrationRecord
-from gateway.certificate.budget import budget_view
-from gateway.certificate.comparison import comparison_view, differs_from_named
-from gateway.certificate.correction import correction_view, sensitivities
-from gateway.certificate.identity import hash_text, identity_facts, warnings_view
+from gateway.certificate.budget import combined_uncertainty, format_contribution, largest_contributions
+from gateway.certificate.comparison import changes_since, differs_from_named
+from gateway.certificate.correction import correction_rows, matrix_unit, sensitivities
+from gateway.certificate.identity import identity_facts
 from gateway.certificate.limits import limits
-from gateway.certificate.method_figure import method_figure_view
-from gateway.certificate.residual_plot import residual_view
+from gateway.certificate.method_figure import method_plot
+from gateway.certificate.residual_plot import pose_residuals
 from gateway.documents.environment import render
 from gateway.documents.text import printable_text
 
@@ -38,13 +38,17 @@ def _render(record: CalibrationRecord, parent: CalibrationRecord | None, earlier
     return render(
         "certificate.html.j2",
         title=printable_text(f"Calibration certificate {record.id}", 90),
+        record=record,
+        parent=parent,
         facts=identity_facts(record),
-        sha256=hash_text(record),
-        warnings=warnings_view(record, warnings),
-        correction=correction_view(record),
-        budget=budget_view(record),
-        residual=residual_view(record),
-        figure=method_figure_view(record),
-        comparison=comparison_view(record, parent, earlier),
+        warnings=[*warnings, *record.warnings],
+        correction_rows=correction_rows(record),
+        matrix_unit=matrix_unit(record),
+        contributions=largest_contributions(record),
+        combined_u=combined_uncertainty(record),
+        format_contribution=format_contribution,
+        residual=pose_residuals(record),
+        method_plot=method_plot(record),
+        changes=None if parent is None else changes_since(record, parent, earlier),
         limits=limits(record),
     )

@@ -45,44 +45,31 @@ class ResidualPlot:
 
 
 @dataclass(frozen=True, slots=True)
-class PoseResidualView:
-    """The plot with the numbers of its caption."""
+class PoseResiduals:
+    """The residuals of the poses together, with their plot."""
 
     plot: ResidualPlot
-    rms_mg: str
+    rms_g: float | None
+    """Of the poses that the fit used; None where it used none that can be shown."""
     used: int
     beyond_3u: int
-    fit_rms_mg: str
-    """Residual of the six-position fit against the face directions; empty for other methods."""
     hidden: int
     """Poses that cannot be shown."""
 
 
-def residual_view(record: CalibrationRecord) -> PoseResidualView | None:
-    """Return the plot of a record; None where it holds no pose that can be shown."""
+def pose_residuals(record: CalibrationRecord) -> PoseResiduals | None:
+    """Return the residuals of a record; None where it holds no pose that can be shown."""
     found = residuals(record)[:MOST_POSES]
     if not found:
         return None
     used = [residual for residual in found if residual.used]
-    return PoseResidualView(
+    return PoseResiduals(
         plot=_plot(found, 1000 * float(record.prediction_interval_g)),
-        rms_mg=_rms_mg(used),
+        rms_g=math.sqrt(sum(r.residual_g**2 for r in used) / len(used)) if used else None,
         used=len(used),
         beyond_3u=sum(residual.ratio > BEYOND_U for residual in used),
-        fit_rms_mg=_fit_rms_mg(record),
         hidden=len(record.poses) - len(found),
     )
-
-
-def _rms_mg(used: list[PoseResidual]) -> str:
-    return format_short(1000 * math.sqrt(sum(r.residual_g**2 for r in used) / len(used)) if used else None)
-
-
-def _fit_rms_mg(record: CalibrationRecord) -> str:
-    """Return the residual of the six-position fit, which shows mostly how the faces were placed."""
-    if record.method != "six-position" or record.residual_rms_g is None:
-        return ""
-    return format_short(1000 * float(record.residual_rms_g))
 
 
 def _plot(found: tuple[PoseResidual, ...], dm_mg: float) -> ResidualPlot:

@@ -1,17 +1,16 @@
 """Acknowledgements of incidents: they wait here for the processing thread, because they are inputs of the pipeline."""
 
-from collections import OrderedDict
 from collections.abc import Callable
 
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.remote_request import RemoteRequest
 from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
-from gateway.recalibration.journal import RequestAnswer
+from gateway.recalibration.request_answers import AnsweredRequests, RequestAnswer
 from gateway.recalibration.requests import Acknowledge
 
 WAITING = 16
 REMEMBERED = 256
-"""Answers that are kept: a client repeats a request whose answer was lost."""
+"""Number of answers that are kept."""
 
 
 class AcknowledgementService:
@@ -19,7 +18,7 @@ class AcknowledgementService:
 
     def __init__(self) -> None:
         self._waiting: BoundedQueue[RemoteRequest] = BoundedQueue(WAITING)
-        self._answers: OrderedDict[str, RequestAnswer] = OrderedDict()
+        self._answers = AnsweredRequests(REMEMBERED)
 
     def submit(self, request: RemoteRequest) -> None:
         """Add a request, or refuse it if too many are waiting. Called by any thread.
@@ -43,11 +42,7 @@ class AcknowledgementService:
     def _answer(
         self, request: Acknowledge, incidents: IncidentRegister, acknowledge: Callable[[Acknowledgement], None]
     ) -> RequestAnswer:
-        if request.id not in self._answers:
-            self._answers[request.id] = _acknowledge(request, incidents, acknowledge)
-            while len(self._answers) > REMEMBERED:
-                self._answers.popitem(last=False)
-        return self._answers[request.id]
+        return self._answers.get(request.id) or self._answers.add(_acknowledge(request, incidents, acknowledge))
 
 
 def _acknowledge(

@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel
 
 from gateway.authorization.caller import Caller
-from gateway.recalibration.journal import RequestAnswer
+from gateway.recalibration.request_answers import RequestAnswer
 
 Model = TypeVar("Model", bound=BaseModel)
 Reply = Callable[[bool, Mapping[str, Any]], object]

@@ -5,7 +5,9 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from gateway.documents.format import format_number, format_p_value, format_percent, format_short, format_time_span
 from gateway.documents.palette import PALETTE
+from gateway.documents.text import as_sentence, human_name, join_names, printable_text
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -43,7 +45,17 @@ def environment() -> "Environment":
         keep_trailing_newline=True,
         auto_reload=False,
     )
-    made.globals["palette"] = PALETTE
+    made.globals |= {"palette": PALETTE, "time_span": format_time_span}
+    made.filters |= {
+        "number": format_number,
+        "short": format_short,
+        "percent": format_percent,
+        "p_value": format_p_value,
+        "words": human_name,
+        "names": join_names,
+        "sentence": as_sentence,
+        "printable": printable_text,
+    }
     return made
 
 

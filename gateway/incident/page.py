@@ -31,20 +31,6 @@ class CauseAnalysis:
     """Name of its report in the same folder."""
 
 
-@dataclass(frozen=True, slots=True)
-class CalibrationView:
-    """A calibration in force with its certificate; an empty one: the recordings have none."""
-
-    facts: Pairs
-    unit: str
-    """Of the raw samples."""
-    has_thermal_model: bool
-    rows: tuple[tuple[str, ...], ...]
-    """Gains and bias of each axis of the housing."""
-    certificate: str
-    certificate_name: str
-
-
 def render_page(
     evidence: IncidentEvidence,
     facts: IncidentFacts,
@@ -77,7 +63,7 @@ def render_page(
         cut=cut,
         health=_health(course.last_health),
         device=tuple((name, printable_text(value, 200)) for name, value in evidence.device.items()),
-        calibrations=tuple(_calibration(evidence, each) for _, each in course.calibrations),
+        calibrations=tuple((each, *_certificate(evidence, each)) for _, each in course.calibrations),
         configuration=evidence.configuration_toml or "",
         computed=computed,
     )
@@ -138,21 +124,8 @@ def _number(value: float | None) -> str:
     return "unknown" if value is None else format_fixed(value, 0)
 
 
-def _calibration(evidence: IncidentEvidence, calibration: Calibration) -> CalibrationView:
-    record, in_force = calibration.record, calibration.in_force
-    identity = str(record.get("id", ""))
+def _certificate(evidence: IncidentEvidence, calibration: Calibration) -> tuple[str, str]:
+    """Return name and content of the certificate of a calibration; empty ones where the recordings have none."""
+    identity = str(calibration.record.get("id", ""))
     name = next((each for each in evidence.certificates if identity and identity in each), "")
-    facts = (
-        ("In force", calibration.text),
-        ("Device", calibration.device_id),
-        ("SHA-256 of the record", str(record.get("sha256", "no record"))),
-    )
-    rows = zip("xyz", in_force.get("gain_g_per_unit", []), in_force.get("bias_g", []), strict=False)
-    return CalibrationView(
-        facts=tuple((key, printable_text(value, 300)) for key, value in facts),
-        unit=str(in_force.get("unit", "unit")),
-        has_thermal_model=bool(record.get("thermal")),
-        rows=tuple((axis, *(format_short(each, 6) for each in (*gain, bias))) for axis, gain, bias in rows),
-        certificate=evidence.certificates.get(name, b"").decode(errors="replace"),
-        certificate_name=name,
-    )
+    return name, evidence.certificates.get(name, b"").decode(errors="replace")

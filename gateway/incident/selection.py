@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from gateway.alert_periods import AlertState
 from gateway.errors import InputError
 from gateway.incident.alert_incidents import AlertIncident, find_incidents
 from gateway.messages import Alert
 from gateway.recording.interval import RecordingInterval, RecordingTime
 from gateway.recording.reader import Selection, open_recording
-from gateway.recording.segment_summary import AlertState
 from gateway.recording.timeline import ReportProgress, Timeline, TimelineSpan, ignore_progress
 
 ALERTS = frozenset({"/alert"})

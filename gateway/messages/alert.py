@@ -8,8 +8,8 @@ from pydantic import Field
 from gateway.messages.header import Degrees, Message
 
 Level = Literal["normal", "warn", "trip", "unknown"]
-
-
+LEVEL_RANK: dict[Level, int] = {"normal": 0, "unknown": 1, "warn": 2, "trip": 3}
+"""Unknown is worse than normal: nobody sees what happens."""
 Validity = Literal["valid", "no_samples", "suspended", "uncalibrated", "not_known"]
 
 

@@ -1,15 +1,13 @@
 """The list of alerts of the last shift, from alert messages: those from before the page's start, and those that came since."""
 
-from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
-from gateway.messages import ActiveAlert, Alert, Level
-from gateway.stages.alerts import RANK
+from gateway.alert_periods import AlertPeriod, AlertPeriods
+from gateway.messages import Alert, Level
 
 MOST_ALERTS = 200
 SHIFT_NS = 12 * 3600 * 10**9
 """Age at which an alert leaves the list. Basis: the longest shift."""
-LISTED: tuple[Level, ...] = ("warn", "trip")
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +35,7 @@ class AlertLog:
     """Alerts in the order of their beginnings, bounded by number and age."""
 
     def __init__(self) -> None:
-        self._alerts: deque[LoggedAlert] = deque(maxlen=MOST_ALERTS)
+        self._periods: AlertPeriods[Alert] = AlertPeriods()
         self._newest: Alert | None = None
         self._boot_since_ns: int | None = None
         """Time of the first message since the start of the gateway."""
@@ -45,24 +43,14 @@ class AlertLog:
     def add(self, message: Alert) -> None:
         """Take an alert message: begin, update, acknowledge and end alerts."""
         if self._newest is None or message.boot_id != self._newest.boot_id:
-            self._begin_boot(message)
+            self._boot_since_ns = message.time_ns
+            self._periods.end_boot(message.time_ns)
         elif _is_older(message, self._newest):
             return
         self._newest = message
-        active = {alert.rule: alert for alert in message.active}
-        for index, logged in enumerate(self._alerts):
-            if logged.until_ns is None:
-                same = active.pop(logged.rule) if _is_same(logged, active.get(logged.rule)) else None
-                self._alerts[index] = _updated(logged, same, message)
-            elif message.event == "acknowledged" and message.incident == logged.incident:
-                self._alerts[index] = replace(
-                    logged, acknowledged_by=message.acknowledged_by, acknowledged_ns=message.time_ns
-                )
-        for alert in active.values():
-            if alert.level in LISTED:
-                self._alerts.append(_begun(alert))
-        while self._alerts and _end_ns(self._alerts[0], message.time_ns) < message.time_ns - SHIFT_NS:
-            self._alerts.popleft()
+        self._periods.add(message.time_ns, message)
+        while self._periods.all and self._is_forgotten(self._periods.all[0], message.time_ns):
+            self._periods.forget_first()
 
     @property
     def since_ns(self) -> int | None:
@@ -72,61 +60,42 @@ class AlertLog:
         """
         if self._newest is None or self._boot_since_ns is None:
             return None
-        first_ns = min((self._boot_since_ns, *(alert.since_ns for alert in self._alerts)))
+        first_ns = min((self._boot_since_ns, *(alert.since_ns for alert in self.alerts())))
         return max(first_ns, self._newest.time_ns - SHIFT_NS)
-
-    def _begin_boot(self, message: Alert) -> None:
-        """Note a start of the gateway: it no longer knows the incidents from before."""
-        self._boot_since_ns = message.time_ns
-        for index, logged in enumerate(self._alerts):
-            self._alerts[index] = replace(logged, incident=None)
 
     def alerts(self) -> list[LoggedAlert]:
         """Return the alerts, oldest first."""
-        return list(self._alerts)
+        logged = (self._logged(period) for period in self._periods.all)
+        return [alert for alert in logged if alert is not None]
+
+    def _is_forgotten(self, period: AlertPeriod[Alert], now_ns: int) -> bool:
+        is_old = period.end_ns is not None and period.end_ns < now_ns - SHIFT_NS
+        return is_old or len(self._periods.all) > MOST_ALERTS
+
+    def _logged(self, period: AlertPeriod[Alert]) -> LoggedAlert | None:
+        """Return an alert as the page lists it; None for one that was not raised."""
+        first, highest, present = period.raised, period.highest, period.present
+        if first is None or first.active is None or highest is None or present is None or self._newest is None:
+            return None
+        by, at_ns = present.acknowledged_by, present.acknowledged_ns
+        late = period.acknowledgement
+        if late is not None and late.active is None:
+            by, at_ns = late.statement.acknowledged_by, late.time_ns
+        return LoggedAlert(
+            # A gateway that started again does not know the incidents from before.
+            incident=period.incident if first.statement.boot_id == self._newest.boot_id else None,
+            rule=period.rule,
+            level=highest.level,
+            since_ns=first.active.since_ns,
+            until_ns=period.end_ns,
+            largest_deg=period.largest_deg,
+            limit_deg=highest.limit_deg,
+            acknowledged_by=by,
+            acknowledged_ns=at_ns,
+        )
 
 
 def _is_older(message: Alert, newest: Alert) -> bool:
     """Return whether a message of the same start was made before the newest one."""
     numbers = message.alert_number, newest.alert_number
     return numbers[0] is not None and numbers[1] is not None and numbers[0] < numbers[1]
-
-
-def _is_same(logged: LoggedAlert, alert: ActiveAlert | None) -> bool:
-    """Return whether an active alert continues an entry, and not a later incident of the same rule."""
-    return alert is not None and (alert.incident == logged.incident or alert.incident is None)
-
-
-def _begun(alert: ActiveAlert) -> LoggedAlert:
-    return LoggedAlert(
-        incident=alert.incident,
-        rule=alert.rule,
-        level=alert.level,
-        since_ns=alert.since_ns,
-        until_ns=None,
-        largest_deg=alert.largest_deg,
-        limit_deg=alert.limit_deg,
-        acknowledged_by=alert.acknowledged_by,
-        acknowledged_ns=alert.acknowledged_ns,
-    )
-
-
-def _updated(logged: LoggedAlert, alert: ActiveAlert | None, message: Alert) -> LoggedAlert:
-    """Return the entry after a message. An alert that becomes unknown stays active, because its end is not known."""
-    if alert is None:
-        ended = message.largest_deg if message.incident == logged.incident else None
-        return replace(logged, until_ns=message.time_ns, largest_deg=_larger(logged.largest_deg, ended))
-    logged = replace(logged, largest_deg=_larger(logged.largest_deg, alert.largest_deg))
-    if alert.incident is not None:
-        logged = replace(logged, acknowledged_by=alert.acknowledged_by, acknowledged_ns=alert.acknowledged_ns)
-    if RANK[alert.level] > RANK[logged.level]:
-        return replace(logged, level=alert.level, limit_deg=alert.limit_deg)
-    return logged
-
-
-def _larger(first: float | None, second: float | None) -> float | None:
-    return max((value for value in (first, second) if value is not None), default=None)
-
-
-def _end_ns(logged: LoggedAlert, time_ns: int) -> int:
-    return time_ns if logged.until_ns is None else logged.until_ns

@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from gateway.calibration.alignment.assistant import AlignmentAssistant, AlignmentView
 from gateway.calibration.alignment.turn_assistant import TurnAssistant, format_errors, format_turn
 from gateway.calibration.alignment.turn_monitor import TurnView
+from gateway.gateway_state import is_overdue
 from gateway.messages import SCHEMA_VERSION, Alert, Calibration, Message, Motion, Swing, Tilt
 from gateway.page.alert_log import AlertLog
 from gateway.page.channel import PAST_ALERT, Frame
@@ -23,8 +24,8 @@ from gateway.topics import adapter
 
 MEASURED = ("tilt", "motion", "swing", "condition")
 """A message of these topics is new only if it describes a newer sample; a repeated one must not look fresh."""
-SILENCE_S = 3.0
-"""The gateway has hung if nothing at all came for this time; its health comes every second."""
+PATIENCE_S = 2.0
+"""The gateway has hung if the next message of any topic is overdue by this time; its health comes every second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +108,8 @@ class PageState:
     def evidence(self, now_s: float) -> PageEvidence:
         """Return everything on which the verdict and the metrics depend."""
         age_s = {topic: max(now_s - at_s, 0.0) for topic, at_s in self._newest_s.items()}
-        return PageEvidence(now_s - self._heard_s <= SILENCE_S, dict(self._latest), age_s, self.parameters.stale_s)
+        is_heard = not is_overdue(now_s - self._heard_s, PATIENCE_S)
+        return PageEvidence(is_heard, dict(self._latest), age_s, self.parameters.stale_s)
 
     def verdict(self, now_s: float) -> PageVerdict:
         """Return the present verdict."""

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal, TypeVar
 
-from gateway.bus.gateway_state import GatewayState, stated_state
+from gateway.gateway_state import HEARTBEAT_S, GatewayState, is_overdue, stated_state
 from gateway.messages import Alert, Calibration, CalibrationStatus, Condition, Level, Message, Swing
 from gateway.topics import TOPIC_OF
 
@@ -41,7 +41,7 @@ STYLES: dict[Word, VerdictStyle] = {
 
 ALARMS = ("TRIP", "WARN")
 
-USUAL_INTERVAL_S = {"tilt": 0.1, "swing": 1.0, "condition": 0.5, "alert": 1.0}
+USUAL_INTERVAL_S = {"tilt": 0.1, "swing": 1.0, "condition": 0.5, "alert": HEARTBEAT_S}
 """The topics on which a verdict depends, and the longest usual interval between two messages."""
 LONGEST_SWING_INTERVAL_S = 15.0
 """Half the period of the longest rope; a swing estimate that is older is late, whatever its period."""
@@ -125,7 +125,7 @@ def is_swing_known(swing: Swing) -> bool:
 
 def is_fresh(evidence: PageEvidence, topic: str) -> bool:
     """Return whether the last message of a topic came within its usual interval plus `stale_s`."""
-    return evidence.age_s.get(topic, math.inf) <= _interval_s(evidence, topic) + evidence.stale_s
+    return not is_overdue(evidence.age_s.get(topic, math.inf), evidence.stale_s, _interval_s(evidence, topic))
 
 
 def _interval_s(evidence: PageEvidence, topic: str) -> float:

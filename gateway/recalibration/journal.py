@@ -1,8 +1,7 @@
 """The journal: the session and the given answers, from which a restart continues; one file, replaced at each change."""
 
-from collections import OrderedDict
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
@@ -10,28 +9,11 @@ from gateway.atomic_io import write_durably
 from gateway.disk_job import PerformJob, perform_now
 from gateway.errors import describe_problems
 from gateway.file_input import parse_json, read_bounded
+from gateway.recalibration.request_answers import AnsweredRequests, RequestAnswer
 from gateway.recalibration.session import Session
 
 MAX_ANSWERS = 64
 """Number of answers that are kept."""
-
-
-class RequestAnswer(BaseModel):
-    """The answer to a request, kept so that the same request has the same answer."""
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    id: str
-    request: str
-    """Verb and content of the request, which distinguish it from another request with the same id."""
-    accepted: bool
-    text: str
-    content: dict[str, Any] = {}
-
-    def payload(self) -> dict[str, Any]:
-        """Return the content of the reply."""
-        text = {"text": self.text} if self.accepted else {"reason": self.text}
-        return {"id": self.id, "accepted": self.accepted, **text, **self.content}
 
 
 class JournalContent(BaseModel):
@@ -52,8 +34,7 @@ class Journal:
         self._path = path
         self._perform = perform
         self._session: Session | None = None
-        self._answers: OrderedDict[str, RequestAnswer] = OrderedDict()
-        self._refusals: OrderedDict[str, RequestAnswer] = OrderedDict()
+        self._answers, self._refusals = AnsweredRequests(MAX_ANSWERS), AnsweredRequests(MAX_ANSWERS)
         self.read_error: str | None = None
         """Why the file could not be read; None: it was read, or there was none."""
         self._read()
@@ -69,17 +50,17 @@ class Journal:
 
     def save(self, session: Session | None, answer: RequestAnswer | None = None) -> None:
         """Save a session, and an answer. Raises `OSError`, and the file on the disk is unchanged then."""
-        answers = OrderedDict(self._answers)
+        answers = AnsweredRequests(MAX_ANSWERS, self._answers.all())
         if answer is not None:
-            _add(answer, answers)
-        content = JournalContent(session=session, answers=tuple(answers.values()))
+            answers.add(answer)
+        content = JournalContent(session=session, answers=answers.all())
         text = content.model_dump_json(indent=1).encode()
         self._perform(lambda is_wanted: write_durably(self._path, text, is_wanted))
         self._session, self._answers = session, answers
 
     def remember(self, answer: RequestAnswer) -> None:
         """Keep the answer to a refused request in memory: it has changed nothing, and displaces no answer that is on the disk."""
-        _add(answer, self._refusals)
+        self._refusals.add(answer)
 
     def _read(self) -> None:
         try:
@@ -93,11 +74,4 @@ class Journal:
             self.read_error = f"{self._path}: cannot be read ({error}); a session that was active has ended"
             return
         self._session = content.session
-        self._answers = OrderedDict((answer.id, answer) for answer in content.answers)
-
-
-def _add(answer: RequestAnswer, answers: OrderedDict[str, RequestAnswer]) -> None:
-    """Add an answer, and forget the oldest beyond `MAX_ANSWERS`."""
-    answers[answer.id] = answer
-    while len(answers) > MAX_ANSWERS:
-        answers.popitem(last=False)
+        self._answers = AnsweredRequests(MAX_ANSWERS, content.answers)

@@ -25,7 +25,8 @@ from gateway.recalibration.audit import Audit
 from gateway.recalibration.commands import CommandHandler, CommandResult, find_parent
 from gateway.recalibration.fetch_handler import answer_fetch
 from gateway.recalibration.interlock import LoadInterlock
-from gateway.recalibration.journal import MAX_ANSWERS, Journal, RequestAnswer
+from gateway.recalibration.journal import MAX_ANSWERS, Journal
+from gateway.recalibration.request_answers import RequestAnswer
 from gateway.recalibration.requests import Fetch, Recalibrate, Request, Zero
 from gateway.recalibration.sample_buffer import RecentSamples
 from gateway.recalibration.session import Session, Timestamp, abandoned_session

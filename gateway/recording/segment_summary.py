@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-from gateway import messages
+from gateway.alert_periods import AlertState
 from gateway.file_input import decode_json
 from gateway.recording.sample_summary import SampleSummary
 
@@ -24,27 +24,6 @@ class TopicCount:
     count: int
     bytes: int
     """Of all messages, before compression."""
-
-
-@dataclass(frozen=True, slots=True)
-class AlertState:
-    """The state of the alerts from one change until the next."""
-
-    log_time_ns: int
-    utc_ns: int
-    event: str
-    """raised, changed, corrected, cleared, acknowledged, or standing for the first message of a segment."""
-    rule: str | None
-    active: list[messages.ActiveAlert]
-    """The active alerts; each value is the largest one until the next change."""
-    incident: str | None = None
-    """The incident that the change belongs to."""
-    largest_deg: float | None = None
-    """Largest angle since that incident began, best estimate."""
-    largest_upper_deg: float | None = None
-    """Largest upper end of its 95 % interval."""
-    acknowledged_by: str | None = None
-    """Who acknowledged it, in that change."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,10 +4,10 @@ from collections import Counter, defaultdict
 from dataclasses import dataclass, field, replace
 
 from gateway import messages
+from gateway.alert_periods import AlertState
 from gateway.recording.sample_summary import SampleCounter
 from gateway.recording.segment_summary import (
     SUMMARY_VERSION,
-    AlertState,
     CalibrationState,
     ClockChange,
     FaultCount,

@@ -4,11 +4,10 @@ import math
 from dataclasses import dataclass
 
 from gateway.configuration.relay_section import RelaySection
+from gateway.gateway_state import GatewayState, stated_state
 from gateway.messages import ActiveAlert, Alert, Level
 
 DROP_LEVELS: dict[str, tuple[Level, ...]] = {"warn": ("warn", "trip"), "trip": ("trip",)}
-VALID = ("valid", None)
-"""None: from a pipeline that states no validity."""
 RULES = ("swing", "lean")
 """The rules with a measured value, which can be unknown."""
 
@@ -49,9 +48,9 @@ class RelayLogic:
 
 
 def _is_unknown(alert: Alert) -> bool:
-    """Return whether a level is unknown, is not valid, or stands without a known value."""
+    """Return whether the gateway says so of its levels, or one is unknown or stands without a known value."""
     return (
-        alert.validity not in VALID
+        stated_state(alert) is not GatewayState.FINE
         or alert.level == "unknown"
         or any(
             active.level == "unknown" or (active.rule in RULES and active.value_deg is None) for active in alert.active

@@ -4,12 +4,11 @@ import math
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from gateway.messages import Level
+from gateway.messages import LEVEL_RANK, Level
 from gateway.numerics.stats import NORMAL_975
 
 Event = Literal["raised", "changed", "corrected", "cleared", "acknowledged", "standing"]
 """corrected: the first value of an alert was an upper bound, and the angle stayed below the limit. acknowledged: by a person."""
-RANK: dict[Level, int] = {"normal": 0, "unknown": 1, "warn": 2, "trip": 3}
 
 STEP_DOWN_SHARE = 0.8
 """Share of the trip level below which a trip steps down to a warning after the hold time; unit 1. Basis: a choice; a swing that
@@ -109,7 +108,7 @@ def judge(state: RuleState, value_rad: float | None, limits: Limits, time_s: flo
     step_down_rad = STEP_DOWN_SHARE * limits.trip_rad
     step_down_since_s = _below_since(value_rad, step_down_rad, state.below_step_down_since_s, time_s)
     level = _level_of(value_rad, limits)
-    if state.level != "unknown" and RANK[level] <= RANK[state.level]:
+    if state.level != "unknown" and LEVEL_RANK[level] <= LEVEL_RANK[state.level]:
         level = state.level
         if _is_held(clear_since_s, limits, time_s):
             level = "normal"
@@ -156,7 +155,7 @@ def judge_alarm(state: RuleState, *, is_active: bool, time_s: float) -> RuleStat
 
 def overall_level(levels: list[Level]) -> Level:
     """Return the level that an operator must react to first."""
-    return max(levels, key=lambda level: RANK[level], default="unknown")
+    return max(levels, key=lambda level: LEVEL_RANK[level], default="unknown")
 
 
 def event_between(before: RuleState, after: RuleState) -> Event:
@@ -164,5 +163,5 @@ def event_between(before: RuleState, after: RuleState) -> Event:
     if before.level == after.level:
         return "standing"
     if after.level in ("warn", "trip"):
-        return "raised" if RANK[after.level] > RANK[before.level] else "changed"
+        return "raised" if LEVEL_RANK[after.level] > LEVEL_RANK[before.level] else "changed"
     return "cleared" if after.level == "normal" and before.level in ("warn", "trip") else "changed"

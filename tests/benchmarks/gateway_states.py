@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from gateway.bus.gateway_state import GatewayState
+from gateway.gateway_state import GatewayState
 from tests.benchmarks.alert_latency import CHATTERING
 from tests.system.bus_router import BusRouter
 from tests.system.conftest import RunningGateway

@@ -17,7 +17,7 @@ import zenoh
 
 from gateway.bus.alert_event import AlertEvent
 from gateway.bus.alert_receiver import AlertReceiver
-from gateway.bus.gateway_state import GatewayState
+from gateway.gateway_state import GatewayState
 from gateway.outbox.outbox import AlertOutbox
 from gateway.outbox.position import Position
 from tests.devices.witmotion_wire import frame

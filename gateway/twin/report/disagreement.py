@@ -1,13 +1,11 @@
 """Where the nominal model and the data disagree: the residual in units of the noise."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
 from gateway.documents.figures import Figure
-from gateway.documents.format import format_number, format_time_span
+from gateway.documents.format import format_number
 from gateway.documents.palette import AFTER, BEFORE, SHADE
 from gateway.documents.plots import add_legend, add_panels, plot_curve, render_svg
 from gateway.twin.reconcile.output.result import Curves, Disagreement, Reconciliation
@@ -16,49 +14,19 @@ from gateway.twin.report.formatting import AXES, AXIS_NAMES
 from gateway.twin.report.models import is_same_model, single_model_name
 
 Array = NDArray[np.float64]
-MOST = 12
-"""Rows in the table; all places are shaded."""
 
 
-@dataclass(frozen=True, slots=True)
-class DisagreementView:
-    """The section as it is printed."""
-
-    figure: Figure
-    has_places: bool
-    rows: tuple[tuple[str, ...], ...]
-    """Number, axis, time, band and rms of each place."""
-    more_rows: int
-    held_out: Figure | None
-
-
-def disagreement_view(result: Reconciliation) -> DisagreementView | None:
-    """Return the residual over time with the localised disagreements; None without a simulation."""
+def disagreement_figures(result: Reconciliation) -> dict[str, object]:
+    """Return the residual over time with the localised disagreements, and that of held-out data; None without a simulation."""
     if result.log is None:
-        return None
-    places, name = result.disagreement, single_model_name(result)
+        return {"figure": None, "held_out": None}
+    name = single_model_name(result)
     held_out = None
     if result.held_out is not None:
         svg = residual_svg("held-out-residual", result.held_out, (), name)
         held_out = Figure(svg, f"The same for the {held_out_name(result)}.")
-    return DisagreementView(
-        figure=Figure(residual_svg("log-residual", result.log, places, name)),
-        has_places=bool(places),
-        rows=tuple(_row(i, each) for i, each in enumerate(places[:MOST], start=1)),
-        more_rows=max(0, len(places) - MOST),
-        held_out=held_out,
-    )
-
-
-def _row(number: int, place: Disagreement) -> tuple[str, ...]:
-    low_hz, high_hz = place.band_hz
-    return (
-        str(number),
-        AXIS_NAMES.get(place.axis, place.axis),
-        format_time_span(place.from_s, place.to_s),
-        f"{format_number(low_hz, 2)} to {format_number(high_hz, 2)} Hz",
-        f"{format_number(place.rms_sigma)} σ",
-    )
+    figure = Figure(residual_svg("log-residual", result.log, result.disagreement, name))
+    return {"figure": figure, "held_out": held_out, "axis_names": AXIS_NAMES}
 
 
 def residual_sigma(measured_minus_simulated_g: Array, curves: Curves) -> Array:

@@ -37,7 +37,7 @@ def effect_sizes(effect: NamedEffect) -> tuple[Size, ...]:
     )
 
 
-def components(effect: str, parameter: str, value: Value) -> tuple[str, ...]:
+def _components(effect: str, parameter: str, value: Value) -> tuple[str, ...]:
     """Return the names of a parameter's components; one empty name where it has none."""
     if not isinstance(value, tuple):
         return ("",)
@@ -52,15 +52,16 @@ def unit_text(estimate: Estimate) -> str:
     return "" if estimate.unit == "1" else estimate.unit
 
 
-def numbers(estimate: Estimate) -> Iterator[tuple[float, float, float]]:
-    """Yield value and ends of the interval of each component."""
-    yield from zip(_each(estimate.value), _each(estimate.ci95[0]), _each(estimate.ci95[1]), strict=True)
+def component_texts(effect: str, name: str, estimate: Estimate) -> Iterator[tuple[str, str, str]]:
+    """Yield the name, value and 95 % interval of each component of a parameter."""
+    numbers = zip(_each(estimate.value), _each(estimate.ci95[0]), _each(estimate.ci95[1]), strict=True)
+    for component, each in zip(_components(effect, name, estimate.value), numbers, strict=True):
+        yield component, *format_with_interval(*each)
 
 
 def _sizes(effect: str, name: str, estimate: Estimate) -> Iterator[Size]:
     short_name = human_name(UNIT_SUFFIX.sub("", name))
-    for component, each in zip(components(effect, name, estimate.value), numbers(estimate), strict=True):
-        value, interval = format_with_interval(*each)
+    for component, value, interval in component_texts(effect, name, estimate):
         yield Size(" ".join(filter(None, (short_name, component))), value, interval, unit_text(estimate))
 
 

@@ -13,7 +13,7 @@ from gateway.documents.plots import add_legend, label_decades, render_svg
 from gateway.documents.text import human_name
 from gateway.twin.reconcile.output.result import Gap, Reconciliation, Step
 from gateway.twin.report.formatting import format_noise_ratio
-from gateway.twin.report.gap_table import PartRow, part_rows
+from gateway.twin.report.gap_table import part_rows
 from gateway.twin.report.models import NOMINAL, caution, final_model_name
 from gateway.twin.report.rope_angle import MIN_TRANSVERSE_SENSITIVITY, transverse_sensitivity
 
@@ -34,32 +34,18 @@ class GapRow:
     held_out: float | None
 
 
-@dataclass(frozen=True, slots=True)
-class GapView:
-    """The section as it is printed."""
-
-    figure: Figure
-    parts: tuple[PartRow, ...]
-    sensitivity: str
-    """1 - p/L."""
-    shows_angle: bool
-    """The transverse channels show the rope's angle at this place of the housing."""
-    gain: str
-    """The gain on held-out data with its interval, in a sentence."""
-
-
-def gap_view(result: Reconciliation) -> GapView | None:
-    """Return the section; None where no model was fitted."""
+def gap_content(result: Reconciliation) -> dict[str, object]:
+    """Return the figure, the gap on each part of the data, and what the housing's place shows of the rope's angle."""
     if result.gap is None:
-        return None
+        return {}
     sensitivity = transverse_sensitivity(result.rig)
-    return GapView(
-        figure=_figure(result, result.gap),
-        parts=part_rows(result),
-        sensitivity=format_number(sensitivity, 2),
-        shows_angle=abs(sensitivity) >= MIN_TRANSVERSE_SENSITIVITY,
-        gain=_gain(result.gap),
-    )
+    return {
+        "figure": _figure(result, result.gap),
+        "parts": part_rows(result),
+        "sensitivity": sensitivity,
+        "shows_angle": abs(sensitivity) >= MIN_TRANSVERSE_SENSITIVITY,
+        "gain": _gain(result.gap),
+    }
 
 
 def gap_rows(gap: Gap, steps: tuple[Step, ...], name: str, effects: frozenset[str]) -> list[GapRow]:

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from gateway.twin.effects.parameter import Value
 from gateway.twin.reconcile.output.result import Curves, Reconciliation
 
 NOMINAL = "nominal model"
@@ -36,3 +37,8 @@ def caution(result: Reconciliation) -> str:
     if result.log is None or is_same_model(result.log):
         return ""
     return EQUATION_CAUTION if result.law is not None else CAUTION.get(result.verdict, "")
+
+
+def model_value(value: Value) -> str:
+    """Return a value as the rig's description has it."""
+    return f"[{', '.join(f'{each:.6g}' for each in value)}]" if isinstance(value, tuple) else f"{value:.6g}"

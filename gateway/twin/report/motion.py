@@ -39,28 +39,20 @@ class PlotWindow:
     """The window of the next figure."""
 
 
-@dataclass(frozen=True, slots=True)
-class MotionView:
-    """The section as it is printed."""
-
-    caution: str
-    fitted: tuple[Figure, ...]
-    held_out: tuple[Figure, ...]
-    no_held_out: str
-    """Why nothing held-out is shown; empty where it is."""
-
-
-def motion_view(result: Reconciliation) -> MotionView | None:
-    """Return whole recording and most informative window, then the same of held-out data; None without a simulation."""
+def motion_content(result: Reconciliation) -> dict[str, object]:
+    """Return figures of the whole recording and its most informative window, and the same of held-out data, or why not."""
     if result.log is None:
-        return None
+        return {}
     held_out: tuple[Figure, ...] = ()
     if result.held_out is not None:
         what = f"{held_out_name(result)} (only initial conditions and other parameters of the recording were fitted)"
         held_out = _figures(result, result.held_out, "held-out", what)
-    return MotionView(
-        caution(result), _figures(result, result.log, "log", _log_name(result)), held_out, _absence(result)
-    )
+    return {
+        "caution": caution(result),
+        "fitted": _figures(result, result.log, "log", _log_name(result)),
+        "held_out": held_out,
+        "no_held_out": _absence(result),
+    }
 
 
 def _log_name(result: Reconciliation) -> str:

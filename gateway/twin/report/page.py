@@ -5,16 +5,18 @@ from dataclasses import dataclass
 
 from gateway.documents.environment import render
 from gateway.twin.reconcile.output.result import Reconciliation
-from gateway.twin.report.confusable import confusable_view
-from gateway.twin.report.disagreement import disagreement_view
-from gateway.twin.report.equations import equations_view
-from gateway.twin.report.gap import gap_view
-from gateway.twin.report.motion import motion_view
-from gateway.twin.report.parameters import parameters_view
-from gateway.twin.report.provenance import computed_view, data_view
-from gateway.twin.report.ranking import ranking_view
-from gateway.twin.report.residual import residual_view
-from gateway.twin.report.verdict import verdict_view
+from gateway.twin.report.confusable import angle_deg, has_same_signature, pairs_by_interest, twins_of_named
+from gateway.twin.report.disagreement import disagreement_figures
+from gateway.twin.report.effect_size import component_texts, unit_text
+from gateway.twin.report.gap import gap_content
+from gateway.twin.report.models import caution, final_model_name, is_same_model, model_value
+from gateway.twin.report.motion import motion_content
+from gateway.twin.report.provenance import COUNTED, REFITTED, rig_facts
+from gateway.twin.report.ranking import assessment, is_transient, ranked_candidates, relative_deficit
+from gateway.twin.report.residual import residual_figures
+from gateway.twin.report.verdict import verdict_content
+
+Content = Mapping[str, object]
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,20 +26,57 @@ class ReportSection:
     name: str
     """Its anchor, and the name of its template."""
     title: str
-    view: object
+    content: Content
+    """What its template prints beside the result itself: figures, and functions of parts of the result."""
 
 
-MODEL_SECTIONS: tuple[tuple[str, str, Callable[[Reconciliation], object]], ...] = (
-    ("gap", "The gap, step by step", gap_view),
-    ("motion", "Measured and simulated", motion_view),
-    ("disagreement", "Where simulation and measurement disagree", disagreement_view),
-    ("ranking", "Effects considered", ranking_view),
-    ("confusable", "Effects that cannot be distinguished", confusable_view),
-    ("parameters", "Estimated parameters", parameters_view),
-    ("residual", "Residual of the final model", residual_view),
-    ("model", "Model equations, before and after", equations_view),
+def _ranking_content(result: Reconciliation) -> Content:
+    return {
+        "is_transient_tested": any(is_transient(each.name) for each in result.scores),
+        "candidates": ranked_candidates(result),
+        "assessment": assessment,
+        "relative_deficit": relative_deficit,
+    }
+
+
+def _confusable_content(result: Reconciliation) -> Content:
+    return {
+        "twins": twins_of_named(result),
+        "pairs": pairs_by_interest(result),
+        "angle_deg": angle_deg,
+        "has_same_signature": has_same_signature,
+    }
+
+
+def _parameters_content(_result: Reconciliation) -> Content:
+    return {
+        "component_texts": component_texts,
+        "unit_text": unit_text,
+        "is_transient": is_transient,
+        "is_same_model": is_same_model,
+    }
+
+
+def _model_content(result: Reconciliation) -> Content:
+    return {"caution": caution(result), "after_name": final_model_name(result), "model_value": model_value}
+
+
+def data_content(_result: Reconciliation) -> Content:
+    """Return the words for the counts of samples and for parameters that were fitted again."""
+    return {"counted": COUNTED, "refitted": REFITTED}
+
+
+MODEL_SECTIONS: tuple[tuple[str, str, Callable[[Reconciliation], Content]], ...] = (
+    ("gap", "The gap, step by step", gap_content),
+    ("motion", "Measured and simulated", motion_content),
+    ("disagreement", "Where simulation and measurement disagree", disagreement_figures),
+    ("ranking", "Effects considered", _ranking_content),
+    ("confusable", "Effects that cannot be distinguished", _confusable_content),
+    ("parameters", "Estimated parameters", _parameters_content),
+    ("residual", "Residual of the final model", residual_figures),
+    ("model", "Model equations, before and after", _model_content),
 )
-"""Sections that need a fitted model: name, title, and what computes the view."""
+"""Sections that need a fitted model: name, title, and what returns their content."""
 
 
 def render_report(
@@ -49,12 +88,13 @@ def render_report(
     this order: the recordings, the rig's file, the seed, the time it took.
     """
     if result.gap is None and result.log is None:
-        found = [ReportSection("lacking", "No model was fitted", None)]
+        found = [ReportSection("lacking", "No model was fitted", {})]
     else:
-        found = [ReportSection(name, heading, view(result)) for name, heading, view in MODEL_SECTIONS]
+        found = [ReportSection(name, heading, content(result)) for name, heading, content in MODEL_SECTIONS]
+    facts = (("software", software), *(computed or {}).items())
     sections = [
         *found,
-        ReportSection("data", "The data", data_view(result)),
-        ReportSection("computed", "How this was computed", computed_view(result, software, computed or {})),
+        ReportSection("data", "The data", data_content(result)),
+        ReportSection("computed", "How this was computed", {"facts": facts, "rig": rig_facts(result.rig)}),
     ]
-    return render("report.html.j2", title=title, verdict=verdict_view(result), sections=sections)
+    return render("report.html.j2", title=title, result=result, verdict=verdict_content(result), sections=sections)

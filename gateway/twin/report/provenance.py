@@ -1,12 +1,7 @@
-"""The quality of the data, what was fitted again, and how everything was computed."""
-
-from collections.abc import Mapping
-from dataclasses import dataclass
+"""Words for the quality of the data, for what was fitted again, and for the rig."""
 
 from gateway.documents.format import format_number
-from gateway.documents.text import human_name
 from gateway.twin.model import TwinRig
-from gateway.twin.reconcile.output.result import Reconciliation
 
 Facts = tuple[tuple[str, str], ...]
 COUNTED = {
@@ -27,39 +22,8 @@ REFITTED = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class DataView:
-    """The section on the data as it is printed."""
-
-    counts: Facts
-    has_curves: bool
-    refitted: Facts
-    """Meaning, empty where there is none, and name of each parameter that was fitted again on held-out data."""
-
-
-@dataclass(frozen=True, slots=True)
-class ComputedView:
-    """The section on the computation as it is printed."""
-
-    facts: Facts
-    rig: Facts
-
-
-def data_view(result: Reconciliation) -> DataView:
-    """Return counts of samples, and the parameters that were fitted again on held-out data."""
-    return DataView(
-        counts=tuple((COUNTED.get(name, human_name(name)), str(count)) for name, count in result.counts.items()),
-        has_curves=result.log is not None,
-        refitted=tuple((REFITTED.get(name, ""), name) for name in result.refitted_on_held_out),
-    )
-
-
-def computed_view(result: Reconciliation, software: str, computed: Mapping[str, str]) -> ComputedView:
-    """Return what it takes to compute the same again."""
-    return ComputedView((("software", software), *computed.items()), _rig(result.rig))
-
-
-def _rig(rig: TwinRig) -> Facts:
+def rig_facts(rig: TwinRig) -> Facts:
+    """Return the rig as it was described."""
     return (
         ("rope, pivot to the load’s centre", f"{format_number(rig.length_m, 5)} m"),
         ("housing, pivot to the sensor", f"{format_number(rig.position_m, 5)} m"),

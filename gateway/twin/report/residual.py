@@ -1,13 +1,10 @@
 """The residual of the final model: whiteness, spectral peaks, spectrum."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
 from gateway.documents.figures import Figure
-from gateway.documents.format import format_number, format_p_value
 from gateway.documents.palette import AFTER, BEFORE, INK
 from gateway.documents.plots import add_legend, add_panels, label_decades, plot_curve, render_svg
 from gateway.twin.reconcile.output.result import Curves, Peak, Reconciliation, Residual, Spectrum
@@ -21,35 +18,10 @@ LOWEST = 1e-2
 """Power below this share of white noise is not drawn."""
 
 
-@dataclass(frozen=True, slots=True)
-class ResidualView:
-    """The section as it is printed."""
-
-    white: bool
-    p_value: str
-    """Of the Ljung-Box test."""
-    peaks: tuple[tuple[str, str, str], ...]
-    """Frequency, axis and amplitude."""
-    residual: Figure | None
-    spectrum: Figure | None
-
-
-def residual_view(result: Reconciliation) -> ResidualView | None:
-    """Return whether the residual is noise, and its shape if not; None where no model was fitted."""
-    if result.residual is None:
-        return None
-    return ResidualView(
-        white=result.residual.white,
-        p_value=format_p_value(result.residual.ljung_box_p),
-        peaks=tuple(_peak(peak) for peak in result.residual.peaks),
-        residual=_residual_figure(result.log),
-        spectrum=_spectrum_figure(result.residual, result),
-    )
-
-
-def _peak(peak: Peak) -> tuple[str, str, str]:
-    axis = AXIS_NAMES.get(peak.axis, peak.axis)
-    return f"{format_number(peak.hz, 4)} Hz", axis, f"{format_number(1e3 * peak.amplitude_g)} mg"
+def residual_figures(result: Reconciliation) -> dict[str, object]:
+    """Return the residual over time and its spectrum; None for what was not kept."""
+    spectrum = None if result.residual is None else _spectrum_figure(result.residual, result)
+    return {"residual": _residual_figure(result.log), "spectrum": spectrum, "axis_names": AXIS_NAMES}
 
 
 def _residual_figure(log: Curves | None) -> Figure | None:

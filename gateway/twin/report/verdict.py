@@ -11,7 +11,7 @@ from gateway.twin.reconcile.output.estimates import Law, NamedEffect
 from gateway.twin.reconcile.output.result import Equivalent, Reconciliation
 from gateway.twin.report.effect_size import Size, effect_sizes
 from gateway.twin.report.formatting import format_noise_ratio
-from gateway.twin.report.gap_table import PartRow, part_rows
+from gateway.twin.report.gap_table import part_rows
 
 LABELS = {
     "data_unusable": ("No answer", "unusable"),
@@ -47,31 +47,17 @@ class Finding:
     sizes: tuple[Size, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class VerdictView:
-    """The box at the head of the report, and the gap below it."""
-
-    label: str
-    kind: str
-    """Selects the colours."""
-    sentence: str
-    findings: tuple[Finding, ...]
-    paragraphs: tuple[str, ...]
-    parts: tuple[PartRow, ...]
-    """The gap on each part of the data; that of the last one is published. Empty where no model was fitted."""
-
-
-def verdict_view(result: Reconciliation) -> VerdictView:
-    """Return sentence, findings, advice and gap."""
+def verdict_content(result: Reconciliation) -> dict[str, object]:
+    """Return the box at the head of the report, and the gap below it: empty where no model was fitted."""
     label, kind = LABELS[result.verdict]
-    return VerdictView(
-        label=label,
-        kind=kind,
-        sentence=_sentence(result),
-        findings=_findings(result),
-        paragraphs=_paragraphs(result),
-        parts=part_rows(result),
-    )
+    return {
+        "label": label,
+        "kind": kind,
+        "sentence": _sentence(result),
+        "findings": _findings(result),
+        "paragraphs": _paragraphs(result),
+        "parts": part_rows(result),
+    }
 
 
 def confirmed_effects(result: Reconciliation) -> tuple[NamedEffect, ...]:

@@ -115,13 +115,14 @@ def test_old_recordings_without_ids_are_joined_by_rule() -> None:
 
 def test_an_acknowledgement_after_the_end_changes_neither_the_end_nor_the_level() -> None:
     known = replace(alert("acknowledged", "swing", incident="b-1"), acknowledged_by="ann", reason="load set down")
-    (found,) = find_incidents(
+    found, _ = find_incidents(
         [
-            (10, alert("raised", "swing", active("swing", "trip", "b-1"), incident="b-1")),
+            (10, alert("raised", "swing", active("swing", "warn", "b-1"), incident="b-1")),
             (40, alert("cleared", "swing", incident="b-1")),
-            (9000, known),
+            (8000, alert("raised", "swing", active("swing", "trip", "b-2"), incident="b-2")),
+            (9000, replace(known, active=[active("swing", "trip", "b-2")])),
         ]
     )
-    assert (found.cleared_ns, found.last_ns, found.level) == (40, 40, "trip")
+    assert (found.cleared_ns, found.last_ns, found.level) == (40, 40, "warn")
     assert found.acknowledgement is not None
     assert (found.acknowledgement.time_ns, found.acknowledgement.acknowledged_by) == (9000, "ann")

@@ -62,8 +62,8 @@ def test_two_rules_are_two_alerts(log: AlertLog) -> None:
 
 
 def test_an_alert_whose_value_becomes_unknown_stays_active(log: AlertLog) -> None:
-    log.add(_message(1, ("swing", "trip", 6.5)))
-    log.add(_message(2, ("swing", "unknown", None)))
+    log.add(_standing(1, "trip", "b-1"))
+    log.add(_standing(2, "unknown", "b-1"))
     (only,) = log.alerts()
     assert (only.level, only.largest_deg, only.until_ns) == ("trip", 6.5, None)
 

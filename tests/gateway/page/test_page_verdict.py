@@ -7,7 +7,7 @@ from typing import Any, get_args
 
 import pytest
 
-from gateway.bus.gateway_state import GatewayPresence, GatewayState
+from gateway.gateway_state import GatewayPresence, GatewayState
 from gateway.messages import NO_SESSION, Alert, Level, Message, Validity
 from gateway.page.verdict import STATED, STYLES, USUAL_INTERVAL_S, PageEvidence, verdict
 from gateway.topics import TOPIC_OF, TOPICS
@@ -92,7 +92,7 @@ def test_the_page_is_never_calmer_than_what_receivers_of_alerts_are_told(
     whole = evidence_of(scene)
     alert = replace(present(whole.get(Alert)), validity=validity)
     judged = verdict(replace(whole, latest={**whole.latest, "alert": alert}))
-    told = GatewayPresence(is_alive=True, alert=alert, heard_s=0.0, connected_s=0.0).judge(0.0, is_linked=True)
+    told = GatewayPresence(is_alive=True, alert=alert, heard_s=0.0, connected_s=0.0).judge(0.0, 1.0, is_linked=True)
     word = STATED[told][0] if told in STATED else None
     assert (word is None) == (told is GatewayState.FINE)
     assert judged.sound == (word is None and level != "unknown")

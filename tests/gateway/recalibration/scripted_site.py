@@ -14,8 +14,8 @@ from gateway.calibration.poses.pose import Pose, RawReadings
 from gateway.calibration.procedures.pose_procedure import PoseProgress
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
-from gateway.recalibration.journal import RequestAnswer
 from gateway.recalibration.recalibration import Recalibration
+from gateway.recalibration.request_answers import RequestAnswer
 from gateway.recalibration.requests import VERBS, Fetch, parse_payload
 from gateway.recalibration.session import Phase, Session, Timestamp
 

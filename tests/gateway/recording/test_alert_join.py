@@ -5,9 +5,10 @@ from typing import Any, Literal
 
 import pytest
 
+from gateway.alert_periods import AlertState
 from gateway.messages import ActiveAlert, Level
 from gateway.recording.alert_join import join_alerts, unknown_s
-from gateway.recording.segment_summary import AlertState, SegmentSummary
+from gateway.recording.segment_summary import SegmentSummary
 from gateway.recording.summary_builder import SummaryBuilder
 from tests.values import present
 
@@ -88,6 +89,22 @@ def test_rules_are_apart() -> None:
         ("swing", utc(10), utc(30)),
         ("lean", utc(20), utc(40)),
     ]
+
+
+def test_two_rules_that_clear_at_one_time_are_both_cleared() -> None:
+    swing, lean = active("swing", "warn", 10, 4.5, "b-1"), active("lean", "trip", 10, 8.0, "b-2")
+    segment = summary(
+        state(10, "raised", "swing", swing, lean, incident="b-1"),
+        state(10, "raised", "lean", swing, lean, incident="b-2"),
+        state(30, "cleared", "swing", incident="b-1"),
+        state(30, "cleared", "lean", incident="b-2", largest_deg=8.5),
+    )
+    alerts = join_alerts([("boot", segment)])
+    assert [(alert.rule, alert.ended, alert.to_utc_ns) for alert in alerts] == [
+        ("swing", "cleared", utc(30)),
+        ("lean", "cleared", utc(30)),
+    ]
+    assert alerts[1].largest_deg == 8.5
 
 
 def test_restart_of_the_gateway_ends_an_alert() -> None:

@@ -26,7 +26,14 @@ def alert(*alerts: ActiveAlert) -> Alert:
     rank: list[Level] = ["normal", "unknown", "warn", "trip"]
     level = rank[max((rank.index(each.level) for each in alerts), default=0)]
     return Alert(
-        time_ns=0, clock="synchronised", sequence=0, level=level, event="standing", active=[*alerts], text="text"
+        time_ns=0,
+        clock="synchronised",
+        sequence=0,
+        level=level,
+        validity="valid",
+        event="standing",
+        active=[*alerts],
+        text="text",
     )
 
 

@@ -4,9 +4,8 @@ from html.parser import HTMLParser
 
 from gateway.documents.environment import render
 from gateway.twin.reconcile.output.result import Reconciliation
-from gateway.twin.report.page import MODEL_SECTIONS
-from gateway.twin.report.provenance import data_view
-from gateway.twin.report.verdict import verdict_view
+from gateway.twin.report.page import MODEL_SECTIONS, data_content
+from gateway.twin.report.verdict import verdict_content
 
 VOID = {"meta", "br"}
 
@@ -67,11 +66,11 @@ class Pages(dict[str, Page]):
         return self[verdict]
 
 
-VIEWS = {name: view for name, _, view in MODEL_SECTIONS} | {"verdict": verdict_view, "data": data_view}
+CONTENTS = {name: content for name, _, content in MODEL_SECTIONS} | {"verdict": verdict_content, "data": data_content}
 
 
 def html_of(name: str, result: Reconciliation) -> str:
-    return render(f"report/{name}.html.j2", view=VIEWS[name](result))
+    return render(f"report/{name}.html.j2", result=result, content=CONTENTS[name](result))
 
 
 def text_of(name: str, result: Reconciliation) -> str:

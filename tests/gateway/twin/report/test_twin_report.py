@@ -6,13 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from gateway.documents.environment import render
 from gateway.twin.reconcile.output.estimates import NamedEffect
 from gateway.twin.reconcile.output.result import Disagreement
 from gateway.twin.report.page import render_report
-from gateway.twin.report.provenance import computed_view
 from tests.gateway.twin.report.conftest import TITLE, Maker
-from tests.gateway.twin.report.report_page import VIEWS, Page, html_of, plain_text
+from tests.gateway.twin.report.report_page import CONTENTS, Page, html_of, plain_text
 
 VERDICTS = ("data_unusable", "none_missing", "named", "one_of", "named_with_remainder", "unmodelled")
 SECTIONS = [
@@ -55,7 +53,9 @@ def test_absent_contents_have_placeholders(make: Maker) -> None:
     not_evaluated = replace(
         result.gap, before_held_out=None, before_test=None, after_held_out=None, after_test=None, test_interval=None
     )
-    text = plain_text("".join(html_of(name, replace(result, gap=not_evaluated)) for name in VIEWS if name != "verdict"))
+    text = plain_text(
+        "".join(html_of(name, replace(result, gap=not_evaluated)) for name in CONTENTS if name != "verdict")
+    )
     for said in (
         "No held-out recording was given.",
         "not evaluated on data to which it was not fitted",
@@ -74,8 +74,10 @@ def test_absent_contents_have_placeholders(make: Maker) -> None:
 
 
 def test_computation_is_documented_in_the_order_given(make: Maker) -> None:
-    view = computed_view(make("data_unusable"), "plumbline 0.1.0", {"recording": "log.csv", "seed": "7"})
-    text = plain_text(render("report/computed.html.j2", view=view))
+    page = render_report(
+        make("data_unusable"), title="", software="plumbline 0.1.0", computed={"recording": "log.csv", "seed": "7"}
+    )
+    text = Page(page).sections["computed"]
     assert re.search(r"plumbline 0\.1\.0.*log\.csv.*seed7", text)
 
 

@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from gateway.documents.plots import render_svg
 from gateway.twin.reconcile.output.result import Curves, Disagreement, Gap, Reconciliation, Step
 from gateway.twin.report.gap import gap_rows
-from gateway.twin.report.motion import motion_view
 from gateway.twin.report.residual import decimate_spectrum
 from gateway.twin.report.zoom_window import effects_acting_in, most_informative_window
 from tests.gateway.twin.report.conftest import Maker
+from tests.gateway.twin.report.report_page import html_of
 
 
 def test_decimated_spectrum_keeps_the_level_of_white_noise_and_a_line() -> None:
@@ -153,12 +153,11 @@ def test_event_is_marked_only_where_it_acted(
 
 def test_figures_of_a_later_part_count_time_from_the_start_of_the_recording(make: Maker) -> None:
     result = make("named", held_out_is_last_third=True)
-    view = motion_view(replace(result, held_out=later_part(result, 40.02)))
-    assert view is not None
-    whole, zoom = view.held_out
-    assert "The last third of the recording" in whole.caption
-    assert "40.0 s to 60.0 s" in whole.caption
-    assert "Purple" not in whole.caption + zoom.caption
-    assert "Purple: when impact acted." in view.fitted[0].caption
-    assert ">50.0<" in whole.svg
-    assert ">10.0<" not in whole.svg
+    html = html_of("motion", replace(result, held_out=later_part(result, 40.02)))
+    fitted, _, whole, zoom = html.split("<figure>")[1:]
+    assert "The last third of the recording" in whole
+    assert "40.0 s to 60.0 s" in whole
+    assert "Purple" not in whole + zoom
+    assert "Purple: when impact acted." in fitted
+    assert ">50.0<" in whole
+    assert ">10.0<" not in whole

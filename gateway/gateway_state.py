@@ -1,12 +1,12 @@
-"""What a consumer knows of a gateway, from link, liveliness and the last alert message: pure, time is an argument."""
+"""What is known of a gateway, from link, liveliness and the last alert message: pure; time and patience are arguments."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 from gateway.messages import Alert, Validity
 
-LATE_S = 1.6
-"""Age of the last alert message at which the gateway counts as silent: it sends one a second."""
+HEARTBEAT_S = 1.0
+"""Longest usual interval between two messages of the alerts, and of the gateway's health."""
 
 
 class GatewayState(StrEnum):
@@ -50,16 +50,21 @@ class GatewayPresence:
         """Take an alert message."""
         self.alert, self.heard_s = alert, now_s
 
-    def judge(self, now_s: float, *, is_linked: bool) -> GatewayState:
+    def judge(self, now_s: float, patience_s: float, *, is_linked: bool) -> GatewayState:
         """Return the present state; `is_linked`: somebody is connected, the gateway or a router."""
         if not is_linked:
             return GatewayState.LINK_GONE
-        is_late = now_s - self.heard_s > LATE_S
-        if self.is_alive is False or (is_late and now_s - self.connected_s > LATE_S):
+        is_late = is_overdue(now_s - self.heard_s, patience_s)
+        if self.is_alive is False or (is_late and is_overdue(now_s - self.connected_s, patience_s)):
             return GatewayState.GATEWAY_GONE
         if is_late or self.alert is None:
             return GatewayState.NOT_KNOWN
         return stated_state(self.alert)
+
+
+def is_overdue(age_s: float, patience_s: float, interval_s: float = HEARTBEAT_S) -> bool:
+    """Return whether the message after one of this age is overdue by more than the patience of who waits for it."""
+    return age_s > interval_s + patience_s
 
 
 def stated_state(alert: Alert) -> GatewayState:

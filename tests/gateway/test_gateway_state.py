@@ -4,11 +4,13 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.bus.gateway_state import BY_VALIDITY, LATE_S, GatewayPresence, GatewayState
+from gateway.gateway_state import BY_VALIDITY, HEARTBEAT_S, GatewayPresence, GatewayState
 from gateway.messages import Validity
 from tests.gateway.bus.test_alert_sequence import alert
 
 NOW_S = 100.0
+PATIENCE_S = 0.6
+LATE_S = HEARTBEAT_S + PATIENCE_S
 
 
 def presence(validity: Validity | None, *, age_s: float = 0.5, is_alive: bool | None = True) -> GatewayPresence:
@@ -19,7 +21,7 @@ def presence(validity: Validity | None, *, age_s: float = 0.5, is_alive: bool | 
 
 @pytest.mark.parametrize(("validity", "state"), BY_VALIDITY.items())
 def test_the_last_message_decides_while_it_is_young(validity: Validity, state: GatewayState) -> None:
-    assert presence(validity).judge(NOW_S, is_linked=True) is state
+    assert presence(validity).judge(NOW_S, PATIENCE_S, is_linked=True) is state
 
 
 @pytest.mark.parametrize(
@@ -39,10 +41,10 @@ def test_the_last_message_decides_while_it_is_young(validity: Validity, state: G
 def test_what_is_gone_is_said_before_anything_else(
     given: GatewayPresence, is_linked: bool, state: GatewayState
 ) -> None:
-    assert given.judge(NOW_S, is_linked=is_linked) is state
+    assert given.judge(NOW_S, PATIENCE_S, is_linked=is_linked) is state
 
 
 def test_a_link_that_has_just_come_back_leaves_the_gateway_time_to_send() -> None:
     given = presence("valid", age_s=20.0)
     given.connected_s = NOW_S - 0.3
-    assert given.judge(NOW_S, is_linked=True) is GatewayState.NOT_KNOWN
+    assert given.judge(NOW_S, PATIENCE_S, is_linked=True) is GatewayState.NOT_KNOWN
