@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from gateway.atomic_io import write_durably
 from gateway.calibration.record import CalibrationError, CalibrationRecord
-from gateway.disk_job import PerformJob, perform_now, read_with
+from gateway.disk_job import PerformJob, perform_now
 from gateway.errors import describe_problems
 from gateway.file_input import parse_json, read_bounded
 
@@ -78,7 +78,7 @@ class CalibrationStore:
 
     def state(self) -> InForceState:
         """Return the id of the record in force and its history. Raises `CalibrationError` if they cannot be read."""
-        return read_with(self._perform, self._read_state)
+        return self._perform(lambda _is_wanted: self._read_state())
 
     def _read_state(self) -> InForceState:
         path = self._in_force_path
@@ -96,7 +96,7 @@ class CalibrationStore:
     def record(self, record_id: str) -> CalibrationRecord:
         """Return a record by its id. Raises `CalibrationError` if it does not exist or must not be used."""
         path = self._record_path(record_id)
-        content = read_with(self._perform, lambda: _read_json(path))
+        content = self._perform(lambda _is_wanted: _read_json(path))
         if content is None:
             raise CalibrationError(f"{path}: there is no such record; {REMEDY}")
         record = parse_record(content, self.device_id, str(path))
@@ -107,7 +107,7 @@ class CalibrationStore:
     def ids(self) -> list[str]:
         """Return the ids of all records, sorted."""
         records = self.folder / "records"
-        return read_with(self._perform, lambda: sorted(path.stem for path in records.glob("[!.]*.json")))
+        return self._perform(lambda _is_wanted: sorted(path.stem for path in records.glob("[!.]*.json")))
 
     def add(self, record: CalibrationRecord) -> None:
         """Store a record without putting it in force.
@@ -117,7 +117,7 @@ class CalibrationStore:
         path = self._record_path(record.id)
         if record.device_id != self.device_id:
             raise CalibrationError(f"record {record.id} belongs to {record.device_id}, not to {self.device_id}")
-        if read_with(self._perform, path.exists):
+        if self._perform(lambda _is_wanted: path.exists()):
             if self.record(record.id).sha256 != record.sha256:
                 raise CalibrationError(f"{path}: another record has this id; records are never changed")
             return
@@ -131,7 +131,7 @@ class CalibrationStore:
         try:
             before = self.state()
         except CalibrationError:  # a person may put a record in force nevertheless; the unreadable file is kept
-            self._write(self.folder / "in_force.unreadable.json", read_with(self._perform, path.read_bytes))
+            self._write(self.folder / "in_force.unreadable.json", self._perform(lambda _is_wanted: path.read_bytes()))
             before = InForceState(device_id=self.device_id, in_force=None, history=())
         change = InForceChange(
             time_utc=time_utc, by=by, reason=reason, request=request, before=before.in_force, after=record_id

@@ -3,13 +3,14 @@
 import logging
 import time
 from collections.abc import Callable
+from concurrent.futures import Future, wait
 from dataclasses import dataclass, replace
 
 import zenoh
 
 from gateway.daemon.alert_latency import AlertLatency
 from gateway.daemon.bounded_queue import BoundedQueue
-from gateway.daemon.outbox_writer import OutboxWriter, StoreRequest
+from gateway.daemon.outbox_writer import OutboxWriter
 from gateway.daemon.worker import Worker
 from gateway.messages import Alert
 from gateway.outbox.change import StoredChange
@@ -29,8 +30,8 @@ class QueuedAlert:
     log_time_ns: int
     send_by_s: float
     """Monotonic time until which the disk is waited for."""
-    request: StoreRequest | None
-    """Of a change; None for a heartbeat."""
+    stored: Future[bool] | None
+    """Whether the change is on the disk; None for a heartbeat."""
 
 
 class AlertSender(Worker[QueuedAlert]):
@@ -64,11 +65,11 @@ class AlertSender(Worker[QueuedAlert]):
 
     def submit(self, message: Alert, log_time_ns: int, patience_s: float = 0.0) -> None:
         """Store and send a message, as soon as there is room within a time. Called by the processing thread."""
-        request = None
+        stored = None
         if message.rule is not None and message.boot_id is not None and message.alert_number is not None:
             payload = encode(replace(message, stored=True))
-            request = self._outbox.submit(StoredChange(message.boot_id, message.alert_number, payload))
-        queued = QueuedAlert(message, log_time_ns, time.monotonic() + STORE_PATIENCE_S, request)
+            stored = self._outbox.submit(StoredChange(message.boot_id, message.alert_number, payload))
+        queued = QueuedAlert(message, log_time_ns, time.monotonic() + STORE_PATIENCE_S, stored)
         if patience_s <= 0:
             self.inbox.put(queued)  # counts what it drops
         elif not self.inbox.put_waiting(queued, patience_s):
@@ -80,9 +81,9 @@ class AlertSender(Worker[QueuedAlert]):
 
     def handle(self, item: QueuedAlert) -> None:
         """Send a message, a change after it was stored; it is sent without where the disk takes too long."""
-        if item.request is not None:
-            item.request.done.wait(max(0.0, item.send_by_s - time.monotonic()))
-            self._is_last_stored = item.request.stored
+        if item.stored is not None:
+            done = wait([item.stored], max(0.0, item.send_by_s - time.monotonic())).done
+            self._is_last_stored = any(stored.result() for stored in done)
             self.sent_unstored += not self._is_last_stored
         payload = encode(replace(item.message, stored=self._is_last_stored))
         self._note_latest("alert", payload)
@@ -94,7 +95,7 @@ class AlertSender(Worker[QueuedAlert]):
             self.not_sent += 1
             log.error("an alert could not be sent: %s", error)
             return
-        if item.request is not None:
+        if item.stored is not None:
             self._latency.add(item.log_time_ns, self._now_ns())
 
     def close(self) -> None:

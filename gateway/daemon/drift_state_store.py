@@ -10,8 +10,7 @@ from gateway.calibration.correction import Correction
 from gateway.calibration.drift.rest_monitor import RestDriftMonitor
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
-from gateway.daemon.file_writer import FileContent
-from gateway.disk_job import PerformJob, perform_now, read_with
+from gateway.disk_job import PerformJob, perform_now
 from gateway.file_input import parse_json, read_bounded
 from gateway.pipeline.drift_monitor import DriftMonitor
 
@@ -21,7 +20,7 @@ log = logging.getLogger("plumbline.drift")
 class DriftStateStore:
     """Starts a monitor for each record, continues it after a restart, and saves its state once an hour and at the end."""
 
-    def __init__(self, data_dir: Path, write: Callable[[FileContent], object]) -> None:
+    def __init__(self, data_dir: Path, write: Callable[[Path, bytes], object]) -> None:
         """`write` replaces a file soon; it must not wait."""
         self._data_dir = data_dir
         self._write = write
@@ -53,7 +52,7 @@ class DriftStateStore:
         self._saved_status = self.monitor.status_json
         if self._path is None or not self.monitor.has_unsaved_readings:
             return
-        self._write(FileContent(self._path, json.dumps(self.monitor.dump_state()).encode()))
+        self._write(self._path, json.dumps(self.monitor.dump_state()).encode())
 
 
 def _rest_monitor(correction: Correction, path: Path, perform: PerformJob) -> RestDriftMonitor | None:
@@ -69,7 +68,7 @@ def _rest_monitor(correction: Correction, path: Path, perform: PerformJob) -> Re
 def _read_state(path: Path, perform: PerformJob) -> dict[str, Any] | None:
     """Return the saved state; None where there is none that can be read: the monitor then starts again."""
     try:
-        content = parse_json(read_with(perform, lambda: read_bounded(path)))
+        content = parse_json(perform(lambda _is_wanted: read_bounded(path)))
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:

@@ -4,7 +4,7 @@ import logging
 import threading
 import time
 from collections import deque
-from dataclasses import dataclass, field
+from concurrent.futures import Future
 from pathlib import Path
 
 from gateway.daemon.bounded_queue import BoundedQueue
@@ -23,17 +23,7 @@ RECENT = 512
 RETRY_S = 5.0
 
 
-@dataclass(eq=False, slots=True)
-class StoreRequest:
-    """A change on its way to the disk."""
-
-    change: StoredChange
-    done: threading.Event = field(default_factory=threading.Event)
-    """It was written, or could not be."""
-    stored: bool = False
-
-
-class OutboxWriter(Worker[StoreRequest]):
+class OutboxWriter(Worker[StoredChange]):
     """Owns the outbox from start to stop."""
 
     def __init__(self, folder: Path, faults: FaultRegister) -> None:
@@ -42,7 +32,7 @@ class OutboxWriter(Worker[StoreRequest]):
         self._folder = folder
         self._faults = faults
         self._lock = threading.Lock()
-        self._unstored: deque[StoreRequest] = deque(maxlen=INBOX)
+        self._unstored: deque[tuple[StoredChange, Future[bool]]] = deque(maxlen=INBOX)
         self._recent: deque[StoredChange] = deque(maxlen=RECENT)
         self._opened = threading.Event()
         self._last_number = 0
@@ -71,26 +61,26 @@ class OutboxWriter(Worker[StoreRequest]):
         with self._lock:
             return [change.payload for change in self._recent]
 
-    def submit(self, change: StoredChange) -> StoreRequest:
-        """Take a change; it never waits. Called by the processing thread."""
-        request = StoreRequest(change)
+    def submit(self, change: StoredChange) -> Future[bool]:
+        """Take a change, and return whether the first attempt has stored it. It never waits. Called by the processing thread."""
+        stored: Future[bool] = Future()
         with self._lock:
-            self._unstored.append(request)
+            self._unstored.append((change, stored))
             self._recent.append(change)
-        if not self.inbox.put(request):
-            request.done.set()
-        return request
+        if not self.inbox.put(change):
+            stored.set_result(False)
+        return stored
 
     def page_after(self, position: Position) -> ChangePage:
         """Return the changes behind a position. Raises `OSError`. Called by the thread of the remote calls."""
         with self._lock:
             recent = tuple(self._recent)
-            unstored = [request.change for request in self._unstored]
+            unstored = [change for change, _ in self._unstored]
         if position.boot_id is not None and find_span([span_of(recent)], position) is not None:
             return make_page(recent, position, MOST_BYTES, is_known=True)
         return self._outbox.page_after(position, unstored)
 
-    def handle(self, item: StoreRequest) -> None:
+    def handle(self, item: StoredChange) -> None:
         """Store everything that waits, with one sync of the disk."""
         self._store()
 
@@ -116,21 +106,18 @@ class OutboxWriter(Worker[StoreRequest]):
         if not waiting and not self._is_failing:
             return
         try:
-            self._outbox.append([request.change for request in waiting])
+            self._outbox.append([change for change, _ in waiting])
         except OSError as error:
             self._fail(error)
         else:
-            self._note_stored(waiting)
-        for request in waiting:
-            request.done.set()
-
-    def _note_stored(self, stored: tuple[StoreRequest, ...]) -> None:
-        for request in stored:
-            request.stored = True
-        with self._lock:
-            self._unstored = deque((each for each in self._unstored if not each.stored), maxlen=INBOX)
-        self._is_failing = False
-        self._faults.clear(PART)
+            done = {stored for _, stored in waiting}
+            with self._lock:
+                self._unstored = deque((each for each in self._unstored if each[1] not in done), maxlen=INBOX)
+            self._is_failing = False
+            self._faults.clear(PART)
+        for _, stored in waiting:
+            if not stored.done():
+                stored.set_result(not self._is_failing)
 
     def _fail(self, error: OSError) -> None:
         self._is_failing = True

@@ -16,7 +16,6 @@ from gateway.configuration.model import Configuration
 from gateway.daemon.acknowledgement_service import AcknowledgementService
 from gateway.daemon.alert_history import AlertHistory
 from gateway.daemon.alert_sender import AlertSender
-from gateway.daemon.bounded_disk import BoundedDisk
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.bus_connection import BusConnection
 from gateway.daemon.calibration_provider import CalibrationProvider
@@ -25,10 +24,10 @@ from gateway.daemon.compaction_worker import CompactionWorker
 from gateway.daemon.configuration_service import ConfigurationService
 from gateway.daemon.counters import SampleCounters
 from gateway.daemon.device_factory import make_rigger
+from gateway.daemon.disk_executor import DiskExecutor
 from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.duplicate_watch import DuplicateWatch
 from gateway.daemon.faults import FaultRegister
-from gateway.daemon.file_writer import FileWriter
 from gateway.daemon.health import HealthReporter
 from gateway.daemon.line_writer import LineWriter
 from gateway.daemon.mark_service import MarkService
@@ -70,8 +69,7 @@ class Parts:
     recording: RecordingWorker
     compaction: CompactionWorker
     outbox: OutboxWriter
-    state_files: FileWriter
-    calibration_disk: BoundedDisk
+    disk: DiskExecutor
     rpc: RpcServer
     alerts: AlertSender
     publisher: Publisher
@@ -84,8 +82,8 @@ class Parts:
     def sinks(self) -> tuple[Worker[Any], ...]:
         """What the processor feeds, in the order of the end; the bus must end after them."""
         relay = () if self.relay is None else (self.relay,)
-        disk = self.outbox, self.recording, self.state_files, self.calibration_disk, self.compaction
-        return *relay, self.alerts, *disk, self.rpc, self.publisher
+        writers = self.outbox, self.recording, self.disk, self.compaction
+        return *relay, self.alerts, *writers, self.rpc, self.publisher
 
     @property
     def threads(self) -> tuple[threading.Thread, ...]:
@@ -123,12 +121,10 @@ def compose(
     relay = make_relay(configuration.relay, faults)
     wall_clock = WallClockMonitor(clock)
     axes = configuration.device.axes
-    calibration_disk = BoundedDisk()
-    calibration_disk.start()  # a damaged journal is audited when the device is opened, before the others start
+    disk = DiskExecutor(faults)
+    disk.start()  # a damaged journal is audited when the device is opened, before the others start
     recalibration = RecalibrationService(
-        Recalibration(
-            section.data_dir, axes, software=__version__, log_line=log.warning, perform=calibration_disk.perform
-        ),
+        Recalibration(section.data_dir, axes, software=__version__, log_line=log.warning, perform=disk.perform),
         wall_clock,
     )
     marks = MarkService(wall_clock, lambda mark: _send_mark(mark, publisher, recording))
@@ -162,8 +158,7 @@ def compose(
         PageRequests({"acknowledge": acknowledgements.submit}).answer, partial(outbox.recent, RECALL_PATIENCE_S)
     )
     page = PageProcess(configuration, page_channel, faults) if configuration.page.enabled else None
-    state_files = FileWriter(faults)
-    drift_store = DriftStateStore(section.data_dir, state_files.inbox.put)
+    drift_store = DriftStateStore(section.data_dir, disk.write_soon)
     blocks: BoundedQueue[SamplerItem] = BoundedQueue(BLOCKS)
     counters = SampleCounters()
     sampler = Sampler(device, info, blocks, faults)
@@ -191,8 +186,7 @@ def compose(
             rpc,
             alerts,
             publisher,
-            state_files,
-            calibration_disk,
+            disk,
             *(() if relay is None else (relay,)),
         ),
         output=output,
@@ -207,7 +201,7 @@ def compose(
         counters,
         health,
         CalibrationProvider(section.data_dir, axes),
-        calibration_disk.perform,
+        disk.perform,
         drift_store,
         wall_clock,
         recalibration,
@@ -226,8 +220,7 @@ def compose(
         recording=recording,
         compaction=compaction,
         outbox=outbox,
-        state_files=state_files,
-        calibration_disk=calibration_disk,
+        disk=disk,
         rpc=rpc,
         alerts=alerts,
         publisher=publisher,

@@ -16,9 +16,9 @@ from gateway.calibration.drift.rest_monitor import NS_PER_HOUR
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
 from gateway.daemon.calibration_provider import CalibrationProvider
+from gateway.daemon.disk_executor import DiskExecutor
 from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.faults import FaultRegister
-from gateway.daemon.file_writer import FileContent, FileWriter
 from gateway.daemon.recording_worker import CalibrationChange, RecordingWorker
 from gateway.recording.calibration_files import CalibrationFiles
 from gateway.recording.writer import Recorder, RecorderError
@@ -53,7 +53,7 @@ def provider(tmp_path: Path) -> CalibrationProvider:
 
 @pytest.fixture
 def store(tmp_path: Path) -> DriftStateStore:
-    return DriftStateStore(tmp_path, save)
+    return DriftStateStore(tmp_path, write_durably)
 
 
 def rest(store: DriftStateStore, hours: int, first: int = 0) -> None:
@@ -123,7 +123,7 @@ def test_a_drift_monitor_continues_after_a_restart_and_is_saved_once_an_hour(
     rest(store, 2)
     assert len(present(kept(tmp_path))["hours"]) == 1
     store.save()
-    again = DriftStateStore(tmp_path, save)
+    again = DriftStateStore(tmp_path, write_durably)
     again.open("part-7", correction)
     rest(again, 2, first=2)
     assert len(present(kept(tmp_path))["hours"]) == 3
@@ -160,10 +160,13 @@ def test_a_state_that_cannot_be_saved_is_reported(
 ) -> None:
     put("r1")
     faults = FaultRegister()
-    store = DriftStateStore(tmp_path, FileWriter(faults).handle)
+    disk = DiskExecutor(faults)
+    store = DriftStateStore(tmp_path, disk.write_soon)
     store.open("part-7", provider.correction(INFO))
     (CalibrationStore(tmp_path, "part-7").folder / "drift.json").mkdir()
     rest(store, 2)
+    disk.finish()
+    disk.run()
     assert "cannot be saved" in faults.standing["state_files"]
 
 
@@ -174,10 +177,6 @@ def test_a_record_without_a_valid_time_is_not_monitored(
     with caplog.at_level(logging.ERROR, "plumbline"):
         assert store.open("part-7", provider.correction(INFO)).status_json is None
     assert "not monitored" in caplog.text
-
-
-def save(item: FileContent) -> None:
-    write_durably(item.path, item.content)
 
 
 class FullDisk(Recorder):

@@ -85,13 +85,13 @@ def test_a_device_whose_record_the_disk_does_not_give_is_uncalibrated_until_it_d
         gate.wait(PATIENCE_S)
 
     with suppress(TimeoutError):
-        parts.calibration_disk.perform(hang)
+        parts.disk.perform(hang)
     parts.sampler.blocks.put(DeviceReopened(other))
     wait_until(lambda: parts.processor.info == other, "the other device")
     assert present(parts.processor.correction).status == "uncalibrated"
     gate.set()
     wait_until(lambda: present(parts.processor.correction).calibration_id == made.id, "its record")
-    for worker in (parts.processor, parts.outbox, parts.calibration_disk):
+    for worker in (parts.processor, parts.outbox, parts.disk):
         worker.finish()
         worker.join(PATIENCE_S)
 
@@ -110,6 +110,6 @@ def test_health_keeps_its_order_when_the_processor_hangs_in_it_and_goes_on(tmp_p
     sent = [parts.publisher.inbox.get(0.0) for _ in range(len(parts.publisher.inbox))]
     numbers = [each.message.sequence for each in sent if each is not None and isinstance(each.message, Health)]
     assert numbers == list(range(len(numbers)))
-    for worker in (parts.outbox, parts.calibration_disk):
+    for worker in (parts.outbox, parts.disk):
         worker.finish()
         worker.join(PATIENCE_S)

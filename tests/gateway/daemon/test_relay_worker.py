@@ -22,7 +22,16 @@ from tests.system.conftest import ROOT
 from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until
 
-NORMAL = Alert(time_ns=0, clock="synchronised", sequence=0, level="normal", event="standing", active=[], text="normal")
+NORMAL = Alert(
+    time_ns=0,
+    clock="synchronised",
+    sequence=0,
+    level="normal",
+    validity="valid",
+    event="standing",
+    active=[],
+    text="normal",
+)
 TRIP = Alert(
     time_ns=0,
     clock="synchronised",

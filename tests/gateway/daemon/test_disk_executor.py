@@ -6,26 +6,25 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from gateway.daemon.bounded_disk import PATIENCE_S, BoundedDisk
+from gateway.daemon.disk_executor import PATIENCE_S, DiskExecutor
+from gateway.daemon.faults import FaultRegister
 from tests.waiting import wait_until
 
 
 @pytest.fixture
-def disk() -> Iterator[BoundedDisk]:
-    made = BoundedDisk()
+def disk() -> Iterator[DiskExecutor]:
+    made = DiskExecutor(FaultRegister())
     made.start()
     yield made
     made.finish()
     made.join(5)
 
 
-def test_a_job_is_done_when_the_call_returns(disk: BoundedDisk) -> None:
-    done: list[bool] = []
-    disk.perform(lambda is_wanted: done.append(is_wanted()))
-    assert done == [True]
+def test_a_job_is_done_when_the_call_returns(disk: DiskExecutor) -> None:
+    assert disk.perform(lambda is_wanted: is_wanted()) is True
 
 
-def test_an_error_is_that_of_the_job(disk: BoundedDisk) -> None:
+def test_an_error_is_that_of_the_job(disk: DiskExecutor) -> None:
     def fail(_is_wanted: Callable[[], bool]) -> None:
         raise PermissionError("no")
 
@@ -33,7 +32,7 @@ def test_an_error_is_that_of_the_job(disk: BoundedDisk) -> None:
         disk.perform(fail)
 
 
-def test_a_job_that_hangs_fails_soon_and_is_not_finished_later(disk: BoundedDisk) -> None:
+def test_a_job_that_hangs_fails_soon_and_is_not_finished_later(disk: DiskExecutor) -> None:
     gate, finished = threading.Event(), list[bool]()
 
     def hang(is_wanted: Callable[[], bool]) -> None:
@@ -53,7 +52,7 @@ def test_a_job_that_hangs_fails_soon_and_is_not_finished_later(disk: BoundedDisk
     assert finished == [False]
 
 
-def works(disk: BoundedDisk) -> bool:
+def works(disk: DiskExecutor) -> bool:
     try:
         disk.perform(lambda is_wanted: None)
     except TimeoutError:
