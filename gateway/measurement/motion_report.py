@@ -7,7 +7,7 @@ import numpy as np
 from gateway.measurement.motion import RecordingMotion
 from gateway.motion.estimate import MotionState
 from gateway.motion.history import LargestAngle, MotionHistory
-from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING
+from gateway.motion.hypotheses import IS_DRIVEN, IS_FREE, IS_GUST, IS_HOISTING
 from gateway.units import degrees
 
 MOST_PHASES = 12
@@ -113,7 +113,7 @@ def motion_table(history: MotionHistory) -> str:
 
 
 _KINDS = {
-    "free": ~IS_DRIVEN & ~IS_GUST & ~IS_HOISTING,
+    "free": IS_FREE,
     "driven": IS_DRIVEN & ~IS_HOISTING,
     "gust": ~IS_DRIVEN & IS_GUST & ~IS_HOISTING,
     "free_hoisting": ~IS_DRIVEN & ~IS_GUST & IS_HOISTING,

@@ -11,35 +11,30 @@ import numpy as np
 
 from gateway.motion.disturbances import DisturbanceStep
 from gateway.motion.gyro_reading import BIAS_WALK_RAD_S, GyroPrior, expected_rate, rate_variance, with_gyro_states
-from gateway.motion.hypotheses import IS_HOISTING, N_HYPOTHESES, WIND_LEVEL, WIND_LEVELS
+from gateway.motion.hypotheses import N_HYPOTHESES, WIND_LEVEL, WIND_LEVELS
 from gateway.motion.initial_state import Constants, initial_mixture
 from gateway.motion.mixture import Mixture, exchange
 from gateway.motion.rope_model import RopeModel, axial_curvature
 from gateway.motion.state_vector import (
-    AXIAL_OFFSET,
     GUST,
     GYRO_BIAS,
     HEAVE,
     HOIST_ACCELERATION,
     HOIST_SPEED,
-    LEVER,
     LINE,
     LINE_RATE,
     LN_LENGTH,
-    MOUNT,
     N_MOVING,
     N_STATES,
-    OFFSET,
     PIVOT,
     PIVOT_RATE,
     PIVOT_VELOCITY,
-    PLACE,
     RATE,
     SIDE_FORCE,
     SPIN,
-    STIFFNESS,
     indices,
 )
+from gateway.motion.stated_values import CONSTANTS, N_STATED, RETURN_EVERY_S, StatedValues
 from gateway.motion.step_record import StepRecord, kept_transition
 from gateway.numerics.array import Array
 
@@ -57,32 +52,10 @@ READING_FLOOR_G = 5e-5
 """Smallest standard deviation of a bin's mean. Basis: what the equations of motion leave out."""
 MODEL_SHARE = 0.003
 """Error of the equations as a share of the reading's deviation from rest. Basis: scale errors, a load that is no point."""
-RETURN_TIMES_S = (
-    (OFFSET, 1e4),
-    (MOUNT, 1e4),
-    (AXIAL_OFFSET, 1e4),
-    (PLACE, 3e3),
-    (LEVER, 3e3),
-    (STIFFNESS, 3e3),
-    (SIDE_FORCE, 600.0),
-)
-"""Constants, and the time in which each returns to what was stated. Basis: 2 mg in ten minutes of a warming sensor, clamps that
-slip, winds that turn."""
-RETURN_EVERY_S = 4.0
-"""Time between two such returns. Basis: short against all of them."""
 TEMPERING = 0.35
 """Exponent of the readings' likelihood by which hypotheses are weighed (Grünwald and van Ommen 2017); what is stated counts
 whole. Basis: errors of the equations are not white, so that consecutive readings tell less apart than independent ones; on
 simulated cranes 0.4 has the same error and intervals that hold less often."""
-PIVOT_SPEED_M_S, PIVOT_SPEED_TIME_S = 1.5, 20.0
-"""Standard deviation of the pivot's speed, and the time for which it counts as one observation. Basis: cranes drive at up to
-4 m/s."""
-LN_LENGTH_SIGMA, LN_LENGTH_TIME_S = 0.5, 30.0
-"""The same of the logarithm of the rope's length against what was stated: hoists change it, but not to anything."""
-HOIST_SPEED_M_S, HOIST_SPEED_TIME_S = 0.5, 25.0
-"""The same of the speed of a winch that runs. Basis: cranes hoist at up to 1.2 m/s."""
-RESTING_SPEED_M_S = 0.02
-"""Standard deviation of the speed of a winch that rests, at each update: what ends must have come to rest."""
 MISFIT_TIME_S, LARGEST_MISFIT = 0.8, 30.0
 """Time over which innovations beyond the expected count as noise of the reading, and the most that one of them counts, in
 expected variances. Basis: a bounce at a brake lasts for a few bins; with 6 s the error of the angle is a tenth larger on 63
@@ -96,7 +69,7 @@ SMALLEST_WEIGHT = 1e-30
 """Keeps weights positive; a hypothesis revives by transitions from the others."""
 STEP_RESOLUTION_S = 1e-3
 """Resolution of the time for which disturbances change within a step. Basis: bins of a stream differ by less."""
-_N_OBSERVED = 7
+_N_OBSERVED = 3 + N_STATED
 _DIAGONAL = np.arange(_N_OBSERVED)
 
 
@@ -109,7 +82,7 @@ class MotionFilter:
         prior = initial_mixture(model.gravity_m_s2, constants, on_spreader=model.on_spreader)
         self.prior = prior if gyro is None else with_gyro_states(prior, gyro)
         self.mixture = self.prior
-        self._ln_length = math.log(constants.length_m)
+        self._stated = StatedValues(self.prior)
         self.line_rate_1_s: float | None = None
         """Angular frequency of a fast oscillation that is part of the state; None: there is none."""
         self._line_amplitude_g = 0.0
@@ -159,7 +132,7 @@ class MotionFilter:
         factor[:, HEAVE] = step.heave
         self._since_return_s += time_s
         if self._since_return_s >= RETURN_EVERY_S:
-            factor *= self._return_to_stated(x, covariance, self._since_return_s)
+            factor *= self._stated.draw_back(x, covariance, self._since_return_s)
             self._since_return_s = 0.0
         self.mixture = Mixture(x, covariance, mixed.weight)
         return mixed, transition, factor, step.exchange
@@ -208,18 +181,6 @@ class MotionFilter:
         places = indices(both)
         covariance[:, places, places] += np.repeat([variance, variance * omega**2], 2)
 
-    def _return_to_stated(self, x: Array, covariance: Array, time_s: float) -> Array:
-        """Let the constants return towards what was stated, in place; return the factors of all states, shape (n,)."""
-        factor = np.ones(x.shape[1])
-        for states, return_s in RETURN_TIMES_S:
-            factor[states] = math.exp(-time_s / return_s)
-        stated, variance = self.prior.state[0], np.diagonal(self.prior.covariance[0])
-        x *= factor
-        x += (1 - factor) * stated
-        covariance *= np.multiply.outer(factor, factor)
-        covariance.reshape(len(x), -1)[:, :: x.shape[1] + 1] += np.where(factor < 1, variance * (1 - factor**2), 0.0)
-        return factor
-
     def update(self, reading_g: Array, sigma_g: Array) -> bool:
         """Take the mean reading of a bin, shape (3,), with its standard deviation; return whether it was an outlier.
 
@@ -238,12 +199,10 @@ class MotionFilter:
         innovation = np.empty((len(x), _N_OBSERVED))
         innovation[:, :3] = reading_g - expected
         innovation[:, 2] -= bias
-        innovation[:, 3:5], innovation[:, 5] = -x[:, PIVOT_VELOCITY], self._ln_length - x[:, LN_LENGTH]
-        innovation[:, 6] = -x[:, HOIST_SPEED]
+        innovation[:, 3:] = self._stated.innovation(x)
         jacobian = np.zeros((len(x), _N_OBSERVED, x.shape[1]))
         jacobian[:, :3] = by_state
-        jacobian[:, 3, PIVOT_VELOCITY.start] = jacobian[:, 4, PIVOT_VELOCITY.start + 1] = 1.0
-        jacobian[:, 5, LN_LENGTH] = jacobian[:, 6, HOIST_SPEED] = 1.0
+        jacobian[:, 3:] = self._stated.jacobian
         noise = self._observation_noise(reading_g, sigma_g)
         noise[:, 2] += curvature
 
@@ -282,11 +241,7 @@ class MotionFilter:
         variance[:2] += MODEL_SHARE**2 * float(reading_g[0] ** 2 + reading_g[1] ** 2) + self._transverse_misfit_g2
         variance[2] += (MODEL_SHARE * float(reading_g[2] - 1)) ** 2 + self._axial_misfit_g2
         noise[:, :3] = variance
-        noise[:, 3:5] = PIVOT_SPEED_M_S**2 * PIVOT_SPEED_TIME_S / self._step_s
-        noise[:, 5] = LN_LENGTH_SIGMA**2 * LN_LENGTH_TIME_S / self._step_s
-        noise[:, 6] = np.where(
-            IS_HOISTING, HOIST_SPEED_M_S**2 * HOIST_SPEED_TIME_S / self._step_s, RESTING_SPEED_M_S**2
-        )
+        noise[:, 3:] = self._stated.noise(self._step_s)
         return noise
 
     def _follow_misfit(self, innovation: Array, expected_g2: Array, weight: Array) -> None:
@@ -336,12 +291,11 @@ class MotionFilter:
 
     def forget_motion(self) -> None:
         """Return to what was known of the motion before the first reading, but keep the constants; after a gap."""
-        constants = [place for states, _ in RETURN_TIMES_S for place in indices(states)]
         mean, covariance = self.mixture.moments()
         state, spread = self.prior.state.copy(), self.prior.covariance.copy()
-        state[:, constants] = mean[constants]
-        spread[:, constants], spread[:, :, constants] = 0.0, 0.0
-        spread[np.ix_(range(N_HYPOTHESES), constants, constants)] = covariance[np.ix_(constants, constants)]
+        state[:, CONSTANTS] = mean[CONSTANTS]
+        spread[:, CONSTANTS], spread[:, :, CONSTANTS] = 0.0, 0.0
+        spread[np.ix_(range(N_HYPOTHESES), CONSTANTS, CONSTANTS)] = covariance[np.ix_(CONSTANTS, CONSTANTS)]
         state[:, LN_LENGTH] = mean[LN_LENGTH]
         self.mixture = Mixture(state, spread, self.prior.weight)
         self.line_rate_1_s = None

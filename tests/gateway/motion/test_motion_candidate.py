@@ -7,7 +7,7 @@ from gateway.motion.binning import Binning, ForceBin
 from gateway.motion.candidate import FORGOTTEN_PERIODS, MotionCandidate
 from gateway.motion.initial_state import Constants
 from gateway.motion.mixture import Mixture
-from gateway.motion.motion_filter import RETURN_TIMES_S, MotionFilter
+from gateway.motion.motion_filter import MotionFilter
 from gateway.motion.rope_model import RopeModel
 from gateway.motion.state_vector import (
     AXIAL_OFFSET,
@@ -21,6 +21,7 @@ from gateway.motion.state_vector import (
     STIFFNESS,
     indices,
 )
+from gateway.motion.stated_values import RETURN_TIMES_S
 from gateway.numerics.array import Array
 from tests.gateway.motion.conftest import GRAVITY_M_S2, Recording
 
