@@ -108,6 +108,7 @@ def test_a_request_for_what_the_disk_does_not_give_is_refused_and_delays_no_aler
     gateway = start_gateway(program=("tests.system.stalling_disk", str(gate)))
     peer = join_bus(gateway.endpoint)
     peer.wait_for("health", lambda message: message["recording"])
+    peer.wait_for("alert")
 
     def roll_back(number: int) -> tuple[bool, Any]:
         payload = json.dumps({"id": f"request-{number}", "by": "ann", "to": "older"}).encode()

@@ -142,7 +142,9 @@ def _hoists(history: MotionHistory) -> list[EstimatedInput]:
 def _events(
     kind: InputKind, history: MotionHistory, hypotheses: NDArray[np.bool_], signal: Array, u: Array
 ) -> list[EstimatedInput]:
-    runs = true_runs(history.probabilities[:, hypotheses].sum(axis=1) > LIKELY)
+    # The hypotheses say that something acts, the signal from when until when: a steady winch may stand still.
+    likely = (history.probabilities[:, hypotheses].sum(axis=1) > LIKELY) & (np.abs(signal) > u)
+    runs = [run for run in true_runs(likely | (np.abs(signal) > SIGNIFICANT * u)) if likely[slice(*run)].any()]
     times_s = [(float(history.time_s[first]), float(history.time_s[stop - 1])) for first, stop in runs]
     found = []
     for from_s, to_s in _merge(times_s, LONGEST_REST_S):
