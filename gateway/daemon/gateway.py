@@ -120,7 +120,7 @@ class Gateway:
         log.addHandler(self._log_handler)
         try:
             for thread in reversed(self._parts.threads):
-                if thread is not self._parts.disk:
+                if thread is not self._parts.commands:  # which runs
                     thread.start()
             self._notifier.send("READY=1\nSTATUS=sampling")
             self._await_first_attempts(stopping)
@@ -157,7 +157,7 @@ class Gateway:
                 parts.publisher: SLOW_DISK_S,
                 parts.recording: SLOW_DISK_S,
             },
-            optional=(parts.outbox, parts.rpc, parts.disk),
+            optional=(parts.outbox, parts.rpc, parts.commands),
             notifier=self._notifier,
             faults=self.faults,
         )

@@ -3,18 +3,19 @@
 import threading
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import HostClock
 from gateway.calibration.record import CalibrationRecord
-from gateway.calibration.store import CalibrationStore
+from gateway.calibration.store import CalibrationStore, find_record_in_force
 from gateway.configuration.loading import validate
+from gateway.daemon import calibration_provider
 from gateway.daemon.configuration_service import ConfigurationService
 from gateway.daemon.faults import FaultRegister
 from gateway.daemon.line_writer import LineWriter
@@ -69,7 +70,7 @@ def composed(folder: Path, device: HangingDevice) -> Parts:
 
 
 def test_a_device_whose_record_the_disk_does_not_give_is_uncalibrated_until_it_does(
-    tmp_path: Path, record: Callable[..., dict[str, Any]]
+    tmp_path: Path, record: Callable[..., dict[str, Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other, device, gate = replace(INFO, device_id="part-8"), HangingDevice(), threading.Event()
     made = CalibrationRecord.model_validate(record(device_id="part-8", unit="g", correction_matrix=np.eye(3).tolist()))
@@ -81,17 +82,17 @@ def test_a_device_whose_record_the_disk_does_not_give_is_uncalibrated_until_it_d
     parts.outbox.start()
     parts.processor.start()
 
-    def hang(_is_wanted: Callable[[], bool]) -> None:
+    def hang(data_dir: Path, device_id: str) -> CalibrationRecord | None:
         gate.wait(PATIENCE_S)
+        return find_record_in_force(data_dir, device_id)
 
-    with suppress(TimeoutError):
-        parts.disk.perform(hang)
+    monkeypatch.setattr(calibration_provider, "find_record_in_force", hang)
     parts.sampler.blocks.put(DeviceReopened(other))
     wait_until(lambda: parts.processor.info == other, "the other device")
     assert present(parts.processor.correction).status == "uncalibrated"
     gate.set()
     wait_until(lambda: present(parts.processor.correction).calibration_id == made.id, "its record")
-    for worker in (parts.processor, parts.outbox, parts.disk):
+    for worker in (parts.processor, parts.outbox, parts.commands):
         worker.finish()
         worker.join(PATIENCE_S)
 
@@ -110,6 +111,6 @@ def test_health_keeps_its_order_when_the_processor_hangs_in_it_and_goes_on(tmp_p
     sent = [parts.publisher.inbox.get(0.0) for _ in range(len(parts.publisher.inbox))]
     numbers = [each.message.sequence for each in sent if each is not None and isinstance(each.message, Health)]
     assert numbers == list(range(len(numbers)))
-    for worker in (parts.outbox, parts.disk):
+    for worker in (parts.outbox, parts.commands):
         worker.finish()
         worker.join(PATIENCE_S)
