@@ -7,6 +7,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from devices.block import DeviceInfo
 from gateway.atomic_io import write_durably
@@ -17,6 +18,9 @@ from gateway.daemon.remote_request import RequestHandler
 from gateway.daemon.request_queue import HANGS, RequestQueue
 from gateway.daemon.worker import Worker
 from gateway.recalibration.requests import VERBS
+
+if TYPE_CHECKING:
+    from gateway.daemon.site_certificates import SiteCertificates  # its library is an extra
 
 INBOX = 256
 RESERVED = 16
@@ -40,18 +44,20 @@ CommandItem = DeviceInfo | ProcessedBlock | StateFile
 
 
 class CommandWorker(Worker[CommandItem]):
-    """Carries out one request after the other and writes state files."""
+    """Carries out one request after the other, writes state files, and looks at the gateway's certificate."""
 
     def __init__(
         self,
         recalibration: RecalibrationService,
         handlers: Mapping[str, RequestHandler],
+        certificates: "SiteCertificates | None",
         faults: FaultRegister,
     ) -> None:
         """`handlers` carry out the requests of other verbs than those of the recalibration; they may wait for the disk."""
         super().__init__("commands", BoundedQueue(INBOX))
         self._recalibration = recalibration
         self._handlers = dict(handlers) | dict.fromkeys(VERBS, recalibration.carry_out)
+        self._certificates = certificates
         self._faults = faults
         self.requests = RequestQueue(WAITING)
 
@@ -93,6 +99,8 @@ class CommandWorker(Worker[CommandItem]):
     def idle(self) -> None:
         """Carry out one request, so that many of them do not fill the inbox, and do what is due."""
         self._recalibration.tick()
+        if self._certificates is not None:
+            self._certificates.watch_expiry()
         if (request := self.requests.take()) is not None:
             self._handlers[request.verb](request)
 

@@ -100,7 +100,7 @@ class HealthReporter:
             standing_faults=standing,
             refused=dict(self.security_log.counts),
             page=self.page_url,
-            certificate_days_left=None if self.certificates is None else self.certificates.watch_expiry(),
+            certificate_days_left=None if self.certificates is None else self.certificates.expires_in_days,
             recording=None if path is None else str(path),
             recording_error=standing.get("recording"),
             disk_free_mb=self.recording.disk_free_mb,

@@ -121,16 +121,16 @@ def compose(
     relay = make_relay(configuration.relay, faults)
     wall_clock = WallClockMonitor(clock)
     axes = configuration.device.axes
+    certificates = read_certificates(configuration.bus.tls)
     calibrations = CalibrationProvider(section.data_dir, axes)
     recalibration = RecalibrationService(
         Recalibration(section.data_dir, axes, software=__version__, log_line=log.warning), calibrations, wall_clock
     )
-    commands = CommandWorker(recalibration, changes.open(section.data_dir), faults)
+    commands = CommandWorker(recalibration, changes.open(section.data_dir), certificates, faults)
     commands.start()  # the processor opens the device before the others start
     marks = MarkService(wall_clock, lambda mark: _send_mark(mark, publisher, recording))
     acknowledgements = AcknowledgementService()
     security_log = SecurityLog(section.data_dir / SECURITY_LOG_NAME)
-    certificates = read_certificates(configuration.bus.tls)
     dispatcher = RequestDispatcher(
         section.key,
         refuse_all(boot_id),

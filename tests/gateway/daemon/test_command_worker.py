@@ -36,7 +36,7 @@ class Site:
         service = RecalibrationService(
             recalibration, CalibrationProvider(data_dir, AXES), WallClockMonitor(HostClock())
         )
-        self.worker = CommandWorker(service, {"config_apply": self.apply}, self.faults)
+        self.worker = CommandWorker(service, {"config_apply": self.apply}, None, self.faults)
 
     def apply(self, request: RemoteRequest) -> None:
         self.taken.set()

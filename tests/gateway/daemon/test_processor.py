@@ -23,7 +23,9 @@ from gateway.daemon.parts import Parts, compose
 from gateway.daemon.processor import HEALTH_PERIOD_S
 from gateway.daemon.sampler import DeviceReopened
 from gateway.messages import Health
+from gateway.pki.issue import Holder
 from gateway.recording.chain import SegmentChain
+from tests.gateway.pki.site import Site
 from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -53,8 +55,9 @@ class HangingDevice:
         return {}
 
 
-def composed(folder: Path, device: HangingDevice) -> Parts:
-    configuration = validate({"gateway": {"data_dir": str(folder)}, "page": {"enabled": False}}, "test")
+def composed(folder: Path, device: HangingDevice, bus: Mapping[str, Any] | None = None) -> Parts:
+    gateway, page = {"data_dir": str(folder)}, {"enabled": False}
+    configuration = validate({"gateway": gateway, "page": page, "bus": bus or {}}, "test")
     return compose(
         configuration,
         device=device,
@@ -112,5 +115,34 @@ def test_health_keeps_its_order_when_the_processor_hangs_in_it_and_goes_on(tmp_p
     numbers = [each.message.sequence for each in sent if each is not None and isinstance(each.message, Health)]
     assert numbers == list(range(len(numbers)))
     for worker in (parts.outbox, parts.commands):
+        worker.finish()
+        worker.join(PATIENCE_S)
+
+
+def test_health_states_the_days_of_a_certificate_that_the_processor_does_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, device, read = Site(tmp_path / "keys").issue("crane-1", Holder.GATEWAY, days=100), HangingDevice(), set()
+    read_bytes = Path.read_bytes
+
+    def note(path: Path) -> bytes:
+        if path.suffix == ".pem":
+            read.add(threading.current_thread().name)
+        return read_bytes(path)
+
+    monkeypatch.setattr(Path, "read_bytes", note)
+    device.gate.set()
+    files = {"ca": "ca.pem", "certificate": "certificate.pem", "key": "key.pem"}
+    parts = composed(tmp_path, device, {"tls": {key: str(folder / name) for key, name in files.items()}})
+    parts.outbox.start()
+    parts.processor.start()
+
+    def is_stated() -> bool:
+        sent = parts.publisher.inbox.get(0.0)
+        return sent is not None and isinstance(sent.message, Health) and sent.message.certificate_days_left in (99, 100)
+
+    wait_until(is_stated, "the days that are left")
+    assert read == {"commands"}
+    for worker in (parts.processor, parts.outbox, parts.commands):
         worker.finish()
         worker.join(PATIENCE_S)
