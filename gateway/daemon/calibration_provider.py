@@ -44,7 +44,7 @@ class CalibrationProvider:
         return correction_for(replace(info, factory_calibration=None), self._axes, None)
 
     def files(self, info: DeviceInfo, correction: Correction) -> CalibrationFiles | None:
-        """Return the record behind a correction and its certificate; None where there is no record. For the recording thread."""
+        """Return the record behind a correction and its certificate; None where there is no record."""
         if correction.record is None:
             return None
         record = CalibrationRecord.model_validate(correction.record)

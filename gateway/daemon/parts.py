@@ -124,7 +124,10 @@ def compose(
     certificates = read_certificates(configuration.bus.tls)
     calibrations = CalibrationProvider(section.data_dir, axes)
     recalibration = RecalibrationService(
-        Recalibration(section.data_dir, axes, software=__version__, log_line=log.warning), calibrations, wall_clock
+        Recalibration(section.data_dir, axes, software=__version__, log_line=log.warning),
+        calibrations,
+        wall_clock,
+        recording.set_calibration,
     )
     commands = CommandWorker(recalibration, changes.open(section.data_dir), certificates, faults)
     commands.start()  # the processor opens the device before the others start

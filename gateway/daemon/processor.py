@@ -3,7 +3,6 @@
 import logging
 import threading
 from collections.abc import Iterable
-from functools import partial
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
@@ -21,7 +20,7 @@ from gateway.daemon.outbox_writer import OutboxWriter
 from gateway.daemon.page_channel import PageChannel
 from gateway.daemon.publisher import Publisher
 from gateway.daemon.recalibration_service import PipelineInstruction, ProcessedBlock, RecalibrationService
-from gateway.daemon.recording_worker import CalibrationChange, RecordingWorker
+from gateway.daemon.recording_worker import RecordingWorker
 from gateway.daemon.relay_worker import RelayWorker
 from gateway.daemon.sampler import SamplerItem
 from gateway.daemon.simulated_rigger import SimulatedRigger
@@ -117,13 +116,10 @@ class Processor(Worker[SamplerItem]):
             self._open_pipeline(info, self._calibrations.uncalibrated(info), DriftMonitor(None))
 
     def _open_pipeline(self, info: DeviceInfo, correction: Correction, drift: DriftMonitor) -> None:
-        """Make the pipeline of a calibration, and note that calibration in the recording and in the log."""
+        """Make the pipeline of a calibration, and note that calibration in the log."""
         self.correction = correction
         extra = None if self.is_alive() else RECORDED_ONLY  # at start `Gateway.describe` has printed it
         log.info("%s: calibration in force: %s", info.device_id, self.correction.text, extra=extra)
-        change = CalibrationChange(partial(self._calibrations.files, info, self.correction))
-        if not self._recording.inbox.put_waiting(change, SINK_PATIENCE_S):
-            log.error("the recorder is too busy: later segments do not contain %s", self.correction.text)
         monitor = self._drift_store.open(info.device_id, drift)
         self._pipeline = Pipeline(self._configuration, info, self.correction, self._headers, monitor, self._incidents)
         self._made_for = self._present_calibration(self.correction)

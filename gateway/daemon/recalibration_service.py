@@ -1,6 +1,7 @@
 """The recalibration inside the daemon: requests and blocks in, the calibration in force out, as a message for the pipeline."""
 
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from devices.block import DeviceInfo, SampleBlock
@@ -16,6 +17,7 @@ from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.requests import Fetch, LoadSignal, Request
 from gateway.recalibration.session import Session, Timestamp
 from gateway.recalibration.session_message import make_session_message
+from gateway.recording.calibration_files import CalibrationFiles
 
 SESSION_PERIOD_S = 0.5
 """While a session collects poses it is published this often."""
@@ -55,11 +57,19 @@ class RecalibrationService:
     """Serves the recalibration. The thread of the commands calls everything but `fetch` and `set_load_signal`."""
 
     def __init__(
-        self, recalibration: Recalibration, calibrations: CalibrationProvider, wall_clock: WallClockMonitor
+        self,
+        recalibration: Recalibration,
+        calibrations: CalibrationProvider,
+        wall_clock: WallClockMonitor,
+        attach: Callable[[CalibrationFiles | None], bool],
     ) -> None:
+        """`attach` has recordings carry the files of the record in force; it returns False where it must be called again."""
         self._recalibration = recalibration
         self._calibrations = calibrations
         self._wall_clock = wall_clock
+        self._attach = attach
+        self._attached: Correction | None = None
+        """The correction whose files were attached last."""
         self._load: LoadState | None = None
         self._limiter = RateLimiter(SESSION_PERIOD_S)
         self._shown: Session | None = None
@@ -105,10 +115,15 @@ class RecalibrationService:
         self._tell(has_ended)
 
     def tick(self) -> None:
-        """End a session that has timed out, and take the load signal."""
+        """End a session that has timed out, take the load signal, and attach the files of another record to the recording."""
         if self._load is not None:
             self._recalibration.interlock.set_load_state(self._load)
         self._tell(self._recalibration.tick(self._now()))
+        told = self.instruction
+        if told is None or told.correction is self._attached:
+            return
+        if self._attach(self._calibrations.files(told.info, told.correction)):
+            self._attached = told.correction
 
     def carry_out(self, request: RemoteRequest) -> None:
         """Execute a request or refuse it; the pipeline is told before the answer is sent."""

@@ -81,7 +81,7 @@ def test_a_disk_that_takes_nothing_at_start_delays_neither_samples_nor_the_end(
 
 
 @pytest.mark.slow
-def test_a_stored_record_that_cannot_be_read_delays_nothing_but_the_recording(
+def test_a_stored_record_that_cannot_be_read_delays_neither_alerts_nor_the_recording(
     start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
 ) -> None:
     put_in_force(tmp_path / "data", "older", "newer")
@@ -91,8 +91,9 @@ def test_a_stored_record_that_cannot_be_read_delays_nothing_but_the_recording(
     peer = join_bus(gateway.endpoint)
     assert peer.wait_for("alert")["calibration_id"] == "newer"
     alerts_go_on(peer)
-    gate.unlink()
     peer.wait_for("health", lambda message: message["recording"])
+    gate.unlink()
+    wait_until(lambda: b"calibration-newer.html" in gateway.recordings[0].read_bytes(), "the certificate")
     assert ends_in_time(gateway) == 0
     with gateway.recordings[0].open("rb") as file:
         assert "calibration-newer.html" in {each.name for each in make_reader(file).iter_attachments()}

@@ -189,5 +189,5 @@ def test_a_record_that_cannot_be_written_stops_the_recording() -> None:
     worker = RecordingWorker(
         FullDisk(), now_ns=lambda: 0, rewrite=print, data_dir=Path(), claim_folder=lambda: None, faults=faults
     )
-    worker.handle(CalibrationChange(lambda: None))
+    worker.handle(CalibrationChange(None))
     assert (list(faults.standing), worker.samples_lost) == (["recording"], 40)

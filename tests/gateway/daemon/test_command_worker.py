@@ -34,7 +34,7 @@ class Site:
         self.answers: list[tuple[bool, str]] = []
         recalibration = Recalibration(data_dir, AXES, software="test", log_line=lambda _: None)
         service = RecalibrationService(
-            recalibration, CalibrationProvider(data_dir, AXES), WallClockMonitor(HostClock())
+            recalibration, CalibrationProvider(data_dir, AXES), WallClockMonitor(HostClock()), lambda _: True
         )
         self.worker = CommandWorker(service, {"config_apply": self.apply}, None, self.faults)
 

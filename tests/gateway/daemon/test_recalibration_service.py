@@ -20,6 +20,7 @@ from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.messages import Verdict
 from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.requests import VERBS, Cancel, Fetch, LoadSignal, RequestError, parse_payload
+from gateway.recording.calibration_files import CalibrationFiles
 from tests.values import present
 
 INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)
@@ -39,10 +40,12 @@ def clock() -> TurnedClock:
     return TurnedClock()
 
 
-def make_service(data_dir: Path, clock: TurnedClock) -> RecalibrationService:
+def make_service(
+    data_dir: Path, clock: TurnedClock, attach: Callable[[CalibrationFiles | None], bool] = lambda _: True
+) -> RecalibrationService:
     axes = ((0, 1), (1, 1), (2, 1))
     recalibration = Recalibration(data_dir, axes, software="test", log_line=lambda _: None)
-    return RecalibrationService(recalibration, CalibrationProvider(data_dir, axes), WallClockMonitor(clock))
+    return RecalibrationService(recalibration, CalibrationProvider(data_dir, axes), WallClockMonitor(clock), attach)
 
 
 @pytest.fixture
@@ -119,6 +122,27 @@ def test_requests_before_a_device_is_open_are_refused(tmp_path: Path, clock: Tur
         serve = service.fetch if verb == "fetch" else service.carry_out
         serve(RemoteRequest(verb, content, None, lambda _accepted, content: answers.append(content["reason"])))
     assert answers == ["no device has been opened yet"] * 2
+
+
+def test_the_record_is_attached_to_the_recording_until_the_recorder_takes_it(
+    tmp_path: Path, clock: TurnedClock, record: Callable[..., dict[str, Any]]
+) -> None:
+    offered: list[str | None] = []
+
+    def attach(files: CalibrationFiles | None) -> bool:
+        offered.append(None if files is None else files.record_id)
+        return len(offered) != 2
+
+    CalibrationStore(tmp_path, INFO.device_id).add(CalibrationRecord.model_validate(record(id="r1")))
+    service = make_service(tmp_path, clock, attach)
+    service.tick()
+    service.open(INFO)
+    service.tick()
+    ask(service, "rollback", "request-1", to="r1")
+    assert offered == [None]  # the answer is not delayed
+    for _ in range(3):
+        service.tick()
+    assert offered == [None, "r1", "r1"]
 
 
 def test_a_verdict_from_before_the_last_change_does_not_count(

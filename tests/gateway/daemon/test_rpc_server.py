@@ -38,7 +38,9 @@ def server(session: zenoh.Session, tmp_path: Path) -> RpcServer:
     server = RpcServer(
         KEY,
         RequestDispatcher(KEY, refuse_all("boot"), {}, SecurityLog(tmp_path / "security.jsonl"), lambda: 0),
-        RecalibrationService(recalibration, CalibrationProvider(tmp_path, AXES), WallClockMonitor(HostClock())),
+        RecalibrationService(
+            recalibration, CalibrationProvider(tmp_path, AXES), WallClockMonitor(HostClock()), lambda _: True
+        ),
         prepare=lambda: None,
         refuse_overdue=lambda: None,
     )
