@@ -81,7 +81,7 @@ class CommandWorker(Worker[CommandItem]):
             self._report(path, HANGS)
 
     def refuse_overdue(self) -> None:
-        """Refuse what waits, where this thread does not get on. Called by the thread of the remote calls."""
+        """Refuse what waits, where this thread does not get on. Called by the main thread."""
         if time.monotonic() - self.progress_s > PATIENCE_S:
             self.requests.refuse(f"could not be executed: {HANGS}")
 

@@ -165,6 +165,7 @@ class Gateway:
             trial.tick(time.monotonic())
             if parts.page is not None:
                 parts.page.supervise()
+            parts.commands.refuse_overdue()
             hung = watchdog.check()
             for thread in (parts.sampler, parts.processor):
                 if not thread.is_alive() and not parts.sampler.ended.is_set():

@@ -94,7 +94,9 @@ class HealthReporter:
                 "bus": self.publisher.inbox.dropped + self.alerts.inbox.dropped + self.alerts.not_sent,
                 "page": self.page.dropped,
                 "commands": self.commands.inbox.dropped,
-                "requests": self.commands.requests.dropped + self.acknowledgements.dropped + self.rpc.inbox.dropped,
+                "requests": self.commands.requests.dropped
+                + self.acknowledgements.requests.dropped
+                + self.rpc.inbox.dropped,
                 "log": self.output.dropped,
             },
             standing_faults=standing,

@@ -153,13 +153,13 @@ def compose(
         dispatcher,
         recalibration,
         prepare=lambda: dispatcher.use(make_authoriser(boot_id, section.data_dir, configuration.bus.tls, certificates)),
-        refuse_overdue=commands.refuse_overdue,
     )
     duplicates = DuplicateWatch(section.key, boot_id, faults)
     users = duplicates.attach, publisher.attach, alerts.attach, rpc.attach
     bus = BusConnection(partial(open_gateway_session, configuration.bus, section.key), users, faults)
     page_channel = PageChannel(
-        PageRequests({"acknowledge": acknowledgements.submit}).answer, partial(outbox.recent, RECALL_PATIENCE_S)
+        PageRequests({"acknowledge": acknowledgements.requests.submit}).answer,
+        partial(outbox.recent, RECALL_PATIENCE_S),
     )
     page = PageProcess(configuration, page_channel, faults) if configuration.page.enabled else None
     drift_store = DriftStateStore(section.data_dir, commands.write_soon)

@@ -73,6 +73,7 @@ class RecalibrationService:
         self._load: LoadState | None = None
         self._limiter = RateLimiter(SESSION_PERIOD_S)
         self._shown: Session | None = None
+        self._info: DeviceInfo | None = None
         self.instruction: PipelineInstruction | None = None
         """The newest message for the pipeline, which takes it before each block; None: no device has been opened."""
         self.opened = threading.Event()
@@ -92,25 +93,16 @@ class RecalibrationService:
     def open(self, info: DeviceInfo) -> None:
         """Start with a device that was opened."""
         self._recalibration.open(info, self._now())
-        before = self.instruction
-        correction = self._calibrations.correction(info)
-        self.instruction = PipelineInstruction(
-            info=info,
-            correction=correction,
-            drift=self._calibrations.drift_monitor(info, correction),
-            session=self._session_message(),
-            suspended=self._recalibration.suspension,
-            changes=0 if before is None else before.changes + 1,
-            announcements=0 if before is None else before.announcements + 1,
-        )
+        self._info = info
+        self._tell(True)
         self.opened.set()
 
     def feed(self, step: ProcessedBlock) -> None:
         """Take a block, and for the interlock its verdict, unless it is of a pipeline from before the last change."""
-        if (known := self.instruction) is None:
+        if self.instruction is None:
             return
         has_ended = step.block is not None and self._recalibration.feed(step.block, self._now())
-        if step.verdict is not None and step.changes == known.changes:
+        if step.verdict is not None and step.changes == self.instruction.changes:
             self._recalibration.interlock.add_verdict(step.verdict, step.time_ns)
         self._tell(has_ended)
 
@@ -136,28 +128,18 @@ class RecalibrationService:
 
     def _tell(self, changed: bool) -> None:
         """Make the next message where there is news; `changed`: the correction or the suspension may be another one."""
-        if (known := self.instruction) is None:
-            return
-        session = self._session_message()
-        if not changed and session is known.session:
-            return
-        correction, drift = known.correction, known.drift
-        if changed:
-            correction = self._calibrations.correction(known.info)
-            if correction.calibration_id != known.correction.calibration_id:
-                drift = self._calibrations.drift_monitor(known.info, correction)
-        due = changed or _steady(session) != _steady(known.session)
-        if session.phase == "collecting" and self._limiter.is_due(self._wall_clock.clock.now_ns()):
-            due = True
-        self.instruction = PipelineInstruction(
-            info=known.info,
-            correction=correction,
-            drift=drift,
-            session=session,
-            suspended=self._recalibration.suspension,
-            changes=known.changes + changed,
-            announcements=known.announcements + due,
-        )
+        session, before = self._session_message(), self.instruction
+        if changed and self._info is not None:
+            correction = self._calibrations.correction(self._info)
+            drift = self._calibrations.drift_monitor(self._info, correction)
+            changes, announcements = (0, 0) if before is None else (before.changes + 1, before.announcements + 1)
+            self.instruction = PipelineInstruction(
+                self._info, correction, drift, session, self._recalibration.suspension, changes, announcements
+            )
+        elif before is not None and session is not before.session:
+            due = session.phase == "collecting" and self._limiter.is_due(self._wall_clock.clock.now_ns())
+            due |= _steady(session) != _steady(before.session)
+            self.instruction = replace(before, session=session, announcements=before.announcements + due)
 
     def _session_message(self) -> CalibrationSession:
         """Return the state of the session for the messages; the same object while nothing has changed."""

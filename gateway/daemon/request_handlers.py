@@ -37,7 +37,7 @@ def make_handlers(
         "fetch": recalibration.fetch,
         "alerts": alert_history.answer,
         "mark": lambda request: request.answer(marks.answer(request.expect(SetMark))),
-        "acknowledge": acknowledgements.submit,
+        "acknowledge": acknowledgements.requests.submit,
         **dict.fromkeys(commands.verbs, commands.requests.submit),
     }
 

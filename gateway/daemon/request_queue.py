@@ -5,6 +5,7 @@ from collections import deque
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from gateway.daemon.remote_request import RemoteRequest
@@ -14,13 +15,14 @@ HANGS = "the disk does not answer"
 
 
 class RequestQueue:
-    """At most `size` requests, and the present one. `refuse` answers what was not begun, and it is not carried out later."""
+    """At most `size` requests, and the present one. What `refuse` has answered before it was begun is not carried out."""
 
     def __init__(self, size: int) -> None:
         self._size = size
         self._lock = threading.Lock()
-        self._waiting: deque[_Pending] = deque()
-        self._present: _Pending | None = None
+        self._waiting: deque[RemoteRequest] = deque()
+        self._present: RemoteRequest | None = None
+        self._is_begun = False
         self.dropped = 0
         """Number of requests that came while too many were waiting."""
 
@@ -29,7 +31,7 @@ class RequestQueue:
         with self._lock:
             has_room = len(self._waiting) < self._size
             if has_room:
-                self._waiting.append(_Pending(request))
+                self._waiting.append(request)
             else:
                 self.dropped += 1
         if not has_room:
@@ -38,50 +40,39 @@ class RequestQueue:
     def take(self) -> RemoteRequest | None:
         """Return the oldest request, which is the present one until the next call; None: none is waiting."""
         with self._lock:
-            self._present = self._waiting.popleft() if self._waiting else None
-            return None if self._present is None else self._present.guarded()
+            self._present, self._is_begun = self._waiting.popleft() if self._waiting else None, False
+            request = self._present
+        if request is None:
+            return None
+        return replace(request, begin=partial(self._begin, request), reply=partial(self._reply, request))
 
     def refuse(self, why: str) -> None:
         """Refuse what was not begun. A copy of the request that was begun waits for its answer. Called by any thread."""
         with self._lock:
-            begun = self._present if self._present is not None and self._present.is_begun else None
-            copies = [] if begun is None else [each for each in self._waiting if each.id == begun.id]
-            others = [each for each in self._waiting if each not in copies]
-            self._waiting = deque(copies)
-            present = self._present
-        for each in others if present is None else [present, *others]:
+            refused = list(self._waiting)
+            if self._present is not None and self._is_begun:
+                begun = _id_of(self._present)
+                refused = [each for each in refused if _id_of(each) != begun]
+                self._waiting = deque(each for each in self._waiting if _id_of(each) == begun)
+            else:
+                self._waiting.clear()
+                if self._present is not None:
+                    refused.insert(0, self._present)
+                    self._present = None
+        for each in refused:
             each.refuse(why)
 
-
-class _Pending:
-    """A request that is either begun or refused, whichever happens first."""
-
-    def __init__(self, request: RemoteRequest) -> None:
-        self._request = request
-        self._lock = threading.Lock()
-        self.is_begun = False
-        self._is_refused = False
-        self.id: str | None = getattr(request.content, "id", None)
-
-    def guarded(self) -> RemoteRequest:
-        """Return the request for its handler."""
-        return replace(self._request, reply=self._reply, begin=self._begin)
-
-    def refuse(self, why: str) -> None:
-        """Refuse the request once, unless it was begun."""
+    def _begin(self, request: RemoteRequest) -> None:
         with self._lock:
-            if self.is_begun or self._is_refused:
-                return
-            self._is_refused = True
-        self._request.refuse(why)
-
-    def _begin(self) -> None:
-        with self._lock:
-            if self._is_refused:
+            if self._present is not request:
                 raise TimeoutError(HANGS)
-            self.is_begun = True
+            self._is_begun = True
 
-    def _reply(self, accepted: bool, content: Mapping[str, Any]) -> None:
+    def _reply(self, request: RemoteRequest, accepted: bool, content: Mapping[str, Any]) -> None:
         with suppress(TimeoutError):
-            self._begin()
-            self._request.reply(accepted, content)
+            self._begin(request)
+            request.reply(accepted, content)
+
+
+def _id_of(request: RemoteRequest) -> str:
+    return str(getattr(request.content, "id", ""))

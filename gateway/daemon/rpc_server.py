@@ -62,19 +62,14 @@ class RpcServer(Worker[RpcItem]):
         recalibration: RecalibrationService,
         *,
         prepare: Callable[[], None],
-        refuse_overdue: Callable[[], None],
     ) -> None:
-        """`prepare` is called once, by the thread, before the first request; it may wait for the disk.
-
-        `refuse_overdue` is called in between, and refuses what another thread does not answer.
-        """
+        """`prepare` is called once, by the thread, before the first request; it may wait for the disk."""
         super().__init__("rpc", BoundedQueue(INBOX))
         self._session: zenoh.Session | None = None
         self._key = key
         self._dispatcher = dispatcher
         self._recalibration = recalibration
         self._prepare = prepare
-        self._refuse_overdue = refuse_overdue
         self._queryables: list[zenoh.Queryable[None]] = []
         self._load: zenoh.Subscriber[None] | None = None
 
@@ -108,11 +103,6 @@ class RpcServer(Worker[RpcItem]):
                 self._send(item)
             case IncomingLoadSignal():
                 self._take_load_signal(item.payload)
-        self._refuse_overdue()
-
-    def idle(self) -> None:
-        """Answer what another thread does not."""
-        self._refuse_overdue()
 
     def _dispatch(self, item: IncomingQuery) -> None:
         payload, attachment = item.query.payload, item.query.attachment

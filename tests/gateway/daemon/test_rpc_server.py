@@ -42,7 +42,6 @@ def server(session: zenoh.Session, tmp_path: Path) -> RpcServer:
             recalibration, CalibrationProvider(tmp_path, AXES), WallClockMonitor(HostClock()), lambda _: True
         ),
         prepare=lambda: None,
-        refuse_overdue=lambda: None,
     )
     server.attach(session)
     return server
