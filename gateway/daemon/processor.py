@@ -176,7 +176,7 @@ class Processor(Worker[SamplerItem]):
             self._next_second_ns = 0  # the health of the previous record must not be taken for that of the new one
         else:
             self._set_session(self._pipeline)
-        if before is not None and told.announcements != before.announcements and self._pipeline is not None:
+        if before is not None and self._pipeline is not None:
             newest_ns = self._counters.newest_ns
             time_ns = self._wall_clock.clock.now_ns() if newest_ns is None else newest_ns
             self._send([self._pipeline.calibration_message(MessageTime(time_ns, self._wall_clock.state))])

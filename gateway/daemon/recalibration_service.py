@@ -38,7 +38,10 @@ class ProcessedBlock:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PipelineInstruction:
-    """What the pipeline is told of the calibration of a device, and of its recalibration."""
+    """What the pipeline is told of the calibration of a device, and of its recalibration.
+
+    It publishes what it is told at once, so that a replay of the recording knows the same.
+    """
 
     info: DeviceInfo
     correction: Correction
@@ -49,8 +52,6 @@ class PipelineInstruction:
     """Why nothing is known of the load; None: it is known."""
     changes: int
     """Number of changes of the correction or of the suspension."""
-    announcements: int
-    """Number of times that it had to be published at once, because the session has changed or collects poses."""
 
 
 class RecalibrationService:
@@ -132,14 +133,14 @@ class RecalibrationService:
         if changed and self._info is not None:
             correction = self._calibrations.correction(self._info)
             drift = self._calibrations.drift_monitor(self._info, correction)
-            changes, announcements = (0, 0) if before is None else (before.changes + 1, before.announcements + 1)
+            changes = 0 if before is None else before.changes + 1
             self.instruction = PipelineInstruction(
-                self._info, correction, drift, session, self._recalibration.suspension, changes, announcements
+                self._info, correction, drift, session, self._recalibration.suspension, changes
             )
         elif before is not None and session is not before.session:
             due = session.phase == "collecting" and self._limiter.is_due(self._wall_clock.clock.now_ns())
-            due |= _steady(session) != _steady(before.session)
-            self.instruction = replace(before, session=session, announcements=before.announcements + due)
+            if due or _steady(session) != _steady(before.session):
+                self.instruction = replace(before, session=session)
 
     def _session_message(self) -> CalibrationSession:
         """Return the state of the session for the messages; the same object while nothing has changed."""
