@@ -4,7 +4,7 @@ It learns from the processing thread what the sensor reads, and that thread take
 """
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -60,6 +60,8 @@ class CommandWorker(Worker[CommandItem]):
         self._certificates = certificates
         self._faults = faults
         self.requests = RequestQueue(WAITING)
+        self.judge_trial: Callable[[float], None] | None = None
+        """Ends a trial of the configuration when it is due, while samples are taken; its argument is the monotonic time, s."""
 
     @property
     def verbs(self) -> tuple[str, ...]:
@@ -101,6 +103,8 @@ class CommandWorker(Worker[CommandItem]):
         self._recalibration.tick()
         if self._certificates is not None:
             self._certificates.watch_expiry()
+        if (judge_trial := self.judge_trial) is not None:
+            judge_trial(time.monotonic())
         if (request := self.requests.take()) is not None:
             self._handlers[request.verb](request)
 

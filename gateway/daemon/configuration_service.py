@@ -36,7 +36,7 @@ class StoredProposal(BaseModel):
 
 
 class ConfigurationService:
-    """Serves the verbs of the configuration in the thread of the commands; the main thread ends trials."""
+    """Serves the verbs of the configuration and ends trials, in the thread of the commands."""
 
     def __init__(self, path: Path | None, *, service: bool, environment: Mapping[str, str]) -> None:
         """`path` is the file of the configuration; None: there is none, and nothing can be changed."""

@@ -149,6 +149,7 @@ class Gateway:
         """Keep the page running and feed the watchdog; return the name of a thread without which the gateway cannot go on."""
         parts = self._parts
         trial = TrialSupervisor(self._changes, parts.health, stopping, time.monotonic())
+        parts.commands.judge_trial = trial.tick
         watchdog = Watchdog(
             {
                 parts.sampler: HUNG_S,
@@ -162,7 +163,6 @@ class Gateway:
             faults=self.faults,
         )
         while not stopping.is_set() and not parts.sampler.ended.is_set() and time.monotonic() < end_s:
-            trial.tick(time.monotonic())
             if parts.page is not None:
                 parts.page.supervise()
             parts.commands.refuse_overdue()
@@ -193,6 +193,7 @@ class Gateway:
         parts = self._parts
         self._notifier.send("STOPPING=1")
         parts.health.stopping = True
+        parts.commands.judge_trial = None  # a gateway that ends is not healthy, and that is no reason to roll back
         self.shutdown = shutdown = Shutdown(signalled)
         patience_s = DRAIN_S if parts.sampler.ended.is_set() else JOIN_S
         compaction_s = JOIN_S if signalled.is_set() else DRAIN_S
