@@ -4,21 +4,15 @@ import contextlib
 import errno
 import os
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 
-def write_durably(path: Path, content: bytes, is_wanted: Callable[[], bool] = lambda: True) -> None:
-    """Replace a file in one step, and make its folder where there is none. Raises `OSError`; the old file then stays.
-
-    `is_wanted` is asked when everything but the last step is done.
-    """
+def write_durably(path: Path, content: bytes) -> None:
+    """Replace a file in one step, and make its folder where there is none. Raises `OSError`; the old file then stays."""
     make_folder(path.parent)
     with replace_file(path) as descriptor:
         _write_all(descriptor, content)
-        os.fsync(descriptor)
-        if not is_wanted():
-            raise TimeoutError(errno.ETIMEDOUT, "took too long", str(path))
 
 
 def write_private(path: Path, content: bytes, mode: int) -> None:

@@ -16,7 +16,6 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 
 from gateway.atomic_io import write_durably
 from gateway.calibration.record import CalibrationError, CalibrationRecord
-from gateway.disk_job import PerformJob, perform_now
 from gateway.errors import describe_problems
 from gateway.file_input import parse_json, read_bounded
 
@@ -59,15 +58,10 @@ class InForceState(BaseModel):
 
 
 class CalibrationStore:
-    """The records of one device. Each call reads the disk, so its answer is what a restart would find.
+    """The records of one device. Each call reads the disk, so its answer is what a restart would find."""
 
-    Each raises `TimeoutError` where `perform` has a bound and the disk takes longer.
-    """
-
-    def __init__(self, data_dir: Path, device_id: str, perform: PerformJob = perform_now) -> None:
-        """`perform` carries out what is to be read or written."""
+    def __init__(self, data_dir: Path, device_id: str) -> None:
         self.device_id = device_id
-        self._perform = perform
         name = quote(device_id, safe=" ")
         self.folder = data_dir / "calibration" / (name if not name.startswith(".") else f"%2E{name[1:]}")
 
@@ -78,9 +72,6 @@ class CalibrationStore:
 
     def state(self) -> InForceState:
         """Return the id of the record in force and its history. Raises `CalibrationError` if they cannot be read."""
-        return self._perform(lambda _is_wanted: self._read_state())
-
-    def _read_state(self) -> InForceState:
         path = self._in_force_path
         content = _read_json(path)
         if content is None:
@@ -96,7 +87,7 @@ class CalibrationStore:
     def record(self, record_id: str) -> CalibrationRecord:
         """Return a record by its id. Raises `CalibrationError` if it does not exist or must not be used."""
         path = self._record_path(record_id)
-        content = self._perform(lambda _is_wanted: _read_json(path))
+        content = _read_json(path)
         if content is None:
             raise CalibrationError(f"{path}: there is no such record; {REMEDY}")
         record = parse_record(content, self.device_id, str(path))
@@ -106,8 +97,7 @@ class CalibrationStore:
 
     def ids(self) -> list[str]:
         """Return the ids of all records, sorted."""
-        records = self.folder / "records"
-        return self._perform(lambda _is_wanted: sorted(path.stem for path in records.glob("[!.]*.json")))
+        return sorted(path.stem for path in (self.folder / "records").glob("[!.]*.json"))
 
     def add(self, record: CalibrationRecord) -> None:
         """Store a record without putting it in force.
@@ -117,11 +107,11 @@ class CalibrationStore:
         path = self._record_path(record.id)
         if record.device_id != self.device_id:
             raise CalibrationError(f"record {record.id} belongs to {record.device_id}, not to {self.device_id}")
-        if self._perform(lambda _is_wanted: path.exists()):
+        if path.exists():
             if self.record(record.id).sha256 != record.sha256:
                 raise CalibrationError(f"{path}: another record has this id; records are never changed")
             return
-        self._write(path, _json_bytes(record.model_dump(mode="json")))
+        write_durably(path, _json_bytes(record.model_dump(mode="json")))
 
     def put_in_force(self, record_id: str | None, *, by: str, reason: str, request: str, time_utc: str) -> None:
         """Change the record in force. Raises `CalibrationError` if it cannot be used, and `OSError` if nothing has changed."""
@@ -131,21 +121,17 @@ class CalibrationStore:
         try:
             before = self.state()
         except CalibrationError:  # a person may put a record in force nevertheless; the unreadable file is kept
-            self._write(self.folder / "in_force.unreadable.json", self._perform(lambda _is_wanted: path.read_bytes()))
+            write_durably(self.folder / "in_force.unreadable.json", path.read_bytes())
             before = InForceState(device_id=self.device_id, in_force=None, history=())
         change = InForceChange(
             time_utc=time_utc, by=by, reason=reason, request=request, before=before.in_force, after=record_id
         )
         after = InForceState(device_id=self.device_id, in_force=record_id, history=(*before.history, change))
         try:
-            self._write(path, _json_bytes(after.model_dump(mode="json", by_alias=True)))
+            write_durably(path, _json_bytes(after.model_dump(mode="json", by_alias=True)))
         except OSError:
-            # Read at once: what was renamed a moment ago is in memory, while the disk still hangs in the last sync.
-            if self._read_state().in_force != record_id:
+            if self.state().in_force != record_id:
                 raise  # otherwise only the last sync failed, and a restart would find the requested record
-
-    def _write(self, path: Path, content: bytes) -> None:
-        self._perform(lambda is_wanted: write_durably(path, content, is_wanted))
 
     @property
     def _in_force_path(self) -> Path:
@@ -159,9 +145,9 @@ class CalibrationStore:
         return self.folder / "records" / f"{record_id}.json"
 
 
-def find_record_in_force(data_dir: Path, device_id: str, perform: PerformJob = perform_now) -> CalibrationRecord | None:
+def find_record_in_force(data_dir: Path, device_id: str) -> CalibrationRecord | None:
     """Return the record in force of a device, or None. Raises `CalibrationError` if it must not be used."""
-    return CalibrationStore(data_dir, device_id, perform).in_force()
+    return CalibrationStore(data_dir, device_id).in_force()
 
 
 def parse_record(content: dict[str, Any], device_id: str, where: str) -> CalibrationRecord:

@@ -2,8 +2,7 @@
 
 from collections.abc import Callable
 
-from gateway.daemon.bounded_queue import BoundedQueue
-from gateway.daemon.remote_request import RemoteRequest
+from gateway.daemon.request_queue import RequestQueue
 from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
 from gateway.recalibration.request_answers import AnsweredRequests, RequestAnswer
 from gateway.recalibration.requests import Acknowledge
@@ -14,29 +13,16 @@ REMEMBERED = 256
 
 
 class AcknowledgementService:
-    """Answers the requests of bus and page. The processing thread calls everything but `submit`."""
+    """Answers the requests of bus and page by the processing thread."""
 
     def __init__(self) -> None:
-        self._waiting: BoundedQueue[RemoteRequest] = BoundedQueue(WAITING)
+        self.requests = RequestQueue(WAITING)
+        """`submit` may be called by any thread; a reply comes within a block, or within 0.1 s where no samples come."""
         self._answers = AnsweredRequests(REMEMBERED)
-
-    def submit(self, request: RemoteRequest) -> None:
-        """Add a request, or refuse it if too many are waiting. Called by any thread.
-
-        `request.reply` is called by the processing thread within a block, or within 0.1 s where no samples come.
-        """
-        if not self._waiting.put(request):
-            request.refuse("busy: too many requests are waiting")
-
-    @property
-    def dropped(self) -> int:
-        """Number of requests that came while too many were waiting."""
-        return self._waiting.dropped
 
     def serve(self, incidents: IncidentRegister, acknowledge: Callable[[Acknowledgement], None]) -> None:
         """Answer one waiting request, so that many of them do not delay a block; `acknowledge` puts it into the pipeline."""
-        request = self._waiting.get(0.0) if len(self._waiting) else None
-        if request is not None:
+        if (request := self.requests.take()) is not None:
             request.answer(self._answer(request.expect(Acknowledge), incidents, acknowledge))
 
     def _answer(

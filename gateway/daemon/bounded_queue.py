@@ -12,13 +12,14 @@ class BoundedQueue(Generic[Item]):
     """A queue of at most `size` items. `put` never waits: into a full queue the new item is dropped and counted."""
 
     def __init__(self, size: int) -> None:
+        self.size = size
         self._queue: queue.Queue[Item] = queue.Queue(size)
         self._lock = threading.Lock()
         self.dropped = 0
 
     def put(self, item: Item, reserved: int = 0) -> bool:
         """Add an item, but not to the last `reserved` places; return False if it was dropped. Called by any thread."""
-        if self._queue.qsize() + reserved < self._queue.maxsize:
+        if self._queue.qsize() + reserved < self.size:
             with suppress(queue.Full):
                 self._queue.put_nowait(item)
                 return True

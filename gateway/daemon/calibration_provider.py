@@ -9,7 +9,8 @@ from devices.block import DeviceInfo
 from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.store import CalibrationStore, find_record_in_force
-from gateway.disk_job import PerformJob, perform_now
+from gateway.daemon.drift_state_store import read_drift_monitor
+from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.recording.calibration_files import CalibrationFiles, calibration_files
 
 log = logging.getLogger("plumbline.calibration")
@@ -25,24 +26,25 @@ class CalibrationProvider:
         self._axes = axes
         self._files: CalibrationFiles | None = None
 
-    def correction(self, info: DeviceInfo, perform: PerformJob = perform_now) -> Correction:
-        """Return the correction in force for a device. A record that must not be used leaves the device uncalibrated.
-
-        Raises `TimeoutError` where `perform` has a bound and the disk takes longer.
-        """
+    def correction(self, info: DeviceInfo) -> Correction:
+        """Return the correction in force for a device. A record that must not be used leaves the device uncalibrated."""
         try:
-            return correction_for(info, self._axes, find_record_in_force(self._data_dir, info.device_id, perform))
+            return correction_for(info, self._axes, find_record_in_force(self._data_dir, info.device_id))
         except CalibrationError as error:
             log.error("%s", error)
             uncalibrated = self.uncalibrated(info)
             return replace(uncalibrated, text=f"{uncalibrated.text}; {error}")
+
+    def drift_monitor(self, info: DeviceInfo, correction: Correction) -> DriftMonitor:
+        """Return the monitor of the record behind a correction, with its state from the disk."""
+        return read_drift_monitor(self._data_dir, info.device_id, correction)
 
     def uncalibrated(self, info: DeviceInfo) -> Correction:
         """Return the correction of a device whose record is not known; the factory's must not replace it silently."""
         return correction_for(replace(info, factory_calibration=None), self._axes, None)
 
     def files(self, info: DeviceInfo, correction: Correction) -> CalibrationFiles | None:
-        """Return the record behind a correction and its certificate; None where there is no record. For the recording thread."""
+        """Return the record behind a correction and its certificate; None where there is no record."""
         if correction.record is None:
             return None
         record = CalibrationRecord.model_validate(correction.record)

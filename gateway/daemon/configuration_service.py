@@ -36,7 +36,7 @@ class StoredProposal(BaseModel):
 
 
 class ConfigurationService:
-    """Serves the verbs of the configuration in the thread of the remote calls; the main thread ends trials."""
+    """Serves the verbs of the configuration and ends trials, in the thread of the commands."""
 
     def __init__(self, path: Path | None, *, service: bool, environment: Mapping[str, str]) -> None:
         """`path` is the file of the configuration; None: there is none, and nothing can be changed."""
@@ -125,6 +125,7 @@ class ConfigurationService:
         text = path.read_text(encoding="utf-8")
         checked = self._check(text, wanted)
         if wanted.keep:
+            request.begin()
             stored = StoredProposal(request=wanted, file_sha256=text_hash(text))
             write_durably(self._proposal_path, stored.model_dump_json(indent=1).encode())
             self._note("proposed", wanted, changes=[str(change) for change in checked.changes])
@@ -151,6 +152,7 @@ class ConfigurationService:
         begun = TrialJournal(
             id=wanted.id, by=wanted.by, reason=wanted.reason, before=text, after=checked.text, kept=kept
         )
+        request.begin()
         self._note(
             "applied", wanted, changes=[str(change) for change in checked.changes], proposed_by=stored.request.by
         )

@@ -10,7 +10,6 @@ from gateway.calibration.correction import Correction
 from gateway.calibration.drift.rest_monitor import RestDriftMonitor
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
-from gateway.disk_job import PerformJob, perform_now
 from gateway.file_input import parse_json, read_bounded
 from gateway.pipeline.drift_monitor import DriftMonitor
 
@@ -28,19 +27,16 @@ class DriftStateStore:
         self._saved_status: dict[str, Any] | None = None
         self.monitor = DriftMonitor(None)
 
-    def open(self, device_id: str, correction: Correction, perform: PerformJob = perform_now) -> DriftMonitor:
-        """Return the monitor of the record behind a correction: the present one if the record is the same.
-
-        `perform` carries out the reading of the saved state, without which the monitor starts again.
-        """
-        path = CalibrationStore(self._data_dir, device_id).folder / "drift.json"
-        if path == self._path and self.monitor.calibration_id == correction.calibration_id:
+    def open(self, device_id: str, read: DriftMonitor) -> DriftMonitor:
+        """Return the monitor of a record: the present one if the record is the same, else the one that was read."""
+        path = _state_path(self._data_dir, device_id)
+        if path == self._path and self.monitor.calibration_id == read.calibration_id:
             return self.monitor
         self.save()
         self._path = path
-        self.monitor = DriftMonitor(_rest_monitor(correction, path, perform))
-        self._saved_status = self.monitor.status_json
-        return self.monitor
+        self.monitor = read
+        self._saved_status = read.status_json
+        return read
 
     def save_if_evaluated(self) -> None:
         """Save the state if the monitor has evaluated it since the last time: once an hour while there is rest."""
@@ -55,20 +51,25 @@ class DriftStateStore:
         self._write(self._path, json.dumps(self.monitor.dump_state()).encode())
 
 
-def _rest_monitor(correction: Correction, path: Path, perform: PerformJob) -> RestDriftMonitor | None:
+def read_drift_monitor(data_dir: Path, device_id: str, correction: Correction) -> DriftMonitor:
+    """Return the monitor of the record behind a correction with its saved state, without which it starts again."""
     if correction.record is None:
-        return None
+        return DriftMonitor(None)
     try:
-        return RestDriftMonitor(correction, _read_state(path, perform))
+        return DriftMonitor(RestDriftMonitor(correction, _read_state(_state_path(data_dir, device_id))))
     except CalibrationError as error:
         log.error("%s; its drift is not monitored", error)
-        return None
+        return DriftMonitor(None)
 
 
-def _read_state(path: Path, perform: PerformJob) -> dict[str, Any] | None:
+def _state_path(data_dir: Path, device_id: str) -> Path:
+    return CalibrationStore(data_dir, device_id).folder / "drift.json"
+
+
+def _read_state(path: Path) -> dict[str, Any] | None:
     """Return the saved state; None where there is none that can be read: the monitor then starts again."""
     try:
-        content = parse_json(perform(lambda _is_wanted: read_bounded(path)))
+        content = parse_json(read_bounded(path))
     except FileNotFoundError:
         return None
     except (OSError, ValueError) as error:

@@ -120,7 +120,7 @@ class Gateway:
         log.addHandler(self._log_handler)
         try:
             for thread in reversed(self._parts.threads):
-                if thread is not self._parts.disk:
+                if thread is not self._parts.commands:  # which runs
                     thread.start()
             self._notifier.send("READY=1\nSTATUS=sampling")
             self._await_first_attempts(stopping)
@@ -149,6 +149,7 @@ class Gateway:
         """Keep the page running and feed the watchdog; return the name of a thread without which the gateway cannot go on."""
         parts = self._parts
         trial = TrialSupervisor(self._changes, parts.health, stopping, time.monotonic())
+        parts.commands.judge_trial = trial.tick
         watchdog = Watchdog(
             {
                 parts.sampler: HUNG_S,
@@ -157,14 +158,14 @@ class Gateway:
                 parts.publisher: SLOW_DISK_S,
                 parts.recording: SLOW_DISK_S,
             },
-            optional=(parts.outbox, parts.rpc, parts.disk),
+            optional=(parts.outbox, parts.rpc, parts.commands),
             notifier=self._notifier,
             faults=self.faults,
         )
         while not stopping.is_set() and not parts.sampler.ended.is_set() and time.monotonic() < end_s:
-            trial.tick(time.monotonic())
             if parts.page is not None:
                 parts.page.supervise()
+            parts.commands.refuse_overdue()
             hung = watchdog.check()
             for thread in (parts.sampler, parts.processor):
                 if not thread.is_alive() and not parts.sampler.ended.is_set():
@@ -192,6 +193,7 @@ class Gateway:
         parts = self._parts
         self._notifier.send("STOPPING=1")
         parts.health.stopping = True
+        parts.commands.judge_trial = None  # a gateway that ends is not healthy, and that is no reason to roll back
         self.shutdown = shutdown = Shutdown(signalled)
         patience_s = DRAIN_S if parts.sampler.ended.is_set() else JOIN_S
         compaction_s = JOIN_S if signalled.is_set() else DRAIN_S

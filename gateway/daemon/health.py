@@ -10,6 +10,7 @@ from devices.device import Device
 from gateway import __version__
 from gateway.daemon.acknowledgement_service import AcknowledgementService
 from gateway.daemon.alert_sender import AlertSender
+from gateway.daemon.command_worker import CommandWorker
 from gateway.daemon.counters import SampleCounters
 from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.duplicate_watch import DuplicateWatch
@@ -17,7 +18,6 @@ from gateway.daemon.faults import FaultRegister
 from gateway.daemon.line_writer import LineWriter
 from gateway.daemon.page_channel import PageChannel
 from gateway.daemon.publisher import Publisher
-from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.recording_worker import RecordingWorker
 from gateway.daemon.relay_worker import RelayWorker
 from gateway.daemon.resources import CpuMeter, resident_mb
@@ -46,7 +46,7 @@ class HealthReporter:
     sampler: Sampler
     counters: SampleCounters
     drift_store: DriftStateStore
-    recalibration: RecalibrationService
+    commands: CommandWorker
     acknowledgements: AcknowledgementService
     rpc: RpcServer
     security_log: SecurityLog
@@ -93,13 +93,16 @@ class HealthReporter:
                 "recording": self.recording.inbox.dropped,
                 "bus": self.publisher.inbox.dropped + self.alerts.inbox.dropped + self.alerts.not_sent,
                 "page": self.page.dropped,
-                "requests": self.recalibration.dropped + self.acknowledgements.dropped + self.rpc.inbox.dropped,
+                "commands": self.commands.inbox.dropped,
+                "requests": self.commands.requests.dropped
+                + self.acknowledgements.requests.dropped
+                + self.rpc.inbox.dropped,
                 "log": self.output.dropped,
             },
             standing_faults=standing,
             refused=dict(self.security_log.counts),
             page=self.page_url,
-            certificate_days_left=None if self.certificates is None else self.certificates.watch_expiry(),
+            certificate_days_left=None if self.certificates is None else self.certificates.expires_in_days,
             recording=None if path is None else str(path),
             recording_error=standing.get("recording"),
             disk_free_mb=self.recording.disk_free_mb,

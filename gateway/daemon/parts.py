@@ -20,11 +20,11 @@ from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.bus_connection import BusConnection
 from gateway.daemon.calibration_provider import CalibrationProvider
 from gateway.daemon.command_authorisation import make_authoriser, read_certificates, refuse_all
+from gateway.daemon.command_worker import CommandWorker
 from gateway.daemon.compaction_worker import CompactionWorker
 from gateway.daemon.configuration_service import ConfigurationService
 from gateway.daemon.counters import SampleCounters
 from gateway.daemon.device_factory import make_rigger
-from gateway.daemon.disk_executor import DiskExecutor
 from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.duplicate_watch import DuplicateWatch
 from gateway.daemon.faults import FaultRegister
@@ -69,7 +69,7 @@ class Parts:
     recording: RecordingWorker
     compaction: CompactionWorker
     outbox: OutboxWriter
-    disk: DiskExecutor
+    commands: CommandWorker
     rpc: RpcServer
     alerts: AlertSender
     publisher: Publisher
@@ -82,7 +82,7 @@ class Parts:
     def sinks(self) -> tuple[Worker[Any], ...]:
         """What the processor feeds, in the order of the end; the bus must end after them."""
         relay = () if self.relay is None else (self.relay,)
-        writers = self.outbox, self.recording, self.disk, self.compaction
+        writers = self.outbox, self.recording, self.commands, self.compaction
         return *relay, self.alerts, *writers, self.rpc, self.publisher
 
     @property
@@ -121,26 +121,29 @@ def compose(
     relay = make_relay(configuration.relay, faults)
     wall_clock = WallClockMonitor(clock)
     axes = configuration.device.axes
-    disk = DiskExecutor(faults)
-    disk.start()  # a damaged journal is audited when the device is opened, before the others start
+    certificates = read_certificates(configuration.bus.tls)
+    calibrations = CalibrationProvider(section.data_dir, axes)
     recalibration = RecalibrationService(
-        Recalibration(section.data_dir, axes, software=__version__, log_line=log.warning, perform=disk.perform),
+        Recalibration(section.data_dir, axes, software=__version__, log_line=log.warning),
+        calibrations,
         wall_clock,
+        recording.set_calibration,
     )
+    commands = CommandWorker(recalibration, changes.open(section.data_dir), certificates, faults)
+    commands.start()  # the processor opens the device before the others start
     marks = MarkService(wall_clock, lambda mark: _send_mark(mark, publisher, recording))
     acknowledgements = AcknowledgementService()
     security_log = SecurityLog(section.data_dir / SECURITY_LOG_NAME)
-    certificates = read_certificates(configuration.bus.tls)
     dispatcher = RequestDispatcher(
         section.key,
         refuse_all(boot_id),
         make_handlers(
             publisher.latest,
             recalibration,
+            commands,
             marks,
             acknowledgements,
             AlertHistory(outbox),
-            changes.open(section.data_dir),
         ),
         security_log,
         clock.now_ns,
@@ -155,10 +158,11 @@ def compose(
     users = duplicates.attach, publisher.attach, alerts.attach, rpc.attach
     bus = BusConnection(partial(open_gateway_session, configuration.bus, section.key), users, faults)
     page_channel = PageChannel(
-        PageRequests({"acknowledge": acknowledgements.submit}).answer, partial(outbox.recent, RECALL_PATIENCE_S)
+        PageRequests({"acknowledge": acknowledgements.requests.submit}).answer,
+        partial(outbox.recent, RECALL_PATIENCE_S),
     )
     page = PageProcess(configuration, page_channel, faults) if configuration.page.enabled else None
-    drift_store = DriftStateStore(section.data_dir, disk.write_soon)
+    drift_store = DriftStateStore(section.data_dir, commands.write_soon)
     blocks: BoundedQueue[SamplerItem] = BoundedQueue(BLOCKS)
     counters = SampleCounters()
     sampler = Sampler(device, info, blocks, faults)
@@ -168,7 +172,7 @@ def compose(
         sampler=sampler,
         counters=counters,
         drift_store=drift_store,
-        recalibration=recalibration,
+        commands=commands,
         acknowledgements=acknowledgements,
         rpc=rpc,
         security_log=security_log,
@@ -186,7 +190,7 @@ def compose(
             rpc,
             alerts,
             publisher,
-            disk,
+            commands,
             *(() if relay is None else (relay,)),
         ),
         output=output,
@@ -200,11 +204,11 @@ def compose(
         blocks,
         counters,
         health,
-        CalibrationProvider(section.data_dir, axes),
-        disk.perform,
+        calibrations,
         drift_store,
         wall_clock,
         recalibration,
+        commands,
         acknowledgements,
         recording,
         publisher,
@@ -220,7 +224,7 @@ def compose(
         recording=recording,
         compaction=compaction,
         outbox=outbox,
-        disk=disk,
+        commands=commands,
         rpc=rpc,
         alerts=alerts,
         publisher=publisher,

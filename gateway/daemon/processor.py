@@ -3,7 +3,6 @@
 import logging
 import threading
 from collections.abc import Iterable
-from functools import partial
 
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
@@ -12,6 +11,7 @@ from gateway.daemon.acknowledgement_service import AcknowledgementService
 from gateway.daemon.alert_sender import AlertSender
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.calibration_provider import CalibrationProvider
+from gateway.daemon.command_worker import CommandWorker
 from gateway.daemon.counters import SampleCounters
 from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.health import HealthReporter
@@ -19,17 +19,17 @@ from gateway.daemon.logs import RECORDED_ONLY
 from gateway.daemon.outbox_writer import OutboxWriter
 from gateway.daemon.page_channel import PageChannel
 from gateway.daemon.publisher import Publisher
-from gateway.daemon.recalibration_service import RecalibrationService
-from gateway.daemon.recording_worker import CalibrationChange, RecordingWorker
+from gateway.daemon.recalibration_service import PipelineInstruction, ProcessedBlock, RecalibrationService
+from gateway.daemon.recording_worker import RecordingWorker
 from gateway.daemon.relay_worker import RelayWorker
 from gateway.daemon.sampler import SamplerItem
 from gateway.daemon.simulated_rigger import SimulatedRigger
 from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.daemon.worker import Worker
-from gateway.disk_job import PerformJob, perform_now
 from gateway.messages import Alert, ClockOffset
 from gateway.pipeline.calibration_state import PipelineCalibration
 from gateway.pipeline.clock_state import MessageTime
+from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import OutgoingMessage, PipelineOutput, encode_message
@@ -41,6 +41,8 @@ alert_log = logging.getLogger("plumbline.alert")
 HEALTH_PERIOD_S = 1.0
 OUTBOX_PATIENCE_S = 1.0
 """Longest wait at start for the number of the last alert."""
+CALIBRATION_PATIENCE_S = 10.0
+"""Longest wait at start for the record in force and the session; the device is uncalibrated until they are read."""
 SINK_PATIENCE_S = 0.5
 """Longest wait for a sink with a full queue, where the source of the samples can wait."""
 
@@ -58,10 +60,10 @@ class Processor(Worker[SamplerItem]):
         counters: SampleCounters,
         health: HealthReporter,
         calibrations: CalibrationProvider,
-        perform: PerformJob,
         drift_store: DriftStateStore,
         wall_clock: WallClockMonitor,
         recalibration: RecalibrationService,
+        commands: CommandWorker,
         acknowledgements: AcknowledgementService,
         recording: RecordingWorker,
         publisher: Publisher,
@@ -71,18 +73,17 @@ class Processor(Worker[SamplerItem]):
         relay: RelayWorker | None,
         rigger: SimulatedRigger | None,
     ) -> None:
-        """`perform` carries out what is read of the disk while samples come, within a bounded time."""
         super().__init__("processor", inbox)
         self._configuration = configuration
         self._counters = counters
         self._health = health
         self._calibrations = calibrations
-        self._bounded = perform
-        self._is_record_unread = False
-        """The disk did not answer when the record in force was to be read."""
         self._drift_store = drift_store
         self._wall_clock = wall_clock
         self._recalibration = recalibration
+        self._commands = commands
+        self._told: PipelineInstruction | None = None
+        """The last message of the commands."""
         self._acknowledgements = acknowledgements
         self._recording = recording
         self._publisher = publisher
@@ -105,46 +106,31 @@ class Processor(Worker[SamplerItem]):
             self._open(info)
 
     def _open(self, info: DeviceInfo) -> None:
+        """Begin with a device: uncalibrated, until the commands tell its calibration. Only a start waits for them."""
         self.info = info
-        self._recalibration.open(info)
         self._recording.inbox.put(info)
-        self._open_pipeline(info, self._read_correction(info) or self._calibrations.uncalibrated(info))
+        self._commands.open(info)
+        if not self.is_alive():
+            self._recalibration.opened.wait(CALIBRATION_PATIENCE_S)
+        if not self._follow_commands():
+            self._open_pipeline(info, self._calibrations.uncalibrated(info), DriftMonitor(None))
 
-    def _read_correction(self, info: DeviceInfo) -> Correction | None:
-        """Return the correction in force; None where the disk does not answer in time, which is tried again with each block."""
-        try:
-            correction = self._calibrations.correction(info, self._perform)
-        except TimeoutError as error:
-            if not self._is_record_unread:
-                log.error("%s: the record in force cannot be read: %s", info.device_id, error)
-            self._is_record_unread = True
-            return None
-        self._is_record_unread = False
-        return correction
-
-    @property
-    def _perform(self) -> PerformJob:
-        """Who reads the disk: at the start, when nothing waits for samples, this thread itself."""
-        return self._bounded if self.is_alive() else perform_now
-
-    def _open_pipeline(self, info: DeviceInfo, correction: Correction) -> None:
-        """Make the pipeline of a calibration, and note that calibration in the recording and in the log."""
+    def _open_pipeline(self, info: DeviceInfo, correction: Correction, drift: DriftMonitor) -> None:
+        """Make the pipeline of a calibration, and note that calibration in the log."""
         self.correction = correction
         extra = None if self.is_alive() else RECORDED_ONLY  # at start `Gateway.describe` has printed it
         log.info("%s: calibration in force: %s", info.device_id, self.correction.text, extra=extra)
-        change = CalibrationChange(partial(self._calibrations.files, info, self.correction))
-        if not self._recording.inbox.put_waiting(change, SINK_PATIENCE_S):
-            log.error("the recorder is too busy: later segments do not contain %s", self.correction.text)
-        drift = self._drift_store.open(info.device_id, self.correction, self._perform)
-        self._pipeline = Pipeline(self._configuration, info, self.correction, self._headers, drift, self._incidents)
+        monitor = self._drift_store.open(info.device_id, drift)
+        self._pipeline = Pipeline(self._configuration, info, self.correction, self._headers, monitor, self._incidents)
         self._made_for = self._present_calibration(self.correction)
-        self._set_session()
+        self._set_session(self._pipeline)
 
-    def _set_session(self) -> None:
-        if self._pipeline is not None:
-            self._pipeline.set_session(self._recalibration.session, self._recalibration.suspended)
+    def _set_session(self, pipeline: Pipeline) -> None:
+        if (told := self._told) is None:
+            return
+        pipeline.set_session(told.session, told.suspended)
         if self._rigger is not None:
-            self._rigger.follow(self._recalibration.session)
+            self._rigger.follow(told.session)
 
     def run(self) -> None:
         """Continue the numbers of alerts, then work until the end."""
@@ -154,23 +140,22 @@ class Processor(Worker[SamplerItem]):
     def handle(self, item: SamplerItem) -> None:
         """Process a block, or open the pipeline again for a device that came back as another one."""
         if isinstance(item, SampleBlock):
-            assert self._pipeline is not None  # the sampler announces a device before its blocks
             self._counters.add(item)
-            self._recalibration.feed(item)
-            self._serve_requests()
+            self._follow_commands()
+            assert self._pipeline is not None  # the sampler announces a device before its blocks
             time_ns = int(item.time_ns[-1])
-            self._forward(self._pipeline.process(item, self._wall_clock.state), time_ns)
+            self._forward(item, self._pipeline.process(item, self._wall_clock.state), time_ns)
             self._serve_acknowledgements(time_ns)
         elif item.info != self.info:
             self._open(item.info)
         self._each_step()
 
     def idle(self) -> None:
-        """Serve requests, and let the pipeline detect a stale reading."""
-        self._serve_requests()
+        """Take what the commands tell, and let the pipeline detect a stale reading."""
+        self._follow_commands()
         now_ns = self._wall_clock.clock.now_ns()
         if self._pipeline is not None:
-            self._forward(self._pipeline.idle(now_ns, self._wall_clock.state), now_ns)
+            self._forward(None, self._pipeline.idle(now_ns, self._wall_clock.state), now_ns)
         self._serve_acknowledgements(now_ns)
         self._each_step()
 
@@ -179,28 +164,28 @@ class Processor(Worker[SamplerItem]):
         self._send(self._status_messages(self._wall_clock.clock.now_ns()))
         self._drift_store.save()
 
-    def _serve_requests(self) -> None:
-        """Answer requests; publish a change of the session or of the record in force at once."""
-        update = self._recalibration.serve()
-        if self.info is None or self._pipeline is None:
-            return
-        is_due = update.pipeline_changed or self._is_record_unread
-        correction = self._read_correction(self.info) if is_due else None
-        if correction is not None and self._present_calibration(correction) != self._made_for:
-            self._open_pipeline(self.info, correction)
+    def _follow_commands(self) -> bool:
+        """Take the newest message of the commands, and publish a change in it at once; return whether there was one."""
+        before, told = self._told, self._recalibration.instruction
+        if told is None or told is before or told.info is not self.info:
+            return False
+        self._told = told
+        is_other_device = before is None or before.info is not told.info
+        if is_other_device or self._pipeline is None or self._present_calibration(told.correction) != self._made_for:
+            self._open_pipeline(told.info, told.correction, told.drift)
             self._next_second_ns = 0  # the health of the previous record must not be taken for that of the new one
         else:
-            self._set_session()
-        if update.session_due or update.pipeline_changed:
+            self._set_session(self._pipeline)
+        if before is not None and self._pipeline is not None:
             newest_ns = self._counters.newest_ns
             time_ns = self._wall_clock.clock.now_ns() if newest_ns is None else newest_ns
             self._send([self._pipeline.calibration_message(MessageTime(time_ns, self._wall_clock.state))])
+        return True
 
     def _present_calibration(self, correction: Correction) -> PipelineCalibration:
         """Return what a pipeline is made for; a replay finds the same in the recorded messages."""
-        return PipelineCalibration(
-            correction.calibration_id, correction.status, self._recalibration.suspended is not None
-        )
+        is_suspended = self._told is not None and self._told.suspended is not None
+        return PipelineCalibration(correction.calibration_id, correction.status, is_suspended)
 
     def _serve_acknowledgements(self, time_ns: int) -> None:
         """Acknowledge at the time of the last block, so that a replay acknowledges at the same place."""
@@ -236,15 +221,22 @@ class Processor(Worker[SamplerItem]):
         header = self._headers.make("health", now, calibration_id)
         yield OutgoingMessage("health", now_ns, self._health.make(header, self.info))
 
-    def _forward(self, output: PipelineOutput, time_ns: int) -> None:
-        """Send the pipeline's messages, and pass its verdict on to the interlock of the recalibration."""
-        if output.verdict is not None:
-            self._recalibration.set_condition(output.verdict, time_ns)
+    def _forward(self, block: SampleBlock | None, output: PipelineOutput, time_ns: int) -> None:
+        """Send the pipeline's messages, and pass the block and its verdict on to the recalibration."""
         self._send(output.messages)
+        if block is not None or output.verdict is not None:
+            changes = -1 if self._told is None else self._told.changes
+            processed = ProcessedBlock(block, output.verdict, time_ns, changes)
+            self._commands.feed(processed, SINK_PATIENCE_S if self._can_wait else 0.0)
+
+    @property
+    def _can_wait(self) -> bool:
+        """Whether the source of the samples waits for their processing."""
+        return self.info is not None and self.info.can_wait
 
     def _send(self, messages: Iterable[OutgoingMessage]) -> None:
         """Encode each message once and put it into the queues of its sinks; alerts go first."""
-        can_wait = self.info is not None and self.info.can_wait
+        can_wait = self._can_wait
         for message in sorted(messages, key=_is_no_alert):
             if isinstance(message.message, Alert) and message.message.change is not None:
                 _log_change(message.message)

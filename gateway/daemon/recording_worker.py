@@ -35,8 +35,8 @@ STALLED_S = 5.0
 class CalibrationChange:
     """Another calibration is in force from now on."""
 
-    read_files: Callable[[], CalibrationFiles | None]
-    """Returns the files that recordings carry of it, None where no record is in force; it may wait for the disk."""
+    files: CalibrationFiles | None
+    """What recordings carry of it; None: no record is in force."""
 
 
 RecordingItem = EncodedMessage | DeviceInfo | CalibrationChange
@@ -101,6 +101,10 @@ class RecordingWorker(Worker[RecordingItem]):
         """How often the open segment was deleted or moved away."""
         return self._recorder.vanished
 
+    def set_calibration(self, files: CalibrationFiles | None) -> bool:
+        """Attach these files to what is recorded from now on; return False where there was no room in time."""
+        return self.inbox.put_waiting(CalibrationChange(files), ROOM_S)
+
     def submit(self, message: EncodedMessage, *, can_wait: bool) -> None:
         """Record a message; from a source that can wait, wait for room while the disk takes something. Called by any thread."""
         while can_wait and time.monotonic() - self.progress_s <= STALLED_S:
@@ -123,7 +127,7 @@ class RecordingWorker(Worker[RecordingItem]):
             if isinstance(item, DeviceInfo):
                 self._recorder.set_device(item, self._now_ns())
             elif isinstance(item, CalibrationChange):
-                self._recorder.set_calibration(item.read_files(), self._now_ns())
+                self._recorder.set_calibration(item.files, self._now_ns())
             else:
                 self._write(item)
         except RecorderError as error:

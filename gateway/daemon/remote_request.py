@@ -14,6 +14,10 @@ Reply = Callable[[bool, Mapping[str, Any]], object]
 """Sends an answer: whether the request was accepted, and the content. It may be called by any thread, once."""
 
 
+def _begin_at_once() -> None:
+    """Begin a request that nobody else may refuse."""
+
+
 @dataclass(frozen=True, slots=True)
 class RemoteRequest:
     """A request of the verb's model; `by` in it is the authenticated name."""
@@ -23,6 +27,8 @@ class RemoteRequest:
     caller: Caller | None
     """None for a verb that needs no role."""
     reply: Reply
+    begin: Callable[[], None] = _begin_at_once
+    """Called before anything is changed; raises `TimeoutError` where the request was refused meanwhile."""
 
     def expect(self, model: type[Model]) -> Model:
         """Return the content. Raises `TypeError` where the table of verbs names another model than the handler."""

@@ -5,10 +5,11 @@ from collections.abc import Callable, Mapping
 
 from gateway.daemon.acknowledgement_service import AcknowledgementService
 from gateway.daemon.alert_history import AlertHistory
+from gateway.daemon.command_worker import CommandWorker
 from gateway.daemon.mark_service import MarkService
 from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.remote_request import RemoteRequest, RequestHandler
-from gateway.recalibration.requests import VERBS, FetchSchema, SetMark
+from gateway.recalibration.requests import FetchSchema, SetMark
 from gateway.topics import TOPICS, json_schema
 from gateway.verbs import VERBS as TABLE
 
@@ -19,12 +20,12 @@ NOT_IN_STATUS = "samples"
 def make_handlers(
     latest: Callable[[], Mapping[str, bytes]],
     recalibration: RecalibrationService,
+    commands: CommandWorker,
     marks: MarkService,
     acknowledgements: AcknowledgementService,
     alert_history: AlertHistory,
-    configuration: Mapping[str, RequestHandler],
 ) -> dict[str, RequestHandler]:
-    """Return the handlers by verb; `latest` returns the last message of each topic; `configuration` has those of its verbs."""
+    """Return the handlers by verb; `latest` returns the last message of each topic."""
 
     def report_status(request: RemoteRequest) -> None:
         topics = {topic: json.loads(text) for topic, text in latest().items() if topic != NOT_IN_STATUS}
@@ -36,9 +37,8 @@ def make_handlers(
         "fetch": recalibration.fetch,
         "alerts": alert_history.answer,
         "mark": lambda request: request.answer(marks.answer(request.expect(SetMark))),
-        "acknowledge": acknowledgements.submit,
-        **configuration,
-        **dict.fromkeys(VERBS, recalibration.submit),
+        "acknowledge": acknowledgements.requests.submit,
+        **dict.fromkeys(commands.verbs, commands.requests.submit),
     }
 
 

@@ -30,7 +30,8 @@ class SiteCertificates:
         self._authorities: tuple[x509.Certificate, ...] = ()
         self._list_version: tuple[int, int] | None = None
         self._revoked = NOTHING_REVOKED
-        self._days_left: int | None = None
+        self.expires_in_days: int | None = None
+        """Days until the gateway's own certificate expires, at the last look; None: not known."""
         self._next_look_s = self._next_warning_s = 0.0
 
     def verifier(self) -> CertificateVerifier:
@@ -52,17 +53,17 @@ class SiteCertificates:
             self._list_version = version
         return self._revoked
 
-    def watch_expiry(self) -> int | None:
-        """Return the days until the certificate expires, read once an hour, and warn of it in the log once a day."""
+    def watch_expiry(self) -> None:
+        """Read once an hour when the certificate expires, and warn of it in the log once a day. It waits for the disk."""
         now_s = time.monotonic()
         if now_s >= self._next_look_s:
             self._next_look_s = now_s + LOOK_S
-            self._days_left = self.days_left()
-        soon = self._days_left is not None and self._days_left < EXPIRES_SOON_DAYS
+            self.expires_in_days = self.days_left()
+        days = self.expires_in_days
+        soon = days is not None and days < EXPIRES_SOON_DAYS
         if soon and now_s >= self._next_warning_s:
             self._next_warning_s = now_s + WARNING_S
-            log.warning("bus.tls.certificate expires in %s days; plumbline keys renew makes a new one", self._days_left)
-        return self._days_left
+            log.warning("bus.tls.certificate expires in %s days; plumbline keys renew makes a new one", days)
 
     def days_left(self) -> int | None:
         """Return the days until the gateway's own certificate expires; None where it cannot be read."""

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Any
 
 from gateway.atomic_io import append_durably, append_line
-from gateway.disk_job import PerformJob, perform_now
 
 MAX_FILE_BYTES = 8_000_000
 """Size at which the file becomes the previous file; there is one previous file."""
@@ -16,22 +15,17 @@ MAX_FILE_BYTES = 8_000_000
 class Audit:
     """`<data_dir>/calibration/audit.jsonl`; every entry is also logged, and so recorded."""
 
-    def __init__(self, path: Path, log_line: Callable[[str], None], perform: PerformJob = perform_now) -> None:
-        """`perform` carries out what is to be written."""
+    def __init__(self, path: Path, log_line: Callable[[str], None]) -> None:
         self._path = path
         self._log_line = log_line
-        self._perform = perform
 
     def write(self, time_utc: str, event: str, *, durable: bool = True, **content: Any) -> None:
         """Append an entry, and wait for the disk where it is to be durable. Raises `OSError`."""
         line = json.dumps({"time_utc": time_utc, "event": event, **content})
         self._log_line(f"audit {line}")
-        self._perform(lambda is_wanted: self._append(line.encode(), durable=durable))
-
-    def _append(self, line: bytes, *, durable: bool) -> None:
         if self._path.exists() and self._path.stat().st_size > MAX_FILE_BYTES:
             self._path.replace(self._path.with_suffix(".previous.jsonl"))
-        (append_durably if durable else append_line)(self._path, line)
+        (append_durably if durable else append_line)(self._path, line.encode())
 
     def newest(self, count: int) -> list[dict[str, Any]]:
         """Return the last entries of the file, oldest first, without a line that a kill has truncated. Raises `OSError`."""

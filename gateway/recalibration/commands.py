@@ -54,7 +54,7 @@ class CommandHandler:
     software: str
 
     def prepare(self, request: Request, session: Session | None, now: Timestamp) -> Command:
-        """Return the command of a request. Raises `Refused` or `CalibrationError` if it must not be executed, and `OSError`."""
+        """Return the command of a request. Raises `Refused` or `CalibrationError` if it must not be executed."""
         active = session if session is not None and session.is_active else None
         match request:
             case Commit():
@@ -73,8 +73,14 @@ class CommandHandler:
         raise Refused(f"{type(request).__name__}: not known")
 
     def parent(self) -> CalibrationRecord | None:
-        """Return the parent of a new record, see `find_parent`. Raises `OSError`."""
-        return find_parent(self.store, self.device)
+        """Return the parent of a new record: the record in force, or the factory record; None if it must not be used."""
+        try:
+            stored = self.store.in_force()
+        except CalibrationError:
+            return None
+        if stored is not None or self.device.factory_calibration is None:
+            return stored
+        return CalibrationRecord.model_validate(self.device.factory_calibration)
 
     def record_of(
         self, fit: CalibrationFit, parent: CalibrationRecord | None, *, by: str, request: str, now: Timestamp
@@ -192,14 +198,3 @@ class CommandHandler:
     def _change_in_force(self, record_id: str | None, request: Request, now: Timestamp) -> None:
         """Raises `OSError` if nothing has changed."""
         self.store.put_in_force(record_id, by=request.by, reason=request.reason, request=request.id, time_utc=now.utc)
-
-
-def find_parent(store: CalibrationStore, device: DeviceInfo) -> CalibrationRecord | None:
-    """Return the record in force, or the factory record; None if it must not be used. Raises `OSError`."""
-    try:
-        stored = store.in_force()
-    except CalibrationError:
-        return None
-    if stored is not None or device.factory_calibration is None:
-        return stored
-    return CalibrationRecord.model_validate(device.factory_calibration)

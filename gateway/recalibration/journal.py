@@ -6,7 +6,6 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from gateway.atomic_io import write_durably
-from gateway.disk_job import PerformJob, perform_now
 from gateway.errors import describe_problems
 from gateway.file_input import parse_json, read_bounded
 from gateway.recalibration.request_answers import AnsweredRequests, RequestAnswer
@@ -29,10 +28,8 @@ class JournalContent(BaseModel):
 class Journal:
     """`<data_dir>/calibration/session.json`."""
 
-    def __init__(self, path: Path, perform: PerformJob = perform_now) -> None:
-        """`perform` carries out what is to be written."""
+    def __init__(self, path: Path) -> None:
         self._path = path
-        self._perform = perform
         self._session: Session | None = None
         self._answers, self._refusals = AnsweredRequests(MAX_ANSWERS), AnsweredRequests(MAX_ANSWERS)
         self.read_error: str | None = None
@@ -54,8 +51,7 @@ class Journal:
         if answer is not None:
             answers.add(answer)
         content = JournalContent(session=session, answers=answers.all())
-        text = content.model_dump_json(indent=1).encode()
-        self._perform(lambda is_wanted: write_durably(self._path, text, is_wanted))
+        write_durably(self._path, content.model_dump_json(indent=1).encode())
         self._session, self._answers = session, answers
 
     def remember(self, answer: RequestAnswer) -> None:

@@ -19,10 +19,9 @@ from gateway.calibration.procedures.pose_procedure import PoseProcedure, PosePro
 from gateway.calibration.procedures.procedure_factory import make_procedure
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
-from gateway.disk_job import PerformJob, perform_now
 from gateway.errors import PlumblineError
 from gateway.recalibration.audit import Audit
-from gateway.recalibration.commands import CommandHandler, CommandResult, find_parent
+from gateway.recalibration.commands import CommandHandler, CommandResult
 from gateway.recalibration.fetch_handler import answer_fetch
 from gateway.recalibration.interlock import LoadInterlock
 from gateway.recalibration.journal import MAX_ANSWERS, Journal
@@ -55,20 +54,15 @@ class Recalibration:
         *,
         software: str,
         log_line: Callable[[str], None],
-        perform: PerformJob = perform_now,
     ) -> None:
-        """`log_line` writes a line to the log, `perform` carries out what requests read and write.
-
-        No request can be answered before `open`.
-        """
+        """`log_line` writes a line to the log. No request can be answered before `open`."""
         folder = data_dir / "calibration"
         self._data_dir = data_dir
-        self._perform = perform
         self._axes = axes
         self._software = software
         self._log_line = log_line
-        self._journal = Journal(folder / "session.json", perform)
-        self._audit = Audit(folder / "audit.jsonl", log_line, perform)
+        self._journal = Journal(folder / "session.json")
+        self._audit = Audit(folder / "audit.jsonl", log_line)
         self._recent_samples = RecentSamples(MIN_REST_S + BUFFER_MARGIN_S)
         self._procedure: PoseProcedure | None = None
         self._progress: PoseProgress | None = None
@@ -81,7 +75,7 @@ class Recalibration:
         """Start with an opened device: an unfinished session continues with it, or ends."""
         self._handler = CommandHandler(
             device=device,
-            store=CalibrationStore(self._data_dir, device.device_id, self._perform),
+            store=CalibrationStore(self._data_dir, device.device_id),
             axes=self._axes,
             interlock=self.interlock,
             recent_samples=self._recent_samples,
@@ -99,7 +93,7 @@ class Recalibration:
             return
         if session.device_id != device.device_id:
             self._end(session, "rejected", f"the sensor was exchanged for {device.device_id}", now)
-        elif session.record_id is not None and _id_in_force(self._patient_store) == session.record_id:
+        elif session.record_id is not None and _id_in_force(self._opened.store) == session.record_id:
             self._end(session, "committed", f"record {session.record_id} is in force", now)
         elif (reason := session.restart_refusal(now.time_ns)) is not None:
             self._end(session, "rejected", reason, now)
@@ -107,7 +101,7 @@ class Recalibration:
             self._try_audit(now, "resumed", session=session.id, phase=session.phase, poses=len(session.poses))
             self._save_or_end(session.resume(), now)
             try:
-                self._start_procedure(self._make_procedure(self.session, self._patient_store))
+                self._start_procedure(self._make_procedure(self.session))
             except (PlumblineError, ValueError, ArithmeticError) as error:  # of whatever the journal contained
                 self._end(session, "rejected", f"the session cannot continue: {error}", now)
 
@@ -143,15 +137,18 @@ class Recalibration:
 
     def fetch(self, fetch: Fetch) -> RequestAnswer:
         """Return what is stored or in review. It changes nothing, and any thread may call it."""
-        return answer_fetch(fetch, self._patient_store, self._audit, self.session)
+        return answer_fetch(fetch, self._opened.store, self._audit, self.session)
 
-    def answer(self, verb: str, request: Request, now: Timestamp) -> Response:
-        """Execute a request or refuse it. The same request has the same answer, and is executed once."""
+    def answer(self, verb: str, request: Request, now: Timestamp, begin: Callable[[], None] = lambda: None) -> Response:
+        """Execute a request or refuse it. The same request has the same answer, and is executed once.
+
+        `begin` is called between the decision and the first change; it raises `TimeoutError` where that took too long.
+        """
         fingerprint = f"{verb} {request.model_dump_json()}"
         try:
             known = self._journal.answer(request.id) or self._find_executed(request, fingerprint)
             if known is None:
-                return self._execute(verb, request, fingerprint, now)
+                return self._execute(verb, request, fingerprint, now, begin)
         except (OSError, CalibrationError) as error:  # not kept, so that the same request may be sent again
             self._try_audit(now, "failed", id=request.id, text=str(error))
             text = f"could not be executed: {error}"
@@ -161,7 +158,9 @@ class Recalibration:
         text = f"id {request.id} is that of another request; choose a new one"
         return Response(RequestAnswer(id=request.id, request=fingerprint, accepted=False, text=text))
 
-    def _execute(self, verb: str, request: Request, fingerprint: str, now: Timestamp) -> Response:
+    def _execute(
+        self, verb: str, request: Request, fingerprint: str, now: Timestamp, begin: Callable[[], None]
+    ) -> Response:
         """Execute a request or refuse it. Raises `OSError` or `CalibrationError` if the disk does not allow it."""
         audited = {"verb": verb, **request.model_dump(mode="json")}
         try:
@@ -170,9 +169,10 @@ class Recalibration:
             answer = RequestAnswer(id=request.id, request=fingerprint, accepted=False, text=str(refusal))
             self._note_refusal(answer, audited, now)
             return Response(answer)
+        begin()
         self._audit.write(now.utc, "request", **audited, accepted=True)
         result = command()
-        procedure = self._make_procedure(result.session, self._opened.store)
+        procedure = self._make_procedure(result.session)
         content = {} if result.record_id is None else {"record": result.record_id}
         answer = RequestAnswer(id=request.id, request=fingerprint, accepted=True, text=result.text, content=content)
         return self._save_result(result, procedure, answer, now)
@@ -190,12 +190,12 @@ class Recalibration:
         self._try_audit(now, "done", id=answer.id, text=answer.text)
         return Response(answer, pipeline_changed=True)
 
-    def _make_procedure(self, session: Session | None, store: CalibrationStore) -> PoseProcedure | None:
-        """Return the procedure of a session that collects poses. Raises `OSError`."""
+    def _make_procedure(self, session: Session | None) -> PoseProcedure | None:
+        """Return the procedure of a session that collects poses."""
         if session is None or session.phase != "collecting":
             return None
         device = self._opened.device
-        nominal, parent = NominalSensitivity(device.units_per_g), find_parent(store, device)
+        nominal, parent = NominalSensitivity(device.units_per_g), self._opened.parent()
         procedure = make_procedure(session.method, nominal, parent=parent)
         procedure.resume(session.poses)
         return procedure
@@ -205,11 +205,8 @@ class Recalibration:
         self._progress = None if procedure is None else procedure.progress()
 
     def _review(self, session: Session, procedure: PoseProcedure, now: Timestamp) -> None:
-        """Fit the complete poses, make the record, and judge it; with the next block where the disk does not answer now."""
-        try:
-            parent = self._opened.parent()
-        except OSError:
-            return
+        """Fit the complete poses, make the record, and judge it."""
+        parent = self._opened.parent()
         try:
             fit = procedure.finish()
             record = self._opened.record_of(fit, parent, by=session.by, request=session.id, now=now)
@@ -274,11 +271,6 @@ class Recalibration:
             self._audit.write(now.utc, "request", durable=False, **audited, accepted=False, why=answer.text)
         except OSError as error:
             self._log_line(f"the audit cannot be written: {error}")
-
-    @property
-    def _patient_store(self) -> CalibrationStore:
-        """The store for a start, and for another thread: it waits for the disk."""
-        return CalibrationStore(self._data_dir, self._opened.device.device_id)
 
     @property
     def _opened(self) -> CommandHandler:

@@ -102,8 +102,9 @@ class ReplayPipeline:
 
     def _compute(self, step: ReplayStep) -> Iterator[OutgoingMessage]:
         own_calibrations = 0
+        # The first messages of a long block are recorded before it: at a start in a step without a block.
+        self._set_session(step)
         if step.block is not None:
-            self._set_session(step)
             made = self._pipeline.process(step.block, step.clock).messages
             own_calibrations = sum(message.topic == "calibration" for message in made)
             yield from made

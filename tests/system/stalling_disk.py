@@ -2,7 +2,8 @@
 
 python -m tests.system.stalling_disk FILE run --config gateway.toml
 
-Nothing is synced while FILE is empty. Where it contains a name, the files of this name cannot be opened instead.
+Nothing is synced while FILE is empty. Where it contains a name, the files of this name cannot be opened instead; where it
+contains "slow", every sync takes `SLOW_S`.
 """
 
 import os
@@ -12,6 +13,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+
+SLOW_S = 0.3
+"""Seconds. Basis: a busy machine; a commit has five syncs and more."""
 
 
 def main() -> int:
@@ -26,6 +30,8 @@ def main() -> int:
         def wait(descriptor: int) -> None:
             while stalls(""):
                 time.sleep(0.05)
+            if stalls("slow"):
+                time.sleep(SLOW_S)
             call(descriptor)
 
         return wait

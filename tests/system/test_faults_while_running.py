@@ -81,7 +81,7 @@ def test_a_disk_that_takes_nothing_at_start_delays_neither_samples_nor_the_end(
 
 
 @pytest.mark.slow
-def test_a_stored_record_that_cannot_be_read_delays_nothing_but_the_recording(
+def test_a_stored_record_that_cannot_be_read_delays_neither_alerts_nor_the_recording(
     start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path
 ) -> None:
     put_in_force(tmp_path / "data", "older", "newer")
@@ -91,11 +91,33 @@ def test_a_stored_record_that_cannot_be_read_delays_nothing_but_the_recording(
     peer = join_bus(gateway.endpoint)
     assert peer.wait_for("alert")["calibration_id"] == "newer"
     alerts_go_on(peer)
-    gate.unlink()
     peer.wait_for("health", lambda message: message["recording"])
+    gate.unlink()
+    wait_until(lambda: b"calibration-newer.html" in gateway.recordings[0].read_bytes(), "the certificate")
     assert ends_in_time(gateway) == 0
     with gateway.recordings[0].open("rb") as file:
         assert "calibration-newer.html" in {each.name for each in make_reader(file).iter_attachments()}
+
+
+def roll_back(peer: BusPeer, gateway: RunningGateway, number: int) -> tuple[bool, Any]:
+    payload = json.dumps({"id": f"request-{number}", "by": "ann", "to": "older"}).encode()
+    ((accepted, content),) = query_signed(peer.session, "rollback", payload, gateway.data_dir)
+    return accepted, content
+
+
+@pytest.mark.slow
+def test_a_disk_that_is_slow_refuses_no_request(start_gateway: StartGateway, join_bus: JoinBus, tmp_path: Path) -> None:
+    put_in_force(tmp_path / "data", "older", "newer")
+    gate = tmp_path / "stalled"
+    gateway = start_gateway(program=("tests.system.stalling_disk", str(gate)))
+    peer = join_bus(gateway.endpoint)
+    peer.wait_for("health", lambda message: message["recording"])
+    gate.write_text("slow")
+    accepted, content = roll_back(peer, gateway, 1)
+    assert accepted, content
+    peer.wait_for("calibration", lambda message: message["calibration_id"] == "older")
+    gate.unlink()
+    ends_in_time(gateway)
 
 
 @pytest.mark.slow
@@ -110,18 +132,13 @@ def test_a_request_for_what_the_disk_does_not_give_is_refused_and_delays_no_aler
     peer.wait_for("health", lambda message: message["recording"])
     peer.wait_for("alert")
 
-    def roll_back(number: int) -> tuple[bool, Any]:
-        payload = json.dumps({"id": f"request-{number}", "by": "ann", "to": "older"}).encode()
-        ((accepted, content),) = query_signed(peer.session, "rollback", payload, gateway.data_dir)
-        return accepted, content
-
     gate.write_text(file)
-    accepted, content = roll_back(1)
+    accepted, content = roll_back(peer, gateway, 1)
     assert (accepted, content["reason"]) == (False, "could not be executed: the disk does not answer")
     alerts_go_on(peer)
     gate.unlink()
     numbers = count(2)
-    wait_until(lambda: roll_back(next(numbers))[0], "the disk")
+    wait_until(lambda: roll_back(peer, gateway, next(numbers))[0], "the disk")
     peer.wait_for("calibration", lambda message: message["calibration_id"] == "older")
     ends_in_time(gateway)
 

@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -221,6 +222,9 @@ def _json(text: str) -> bytes:
 
 
 def test_a_second_gateway_with_the_same_key_is_noticed(tmp_path: Path) -> None:
+    def is_noticed(message: Any) -> bool:
+        return "identity" in message["standing_faults"]
+
     endpoint = f"tcp/127.0.0.1:{unused_port()}"
     config = zenoh.Config()
     for key, value in {"mode": "router", "listen/endpoints": [endpoint], "scouting/multicast/enabled": False}.items():
@@ -232,17 +236,18 @@ def test_a_second_gateway_with_the_same_key_is_noticed(tmp_path: Path) -> None:
                 (tmp_path / name).mkdir()
                 connect = {"PLUMBLINE_BUS__CONNECT": json.dumps([endpoint])}
                 gateways.append(RunningGateway(tmp_path / name, environment=connect))
-            peer = BusPeer(endpoint, f"{KEY}/health")
-            warned = peer.wait_for("health", lambda message: "identity" in message["standing_faults"])
-            assert f"another gateway has the same key {KEY}" in warned["standing_faults"]["identity"]
-            gateways[0].stop()
-            peer.wait_for(
-                "health",
-                lambda message: (
-                    message["faults"].get("identity_failures") and "identity" not in message["standing_faults"]
-                ),
-            )
-            peer.close()
+            with closing(BusPeer(endpoint, f"{KEY}/health")) as peer:
+                one = peer.wait_for("health", is_noticed)
+                assert f"another gateway has the same key {KEY}" in one["standing_faults"]["identity"]
+                # Each looks at its own time: the other one has nothing to report if the first is stopped before it looks.
+                two = peer.wait_for(
+                    "health", lambda message: is_noticed(message) and message["boot_id"] != one["boot_id"]
+                )
+                assert one["boot_id"] in two["standing_faults"]["identity"]
+                gateways[0].stop()
+                peer.wait_for(
+                    "health", lambda message: message["faults"].get("identity_failures") and not is_noticed(message)
+                )
         finally:
             for gateway in gateways:
                 gateway.process.kill()

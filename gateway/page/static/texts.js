@@ -21,7 +21,7 @@ const TABLES = {
     part_device: "sensor", part_recording: "recording", part_relay: "relay", part_bus: "network", part_page: "the crane's page", part_page_pin: "PIN of the page",
     part_outbox: "storage of alerts", part_chain: "chain of recordings", part_signing: "signing of recordings", part_identity: "name of the gateway", part_clock: "clock", part_state_files: "state files",
     part_sampler: "reading of the sensor", part_processor: "evaluation", part_recorder: "writing of recordings", part_publisher: "sending of messages", part_alerts: "sending of alerts",
-    "part_outbox-writer": "storing of alerts", part_rpc: "remote commands", "part_state-files": "writing of state files", "part_calibration-disk": "storing of calibrations", "part_state-disk": "storing of calibrations and state",
+    "part_outbox-writer": "storing of alerts", part_rpc: "remote commands", "part_state-files": "writing of state files", "part_calibration-disk": "storing of calibrations", part_commands: "recalibration and configuration",
     also: "also: {words}", last_known: "last: {words}",
 
     rest: "Load at rest.", free: "Load swings freely.", driven: "Trolley or bridge moving.", lowering: "Lowering.", hoisting: "Hoisting.",
@@ -102,7 +102,7 @@ const TABLES = {
     part_device: "Sensor", part_recording: "Aufzeichnung", part_relay: "Relais", part_bus: "Netzwerk", part_page: "Seite des Krans", part_page_pin: "PIN der Seite",
     part_outbox: "Speicher der Alarme", part_chain: "Kette der Aufzeichnungen", part_signing: "Signatur der Aufzeichnungen", part_identity: "Name des Gateways", part_clock: "Uhr", part_state_files: "Zustandsdateien",
     part_sampler: "Lesen des Sensors", part_processor: "Auswertung", part_recorder: "Schreiben der Aufzeichnung", part_publisher: "Senden der Meldungen", part_alerts: "Senden der Alarme",
-    "part_outbox-writer": "Speichern der Alarme", part_rpc: "Fernbefehle", "part_state-files": "Schreiben der Zustandsdateien", "part_calibration-disk": "Speichern der Kalibrierungen", "part_state-disk": "Speichern von Kalibrierungen und Zustand",
+    "part_outbox-writer": "Speichern der Alarme", part_rpc: "Fernbefehle", "part_state-files": "Schreiben der Zustandsdateien", "part_calibration-disk": "Speichern der Kalibrierungen", part_commands: "Rekalibrierung und Konfiguration",
     also: "auch: {words}", last_known: "zuletzt: {words}",
 
     rest: "Last in Ruhe.", free: "Last pendelt frei.", driven: "Katze oder Brücke fährt.", lowering: "Senken.", hoisting: "Heben.",

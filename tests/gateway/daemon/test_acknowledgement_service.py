@@ -34,7 +34,7 @@ class Site:
 
     def submit(self, **request: object) -> None:
         content = Acknowledge.model_validate({**REQUEST, **request})
-        self.service.submit(RemoteRequest("acknowledge", content, None, self.reply))
+        self.service.requests.submit(RemoteRequest("acknowledge", content, None, self.reply))
 
     def ask(self, **request: object) -> tuple[bool, str]:
         self.submit(**request)
@@ -76,6 +76,6 @@ def test_one_request_is_answered_at_a_time_and_too_many_are_refused() -> None:
     for _ in range(WAITING + 1):
         site.submit()
     assert site.answers == [(False, "busy: too many requests are waiting")]
-    assert site.service.dropped == 1
+    assert site.service.requests.dropped == 1
     site.service.serve(site.incidents, site.acknowledge)
     assert len(site.answers) == 2

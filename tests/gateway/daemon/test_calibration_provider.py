@@ -16,10 +16,10 @@ from gateway.calibration.drift.rest_monitor import NS_PER_HOUR
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore
 from gateway.daemon.calibration_provider import CalibrationProvider
-from gateway.daemon.disk_executor import DiskExecutor
 from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.faults import FaultRegister
 from gateway.daemon.recording_worker import CalibrationChange, RecordingWorker
+from gateway.pipeline.drift_monitor import DriftMonitor
 from gateway.recording.calibration_files import CalibrationFiles
 from gateway.recording.writer import Recorder, RecorderError
 from tests.values import present
@@ -54,6 +54,11 @@ def provider(tmp_path: Path) -> CalibrationProvider:
 @pytest.fixture
 def store(tmp_path: Path) -> DriftStateStore:
     return DriftStateStore(tmp_path, write_durably)
+
+
+def monitored(provider: CalibrationProvider) -> DriftMonitor:
+    """The monitor of the record in force, with the state that is on the disk."""
+    return provider.drift_monitor(INFO, provider.correction(INFO))
 
 
 def rest(store: DriftStateStore, hours: int, first: int = 0) -> None:
@@ -104,27 +109,24 @@ def test_the_factorys_record_is_a_parent_too(
     assert any(b"Change since the parent record factory-1" in file.data for file in files.files)
 
 
-def test_without_a_record_there_are_no_attachments_and_no_drift_monitor(
-    provider: CalibrationProvider, store: DriftStateStore
-) -> None:
+def test_without_a_record_there_are_no_attachments_and_no_drift_monitor(provider: CalibrationProvider) -> None:
     correction = provider.correction(INFO)
     assert correction.status == "uncalibrated"
     assert provider.files(INFO, correction) is None
-    assert store.open("part-7", correction).status_json is None
+    assert monitored(provider).status_json is None
 
 
 def test_a_drift_monitor_continues_after_a_restart_and_is_saved_once_an_hour(
     provider: CalibrationProvider, put: PutRecord, store: DriftStateStore, tmp_path: Path
 ) -> None:
     put("r1")
-    correction = provider.correction(INFO)
-    store.open("part-7", correction)
+    store.open("part-7", monitored(provider))
     assert kept(tmp_path) is None
     rest(store, 2)
     assert len(present(kept(tmp_path))["hours"]) == 1
     store.save()
     again = DriftStateStore(tmp_path, write_durably)
-    again.open("part-7", correction)
+    again.open("part-7", monitored(provider))
     rest(again, 2, first=2)
     assert len(present(kept(tmp_path))["hours"]) == 3
     assert present(again.monitor.status_json)["norm_error_mg"] == pytest.approx(1.0, abs=0.01)
@@ -134,11 +136,11 @@ def test_each_record_has_its_own_drift_monitor(
     provider: CalibrationProvider, put: PutRecord, store: DriftStateStore, tmp_path: Path
 ) -> None:
     put("r1")
-    first = store.open("part-7", provider.correction(INFO))
-    assert store.open("part-7", provider.correction(INFO)) is first
+    first = store.open("part-7", monitored(provider))
+    assert store.open("part-7", monitored(provider)) is first
     rest(store, 2)
     put("r2")
-    second = store.open("part-7", provider.correction(INFO))
+    second = store.open("part-7", monitored(provider))
     assert second is not first
     assert present(kept(tmp_path))["calibration_id"] == "r1"
     assert present(second.status_json)["state"] == "no_rest"
@@ -150,24 +152,7 @@ def test_an_unreadable_state_is_ignored(
 ) -> None:
     put("r1")
     (CalibrationStore(tmp_path, "part-7").folder / "drift.json").write_text(text)
-    assert present(store.open("part-7", provider.correction(INFO)).status_json)["state"] == "no_rest"
-
-
-def test_a_state_that_cannot_be_saved_is_reported(
-    provider: CalibrationProvider,
-    put: PutRecord,
-    tmp_path: Path,
-) -> None:
-    put("r1")
-    faults = FaultRegister()
-    disk = DiskExecutor(faults)
-    store = DriftStateStore(tmp_path, disk.write_soon)
-    store.open("part-7", provider.correction(INFO))
-    (CalibrationStore(tmp_path, "part-7").folder / "drift.json").mkdir()
-    rest(store, 2)
-    disk.finish()
-    disk.run()
-    assert "cannot be saved" in faults.standing["state_files"]
+    assert present(store.open("part-7", monitored(provider)).status_json)["state"] == "no_rest"
 
 
 def test_a_record_without_a_valid_time_is_not_monitored(
@@ -175,7 +160,7 @@ def test_a_record_without_a_valid_time_is_not_monitored(
 ) -> None:
     put("r1", created_utc="in spring")
     with caplog.at_level(logging.ERROR, "plumbline"):
-        assert store.open("part-7", provider.correction(INFO)).status_json is None
+        assert store.open("part-7", monitored(provider)).status_json is None
     assert "not monitored" in caplog.text
 
 
@@ -204,5 +189,5 @@ def test_a_record_that_cannot_be_written_stops_the_recording() -> None:
     worker = RecordingWorker(
         FullDisk(), now_ns=lambda: 0, rewrite=print, data_dir=Path(), claim_folder=lambda: None, faults=faults
     )
-    worker.handle(CalibrationChange(lambda: None))
+    worker.handle(CalibrationChange(None))
     assert (list(faults.standing), worker.samples_lost) == (["recording"], 40)

@@ -3,18 +3,19 @@
 import threading
 import time
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 
 from devices.block import DeviceInfo, SampleBlock
 from devices.clock import HostClock
 from gateway.calibration.record import CalibrationRecord
-from gateway.calibration.store import CalibrationStore
+from gateway.calibration.store import CalibrationStore, find_record_in_force
 from gateway.configuration.loading import validate
+from gateway.daemon import calibration_provider
 from gateway.daemon.configuration_service import ConfigurationService
 from gateway.daemon.faults import FaultRegister
 from gateway.daemon.line_writer import LineWriter
@@ -22,7 +23,9 @@ from gateway.daemon.parts import Parts, compose
 from gateway.daemon.processor import HEALTH_PERIOD_S
 from gateway.daemon.sampler import DeviceReopened
 from gateway.messages import Health
+from gateway.pki.issue import Holder
 from gateway.recording.chain import SegmentChain
+from tests.gateway.pki.site import Site
 from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until
 
@@ -52,8 +55,9 @@ class HangingDevice:
         return {}
 
 
-def composed(folder: Path, device: HangingDevice) -> Parts:
-    configuration = validate({"gateway": {"data_dir": str(folder)}, "page": {"enabled": False}}, "test")
+def composed(folder: Path, device: HangingDevice, bus: Mapping[str, Any] | None = None) -> Parts:
+    gateway, page = {"data_dir": str(folder)}, {"enabled": False}
+    configuration = validate({"gateway": gateway, "page": page, "bus": bus or {}}, "test")
     return compose(
         configuration,
         device=device,
@@ -69,7 +73,7 @@ def composed(folder: Path, device: HangingDevice) -> Parts:
 
 
 def test_a_device_whose_record_the_disk_does_not_give_is_uncalibrated_until_it_does(
-    tmp_path: Path, record: Callable[..., dict[str, Any]]
+    tmp_path: Path, record: Callable[..., dict[str, Any]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     other, device, gate = replace(INFO, device_id="part-8"), HangingDevice(), threading.Event()
     made = CalibrationRecord.model_validate(record(device_id="part-8", unit="g", correction_matrix=np.eye(3).tolist()))
@@ -81,17 +85,17 @@ def test_a_device_whose_record_the_disk_does_not_give_is_uncalibrated_until_it_d
     parts.outbox.start()
     parts.processor.start()
 
-    def hang(_is_wanted: Callable[[], bool]) -> None:
+    def hang(data_dir: Path, device_id: str) -> CalibrationRecord | None:
         gate.wait(PATIENCE_S)
+        return find_record_in_force(data_dir, device_id)
 
-    with suppress(TimeoutError):
-        parts.disk.perform(hang)
+    monkeypatch.setattr(calibration_provider, "find_record_in_force", hang)
     parts.sampler.blocks.put(DeviceReopened(other))
     wait_until(lambda: parts.processor.info == other, "the other device")
     assert present(parts.processor.correction).status == "uncalibrated"
     gate.set()
     wait_until(lambda: present(parts.processor.correction).calibration_id == made.id, "its record")
-    for worker in (parts.processor, parts.outbox, parts.disk):
+    for worker in (parts.processor, parts.outbox, parts.commands):
         worker.finish()
         worker.join(PATIENCE_S)
 
@@ -110,6 +114,35 @@ def test_health_keeps_its_order_when_the_processor_hangs_in_it_and_goes_on(tmp_p
     sent = [parts.publisher.inbox.get(0.0) for _ in range(len(parts.publisher.inbox))]
     numbers = [each.message.sequence for each in sent if each is not None and isinstance(each.message, Health)]
     assert numbers == list(range(len(numbers)))
-    for worker in (parts.outbox, parts.disk):
+    for worker in (parts.outbox, parts.commands):
+        worker.finish()
+        worker.join(PATIENCE_S)
+
+
+def test_health_states_the_days_of_a_certificate_that_the_processor_does_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, device, read = Site(tmp_path / "keys").issue("crane-1", Holder.GATEWAY, days=100), HangingDevice(), set()
+    read_bytes = Path.read_bytes
+
+    def note(path: Path) -> bytes:
+        if path.suffix == ".pem":
+            read.add(threading.current_thread().name)
+        return read_bytes(path)
+
+    monkeypatch.setattr(Path, "read_bytes", note)
+    device.gate.set()
+    files = {"ca": "ca.pem", "certificate": "certificate.pem", "key": "key.pem"}
+    parts = composed(tmp_path, device, {"tls": {key: str(folder / name) for key, name in files.items()}})
+    parts.outbox.start()
+    parts.processor.start()
+
+    def is_stated() -> bool:
+        sent = parts.publisher.inbox.get(0.0)
+        return sent is not None and isinstance(sent.message, Health) and sent.message.certificate_days_left in (99, 100)
+
+    wait_until(is_stated, "the days that are left")
+    assert read == {"commands"}
+    for worker in (parts.processor, parts.outbox, parts.commands):
         worker.finish()
         worker.join(PATIENCE_S)

@@ -8,6 +8,7 @@ import pytest
 import zenoh
 
 from devices.clock import HostClock
+from gateway.daemon.calibration_provider import CalibrationProvider
 from gateway.daemon.command_authorisation import refuse_all
 from gateway.daemon.recalibration_service import RecalibrationService
 from gateway.daemon.request_dispatcher import RequestDispatcher
@@ -37,7 +38,9 @@ def server(session: zenoh.Session, tmp_path: Path) -> RpcServer:
     server = RpcServer(
         KEY,
         RequestDispatcher(KEY, refuse_all("boot"), {}, SecurityLog(tmp_path / "security.jsonl"), lambda: 0),
-        RecalibrationService(recalibration, WallClockMonitor(HostClock())),
+        RecalibrationService(
+            recalibration, CalibrationProvider(tmp_path, AXES), WallClockMonitor(HostClock()), lambda _: True
+        ),
         prepare=lambda: None,
     )
     server.attach(session)

@@ -207,7 +207,7 @@ def test_every_word_gate_and_part_has_a_text() -> None:
         for path in DAEMON.glob("*.py")
         for name in re.findall(r'super\(\).__init__\((?:name=)?"([\w-]+)"', path.read_text())
     }
-    assert {"sampler", "recorder", "state-disk"} <= threads
+    assert {"sampler", "recorder", "commands"} <= threads
     threads -= {"compaction", "bus"}  # which the watchdog does not look at
     assert parts.isdisjoint(threads)  # it would clear the part's own fault
     parts |= threads

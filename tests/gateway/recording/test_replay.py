@@ -226,6 +226,20 @@ def recalibrated(crane: RecordedCrane) -> None:
     crane.close()
 
 
+def test_a_long_first_block_in_a_recalibration_is_replayed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A restart in a session: the sensor has kept samples, and what follows from the first of them comes before their block."""
+    crane = RecordedCrane(tmp_path)
+    collecting = replace(NO_SESSION, id="r-1", phase="collecting", method="six_position", by="ann", suspended=True)
+    crane.pipeline.set_session(collecting, SUSPENSION)
+    kept = [block for _ in range(3) if isinstance(block := crane.device.read(), SampleBlock)]
+    time_ns = np.concatenate([block.time_ns for block in kept])
+    crane.process(SampleBlock(time_ns=time_ns, raw=np.concatenate([block.raw for block in kept])))
+    crane.record(3)
+    crane.close()
+    code, result = replay(tmp_path, capsys)
+    assert (code, result["differing"]) == (0, {})
+
+
 def begin_pipeline(crane: RecordedCrane, correction: Correction) -> None:
     drift = crane.new_drift(correction)
     crane.pipeline = Pipeline(crane.configuration, crane.info, correction, crane.headers, drift, crane.incidents)
