@@ -83,7 +83,6 @@ def read_evidence(
         cut.add_parts(file)
     _finish(cut, timeline, window, course, list(files))
     newest = list(files.values())[-1]
-    configuration = newest.attachments.get(names.CONFIGURATION)
     attachments = {name: each for file in files.values() for name, each in file.attachments.items()}
     return IncidentEvidence(
         gateway=timeline.gateway,
@@ -95,7 +94,7 @@ def read_evidence(
             if wanted.may_contain(segment.from_ns, segment.to_ns)
         ),
         device=newest.metadata.get(names.DEVICE, {}),
-        configuration_toml=None if configuration is None else configuration.data.decode(errors="replace"),
+        configuration_toml=newest.configuration_toml,
         certificates={name: each.data for name, each in attachments.items() if CERTIFICATE_NAME.fullmatch(name)},
         remarks=(*timeline.remarks, *samples.remarks()),
     )

@@ -2,10 +2,10 @@
 
 from devices.recording import Recording
 from gateway.messages import Calibration
-from gateway.recording.run import RecordedRun
+from gateway.recording.samples import RecordedSamples
 
 
-def calibration_in_force(run: RecordedRun, recording: Recording) -> tuple[Calibration | None, tuple[str, ...]]:
+def calibration_in_force(run: RecordedSamples, recording: Recording) -> tuple[Calibration | None, tuple[str, ...]]:
     """Return the calibration in force at the first sample, and a remark if another one followed."""
     if not run.calibrations or recording.origin_ns is None:
         return None, ()

@@ -4,22 +4,22 @@ from collections.abc import Sequence
 
 from devices.errors import RecordingError
 from gateway.configuration.model import Configuration
-from gateway.recording.correction import parse_configuration
-from gateway.recording.run import RecordedRun
+from gateway.recording.correction import recorded_configuration
+from gateway.recording.samples import SampledFile
 
 
-def common_configuration(runs: Sequence[RecordedRun], *, same_rig: bool) -> Configuration | None:
+def common_configuration(files: Sequence[SampledFile], *, same_rig: bool) -> Configuration | None:
     """Return the configuration of the first file.
 
     Raises `RecordingError` where another file has other axes, or, with `same_rig`, another rope, housing or gravity.
     """
-    first, *others = (_configuration(run) for run in runs)
-    for run, other in zip(runs[1:], others, strict=True):
+    first, *others = (recorded_configuration(each.file) for each in files)
+    for file, other in zip(files[1:], others, strict=True):
         settings = _settings(other, same_rig=same_rig)
         for name, value in _settings(first, same_rig=same_rig).items():
             if settings.get(name) != value:
                 raise RecordingError(
-                    f"{run.path}: was recorded with another {name} than {runs[0].path}; measure them one by one"
+                    f"{file.path}: was recorded with another {name} than {files[0].path}; measure them one by one"
                 )
     return first
 
@@ -35,9 +35,3 @@ def _settings(configuration: Configuration | None, *, same_rig: bool) -> dict[st
         "gravity": configuration.site.local_gravity_m_s2,
     }
     return settings | rig if same_rig else settings
-
-
-def _configuration(run: RecordedRun) -> Configuration | None:
-    if run.configuration_toml is None:
-        return None
-    return parse_configuration(run.configuration_toml, str(run.path))

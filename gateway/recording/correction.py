@@ -1,9 +1,8 @@
-"""The correction that was in force in a recording: by its device, its axes and its calibration messages."""
+"""The configuration and the correction that were in force in a recording."""
 
 from dataclasses import replace
 
-from devices.axes_map import AxesMap
-from devices.block import DeviceInfo
+from devices.axes_map import SAME_AXES, AxesMap
 from devices.errors import RecordingError
 from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.store import parse_record
@@ -11,24 +10,35 @@ from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
 from gateway.file_input import parse_toml
 from gateway.messages import Calibration
+from gateway.recording.reader import RecordingFile
 
 
-def correction_of(message: Calibration | None, device: DeviceInfo, axes: AxesMap, place: str) -> Correction:
-    """Return the correction of a calibration message; `place` is that of its record, for errors.
+def recorded_correction(file: RecordingFile, message: Calibration | None, axes: AxesMap | None = None) -> Correction:
+    """Return the correction of a calibration message, by the device of a file and its axes; `axes` may take their place.
 
-    A factory record is in `device`. Raises `CalibrationError` for a damaged record.
+    A factory record is in the device. Raises `RecordingError` or `ConfigurationError` for what the file states, and
+    `CalibrationError` for a damaged record.
     """
+    device = file.device()
+    if axes is None:
+        configuration = recorded_configuration(file)
+        axes = SAME_AXES if configuration is None else configuration.device.axes
     if message is not None and message.status == "calibrated":
-        return correction_for(device, axes, parse_record(message.record, device.device_id, place))
+        return correction_for(device, axes, parse_record(message.record, device.device_id, str(file.path)))
     if message is not None and message.status == "uncalibrated":
         device = replace(device, factory_calibration=None)  # the gateway did not use the factory's either
     return correction_for(device, axes, None)
 
 
-def parse_configuration(toml: str, place: str) -> Configuration:
-    """Return the configuration of a recording. Raises `RecordingError`, and `ConfigurationError` where it is not valid."""
+def recorded_configuration(file: RecordingFile) -> Configuration | None:
+    """Return the configuration in a recording; None: it has none.
+
+    Raises `RecordingError`, and `ConfigurationError` where it is not valid.
+    """
+    if file.configuration_toml is None:
+        return None
     try:
-        table = parse_toml(toml)
+        table = parse_toml(file.configuration_toml)
     except ValueError as error:
-        raise RecordingError(f"{place}: its configuration is not TOML: {error}") from error
-    return validate(table, f"{place}: its configuration")
+        raise RecordingError(f"{file.path}: its configuration is not TOML: {error}") from error
+    return validate(table, f"{file.path}: its configuration")

@@ -10,9 +10,9 @@ from mcap.well_known import MessageEncoding, SchemaEncoding
 from gateway.recording.export import new_file
 from gateway.recording.mcap_writer import McapWriter
 from gateway.recording.reader import Selection
-from gateway.recording.sample_reader import NEEDED_TOPICS, SAMPLES, CalibratedBlock, CalibratedReader
+from gateway.recording.sample_reader import NEEDED_TOPICS, CalibratedBlock, CalibratedReader
 from gateway.recording.segment_summary import SUMMARY
-from gateway.recording.timeline import ReportProgress, Timeline, TimelineMessage, ignore_progress
+from gateway.recording.timeline import SAMPLES, ReportProgress, Timeline, TimelineMessage, ignore_progress
 
 TOPIC = "/acceleration_samples"
 SCHEMA_NAME = "plumbline.AccelerationSample"

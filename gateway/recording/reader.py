@@ -11,7 +11,7 @@ from pydantic import ValidationError
 
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
-from gateway.recording.header import DEVICE, device_from_metadata
+from gateway.recording.header import CONFIGURATION, DEVICE, device_from_metadata
 from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
 from gateway.topics import TOPICS, adapter
 
@@ -74,6 +74,14 @@ class RecordingFile:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
     attachments: dict[str, Attachment] = field(default_factory=dict)
     losses: SalvageReport = field(default_factory=SalvageReport)
+    _device: tuple[dict[str, str], DeviceInfo] | None = None
+    """The metadata of the device, and what they mean."""
+
+    @property
+    def configuration_toml(self) -> str | None:
+        """The configuration of the gateway, known when its first sample has been read; None: there is none."""
+        attachment = self.attachments.get(CONFIGURATION)
+        return None if attachment is None else attachment.data.decode(errors="replace")
 
     def messages(self, selection: Selection = EVERYTHING) -> Iterator[RecordedMessage]:
         """Yield every readable message of a selection in the order of writing. Raises `RecordingError`."""
@@ -112,10 +120,12 @@ class RecordingFile:
             raise RecordingError(
                 f"{self.path}: has samples but no metadata 'device', which describes them; record it with the gateway"
             )
-        try:
-            return device_from_metadata(metadata)
-        except ValueError as error:
-            raise RecordingError(f"{self.path}: {error}; it was written by another version") from error
+        if self._device is None or self._device[0] != metadata:
+            try:
+                self._device = metadata, device_from_metadata(metadata)
+            except ValueError as error:
+                raise RecordingError(f"{self.path}: {error}; it was written by another version") from error
+        return self._device[1]
 
     def _message(self, record: Message, selection: Selection) -> Iterator[RecordedMessage]:
         channel = self.channels.get(record.channel_id)

@@ -6,7 +6,7 @@ from typing import TypeVar
 from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
-from gateway.calibration.correction import Correction, correction_for
+from gateway.calibration.correction import correction_for
 from gateway.calibration.drift.rest_monitor import RestDriftMonitor
 from gateway.calibration.record import CalibrationRecord
 from gateway.configuration.model import Configuration
@@ -17,8 +17,7 @@ from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
 from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline
-from gateway.recording import header as names
-from gateway.recording.correction import correction_of, parse_configuration
+from gateway.recording.correction import recorded_configuration, recorded_correction
 from gateway.recording.reader import Selection
 from gateway.recording.replay_steps import ReplayStep, StepMessage
 from gateway.recording.timeline import Timeline
@@ -60,7 +59,10 @@ class ReplayPipeline:
     def _begin_run(self, step: ReplayStep) -> None:
         self._boot_id = step.segment.boot_id
         self._device = step.file.device()
-        self._configuration = self._own_configuration or _recorded_configuration(step)
+        configuration = self._own_configuration or recorded_configuration(step.file)
+        if configuration is None:
+            raise RecordingError(f"{step.segment.path}: has no configuration; give one with --config")
+        self._configuration = configuration
         self._headers = HeaderMaker()
         self._incidents = IncidentRegister(self._boot_id, self._last_number(step))
         self._drift = DriftMonitor(None)
@@ -73,16 +75,14 @@ class ReplayPipeline:
         """Make the pipeline of a calibration."""
         self._calibration = calibration
         device = step.file.device()
-        correction = self._correction(calibration, device, step)
+        axes = self._configuration.device.axes
+        if self._own_record is not None:
+            correction = correction_for(device, axes, self._own_record)
+        else:
+            correction = recorded_correction(step.file, calibration, axes)
         if self._drift.calibration_id != correction.calibration_id or correction.record is None:
             self._drift = DriftMonitor(None if correction.record is None else RestDriftMonitor(correction))
         self._pipeline = Pipeline(self._configuration, device, correction, self._headers, self._drift, self._incidents)
-
-    def _correction(self, calibration: messages.Calibration | None, device: DeviceInfo, step: ReplayStep) -> Correction:
-        axes = self._configuration.device.axes
-        if self._own_record is not None:
-            return correction_for(device, axes, self._own_record)
-        return correction_of(calibration, device, axes, str(step.segment.path))
 
     def _last_number(self, step: ReplayStep) -> int | None:
         """Return the number of the last change before the run; None where the recording was made before changes had one."""
@@ -155,10 +155,3 @@ class ReplayPipeline:
 
 def _calibration_state(calibration: messages.Calibration) -> PipelineCalibration:
     return PipelineCalibration(calibration.calibration_id, calibration.status, calibration.session.suspended)
-
-
-def _recorded_configuration(step: ReplayStep) -> Configuration:
-    attachment = step.file.attachments.get(names.CONFIGURATION)
-    if attachment is None:
-        raise RecordingError(f"{step.segment.path}: has no configuration; give one with --config")
-    return parse_configuration(attachment.data.decode(errors="replace"), str(step.segment.path))

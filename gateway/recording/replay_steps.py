@@ -5,10 +5,16 @@ from dataclasses import dataclass, field
 
 from devices.block import SampleBlock
 from gateway import messages
-from gateway.packing import unpack
 from gateway.pipeline.clock_state import ClockState
 from gateway.recording.reader import EVERYTHING, RecordedMessage, RecordingFile, Selection
-from gateway.recording.timeline import ReportProgress, Timeline, TimelineMessage, TimelineSegment, ignore_progress
+from gateway.recording.timeline import (
+    SAMPLES,
+    ReportProgress,
+    Timeline,
+    TimelineMessage,
+    TimelineSegment,
+    ignore_progress,
+)
 from gateway.topics import TOPICS
 
 RECOMPUTED = ("samples", "acceleration", "tilt", "motion", "swing", "condition", "alert", "calibration")
@@ -71,7 +77,7 @@ def read_steps(
     step: ReplayStep | None = None
     for message in timeline.messages(wanted, report):
         following = None
-        if message.recorded.topic == "/samples":
+        if message.recorded.topic == SAMPLES:
             following = _begin_step(message)
         elif step is None or step.segment.boot_id != message.segment.boot_id:
             following = ReplayStep(message.segment, message.file, None, -1, ClockState("free_running", 0))
@@ -89,12 +95,10 @@ def read_steps(
 
 def _begin_step(message: TimelineMessage) -> ReplayStep | None:
     """Return the step of a block; None where it cannot be read, which is counted."""
-    samples = message.decode()
-    try:
-        block = unpack(samples)
-    except (AttributeError, ValueError):  # None, or columns that do not match
-        message.file.losses.unreadable_messages += 1
+    read = message.samples()
+    if read is None:
         return None
+    samples, block = read
     clock = ClockState(samples.clock, samples.time_ns - int(block.time_ns[-1]))
     return ReplayStep(message.segment, message.file, block, samples.sequence, clock)
 

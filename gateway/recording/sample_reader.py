@@ -6,18 +6,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.axes_map import SAME_AXES
 from devices.block import SampleBlock
 from gateway import messages
 from gateway.calibration.correction import Correction
-from gateway.packing import unpack
 from gateway.pipeline.temperature_filter import TemperatureFilter
-from gateway.recording import header as names
-from gateway.recording.correction import correction_of, parse_configuration
+from gateway.recording.correction import recorded_correction
 from gateway.recording.mcap_salvage import SalvageReport, describe_losses, sum_losses
 from gateway.recording.reader import RecordingFile, Selection
 from gateway.recording.timeline import (
+    CALIBRATION,
     LONGEST_BLOCK_NS,
+    SAMPLES,
     ReportProgress,
     Timeline,
     TimelineMessage,
@@ -25,7 +24,6 @@ from gateway.recording.timeline import (
     ignore_progress,
 )
 
-CALIBRATION, SAMPLES = "/calibration", "/samples"
 NEEDED_TOPICS = frozenset({CALIBRATION, SAMPLES})
 
 
@@ -76,11 +74,11 @@ class CalibratedReader:
             self.losses.append(message.file.losses)
             if self._message is None:
                 self._message = self._calibration_at_begin()
+        if message.recorded.topic == SAMPLES:
+            return self._calibrate(message)
         content = message.decode()
         if isinstance(content, messages.Calibration):
             self._set_calibration(content)
-        elif isinstance(content, messages.Samples):
-            return self._calibrate(message.segment, message.file, content)
         return None
 
     def _calibration_at_begin(self) -> messages.Calibration | None:
@@ -107,15 +105,12 @@ class CalibratedReader:
         if before is None or (before.calibration_id, before.status) != (message.calibration_id, message.status):
             self._correction = None
 
-    def _calibrate(
-        self, segment: TimelineSegment, file: RecordingFile, samples: messages.Samples
-    ) -> CalibratedBlock | None:
-        try:
-            block = unpack(samples)
-        except ValueError:
-            file.losses.unreadable_messages += 1
+    def _calibrate(self, message: TimelineMessage) -> CalibratedBlock | None:
+        read = message.samples()
+        if read is None:
             return None
-        correction = self._correction_of(segment, file)
+        samples, block = read
+        correction = self._correction_of(message.file)
         end_ns = int(block.time_ns[-1])
         temperature_c = self._thermometer.update(end_ns, block.temperature_c)
         ascending = block.time_ns > np.maximum.accumulate(np.concatenate([[self._newest_ns], block.time_ns[:-1]]))
@@ -127,7 +122,7 @@ class CalibratedReader:
             block = block.select(kept)
         self._newest_ns = int(block.time_ns[-1])
         force_g = correction.apply(block.raw, temperature_c)
-        return CalibratedBlock(segment, block, force_g, correction, samples.time_ns - end_ns)
+        return CalibratedBlock(message.segment, block, force_g, correction, samples.time_ns - end_ns)
 
     def _is_selected(self, time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
         selected = np.ones(len(time_ns), dtype=np.bool_)
@@ -137,14 +132,9 @@ class CalibratedReader:
             selected &= time_ns < self._selection.end_ns
         return selected
 
-    def _correction_of(self, segment: TimelineSegment, file: RecordingFile) -> Correction:
+    def _correction_of(self, file: RecordingFile) -> Correction:
         if self._correction is None:
-            attachment = file.attachments.get(names.CONFIGURATION)
-            axes = SAME_AXES
-            if attachment is not None:
-                configuration = parse_configuration(attachment.data.decode(errors="replace"), str(segment.path))
-                axes = configuration.device.axes
-            self._correction = correction_of(self._message, file.device(), axes, str(segment.path))
+            self._correction = recorded_correction(file, self._message)
             if self._correction.text not in self.corrections[-1:]:
                 self.corrections.append(self._correction.text)
                 self._thermometer = TemperatureFilter()  # as in the gateway, where a new record begins anew

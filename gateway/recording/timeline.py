@@ -10,7 +10,10 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
+from devices.block import SampleBlock
 from devices.errors import RecordingError
+from gateway.messages import Samples
+from gateway.packing import unpack
 from gateway.recording.header import ORIGIN
 from gateway.recording.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
 from gateway.recording.mcap_salvage import SalvageReport
@@ -22,6 +25,7 @@ from gateway.recording.segment_summary import SegmentSummary
 from gateway.recording.summary_builder import UNUSED_TOPICS, SummaryBuilder
 from gateway.topics import TOPICS
 
+SAMPLES, CALIBRATION, CLOCK = "/samples", "/calibration", "/clock"
 GATEWAY_KEYS = ("site", "crane", "sensor")
 REPEATED_PATHS = frozenset(TOPICS[name].path for name in REPEATED_TOPICS)
 SUMMARISED_TOPICS = frozenset(topic.path for topic in TOPICS.values() if topic.name not in UNUSED_TOPICS)
@@ -83,6 +87,17 @@ class TimelineMessage:
         """Return the content of a message of the gateway; None for others, and for unreadable ones, which are counted."""
         return self.file.decode(self.recorded)
 
+    def samples(self) -> tuple[Samples, SampleBlock] | None:
+        """Return the content of a message of samples, and its block; None where it cannot be read, which is counted."""
+        content = self.decode()
+        if not isinstance(content, Samples):
+            return None
+        try:
+            return content, unpack(content)
+        except ValueError:  # columns that do not match
+            self.file.losses.unreadable_messages += 1
+            return None
+
 
 @dataclass(frozen=True, slots=True)
 class TimelineSpan:
@@ -140,13 +155,13 @@ class Timeline:
         total = sum(segment.index.size_bytes for segment in chosen)
         done = 0
         for segment in chosen:
-            file = open_recording(segment.path)
+            file, before = open_recording(segment.path), dict(seen)
             for number, recorded in enumerate(file.messages(selection)):
                 if recorded.topic in REPEATED_PATHS:
                     key = segment.boot_id, recorded.topic
-                    if recorded.sequence <= seen.get(key, -1):
+                    if recorded.sequence <= before.get(key, -1):
                         continue
-                    seen[key] = recorded.sequence
+                    seen[key] = max(recorded.sequence, seen.get(key, -1))
                 if number % MESSAGES_PER_REPORT == 0:
                     report((done + segment.index.size_bytes * _share(segment, recorded.log_time_ns)) / total)
                 yield TimelineMessage(segment, file, recorded)

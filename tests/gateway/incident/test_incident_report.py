@@ -20,7 +20,7 @@ from gateway.packing import unpack
 from gateway.recording.catalogue import open_timeline
 from gateway.recording.interval import parse_recording_time
 from gateway.recording.reader import open_recording
-from gateway.recording.run import read_samples
+from gateway.recording.samples import read_samples
 from gateway.recording.signing_key import fingerprint, read_public_key
 from gateway.recording.timestamp import iso_utc
 from tests.gateway.incident.conftest import MakeReport
@@ -100,9 +100,9 @@ def test_the_recording_that_was_cut_out_has_every_message_of_its_time(
         times = sorted(time for name, time in found if name == f"/{topic}")
         assert times == sorted(each.log_time_ns for each in sent if each.topic == topic), topic
     blocks = [unpack(each.message) for each in sent if isinstance(each.message, Samples)]
-    run = read_samples(path)
+    run = read_samples([path])
     assert np.array_equal(np.concatenate([block.raw for block in blocks]), run.samples.raw)
-    assert run.configuration_toml is not None
+    assert run.files[0].file.configuration_toml is not None
     assert isinstance(run.calibrations[0].message, Calibration)
 
 

@@ -17,7 +17,7 @@ from gateway.recording.compaction import compact
 from gateway.recording.events import EventIndex
 from gateway.recording.header import RecordingHeader
 from gateway.recording.markers import is_trimmed
-from gateway.recording.run import read_samples
+from gateway.recording.samples import read_samples
 from gateway.recording.signing_key import load_or_create_key
 from gateway.recording.trimming import trim
 from gateway.recording.verification import verify_file
@@ -61,9 +61,9 @@ def test_the_time_around_an_event_is_kept_to_the_sample(
     recorded: tuple[list[Path], SegmentChain], start_ns: int
 ) -> None:
     (_, path, _), chain = recorded
-    before = read_samples(path)
+    before = read_samples([path])
     trim(path, chain)
-    after = read_samples(path)
+    after = read_samples([path])
     kept, before_ns = set(after.samples.time_ns.tolist()), before.samples.time_ns
     around = before_ns[before_ns <= start_ns + (EVENT_S + POST_S) * SECOND_NS]
     assert set(around.tolist()) <= kept < set(before_ns.tolist())
