@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from gateway.errors import InputError
-from gateway.incident.cut import CutWriter
 from gateway.incident.evidence import file_sha256, read_evidence
 from gateway.incident.facts import incident_facts
 from gateway.incident.facts_json import facts_json
@@ -56,7 +55,7 @@ def write_report(
     try:
         with _new_folder(folder) as partial:
             with (partial / CUT).open("wb") as stream:
-                evidence = read_evidence(timeline, window, CutWriter(stream), report)
+                evidence = read_evidence(timeline, window, stream, report)
             verification = verify([source.path for source in evidence.sources])
             facts = incident_facts(evidence.course, window.incident)
             page = render_page(

@@ -48,7 +48,7 @@ def compact(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
             copier = RecordCopier(writer, losses)
             before = ContentDigest()
             with open_mcap(path) as source:
-                copier.copy(before.observe(read_records(source, losses)))
+                copier.copy(before.observe(read_records(source, losses)), with_summary=True)
             if losses.damaged_records or losses.unreadable_messages or losses.altered or not copier.messages:
                 raise CompactionError(
                     f"{path}: is damaged or empty, and stays as it is; `plumbline record recover` reads it"

@@ -7,12 +7,13 @@ from pathlib import Path
 
 from mcap.well_known import MessageEncoding, SchemaEncoding
 
+from gateway.recording.copying import RecordCopier
 from gateway.recording.export import new_file
 from gateway.recording.mcap_writer import McapWriter
 from gateway.recording.reader import Selection
 from gateway.recording.sample_reader import NEEDED_TOPICS, CalibratedBlock, CalibratedReader
 from gateway.recording.segment_summary import SUMMARY
-from gateway.recording.timeline import SAMPLES, ReportProgress, Timeline, TimelineMessage, ignore_progress
+from gateway.recording.timeline import SAMPLES, ReportProgress, Timeline, ignore_progress
 
 TOPIC = "/acceleration_samples"
 SCHEMA_NAME = "plumbline.AccelerationSample"
@@ -49,18 +50,22 @@ def write_mcap(
         writer = McapWriter(file)
         writer.start(profile="", library=description["software"])
         writer.add_metadata(EXPORTED, description)
-        copier = _Copier(writer)
+        copier = RecordCopier(writer)
+        attached = {SUMMARY}  # which is of a whole segment
         schema_id = writer.register_schema(SCHEMA_NAME, SchemaEncoding.JSONSchema, json.dumps(SCHEMA).encode())
         channel_id = writer.register_channel(TOPIC, MessageEncoding.JSON, schema_id)
         for message in timeline.messages(replace(reader.wanted, topics=None), report):
-            copier.copy_attachments(message)
+            for attachment in message.file.attachments.values():
+                if attachment.name not in attached:
+                    attached.add(attachment.name)
+                    copier.add_attachment(attachment)
             block = reader.add(message) if message.recorded.topic in NEEDED_TOPICS else None
             if block is not None:
                 _write_samples(writer, channel_id, block, count)
                 count += len(block.block)
             recorded = message.recorded
             if recorded.topic != SAMPLES and selection.contains(recorded.topic, recorded.log_time_ns):
-                copier.copy(message)
+                copier.add_message(recorded, message.file.schemas.get(recorded.channel.schema_id))
         writer.finish()
     return count
 
@@ -75,49 +80,3 @@ def _write_samples(writer: McapWriter, channel_id: int, block: CalibratedBlock, 
         payload = f'{{"ax_g":{x_g:.9g},"ay_g":{y_g:.9g},"az_g":{z_g:.9g},"norm_g":{norm_g:.9g}{end}'
         number_in_file = (sequence + number) & 0xFFFF_FFFF
         writer.add_message(channel_id, number_in_file, time_ns, time_ns + block.wall_offset_ns, payload.encode())
-
-
-class _Copier:
-    """Copies messages and attachments, each schema, channel and attachment once."""
-
-    def __init__(self, writer: McapWriter) -> None:
-        self._writer = writer
-        self._schemas: dict[tuple[str, bytes], int] = {}
-        self._channels: dict[tuple[str, int], int] = {}
-        self._attached: set[str] = {SUMMARY}  # which is of a whole segment
-
-    def copy(self, message: TimelineMessage) -> None:
-        recorded = message.recorded
-        self._writer.add_message(
-            self._channel(message),
-            recorded.sequence,
-            recorded.log_time_ns,
-            recorded.publish_time_ns,
-            recorded.data,
-        )
-
-    def copy_attachments(self, message: TimelineMessage) -> None:
-        for attachment in message.file.attachments.values():
-            if attachment.name not in self._attached:
-                self._attached.add(attachment.name)
-                self._writer.add_attachment(
-                    create_time=attachment.create_time,
-                    log_time=attachment.log_time,
-                    name=attachment.name,
-                    media_type=attachment.media_type,
-                    data=attachment.data,
-                )
-
-    def _channel(self, message: TimelineMessage) -> int:
-        channel = message.recorded.channel
-        schema = message.file.schemas.get(channel.schema_id)
-        schema_id = 0
-        if schema is not None:
-            key = schema.name, schema.data
-            if key not in self._schemas:
-                self._schemas[key] = self._writer.register_schema(schema.name, schema.encoding, schema.data)
-            schema_id = self._schemas[key]
-        place = channel.topic, schema_id
-        if place not in self._channels:
-            self._channels[place] = self._writer.register_channel(channel.topic, channel.message_encoding, schema_id)
-        return self._channels[place]

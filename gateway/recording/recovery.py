@@ -5,15 +5,12 @@ import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from mcap.records import Attachment
-
 from devices.errors import RecordingError
 from gateway.atomic_io import replace_file
 from gateway.recording.copying import RecordCopier
 from gateway.recording.header import RECOVERED
 from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
 from gateway.recording.mcap_writer import DENSE, McapWriter
-from gateway.recording.segment_summary import SUMMARY
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +48,7 @@ def recover(path: Path | str, out: Path | str) -> RecoveryResult:
 def _copy(path: Path, writer: McapWriter, losses: SalvageReport) -> int:
     copier = RecordCopier(writer, losses)
     with open_mcap(path) as source:
-        records = read_records(source, losses)
-        copier.copy(record for record in records if not (isinstance(record, Attachment) and record.name == SUMMARY))
+        copier.copy(read_records(source, losses))
     if not copier.messages:
         raise RecordingError(f"{path}: contains no readable message; there is nothing to recover")
     lost = {name: json.dumps(value) for name, value in asdict(losses).items()}

@@ -2,11 +2,8 @@
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
-
-from mcap.records import Attachment, Channel, McapRecord, Message
 
 from gateway.atomic_io import replace_file
 from gateway.recording.chain import SegmentChain
@@ -14,11 +11,10 @@ from gateway.recording.compaction import CompactionError, HashingFile
 from gateway.recording.copying import RecordCopier
 from gateway.recording.deletions import DELETIONS
 from gateway.recording.header import TRIMMED
-from gateway.recording.markers import Stretch, note_trimmed, read_stretches
+from gateway.recording.markers import note_trimmed, read_stretches
 from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
 from gateway.recording.mcap_writer import DENSE, McapWriter
 from gateway.recording.segment_index import read_index
-from gateway.recording.segment_summary import SUMMARY
 from gateway.recording.statements import SIGNATURE
 
 ALWAYS_KEPT = frozenset({"/calibration", "/clock", "/mark"})
@@ -30,15 +26,19 @@ def trim(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
     """Keep of a closed segment what is around its events. Raises `RecordingError` and `OSError`; the segment then stays."""
     stretches = read_stretches(path)
     size_bytes = path.stat().st_size
+
+    def keep_around(topic: str, time_ns: int) -> bool:
+        return topic in ALWAYS_KEPT or any(each.from_ns <= time_ns <= each.to_ns + BLOCK_NS for each in stretches)
+
     losses = SalvageReport()
     signature: dict[str, str] = {}
     statement = read_index(path).metadata.get(SIGNATURE, {}).get("statement")
     with replace_file(path) as descriptor, os.fdopen(descriptor, "wb", closefd=False) as file:
         sink = HashingFile(file)
         writer = McapWriter(sink, DENSE)
-        copier = RecordCopier(writer, losses)
+        copier = RecordCopier(writer, losses, keep_around)
         with open_mcap(path) as source:
-            copier.copy(_select(read_records(source, losses), stretches))
+            copier.copy(read_records(source, losses))
         if losses != SalvageReport(closed=True) or not copier.messages:
             raise CompactionError(f"{path}: is incomplete or damaged, and is not trimmed")
         kept = json.dumps([asdict(stretch) for stretch in stretches])
@@ -55,21 +55,3 @@ def trim(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
         chain.commit(json.loads(signature["statement"])["segment"], signature)
     note_trimmed(path)
     return losses
-
-
-def _select(records: Iterable[McapRecord], stretches: Sequence[Stretch]) -> Iterator[McapRecord]:
-    """Yield the records of the stretches, and those without which a segment is not complete in itself."""
-    topics: dict[int, str] = {}
-    for record in records:
-        match record:
-            case Message():
-                around = any(each.from_ns <= record.log_time <= each.to_ns + BLOCK_NS for each in stretches)
-                if around or topics.get(record.channel_id) in ALWAYS_KEPT:
-                    yield record
-            case Attachment() if record.name == SUMMARY:  # it is of the whole segment
-                continue
-            case Channel():
-                topics[record.id] = record.topic
-                yield record
-            case _:
-                yield record

@@ -11,15 +11,16 @@ from mcap.reader import make_reader
 
 from gateway.cli.main import main
 from gateway.errors import InputError
-from gateway.incident.cut import CutWriter
 from gateway.incident.folder import write_report
 from gateway.incident.selection import IncidentChoice, choose_window, read_incidents
 from gateway.incident.verdict import judge_recordings
 from gateway.messages import Calibration, Motion, Samples
 from gateway.packing import unpack
 from gateway.recording.catalogue import open_timeline
+from gateway.recording.copying import RecordCopier
 from gateway.recording.interval import parse_recording_time
-from gateway.recording.reader import open_recording
+from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
+from gateway.recording.mcap_writer import McapWriter
 from gateway.recording.samples import read_samples
 from gateway.recording.signing_key import fingerprint, read_public_key
 from gateway.recording.timestamp import iso_utc
@@ -176,14 +177,11 @@ def test_a_recording_of_samples_alone_is_reported_without_an_angle(
 ) -> None:
     source, path = recorded.files[0], tmp_path / "samples.mcap"
     kept = {"/samples", "/clock", "/calibration"}
-    with path.open("wb") as target:
-        file = open_recording(source)
-        writer = CutWriter(target)
-        for message in file.messages():
-            if message.topic in kept:
-                writer.add(file, message)
-        writer.add_parts(file)
-        writer.finish({})
+    losses = SalvageReport()
+    with path.open("wb") as target, open_mcap(source) as file:
+        writer = McapWriter(target)
+        RecordCopier(writer, losses, lambda topic, _: topic in kept).copy(read_records(file, losses))
+        writer.finish()
     report = make_report([path], IncidentChoice(around=parse_recording_time("5")))
     assert "The angle was not known at any time of it." in report.sentences
     assert report.content["specific_force_g"] is not None
