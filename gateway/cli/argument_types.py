@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
-    from gateway.recording.interval import RecordingTime
+    from gateway.recording.reading.interval import RecordingTime
 
 Value = TypeVar("Value")
 
@@ -50,7 +50,7 @@ def day_count(text: str) -> int:
 
 def recording_time(text: str) -> "RecordingTime":
     """Parse a time of a recording: seconds from its start, or UTC."""
-    from gateway.recording.interval import parse_recording_time
+    from gateway.recording.reading.interval import parse_recording_time
 
     try:
         return parse_recording_time(text)
@@ -62,7 +62,7 @@ def recording_time(text: str) -> "RecordingTime":
 
 def duration_s(text: str) -> float:
     """Parse a duration in seconds, minutes or hours."""
-    from gateway.recording.interval import parse_duration
+    from gateway.recording.reading.interval import parse_duration
 
     try:
         return parse_duration(text)

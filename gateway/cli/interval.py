@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from gateway.cli.argument_types import duration_s, recording_time
 
 if TYPE_CHECKING:
-    from gateway.recording.interval import RecordingInterval, RecordingTime
+    from gateway.recording.reading.interval import RecordingInterval, RecordingTime
 
 
 def add_interval(command: argparse.ArgumentParser) -> None:
@@ -43,7 +43,7 @@ def add_local(command: argparse.ArgumentParser) -> None:
 
 def interval(arguments: argparse.Namespace) -> "RecordingInterval":
     """Return the interval of the options; without them the whole recording."""
-    from gateway.recording.interval import RecordingInterval
+    from gateway.recording.reading.interval import RecordingInterval
 
     is_local = getattr(arguments, "local", False)
     begin, end = (in_zone(time, is_local) for time in (arguments.from_time, arguments.to_time))
@@ -52,6 +52,6 @@ def interval(arguments: argparse.Namespace) -> "RecordingInterval":
 
 def in_zone(time: "RecordingTime | None", is_local: bool) -> "RecordingTime | None":
     """Return a time of the options, read in this computer's time zone with `--local`."""
-    from gateway.recording.interval import parse_recording_time
+    from gateway.recording.reading.interval import parse_recording_time
 
     return None if time is None else parse_recording_time(time.text, is_local=is_local)

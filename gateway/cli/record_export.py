@@ -9,8 +9,8 @@ from gateway.cli.interval import interval
 from gateway.cli.record_options import add_selection
 
 if TYPE_CHECKING:
-    from gateway.recording.reader import Selection
-    from gateway.recording.timeline import ReportProgress, Timeline
+    from gateway.recording.reading.recording_file import Selection
+    from gateway.recording.reading.timeline import ReportProgress, Timeline
 
 EXAMPLE = """examples:
   plumbline record export plumbline-data --csv samples.csv --last 10:00
@@ -56,7 +56,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Export the recordings; return 3 where something of them could not be read."""
     from gateway.cli.progress import ProgressBar
     from gateway.errors import InputError
-    from gateway.recording.catalogue import open_timeline
+    from gateway.recording.reading.catalogue import open_timeline
 
     target = next(path for path in (arguments.csv, arguments.parquet, arguments.mcap) if path is not None)
     if arguments.parquet is not None:
@@ -81,10 +81,10 @@ def _write(
     """Write the file; return the number of rows, remarks on the content, and whether something could not be read."""
     from gateway import __version__
     from gateway.errors import InputError
-    from gateway.recording.export import write_csv, write_parquet
-    from gateway.recording.export_mcap import write_mcap
-    from gateway.recording.sample_reader import CalibratedReader
-    from gateway.recording.tables import samples_table, topic_table
+    from gateway.recording.export.mcap_export import write_mcap
+    from gateway.recording.export.table_files import write_csv, write_parquet
+    from gateway.recording.export.tables import samples_table, topic_table
+    from gateway.recording.reading.sample_calibration import CalibratedReader
     from gateway.topics import TOPICS
 
     description = {"from": timeline.name, "gateway": timeline.gateway, "software": f"plumbline {__version__}"}

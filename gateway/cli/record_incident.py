@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from gateway.incident.alert_incidents import AlertIncident
     from gateway.incident.selection import IncidentChoice, IncidentWindow
-    from gateway.recording.timeline import Timeline
+    from gateway.recording.reading.timeline import Timeline
 
 MARGIN_S = 60.0
 
@@ -76,7 +76,7 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.cli.optional_dependencies import require_plots, require_twin
     from gateway.cli.progress import ProgressBar
     from gateway.incident.selection import choose_window, read_incidents
-    from gateway.recording.catalogue import open_timeline
+    from gateway.recording.reading.catalogue import open_timeline
 
     choice = _choice(arguments)
     timeline = open_timeline(arguments.paths)
@@ -95,7 +95,7 @@ def _choice(arguments: argparse.Namespace) -> "IncidentChoice":
     from gateway.cli.interval import in_zone
     from gateway.errors import InputError
     from gateway.incident.selection import IncidentChoice
-    from gateway.recording.interval import RecordingInterval
+    from gateway.recording.reading.interval import RecordingInterval
 
     given = (arguments.around, arguments.from_time, arguments.to_time)
     around, begin, end = (in_zone(time, arguments.local) for time in given)
@@ -109,7 +109,7 @@ def _choice(arguments: argparse.Namespace) -> "IncidentChoice":
 def _list(arguments: argparse.Namespace, timeline: "Timeline", incidents: "Sequence[AlertIncident]") -> int:
     """Print the incidents with their numbers."""
     from gateway.cli.output import show
-    from gateway.recording.timestamp import iso_utc
+    from gateway.recording.reading.interval import iso_utc
 
     offset_ns = timeline.span().wall_offset_ns
     rows = [
@@ -139,7 +139,7 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     from gateway.cli.progress import ProgressBar
     from gateway.incident.folder import PAGE, write_report
     from gateway.incident.verdict import judge_recordings
-    from gateway.recording.signing_key import read_public_key
+    from gateway.recording.chain.signing_key import read_public_key
 
     key = None if arguments.key is None else read_public_key(arguments.key)
     made = datetime.now(tz=UTC)

@@ -32,10 +32,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Print the content of the recordings."""
     from gateway.cli.output import show
     from gateway.cli.progress import ProgressBar
-    from gateway.recording.catalogue import open_timelines
-    from gateway.recording.info import summarise_timeline
-    from gateway.recording.info_text import info_text
-    from gateway.recording.mcap_salvage import is_damaged
+    from gateway.recording.format.salvage import is_damaged
+    from gateway.recording.info.info_text import info_text
+    from gateway.recording.info.recording_info import summarise_timeline
+    from gateway.recording.reading.catalogue import open_timelines
 
     chosen = interval(arguments)
     found = []

@@ -40,8 +40,8 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.bus.client import CONNECT_MS
     from gateway.bus.session import open_session
     from gateway.cli.progress import ProgressBar
-    from gateway.recording.catalogue import open_timeline
-    from gateway.recording.playback import Playback, playback_key
+    from gateway.recording.export.playback import Playback, playback_key
+    from gateway.recording.reading.catalogue import open_timeline
 
     timeline = open_timeline(arguments.paths)
     selection, key = timeline.select(interval(arguments)), playback_key(timeline)

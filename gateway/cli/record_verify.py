@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 from gateway.cli.record_options import add_json, add_paths
 
 if TYPE_CHECKING:
-    from gateway.recording.chain_verification import ChainVerification
-    from gateway.recording.verification import FileVerification
+    from gateway.recording.chain.chain_verification import ChainVerification
+    from gateway.recording.chain.file_verification import FileVerification
 
 DIFFERS = 1
 
@@ -36,10 +36,10 @@ def run(arguments: argparse.Namespace) -> int:
     """Verify recordings; return 1 where something differs."""
     from gateway.cli.output import show
     from gateway.cli.progress import ProgressBar
-    from gateway.recording.catalogue import list_recordings
-    from gateway.recording.chain_verification import verify_chain
-    from gateway.recording.signing_key import read_public_key
-    from gateway.recording.verification import verify_file
+    from gateway.recording.chain.chain_verification import verify_chain
+    from gateway.recording.chain.file_verification import verify_file
+    from gateway.recording.chain.signing_key import read_public_key
+    from gateway.recording.reading.catalogue import list_recordings
 
     key = None if arguments.key is None else read_public_key(arguments.key)
     paths = list_recordings(arguments.paths)
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _text(chain: "ChainVerification", key: str | None) -> str:
-    from gateway.recording.signing_key import fingerprint
+    from gateway.recording.chain.signing_key import fingerprint
 
     lines = [line for file in chain.files for line in _file_lines(file)]
     if chain.segments:
@@ -70,7 +70,7 @@ def _text(chain: "ChainVerification", key: str | None) -> str:
 
 
 def _file_lines(file: "FileVerification") -> list[str]:
-    from gateway.recording.timestamp import iso_utc
+    from gateway.recording.reading.interval import iso_utc
 
     statement = file.statement
     number = "no segment" if file.segment is None else f"segment {file.segment}"

@@ -10,7 +10,7 @@ from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.store import CalibrationStore, find_record_in_force
 from gateway.disk_job import PerformJob, perform_now
-from gateway.recording.calibration_files import CalibrationFiles, calibration_files
+from gateway.recording.segments.calibration_files import CalibrationFiles, calibration_files
 
 log = logging.getLogger("plumbline.calibration")
 MOST_EARLIER = 32

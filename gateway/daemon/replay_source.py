@@ -12,9 +12,9 @@ from devices.recording import Recording
 from devices.replay import Replay, table_info
 from devices.table import read_table
 from gateway.configuration.device_sections import ReplayDevice
-from gateway.recording.catalogue import open_timeline
-from gateway.recording.samples import SampleReader
-from gateway.recording.timeline import Timeline
+from gateway.recording.reading.catalogue import open_timeline
+from gateway.recording.reading.samples import SampleReader
+from gateway.recording.reading.timeline import Timeline
 
 log = logging.getLogger("plumbline.device")
 

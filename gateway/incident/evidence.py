@@ -12,15 +12,21 @@ from gateway import __version__
 from gateway.incident.course import Course
 from gateway.incident.course_builder import TOPICS, CourseBuilder
 from gateway.incident.selection import IncidentWindow
-from gateway.recording import header as names
-from gateway.recording.copying import STATED, RecordCopier
-from gateway.recording.mcap_salvage import describe_losses
-from gateway.recording.mcap_writer import DENSE, McapWriter
-from gateway.recording.reader import RecordingFile, Selection
-from gateway.recording.sample_reader import NEEDED_TOPICS, CalibratedReader
-from gateway.recording.segment_summary import SUMMARY
-from gateway.recording.timeline import REPEATED_PATHS, ReportProgress, Timeline, TimelineSegment, ignore_progress
-from gateway.recording.timestamp import iso_utc
+from gateway.recording.format import header as names
+from gateway.recording.format.mcap_writer import DENSE, McapWriter
+from gateway.recording.format.salvage import describe_losses
+from gateway.recording.reading.interval import iso_utc
+from gateway.recording.reading.recording_file import RecordingFile, Selection
+from gateway.recording.reading.sample_calibration import NEEDED_TOPICS, CalibratedReader
+from gateway.recording.reading.timeline import (
+    REPEATED_PATHS,
+    ReportProgress,
+    Timeline,
+    TimelineSegment,
+    ignore_progress,
+)
+from gateway.recording.segments.copying import STATED, RecordCopier
+from gateway.recording.summary.segment_summary import SUMMARY
 
 CERTIFICATE_NAME = re.compile(names.CERTIFICATE.format(id=r"[A-Za-z0-9._-]+"))
 """Names of certificates: no attachment of another name is written beside the report."""

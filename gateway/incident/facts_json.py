@@ -6,7 +6,7 @@ from gateway.incident.evidence import IncidentEvidence
 from gateway.incident.facts import IncidentFacts, PeakAngle
 from gateway.incident.verdict import RecordVerdict
 from gateway.messages import SCHEMA_VERSION
-from gateway.recording.timestamp import iso_utc
+from gateway.recording.reading.interval import iso_utc
 
 
 def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: RecordVerdict) -> dict[str, Any]:

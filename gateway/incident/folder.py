@@ -16,7 +16,7 @@ from gateway.incident.page import CauseAnalysis, render_page
 from gateway.incident.selection import IncidentWindow
 from gateway.incident.summary import summary_sentences
 from gateway.incident.verdict import RecordVerdict
-from gateway.recording.timeline import ReportProgress, Timeline, ignore_progress
+from gateway.recording.reading.timeline import ReportProgress, Timeline, ignore_progress
 
 PAGE, CUT, FACTS = "incident.html", "incident.mcap", "incident.json"
 

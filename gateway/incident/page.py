@@ -15,7 +15,7 @@ from gateway.incident.timeline_figure import timeline_figure
 from gateway.incident.times import ReportClock
 from gateway.incident.verdict import RecordVerdict
 from gateway.messages import Calibration, Health
-from gateway.recording.timestamp import iso_utc
+from gateway.recording.reading.interval import iso_utc
 
 LABELS = {"trip": ("Trip", "trip"), "warn": ("Warning", "warning")}
 NO_ALERT = ("No alert", "none")

@@ -7,9 +7,9 @@ from gateway.alert_periods import AlertState
 from gateway.errors import InputError
 from gateway.incident.alert_incidents import AlertIncident, find_incidents
 from gateway.messages import Alert
-from gateway.recording.interval import RecordingInterval, RecordingTime
-from gateway.recording.reader import Selection, open_recording
-from gateway.recording.timeline import ReportProgress, Timeline, TimelineSpan, ignore_progress
+from gateway.recording.reading.interval import RecordingInterval, RecordingTime
+from gateway.recording.reading.recording_file import Selection, open_recording
+from gateway.recording.reading.timeline import ReportProgress, Timeline, TimelineSpan, ignore_progress
 
 ALERTS = frozenset({"/alert"})
 LONGEST_S = 4 * 3600.0

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from gateway.incident.course import Course
-from gateway.recording.timestamp import zoned
+from gateway.recording.reading.interval import zoned
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,7 +2,7 @@
 
 from devices.recording import Recording
 from gateway.messages import Calibration
-from gateway.recording.samples import RecordedSamples
+from gateway.recording.reading.samples import RecordedSamples
 
 
 def calibration_in_force(run: RecordedSamples, recording: Recording) -> tuple[Calibration | None, tuple[str, ...]]:

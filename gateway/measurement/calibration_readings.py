@@ -7,8 +7,8 @@ from pathlib import Path
 from devices.foreign_table import NOTHING_STATED, TableOptions
 from gateway.calibration.offline.readings_file import FileReadings, read_file
 from gateway.errors import InputError
-from gateway.recording.catalogue import list_recordings
-from gateway.recording.samples import read_samples
+from gateway.recording.reading.catalogue import list_recordings
+from gateway.recording.reading.samples import read_samples
 
 
 def read_calibration_readings(paths: Sequence[Path], options: TableOptions) -> list[FileReadings]:

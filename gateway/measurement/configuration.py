@@ -4,8 +4,8 @@ from collections.abc import Sequence
 
 from devices.errors import RecordingError
 from gateway.configuration.model import Configuration
-from gateway.recording.correction import recorded_configuration
-from gateway.recording.samples import SampledFile
+from gateway.recording.reading.correction_in_force import recorded_configuration
+from gateway.recording.reading.samples import SampledFile
 
 
 def common_configuration(files: Sequence[SampledFile], *, same_rig: bool) -> Configuration | None:

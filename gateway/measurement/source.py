@@ -25,10 +25,10 @@ from gateway.numerics.repeated_readings import find_fresh_rows
 from gateway.pipeline.angular_rate import device_gyro, gyro_prior
 from gateway.pipeline.mounting import mounted_housing, with_sensor
 from gateway.pipeline.temperature_filter import TemperatureFilter
-from gateway.recording.catalogue import list_recordings
-from gateway.recording.correction import recorded_correction
-from gateway.recording.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
-from gateway.recording.samples import RecordedSamples, read_samples
+from gateway.recording.reading.catalogue import list_recordings
+from gateway.recording.reading.correction_in_force import recorded_correction
+from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
+from gateway.recording.reading.samples import RecordedSamples, read_samples
 from gateway.stages.clipping import find_clipped
 from gateway.swing.rig import MountedHousing
 

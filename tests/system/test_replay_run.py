@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.recording.reader import open_recording
-from gateway.recording.samples import read_samples
-from gateway.recording.writer import RECORDED_EVERY
+from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.reading.samples import read_samples
+from gateway.recording.segments.recorder import RECORDED_EVERY
 from tests.gateway.recording.recorded_files import summarise
 from tests.system.conftest import Plumbline, StartGateway
 

@@ -12,7 +12,7 @@ from urllib.request import urlopen
 
 import pytest
 
-from gateway.recording.samples import read_samples
+from gateway.recording.reading.samples import read_samples
 from tests.gateway.recording.recorded_files import summarise
 from tests.system.bus_query import KEY
 from tests.system.conftest import JoinBus, StartGateway

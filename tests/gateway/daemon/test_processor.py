@@ -22,7 +22,7 @@ from gateway.daemon.parts import Parts, compose
 from gateway.daemon.processor import HEALTH_PERIOD_S
 from gateway.daemon.sampler import DeviceReopened
 from gateway.messages import Health
-from gateway.recording.chain import SegmentChain
+from gateway.recording.chain.segment_chain import SegmentChain
 from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until
 

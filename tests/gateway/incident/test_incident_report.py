@@ -16,14 +16,13 @@ from gateway.incident.selection import IncidentChoice, choose_window, read_incid
 from gateway.incident.verdict import judge_recordings
 from gateway.messages import Calibration, Motion, Samples
 from gateway.packing import unpack
-from gateway.recording.catalogue import open_timeline
-from gateway.recording.copying import RecordCopier
-from gateway.recording.interval import parse_recording_time
-from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
-from gateway.recording.mcap_writer import McapWriter
-from gateway.recording.samples import read_samples
-from gateway.recording.signing_key import fingerprint, read_public_key
-from gateway.recording.timestamp import iso_utc
+from gateway.recording.chain.signing_key import fingerprint, read_public_key
+from gateway.recording.format.mcap_writer import McapWriter
+from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
+from gateway.recording.reading.catalogue import open_timeline
+from gateway.recording.reading.interval import iso_utc, parse_recording_time
+from gateway.recording.reading.samples import read_samples
+from gateway.recording.segments.copying import RecordCopier
 from tests.gateway.incident.conftest import MakeReport
 from tests.gateway.recorded_crane import BOOT_ID, LIMITS, SEGMENT_S, START_S, RecordedCrane
 from tests.values import present

@@ -14,13 +14,13 @@ from gateway.cli.main import main
 from gateway.measurement.measure import measure
 from gateway.measurement.rig import read_rig
 from gateway.measurement.source import read_source
-from gateway.recording import tables
-from gateway.recording.catalogue import open_timeline
-from gateway.recording.interval import RecordingInterval
-from gateway.recording.reader import EVERYTHING
-from gateway.recording.sample_reader import CalibratedReader
-from gateway.recording.samples import read_samples
-from gateway.recording.tables import samples_table
+from gateway.recording.export import tables
+from gateway.recording.export.tables import samples_table
+from gateway.recording.reading.catalogue import open_timeline
+from gateway.recording.reading.interval import RecordingInterval
+from gateway.recording.reading.recording_file import EVERYTHING
+from gateway.recording.reading.sample_calibration import CalibratedReader
+from gateway.recording.reading.samples import read_samples
 from tests.gateway.recording.recorded_crane import CLOCK, START_NS, RecordedCrane
 from tests.values import present
 

@@ -9,8 +9,8 @@ import pytest
 from devices.block import DeviceInfo
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.samples import read_samples
-from gateway.recording.writer import RecorderError
+from gateway.recording.reading.samples import read_samples
+from gateway.recording.segments.recorder import RecorderError
 from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_files import SECOND_NS, contents, record_blocks, sample_sequences, segments
 

@@ -10,10 +10,10 @@ from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.info_text import info_text
-from gateway.recording.reader import open_recording
-from gateway.recording.recovery import recover
-from gateway.recording.samples import read_samples
+from gateway.recording.info.info_text import info_text
+from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.reading.samples import read_samples
+from gateway.recording.segments.recovery import recover
 from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_files import summarise
 from tests.values import present

@@ -19,10 +19,10 @@ from gateway.pipeline.clock_state import MessageTime
 from gateway.pipeline.incidents import Acknowledgement
 from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline
-from gateway.recording import replay_result
-from gateway.recording.reader import open_recording
-from gateway.recording.replay_steps import RECOMPUTED
-from gateway.recording.samples import read_samples
+from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.reading.samples import read_samples
+from gateway.recording.replay import replay_run as replay_result
+from gateway.recording.replay.replay_steps import RECOMPUTED
 from tests.gateway.recording.recorded_crane import CLOCK, START_NS, RecordedCrane
 
 SUSPENSION = "SUSPENDED: the sensor is being recalibrated (six_position, by ann)"

@@ -10,7 +10,7 @@ import pytest
 from devices.table import read_table
 from gateway.cli.main import main
 from gateway.measurement.source import read_source
-from gateway.recording.samples import read_samples
+from gateway.recording.reading.samples import read_samples
 from gateway.twin.model import EffectValues, Model, TwinRig
 from gateway.twin.simulation import Simulated, simulate
 
