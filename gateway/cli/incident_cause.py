@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from gateway.incident.page import CauseAnalysis
+    from gateway.incident.incident_page import CauseAnalysis
 
 REPORT = "cause.html"
 
@@ -18,7 +18,7 @@ def analyse_cause(recording: Path) -> "CauseAnalysis":
     from gateway import __version__
     from gateway.cli.progress import Progress
     from gateway.documents.text import as_sentence
-    from gateway.incident.page import CauseAnalysis
+    from gateway.incident.incident_page import CauseAnalysis
     from gateway.measurement.source import read_source
     from gateway.twin.reconcile.data.data_checks import check_recording, model_from_recording
     from gateway.twin.reconcile.output.text import VERDICT_SENTENCES

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from gateway.incident.alert_incidents import AlertIncident
-    from gateway.incident.selection import IncidentChoice, IncidentWindow
+    from gateway.incident.incident_selection import IncidentChoice, IncidentWindow
     from gateway.recording.reading.timeline import Timeline
 
 MARGIN_S = 60.0
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Write the report, or list the incidents."""
     from gateway.cli.optional_dependencies import require_plots, require_twin
     from gateway.cli.progress import ProgressBar
-    from gateway.incident.selection import choose_window, read_incidents
+    from gateway.incident.incident_selection import choose_window, read_incidents
     from gateway.recording.reading.catalogue import open_timeline
 
     choice = _choice(arguments)
@@ -94,7 +94,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _choice(arguments: argparse.Namespace) -> "IncidentChoice":
     from gateway.cli.interval import in_zone
     from gateway.errors import InputError
-    from gateway.incident.selection import IncidentChoice
+    from gateway.incident.incident_selection import IncidentChoice
     from gateway.recording.reading.interval import RecordingInterval
 
     given = (arguments.around, arguments.from_time, arguments.to_time)
@@ -138,7 +138,7 @@ def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "Inciden
     from gateway.cli.output import show
     from gateway.cli.progress import ProgressBar
     from gateway.incident.folder import PAGE, write_report
-    from gateway.incident.verdict import judge_recordings
+    from gateway.incident.recording_verdict import judge_recordings
     from gateway.recording.chain.signing_key import read_public_key
 
     key = None if arguments.key is None else read_public_key(arguments.key)

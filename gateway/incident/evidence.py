@@ -11,7 +11,7 @@ from devices.errors import RecordingError
 from gateway import __version__
 from gateway.incident.course import Course
 from gateway.incident.course_builder import TOPICS, CourseBuilder
-from gateway.incident.selection import IncidentWindow
+from gateway.incident.incident_selection import IncidentWindow
 from gateway.recording.format import header as names
 from gateway.recording.format.mcap_writer import DENSE, McapWriter
 from gateway.recording.format.salvage import describe_losses

@@ -10,12 +10,11 @@ from typing import Any
 
 from gateway.errors import InputError
 from gateway.incident.evidence import file_sha256, read_evidence
-from gateway.incident.facts import incident_facts
-from gateway.incident.facts_json import facts_json
-from gateway.incident.page import CauseAnalysis, render_page
-from gateway.incident.selection import IncidentWindow
-from gateway.incident.summary import summary_sentences
-from gateway.incident.verdict import RecordVerdict
+from gateway.incident.facts import facts_json, incident_facts
+from gateway.incident.incident_page import CauseAnalysis, render_page
+from gateway.incident.incident_selection import IncidentWindow
+from gateway.incident.incident_summary import summary_sentences
+from gateway.incident.recording_verdict import RecordVerdict
 from gateway.recording.reading.timeline import ReportProgress, Timeline, ignore_progress
 
 PAGE, CUT, FACTS = "incident.html", "incident.mcap", "incident.json"

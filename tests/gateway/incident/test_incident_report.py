@@ -12,8 +12,8 @@ from mcap.reader import make_reader
 from gateway.cli.main import main
 from gateway.errors import InputError
 from gateway.incident.folder import write_report
-from gateway.incident.selection import IncidentChoice, choose_window, read_incidents
-from gateway.incident.verdict import judge_recordings
+from gateway.incident.incident_selection import IncidentChoice, choose_window, read_incidents
+from gateway.incident.recording_verdict import judge_recordings
 from gateway.messages import Calibration, Motion, Samples
 from gateway.packing import unpack
 from gateway.recording.chain.signing_key import fingerprint, read_public_key

@@ -10,10 +10,10 @@ from gateway.incident.detail_figures import acceleration_figure, direction_figur
 from gateway.incident.event_table import event_table
 from gateway.incident.evidence import IncidentEvidence, SourceFile
 from gateway.incident.facts import IncidentFacts
-from gateway.incident.summary import summary_sentences
+from gateway.incident.incident_summary import summary_sentences
+from gateway.incident.recording_verdict import RecordVerdict
+from gateway.incident.report_clock import ReportClock
 from gateway.incident.timeline_figure import timeline_figure
-from gateway.incident.times import ReportClock
-from gateway.incident.verdict import RecordVerdict
 from gateway.messages import Calibration, Health
 from gateway.recording.reading.interval import iso_utc
 

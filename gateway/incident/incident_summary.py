@@ -6,7 +6,7 @@ from gateway.documents.format import format_fixed, format_percent, format_short
 from gateway.incident.alert_incidents import STANDING, AlertIncident
 from gateway.incident.course import Course
 from gateway.incident.facts import CraneMove, IncidentFacts, PeakAngle
-from gateway.incident.times import ReportClock
+from gateway.incident.report_clock import ReportClock
 
 MOST_MARKS = 3
 """Of the summary; the events have all of them."""
