@@ -56,7 +56,7 @@ COMMON_WORDS = words(
     writer zoom ADXL355 I2C WitMotion chip identity section ADXL345 ADS1115 LIS2DW12 LIS3DH MPU9250
     analogue part probe recovery self test expected watch column layout notation MATLAB parallel
     exposition protocol latest setting
-    completion colour
+    completion analysis machine terminal
     """
 )
 """Words of computing and everyday English, and names of parts; every other word of a module name is a term of the glossary."""
