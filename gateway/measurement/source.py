@@ -15,9 +15,8 @@ from devices.table import read_table
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import ALIGNED_MOUNT_U_DEG
 from gateway.errors import InputError
-from gateway.measurement.calibration import calibration_in_force
-from gateway.measurement.configuration import common_configuration
 from gateway.measurement.foreign_file import read_foreign
+from gateway.measurement.recording_settings import calibration_in_force, common_configuration
 from gateway.measurement.rig import CALIBRATED, UNCALIBRATED, DefaultUncertainty, Rig
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.numerics.dropouts import find_dropouts

@@ -1,11 +1,13 @@
-"""The configuration that the files of a recording have in common."""
+"""The configuration that the files of a recording have in common, and the calibration that was in force in it."""
 
 from collections.abc import Sequence
 
 from devices.errors import RecordingError
+from devices.recording import Recording
 from gateway.configuration.model import Configuration
+from gateway.messages import Calibration
 from gateway.recording.reading.correction_in_force import recorded_configuration
-from gateway.recording.reading.samples import SampledFile
+from gateway.recording.reading.samples import RecordedSamples, SampledFile
 
 
 def common_configuration(files: Sequence[SampledFile], *, same_rig: bool) -> Configuration | None:
@@ -35,3 +37,19 @@ def _settings(configuration: Configuration | None, *, same_rig: bool) -> dict[st
         "gravity": configuration.site.local_gravity_m_s2,
     }
     return settings | rig if same_rig else settings
+
+
+def calibration_in_force(run: RecordedSamples, recording: Recording) -> tuple[Calibration | None, tuple[str, ...]]:
+    """Return the calibration in force at the first sample, and a remark if another one followed."""
+    if not run.calibrations or recording.origin_ns is None:
+        return None, ()
+    first_ns, last_ns = (recording.origin_ns + round(float(recording.time_s[end]) * 1e9) for end in (0, -1))
+    known = [calibration for calibration in run.calibrations if calibration.log_time_ns <= first_ns]
+    later = [calibration for calibration in run.calibrations if first_ns < calibration.log_time_ns <= last_ns]
+    in_force = known[-1] if known else run.calibrations[0]
+    changes = [calibration for calibration in later if calibration is not in_force]
+    if not changes:
+        return in_force.message, ()
+    change_s = (changes[0].log_time_ns - recording.origin_ns) / 1e9
+    remark = f"another calibration came into force at {change_s:.3f} s and is not used; measure that part with --from"
+    return in_force.message, (remark,)
