@@ -5,6 +5,7 @@ Rows that cannot be used are left out and counted by kind, and the gap that they
 
 from bisect import bisect_left
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +82,22 @@ class Recording:
             lost_before[0] = unusable_before[0] = 0
         return self._select(kept, lost_before, unusable_before)
 
+    def continued_by(self, other: "Recording", start: int) -> "Recording":
+        """Return the samples from index `start` on, and after them those of another recording on the same time axis.
+
+        The counts of rows that were left out, except `unusable_before`, are those of the other one.
+        """
+        return replace(
+            other,
+            time_s=np.concatenate([self.time_s[start:], other.time_s]),
+            raw=np.concatenate([self.raw[start:], other.raw]),
+            lost_before=np.concatenate([self.lost_before[start:], other.lost_before]),
+            unusable_before=np.concatenate([self.unusable_before[start:], other.unusable_before]),
+            temperature_c=_joined(self, other, "temperature_c", np.nan, start),
+            gyro_dps=_joined(self, other, "gyro_dps", np.nan, start),
+            saturated=_joined(self, other, "saturated", False, start),
+        )
+
     def without_invalid(self, invalid: NDArray[np.bool_]) -> "Recording":
         """Return the other rows; each counts the invalid ones before it as unusable."""
         kept = ~invalid
@@ -114,6 +131,18 @@ class Recording:
     def offset_ns(self) -> Integers:
         """Return the time of each sample after the first, shape (n,)."""
         return elapsed_ns(self.time_s)
+
+
+def _joined(first: Recording, other: Recording, name: str, unknown: float, start: int) -> NDArray[Any] | None:
+    """Return an optional column of two recordings, the first from `start` on; None where neither has it."""
+    before, after = getattr(first, name), getattr(other, name)
+    if before is None and after is None:
+        return None
+    if before is None:
+        before = np.full((len(first), *after.shape[1:]), unknown)
+    elif after is None:
+        after = np.full((len(other), *before.shape[1:]), unknown)
+    return np.concatenate([before[start:], after])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -2,7 +2,8 @@
 
 import hashlib
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,92 +16,140 @@ from devices.errors import RecordingError
 from devices.recording import Recording, typical_interval
 
 LONGEST_WAIT_S = 0.5
+ROW_FAULTS = ("repeated", "backward", "invalid", "blank", "truncated")
+"""The kinds of rows that a recording counts."""
 GYRO_DPS_PER_COUNT = 1e-2
 """Resolution of the angular rates of a text recording: a fraction of the noise of any such gyroscope."""
 
 
 class Replay:
-    """Plays a recording from its start at each `open`.
+    """Plays a recording from its start at each `open`, part by part, so that it takes the memory of one part.
 
     Sample times keep the recorded spacing at any speed. They begin at the gateway time of `open`, or are the recorded times if
     the recording is absolute. Played faster than real time, they run ahead of the clock.
     """
 
     def __init__(
-        self, recording: Recording, info: DeviceInfo, *, clock: Clock, speed: float = 1.0, block_samples: int = 32
+        self, parts: Iterable[Recording], info: DeviceInfo, *, clock: Clock, speed: float = 1.0, block_samples: int = 32
     ) -> None:
-        """`speed`: recorded seconds per second; 1 is real time, 0 or inf as fast as possible. Raises `ValueError`."""
+        """`parts`: recordings on one time axis, at least one, which follow each other and are iterated over at each `open`.
+
+        `speed`: recorded seconds per second; 1 is real time, 0 or inf as fast as possible. Raises `ValueError`.
+        """
         if not speed >= 0:
             raise ValueError(
                 f"speed {speed} of a replay is impossible: give 1 for real time, 0 for as fast as possible"
             )
         if block_samples < 1:
             raise ValueError(f"blocks of {block_samples} samples are impossible: give at least 1")
-        self.recording = recording
         self.info = info
+        self._parts = parts
         self._clock = clock
         self._seconds_per_recorded = 0.0 if speed in (0, math.inf) else 1 / speed
         self._block_samples = block_samples
-        self._offset_ns = recording.offset_ns()
-        self._breaks = _breaks(recording)
-        self._raw = np.rint(recording.raw).astype(np.int32) if info.unit == "counts" else recording.raw
-        self._gyro_counts = _gyro_counts(recording, info)
+        self._following: Iterator[Recording] = iter(())
+        self._window: _Window | None = None
+        """The samples that are played next; None: closed, or at the end."""
+        self._next = 0
         self._start_ns = 0
         self._first_ns = 0
-        self._next = len(recording)
+        self._axis_begin_s = 0.0
+        """Time of the first sample on the axis of the recording."""
+        self._opened_parts = self._counted_parts = 0
+        self._faults = dict.fromkeys(ROW_FAULTS, 0)
 
     def open(self) -> DeviceInfo:
         """Return to the start of the recording."""
-        self._start_ns = self._clock.now_ns()
-        self._first_ns = self._start_ns
-        if self.recording.origin_ns is not None:
-            self._first_ns = self.recording.origin_ns + round(float(self.recording.time_s[0]) * 1e9)
-        self._next = 0
+        self._following, self._opened_parts = iter(self._parts), 0
+        self._start_ns = self._first_ns = self._clock.now_ns()
+        self._window, self._next = None, 0
+        first = self._next_part()
+        if first is not None:
+            if first.origin_ns is not None:
+                self._first_ns = first.origin_ns + round(float(first.time_s[0]) * 1e9)
+            self._axis_begin_s = float(first.time_s[0])
+            self._window = self._window_of(first)
         return self.info
 
     def read(self) -> SampleBlock | None:
         """Return the next block when its last sample is due; None if that is more than half a second away."""
-        first, end = self._next, self._block_end()
-        due_ns = self._start_ns + round(int(self._offset_ns[end - 1]) * self._seconds_per_recorded)
+        window, first, end = self._next_block()
+        due_ns = self._start_ns + round(int(window.time_ns[end - 1] - self._first_ns) * self._seconds_per_recorded)
         wait_s = (due_ns - self._clock.now_ns()) / 1e9
         if self._seconds_per_recorded and wait_s > 0:
             self._clock.sleep_s(min(wait_s, LONGEST_WAIT_S))
             if wait_s > LONGEST_WAIT_S:
                 return None
         self._next = end
-        return SampleBlock(
-            time_ns=self._first_ns + self._offset_ns[first:end],
-            raw=self._raw[first:end],
-            temperature_c=self._temperature_c(first, end),
-            lost=int(self.recording.lost_before[first]),
-            invalid=int(self.recording.unusable_before[first:end].sum()),
-            gyro_counts=None if self._gyro_counts is None else self._gyro_counts[first:end],
-            saturated=None if self.recording.saturated is None else self.recording.saturated[first:end],
-        )
+        return window.block(first, end)
 
     def close(self) -> None:
-        """Nothing to release."""
-        self._next = len(self.recording)
+        """Release the recording."""
+        self._window, self._following = None, iter(())
 
     @property
     def faults(self) -> Mapping[str, int]:
-        """The rows that were left out of the whole recording, by kind; the blocks state the gaps."""
-        recording = self.recording
-        return {
-            "repeated": recording.repeated,
-            "backward": recording.backward,
-            "invalid": recording.invalid,
-            "blank": recording.blank,
-            "truncated": recording.truncated,
-        }
+        """The rows that were left out of the parts that were read, by kind; the blocks state the gaps."""
+        return self._faults
 
-    def _block_end(self) -> int:
-        """Return the end of the block that begins at `_next`; a gap is always between two blocks."""
-        if self._next == len(self.recording):
+    def _next_block(self) -> tuple["_Window", int, int]:
+        """Return the samples in memory, with begin and end of the next block; a gap is always between two blocks."""
+        window = self._window
+        while window is not None and len(window.time_ns) - self._next < self._block_samples:
+            if (part := self._next_part()) is None:
+                break
+            window = self._window = self._window_of(window.recording.continued_by(part, self._next))
+            self._next = 0
+        if window is None or self._next == len(window.time_ns):
             raise EndOfRecording(f"{self.info.device_id}: played to its end")
-        following = np.searchsorted(self._breaks, self._next, side="right")
-        until = int(self._breaks[following]) if following < len(self._breaks) else len(self.recording)
-        return min(self._next + self._block_samples, until)
+        following = np.searchsorted(window.breaks, self._next, side="right")
+        until = int(window.breaks[following]) if following < len(window.breaks) else len(window.time_ns)
+        return window, self._next, min(self._next + self._block_samples, until)
+
+    def _next_part(self) -> Recording | None:
+        part = next(self._following, None)
+        if part is not None:
+            self._opened_parts += 1
+            if self._opened_parts > self._counted_parts:
+                self._counted_parts = self._opened_parts
+                for name in ROW_FAULTS:
+                    self._faults[name] += getattr(part, name)
+        return part
+
+    def _window_of(self, recording: Recording) -> "_Window":
+        offset_ns = np.rint((recording.time_s - self._axis_begin_s) * 1e9).astype(np.int64)
+        return _Window(
+            recording=recording,
+            time_ns=self._first_ns + offset_ns,
+            raw=np.rint(recording.raw).astype(np.int32) if self.info.unit == "counts" else recording.raw,
+            gyro_counts=_gyro_counts(recording, self.info),
+            breaks=_breaks(recording),
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class _Window:
+    """The samples of a replay in memory, as a device delivers them."""
+
+    recording: Recording
+    time_ns: NDArray[np.int64]
+    raw: NDArray[np.int32] | NDArray[np.float64]
+    gyro_counts: NDArray[np.int32] | None
+    breaks: NDArray[np.int64]
+    """Indices at which a block must begin."""
+
+    def block(self, first: int, end: int) -> SampleBlock:
+        """Return the samples from index `first` until before `end`."""
+        recording = self.recording
+        return SampleBlock(
+            time_ns=self.time_ns[first:end],
+            raw=self.raw[first:end],
+            temperature_c=self._temperature_c(first, end),
+            lost=int(recording.lost_before[first]),
+            invalid=int(recording.unusable_before[first:end].sum()),
+            gyro_counts=None if self.gyro_counts is None else self.gyro_counts[first:end],
+            saturated=None if recording.saturated is None else recording.saturated[first:end],
+        )
 
     def _temperature_c(self, first: int, end: int) -> float | None:
         if self.recording.temperature_c is None:

@@ -8,8 +8,8 @@ from devices.block import DeviceInfo, SampleBlock
 from gateway.numerics.array import Array
 from gateway.packing import pack
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.header import RecordingHeader
-from gateway.recording.writer import Recorder
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.segments.recorder import Recorder
 
 START_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""

@@ -52,11 +52,11 @@ COMMON_WORDS = words(
     launch limiter link loading log main make manager markup MCAP mean method metric nominal notify option optional outgoing
     output packing page palette PDF plot plugin port pre procedure process processor progress provider publisher queue rate
     reader reference registry remaining render report resource result RPC run sampler schema serial serialisation server
-    service shape size source state status step store stretch style table text timestamp type unit vector view word worker
+    service shape size source state status step store stretch style table text type unit vector view word worker
     writer zoom ADXL355 I2C WitMotion chip identity section ADXL345 ADS1115 LIS2DW12 LIS3DH MPU9250
     analogue part probe recovery self test expected watch column layout notation MATLAB parallel
     exposition protocol latest setting
-    completion colour
+    completion analysis machine terminal
     """
 )
 """Words of computing and everyday English, and names of parts; every other word of a module name is a term of the glossary."""

@@ -3,30 +3,88 @@
 import argparse
 import sys
 from collections.abc import Sequence
+from dataclasses import dataclass
 from importlib import import_module
 
 from devices.errors import DeviceError
 from gateway import __version__
-from gateway.cli.colour import paint
+from gateway.cli.terminal.status_line import paint
 from gateway.errors import PlumblineError
 from gateway.text import printable
 
-COMMANDS = (
-    "run",
-    "measure",
-    "calibrate",
-    "record",
-    "remote",
-    "fleet",
-    "simulate",
-    "reconcile",
-    "effects",
-    "config",
-    "setup",
-    "doctor",
-    "completion",
-    "keys",
-)
+
+@dataclass(frozen=True, slots=True)
+class CommandGroup:
+    """A command that has verbs: its texts, and the modules that add the verbs, in the order of the help."""
+
+    help: str
+    example: str
+    modules: tuple[str, ...]
+    description: str | None = None
+    """None: the help as a sentence."""
+    part: str = "verb"
+
+    def add_to(self, name: str, commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+        """Add the command with its verbs."""
+        sentence = f"{self.help[0].upper()}{self.help[1:]}."
+        command = commands.add_parser(
+            name, help=self.help, description=self.description or sentence, epilog=f"example: plumbline {self.example}"
+        )
+        verbs = command.add_subparsers(dest=self.part, metavar=self.part.upper(), required=True)
+        for module in self.modules:
+            import_module(f"gateway.cli.{name}.{module}").add_to(verbs)
+
+
+COMMANDS: dict[str, str | CommandGroup] = {
+    "run": "machine",
+    "measure": "analysis",
+    "calibrate": CommandGroup(
+        "calibrate or align a sensor from recordings",
+        "calibrate six-position faces.csv --device-id adxl355-1d-0042 --json record.json",
+        (
+            "calibrate_poses",
+            "calibrate_rotation",
+            "calibrate_single_parameter",
+            "calibrate_laser",
+            "calibrate_thermal",
+            "calibrate_align",
+        ),
+        "Calibrate or align a sensor from recordings, by one of several methods; most of them make a calibration record.",
+        "method",
+    ),
+    "record": CommandGroup(
+        "show what is in recordings, and recover incomplete ones",
+        "record info plumbline-data",
+        (
+            "record_info",
+            "record_verify",
+            "record_recover",
+            "record_export",
+            "record_replay",
+            "record_play",
+            "record_incident",
+        ),
+    ),
+    "remote": CommandGroup(
+        "read and control a gateway over the bus: its state, its messages, its recalibration",
+        "remote watch --topics swing,alert",
+        ("remote_status", "remote_watch", "remote_session", "remote_align", "remote_fetch", "remote_config"),
+    ),
+    "fleet": CommandGroup(
+        "many sensors and gateways: their state, which to calibrate next, what several measure together",
+        "fleet status --expect gateways.txt",
+        ("fleet_status", "fleet_page", "fleet_metrics", "fleet_router", "fleet_drift", "fleet_deflection"),
+    ),
+    "simulate": "analysis",
+    "reconcile": "analysis",
+    "effects": "analysis",
+    "config": "machine",
+    "setup": "machine",
+    "doctor": "machine",
+    "completion": "machine",
+    "keys": "machine",
+}
+"""The commands in the order of the help; of one without verbs, the folder of the module with its name."""
 BAD_INPUT = 2
 
 
@@ -39,8 +97,11 @@ def parser() -> argparse.ArgumentParser:
     )
     top.add_argument("--version", action="version", version=f"plumbline {__version__}")
     commands = top.add_subparsers(dest="command", metavar="COMMAND", required=True)
-    for name in COMMANDS:
-        import_module(f"gateway.cli.{name}").add_to(commands)
+    for name, place in COMMANDS.items():
+        if isinstance(place, CommandGroup):
+            place.add_to(name, commands)
+        else:
+            import_module(f"gateway.cli.{place}.{name}").add_to(commands)
     return top
 
 

@@ -11,7 +11,7 @@ from gateway.calibration.record import CalibrationError, CalibrationRecord
 from gateway.calibration.store import CalibrationStore, find_record_in_force
 from gateway.daemon.drift_state_store import read_drift_monitor
 from gateway.pipeline.drift_monitor import DriftMonitor
-from gateway.recording.calibration_files import CalibrationFiles, calibration_files
+from gateway.recording.segments.calibration_files import CalibrationFiles, calibration_files
 
 log = logging.getLogger("plumbline.calibration")
 MOST_EARLIER = 32

@@ -9,10 +9,10 @@ from pathlib import Path
 from devices.errors import RecordingError
 from gateway.daemon.bounded_queue import BoundedQueue
 from gateway.daemon.worker import Worker
-from gateway.recording.chain import SegmentChain
-from gateway.recording.compaction import CompactionError
-from gateway.recording.markers import uncompacted_marker
-from gateway.recording.mcap_salvage import SalvageReport, describe_losses
+from gateway.recording.chain.segment_chain import SegmentChain
+from gateway.recording.format.salvage import SalvageReport, describe_losses
+from gateway.recording.segments.compaction import CompactionError
+from gateway.recording.segments.events import uncompacted_marker
 
 log = logging.getLogger("plumbline.recorder")
 INBOX = 4096

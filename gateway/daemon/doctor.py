@@ -27,7 +27,7 @@ from gateway.daemon.resources import disk_free_mb
 from gateway.daemon.service_check import examine_running
 from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.errors import PlumblineError
-from gateway.recording.chain_state import ChainStateError, list_aside, read_state
+from gateway.recording.chain.chain_state import ChainStateError, list_aside, read_state
 
 LOW_DISK_MB = 500.0
 ATTITUDE_S = 0.5

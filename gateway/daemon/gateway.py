@@ -36,7 +36,7 @@ from gateway.daemon.trial_supervisor import TrialSupervisor
 from gateway.daemon.watchdog import HUNG_S, SLOW_DISK_S, Watchdog
 from gateway.messages import Log
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.chain import SegmentChain
+from gateway.recording.chain.segment_chain import SegmentChain
 
 log = logging.getLogger("plumbline")
 SUPERVISION_S = 0.2

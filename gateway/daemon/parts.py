@@ -51,7 +51,7 @@ from gateway.daemon.worker import Worker
 from gateway.outbox.outbox import FOLDER as OUTBOX_FOLDER
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recalibration.recalibration import Recalibration
-from gateway.recording.chain import SegmentChain
+from gateway.recording.chain.segment_chain import SegmentChain
 
 log = logging.getLogger("plumbline")
 BLOCKS = 256

@@ -17,7 +17,7 @@ from gateway.recalibration.recalibration import Recalibration
 from gateway.recalibration.requests import Fetch, LoadSignal, Request
 from gateway.recalibration.session import Session, Timestamp
 from gateway.recalibration.session_message import make_session_message
-from gateway.recording.calibration_files import CalibrationFiles
+from gateway.recording.segments.calibration_files import CalibrationFiles
 
 SESSION_PERIOD_S = 0.5
 """While a session collects poses it is published this often."""

@@ -4,11 +4,11 @@ from gateway import __version__
 from gateway.configuration.model import Configuration
 from gateway.configuration.render import to_toml
 from gateway.daemon.faults import FaultRegister
-from gateway.recording.chain import SegmentChain
-from gateway.recording.events import EventIndex
-from gateway.recording.header import RecordingHeader
-from gateway.recording.signing_key import KEY_NAME, MISSING_EXTRA, KeyFileError, fingerprint, load_or_create_key
-from gateway.recording.writer import Recorder
+from gateway.recording.chain.segment_chain import SegmentChain
+from gateway.recording.chain.signing_key import KEY_NAME, MISSING_EXTRA, KeyFileError, fingerprint, load_or_create_key
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.segments.events import EventIndex
+from gateway.recording.segments.recorder import Recorder
 
 PART = "signing"
 

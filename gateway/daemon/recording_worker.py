@@ -16,10 +16,10 @@ from gateway.daemon.resources import disk_free_mb
 from gateway.daemon.worker import Worker
 from gateway.messages import Samples
 from gateway.pipeline.outgoing_message import EncodedMessage
-from gateway.recording.calibration_files import CalibrationFiles
-from gateway.recording.compaction import compact
-from gateway.recording.trimming import trim
-from gateway.recording.writer import Recorder, RecorderError
+from gateway.recording.segments.calibration_files import CalibrationFiles
+from gateway.recording.segments.compaction import compact
+from gateway.recording.segments.recorder import Recorder, RecorderError
+from gateway.recording.segments.trimming import trim
 
 log = logging.getLogger("plumbline.recorder")
 INBOX = 4096

@@ -11,7 +11,7 @@ from gateway.configuration.model import Configuration
 from gateway.daemon.check_result import CheckResult
 from gateway.daemon.command_authorisation import read_certificates
 from gateway.pki.check_files import EXPIRES_SOON_DAYS, find_problems
-from gateway.recording.signing_key import KEY_NAME
+from gateway.recording.chain.signing_key import KEY_NAME
 
 OTHERS, GROUP_OR_OTHERS = 0o007, 0o077
 

@@ -28,8 +28,8 @@ from gateway.messages import (
     Motion,
 )
 from gateway.numerics.array import Array
-from gateway.recording.sample_reader import CalibratedBlock
-from gateway.recording.sample_summary import GAP_PERIODS
+from gateway.recording.reading.sample_calibration import CalibratedBlock
+from gateway.recording.summary.sample_summary import GAP_PERIODS
 
 TOPICS = frozenset({"/motion", "/condition", "/alert", "/health", "/calibration", "/mark", "/clock", "/log"})
 """The topics of which a course is made, beside the samples."""

@@ -2,23 +2,36 @@
 
 import hashlib
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from devices.errors import RecordingError
+from gateway import __version__
 from gateway.incident.course import Course
 from gateway.incident.course_builder import TOPICS, CourseBuilder
-from gateway.incident.cut import CutWriter
-from gateway.incident.selection import IncidentWindow
-from gateway.recording import header as names
-from gateway.recording.mcap_salvage import describe_losses
-from gateway.recording.reader import RecordingFile, Selection
-from gateway.recording.sample_reader import NEEDED_TOPICS, CalibratedReader
-from gateway.recording.timeline import REPEATED_PATHS, ReportProgress, Timeline, TimelineSegment, ignore_progress
-from gateway.recording.timestamp import iso_utc
+from gateway.incident.incident_selection import IncidentWindow
+from gateway.recording.format import header as names
+from gateway.recording.format.mcap_writer import DENSE, McapWriter
+from gateway.recording.format.salvage import describe_losses
+from gateway.recording.reading.interval import iso_utc
+from gateway.recording.reading.recording_file import RecordingFile, Selection
+from gateway.recording.reading.sample_calibration import NEEDED_TOPICS, CalibratedReader
+from gateway.recording.reading.timeline import (
+    REPEATED_PATHS,
+    ReportProgress,
+    Timeline,
+    TimelineSegment,
+    ignore_progress,
+)
+from gateway.recording.segments.copying import STATED, RecordCopier
+from gateway.recording.summary.segment_summary import SUMMARY
 
 CERTIFICATE_NAME = re.compile(names.CERTIFICATE.format(id=r"[A-Za-z0-9._-]+"))
 """Names of certificates: no attachment of another name is written beside the report."""
+CUT = "cut"
+"""Name of the metadata record on what was cut out of the recordings."""
 NOTHING_READ = "no message of this time could be read"
 LEAD_NS = 15_000_000_000
 """Calibration and clock are read from so long before the begin: each is recorded more often than that."""
@@ -56,12 +69,15 @@ class IncidentEvidence:
 
 
 def read_evidence(
-    timeline: Timeline, window: IncidentWindow, cut: CutWriter, report: ReportProgress = ignore_progress
+    timeline: Timeline, window: IncidentWindow, cut: BinaryIO, report: ReportProgress = ignore_progress
 ) -> IncidentEvidence:
-    """Read the time of a report once, and copy it to `cut`.
+    """Read the time of a report once, and copy it unchanged to `cut`, a recording of its own that any reader opens.
 
     Raises `RecordingError`, also where it has no samples, and `CalibrationError` for a damaged record.
     """
+    writer = McapWriter(cut, DENSE)
+    writer.start(profile=names.PROFILE, library=f"plumbline {__version__}")
+    copier = RecordCopier(writer)
     builder = CourseBuilder(window.origin_ns)
     samples = CalibratedReader(timeline, Selection(window.begin_ns, window.end_ns + 1))
     files: dict[Path, RecordingFile] = {}
@@ -71,7 +87,7 @@ def read_evidence(
         recorded = message.recorded
         if recorded.log_time_ns < window.begin_ns and recorded.topic not in REPEATED_PATHS:
             continue
-        cut.add(message.file, recorded)
+        copier.add_message(recorded, message.file.schemas.get(recorded.channel.schema_id))
         if recorded.topic in TOPICS:
             builder.add(recorded.log_time_ns, message.decode())
         if recorded.topic in NEEDED_TOPICS and (block := samples.add(message)) is not None:
@@ -79,11 +95,10 @@ def read_evidence(
     course = builder.course(window.begin_ns, window.end_ns)
     if not course.samples.count:
         raise RecordingError(f"{timeline.name}: has no samples in this time; choose another")
-    for file in files.values():
-        cut.add_parts(file)
-    _finish(cut, timeline, window, course, list(files))
+    _copy_descriptions(copier, list(files.values()))
+    copier.add_metadata(CUT, _cut_metadata(timeline, window, course, list(files)))
+    writer.finish()
     newest = list(files.values())[-1]
-    configuration = newest.attachments.get(names.CONFIGURATION)
     attachments = {name: each for file in files.values() for name, each in file.attachments.items()}
     return IncidentEvidence(
         gateway=timeline.gateway,
@@ -95,7 +110,7 @@ def read_evidence(
             if wanted.may_contain(segment.from_ns, segment.to_ns)
         ),
         device=newest.metadata.get(names.DEVICE, {}),
-        configuration_toml=None if configuration is None else configuration.data.decode(errors="replace"),
+        configuration_toml=newest.configuration_toml,
         certificates={name: each.data for name, each in attachments.items() if CERTIFICATE_NAME.fullmatch(name)},
         remarks=(*timeline.remarks, *samples.remarks()),
     )
@@ -107,17 +122,28 @@ def file_sha256(path: Path) -> str:
         return hashlib.file_digest(content, "sha256").hexdigest()
 
 
-def _finish(cut: CutWriter, timeline: Timeline, window: IncidentWindow, course: Course, paths: list[Path]) -> None:
+def _copy_descriptions(copier: RecordCopier, files: Sequence[RecordingFile]) -> None:
+    """Copy metadata and attachments of files that have been read; those of later files replace earlier ones.
+
+    Signature, number and summary of a segment are of the whole of it, and stay out.
+    """
+    metadata = {name: content for file in files for name, content in file.metadata.items() if name not in STATED}
+    for name, content in metadata.items():
+        copier.add_metadata(name, {key: value for key, value in content.items() if key != names.SEGMENT})
+    attachments = {name: each for file in files for name, each in file.attachments.items() if name != SUMMARY}
+    for attachment in attachments.values():
+        copier.add_attachment(attachment)
+
+
+def _cut_metadata(timeline: Timeline, window: IncidentWindow, course: Course, paths: Sequence[Path]) -> dict[str, str]:
     incident = window.incident
-    cut.finish(
-        {
-            "from": iso_utc(course.utc_ns(course.begin_s)),
-            "to": iso_utc(course.utc_ns(course.end_s)),
-            "gateway": timeline.gateway,
-            "sources": ", ".join(path.name for path in paths),
-            **({} if incident is None else {"incident": incident.id}),
-        }
-    )
+    return {
+        "from": iso_utc(course.utc_ns(course.begin_s)),
+        "to": iso_utc(course.utc_ns(course.end_s)),
+        "gateway": timeline.gateway,
+        "sources": ", ".join(path.name for path in paths),
+        **({} if incident is None else {"incident": incident.id}),
+    }
 
 
 def _source(segment: TimelineSegment, file: RecordingFile | None) -> SourceFile:

@@ -1,14 +1,19 @@
-"""The numbers of an incident, from its course."""
+"""The numbers of an incident, from its course, and as JSON."""
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from gateway.incident.alert_incidents import AlertIncident
 from gateway.incident.course import Course
 from gateway.incident.course_builder import TRUSTED
+from gateway.incident.evidence import IncidentEvidence
+from gateway.incident.recording_verdict import RecordVerdict
+from gateway.messages import SCHEMA_VERSION
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
+from gateway.recording.reading.interval import iso_utc
 
 CAUSE_BEFORE_S = 20.0
 """What moved within this time before the peak is stated as what went before it. Basis: three periods of a rope of 10 m."""
@@ -160,3 +165,82 @@ def _extremes(course: Course, begin_s: float, end_s: float) -> ForceExtremes | N
 
 def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
+
+
+def facts_json(evidence: IncidentEvidence, facts: IncidentFacts, verification: RecordVerdict) -> dict[str, Any]:
+    """Return what the page states, for programs; null: not known."""
+    course, incident = evidence.course, evidence.window.incident
+    utc = {
+        name: None if time_s is None else iso_utc(course.utc_ns(time_s))
+        for name, time_s in (
+            ("raised", facts.raised_s),
+            ("cleared", facts.cleared_s),
+            ("limit_reached", facts.reached_s),
+            ("from", course.begin_s),
+            ("to", course.end_s),
+        )
+    }
+    return {
+        "schema_version": SCHEMA_VERSION,
+        "gateway": evidence.gateway,
+        "incident": None if incident is None else incident.id,
+        "number": None if incident is None else incident.number,
+        "rule": None if incident is None else incident.rule,
+        "level": None if incident is None else incident.level,
+        "limit_deg": None if incident is None else incident.highest.limit_deg,
+        "clear_deg": None if incident is None else incident.highest.clear_deg,
+        "raised_by_bound": None if incident is None else incident.highest.is_bound,
+        "utc": utc,
+        "acknowledged": _acknowledgement(evidence),
+        "peak": None if facts.peak is None else _peak_json(evidence, facts.peak),
+        "moves": [
+            {
+                "state": move.state,
+                "from": iso_utc(course.utc_ns(move.begin_s)),
+                "to": iso_utc(course.utc_ns(move.end_s)),
+                "pivot_accel_m_s2": move.pivot_m_s2,
+                "hoist_m_s": move.hoist_m_s,
+            }
+            for move in facts.moves
+        ],
+        "lean_deg": facts.lean_deg,
+        "length_m": facts.length_m,
+        "specific_force_g": None
+        if facts.force is None
+        else {"min": facts.force.low_g.tolist(), "max": facts.force.high_g.tolist()},
+        "known_share": facts.known_share,
+        "trusted_share": facts.trusted_share,
+        "samples": {
+            "count": course.samples.count,
+            "rate_hz": course.samples.rate_hz,
+            "lost": course.samples.lost,
+            "invalid": course.samples.invalid,
+            "gaps": len(course.samples.gaps),
+        },
+        "calibration_ids": [calibration.calibration_id for _, calibration in course.calibrations],
+        "verification": {
+            "verdict": verification.kind,
+            "text": verification.label,
+            "remarks": list(verification.sentences),
+        },
+        "sources": [{"file": source.path.name, "sha256": source.sha256} for source in evidence.sources],
+    }
+
+
+def _acknowledgement(evidence: IncidentEvidence) -> dict[str, Any] | None:
+    incident = evidence.window.incident
+    known = None if incident is None else incident.acknowledgement
+    if known is None:
+        return None
+    time_s = (known.time_ns - evidence.course.origin_ns) / 1e9
+    return {"by": known.acknowledged_by, "reason": known.reason, "utc": iso_utc(evidence.course.utc_ns(time_s))}
+
+
+def _peak_json(evidence: IncidentEvidence, peak: PeakAngle) -> dict[str, Any]:
+    return {
+        "utc": iso_utc(evidence.course.utc_ns(peak.time_s)),
+        "angle_deg": peak.angle_deg,
+        "u_deg": peak.u_deg,
+        "coverage95_deg": list(peak.interval_deg),
+        "azimuth_deg": peak.azimuth_deg,
+    }

@@ -9,15 +9,13 @@ from pathlib import Path
 from typing import Any
 
 from gateway.errors import InputError
-from gateway.incident.cut import CutWriter
 from gateway.incident.evidence import file_sha256, read_evidence
-from gateway.incident.facts import incident_facts
-from gateway.incident.facts_json import facts_json
-from gateway.incident.page import CauseAnalysis, render_page
-from gateway.incident.selection import IncidentWindow
-from gateway.incident.summary import summary_sentences
-from gateway.incident.verdict import RecordVerdict
-from gateway.recording.timeline import ReportProgress, Timeline, ignore_progress
+from gateway.incident.facts import facts_json, incident_facts
+from gateway.incident.incident_page import CauseAnalysis, render_page
+from gateway.incident.incident_selection import IncidentWindow
+from gateway.incident.incident_summary import summary_sentences
+from gateway.incident.recording_verdict import RecordVerdict
+from gateway.recording.reading.timeline import ReportProgress, Timeline, ignore_progress
 
 PAGE, CUT, FACTS = "incident.html", "incident.mcap", "incident.json"
 
@@ -56,7 +54,7 @@ def write_report(
     try:
         with _new_folder(folder) as partial:
             with (partial / CUT).open("wb") as stream:
-                evidence = read_evidence(timeline, window, CutWriter(stream), report)
+                evidence = read_evidence(timeline, window, stream, report)
             verification = verify([source.path for source in evidence.sources])
             facts = incident_facts(evidence.course, window.incident)
             page = render_page(

@@ -7,8 +7,8 @@ from pathlib import Path
 from devices.foreign_table import NOTHING_STATED, TableOptions
 from gateway.calibration.offline.readings_file import FileReadings, read_file
 from gateway.errors import InputError
-from gateway.recording.catalogue import list_recordings
-from gateway.recording.join import read_joined_samples
+from gateway.recording.reading.catalogue import list_recordings
+from gateway.recording.reading.samples import read_samples
 
 
 def read_calibration_readings(paths: Sequence[Path], options: TableOptions) -> list[FileReadings]:
@@ -28,7 +28,7 @@ def _read_run(paths: Sequence[Path], options: TableOptions) -> FileReadings:
         raise InputError(
             f"{paths[0]}: states its own unit, columns and times; leave --columns, --unit, --time, --axes, --rate out"
         )
-    run = read_joined_samples(paths).whole
+    run = read_samples(paths)
     recording = run.recording()
     return FileReadings(
         path=paths[0],

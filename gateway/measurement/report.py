@@ -9,7 +9,7 @@ from gateway.measurement.free_swing import not_judged, relative_s
 from gateway.measurement.measure import Measurement
 from gateway.measurement.motion_report import motion_json, motion_rows
 from gateway.measurement.source import Source
-from gateway.recording.timestamp import iso_utc
+from gateway.recording.reading.interval import iso_utc
 from gateway.swing.estimate import FormulaAngles, SwingEstimate
 from gateway.swing.formulas import VALID_RHO
 from gateway.units import degrees

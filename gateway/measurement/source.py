@@ -15,9 +15,8 @@ from devices.table import read_table
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import ALIGNED_MOUNT_U_DEG
 from gateway.errors import InputError
-from gateway.measurement.calibration import calibration_in_force
-from gateway.measurement.configuration import common_configuration
 from gateway.measurement.foreign_file import read_foreign
+from gateway.measurement.recording_settings import calibration_in_force, common_configuration
 from gateway.measurement.rig import CALIBRATED, UNCALIBRATED, DefaultUncertainty, Rig
 from gateway.motion.gyro_reading import GyroPrior
 from gateway.numerics.dropouts import find_dropouts
@@ -25,11 +24,10 @@ from gateway.numerics.repeated_readings import find_fresh_rows
 from gateway.pipeline.angular_rate import device_gyro, gyro_prior
 from gateway.pipeline.mounting import mounted_housing, with_sensor
 from gateway.pipeline.temperature_filter import TemperatureFilter
-from gateway.recording.catalogue import list_recordings
-from gateway.recording.correction import correction_of
-from gateway.recording.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
-from gateway.recording.join import read_joined_samples
-from gateway.recording.run import RecordedRun
+from gateway.recording.reading.catalogue import list_recordings
+from gateway.recording.reading.correction_in_force import recorded_correction
+from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
+from gateway.recording.reading.samples import RecordedSamples, read_samples
 from gateway.stages.clipping import find_clipped
 from gateway.swing.rig import MountedHousing
 
@@ -231,20 +229,19 @@ def _table_source(
 
 
 def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterval) -> Source:
-    joined = read_joined_samples(files, interval)
-    run = joined.whole
-    configuration = common_configuration(joined.parts, same_rig=rig is None)
-    whole = joined.recording()
-    extent = _extent(whole, run.wall_offset_ns) if joined.span is None else joined.span.extent
+    run = read_samples(files, interval)
+    configuration = common_configuration(run.files, same_rig=rig is None)
+    whole = run.recording()
+    extent = _extent(whole, run.wall_offset_ns) if run.span is None else run.span.extent
     recording = _cut(whole, interval, extent)
     calibration, calibration_remarks = calibration_in_force(run, recording)
     axes = SAME_AXES if configuration is None else configuration.device.axes
-    correction = correction_of(calibration, run.device, axes, str(run.path))
+    correction = recorded_correction(run.files[0].file, calibration, axes)
     extreme_c = _extreme_temperature_c(recording, correction)
     widened = correction.widened_by(correction.kelvin_beyond(extreme_c))
     bandwidth_hz = run.device.bandwidth_hz
     return Source(
-        files=tuple(part.path for part in joined.parts),
+        files=tuple(each.path for each in run.files),
         recording=recording,
         extent=extent,
         force_g=correction.apply(recording.raw, _filtered_temperature_c(run, recording)),
@@ -259,11 +256,11 @@ def _from_run(files: Sequence[Path], rig: Rig | None, interval: RecordingInterva
         gyro=None if recording.gyro_dps is None else device_gyro(run.device),
         mount_u_deg=ALIGNED_MOUNT_U_DEG if configuration is None else configuration.housing.mount_u_deg,
         temperature_warnings=correction.range_warnings(extreme_c),
-        remarks=(*joined.remarks, *interval.describe_excess(extent), *calibration_remarks),
+        remarks=(*run.remarks, *interval.describe_excess(extent), *calibration_remarks),
     )
 
 
-def _filtered_temperature_c(run: RecordedRun, recording: Recording) -> NDArray[np.float64]:
+def _filtered_temperature_c(run: RecordedSamples, recording: Recording) -> NDArray[np.float64]:
     """Return the temperature of each sample as the gateway filters it, shape (n,), NaN before the first one."""
     thermometer, end_ns = TemperatureFilter(), run.samples.end_ns
     blocks = zip(end_ns.tolist(), run.samples.temperature_c.tolist(), strict=True)

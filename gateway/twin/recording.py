@@ -17,9 +17,9 @@ from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.pipeline.pipeline import Pipeline
-from gateway.recording.compaction import compact
-from gateway.recording.header import RecordingHeader
-from gateway.recording.writer import Recorder
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.segments.compaction import compact
+from gateway.recording.segments.recorder import Recorder
 from gateway.topics import TOPICS
 from gateway.twin.model import TwinRig
 from gateway.twin.simulation import Simulated

@@ -21,8 +21,8 @@ from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
-from gateway.recording.header import RecordingHeader
-from gateway.recording.writer import Recorder
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.segments.recorder import Recorder
 from gateway.topics import TOPICS
 from tests.gateway.recording.recorded_files import summarise
 from tests.values import present

@@ -12,8 +12,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.interval import add_interval, interval
-from gateway.cli.table_options import add_table_options, table_options
+from gateway.cli.options.recording_interval import add_interval, interval
+from gateway.cli.options.table_options import add_table_options, table_options
 from gateway.errors import InputError
 from gateway.measurement.free_swing import cut_to_free_swing
 from gateway.measurement.rig_of_recording import read_rig_of_recording

@@ -17,8 +17,8 @@ from gateway.configuration.render import to_toml
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.outgoing_message import OutgoingMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
-from gateway.recording.header import RecordingHeader
-from gateway.recording.writer import Recorder
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.segments.recorder import Recorder
 from tests.benchmarks.chain import CLOCK, FastClock
 
 RATE_HZ = 100

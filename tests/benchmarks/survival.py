@@ -21,12 +21,12 @@ from devices.block import DeviceInfo, SampleBlock
 from devices.errors import RecordingError
 from gateway.packing import pack
 from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
-from gateway.recording.compaction import CompactionError, compact
-from gateway.recording.encoding import encode_recorded
-from gateway.recording.header import RecordingHeader
-from gateway.recording.mcap_frames import RECORD_HEAD
-from gateway.recording.reader import open_recording
-from gateway.recording.writer import Recorder
+from gateway.recording.format.encoding import encode_recorded
+from gateway.recording.format.frames import RECORD_HEAD
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.segments.compaction import CompactionError, compact
+from gateway.recording.segments.recorder import Recorder
 from tests.benchmarks.faulty_disk import FaultyDisk
 
 START_NS = 1_767_225_600_000_000_000

@@ -1,6 +1,7 @@
 import hashlib
 import math
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +42,7 @@ class SteppedClock:
 def replay_table(path: Path, layout: TableLayout = NATIVE, *, speed: float = 1.0, block_samples: int = 32) -> Replay:
     recording = read_table(path, layout)
     info = table_info(path, recording, units_per_g=layout.units_per_g, housing_frame=layout.housing_frame)
-    return Replay(recording, info, clock=SteppedClock(), speed=speed, block_samples=block_samples)
+    return Replay([recording], info, clock=SteppedClock(), speed=speed, block_samples=block_samples)
 
 
 def recording_at(time_s: list[float], **facts: Any) -> Recording:
@@ -73,7 +74,7 @@ def play(device: Device) -> list[SampleBlock]:
 def test_a_replay_at_full_speed_returns_complete_blocks() -> None:
     clock = SteppedClock()
     for speed in (0, math.inf):
-        device = Replay(recording_at(even(70)), INFO, clock=clock, speed=speed, block_samples=32)
+        device = Replay([recording_at(even(70))], INFO, clock=clock, speed=speed, block_samples=32)
         assert device.open() is INFO
         blocks = play(device)
         assert [len(block) for block in blocks] == [32, 32, 6]
@@ -86,7 +87,7 @@ def test_a_replay_at_full_speed_returns_complete_blocks() -> None:
 @pytest.mark.parametrize("speed", [0.5, 1, 8])
 def test_blocks_come_when_their_last_sample_is_due(speed: float) -> None:
     clock = SteppedClock()
-    device = Replay(recording_at(even(40)), INFO, clock=clock, speed=speed, block_samples=10)
+    device = Replay([recording_at(even(40))], INFO, clock=clock, speed=speed, block_samples=10)
     device.open()
     for number in range(1, 5):
         while device.read() is None:
@@ -99,7 +100,7 @@ def test_blocks_come_when_their_last_sample_is_due(speed: float) -> None:
 
 def test_read_waits_through_a_long_gap_in_half_seconds() -> None:
     clock = SteppedClock()
-    device = Replay(recording_at([0, 0.02, 3.0, 3.02]), INFO, clock=clock, block_samples=2)
+    device = Replay([recording_at([0, 0.02, 3.0, 3.02])], INFO, clock=clock, block_samples=2)
     device.open()
     reads = [device.read() for _ in range(7)]
     assert [None if block is None else len(block) for block in reads] == [2, None, None, None, None, None, 2]
@@ -107,7 +108,7 @@ def test_read_waits_through_a_long_gap_in_half_seconds() -> None:
 
 def test_late_blocks_are_returned_at_once() -> None:
     clock = SteppedClock()
-    device = Replay(recording_at(even(100)), INFO, clock=clock, block_samples=10)
+    device = Replay([recording_at(even(100))], INFO, clock=clock, block_samples=10)
     device.open()
     clock.time_ns += 1_000_000_000
     assert [len(present(device.read())) for _ in range(5)] == [10] * 5
@@ -120,7 +121,7 @@ def test_gaps_are_between_blocks_and_counted() -> None:
     unusable = np.zeros(20, np.int64)
     unusable[[2, 9, 19]] = [1, 2, 4]
     device = Replay(
-        recording_at(even(20), lost_before=lost, unusable_before=unusable),
+        [recording_at(even(20), lost_before=lost, unusable_before=unusable)],
         INFO,
         clock=SteppedClock(),
         speed=0,
@@ -133,7 +134,7 @@ def test_gaps_are_between_blocks_and_counted() -> None:
 
 def test_a_gap_of_unusable_rows_separates_blocks() -> None:
     time_s = [*even(5), *(0.2 + time for time in even(5))]
-    device = Replay(recording_at(time_s), INFO, clock=SteppedClock(), speed=0)
+    device = Replay([recording_at(time_s)], INFO, clock=SteppedClock(), speed=0)
     device.open()
     assert [len(block) for block in play(device)] == [5, 5]
 
@@ -141,7 +142,7 @@ def test_a_gap_of_unusable_rows_separates_blocks() -> None:
 def test_counts_are_integers() -> None:
     raw = np.array([[2**31 - 1, -(2**31) + 1, 0], [1, -2, 3]], dtype=float)
     device = Replay(
-        recording_at([0, 1], raw=raw, unit="counts"), replace(INFO, unit="counts"), clock=SteppedClock(), speed=0
+        [recording_at([0, 1], raw=raw, unit="counts")], replace(INFO, unit="counts"), clock=SteppedClock(), speed=0
     )
     device.open()
     block = present(device.read())
@@ -152,15 +153,47 @@ def test_counts_are_integers() -> None:
 def test_the_temperature_of_a_block_is_the_mean_of_the_known_ones() -> None:
     temperature = np.array([20, np.nan, 22, np.nan, np.nan, np.nan])
     recording = recording_at(even(6), temperature_c=temperature)
-    device = Replay(recording, INFO, clock=SteppedClock(), speed=0, block_samples=3)
+    device = Replay([recording], INFO, clock=SteppedClock(), speed=0, block_samples=3)
     device.open()
     assert [block.temperature_c for block in play(device)] == [21, None]
+
+
+@pytest.mark.parametrize("cuts", [(2,), (7, 9, 30), (32, 64)])
+def test_parts_are_played_as_the_whole_recording(cuts: tuple[int, ...]) -> None:
+    """Blocks do not end with a part, gaps are kept, and a part without temperatures changes nothing else."""
+    time_s = [*even(50), *(5 + time for time in even(30))]
+    lost = np.zeros(80, np.int64)
+    lost[[20, 50]] = [1, 200]
+    whole = recording_at(time_s, lost_before=lost, temperature_c=np.arange(80.0), origin_ns=START_NS, repeated=3)
+    limits = [0, *cuts, 80]
+    parts = [whole.part(begin, end) for begin, end in pairwise(limits)]
+    for part, begin in zip(parts, limits, strict=False):
+        part.lost_before[0] = lost[begin]
+    played = []
+    for recordings in ([whole], [replace(part, repeated=1 if place < 3 else 0) for place, part in enumerate(parts)]):
+        device = Replay(recordings, INFO, clock=SteppedClock(), speed=0)
+        device.open()
+        played.append(play(device))
+    assert [len(block) for block in played[0]] == [len(block) for block in played[1]]
+    for expected, found in zip(*played, strict=True):
+        np.testing.assert_array_equal(found.time_ns, expected.time_ns)
+        np.testing.assert_array_equal(found.raw, expected.raw)
+        assert (found.lost, found.temperature_c) == (expected.lost, expected.temperature_c)
+
+
+def test_rows_left_out_are_counted_once_however_often_a_replay_begins() -> None:
+    parts = [recording_at(even(3), repeated=1), recording_at([1 + time for time in even(3)], repeated=2)]
+    device = Replay(parts, INFO, clock=SteppedClock(), speed=0)
+    for _ in range(2):
+        device.open()
+        play(device)
+        assert device.faults["repeated"] == 3
 
 
 def test_absolute_times_are_kept_to_the_nanosecond() -> None:
     offsets_ns = np.array([0, 1, 3, 40_000_000_123_456, 86_400_000_000_001])
     recording = recording_at((offsets_ns / 1e9).tolist(), origin_ns=1_600_000_000_123_456_789)
-    device = Replay(recording, INFO, clock=SteppedClock(), speed=0)
+    device = Replay([recording], INFO, clock=SteppedClock(), speed=0)
     device.open()
     time_ns = np.concatenate([block.time_ns for block in play(device)])
     np.testing.assert_array_equal(time_ns, 1_600_000_000_123_456_789 + offsets_ns)
@@ -168,7 +201,7 @@ def test_absolute_times_are_kept_to_the_nanosecond() -> None:
 
 def test_a_replay_restarts_at_open_and_ends_at_close() -> None:
     clock = SteppedClock()
-    device = Replay(recording_at(even(3)), INFO, clock=clock, speed=0)
+    device = Replay([recording_at(even(3))], INFO, clock=clock, speed=0)
     device.open()
     assert len(play(device)) == 1
     device.close()
@@ -184,7 +217,7 @@ def test_a_replay_restarts_at_open_and_ends_at_close() -> None:
 @pytest.mark.parametrize("wrong", [{"speed": -1}, {"speed": math.nan}, {"block_samples": 0}])
 def test_impossible_settings_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="impossible: give"):
-        Replay(recording_at(even(3)), INFO, clock=SteppedClock(), **wrong)
+        Replay([recording_at(even(3))], INFO, clock=SteppedClock(), **wrong)
 
 
 @pytest.mark.parametrize("time_s", [[0], [0, 1, 1], [0, 2, 1], [0, 1e-10]])

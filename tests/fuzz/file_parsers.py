@@ -33,11 +33,11 @@ from gateway.measurement.rig import read_rig
 from gateway.outbox.outbox import AlertOutbox
 from gateway.recalibration.journal import Journal
 from gateway.recalibration.requests import parse_payload
-from gateway.recording.chain_state import read_state
-from gateway.recording.markers import read_stretches
-from gateway.recording.mcap_frames import RECORD_HEAD
-from gateway.recording.reader import open_recording
-from gateway.recording.segment_index import read_index
+from gateway.recording.chain.chain_state import read_state
+from gateway.recording.format.frames import RECORD_HEAD
+from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.reading.segment_index import read_index
+from gateway.recording.segments.events import read_event_intervals
 from gateway.verbs import VERBS
 
 FOLDER = Path(tempfile.mkdtemp(prefix="plumbline-fuzz-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
@@ -114,7 +114,7 @@ def parse_state(content: bytes) -> None:
         store.state()
     path = _file(content, "segment.mcap.event")
     with suppress(OSError):
-        read_stretches(path.with_suffix(""))
+        read_event_intervals(path.with_suffix(""))
 
 
 def parse_outbox(content: bytes) -> None:

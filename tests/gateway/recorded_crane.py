@@ -19,12 +19,12 @@ from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import OutgoingMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
-from gateway.recording.calibration_files import calibration_files
-from gateway.recording.chain import SegmentChain
-from gateway.recording.compaction import compact
-from gateway.recording.header import RecordingHeader
-from gateway.recording.signing_key import load_or_create_key
-from gateway.recording.writer import Recorder
+from gateway.recording.chain.segment_chain import SegmentChain
+from gateway.recording.chain.signing_key import load_or_create_key
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.segments.calibration_files import calibration_files
+from gateway.recording.segments.compaction import compact
+from gateway.recording.segments.recorder import Recorder
 from tests.gateway.pipeline.test_pipeline import Clock
 
 LENGTH_M, POSITION_M, RATE_HZ = 6.0, 4.0, 50.0

@@ -9,7 +9,7 @@ import pytest
 from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from gateway.messages import Alert, Log
-from gateway.recording.reader import open_recording
+from gateway.recording.reading.recording_file import open_recording
 from tests.system.conftest import StartGateway
 
 pytestmark = pytest.mark.slow

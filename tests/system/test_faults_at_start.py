@@ -12,7 +12,7 @@ import pytest
 import zenoh
 
 from gateway.messages import Health
-from gateway.recording.reader import open_recording
+from gateway.recording.reading.recording_file import open_recording
 from tests.ports import unused_port
 from tests.system.conftest import JoinBus, Plumbline, RunningGateway, StartGateway, listening_on
 from tests.waiting import wait_until

@@ -13,7 +13,7 @@ import pytest
 from mcap.reader import make_reader
 
 from gateway import messages
-from gateway.recording.reader import open_recording
+from gateway.recording.reading.recording_file import open_recording
 from tests.benchmarks.turned_radio import COUNTS_PER_G, FACES, GAIN, OFFSET_G, TurnedRadio
 from tests.system.conftest import ROOT, JoinBus, Plumbline, StartGateway
 from tests.waiting import PATIENCE_S

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gateway.recording.reader import open_recording
-from gateway.recording.run import read_samples
-from gateway.recording.writer import RECORDED_EVERY
+from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.reading.samples import read_samples
+from gateway.recording.segments.recorder import RECORDED_EVERY
 from tests.gateway.recording.recorded_files import summarise
 from tests.system.conftest import Plumbline, StartGateway
 
@@ -92,7 +92,7 @@ def test_a_recording_of_the_gateway_replays_to_the_same_numbers(start_gateway: S
         start_gateway,
         AT_ONCE + f'path = "{moved}"\nblock_samples = 8\n[housing]\nabove_load_m = 3.0\n',
     )
-    assert np.array_equal(read_samples(again).samples.time_ns, read_samples(moved).samples.time_ns)
+    assert np.array_equal(read_samples([again]).samples.time_ns, read_samples([moved]).samples.time_ns)
     for topic in ("tilt", "swing"):
         live, replay = (
             [json.dumps(_numbers(message)) for message in messages(recording, topic)] for recording in (moved, again)

@@ -12,7 +12,7 @@ from urllib.request import urlopen
 
 import pytest
 
-from gateway.recording.run import read_samples
+from gateway.recording.reading.samples import read_samples
 from tests.gateway.recording.recorded_files import summarise
 from tests.system.bus_query import KEY
 from tests.system.conftest import JoinBus, StartGateway
@@ -78,7 +78,7 @@ def test_kill_loses_at_most_the_sync_interval(start_gateway: StartGateway, join_
     gateway.process.kill()
     gateway.process.wait()
     (path,) = gateway.recordings
-    run = read_samples(path)
+    run = read_samples([path])
     assert (last_heard_ns - int(run.samples.time_ns[-1])) / 1e9 < 1.1
     assert len(run.samples.time_ns) > 2000
 

@@ -10,8 +10,8 @@ import pytest
 
 from gateway.bus.client import GatewayClient
 from gateway.calibration.alignment.screw_advice import ScrewMechanics
-from gateway.cli import align as aligning
-from gateway.cli.align import SILENCE_TEXT, show_advice
+from gateway.cli.remote import remote_align as aligning
+from gateway.cli.remote.remote_align import SILENCE_TEXT, show_advice
 from gateway.messages import Tilt
 from gateway.topics import encode
 from tests.gateway.cli.terminal import TerminalText

@@ -14,8 +14,8 @@ from devices.block import DeviceInfo
 from gateway.bus.client import GatewayClient
 from gateway.calibration.alignment.turn_advice import AligningUnit
 from gateway.calibration.alignment.turn_assistant import TurnAssistant, format_turn
-from gateway.cli.align import show_turns
 from gateway.cli.main import main
+from gateway.cli.remote.remote_align import show_turns
 from gateway.messages import Tilt
 from gateway.numerics.array import Array
 from gateway.topics import encode
@@ -128,7 +128,7 @@ class ShaftGateway(GatewayClient):
 
 @pytest.fixture(autouse=True)
 def all_tilts_fit(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.cli.align.MAX_QUEUED_TILTS", 10_000)
+    monkeypatch.setattr("gateway.cli.remote.remote_align.MAX_QUEUED_TILTS", 10_000)
 
 
 def test_the_terminal_shows_each_turn_until_the_axis_is_aligned() -> None:

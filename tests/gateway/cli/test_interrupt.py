@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from gateway.cli.interrupt import DeferredInterrupt
+from gateway.cli.terminal.interrupt import DeferredInterrupt
 
 
 @pytest.fixture(autouse=True)

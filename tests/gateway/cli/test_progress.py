@@ -2,7 +2,7 @@
 
 import io
 
-from gateway.cli.progress import Progress
+from gateway.cli.terminal.progress import Progress
 from tests.gateway.cli.terminal import TerminalText
 
 

@@ -7,7 +7,14 @@ import pytest
 
 from gateway.bus.client import GatewayClient, RpcReply
 from gateway.calibration.record import CalibrationError, content_hash
-from gateway.cli.remote_status import NO_HEALTH, NO_RECORD, NO_REST, NOT_VALID, describe_forecast, describe_rest_drift
+from gateway.cli.remote.remote_status import (
+    NO_HEALTH,
+    NO_RECORD,
+    NO_REST,
+    NOT_VALID,
+    describe_forecast,
+    describe_rest_drift,
+)
 
 WATCHED = {
     "calibration_id": "r1",

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from gateway.cli.setup_dialogue import _ask_kind
+from gateway.cli.machine.setup_dialogue import _ask_kind
 from gateway.configuration.answers import Answers
 
 

@@ -20,8 +20,8 @@ from gateway.daemon.drift_state_store import DriftStateStore
 from gateway.daemon.faults import FaultRegister
 from gateway.daemon.recording_worker import CalibrationChange, RecordingWorker
 from gateway.pipeline.drift_monitor import DriftMonitor
-from gateway.recording.calibration_files import CalibrationFiles
-from gateway.recording.writer import Recorder, RecorderError
+from gateway.recording.segments.calibration_files import CalibrationFiles
+from gateway.recording.segments.recorder import Recorder, RecorderError
 from tests.values import present
 
 INFO = DeviceInfo(kind="test", device_id="part-7", unit="counts", odr_hz=100.0, units_per_g=1000.0)

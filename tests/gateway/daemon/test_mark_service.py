@@ -12,11 +12,10 @@ from gateway.daemon.wall_clock import WallClockMonitor
 from gateway.messages import Mark
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recalibration.requests import RequestError, SetMark, parse_payload
-from gateway.recording.events import EventIndex
-from gateway.recording.header import RecordingHeader
-from gateway.recording.markers import marker_path
-from gateway.recording.reader import open_recording
-from gateway.recording.writer import Recorder
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.segments.events import EventIndex, marker_path
+from gateway.recording.segments.recorder import Recorder
 
 REQUEST = {"id": "cli-12345678", "by": "ann", "text": "sling slipped, größte Last"}
 

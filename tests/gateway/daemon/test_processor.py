@@ -24,7 +24,7 @@ from gateway.daemon.processor import HEALTH_PERIOD_S
 from gateway.daemon.sampler import DeviceReopened
 from gateway.messages import Health
 from gateway.pki.issue import Holder
-from gateway.recording.chain import SegmentChain
+from gateway.recording.chain.segment_chain import SegmentChain
 from tests.gateway.pki.site import Site
 from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until

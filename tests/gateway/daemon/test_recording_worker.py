@@ -11,8 +11,8 @@ from gateway.daemon.faults import FaultRegister
 from gateway.daemon.recording_worker import INBOX, STALLED_S, RecordingWorker
 from gateway.messages import Samples
 from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
-from gateway.recording.header import RecordingHeader
-from gateway.recording.writer import Recorder
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.segments.recorder import Recorder
 
 
 @pytest.fixture

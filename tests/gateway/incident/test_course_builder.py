@@ -12,11 +12,11 @@ from gateway.calibration.correction import correction_for
 from gateway.incident.course_builder import CourseBuilder
 from gateway.incident.event_table import MOST_EVENTS, event_table
 from gateway.incident.evidence import IncidentEvidence
-from gateway.incident.selection import IncidentWindow
+from gateway.incident.incident_selection import IncidentWindow
 from gateway.messages import NO_SESSION, Calibration, ClockOffset, FoxgloveTime, Health, Log, Mark
-from gateway.recording.sample_reader import CalibratedBlock
-from gateway.recording.segment_index import SegmentIndex
-from gateway.recording.timeline import TimelineSegment
+from gateway.recording.reading.sample_calibration import CalibratedBlock
+from gateway.recording.reading.segment_index import SegmentIndex
+from gateway.recording.reading.timeline import TimelineSegment
 
 ORIGIN_NS = 1_767_225_600_000_000_000
 HEAD: dict[str, Any] = {"time_ns": ORIGIN_NS, "clock": "synchronised", "sequence": 0}

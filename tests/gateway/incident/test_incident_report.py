@@ -11,18 +11,18 @@ from mcap.reader import make_reader
 
 from gateway.cli.main import main
 from gateway.errors import InputError
-from gateway.incident.cut import CutWriter
 from gateway.incident.folder import write_report
-from gateway.incident.selection import IncidentChoice, choose_window, read_incidents
-from gateway.incident.verdict import judge_recordings
+from gateway.incident.incident_selection import IncidentChoice, choose_window, read_incidents
+from gateway.incident.recording_verdict import judge_recordings
 from gateway.messages import Calibration, Motion, Samples
 from gateway.packing import unpack
-from gateway.recording.catalogue import open_timeline
-from gateway.recording.interval import parse_recording_time
-from gateway.recording.reader import open_recording
-from gateway.recording.run import read_samples
-from gateway.recording.signing_key import fingerprint, read_public_key
-from gateway.recording.timestamp import iso_utc
+from gateway.recording.chain.signing_key import fingerprint, read_public_key
+from gateway.recording.format.mcap_writer import McapWriter
+from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
+from gateway.recording.reading.catalogue import open_timeline
+from gateway.recording.reading.interval import iso_utc, parse_recording_time
+from gateway.recording.reading.samples import read_samples
+from gateway.recording.segments.copying import RecordCopier
 from tests.gateway.incident.conftest import MakeReport
 from tests.gateway.recorded_crane import BOOT_ID, LIMITS, SEGMENT_S, START_S, RecordedCrane
 from tests.values import present
@@ -100,9 +100,9 @@ def test_the_recording_that_was_cut_out_has_every_message_of_its_time(
         times = sorted(time for name, time in found if name == f"/{topic}")
         assert times == sorted(each.log_time_ns for each in sent if each.topic == topic), topic
     blocks = [unpack(each.message) for each in sent if isinstance(each.message, Samples)]
-    run = read_samples(path)
+    run = read_samples([path])
     assert np.array_equal(np.concatenate([block.raw for block in blocks]), run.samples.raw)
-    assert run.configuration_toml is not None
+    assert run.files[0].file.configuration_toml is not None
     assert isinstance(run.calibrations[0].message, Calibration)
 
 
@@ -176,14 +176,11 @@ def test_a_recording_of_samples_alone_is_reported_without_an_angle(
 ) -> None:
     source, path = recorded.files[0], tmp_path / "samples.mcap"
     kept = {"/samples", "/clock", "/calibration"}
-    with path.open("wb") as target:
-        file = open_recording(source)
-        writer = CutWriter(target)
-        for message in file.messages():
-            if message.topic in kept:
-                writer.add(file, message)
-        writer.add_parts(file)
-        writer.finish({})
+    losses = SalvageReport()
+    with path.open("wb") as target, open_mcap(source) as file:
+        writer = McapWriter(target)
+        RecordCopier(writer, losses, lambda topic, _: topic in kept).copy(read_records(file, losses))
+        writer.finish()
     report = make_report([path], IncidentChoice(around=parse_recording_time("5")))
     assert "The angle was not known at any time of it." in report.sentences
     assert report.content["specific_force_g"] is not None

@@ -13,7 +13,7 @@ import pytest
 
 from devices.block import DeviceInfo
 from gateway.bus.client import GatewayClient
-from gateway.cli.fleet_deflection import show_deflection
+from gateway.cli.fleet.fleet_deflection import show_deflection
 from gateway.cli.main import main
 from gateway.measurement.girder.beam import Girder, deflection_under_load_m, end_rotation_under_load_rad
 from gateway.measurement.girder.deflection import EndRotation, girder_deflection, inward_tilt_rad

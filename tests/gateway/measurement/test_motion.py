@@ -22,7 +22,7 @@ from gateway.measurement.report import as_json, as_text
 from gateway.measurement.source import Source
 from gateway.measurement.swing import estimate_source_swing
 from gateway.motion.history import MotionPhase
-from gateway.recording.interval import RecordingExtent
+from gateway.recording.reading.interval import RecordingExtent
 from gateway.swing.rig import MountedHousing
 from tests.values import present
 

@@ -15,9 +15,9 @@ from gateway.measurement.rig import Rig, RigHousing, RigRope
 from gateway.measurement.source import read_source
 from gateway.packing import pack
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.header import RecordingHeader
-from gateway.recording.interval import RecordingInterval, parse_recording_time
-from gateway.recording.writer import Recorder
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.reading.interval import RecordingInterval, parse_recording_time
+from gateway.recording.segments.recorder import Recorder
 
 START_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""

@@ -13,7 +13,7 @@ from devices.simulated.crane import Crane
 from gateway.measurement.measure import measure
 from gateway.measurement.source import Source
 from gateway.measurement.swing import combine_parts
-from gateway.recording.interval import RecordingExtent
+from gateway.recording.reading.interval import RecordingExtent
 from gateway.swing.estimate import SwingEstimate, SwingPeak
 from gateway.swing.rig import MountedHousing
 

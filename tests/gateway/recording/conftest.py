@@ -9,11 +9,11 @@ import pytest
 from devices.block import DeviceInfo
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.chain import SegmentChain
-from gateway.recording.compaction import compact
-from gateway.recording.header import RecordingHeader
-from gateway.recording.signing_key import load_or_create_key
-from gateway.recording.writer import Recorder
+from gateway.recording.chain.segment_chain import SegmentChain
+from gateway.recording.chain.signing_key import load_or_create_key
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.segments.compaction import compact
+from gateway.recording.segments.recorder import Recorder
 
 START_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""

@@ -22,8 +22,8 @@ from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.incidents import IncidentRegister
 from gateway.pipeline.outgoing_message import OutgoingMessage, encode_message
 from gateway.pipeline.pipeline import Pipeline
-from gateway.recording.header import RecordingHeader
-from gateway.recording.writer import Recorder
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.segments.recorder import Recorder
 
 START_NS = 1_767_225_600_000_000_000
 """2026-01-01 00:00:00 UTC."""

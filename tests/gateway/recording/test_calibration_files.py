@@ -15,10 +15,10 @@ from devices.block import DeviceInfo
 from gateway import messages
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.calibration_files import CalibrationFiles, calibration_files
-from gateway.recording.reader import open_recording
-from gateway.recording.recovery import recover
-from gateway.recording.writer import RecorderError
+from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.segments.calibration_files import CalibrationFiles, calibration_files
+from gateway.recording.segments.recorder import RecorderError
+from gateway.recording.segments.recovery import recover
 from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_files import record_blocks, segments, summarise
 from tests.values import present

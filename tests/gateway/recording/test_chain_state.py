@@ -10,13 +10,20 @@ from typing import Any
 
 import pytest
 
-from gateway.recording.chain import SegmentChain
-from gateway.recording.chain_state import KEPT_ASIDE, ChainState, ChainStateError, list_aside, read_state, save_state
-from gateway.recording.chain_verification import ChainVerification, verify_chain
-from gateway.recording.header import segment_number
-from gateway.recording.signing_key import load_or_create_key
-from gateway.recording.statements import hash_of
-from gateway.recording.verification import verify_file
+from gateway.recording.chain.chain_state import (
+    KEPT_ASIDE,
+    ChainState,
+    ChainStateError,
+    list_aside,
+    read_state,
+    save_state,
+)
+from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
+from gateway.recording.chain.file_verification import verify_file
+from gateway.recording.chain.segment_chain import SegmentChain
+from gateway.recording.chain.signing_key import load_or_create_key
+from gateway.recording.chain.statements import hash_of
+from gateway.recording.format.header import segment_number
 from tests.gateway.recording.conftest import SECOND_NS, Record
 
 LATER_NS = 1000 * SECOND_NS
@@ -174,7 +181,7 @@ def test_a_file_that_may_not_be_read_is_kept_and_the_state_rebuilt(
         raise PermissionError(13, "Permission denied", str(path))
 
     with monkeypatch.context() as patched:
-        patched.setattr("gateway.recording.chain_state.read_bounded", refuse)
+        patched.setattr("gateway.recording.chain.chain_state.read_bounded", refuse)
         chain = restored(folder)
     assert chain.loss is not None
     assert "cannot be read (Permission denied)" in chain.loss
@@ -188,7 +195,7 @@ def test_a_disk_that_takes_nothing_leaves_the_state_in_memory(folder: Path, monk
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("gateway.recording.chain_state.write_durably", full)
+    monkeypatch.setattr("gateway.recording.chain.chain_state.write_durably", full)
     monkeypatch.setattr("pathlib.Path.replace", full)
     chain = restored(folder)
     assert chain.loss is not None

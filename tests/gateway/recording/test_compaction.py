@@ -11,11 +11,11 @@ from devices.block import DeviceInfo, SampleBlock
 from gateway import messages
 from gateway.packing import pack
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.compaction import CompactionError, compact
-from gateway.recording.copying import RecordCopier
-from gateway.recording.markers import uncompacted_marker
-from gateway.recording.reader import RecordedMessage, open_recording
-from gateway.recording.recovery import recover, recovered_path
+from gateway.recording.format.mcap_writer import McapWriter
+from gateway.recording.reading.recording_file import RecordedMessage, open_recording
+from gateway.recording.segments.compaction import CompactionError, compact
+from gateway.recording.segments.events import uncompacted_marker
+from gateway.recording.segments.recovery import recover, recovered_path
 from tests.gateway.recording.conftest import MakeRecorder
 
 NOISE_COUNTS, BLOCK, SECONDS = 143, 32, 30
@@ -106,7 +106,7 @@ def test_a_damaged_segment_stays_as_it_is(ended: Path) -> None:
 
 def test_a_copy_that_is_not_the_same_is_thrown_away(ended: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = ended.read_bytes()
-    monkeypatch.setattr(RecordCopier, "_add_message", forget(RecordCopier._add_message))
+    monkeypatch.setattr(McapWriter, "add_message", forget(McapWriter.add_message))
     with pytest.raises(CompactionError, match="not the same"):
         compact(ended)
     assert ended.read_bytes() == whole
@@ -115,9 +115,9 @@ def test_a_copy_that_is_not_the_same_is_thrown_away(ended: Path, monkeypatch: py
 def forget(add: Callable[..., None]) -> Callable[..., None]:
     """Copying that loses every hundredth message."""
 
-    def adding(copier: object, message: messages.Message) -> None:
-        if message.sequence % 100 != 99:
-            add(copier, message)
+    def adding(writer: McapWriter, channel_id: int, sequence: int, *rest: object) -> None:
+        if sequence % 100 != 99:
+            add(writer, channel_id, sequence, *rest)
 
     return adding
 

@@ -10,17 +10,16 @@ import pytest
 
 from gateway.atomic_io import replace_file
 from gateway.cli.main import main
-from gateway.recording.chain import SegmentChain
-from gateway.recording.chain_state import read_state, save_state
-from gateway.recording.compaction import HashingFile
-from gateway.recording.copying import RecordCopier
-from gateway.recording.deletions import MAX_RUNS, parse_deletions
-from gateway.recording.markers import marker_path
-from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
-from gateway.recording.mcap_writer import DENSE, McapWriter
-from gateway.recording.segment_index import read_index
-from gateway.recording.signing_key import load_or_create_key
-from gateway.recording.statements import SIGNATURE, parse_statement
+from gateway.recording.chain.chain_state import read_state, save_state
+from gateway.recording.chain.segment_chain import SegmentChain
+from gateway.recording.chain.signing_key import load_or_create_key
+from gateway.recording.chain.statements import MAX_RUNS, SIGNATURE, parse_deletions, parse_statement
+from gateway.recording.format.mcap_writer import DENSE, McapWriter
+from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
+from gateway.recording.reading.segment_index import read_index
+from gateway.recording.segments.compaction import HashingFile
+from gateway.recording.segments.copying import RecordCopier
+from gateway.recording.segments.events import marker_path
 from tests.gateway.recording.conftest import SECOND_NS, Record
 
 LATER_NS = 1000 * SECOND_NS

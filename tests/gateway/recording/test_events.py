@@ -6,9 +6,16 @@ from typing import Any
 import pytest
 
 from gateway.messages import Alert, Calibration, Health, Mark
-from gateway.recording.events import EventDetector, EventIndex
-from gateway.recording.markers import Stretch, append_stretch, marker_path, note_trimmed, read_stretches
-from gateway.recording.retention import Retention, SegmentNames
+from gateway.recording.segments.events import (
+    EventDetector,
+    EventIndex,
+    EventInterval,
+    append_event_interval,
+    marker_path,
+    note_trimmed,
+    read_event_intervals,
+)
+from gateway.recording.segments.retention import Retention, SegmentNames
 
 NAMES = SegmentNames("yard", "crane-2", "hook")
 SECOND_NS = 1_000_000_000
@@ -63,14 +70,14 @@ def test_trimmed_segments_are_deleted_last(tmp_path: Path, segments: list[Path])
 
 def test_the_marker_states_the_time_around_its_events(segments: list[Path]) -> None:
     event_ns = START_NS + 150 * SECOND_NS
-    stretch = Stretch(event_ns - 40 * SECOND_NS, event_ns + 40 * SECOND_NS)
-    assert [read_stretches(path) for path in segments[1:4]] == [[stretch]] * 3
+    stretch = EventInterval(event_ns - 40 * SECOND_NS, event_ns + 40 * SECOND_NS)
+    assert [read_event_intervals(path) for path in segments[1:4]] == [[stretch]] * 3
 
 
 def test_stretches_that_overlap_are_one(segments: list[Path]) -> None:
     for from_s, to_s in ((5, 9), (1, 3), (2, 6)):
-        append_stretch(segments[0], Stretch(from_s, to_s))
-    assert read_stretches(segments[0]) == [Stretch(1, 9)]
+        append_event_interval(segments[0], EventInterval(from_s, to_s))
+    assert read_event_intervals(segments[0]) == [EventInterval(1, 9)]
 
 
 HEAD: dict[str, Any] = {"time_ns": START_NS, "clock": "synchronised", "sequence": 0, "calibration_id": "c-1"}

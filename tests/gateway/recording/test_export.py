@@ -14,13 +14,13 @@ from gateway.cli.main import main
 from gateway.measurement.measure import measure
 from gateway.measurement.rig import read_rig
 from gateway.measurement.source import read_source
-from gateway.recording import tables
-from gateway.recording.catalogue import open_timeline
-from gateway.recording.interval import RecordingInterval
-from gateway.recording.reader import EVERYTHING
-from gateway.recording.run import read_samples
-from gateway.recording.sample_reader import CalibratedReader
-from gateway.recording.tables import samples_table
+from gateway.recording.export import tables
+from gateway.recording.export.tables import samples_table
+from gateway.recording.reading.catalogue import open_timeline
+from gateway.recording.reading.interval import RecordingInterval
+from gateway.recording.reading.recording_file import EVERYTHING
+from gateway.recording.reading.sample_calibration import CalibratedReader
+from gateway.recording.reading.samples import read_samples
 from tests.gateway.recording.recorded_crane import CLOCK, START_NS, RecordedCrane
 from tests.values import present
 
@@ -60,7 +60,7 @@ def test_measure_of_the_exported_csv_gives_the_same_swing(recorded: Path, tmp_pa
     out, rig = tmp_path / "samples.csv", tmp_path / "rig.toml"
     rig.write_text(
         "[rope]\nlength_m = 12.0\n[housing]\nposition_m = 9.0\n[sensor]\nsample_rate_hz = 100\n"
-        f"noise_g = {read_samples(sorted(recorded.glob('*.mcap'))[0]).device.noise_g}\n"
+        f"noise_g = {read_samples(sorted(recorded.glob('*.mcap'))[:1]).device.noise_g}\n"
     )
     assert export(recorded, "--csv", out) == 0
     part = RecordingInterval(last_s=14.0)
@@ -87,7 +87,7 @@ def test_parquet_has_the_same_samples_with_utc(recorded: Path, tmp_path: Path) -
     table = pq.read_table(out)
     assert table.column_names == ["time_s", "utc", "ax_g", "ay_g", "az_g", "temperature_c"]
     first_ns = table["utc"][0].value
-    assert first_ns == read_samples(sorted(recorded.glob("*.mcap"))[0]).samples.time_ns[0] + CLOCK.wall_offset_ns
+    assert first_ns == read_samples(sorted(recorded.glob("*.mcap"))[:1]).samples.time_ns[0] + CLOCK.wall_offset_ns
     assert table["az_g"].to_pylist() == pytest.approx([float(row["az_g"]) for row in rows(text)], rel=1e-8)
     assert table.schema.metadata[b"gateway"] == b"demo-site/crane-1/hook-1"
 
@@ -191,4 +191,4 @@ def test_samples_are_read_as_they_are_written(recorded: Path, monkeypatch: pytes
 
 
 def test_first_sample_is_at_the_start_of_the_simulated_crane(recorded: Path) -> None:
-    assert read_samples(sorted(recorded.glob("*.mcap"))[0]).samples.time_ns[0] == START_NS
+    assert read_samples(sorted(recorded.glob("*.mcap"))[:1]).samples.time_ns[0] == START_NS

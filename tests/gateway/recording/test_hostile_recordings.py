@@ -18,11 +18,10 @@ from mcap.records import Chunk
 from mcap.writer import MCAP0_MAGIC
 
 from devices.errors import RecordingError
-from gateway.recording.mcap_chunks import MAX_CHUNK_BYTES, ChunkError, ChunkReader
-from gateway.recording.mcap_frames import RECORD_HEAD
-from gateway.recording.mcap_salvage import SalvageReport, open_mcap, read_records
-from gateway.recording.mcap_writer import McapWriter
-from gateway.recording.recovery import recover
+from gateway.recording.format.frames import MAX_CHUNK_BYTES, RECORD_HEAD, ChunkError, ChunkReader
+from gateway.recording.format.mcap_writer import McapWriter
+from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
+from gateway.recording.segments.recovery import recover
 
 ROOT = Path(__file__).parents[3]
 MEMORY_BYTES = 1_500_000_000

@@ -7,8 +7,13 @@ from datetime import UTC, datetime
 import pytest
 
 from gateway.errors import InputError
-from gateway.recording.interval import RecordingExtent, RecordingInterval, parse_duration, parse_recording_time
-from gateway.recording.timestamp import iso_utc
+from gateway.recording.reading.interval import (
+    RecordingExtent,
+    RecordingInterval,
+    iso_utc,
+    parse_duration,
+    parse_recording_time,
+)
 
 
 def utc_ns(text: str) -> int:

@@ -6,7 +6,7 @@ import zlib
 
 from mcap.reader import make_reader
 
-from gateway.recording.mcap_writer import CHUNK_BYTES, McapWriter
+from gateway.recording.format.mcap_writer import CHUNK_BYTES, McapWriter
 
 SECOND_NS = 1_000_000_000
 

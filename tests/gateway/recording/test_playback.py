@@ -12,9 +12,9 @@ from gateway import messages
 from gateway.bus.client import query_status
 from gateway.bus.session import open_session
 from gateway.cli.main import main
-from gateway.recording.catalogue import open_timeline
-from gateway.recording.playback import Playback, playback_key
-from gateway.recording.reader import EVERYTHING
+from gateway.recording.export.playback import Playback, playback_key
+from gateway.recording.reading.catalogue import open_timeline
+from gateway.recording.reading.recording_file import EVERYTHING
 from gateway.topics import TOPICS
 from tests.gateway.recording.recorded_crane import RecordedCrane
 from tests.ports import unused_port

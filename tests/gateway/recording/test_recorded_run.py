@@ -12,10 +12,10 @@ from devices.errors import RecordingError
 from gateway import messages
 from gateway.packing import pack
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.header import RecordingHeader
-from gateway.recording.reader import open_recording
-from gateway.recording.run import read_samples
-from gateway.recording.writer import Recorder
+from gateway.recording.format.header import ORIGIN, RecordingHeader
+from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.reading.samples import read_samples
+from gateway.recording.segments.recorder import Recorder
 from tests.gateway.conftest import MakeBlock
 from tests.gateway.recording.conftest import MakeRecorder
 
@@ -45,7 +45,7 @@ def test_a_recording_is_read_back_block_by_block(
     recorder.write(encode_message("calibration", standing, start_ns))
     blocks = [make_block(0), make_block(4, length=8, lost=9), make_block(12, length=5)]
     path = record(recorder, blocks)
-    run = read_samples(path)
+    run = read_samples([path])
     samples = run.samples
     np.testing.assert_array_equal(samples.time_ns, np.concatenate([block.time_ns for block in blocks]))
     np.testing.assert_array_equal(samples.raw, np.concatenate([block.raw for block in blocks]))
@@ -54,8 +54,8 @@ def test_a_recording_is_read_back_block_by_block(
     assert samples.temperature_c.tolist() == [block.temperature_c for block in blocks]
     assert samples.lost.tolist() == [block.lost for block in blocks]
     assert run.device == device
-    assert run.configuration_toml == header.configuration_toml
-    assert run.origin["boot_id"] == "b00t"
+    assert run.files[0].file.configuration_toml == header.configuration_toml
+    assert run.files[0].file.metadata[ORIGIN]["boot_id"] == "b00t"
     assert [calibration.message for calibration in run.calibrations] == [standing]
     assert run.losses.closed
 
@@ -74,7 +74,7 @@ def test_each_calibration_is_listed_once_in_order(
     for step, name in enumerate(["a", "a", "b", "a"]):
         recorder.write(encode_message("calibration", make_calibration(name), start_ns + step))
     recorder.close()
-    told = [(found.log_time_ns - start_ns, found.message.calibration_id) for found in read_samples(path).calibrations]
+    told = [(found.log_time_ns - start_ns, found.message.calibration_id) for found in read_samples([path]).calibrations]
     assert told == [(0, "a"), (2, "b"), (3, "a")]
 
 
@@ -85,7 +85,7 @@ def test_all_samples_are_joined_with_the_losses(
     recorder.set_device(device, start_ns)
     blocks = [make_block(0, period_ns=1e6), make_block(1, period_ns=1e6, lost=2), make_block(4, period_ns=1e6)]
     path = record(recorder, blocks)
-    recording = read_samples(path).recording()
+    recording = read_samples([path]).recording()
     assert (recording.unit, recording.origin_ns) == ("counts", start_ns)
     assert recording.raw.shape == (96, 3)
     np.testing.assert_array_equal(recording.raw[32:64], blocks[1].raw)
@@ -105,7 +105,7 @@ def test_repeated_and_backward_times_are_counted(
     again = make_block(5, length=4, period_ns=1e6)
     late = replace(again, time_ns=again.time_ns[:3] + 500_000, raw=again.raw[:3])
     path = record(recorder, [make_block(0, period_ns=1e6), again, late, make_block(1, period_ns=1e6)])
-    recording = read_samples(path).recording()
+    recording = read_samples([path]).recording()
     assert (len(recording), recording.repeated, recording.backward) == (64, 4, 3)
     assert (np.diff(recording.time_s) > 0).all()
 
@@ -115,7 +115,7 @@ def test_readings_in_g_are_read_back_exactly(make_recorder: MakeRecorder, device
     recorder.set_device(type(device)(kind="replay", device_id="r", unit="g", odr_hz=10, units_per_g=1.0), start_ns)
     rng = np.random.default_rng(1)
     block = SampleBlock(start_ns + np.arange(5) * 100, rng.normal(size=(5, 3)))
-    back = read_samples(record(recorder, [block])).samples
+    back = read_samples([record(recorder, [block])]).samples
     assert back.raw.tobytes() == block.raw.tobytes()
 
 
@@ -142,7 +142,7 @@ def test_a_recording_without_samples_is_refused(
     recorder.write(encode_message("health", every_message["health"], start_ns))
     recorder.close()
     with pytest.raises(RecordingError, match="has no samples; the gateway was stopped or lost its device"):
-        read_samples(path)
+        read_samples([path])
 
 
 def test_a_foreign_file_is_refused_with_its_topics(tmp_path: Path) -> None:
@@ -155,7 +155,7 @@ def test_a_foreign_file_is_refused_with_its_topics(tmp_path: Path) -> None:
             writer.add_message(writer.register_channel(topic, "cdr", schema), 1, b"\x00\x01", 1)
         writer.finish()
     with pytest.raises(RecordingError, match=r"has no topic /samples, .* its topics: /imu/data, /odom"):
-        read_samples(path)
+        read_samples([path])
 
 
 def test_samples_without_a_device_description_are_refused(
@@ -166,7 +166,7 @@ def test_samples_without_a_device_description_are_refused(
     recorder.write(encode_message("samples", make_samples(0), start_ns))
     recorder.close()
     with pytest.raises(RecordingError, match="no metadata 'device'"):
-        read_samples(path)
+        read_samples([path])
 
 
 def test_samples_in_another_unit_than_the_device_are_refused(
@@ -176,7 +176,7 @@ def test_samples_in_another_unit_than_the_device_are_refused(
     recorder.set_device(device, start_ns)
     path = record(recorder, [SampleBlock(np.array([start_ns]), np.array([[0.0, 0.0, 1.0]]))])
     with pytest.raises(RecordingError, match="samples in g from a device in counts"):
-        read_samples(path)
+        read_samples([path])
 
 
 def test_messages_that_do_not_decode_are_counted(

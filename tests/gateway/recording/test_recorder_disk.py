@@ -12,9 +12,9 @@ import pytest
 
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.header import RecordingHeader
-from gateway.recording.reader import open_recording
-from gateway.recording.writer import RecorderError
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.segments.recorder import RecorderError
 from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_files import SECOND_NS, names, record_blocks, sample_sequences, segments
 
@@ -133,7 +133,7 @@ def test_recording_can_start_again_after_a_failed_sync(
 FULL_DISK = """
 import pickle, resource, sys
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.writer import Recorder, RecorderError
+from gateway.recording.segments.recorder import Recorder, RecorderError
 header, made, folder, start_ns = pickle.load(sys.stdin.buffer)
 recorder = Recorder(folder, header, segment_s=600, fsync_s=1.0, quota_mb=100)
 recorder.start(start_ns)

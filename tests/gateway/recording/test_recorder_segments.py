@@ -9,8 +9,8 @@ import pytest
 from devices.block import DeviceInfo
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.run import read_samples
-from gateway.recording.writer import RecorderError
+from gateway.recording.reading.samples import read_samples
+from gateway.recording.segments.recorder import RecorderError
 from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_files import SECOND_NS, contents, record_blocks, sample_sequences, segments
 
@@ -38,9 +38,9 @@ def test_segments_are_contiguous_and_complete_in_themselves(
     for path in files:
         found = contents(path)
         assert {topic for topic, _ in found} == {"/samples", "/calibration", "/clock"}
-        run = read_samples(path)
-        assert (run.device, run.origin["crane"]) == (device, "crane-2")
-        assert run.configuration_toml is not None
+        run = read_samples([path])
+        assert (run.device, run.files[0].file.metadata["plumbline"]["crane"]) == (device, "crane-2")
+        assert run.files[0].file.configuration_toml is not None
         assert run.calibrations[-1].message == every_message["calibration"]
         numbers += [content["sequence"] for topic, content in found if topic == "/samples"]
     assert numbers == list(range(200))
@@ -116,7 +116,7 @@ def test_another_device_begins_a_new_segment(
     recorder.set_device(other, start_ns + 5 * SECOND_NS)
     recorder.write(encode_message("samples", make_samples(1), start_ns + 5 * SECOND_NS))
     recorder.close()
-    assert [read_samples(path).device for path in segments(tmp_path)] == [device, other]
+    assert [read_samples([path]).device for path in segments(tmp_path)] == [device, other]
 
 
 def test_a_calibration_is_in_the_next_segment_after_a_pause(

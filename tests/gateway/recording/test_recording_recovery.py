@@ -10,10 +10,10 @@ from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.info_text import info_text
-from gateway.recording.reader import open_recording
-from gateway.recording.recovery import recover
-from gateway.recording.run import read_samples
+from gateway.recording.info.info_text import info_text
+from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.reading.samples import read_samples
+from gateway.recording.segments.recovery import recover
 from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_files import summarise
 from tests.values import present
@@ -70,8 +70,10 @@ def test_an_incomplete_recording_becomes_a_complete_one(torn: Path, tmp_path: Pa
         (message.topic, message.data, message.log_time_ns, message.publish_time_ns, message.sequence)
         for message in kept
     ]
-    run, source = read_samples(out), read_samples(torn)
-    assert (run.device, run.origin, run.configuration_toml) == (source.device, source.origin, source.configuration_toml)
+    run, source = read_samples([out]), read_samples([torn])
+    (copy,), (original,) = run.files, source.files
+    assert (run.device, copy.file.configuration_toml) == (source.device, original.file.configuration_toml)
+    assert copy.file.metadata["plumbline"] == original.file.metadata["plumbline"]
     np.testing.assert_array_equal(run.samples.time_ns, source.samples.time_ns)
     assert run.losses.closed
     assert f"recovered      from {torn.name}, closed false" in info_text(summarise(out))

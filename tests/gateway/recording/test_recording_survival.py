@@ -16,12 +16,12 @@ from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.header import RecordingHeader
-from gateway.recording.info_text import info_text
-from gateway.recording.mcap_salvage import SalvageReport
-from gateway.recording.reader import open_recording
-from gateway.recording.run import read_samples
-from gateway.recording.writer import Recorder
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.format.salvage import SalvageReport
+from gateway.recording.info.info_text import info_text
+from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.reading.samples import read_samples
+from gateway.recording.segments.recorder import Recorder
 from tests.gateway.recording.conftest import MakeRecorder
 from tests.gateway.recording.recorded_files import summarise
 
@@ -31,7 +31,7 @@ FSYNC_S = 1.0
 RECORD_IN_REAL_TIME = """
 import pickle, sys, time
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.writer import Recorder
+from gateway.recording.segments.recorder import Recorder
 header, made, folder = pickle.load(sys.stdin.buffer)
 recorder = Recorder(folder, header, segment_s=600, fsync_s=1.0, quota_mb=100)
 first_ns = made[0].first_log_time_ns
@@ -131,7 +131,7 @@ def cut_to(folder: Path, whole: bytes, size: int) -> Path:
 
 
 def read_as_users_do(path: Path) -> None:
-    for read in (read_samples, lambda path: info_text(summarise(path))):
+    for read in (lambda path: read_samples([path]), lambda path: info_text(summarise(path))):
         try:
             read(path)
         except RecordingError as error:
@@ -172,7 +172,7 @@ def test_a_flipped_bit_anywhere_raises_nothing_but_recording_errors(
 def test_changed_metadata_are_detected_in_a_closed_file(small: tuple[Path, list[int]], tmp_path: Path) -> None:
     altered = tmp_path / "altered.mcap"
     altered.write_bytes(small[0].read_bytes().replace(b"256000.0", b"255000.0"))
-    assert read_samples(altered).losses == SalvageReport(closed=True, altered=True)
+    assert read_samples([altered]).losses == SalvageReport(closed=True, altered=True)
     assert "CHECKSUM WRONG" in info_text(summarise(altered))
 
 

@@ -19,10 +19,10 @@ from gateway.pipeline.clock_state import MessageTime
 from gateway.pipeline.incidents import Acknowledgement
 from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.pipeline.pipeline import Pipeline
-from gateway.recording import replay_result
-from gateway.recording.reader import open_recording
-from gateway.recording.replay_steps import RECOMPUTED
-from gateway.recording.run import read_samples
+from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.reading.samples import read_samples
+from gateway.recording.replay import replay_run as replay_result
+from gateway.recording.replay.replay_steps import RECOMPUTED
 from tests.gateway.recording.recorded_crane import CLOCK, START_NS, RecordedCrane
 
 SUSPENSION = "SUSPENDED: the sensor is being recalibrated (six_position, by ann)"
@@ -123,7 +123,7 @@ def test_saturated_samples_are_replayed(tmp_path: Path, capsys: pytest.CaptureFi
     crane.close()
     code, result = replay(tmp_path, capsys)
     assert (code, result["differing"]) == (0, {})
-    recorded = read_samples(next(tmp_path.glob("*.mcap"))).recording()
+    recorded = read_samples([next(tmp_path.glob("*.mcap"))]).recording()
     assert recorded.saturated is not None
     assert np.array_equal(recorded.saturated, recorded.raw[:, 0] == LARGEST_COUNT)
     assert recorded.saturated.sum() == len(recorded) // 50
@@ -151,7 +151,7 @@ def test_a_gyroscope_is_recorded_and_replayed_to_the_byte(tmp_path: Path, capsys
     crane.close()
     code, result = replay(tmp_path, capsys)
     assert (code, result["differing"]) == (0, {})
-    gyro_dps = read_samples(sorted(tmp_path.glob("*.mcap"))[0]).recording().gyro_dps
+    gyro_dps = read_samples(sorted(tmp_path.glob("*.mcap"))[:1]).recording().gyro_dps
     assert gyro_dps is not None
     assert np.nanmean(np.radians(gyro_dps)) == pytest.approx(0.01, rel=0.01)
     assert 0 < np.isnan(gyro_dps).sum() < 20

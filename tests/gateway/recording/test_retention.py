@@ -2,8 +2,8 @@ from pathlib import Path
 
 import pytest
 
-from gateway.recording.markers import marker_path
-from gateway.recording.retention import Retention, SegmentNames
+from gateway.recording.segments.events import marker_path
+from gateway.recording.segments.retention import Retention, SegmentNames
 
 NAMES = SegmentNames("yard", "crane-2", "hook")
 

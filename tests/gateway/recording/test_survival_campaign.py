@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from gateway.recording import mcap_writer
-from gateway.recording.reader import open_recording
-from gateway.recording.recovery import recover
+from gateway.recording.format import mcap_writer
+from gateway.recording.reading.recording_file import open_recording
+from gateway.recording.segments.recovery import recover
 from tests.benchmarks.survival import campaign, content, record, specimen
 
 

@@ -11,17 +11,16 @@ from devices.block import DeviceInfo
 from devices.errors import RecordingError
 from gateway import messages
 from gateway.pipeline.outgoing_message import encode_message
-from gateway.recording.chain import SegmentChain
-from gateway.recording.chain_verification import verify_chain
-from gateway.recording.compaction import compact
-from gateway.recording.events import EventIndex
-from gateway.recording.header import RecordingHeader
-from gateway.recording.markers import is_trimmed
-from gateway.recording.run import read_samples
-from gateway.recording.signing_key import load_or_create_key
-from gateway.recording.trimming import trim
-from gateway.recording.verification import verify_file
-from gateway.recording.writer import Recorder
+from gateway.recording.chain.chain_verification import verify_chain
+from gateway.recording.chain.file_verification import verify_file
+from gateway.recording.chain.segment_chain import SegmentChain
+from gateway.recording.chain.signing_key import load_or_create_key
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.reading.samples import read_samples
+from gateway.recording.segments.compaction import compact
+from gateway.recording.segments.events import EventIndex, is_trimmed
+from gateway.recording.segments.recorder import Recorder
+from gateway.recording.segments.trimming import trim
 
 SECOND_NS = 1_000_000_000
 PRE_S, POST_S, EVENT_S = 10, 15, 45
@@ -61,9 +60,9 @@ def test_the_time_around_an_event_is_kept_to_the_sample(
     recorded: tuple[list[Path], SegmentChain], start_ns: int
 ) -> None:
     (_, path, _), chain = recorded
-    before = read_samples(path)
+    before = read_samples([path])
     trim(path, chain)
-    after = read_samples(path)
+    after = read_samples([path])
     kept, before_ns = set(after.samples.time_ns.tolist()), before.samples.time_ns
     around = before_ns[before_ns <= start_ns + (EVENT_S + POST_S) * SECOND_NS]
     assert set(around.tolist()) <= kept < set(before_ns.tolist())

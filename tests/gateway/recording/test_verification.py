@@ -8,11 +8,11 @@ import pytest
 from mcap.reader import make_reader
 
 from gateway.cli.main import main
-from gateway.recording.chain_state import read_state, save_state
-from gateway.recording.chain_verification import ChainVerification, verify_chain
-from gateway.recording.signing_key import KeyFileError, fingerprint, load_or_create_key, read_public_key
-from gateway.recording.verification import verify_file
-from gateway.recording.writer import RecorderError
+from gateway.recording.chain.chain_state import read_state, save_state
+from gateway.recording.chain.chain_verification import ChainVerification, verify_chain
+from gateway.recording.chain.file_verification import verify_file
+from gateway.recording.chain.signing_key import KeyFileError, fingerprint, load_or_create_key, read_public_key
+from gateway.recording.segments.recorder import RecorderError
 from tests.gateway.recording.conftest import Record
 
 SECOND_NS = 1_000_000_000
@@ -146,7 +146,7 @@ def test_a_segment_that_could_not_be_begun_takes_no_number(
     paths = record(start_ns, segments=1)
     folder = paths[0].parent
     with monkeypatch.context() as patched:
-        patched.setattr("gateway.recording.segment.sync_folder", full)
+        patched.setattr("gateway.recording.segments.segment.sync_folder", full)
         with pytest.raises(RecorderError):
             record(start_ns + 60 * SECOND_NS, segments=1)
     assert problems(verify(record(start_ns + 120 * SECOND_NS, segments=1), folders=(folder,))) == []

@@ -10,7 +10,7 @@ import pytest
 from devices.table import read_table
 from gateway.cli.main import main
 from gateway.measurement.source import read_source
-from gateway.recording.run import read_samples
+from gateway.recording.reading.samples import read_samples
 from gateway.twin.model import EffectValues, Model, TwinRig
 from gateway.twin.simulation import Simulated, simulate
 
@@ -45,11 +45,12 @@ def test_mcap_is_complete_and_has_the_samples_of_the_csv(rig: Path, tmp_path: Pa
     for name in ("log.csv", "log.mcap"):
         assert main(["simulate", str(rig), "--out", str(tmp_path / name), "--duration", "40", "--seed", "3"]) == 0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["log.csv", "log.mcap", "rig.toml"]
-    run = read_samples(tmp_path / "log.mcap")
+    run = read_samples([tmp_path / "log.mcap"])
     assert run.recording().raw == pytest.approx(read_table(tmp_path / "log.csv").raw, abs=1e-7)
     assert run.device.kind == "simulated"
-    assert run.configuration_toml is not None
-    assert tomllib.loads(run.configuration_toml)["rope"]["length_m"] == 9.0
+    configuration_toml = run.files[0].file.configuration_toml
+    assert configuration_toml is not None
+    assert tomllib.loads(configuration_toml)["rope"]["length_m"] == 9.0
     housing = read_source([tmp_path / "log.mcap"]).housing
     assert housing is not None
     assert housing.position_m == 6.0

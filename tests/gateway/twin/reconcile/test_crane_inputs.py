@@ -11,7 +11,7 @@ from devices.recording import Recording
 from gateway.measurement.source import Source
 from gateway.motion.history import MotionHistory
 from gateway.motion.hypotheses import IS_DRIVEN, IS_GUST, IS_HOISTING, N_HYPOTHESES
-from gateway.recording.interval import RecordingExtent
+from gateway.recording.reading.interval import RecordingExtent
 from gateway.twin.effects import EFFECTS
 from gateway.twin.effects.crane_input import CraneMotion, MotionCorrection, SineSeries
 from gateway.twin.model import Model, TwinRig

@@ -1,0 +1,76 @@
+"""`plumbline measure`: offline evaluation of a recording."""
+
+import argparse
+from dataclasses import replace
+from pathlib import Path
+
+from gateway.cli.options.recording_interval import add_interval, interval
+from gateway.cli.options.table_options import add_table_options, table_options
+
+EXAMPLE = """examples:
+  plumbline measure log.csv --rig rig.toml --json result.json
+  plumbline measure plumbline-data/*.mcap --motion motion.csv
+  plumbline measure plumbline-data --from 07:30:00 --to 07:35:00 --json -
+  plumbline measure phone.csv --rig rig.toml --axes y,-x,z --from 20 --to 60"""
+
+
+def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "measure",
+        help="compute swing, tilt and conditions of a recording",
+        description="Compute swing, tilt and conditions of a recording: the estimate with its uncertainty, and the four "
+        "published formulas; where the crane works, also what crane and load did when, with the largest angles. Several files of "
+        "one gateway are one recording; an incomplete file is read up to its end.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.add_argument(
+        "logs",
+        type=Path,
+        nargs="+",
+        metavar="LOG",
+        help=".mcap files of one gateway, a folder of them, or one table: time_s,ax_g,ay_g,az_g, or of another program",
+    )
+    add_interval(command)
+    command.add_argument(
+        "--rig",
+        type=Path,
+        metavar="RIG",
+        help="rig.toml with housing position and rope length, which may be left out (default: those in the gateway's .mcap)",
+    )
+    command.add_argument(
+        "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
+    )
+    command.add_argument(
+        "--motion",
+        type=Path,
+        metavar="FILE.csv",
+        help="write the motion at every 0.1 s: angle with uncertainty, pivot acceleration, hoist speed, rope length, state",
+    )
+    add_table_options(command, planar=True)
+    command.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Measure a recording and print the result."""
+    from gateway.cli.terminal.output import show, write_text
+    from gateway.errors import InputError
+    from gateway.measurement.measure import measure
+    from gateway.measurement.motion_report import motion_table
+    from gateway.measurement.report import as_json, as_text
+    from gateway.measurement.rig_of_recording import read_rig_of_recording
+    from gateway.measurement.source import read_source
+
+    part, options = interval(arguments), table_options(arguments)
+    found = None if arguments.rig is None else read_rig_of_recording(arguments.rig, arguments.logs, part, options)
+    source = read_source(arguments.logs, None if found is None else found.rig, part, options)
+    if found is not None:
+        source = replace(source, remarks=(*source.remarks, *found.remarks))
+    result = measure(source, with_motion=arguments.motion is not None)
+    if arguments.motion is not None:
+        if result.motion is None:
+            raise InputError(f"{source.name}: the motion is not known: {'; '.join(result.swing.reasons)}")
+        write_text(arguments.motion, motion_table(result.motion.history))
+    show(as_text(source, result), as_json(source, result), arguments.json)
+    return 0

@@ -1,0 +1,183 @@
+"""`plumbline reconcile`: where simulation and measurement disagree, and which effects are missing."""
+
+import argparse
+import os
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gateway.cli.analysis.effects import add_effects_from, load_user_effects
+from gateway.cli.analysis.plan import add_plan_arguments, run_plan, wants_plan
+from gateway.cli.analysis.reconcile_files import check_outputs, output_texts
+from gateway.cli.options.argument_types import whole_number
+from gateway.cli.options.recording_interval import add_interval, interval
+from gateway.cli.options.table_options import add_table_options, table_options
+
+if TYPE_CHECKING:
+    from gateway.measurement.source import Source
+    from gateway.twin.model import TwinRig
+    from gateway.twin.reconcile.data.crane_inputs import CraneInputs
+    from gateway.twin.reconcile.data.data_checks import CheckedRecording
+
+EXAMPLE = """examples:
+  plumbline reconcile log.csv --rig rig.toml --held-out second.csv --json result.json --report report.html
+  plumbline reconcile recording.mcap --write-model model.toml
+  plumbline reconcile work.csv --rig rig.toml --inputs estimated
+  plumbline reconcile log.csv --rig rig.toml --effects-from my_effects.py
+  plumbline reconcile --plan rig.toml --effects steady_wind,axis_offset"""
+
+
+def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "reconcile",
+        help="find where simulation and measurement disagree, and which effects are missing",
+        description="Fit the nominal model to a recording, name the effects that it lacks, and test them on held-out data.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.add_argument(
+        "log",
+        type=Path,
+        nargs="?",
+        metavar="LOG",
+        help=".mcap of the gateway, or a table: time_s,ax_g,ay_g,az_g, or of another program",
+    )
+    add_interval(command)
+    command.add_argument("--rig", type=Path, metavar="RIG", help="rig.toml; an .mcap of the gateway contains its own")
+    command.add_argument(
+        "--held-out",
+        type=Path,
+        metavar="LOG2",
+        help="a second recording to test the model on; without it the end of LOG",
+    )
+    command.add_argument(
+        "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
+    )
+    command.add_argument("--report", type=Path, metavar="FILE.html", help="write a report with figures")
+    command.add_argument(
+        "--prediction", type=Path, metavar="FILE.csv", help="write the prediction of LOG2 (of LOG without one)"
+    )
+    command.add_argument(
+        "--write-model", type=Path, metavar="FILE.toml", help="write the rig with the effects that were found"
+    )
+    command.add_argument(
+        "--inputs",
+        choices=("auto", "estimated", "none"),
+        default="auto",
+        help="drives and hoists of the crane: estimated from the recordings and known to the model; none: they are effects to be "
+        "found; auto (the default): estimated for an .mcap, none for a .csv",
+    )
+    command.add_argument(
+        "--jobs",
+        type=whole_number,
+        metavar="N",
+        help="processes that share the fits (all cores, at most 4); the answer does not depend on it",
+    )
+    command.add_argument("--seed", type=whole_number, default=0, metavar="N", help="seed of the block bootstrap (0)")
+    add_effects_from(command)
+    add_plan_arguments(command)
+    add_table_options(command)
+    command.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the answer; the exit code is 1 if something unknown is missing, or the data cannot be used."""
+    if wants_plan(arguments):
+        return run_plan(arguments)
+    from gateway.cli.options.optional_dependencies import require_twin
+
+    # Before the library of linear algebra is loaded: its threads slow down small matrices, and take the cores of other processes.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    require_twin()
+    import time
+
+    from gateway.cli.terminal.output import show, write_text
+    from gateway.cli.terminal.progress import Progress
+    from gateway.measurement.free_swing import cut_to_free_swing
+    from gateway.measurement.rig_of_recording import read_rig_of_recording
+    from gateway.measurement.source import read_source
+    from gateway.twin.model import model_of
+    from gateway.twin.reconcile.data.data_checks import check_recording, model_from_recording
+    from gateway.twin.reconcile.data.sensor_noise import with_measured_noise
+    from gateway.twin.reconcile.output.serialisation import to_json
+    from gateway.twin.reconcile.output.text import to_text
+    from gateway.twin.reconcile.reconcile import reconcile
+    from gateway.twin.reconcile.search.parallel_fits import usable_processes
+
+    begin_s = time.monotonic()
+    _check_files(arguments)
+    load_user_effects(arguments)
+    part, options = interval(arguments), table_options(arguments)
+    found = None if arguments.rig is None else read_rig_of_recording(arguments.rig, [arguments.log], part, options)
+    cut = cut_to_free_swing(read_source([arguments.log], None if found is None else found.rig, part, options))
+    source, found = cut.source, None if found is None else found.refined_by(cut.source)
+    rig = None if found is None else found.rig
+    remarks = [*(() if found is None else found.remarks), *(() if cut.free_swing is None else source.remarks[-1:])]
+    model = model_from_recording(source) if rig is None else model_of(rig, str(arguments.rig))
+    model, noise_remark = with_measured_noise(model, source)
+    remarks += [] if noise_remark is None else [noise_remark]
+    log = check_recording(source, model.rig)
+    second_source = None
+    if arguments.held_out is not None:
+        second_source = cut_to_free_swing(read_source([arguments.held_out], rig, options=options)).source
+    second = None if second_source is None else check_recording(second_source, model.rig)
+    try:
+        with Progress() as progress:
+            progress.tick("inputs of the crane")
+            result = reconcile(
+                model,
+                log,
+                second,
+                inputs=_inputs(arguments.inputs, source, log, model.rig),
+                held_out_inputs=_inputs(arguments.inputs, second_source, second, model.rig, "held_out_"),
+                seed=arguments.seed,
+                processes=usable_processes() if arguments.jobs is None else max(1, arguments.jobs),
+                tick=progress.tick,
+            )
+            runtime_s = time.monotonic() - begin_s
+            progress.tick("report")
+            texts = output_texts(arguments, result, runtime_s, (second_source or source).held_rows)
+    except KeyboardInterrupt:
+        print("plumbline reconcile: stopped; nothing was written", file=sys.stderr)
+        raise
+    for path, text in texts.items():
+        write_text(path, text)
+    text = "\n".join([*(f"remark: {remark}" for remark in remarks), to_text(result)])
+    show(text, to_json(result, runtime_s) | {"remarks": remarks}, arguments.json)
+    return 1 if result.verdict in ("unmodelled", "data_unusable") else 0
+
+
+def _inputs(
+    choice: str, source: "Source | None", checked: "CheckedRecording | None", rig: "TwinRig", prefix: str = ""
+) -> "CraneInputs":
+    """Return what the crane did in a recording; nothing where that is not asked for, or the recording cannot be used."""
+    from gateway.twin.reconcile.data.crane_inputs import NO_INPUTS, estimate_inputs
+
+    if source is None or checked is None or checked.observations is None:
+        return NO_INPUTS
+    is_wanted = choice == "estimated" or (choice == "auto" and source.files[0].suffix == ".mcap")
+    return estimate_inputs(source, rig, prefix) if is_wanted else NO_INPUTS
+
+
+def _check_files(arguments: argparse.Namespace) -> None:
+    from gateway.errors import InputError
+
+    if arguments.held_out is not None and arguments.held_out.resolve() == arguments.log.resolve():
+        raise InputError(
+            f"--held-out {arguments.held_out}: is LOG itself; leave it out, then the end of LOG is held out"
+        )
+    check_outputs(
+        {
+            "--json": arguments.json,
+            "--report": arguments.report,
+            "--prediction": arguments.prediction,
+            "--write-model": arguments.write_model,
+        },
+        {
+            "LOG": arguments.log,
+            "--rig": arguments.rig,
+            "--held-out": arguments.held_out,
+            **{f"--effects-from {path}": path for path in arguments.effects_from},
+        },
+    )

@@ -1,0 +1,96 @@
+"""`plumbline simulate`: a recording from the simulation."""
+
+import argparse
+import math
+from pathlib import Path
+
+from gateway.cli.analysis.effects import add_effects_from, load_user_effects
+from gateway.cli.options.argument_types import above_zero, whole_number
+
+EXAMPLE = """examples:
+  plumbline simulate rig.toml --out log.csv --effect viscous_damping
+  plumbline simulate rig.toml --out log.mcap --effect wind_gust:accel_m_s2=0.3,0.1:start_s=40 --duration 180 --seed 7
+  plumbline simulate rig.toml --out log.csv --initial tilt_x_deg=8 rate_y_deg_s=1
+  plumbline simulate rig.toml --out log.csv --effects-from my_effects.py --effect my_effect"""
+FORMATS = (".csv", ".mcap")
+
+
+def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "simulate",
+        help="write a recording from the simulation",
+        description="Simulate a rig with chosen effects and its sensor; an .mcap also passes through the gateway's pipeline.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    command.add_argument("rig", type=Path, metavar="RIG", help="rig.toml; the effects in its [model] act as well")
+    command.add_argument("--out", type=Path, metavar="LOG", required=True, help=".csv or .mcap")
+    command.add_argument(
+        "--effect",
+        action="append",
+        default=[],
+        metavar="NAME[:PARAMETER=VALUE]...",
+        help="add an effect, with typical values of the parameters that are not given; may be repeated",
+    )
+    add_effects_from(command)
+    command.add_argument(
+        "--duration", type=above_zero, default=120.0, metavar="S", help="length of the recording in s (120)"
+    )
+    command.add_argument(
+        "--seed", type=whole_number, default=1, metavar="N", help="seed of the noise and of the initial state (1)"
+    )
+    command.add_argument(
+        "--initial",
+        nargs="+",
+        default=[],
+        metavar="NAME=VALUE",
+        help="initial state: tilt_x_deg, tilt_y_deg, rate_x_deg_s, rate_y_deg_s, heading_deg; rigging_tilt_x_deg ...; stretch_m",
+    )
+    command.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Simulate and write the recording."""
+    from gateway.cli.options.optional_dependencies import require_twin
+
+    require_twin()
+    from gateway.cli.terminal.output import write_text
+    from gateway.errors import InputError
+    from gateway.measurement.rig import read_rig
+    from gateway.twin.model import Model, model_of, parse_effect_assignments
+    from gateway.twin.recording import as_csv, write_mcap
+    from gateway.twin.simulation import simulate
+
+    out: Path = arguments.out
+    if out.suffix not in FORMATS:
+        raise InputError(f"--out {out}: should end in .csv or .mcap")
+    load_user_effects(arguments)
+    nominal = model_of(read_rig(arguments.rig), str(arguments.rig))
+    model = Model(nominal.rig, parse_effect_assignments(nominal.effects, arguments.effect))
+    simulated = simulate(model, arguments.duration, arguments.seed, _parse_initial_state(arguments.initial))
+    if out.suffix == ".csv":
+        write_text(out, as_csv(simulated))
+    else:
+        write_mcap(out, model.rig, simulated, arguments.seed)
+    effects = ", ".join(model.effects) or "none"
+    print(f"{out}: {len(simulated.time_s)} samples at {simulated.rate_hz:g} Hz; effects: {effects}")
+    return 0
+
+
+def _parse_initial_state(pairs: list[str]) -> dict[str, float]:
+    """Return the coordinates by name, in radians."""
+    from gateway.errors import InputError
+
+    initial = {}
+    for pair in pairs:
+        name, _, text = pair.partition("=")
+        try:
+            value = float(text)
+        except ValueError as error:
+            raise InputError(f"--initial {pair}: should be NAME=VALUE, such as tilt_x_deg=5") from error
+        if not math.isfinite(value):
+            raise InputError(f"--initial {pair}: should be a number")
+        name_in_radians = name.replace("_deg", "_rad")
+        initial[name_in_radians] = value if name_in_radians == name else math.radians(value)
+    return initial

@@ -1,0 +1,1 @@
+"""The methods of `plumbline calibrate`: offline calibration."""

@@ -1,0 +1,117 @@
+"""`plumbline calibrate align`: how well a sensitive axis is aligned, from a recording of turns on a shaft."""
+
+import argparse
+import math
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gateway.cli.options.alignment_unit import add_unit_arguments, aligning_unit
+from gateway.cli.options.argument_types import above_zero
+from gateway.cli.options.table_options import add_table_options, table_options
+
+if TYPE_CHECKING:
+    from gateway.calibration.offline.align_recording import RecordedTurns
+
+
+def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the method."""
+    method = methods.add_parser(
+        "align",
+        help="turns about a horizontal shaft along one axis: peak-to-peak, which screw, aligned or not",
+        description="Read how far a sensitive axis is from parallel to the shaft about which the housing turns, from the "
+        "peak-to-peak of its output over each turn (Łuczak et al. 2022, sec. 3), and which screw to turn. `plumbline remote "
+        "align --on-shaft` shows the same live. Exit code 1: the last turn is not aligned.",
+        epilog="example: plumbline calibrate align turns_x.csv --axis x --html alignment.html",
+    )
+    method.add_argument(
+        "file", type=Path, metavar="FILE", help="recording of slow turns: .csv, .mcap of the gateway, or a folder"
+    )
+    method.add_argument(
+        "--axis", choices=tuple("xyz"), help="axis along the shaft (default: the one that changes least)"
+    )
+    add_unit_arguments(method)
+    method.add_argument(
+        "--perpendicularity-deg",
+        type=above_zero,
+        default=0.01,
+        metavar="DEG",
+        help="deviation of perpendicularity of the housing, DP (default %(default)s)",
+    )
+    method.add_argument("--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead")
+    method.add_argument("--html", type=Path, metavar="FILE", help="write a report with a figure")
+    add_table_options(method)
+    method.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gateway.calibration.offline.align_recording import read_turns
+    from gateway.calibration.record import NotDeterminedError
+    from gateway.certificate.alignment_report import render_alignment_report
+    from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json, write_text
+    from gateway.measurement.calibration_readings import read_calibration_readings
+
+    (file,) = read_calibration_readings([arguments.file], table_options(arguments))
+    unit = aligning_unit(arguments)
+    deviation_rad = math.radians(arguments.perpendicularity_deg)
+    try:
+        found = read_turns(file, unit, None if arguments.axis is None else "xyz".index(arguments.axis), deviation_rad)
+    except NotDeterminedError as error:
+        print(f"plumbline calibrate: {error}", file=sys.stderr)
+        return 1
+    result = _as_json(found, deviation_rad)
+    if arguments.html is not None:
+        write_text(arguments.html, render_alignment_report(str(arguments.file), found, deviation_rad))
+    if arguments.json == STANDARD_OUTPUT:
+        print_json(result)
+    else:
+        if arguments.json is not None:
+            write_json(arguments.json, result)
+        print(_as_text(found, deviation_rad))
+    return 0 if found.turns[-1].advice.state == "aligned" else 1
+
+
+def _as_text(found: "RecordedTurns", deviation_rad: float) -> str:
+    from gateway.calibration.alignment.alignment_errors import calibration_error_rad
+
+    lines = [
+        f"axis {'xyz'[found.axis]} along the shaft, {found.units_per_g:.6g} raw units per g, LSB {1000 * found.step_g:.3g} mg"
+    ]
+    lines += [
+        f"turn {number:2} to {one.time_s:7.1f} s: {1000 * one.turn.peak_to_peak_g:8.3f} mg peak-to-peak, floor "
+        f"{1000 * one.turn.floor_g:.3f} mg, off by {math.degrees(one.turn.misalignment_rad):.3f} deg; {one.advice.text}"
+        for number, one in enumerate(found.turns, start=1)
+    ]
+    last = found.turns[-1].advice
+    lines.append(
+        f"APE {math.degrees(last.precision_error_rad):.3f} deg, TAE {math.degrees(last.total_error_rad):.3f} deg, "
+        f"CE {math.degrees(calibration_error_rad(deviation_rad)):.5f} deg"
+    )
+    return "\n".join(lines)
+
+
+def _as_json(found: "RecordedTurns", deviation_rad: float) -> dict[str, Any]:
+    from gateway.calibration.alignment.alignment_errors import calibration_error_rad
+
+    return {
+        "axis": "xyz"[found.axis],
+        "units_per_g": found.units_per_g,
+        "step_g": found.step_g,
+        "calibration_error_rad": calibration_error_rad(deviation_rad),
+        "turns": [
+            {
+                "time_s": one.time_s,
+                "peak_to_peak_g": one.turn.peak_to_peak_g,
+                "floor_g": one.turn.floor_g,
+                "towards_rad": list(one.turn.towards),
+                "u_rad": one.turn.u_rad,
+                "state": one.advice.state,
+                "screw_axis": one.advice.screw_axis,
+                "direction": one.advice.direction,
+                "screw_turns": one.advice.turns,
+                "precision_error_rad": one.advice.precision_error_rad,
+                "total_error_rad": one.advice.total_error_rad,
+            }
+            for one in found.turns
+        ],
+    }

@@ -1,0 +1,92 @@
+"""`plumbline calibrate six-position` and `norm-fit`: a calibration from resting poses, of six faces or of many attitudes."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from gateway.calibration.pose_method import PoseMethod
+from gateway.cli.calibrate.calibrate_record import (
+    add_record_arguments,
+    finish_record,
+    read_parent_record,
+    use_recorded_device,
+)
+from gateway.cli.options.argument_types import above_zero
+from gateway.cli.options.table_options import add_table_options, table_options
+
+
+def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add both methods."""
+    _add_six_position(methods)
+    _add_norm_fit(methods)
+
+
+def _add_six_position(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    method = methods.add_parser(
+        PoseMethod.SIX_POSITION.value,
+        help="six faces up in turn, on a levelled surface, in any order",
+        description="Determine offset, scale factor and misalignment from the six faces, in any order. Repeats are averaged.",
+        epilog="example: plumbline calibrate six-position faces.csv --device-id part-7 --json record.json",
+    )
+    _add_pose_arguments(method)
+    method.add_argument(
+        "--placement-deg",
+        type=above_zero,
+        metavar="DEG",
+        help="standard uncertainty of the faces' placement: level of the surface, squareness of the housing (default 0.1)",
+    )
+    method.set_defaults(run=lambda arguments: _calibrate(arguments, placement_u_deg=arguments.placement_deg))
+
+
+def _add_norm_fit(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    method = methods.add_parser(
+        PoseMethod.NORM_FIT.value,
+        help="nine or more poses in all directions; no levelled surface needed",
+        description="Determine offset, scale factor and non-orthogonality from |m| = 1 g in nine or more attitudes in all "
+        "directions. Twelve are better, because the additional poses check the fit.",
+        epilog="example: plumbline calibrate norm-fit session.csv --unit counts --rate 100 --json record.json",
+    )
+    _add_pose_arguments(method)
+    method.add_argument(
+        "--frame-deg",
+        type=above_zero,
+        metavar="DEG",
+        help="standard uncertainty of the attitude of the sensor's axes in the housing, which this method does not measure "
+        "(default 0.58)",
+    )
+    method.set_defaults(run=lambda arguments: _calibrate(arguments, frame_u_deg=arguments.frame_deg))
+
+
+def _add_pose_arguments(method: argparse.ArgumentParser) -> None:
+    """Add the recordings, their columns and units, and the arguments of the record."""
+    method.add_argument(
+        "files",
+        type=Path,
+        nargs="+",
+        metavar="FILE",
+        help="recordings of a whole session or of one pose each: .csv, or the .mcap files of one gateway, or a folder of them",
+    )
+    add_record_arguments(method)
+    add_table_options(method)
+
+
+def _calibrate(arguments: argparse.Namespace, **stated: float | None) -> int:
+    """Calibrate and print the result; 1 if the readings do not determine it or the record is not acceptable.
+
+    `stated` are the uncertainties of the method that `CalibrateOptions` takes; None leaves the default.
+    """
+    from gateway.calibration.offline.calibrate_files import CalibrateOptions, calibrate_files
+    from gateway.calibration.record import NotDeterminedError
+    from gateway.measurement.calibration_readings import read_calibration_readings
+
+    files = read_calibration_readings(arguments.files, table_options(arguments))
+    use_recorded_device(arguments, files)
+    parent = read_parent_record(arguments)
+    known = {name: value for name, value in stated.items() if value is not None}
+    options = CalibrateOptions(arguments.method, arguments.units_per_g, parent=parent, **known)
+    try:
+        found = calibrate_files(files, options)
+    except NotDeterminedError as error:
+        print(f"plumbline calibrate: {error}", file=sys.stderr)
+        return 1
+    return finish_record(arguments, found.fit, found.unit, found.notes, parent)

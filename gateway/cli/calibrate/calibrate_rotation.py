@@ -1,0 +1,61 @@
+"""`plumbline calibrate rotation`: full turns about horizontal axes on a rig with a known angle."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from gateway.calibration.pose_method import ROTATION
+from gateway.cli.calibrate.calibrate_record import add_record_arguments, finish_record, read_parent_record
+from gateway.cli.options.argument_types import above_zero
+
+
+def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the method."""
+    method = methods.add_parser(
+        ROTATION,
+        help="full turns about horizontal axes, on a rig with a known angle",
+        description="Fit sine and cosine to one full turn (two axes) or two turns about different axes (all three, and a "
+        "record): offset, scale factor, phase shift, non-orthogonality, intervals. Each file is one turn: columns angle_deg and "
+        "ax_g,ay_g,az_g (or _v, _counts), optionally count (readings averaged in the row) and temperature_c.",
+        epilog="example: plumbline calibrate rotation about_y.csv about_x.csv --device-id part-7 --json record.json",
+    )
+    method.add_argument("files", type=Path, nargs="+", metavar="FILE", help="CSV: one file per turn")
+    add_record_arguments(method)
+    method.add_argument(
+        "--mounting-deg",
+        type=above_zero,
+        metavar="DEG",
+        help="standard uncertainty of the housing's attitude on the rig, about each of three directions (default 0.1)",
+    )
+    method.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gateway.calibration.methods.rotation import MOUNTING_U_DEG, fit_rotation
+    from gateway.calibration.offline.rotation_fields import rotation_fields
+    from gateway.calibration.offline.rotation_file import read_turn
+    from gateway.calibration.offline.rotation_report import format_rotation
+    from gateway.calibration.record import NotDeterminedError
+    from gateway.errors import InputError
+
+    parent = read_parent_record(arguments)
+    wants_record = arguments.json is not None or arguments.html is not None
+    if wants_record and len(arguments.files) == 1:
+        raise InputError(
+            f"{arguments.files[0]}: one turn calibrates two axes; a record needs a second turn, about another axis"
+        )
+    turns = [read_turn(path) for path in arguments.files]
+    units = {unit for _, unit in turns}
+    if len(units) > 1:
+        raise InputError(f"the turns are in {' and '.join(sorted(units))}; calibrate from one unit")
+    (unit,) = units
+    try:
+        fit = fit_rotation(tuple(turn for turn, _ in turns), arguments.mounting_deg or MOUNTING_U_DEG)
+    except NotDeterminedError as error:
+        print(f"plumbline calibrate: {error}", file=sys.stderr)
+        return 1
+    text = format_rotation(fit, unit)
+    if fit.calibration is None:
+        print(text)
+        return 0
+    return finish_record(arguments, fit.calibration, unit, (), parent, rotation_fields(fit), preface=f"{text}\n\n")

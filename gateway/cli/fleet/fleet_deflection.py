@@ -1,0 +1,229 @@
+"""`plumbline fleet deflection`: the deflection of a girder from two gateways, or from two recordings, at its ends."""
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TextIO
+
+from gateway.cli.options.argument_types import above_zero, whole_number
+
+if TYPE_CHECKING:
+    from gateway.bus.client import GatewayClient
+    from gateway.measurement.girder.beam import Girder
+    from gateway.measurement.girder.deflection import Deflection, InwardAxis
+    from gateway.measurement.girder.deflection_history import DeflectionSeries
+    from gateway.measurement.girder.live_deflection import LiveDeflection
+
+KEY = "plumbline/"
+"""Beginning of a gateway's key on the bus; anything else is a recording."""
+AXES = {sign + name: (index, 1 if sign == "+" else -1) for index, name in enumerate("xyz") for sign in "+-"}
+MAX_QUEUED_TILTS = 64
+SILENCE_S = 1.5
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    verb = verbs.add_parser(
+        "deflection",
+        help="deflection of a crane girder at mid-span, from the sensors at its ends",
+        description="Print how far a girder on two supports sags at mid-span, from the rotations of its ends against a zero at "
+        "the beginning (Zhu et al. 2020, eq. 25): live from two gateways, or from two recordings. Positive is downwards.",
+        epilog="examples: plumbline fleet deflection left.mcap right.mcap --half-span-m 0.8 --load-offset-m 0.065 --html d.html "
+        "| plumbline fleet deflection plumbline/v1/yard/crane-1/west plumbline/v1/yard/crane-1/east --half-span-m 9.5",
+    )
+    verb.add_argument("left", metavar="LEFT", help="recording (.mcap, folder, .csv) or gateway key of the left end")
+    verb.add_argument("right", metavar="RIGHT", help="the same of the right end")
+    verb.add_argument(
+        "--half-span-m", type=above_zero, required=True, metavar="M", help="half the distance of the supports"
+    )
+    verb.add_argument(
+        "--load-offset-m",
+        type=above_zero,
+        default=0.0,
+        metavar="M",
+        help="distance of each of two equal loads, the wheels of a trolley, from mid-span (default: a single load)",
+    )
+    verb.add_argument(
+        "--u-mm", type=above_zero, default=1.0, metavar="MM", help="standard uncertainty of both lengths (default 1)"
+    )
+    for side, default in (("left", "+x"), ("right", "-x")):
+        verb.add_argument(
+            f"--{side}-axis",
+            choices=tuple(AXES),
+            default=default,
+            help=f"housing axis of the {side} sensor that points to mid-span (default {default}; write --{side}-axis=-x)",
+        )
+    verb.add_argument(
+        "--zero-s",
+        type=above_zero,
+        default=10.0,
+        metavar="S",
+        help="duration of the zero at the beginning, the girder unloaded (default 10)",
+    )
+    verb.add_argument(
+        "--json", type=Path, metavar="FILE", help="recordings: also write the result as JSON; -: print it"
+    )
+    verb.add_argument("--csv", type=Path, metavar="FILE", help="recordings: write the deflection over time")
+    verb.add_argument("--html", type=Path, metavar="FILE", help="recordings: write a report with a figure")
+    verb.add_argument(
+        "--connect",
+        action="append",
+        metavar="ENDPOINT",
+        help="gateways: address of the router, or twice: of the left and of the right gateway (default tcp/127.0.0.1:7447)",
+    )
+    verb.add_argument("--count", type=whole_number, metavar="N", help="gateways: end after N deflections")
+    verb.set_defaults(run=_run)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gateway.errors import InputError
+    from gateway.measurement.girder.beam import Girder
+
+    if arguments.load_offset_m >= arguments.half_span_m:
+        raise InputError("--load-offset-m must be below --half-span-m: the loads stand between the supports")
+    u_m = arguments.u_mm / 1000
+    girder = Girder(arguments.half_span_m, arguments.load_offset_m, u_m, u_m if arguments.load_offset_m > 0 else 0.0)
+    axes = (AXES[arguments.left_axis], AXES[arguments.right_axis])
+    live = [name.startswith(KEY) for name in (arguments.left, arguments.right)]
+    if all(live):
+        return _show_live(arguments, girder, axes)
+    if any(live):
+        raise InputError(f"{arguments.left} and {arguments.right}: give two recordings, or two keys of gateways")
+    return _evaluate(arguments, girder, axes)
+
+
+def _evaluate(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[InwardAxis, InwardAxis]") -> int:
+    from gateway.certificate.deflection_report import render_deflection_report
+    from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json, write_text
+    from gateway.measurement.girder.deflection_history import deflection_series
+    from gateway.measurement.source import read_source
+
+    left, right = (read_source([Path(name)]) for name in (arguments.left, arguments.right))
+    series = deflection_series(left, right, girder, axes, arguments.zero_s)
+    warnings = sorted({text for one in series.deflections for text in one.warnings})
+    rows = [
+        (float(time_s), one.deflection_m, one.u_m, one.left_rad, one.right_rad)
+        for time_s, one in zip(series.time_s, series.deflections, strict=True)
+    ]
+    result = {
+        "girder": {
+            "half_span_m": girder.half_span_m,
+            "load_offset_m": girder.load_offset_m,
+            "factor_m": girder.factor_m,
+        },
+        "zero_s": series.zero_s,
+        "largest": {"deflection_m": series.largest.deflection_m, "u_m": series.largest.u_m},
+        "columns": ["time_s", "deflection_m", "u_m", "left_rad", "right_rad"],
+        "series": rows,
+        "warnings": warnings,
+    }
+    if arguments.csv is not None:
+        lines = [
+            "time_s,deflection_m,u_m,left_rad,right_rad",
+            *(",".join(f"{value:.9g}" for value in row) for row in rows),
+        ]
+        write_text(arguments.csv, "\n".join(lines) + "\n")
+    if arguments.html is not None:
+        text = f"half span {girder.half_span_m:g} m, loads {girder.load_offset_m:g} m off mid-span"
+        deflection_mm, u_mm = ([1000 * row[column] for row in rows] for column in (1, 2))
+        page = render_deflection_report(
+            (left.name, right.name),
+            text,
+            [row[0] for row in rows],
+            deflection_mm,
+            u_mm,
+            [*warnings, *left.temperature_warnings, *right.temperature_warnings],
+        )
+        write_text(arguments.html, page)
+    if arguments.json == STANDARD_OUTPUT:
+        print_json(result)
+        return 0
+    if arguments.json is not None:
+        write_json(arguments.json, result)
+    print(_summary(series, warnings))
+    return 0
+
+
+def _summary(series: "DeflectionSeries", warnings: Sequence[str]) -> str:
+    return "\n".join(
+        [
+            f"{len(series.deflections)} averages of 1 s after a zero of {series.zero_s:g} s",
+            f"largest: {format_deflection(series.largest)}",
+            f"last:    {format_deflection(series.deflections[-1])}",
+            *(f"warning: {text}" for text in warnings),
+        ]
+    )
+
+
+def format_deflection(found: "Deflection") -> str:
+    """Return a deflection with its expanded uncertainty and the rotations of the ends."""
+    from math import degrees
+
+    return (
+        f"deflection {1000 * found.deflection_m:+.3f} +- {2000 * found.u_m:.3f} mm (k = 2), "
+        f"ends {degrees(found.left_rad):+.4f} and {degrees(found.right_rad):+.4f} deg"
+    )
+
+
+def _show_live(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[InwardAxis, InwardAxis]") -> int:
+    from gateway.bus.client import GatewayClient
+    from gateway.measurement.girder.live_deflection import LiveDeflection
+
+    endpoints = arguments.connect or ["tcp/127.0.0.1:7447"]
+    left = GatewayClient(endpoints[0], arguments.left)
+    try:
+        right = GatewayClient(endpoints[-1], arguments.right)
+        try:
+            u_relative = (_relative_u(left, axes[0][0]), _relative_u(right, axes[1][0]))
+            live = LiveDeflection(girder, axes, u_relative, arguments.zero_s)
+            return show_deflection((left, right), live, sys.stdout, arguments.count)
+        finally:
+            right.close()
+    finally:
+        left.close()
+
+
+def _relative_u(client: "GatewayClient", inward: int) -> float:
+    """Return the relative uncertainty of a gateway's relative angles, by the record that it has in force."""
+    from gateway.calibration.record import CalibrationRecord
+    from gateway.measurement.girder.angle_uncertainty import relative_u_of_record
+
+    record = ((client.status() or {}).get("calibration") or {}).get("record") or None
+    return relative_u_of_record(None if record is None else CalibrationRecord.model_validate(record), inward)
+
+
+def show_deflection(
+    clients: "tuple[GatewayClient, GatewayClient]", live: "LiveDeflection", out: TextIO, count: int | None = None
+) -> int:
+    """Show the deflection with each tilt until Ctrl-C, or `count` of them; wait while a link is lost."""
+    from gateway.cli.terminal.status_line import StatusLine
+    from gateway.daemon.bounded_queue import BoundedQueue
+    from gateway.measurement.girder.live_deflection import Side
+    from gateway.topics import adapter
+
+    sides: tuple[Side, Side] = ("left", "right")
+    tilts: BoundedQueue[tuple[Side, dict[str, Any]]] = BoundedQueue(MAX_QUEUED_TILTS)
+
+    def subscribe(side: Side, client: "GatewayClient") -> None:
+        client.subscribe("tilt", lambda tilt: tilts.put((side, tilt)))
+
+    for side, client in zip(sides, clients, strict=True):
+        subscribe(side, client)
+    line, shown = StatusLine(out), 0
+    while count is None or shown < count:
+        if (item := tilts.get(SILENCE_S)) is None:
+            text = "no tilts arrive; waiting for the gateways"
+            line.update(text, text)
+            for side, client in zip(sides, clients, strict=True):
+                if client.reconnect():
+                    subscribe(side, client)
+            continue
+        view = live.add(item[0], adapter("tilt").validate_python(item[1]))
+        if view.deflection is None:
+            line.update(view.text, view.text)
+        else:
+            shown += 1
+            text = format_deflection(view.deflection) + "".join(f"; {text}" for text in view.deflection.warnings)
+            line.update(text, text)
+    return 0

@@ -1,0 +1,153 @@
+"""`plumbline fleet status`: the state of all gateways on a router."""
+
+import argparse
+import sys
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gateway.cli.fleet.fleet_options import add_expect, expected_gateways, fleet_client
+from gateway.cli.options.argument_types import above_zero, parsed_by, whole_number
+from gateway.cli.options.bus_link import add_connect
+
+if TYPE_CHECKING:
+    from gateway.bus.fleet_client import FleetClient
+    from gateway.fleet.fleet_state import FleetState
+    from gateway.fleet.gateway_status import FleetWord
+    from gateway.fleet.report import FleetQuery, FleetReport
+    from gateway.messages import Level
+
+SORT_NAMES = ("state", "name", "swing", "battery", "signal", "calibration", "seen", "software")
+POLL_S = 0.1
+SETTLE_S = 0.5
+"""Shortest wait for the liveliness tokens of all gateways."""
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    verb = verbs.add_parser(
+        "status",
+        help="list all gateways on a router with their state, and what is wrong",
+        description="List all gateways on a router with state, alert level, swing, battery, signal, age of the calibration and "
+        "software. Exit code 0: all are OK; 1: one is not, or an expected one is missing; 2: wrong usage.",
+        epilog="examples: plumbline fleet status --expect gateways.txt | plumbline fleet status --site 'yard-*' --sort swing "
+        "--watch | plumbline fleet status --accept disturbed --json -",
+    )
+    for part in ("site", "crane", "sensor"):
+        verb.add_argument(
+            f"--{part}",
+            default="*",
+            metavar="PATTERN",
+            help=f"judge only gateways of this {part}; * ? [abc] match other characters",
+        )
+    states = parsed_by(_parse_states)
+    verb.add_argument(
+        "--state", type=states, default=frozenset(), metavar="LIST", help="list only these states, such as limit,stale"
+    )
+    verb.add_argument(
+        "--level",
+        type=parsed_by(_parse_levels),
+        default=frozenset(),
+        metavar="LIST",
+        help="list only these alert levels: normal, warn, trip, unknown",
+    )
+    verb.add_argument(
+        "--sort", choices=SORT_NAMES, default="state", help="order of the list (default: the most urgent state first)"
+    )
+    verb.add_argument(
+        "--accept",
+        type=states,
+        default=frozenset(),
+        metavar="LIST",
+        help="states beside ok that are no fault, such as disturbed, which occurs while cranes work",
+    )
+    add_expect(verb)
+    verb.add_argument(
+        "--json", type=Path, metavar="FILE", help="also write the result as JSON; -: print it instead of the text"
+    )
+    verb.add_argument(
+        "--wait-s",
+        type=above_zero,
+        default=5.0,
+        metavar="S",
+        help="longest wait for messages of gateways that are alive (default %(default)g)",
+    )
+    verb.add_argument(
+        "--watch",
+        action="store_true",
+        help="go on until Ctrl-C: in a terminal the list is redrawn, elsewhere a change is a line",
+    )
+    verb.add_argument(
+        "--interval-s", type=above_zero, default=1.0, metavar="S", help="interval of --watch (default %(default)g)"
+    )
+    verb.add_argument("--count", type=whole_number, metavar="N", help="end --watch after N intervals")
+    add_connect(verb)
+    verb.set_defaults(run=_run)
+
+
+def _parse_states(text: str) -> "frozenset[FleetWord]":
+    from gateway.fleet.selection import parse_states
+
+    return parse_states(text)
+
+
+def _parse_levels(text: str) -> "frozenset[Level]":
+    from gateway.fleet.selection import parse_levels
+
+    return parse_levels(text)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from gateway.cli.fleet.fleet_watch import watch_fleet
+    from gateway.cli.terminal.output import show
+    from gateway.fleet.fleet_state import FleetState
+    from gateway.fleet.report import FleetQuery
+    from gateway.fleet.selection import ListFilter, NamePatterns
+
+    names = NamePatterns(arguments.site, arguments.crane, arguments.sensor)
+    query = FleetQuery(names, ListFilter(arguments.state, arguments.level), arguments.sort, arguments.accept)
+    state = FleetState(frozenset(filter(names.matches, expected_gateways(arguments))))
+    with fleet_client(arguments, names.key_pattern) as client:
+        fleet = LiveFleet(client, state, query)
+        fleet.wait(arguments.wait_s)
+        if arguments.watch:
+            return watch_fleet(fleet.report, sys.stdout, arguments.interval_s, arguments.count)
+        report = fleet.report()
+    show("\n".join(report.lines()), report.as_json(), arguments.json)
+    return 0 if report.well else 1
+
+
+class LiveFleet:
+    """The state of a fleet that follows its client."""
+
+    def __init__(self, client: "FleetClient", state: "FleetState", query: "FleetQuery") -> None:
+        self._client = client
+        self._state = state
+        self._query = query
+        client.request_latest()
+
+    def wait(self, longest_s: float) -> None:
+        """Receive until every gateway that is alive has sent its state, or the time is over."""
+        begun_s = time.monotonic()
+        while (passed_s := time.monotonic() - begun_s) < longest_s:
+            time.sleep(POLL_S)
+            self._state.receive(self._client.inbox.drain())
+            if passed_s >= SETTLE_S and self._state.complete:
+                return
+
+    def report(self) -> "FleetReport":
+        """Return the present report."""
+        from gateway.fleet.report import make_report
+
+        state = self._state
+        state.receive(self._client.inbox.drain())
+        now_utc = datetime.now(UTC)
+        return make_report(
+            state.statuses(time.monotonic(), now_utc),
+            self._query,
+            expected=state.expected,
+            connected=self._client.connected,
+            invalid=state.invalid + self._client.inbox.refused,
+            time_utc=now_utc,
+        )

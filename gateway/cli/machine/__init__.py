@@ -1,0 +1,1 @@
+"""The commands for a gateway on this machine: run, configuration, setup, keys."""

@@ -1,0 +1,119 @@
+"""`plumbline doctor`: what is wrong on this machine, and how to correct it."""
+
+import argparse
+import sys
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gateway.cli.terminal.status_line import Style, paint
+
+if TYPE_CHECKING:
+    from gateway.configuration.model import Configuration
+    from gateway.daemon.check_result import CheckResult
+
+STYLES: dict[str, Style] = {"good": "good", "note": "note", "bad": "bad"}
+MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
+
+
+def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    command = commands.add_parser(
+        "doctor",
+        help="find what is wrong on this machine, and how to correct it",
+        description="Check everything that `plumbline run` needs, or ask the gateway that runs how it does. "
+        "Exit code 0: all well; 1: something must be corrected.",
+        epilog="examples: plumbline doctor --config adxl355.toml | plumbline doctor --device --config adxl355.toml "
+        "| plumbline doctor --bundle crane-1.tar.gz",
+    )
+    command.add_argument(
+        "--config", type=Path, metavar="FILE", help="configuration (default: the installed one, or a simulated crane)"
+    )
+    command.add_argument(
+        "--device",
+        action="store_true",
+        help="examine the sensor alone: the parts on its bus, its self-test, its readings; it must rest, and no gateway may run",
+    )
+    command.add_argument(
+        "--security",
+        action="store_true",
+        help="state what is open and to whom: listeners, rights, certificates, files, page",
+    )
+    command.add_argument(
+        "--json", type=Path, metavar="FILE|-", help="write the results as JSON, with what was measured"
+    )
+    command.add_argument(
+        "--bundle",
+        type=Path,
+        metavar="FILE.tar.gz",
+        help="write findings, configuration, versions, state, log and a list of the recordings, without secrets",
+    )
+    command.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the result of each check; return 1 if one failed."""
+    from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json
+    from gateway.configuration.loading import load
+    from gateway.configuration.service_configuration import SETTINGS, is_installed, load_installed
+    from gateway.daemon.check_result import CheckResult
+    from gateway.daemon.doctor import examine, examine_sensor
+    from gateway.daemon.security_check import examine_security
+
+    installed = is_installed() and arguments.config in (None, SETTINGS)
+    configuration = _without_hooks(load_installed() if installed else load(arguments.config))
+    settings = str(SETTINGS if installed else arguments.config or "embedded default: a simulated crane")
+    results = [CheckResult("good", "settings", settings)]
+    quiet = arguments.json == STANDARD_OUTPUT
+    if not quiet:
+        print_result(results[0])
+    checks = examine_security if arguments.security else examine_sensor if arguments.device else examine
+    for result in checks(configuration):
+        if not quiet:
+            print_result(result)
+        results.append(result)
+    if not quiet:
+        print(_summary(results))
+    if quiet:
+        print_json(_record(results))
+    elif arguments.json is not None:
+        write_json(arguments.json, _record(results))
+    if arguments.bundle is not None:
+        from gateway.cli.terminal.output import write_bytes
+        from gateway.daemon.diagnostic_bundle import make_bundle
+
+        write_bytes(arguments.bundle, make_bundle(configuration, results))
+        print(f"{arguments.bundle}: written, without passwords, keys, tokens and recordings", file=sys.stderr)
+    return 1 if any(result.grade == "bad" for result in results) else 0
+
+
+def _without_hooks(configuration: "Configuration") -> "Configuration":
+    """Return the configuration without the commands that revive a sensor: an examination, perhaps by root, runs none."""
+    hooks: dict[str, list[str]] = {"bus_clear_command": [], "power_cycle_command": []}
+    device = configuration.device
+    hooks = {name: value for name, value in hooks.items() if name in type(device).model_fields}
+    return configuration.model_copy(update={"device": device.model_copy(update=hooks)})
+
+
+def print_result(result: "CheckResult") -> None:
+    """Print one result at once."""
+    print(f"{paint(MARKS[result.grade], STYLES[result.grade])} {result.place:<12} {result.text}", flush=True)
+    for line in result.sketch:
+        print(f"{'':<18}{line}", flush=True)
+
+
+def _summary(results: "list[CheckResult]") -> str:
+    """Return the result of all checks in one line."""
+    bad = sum(result.grade == "bad" for result in results)
+    if bad:
+        return f"{bad} to correct, marked {MARKS['bad'].strip()}"
+    return "running, all well" if any(result.place == "gateway" for result in results) else "all well"
+
+
+def _record(results: "list[CheckResult]") -> dict[str, Any]:
+    """Return the results with the software and the time."""
+    from gateway import __version__
+
+    now_utc = datetime.now(UTC).isoformat(timespec="seconds").replace("+00:00", "Z")
+    return {"software": __version__, "created_utc": now_utc, "checks": [asdict(result) for result in results]}

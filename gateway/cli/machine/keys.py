@@ -1,0 +1,165 @@
+"""`plumbline keys`: the certificates of a site: its CA, those of gateways and people, renewal and revocation."""
+
+import argparse
+import re
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gateway.cli.options.argument_types import day_count
+
+if TYPE_CHECKING:
+    from gateway.pki.site_folder import SiteFolder
+
+NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,63}")
+CA_DAYS, HOLDER_DAYS = 3650, 730
+SOON_DAYS = 60
+HOLDERS = ("gateway", "router", "operator", "service")
+
+
+def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command with its verbs."""
+    command = commands.add_parser(
+        "keys",
+        help="make, list, renew and revoke the certificates of a site",
+        description="Make, list, renew and revoke the certificates of a site (docs/security.md). Keep the folder on a machine of "
+        "your own, not on a gateway: who has it can command every gateway of the site.",
+        epilog="example: plumbline keys init --site yard && plumbline keys issue service ann",
+    )
+    verbs = command.add_subparsers(dest="verb", metavar="VERB", required=True)
+    init = _verb(verbs, "init", "make the CA of a site", _init, "--site yard")
+    init.add_argument("--site", required=True, metavar="NAME", help="name of the site")
+    init.add_argument("--days", type=day_count, default=CA_DAYS, help="validity (default %(default)s)")
+    issue = _verb(verbs, "issue", "issue a certificate", _issue, "gateway crane-1 --host 10.0.0.5")
+    issue.add_argument(
+        "holder",
+        choices=HOLDERS,
+        metavar="HOLDER",
+        help="gateway, router, operator (may read and acknowledge) or service",
+    )
+    issue.add_argument("name", metavar="NAME", help="of the gateway or person; audits and records show it")
+    issue.add_argument(
+        "--host", action="append", default=[], help="address or name under which it is reached; may be repeated"
+    )
+    issue.add_argument("--days", type=day_count, default=HOLDER_DAYS, help="validity (default %(default)s)")
+    renew = _verb(verbs, "renew", "issue a new key and certificate for a name", _renew, "crane-1")
+    renew.add_argument("name", metavar="NAME", help="of the gateway or person")
+    renew.add_argument("--days", type=day_count, default=HOLDER_DAYS, help="validity (default %(default)s)")
+    revoke = _verb(verbs, "revoke", "put the certificates of a name on the revocation list", _revoke, "ann")
+    revoke.add_argument("name", metavar="NAME", help="of the gateway or person")
+    revoke.add_argument("--keep-newest", action="store_true", help="revoke those before the newest, after a renewal")
+    _verb(verbs, "list", "list the certificates with their expiry", _list, "--folder plumbline-keys")
+
+
+def _verb(
+    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, summary: str, run: object, example: str
+) -> argparse.ArgumentParser:
+    verb = verbs.add_parser(
+        name,
+        help=summary,
+        description=f"{summary[0].upper()}{summary[1:]}.",
+        epilog=f"example: plumbline keys {name} {example}",
+    )
+    verb.add_argument(
+        "--folder",
+        type=Path,
+        default=Path("plumbline-keys"),
+        metavar="FOLDER",
+        help="folder of the CA (default %(default)s)",
+    )
+    verb.set_defaults(run=run)
+    return verb
+
+
+def _init(arguments: argparse.Namespace) -> int:
+    from gateway.cli.options.optional_dependencies import require_certificates
+
+    require_certificates()
+    from gateway.pki.site_folder import SiteFolder, utc_now
+
+    folder = SiteFolder.create(arguments.folder, _checked(arguments.site), arguments.days, utc_now())
+    print(f"{folder.path}: CA of {arguments.site}, valid until {_date(folder.identity.valid_until)}")
+    print("keep the folder, and a copy of it, away from the gateways; ca-key.pem is the key to all of them")
+    return 0
+
+
+def _issue(arguments: argparse.Namespace) -> int:
+    folder, now = _open(arguments)
+    from gateway.pki.issue import Holder
+
+    name = _checked(arguments.name)
+    made = folder.issue(name, Holder(arguments.holder), arguments.host, arguments.days, now)
+    print(f"{made}: {arguments.holder} {name}, valid for {arguments.days} days")
+    print(_use(arguments.holder, made))
+    return 0
+
+
+def _renew(arguments: argparse.Namespace) -> int:
+    folder, now = _open(arguments)
+    made = folder.renew(_checked(arguments.name), arguments.days, now)
+    print(
+        f"{made}: new key and certificate of {arguments.name}, valid for {arguments.days} days; replace the files with them"
+    )
+    print(f"the certificate before stays valid until it expires, or until plumbline keys revoke {arguments.name}")
+    return 0
+
+
+def _revoke(arguments: argparse.Namespace) -> int:
+    folder, now = _open(arguments)
+    count = folder.revoke(_checked(arguments.name), now, keep_newest=arguments.keep_newest)
+    print(
+        f"{count} certificates of {arguments.name} revoked; copy {folder.path}/revoked.pem to bus.tls.revoked of each gateway"
+    )
+    print(
+        "their commands are refused at once; for their links also remove the name from bus.access, and restart the gateway"
+    )
+    return 0
+
+
+def _list(arguments: argparse.Namespace) -> int:
+    folder, now = _open(arguments)
+    ca = folder.identity
+    print(f"{'CA':<10} {ca.name:<24} {_date(ca.valid_until)}  {_state(ca.valid_until, now, revoked=False)}")
+    for one in folder.issued():
+        identity = one.identity
+        state = _state(identity.valid_until, now, revoked=one.revoked)
+        print(f"{identity.holder:<10} {identity.name:<24} {_date(identity.valid_until)}  {state}")
+    return 0
+
+
+def _open(arguments: argparse.Namespace) -> "tuple[SiteFolder, datetime]":
+    from gateway.cli.options.optional_dependencies import require_certificates
+
+    require_certificates()
+    from gateway.pki.site_folder import SiteFolder, utc_now
+
+    return SiteFolder(arguments.folder), utc_now()
+
+
+def _checked(name: str) -> str:
+    from gateway.errors import InputError
+
+    if not NAME.fullmatch(name):
+        raise InputError(
+            f"{name!r} is not a name of letters, digits and . _ - (at most 64, and it begins with a letter or digit)"
+        )
+    return name
+
+
+def _use(holder: str, folder: Path) -> str:
+    if holder in ("gateway", "router"):
+        return f"copy the folder to the {holder} (key.pem: mode 0600, owner plumbline); bus.tls names its files"
+    return f"give the folder to that person alone; they use it by --credentials {folder.name} or PLUMBLINE_CREDENTIALS"
+
+
+def _date(at: datetime) -> str:
+    return f"{at:%Y-%m-%d}"
+
+
+def _state(valid_until: datetime, now: datetime, *, revoked: bool) -> str:
+    days = (valid_until - now).days
+    if revoked:
+        return "revoked"
+    if days < 0:
+        return "EXPIRED"
+    return f"{days} days left" + (": renew it" if days < SOON_DAYS else "")

@@ -1,0 +1,92 @@
+"""Types of option values, with messages that state what is allowed."""
+
+import argparse
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from gateway.recording.reading.interval import RecordingTime
+
+Value = TypeVar("Value")
+
+
+def above_zero(text: str) -> float:
+    """Parse a finite number above 0."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not a number above 0")
+    return value
+
+
+def at_least_zero(text: str) -> float:
+    """Parse a finite number from 0 on."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 <= value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text} is not a number from 0")
+    return value
+
+
+def whole_number(text: str) -> int:
+    """Parse a whole number from 0 on."""
+    if not (text.isascii() and text.isdecimal()):
+        raise argparse.ArgumentTypeError(f"{text} is not a whole number from 0")
+    return int(text)
+
+
+def day_count(text: str) -> int:
+    """Parse a whole number of days from 1 to a hundred years."""
+    days = whole_number(text)
+    if not 1 <= days <= 36500:
+        raise argparse.ArgumentTypeError(f"{text} is not a number of days from 1 to 36500")
+    return days
+
+
+def recording_time(text: str) -> "RecordingTime":
+    """Parse a time of a recording: seconds from its start, or UTC."""
+    from gateway.recording.reading.interval import parse_recording_time
+
+    try:
+        return parse_recording_time(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text} is neither seconds from the start (30, 1:30) nor UTC (2026-11-22T07:30:00Z, or 07:30:05 on its first day)"
+        ) from None
+
+
+def duration_s(text: str) -> float:
+    """Parse a duration in seconds, minutes or hours."""
+    from gateway.recording.reading.interval import parse_duration
+
+    try:
+        return parse_duration(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"{text} is not a duration: seconds (90), minutes (1:30) or hours (1:00:00)"
+        ) from None
+
+
+def parsed_by(parse: Callable[[str], Value]) -> Callable[[str], Value]:
+    """Return the type of an option that is read by a function whose `ValueError` says what is allowed."""
+
+    def read(text: str) -> Value:
+        try:
+            return parse(text)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from None
+
+    return read
+
+
+def parse_address(text: str) -> tuple[str, int]:
+    """Parse the address that a server listens on. Raises `ValueError`."""
+    host, _, port = text.rpartition(":")
+    if not host or not port.isdecimal() or not 0 < int(port) < 65536:
+        raise ValueError(f"{text} is no address such as 127.0.0.1:8322")
+    return host, int(port)

@@ -1,0 +1,1 @@
+"""The verbs of `plumbline record`: what can be done with recordings."""

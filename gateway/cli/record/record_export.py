@@ -1,0 +1,106 @@
+"""`plumbline record export`: recordings as CSV, Parquet, or MCAP for viewers."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gateway.cli.options.recording_interval import interval
+from gateway.cli.record.record_options import add_selection
+
+if TYPE_CHECKING:
+    from gateway.recording.reading.recording_file import Selection
+    from gateway.recording.reading.timeline import ReportProgress, Timeline
+
+EXAMPLE = """examples:
+  plumbline record export plumbline-data --csv samples.csv --last 10:00
+  plumbline record export plumbline-data --csv motion.csv --topic motion
+  plumbline record export plumbline-data/*.mcap --mcap full_rate.mcap --from 07:30:00 --to 07:35:00"""
+WITH_LOSSES = 3
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    export = verbs.add_parser(
+        "export",
+        help="write calibrated acceleration at full rate, or a topic, as CSV, Parquet or MCAP",
+        description="Write the calibrated specific force at full rate, in g in the housing frame, or the messages of a topic. "
+        "Each part of the recording is calibrated by the record that was in force. Exit code 3: something could not be read.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_selection(export)
+    target = export.add_mutually_exclusive_group(required=True)
+    target.add_argument(
+        "--csv",
+        type=Path,
+        metavar="FILE",
+        help="time_s,ax_g,ay_g,az_g[,temperature_c], seconds from the first sample of the recording; `measure` reads it",
+    )
+    target.add_argument(
+        "--parquet", type=Path, metavar="FILE", help="the same with UTC; needs the extra plumbline-gateway[parquet]"
+    )
+    target.add_argument(
+        "--mcap",
+        type=Path,
+        metavar="FILE",
+        help="for Foxglove, Lichtblick and PlotJuggler: /acceleration_samples with one message per sample, and all other topics",
+    )
+    export.add_argument(
+        "--topic", metavar="NAME", help="a table of this topic in place of the samples (motion, swing, alert, ...)"
+    )
+    export.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Export the recordings; return 3 where something of them could not be read."""
+    from gateway.cli.terminal.progress import ProgressBar
+    from gateway.errors import InputError
+    from gateway.recording.reading.catalogue import open_timeline
+
+    target = next(path for path in (arguments.csv, arguments.parquet, arguments.mcap) if path is not None)
+    if arguments.parquet is not None:
+        from gateway.cli.options.optional_dependencies import require_parquet
+
+        require_parquet()
+    timeline = open_timeline(arguments.paths)
+    if target.resolve() in {segment.path.resolve() for segment in timeline.segments}:
+        raise InputError(f"{target}: is one of the recordings; choose another name")
+    selection = timeline.select(interval(arguments))
+    with ProgressBar(f"writing {target}") as bar:
+        count, notes, has_losses = _write(arguments, timeline, selection, bar.update)
+    for note in (*timeline.remarks, *notes):
+        print(f"plumbline record: {note}", file=sys.stderr)
+    print(f"{target}: {count} {'messages' if arguments.topic else 'samples'}")
+    return WITH_LOSSES if has_losses else 0
+
+
+def _write(
+    arguments: argparse.Namespace, timeline: "Timeline", selection: "Selection", report: "ReportProgress"
+) -> tuple[int, list[str], bool]:
+    """Write the file; return the number of rows, remarks on the content, and whether something could not be read."""
+    from gateway import __version__
+    from gateway.errors import InputError
+    from gateway.recording.export.mcap_export import write_mcap
+    from gateway.recording.export.table_files import write_csv, write_parquet
+    from gateway.recording.export.tables import samples_table, topic_table
+    from gateway.recording.reading.sample_calibration import CalibratedReader
+    from gateway.topics import TOPICS
+
+    description = {"from": timeline.name, "gateway": timeline.gateway, "software": f"plumbline {__version__}"}
+    reader = CalibratedReader(timeline, selection)
+    if arguments.mcap is not None:
+        if arguments.topic is not None:
+            raise InputError("--topic: an MCAP contains every topic; leave --topic out, or choose --csv or --parquet")
+        count = write_mcap(arguments.mcap, timeline, selection, reader, description, report)
+        return count, reader.remarks(), reader.has_losses
+    origin_ns = timeline.span().first_ns
+    if arguments.topic is None:
+        table = samples_table(reader, origin_ns, with_utc=arguments.parquet is not None, report=report)
+    elif arguments.topic in TOPICS:
+        table = topic_table(timeline, arguments.topic, selection, origin_ns, report)
+    else:
+        raise InputError(f"--topic {arguments.topic}: is not a topic; choose one of {', '.join(TOPICS)}")
+    is_csv = arguments.csv is not None
+    count = write_csv(arguments.csv, table) if is_csv else write_parquet(arguments.parquet, table, description)
+    return count, reader.remarks(), reader.has_losses

@@ -1,0 +1,197 @@
+"""`plumbline record incident`: a report of one incident."""
+
+import argparse
+import shlex
+import sys
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from gateway.cli.options.argument_types import above_zero, recording_time, whole_number
+from gateway.cli.record.record_options import add_json, add_paths
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from gateway.incident.alert_incidents import AlertIncident
+    from gateway.incident.incident_page import CauseAnalysis
+    from gateway.incident.incident_selection import IncidentChoice, IncidentWindow
+    from gateway.recording.reading.timeline import Timeline
+
+MARGIN_S = 60.0
+REPORT = "cause.html"
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    incident = verbs.add_parser(
+        "incident",
+        help="write a report of an incident: one page with figures, and the recording of it",
+        description="Write a report of an incident into a new folder: a page with a summary, a timeline and figures, and the "
+        "part of the recordings that it is made from. Without a choice, of the last incident.",
+        epilog="example: plumbline record incident plumbline-data --last --out crane-1-trip",
+    )
+    add_paths(incident)
+    choice = incident.add_mutually_exclusive_group()
+    choice.add_argument(
+        "--around",
+        type=recording_time,
+        metavar="TIME",
+        help="the incident around a time: UTC (2026-11-22T07:30:00Z, or 07:30:05 on the first day), or seconds from the start",
+    )
+    choice.add_argument("--alert", type=whole_number, metavar="N", help="incident number N, in order of time, from 1")
+    choice.add_argument("--last", action="store_true", help="the last incident")
+    choice.add_argument("--list", action="store_true", help="only print the incidents with their numbers")
+    for name, what in (("from", "begin"), ("to", "end")):
+        incident.add_argument(
+            f"--{name}",
+            dest=f"{name}_time",
+            type=recording_time,
+            metavar="TIME",
+            help=f"{what} of the report, in place of a choice and --margin; in the same forms",
+        )
+    incident.add_argument(
+        "--margin", type=above_zero, default=MARGIN_S, metavar="S", help="seconds before and after the incident (60)"
+    )
+    incident.add_argument(
+        "--local", action="store_true", help="read --around, --from and --to in this computer's time zone"
+    )
+    incident.add_argument(
+        "--out", type=Path, metavar="FOLDER", help="the new folder; without it incident-<UTC> in the present one"
+    )
+    incident.add_argument(
+        "--reconcile",
+        action="store_true",
+        help="also fit a simulation of the crane, which names what moved the load; takes minutes",
+    )
+    incident.add_argument(
+        "--key",
+        metavar="PUBLIC",
+        help="the gateway's public key, for the verification: 64 hexadecimal digits, or the file signing-key.pem.pub",
+    )
+    add_json(incident)
+    incident.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Write the report, or list the incidents."""
+    from gateway.cli.options.optional_dependencies import require_plots, require_twin
+    from gateway.cli.terminal.progress import ProgressBar
+    from gateway.incident.incident_selection import choose_window, read_incidents
+    from gateway.recording.reading.catalogue import open_timeline
+
+    choice = _choice(arguments)
+    timeline = open_timeline(arguments.paths)
+    with ProgressBar("looking for alerts") as bar:
+        incidents = read_incidents(timeline, bar.update)
+    if arguments.list:
+        return _list(arguments, timeline, incidents)
+    window = choose_window(timeline, incidents, choice, arguments.margin)
+    require_plots()
+    if arguments.reconcile:
+        require_twin()
+    return _write(arguments, timeline, window)
+
+
+def _choice(arguments: argparse.Namespace) -> "IncidentChoice":
+    from gateway.cli.options.recording_interval import in_zone
+    from gateway.errors import InputError
+    from gateway.incident.incident_selection import IncidentChoice
+    from gateway.recording.reading.interval import RecordingInterval
+
+    given = (arguments.around, arguments.from_time, arguments.to_time)
+    around, begin, end = (in_zone(time, arguments.local) for time in given)
+    if begin is None and end is None:
+        return IncidentChoice(around, arguments.alert)
+    if around is not None or arguments.alert is not None or arguments.last or arguments.list:
+        raise InputError("--from and --to: choose an interval, or one of --around, --alert, --last and --list")
+    return IncidentChoice(interval=RecordingInterval(begin, end))
+
+
+def _list(arguments: argparse.Namespace, timeline: "Timeline", incidents: "Sequence[AlertIncident]") -> int:
+    """Print the incidents with their numbers."""
+    from gateway.cli.terminal.output import show
+    from gateway.recording.reading.interval import iso_utc
+
+    offset_ns = timeline.span().wall_offset_ns
+    rows = [
+        {
+            "number": each.number,
+            "incident": each.id,
+            "rule": each.rule,
+            "level": each.level,
+            "raised": iso_utc(each.raised_ns + offset_ns),
+            "cleared": None if each.cleared_ns is None else iso_utc(each.cleared_ns + offset_ns),
+        }
+        for each in incidents
+    ]
+    lines = [
+        f"{row['number']:>4}  {row['raised']}  {row['rule']:<12}{row['level']:<5} {row['incident']}, "
+        f"{'not cleared in the recordings' if row['cleared'] is None else 'cleared ' + str(row['cleared'])}"
+        for row in rows
+    ]
+    show("\n".join(lines) or "no alert was raised", rows, arguments.json)
+    return 0
+
+
+def _write(arguments: argparse.Namespace, timeline: "Timeline", window: "IncidentWindow") -> int:
+    from gateway import __version__
+    from gateway.cli.terminal.output import show
+    from gateway.cli.terminal.progress import ProgressBar
+    from gateway.incident.folder import PAGE, write_report
+    from gateway.incident.recording_verdict import judge_recordings
+    from gateway.recording.chain.signing_key import read_public_key
+
+    key = None if arguments.key is None else read_public_key(arguments.key)
+    made = datetime.now(tz=UTC)
+    origin = datetime.fromtimestamp((window.origin_ns + timeline.span().wall_offset_ns) / 1e9, tz=UTC)
+    folder = arguments.out or Path(f"incident-{origin:%Y%m%dT%H%M%SZ}")
+    with ProgressBar("reading the incident") as bar:
+        written = write_report(
+            timeline,
+            window,
+            folder,
+            verify=lambda paths: judge_recordings(paths, key),
+            computed={
+                "Made by": f"plumbline {__version__}",
+                "Made at": f"{made:%Y-%m-%d %H:%M:%S} UTC",
+                "Command": shlex.join(["plumbline", *sys.argv[1:]]),
+            },
+            analyse=analyse_cause if arguments.reconcile else None,
+            report=bar.update,
+        )
+    show("\n".join([*written.sentences, "", f"report: {folder / PAGE}"]), written.content, arguments.json)
+    return 0
+
+
+def analyse_cause(recording: Path) -> "CauseAnalysis":
+    """Fit the simulation to a recording, write the report of it into the same folder, and return the answer in a sentence.
+
+    Raises `InputError` and `RecordingError` where the recording does not describe the crane.
+    """
+    from gateway import __version__
+    from gateway.cli.terminal.progress import Progress
+    from gateway.documents.text import as_sentence
+    from gateway.incident.incident_page import CauseAnalysis
+    from gateway.measurement.source import read_source
+    from gateway.twin.reconcile.data.data_checks import check_recording, model_from_recording
+    from gateway.twin.reconcile.output.text import VERDICT_SENTENCES
+    from gateway.twin.reconcile.reconcile import reconcile
+    from gateway.twin.report.page import render_report
+
+    begin_s = time.monotonic()
+    source = read_source([recording], None)
+    model = model_from_recording(source)
+    with Progress() as progress:
+        result = reconcile(model, check_recording(source, model.rig), None, tick=progress.tick)
+    page = render_report(
+        result,
+        title="What moved the load",
+        software=f"plumbline {__version__}",
+        computed={"recording": recording.name, "time": f"{time.monotonic() - begin_s:.1f} s"},
+    )
+    (recording.parent / REPORT).write_text(page, encoding="utf-8")
+    names = result.candidates or tuple(effect.name for effect in result.effects)
+    found = f"{VERDICT_SENTENCES[result.verdict]} {', '.join(names)}".strip()
+    return CauseAnalysis(f"Against a free swing in the simulation: {found}. {as_sentence(result.reason)}", REPORT)

@@ -1,0 +1,47 @@
+"""`plumbline record info`: what is in recordings."""
+
+import argparse
+
+from gateway.cli.options.recording_interval import interval
+from gateway.cli.record.record_options import add_json, add_selection
+
+DAMAGED = 3
+"""Something in a recording cannot be read. One that is still being written is not damaged."""
+EXAMPLE = """examples:
+  plumbline record info plumbline-data
+  plumbline record info plumbline-data --last 1:00:00 --local
+  plumbline record info plumbline-data/*.mcap --json -"""
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    info = verbs.add_parser(
+        "info",
+        help="print what is in recordings: times, alerts, calibrations, gaps, faults, losses, topics",
+        description="Print what is in recordings: times, alerts from raised to cleared, changes of calibration and clock, gaps, "
+        "faults, losses and topics. The segments of a gateway are one timeline; several gateways are printed one by one.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_selection(info)
+    add_json(info)
+    info.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Print the content of the recordings."""
+    from gateway.cli.terminal.output import show
+    from gateway.cli.terminal.progress import ProgressBar
+    from gateway.recording.format.salvage import is_damaged
+    from gateway.recording.info.info_text import info_text
+    from gateway.recording.info.recording_info import summarise_timeline
+    from gateway.recording.reading.catalogue import open_timelines
+
+    chosen = interval(arguments)
+    found = []
+    for timeline in open_timelines(arguments.paths):
+        with ProgressBar(f"reading {timeline.gateway}") as bar:
+            found.append(summarise_timeline(timeline, chosen, bar.update))
+    content = [info.as_json() for info in found] if len(found) > 1 else found[0].as_json()
+    show("\n\n".join(info_text(info, is_local=arguments.local) for info in found), content, arguments.json)
+    return DAMAGED if any(is_damaged(info.losses) for info in found) else 0

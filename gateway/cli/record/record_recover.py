@@ -1,0 +1,32 @@
+"""`plumbline record recover`: a complete recording from an incomplete one."""
+
+import argparse
+from pathlib import Path
+
+WITH_LOSSES = 3
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    recover = verbs.add_parser(
+        "recover",
+        help="write a complete recording from an incomplete one",
+        description="Write a complete recording from an incomplete one, beside it as NAME.recovered.mcap unless --out names "
+        "another file. Exit code 3: something of it could not be read.",
+        epilog="example: plumbline record recover incomplete.mcap",
+    )
+    recover.add_argument("log", type=Path, metavar="LOG", help=".mcap written by the gateway")
+    recover.add_argument("--out", type=Path, metavar="FILE", help="the new recording (default: NAME.recovered.mcap)")
+    recover.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Recover a recording; return 3 where something of it could not be read."""
+    from gateway.recording.format.salvage import describe_losses
+    from gateway.recording.segments.recovery import recover, recovered_path
+
+    out = arguments.out or recovered_path(arguments.log)
+    recovered = recover(arguments.log, out)
+    losses = recovered.losses
+    print(f"{out}: {', '.join([f'{recovered.messages} messages recovered', *describe_losses(losses)])}")
+    return WITH_LOSSES if losses.torn_bytes or losses.damaged_records or losses.unreadable_messages else 0

@@ -1,0 +1,60 @@
+"""`plumbline record replay`: the results of a recording, computed again from its raw samples."""
+
+import argparse
+from pathlib import Path
+
+from gateway.cli.options.argument_types import duration_s
+from gateway.cli.options.recording_interval import interval
+from gateway.cli.record.record_options import add_json, add_selection
+
+EXAMPLE = """examples:
+  plumbline record replay plumbline-data
+  plumbline record replay plumbline-data --from 07:30:00 --to 07:40:00 --warm-up 5:00
+  plumbline record replay plumbline-data --calibration record.json --json -"""
+DIFFERENT = 1
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    replay = verbs.add_parser(
+        "replay",
+        help="compute every result again from the raw samples, and compare it with the recorded one",
+        description="Compute every result again from the raw samples, with the recorded configuration and calibration, and "
+        "compare it with the recorded one: byte for byte with the same software, NumPy and machine, within a stated "
+        "tolerance elsewhere. With another calibration or configuration: a table of what it would have said. Exit code 1: "
+        "something differs.",
+        epilog=EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_selection(replay)
+    replay.add_argument("--calibration", type=Path, metavar="RECORD.json", help="another calibration record")
+    replay.add_argument("--config", type=Path, metavar="FILE.toml", help="another configuration")
+    replay.add_argument(
+        "--warm-up",
+        type=duration_s,
+        metavar="D",
+        help="begin this long before the part in place of at the start of the gateway's run, which takes long; the results "
+        "are then compared within a tolerance",
+    )
+    add_json(replay)
+    replay.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Replay the recordings; return 1 where something differs."""
+    from gateway.calibration.offline.record_files import read_record
+    from gateway.cli.terminal.output import show
+    from gateway.cli.terminal.progress import ProgressBar
+    from gateway.configuration.loading import load
+    from gateway.recording.reading.catalogue import open_timeline
+    from gateway.recording.replay.replay_run import ReplayRun
+    from gateway.recording.replay.replay_text import has_difference, replay_json, replay_text
+
+    configuration = None if arguments.config is None else load(arguments.config, {})
+    record = None if arguments.calibration is None else read_record(arguments.calibration)
+    timeline = open_timeline(arguments.paths)
+    replay = ReplayRun(timeline, interval(arguments), configuration, record, arguments.warm_up)
+    with ProgressBar(f"replaying {timeline.gateway}") as bar:
+        result = replay.result(bar.update)
+    show(replay_text(result, is_local=arguments.local), replay_json(result), arguments.json)
+    return DIFFERENT if has_difference(result) else 0

@@ -1,0 +1,81 @@
+"""`plumbline record verify`: whether recordings are what the gateway wrote."""
+
+import argparse
+from typing import TYPE_CHECKING
+
+from gateway.cli.record.record_options import add_json, add_paths
+
+if TYPE_CHECKING:
+    from gateway.recording.chain.chain_verification import ChainVerification
+    from gateway.recording.chain.file_verification import FileVerification
+
+DIFFERS = 1
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    verify = verbs.add_parser(
+        "verify",
+        help="check that recordings are what the gateway wrote: nothing changed, removed, exchanged or forged",
+        description="Check recordings against the signed statements in them: nothing changed, removed, exchanged, cut off or "
+        "forged, and no clock set back. Exit code 1: something differs, and each difference is named. A folder is expected "
+        "from the first segment on: those that the gateway has deleted, as it has signed, are named and are no difference.",
+        epilog="example: plumbline record verify plumbline-data --key signing-key.pem.pub",
+    )
+    add_paths(verify)
+    verify.add_argument(
+        "--key",
+        metavar="PUBLIC",
+        help="the gateway's public key: 64 hexadecimal digits, or the file signing-key.pem.pub, kept apart from the recordings",
+    )
+    add_json(verify)
+    verify.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Verify recordings; return 1 where something differs."""
+    from gateway.cli.terminal.output import show
+    from gateway.cli.terminal.progress import ProgressBar
+    from gateway.recording.chain.chain_verification import verify_chain
+    from gateway.recording.chain.file_verification import verify_file
+    from gateway.recording.chain.signing_key import read_public_key
+    from gateway.recording.reading.catalogue import list_recordings
+
+    key = None if arguments.key is None else read_public_key(arguments.key)
+    paths = list_recordings(arguments.paths)
+    found = []
+    with ProgressBar("verifying") as bar:
+        for number, path in enumerate(paths):
+            bar.update(number / len(paths))
+            found.append(verify_file(path, key))
+    chain = verify_chain(found, [path for path in arguments.paths if path.is_dir()])
+    show(_text(chain, key), chain.as_json(), arguments.json)
+    return 0 if chain.is_genuine else DIFFERS
+
+
+def _text(chain: "ChainVerification", key: str | None) -> str:
+    from gateway.recording.chain.signing_key import fingerprint
+
+    lines = [line for file in chain.files for line in _file_lines(file)]
+    if chain.segments:
+        lines.append(f"the files are segments {chain.segments[0]} to {chain.segments[-1]}")
+    lines += [f"  {problem}" for problem in chain.problems] + [f"  {remark}" for remark in chain.remarks]
+    if key is None and chain.public_keys:
+        lines.append(
+            f"key {fingerprint(chain.public_keys[0])} stands in the recordings themselves; "
+            "compare it with the gateway's, or give that with --key"
+        )
+    lines.append("genuine: nothing differs from what was signed" if chain.is_genuine else "NOT genuine: see above")
+    return "\n".join(lines)
+
+
+def _file_lines(file: "FileVerification") -> list[str]:
+    from gateway.recording.reading.interval import iso_utc
+
+    statement = file.statement
+    number = "no segment" if file.segment is None else f"segment {file.segment}"
+    signed = "nothing signed" if statement is None else f"signed up to {iso_utc(statement.to_ns)}"
+    if file.is_final and not file.problems:
+        signed = f"signed whole, up to {iso_utc(statement.to_ns) if statement else ''}"
+    lines = [f"{file.path}: {number}, {signed}"]
+    return lines + [f"  {text}" for text in (*file.problems, *file.remarks)]

@@ -1,0 +1,1 @@
+"""The verbs of `plumbline remote`: a gateway over the bus."""

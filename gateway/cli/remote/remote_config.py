@@ -1,0 +1,156 @@
+"""`plumbline remote config`: read a gateway's configuration, propose a change, and apply it on trial."""
+
+import argparse
+import sys
+import time
+import uuid
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
+
+if TYPE_CHECKING:
+    from gateway.bus.client import GatewayClient, RpcReply
+
+REFUSED = 1
+PATIENCE_S = 30.0
+TRIAL_S = 240.0
+"""Longest wait for the end of a trial: some starts of a gateway that does not become healthy."""
+POLL_S = 1.0
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb with its actions."""
+    config = verbs.add_parser(
+        "config",
+        help="read, propose and apply the configuration of a gateway",
+        description="Read the configuration of a gateway, propose a change, and apply it. The gateway starts again with the "
+        "change, and puts the configuration before back where it does not become healthy.",
+        epilog="examples: plumbline remote config get --by ann > crane.toml | "
+        "plumbline remote config propose crane.toml --by ann | plumbline remote config apply ID --by ann",
+    )
+    actions = config.add_subparsers(dest="action", metavar="ACTION", required=True)
+    get = _action(
+        actions, "get", "Print the configuration as TOML, without secrets, files and commands.", _get, "--by ann"
+    )
+    propose = _action(
+        actions, "propose", "Check a change and keep it; print what it changes.", _propose, "crane.toml --by ann"
+    )
+    validate = _action(actions, "validate", "Check a change; print what it changes.", _propose, "crane.toml --by ann")
+    apply = _action(
+        actions, "apply", "Put a proposal into force, and wait until it is confirmed.", _apply, "ID --by ann"
+    )
+    for action in (propose, validate):
+        action.add_argument("file", type=Path, metavar="FILE", help="sections that take the place of the present ones")
+        action.add_argument(
+            "--allow-network",
+            action="store_true",
+            help="permit changes of names and listeners, by which the gateway is reached",
+        )
+    apply.add_argument("proposal", metavar="ID", help="id that `propose` printed")
+    for action in (get, propose, validate, apply):
+        action.add_argument("--by", required=True, metavar="NAME", help="your name, for the audit")
+        action.add_argument("--reason", default="", metavar="TEXT", help="reason, for the audit")
+        add_address(action)
+
+
+def _action(
+    actions: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, description: str, run: Any, example: str
+) -> argparse.ArgumentParser:
+    summary = description[0].lower() + description.rstrip(".")[1:]
+    action = actions.add_parser(
+        name, help=summary, description=description, epilog=f"example: plumbline remote config {name} {example}"
+    )
+    action.set_defaults(run=run)
+    return action
+
+
+def _get(arguments: argparse.Namespace) -> int:
+    import tomli_w
+
+    reply = _ask(arguments, "config_get", {})
+    if not reply.accepted:
+        return _refused(reply)
+    sys.stdout.write(tomli_w.dumps(reply.content["configuration"]))
+    return 0
+
+
+def _propose(arguments: argparse.Namespace) -> int:
+    from gateway.configuration.difference import KeyChange
+    from gateway.configuration.loading import read_table
+
+    keep = arguments.action == "propose"
+    more = {"proposal": read_table(arguments.file), "allow_network": arguments.allow_network, "keep": keep}
+    reply = _ask(arguments, "config_propose", more)
+    if not reply.accepted:
+        return _refused(reply)
+    for change in reply.content["changes"]:
+        print(KeyChange.model_validate(change))
+    if keep:
+        print(f"to apply it: plumbline remote config apply {reply.content['proposal']} --by {arguments.by}")
+    return 0
+
+
+def _apply(arguments: argparse.Namespace) -> int:
+    client = _client(arguments)
+    try:
+        request = _request(arguments, {"proposal": arguments.proposal})
+        reply = _send(client, "config_apply", request)
+        if not reply.accepted:
+            return _refused(reply)
+        print(f"{reply.text}; the gateway starts again ...", flush=True)
+        return _wait_for_end(client, arguments, request["id"])
+    finally:
+        client.close()
+
+
+def _wait_for_end(client: "GatewayClient", arguments: argparse.Namespace, request_id: str) -> int:
+    """Wait until a change is confirmed or rolled back; return the exit code."""
+    end_s = time.monotonic() + TRIAL_S
+    while time.monotonic() < end_s:
+        time.sleep(POLL_S)
+        reply = client.ask("config_get", _request(arguments, {}), 0.0)
+        if reply is None:
+            client.reconnect()
+            continue
+        for entry in reply.content.get("history", []):
+            if entry.get("id") == request_id and entry.get("event") == "confirmed":
+                print("confirmed: the gateway is healthy")
+                return 0
+            if entry.get("id") == request_id and entry.get("event") == "rolled_back":
+                print(f"rolled back: {entry.get('why')}", file=sys.stderr)
+                return REFUSED
+    print(f"no confirmation within {TRIAL_S:.0f} s; see: plumbline remote status", file=sys.stderr)
+    return REFUSED
+
+
+def _ask(arguments: argparse.Namespace, verb: str, more: dict[str, Any]) -> "RpcReply":
+    client = _client(arguments)
+    try:
+        return _send(client, verb, _request(arguments, more))
+    finally:
+        client.close()
+
+
+def _send(client: "GatewayClient", verb: str, request: dict[str, Any]) -> "RpcReply":
+    from gateway.errors import InputError
+
+    reply = client.ask(verb, request, PATIENCE_S)
+    if reply is None:
+        raise InputError(f"{client.key} does not answer; try again")
+    return reply
+
+
+def _request(arguments: argparse.Namespace, more: dict[str, Any]) -> dict[str, Any]:
+    return {"id": f"cli-{uuid.uuid4().hex}", "by": arguments.by, "reason": arguments.reason, **more}
+
+
+def _client(arguments: argparse.Namespace) -> "GatewayClient":
+    from gateway.bus.client import GatewayClient
+
+    return GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
+
+
+def _refused(reply: "RpcReply") -> int:
+    print(f"refused: {reply.text}", file=sys.stderr)
+    return REFUSED

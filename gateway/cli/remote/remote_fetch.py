@@ -1,0 +1,124 @@
+"""`plumbline remote fetch`: the calibration records of a gateway, their certificates, history and audit, as files."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
+from gateway.cli.terminal.output import write_text
+from gateway.text import printable
+
+if TYPE_CHECKING:
+    from pydantic import BaseModel
+
+    from gateway.bus.client import GatewayClient
+    from gateway.bus.fetched import FetchedList
+    from gateway.calibration.record import CalibrationRecord
+
+Answer = TypeVar("Answer", bound="BaseModel")
+DAMAGED = 1
+PATIENCE_S = 30.0
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    fetch = verbs.add_parser(
+        "fetch",
+        help="write the calibration records with their certificates, history and audit to files",
+        description="Write the calibration records of a gateway with their certificates, history and audit to files.",
+        epilog="example: plumbline remote fetch --out records/",
+    )
+    fetch.add_argument(
+        "--out", type=Path, default=Path(), metavar="FOLDER", help="an existing folder (default: the present one)"
+    )
+    fetch.set_defaults(run=_fetch)
+    add_address(fetch)
+
+
+def _fetch(arguments: argparse.Namespace) -> int:
+    from gateway.bus.client import GatewayClient
+    from gateway.bus.fetched import FetchedAudit, FetchedList
+
+    client = GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))
+    try:
+        listed = fetch_request(client, {}, FetchedList, PATIENCE_S)
+        records, damaged = fetch_records(client, listed, PATIENCE_S)
+        reviewed = listed.review
+        candidate = None if reviewed is None else _record(client, reviewed, PATIENCE_S)
+        audit = fetch_request(client, {"what": "audit", "lines": 1000}, FetchedAudit, PATIENCE_S).audit
+    finally:
+        client.close()
+    for record in records:
+        _write(arguments.out, record.id, record, records)
+    if candidate is not None:
+        _write(arguments.out, f"review-{candidate.id}", candidate, records)
+    state = listed.model_dump(mode="json", include={"device_id", "in_force", "history"})
+    write_text(arguments.out / "in_force.json", json.dumps(state, indent=1) + "\n")
+    write_text(arguments.out / "audit.jsonl", "".join(json.dumps(entry) + "\n" for entry in audit))
+    for problem in damaged:
+        print(printable(problem), file=sys.stderr)
+    print(printable(f"{arguments.out}: {len(records)} records of {listed.device_id}, in force {listed.in_force}"))
+    return DAMAGED if damaged else 0
+
+
+def fetch_records(
+    client: "GatewayClient", listed: "FetchedList", patience_s: float
+) -> tuple[list["CalibrationRecord"], list[str]]:
+    """Return the readable records, and what is wrong with the others. Raises `InputError` where nobody answers."""
+    from gateway.calibration.record import CalibrationError
+
+    records, damaged = [], []
+    for entry in listed.records:
+        if entry.error is not None:
+            damaged.append(f"{entry.id}: {entry.error}")
+            continue
+        try:
+            records.append(_record(client, entry.id, patience_s))
+        except CalibrationError as error:
+            damaged.append(str(error))
+    return records, damaged
+
+
+def fetch_request(
+    client: "GatewayClient", request: dict[str, Any], model: "type[Answer]", patience_s: float
+) -> "Answer":
+    """Return the answer to a read request. Raises `InputError`, also for what is no answer of a gateway."""
+    from pydantic import ValidationError
+
+    from gateway.errors import InputError, describe_problems
+
+    reply = client.ask("fetch", request, patience_s)
+    if reply is None:
+        raise InputError(f"{client.key} does not answer")
+    if not reply.accepted:
+        raise InputError(f"{client.key}: {reply.text}")
+    try:
+        return model.model_validate(reply.content)
+    except ValidationError as error:
+        raise InputError(
+            f"{client.key}: its answer is not valid: {describe_problems(error)[0]}; nothing is written"
+        ) from error
+
+
+def _record(client: "GatewayClient", record_id: str, patience_s: float) -> "CalibrationRecord":
+    from gateway.bus.fetched import FetchedRecord
+    from gateway.calibration.record import CalibrationError
+    from gateway.calibration.store import parse_record
+
+    content = fetch_request(client, {"what": "record", "record": record_id}, FetchedRecord, patience_s).record
+    record = parse_record(content, str(content.get("device_id")), f"record {record_id} of {client.key}")
+    if record.id != record_id:
+        raise CalibrationError(f"record {record_id} of {client.key}: another record came, {record.id}")
+    return record
+
+
+def _write(folder: Path, name: str, record: "CalibrationRecord", records: list["CalibrationRecord"]) -> None:
+    """Write a record and its certificate."""
+    from gateway.certificate.page import render_certificate
+
+    parent = next((one for one in records if one.id == record.parent), None)
+    earlier = [one for one in records if one.created_utc < record.created_utc]
+    write_text(folder / f"{name}.json", json.dumps(record.model_dump(mode="json"), indent=1) + "\n")
+    write_text(folder / f"{name}.html", render_certificate(record, parent, earlier))

@@ -1,0 +1,152 @@
+"""The verbs of `plumbline remote` that change something: done once, even if the link is lost in between."""
+
+import argparse
+import sys
+import uuid
+from typing import TYPE_CHECKING, Any
+
+from gateway.calibration.pose_method import PoseMethod
+from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
+
+if TYPE_CHECKING:
+    from gateway.bus.client import GatewayClient
+
+REFUSED = 1
+PATIENCE_S = 30.0
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verbs."""
+    recalibrate = _verb(
+        verbs,
+        "recalibrate",
+        "Start a recalibration and follow it until its record is in review.",
+        _recalibrate,
+        "--by ann --housing-off-rope",
+    )
+    recalibrate.add_argument(
+        "--method",
+        choices=[method.value for method in PoseMethod],
+        default=PoseMethod.SIX_POSITION.value,
+        help="method of the calibration (default %(default)s)",
+    )
+    recalibrate.add_argument(
+        "--housing-off-rope", action="store_true", help="confirm that the housing has been taken off the rope"
+    )
+    recalibrate.add_argument(
+        "--follow", action="store_true", help="start nothing; follow the session that is under way"
+    )
+    _verb(verbs, "zero", "Set the two angles of the mount to zero. The load must hang still.", _zero, "--by ann")
+    commit = _verb(verbs, "commit", "Put the record in review in force.", _commit, '--by ann --reason "new sensor"')
+    commit.add_argument("--record", metavar="ID", help="id of the record (default: the one in review)")
+    rollback = _verb(verbs, "rollback", "Put an earlier record in force again.", _rollback, "--by ann")
+    rollback.add_argument("--to", metavar="ID", help="id of the record (default: the parent of the present one)")
+    mark = _verb(
+        verbs,
+        "mark",
+        "Write a mark into the recording. The quota deletes the time around it last.",
+        _mark,
+        '"sling slipped" --by ann',
+    )
+    mark.add_argument("text", metavar="TEXT", help="one line")
+    acknowledge = _verb(
+        verbs,
+        "acknowledge",
+        "Acknowledge an alert: who knows of it, recorded and sent to everybody. It ends no alert.",
+        _acknowledge,
+        "--by ann",
+    )
+    acknowledge.add_argument(
+        "incident", nargs="?", metavar="INCIDENT", help="id of the incident (default: all that nobody has acknowledged)"
+    )
+    _verb(verbs, "cancel", "End the session; the old record stays in force.", _cancel, "--by ann")
+    for name in ("recalibrate", "zero", "commit", "rollback", "mark", "acknowledge", "cancel"):
+        add_address(verbs.choices[name])
+
+
+def _verb(
+    verbs: "argparse._SubParsersAction[argparse.ArgumentParser]", name: str, description: str, run: Any, example: str
+) -> argparse.ArgumentParser:
+    summary = description[0].lower() + description.partition(".")[0][1:]
+    verb = verbs.add_parser(
+        name, help=summary, description=description, epilog=f"example: plumbline remote {name} {example}"
+    )
+    verb.add_argument("--by", metavar="NAME", help="your name, for the record, its history and the audit; required")
+    verb.add_argument("--reason", default="", metavar="TEXT", help="reason; required where a record is implausible")
+    verb.add_argument("--id", metavar="ID", help="id of a request whose answer was lost, so that it is not done twice")
+    verb.set_defaults(run=run)
+    return verb
+
+
+def _recalibrate(arguments: argparse.Namespace) -> int:
+    from gateway.cli.remote.follow import watch_session
+
+    client = _client(arguments)
+    try:
+        session_id = None
+        if not arguments.follow:
+            more = {"method": arguments.method, "housing_off_rope": arguments.housing_off_rope}
+            code, request = _send(client, "recalibrate", arguments, more)
+            if code != 0:
+                return code
+            session_id = request["id"]
+        return watch_session(client, session_id, sys.stdout)
+    finally:
+        client.close()
+
+
+def _zero(arguments: argparse.Namespace) -> int:
+    return _run_request(arguments, "zero", {})
+
+
+def _commit(arguments: argparse.Namespace) -> int:
+    return _run_request(arguments, "commit", {"record": arguments.record})
+
+
+def _rollback(arguments: argparse.Namespace) -> int:
+    return _run_request(arguments, "rollback", {"to": arguments.to})
+
+
+def _mark(arguments: argparse.Namespace) -> int:
+    return _run_request(arguments, "mark", {"text": arguments.text})
+
+
+def _acknowledge(arguments: argparse.Namespace) -> int:
+    return _run_request(arguments, "acknowledge", {"incident": arguments.incident})
+
+
+def _cancel(arguments: argparse.Namespace) -> int:
+    return _run_request(arguments, "cancel", {})
+
+
+def _run_request(arguments: argparse.Namespace, verb: str, more: dict[str, Any]) -> int:
+    client = _client(arguments)
+    try:
+        return _send(client, verb, arguments, more)[0]
+    finally:
+        client.close()
+
+
+def _send(
+    client: "GatewayClient", verb: str, arguments: argparse.Namespace, more: dict[str, Any]
+) -> tuple[int, dict[str, Any]]:
+    """Send a request and print the answer."""
+    from gateway.errors import InputError
+
+    request = {"id": arguments.id or f"cli-{uuid.uuid4().hex}", "by": arguments.by, "reason": arguments.reason, **more}
+    reply = client.ask(verb, request, PATIENCE_S)
+    if reply is None:
+        raise InputError(
+            f"{client.key} does not answer, and the request may have been done: repeat it with --id {request['id']}"
+        )
+    print(f"{verb}: {'' if reply.accepted else 'refused: '}{reply.text}", file=None if reply.accepted else sys.stderr)
+    return 0 if reply.accepted else REFUSED, request
+
+
+def _client(arguments: argparse.Namespace) -> "GatewayClient":
+    from gateway.bus.client import GatewayClient
+    from gateway.errors import InputError
+
+    if not arguments.by and not getattr(arguments, "follow", False):
+        raise InputError("--by NAME is required: your name, for the record, its history and the audit")
+    return GatewayClient(connect_endpoint(arguments), arguments.gateway, client_credentials(arguments))

@@ -1,0 +1,111 @@
+"""`plumbline remote status`: how a gateway is, with the drift of its calibration; on request its last messages as JSON."""
+
+import argparse
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
+from gateway.text import printable
+
+if TYPE_CHECKING:
+    from gateway.bus.client import GatewayClient
+    from gateway.bus.credentials import Credentials
+
+NO_REST = "not known yet: no hour at rest since the record was made"
+NO_RECORD = "not monitored: no calibration record is in force"
+NOT_VALID = "not known: the drift in the health message has another form; is the gateway of another version?"
+NO_HEALTH = "not known yet: no health message since this calibration came into force"
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    verb = verbs.add_parser(
+        "status",
+        help="print how a gateway is: state, swing, alerts, calibration with its drift, device, recording",
+        description="Print how a gateway is: state, swing, alerts, calibration with its drift, device and recording.",
+        epilog="examples: plumbline remote status | plumbline remote status --json -",
+    )
+    verb.add_argument(
+        "--json",
+        type=Path,
+        metavar="FILE",
+        help="also write the last message of every topic, and the drift, as JSON; -: print it instead of the text",
+    )
+    verb.set_defaults(run=_status)
+    add_address(verb)
+
+
+def _status(arguments: argparse.Namespace) -> int:
+    from gateway.bus.client import open_client_session, query_status
+    from gateway.cli.terminal.output import show
+    from gateway.errors import InputError
+    from gateway.fleet.status_text import judge_answer, status_lines
+
+    connect = connect_endpoint(arguments)
+    credentials = client_credentials(arguments)
+    with open_client_session(connect, credentials) as session:
+        gateways = query_status(session, arguments.gateway)
+    if not gateways:
+        raise InputError(f"no gateway {arguments.gateway} answers at {connect}")
+    now_s, now_utc = time.monotonic(), datetime.now(UTC)
+    pages = []
+    for key, topics in gateways.items():
+        status, messages = judge_answer(key, topics, now_s, now_utc)
+        valid = {topic: topics[topic] for topic in messages}
+        at_rest = describe_rest_drift(valid.get("health"), valid.get("calibration"))
+        drift = {"at_rest": at_rest, "by_records": _forecast_text(connect, key, credentials)}
+        pages.append("\n".join(map(printable, status_lines(status, messages, drift, now_utc))))
+        topics["drift"] = drift
+    show("\n\n".join(pages), gateways, arguments.json)
+    return 0
+
+
+def describe_rest_drift(health: dict[str, Any] | None, calibration: dict[str, Any] | None) -> str:
+    """Return the drift of the record in force by readings at rest, as one line. Missing readings are never good news."""
+    from pydantic import TypeAdapter, ValidationError
+
+    from gateway.calibration.drift.rest_status import RestStatus
+
+    if health is None or calibration is None or health["calibration_id"] != calibration["calibration_id"]:
+        return NO_HEALTH
+    if health.get("drift") is None:
+        return NO_RECORD
+    try:
+        drift = TypeAdapter(RestStatus).validate_python(health["drift"])
+    except ValidationError:
+        return NOT_VALID
+    if drift.norm_error_mg is None:
+        return NO_REST
+    trend = drift.trend
+    soon = "" if trend is None or trend.limit_in_days is None else f"; limit in {trend.limit_in_days:.0f} days"
+    state = f"{drift.state}: norm {drift.norm_error_mg:+.1f} mg of {drift.limit_mg:.1f} mg allowed{soon}"
+    return "; ".join([state, *drift.reasons, f"shows {drift.shows}"])
+
+
+def _forecast_text(connect: str, key: str, credentials: "Credentials") -> str:
+    """Return when to recalibrate, by the records of the device; or why that is not known."""
+    from gateway.bus.client import GatewayClient
+    from gateway.bus.session import BusError
+    from gateway.errors import InputError
+
+    try:
+        client = GatewayClient(connect, key, credentials)
+        try:
+            return describe_forecast(client)
+        finally:
+            client.close()
+    except (InputError, BusError) as error:  # including `CalibrationError` for too few records
+        return f"not known: {error}"
+
+
+def describe_forecast(client: "GatewayClient") -> str:
+    """Return the forecast by the records of a gateway. Raises `InputError` where there are too few."""
+    from gateway.bus.fetched import FetchedList
+    from gateway.certificate.forecast import forecast, sentence
+    from gateway.cli.remote.remote_fetch import fetch_records, fetch_request
+
+    records, _ = fetch_records(client, fetch_request(client, {}, FetchedList, 0.0), 0.0)
+    report = forecast(records)
+    return "; ".join([sentence(report), *report.warnings])

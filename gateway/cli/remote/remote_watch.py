@@ -1,0 +1,140 @@
+"""`plumbline remote watch`: messages as they arrive, alerts each once and in order."""
+
+import argparse
+import json
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from gateway.cli.options.bus_link import add_address, client_credentials, connect_endpoint
+from gateway.text import printable
+
+if TYPE_CHECKING:
+    import zenoh
+
+    from gateway.bus.alert_event import AlertEvent
+    from gateway.bus.alert_receiver import AlertReceiver
+    from gateway.daemon.bounded_queue import BoundedQueue
+
+ALERT = "alert"
+INBOX = 10_000
+STEP_S = 0.1
+
+
+def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the verb."""
+    watch = verbs.add_parser(
+        "watch",
+        help="print messages as they arrive, until Ctrl-C",
+        description="Print messages as they arrive, one JSON object per line, until Ctrl-C. Of the alerts each change is printed "
+        "once and in order, also after the link was lost, and what is known of the gateway when that changes.",
+        epilog="example: plumbline remote watch --topics swing,alert\n"
+        "         plumbline remote watch --topics alert --resume alerts.json",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    watch.set_defaults(run=_watch)
+    watch.add_argument(
+        "--topics", default="swing,condition,alert", metavar="LIST", help="comma-separated topics (default %(default)s)"
+    )
+    watch.add_argument("--count", type=int, metavar="N", help="stop after N lines")
+    watch.add_argument(
+        "--since",
+        type=int,
+        metavar="NUMBER",
+        help="print also the changes of alerts behind this number, 0: all that the gateway has stored (default: from now on)",
+    )
+    watch.add_argument(
+        "--resume", type=Path, metavar="FILE", help="keep the number of the last alert in FILE, and continue from it"
+    )
+    add_address(watch)
+
+
+def _watch(arguments: argparse.Namespace) -> int:
+    import zenoh
+
+    from gateway.bus.alert_receiver import AlertReceiver
+    from gateway.bus.client import open_client_session
+    from gateway.daemon.bounded_queue import BoundedQueue
+    from gateway.errors import InputError
+    from gateway.topics import TOPICS
+
+    topics = {topic.strip() for topic in arguments.topics.split(",")}
+    if unknown := sorted(topics - set(TOPICS)):
+        raise InputError(f"no topic {', '.join(unknown)}; the topics are {', '.join(TOPICS)}")
+    connect, credentials = connect_endpoint(arguments), client_credentials(arguments)
+    samples: BoundedQueue[zenoh.Sample] = BoundedQueue(INBOX)
+    printer = _Printer(arguments.count)
+    with open_client_session(connect, credentials) as session:
+        subscribers = [
+            session.declare_subscriber(f"{arguments.gateway}/{topic}", samples.put) for topic in topics - {ALERT}
+        ]
+        if ALERT in topics:
+            resume, since = arguments.resume, arguments.since
+            with AlertReceiver(
+                connect, arguments.gateway, since=since, state_file=resume, credentials=credentials
+            ) as receiver:
+                printer.print_all(_alerts_and_messages(receiver, samples))
+        else:
+            printer.print_all(_messages(samples, 1.0))
+        for subscriber in subscribers:
+            subscriber.undeclare()
+    return 0
+
+
+class _Printer:
+    """Prints lines up to a number, or for ever."""
+
+    def __init__(self, count: int | None) -> None:
+        self._left = count
+
+    def print_all(self, lines: Iterator[dict[str, Any] | None]) -> None:
+        """Print lines as JSON, with every control character escaped; None: nothing has come."""
+        for line in lines:
+            if line is not None:
+                print(json.dumps(line), flush=True)
+                self._left = None if self._left is None else self._left - 1
+            if self._left is not None and self._left <= 0:
+                return
+
+
+def _alerts_and_messages(
+    receiver: "AlertReceiver", samples: "BoundedQueue[zenoh.Sample]"
+) -> Iterator[dict[str, Any] | None]:
+    while True:
+        for event in receiver.poll(STEP_S):
+            yield _event_line(event)
+        while len(samples):
+            yield next(_messages(samples, 0.0))
+        yield None
+
+
+def _messages(samples: "BoundedQueue[zenoh.Sample]", timeout_s: float) -> Iterator[dict[str, Any] | None]:
+    """Yield the messages that can be read; one that is damaged or of another type is reported and left out."""
+    from gateway.bus.untrusted import gateway_of, parse_message
+
+    while True:
+        sample = samples.get(timeout_s)
+        if sample is None:
+            yield None
+            continue
+        key, content = str(sample.key_expr), sample.payload.to_bytes()
+        topic = key.rpartition("/")[2]
+        message = None if gateway_of(sample, topic) is None else parse_message(topic, content)
+        if message is None:
+            why = f"{key}: a message of {len(content)} bytes is left out: it is no {topic} message of a gateway"
+            print(printable(why), file=sys.stderr)
+            yield None
+        else:
+            yield {"key": key, "message": message}
+
+
+def _event_line(event: "AlertEvent") -> dict[str, Any]:
+    from gateway.topics import encode
+
+    if event.change is not None:
+        return {"key": f"{event.gateway}/{ALERT}", "message": json.loads(encode(event.change))}
+    if event.missed is not None:
+        return {"gateway": event.gateway, "missed": {"first": event.missed.first, "last": event.missed.last}}
+    standing = None if event.standing is None else json.loads(encode(event.standing))
+    return {"gateway": event.gateway, "state": event.state, "standing": standing}

@@ -1,0 +1,92 @@
+"""The progress of a long command, on stderr if that is a terminal: steps of unknown number, or a share with the time left."""
+
+import sys
+import time
+from types import TracebackType
+from typing import TextIO
+
+from gateway.cli.terminal.interrupt import DeferredInterrupt
+
+WIDTH = 40
+PATIENCE_S = 1.0
+"""Work that is done sooner shows no progress."""
+REDRAW_S = 0.2
+LEAST_SHARE = 0.02
+"""Share of the work from which the time left is told."""
+
+
+class Progress:
+    """A line that is drawn again at each tick; nothing if stderr is not a terminal. Ctrl-C takes effect between ticks."""
+
+    def __init__(self, stream: TextIO | None = None) -> None:
+        self._stream = sys.stderr if stream is None else stream
+        self._shown = self._stream.isatty()
+        self._ticks = self._drawn = 0
+        self._begin_s = time.monotonic()
+        self._interrupt = DeferredInterrupt()
+
+    def tick(self, stage: str, share: float | None = None) -> None:
+        """Show one more step of a stage, and the share of its largest work that is done."""
+        self._interrupt.check()
+        self._ticks += 1
+        if self._shown:
+            done = self._ticks % WIDTH if share is None else round(WIDTH * share)
+            text = f"{stage}, step {self._ticks}" if share is None else f"{stage}, {share:.0%}{self._most_left(share)}"
+            line = f"[{'·' * done}{' ' * (WIDTH - done)}] {text}"
+            self._stream.write("\r" + line.ljust(self._drawn))
+            self._stream.flush()
+            self._drawn = len(line)
+
+    def _most_left(self, share: float) -> str:
+        """Return the longest time that the work may still take, once enough of it is done."""
+        if share < LEAST_SHARE:
+            return ""
+        left_s = (time.monotonic() - self._begin_s) * (1 - share) / share
+        return f", at most {left_s / 60:.0f} min left" if left_s > 90 else f", at most {left_s:.0f} s left"
+
+    def __enter__(self) -> "Progress":
+        self._interrupt.__enter__()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._shown and self._ticks:
+            self._stream.write("\r" + " " * self._drawn + "\r")
+            self._stream.flush()
+        self._interrupt.__exit__(kind, error, trace)
+
+
+class ProgressBar:
+    """A bar with the share that is done and the time left; nothing if stderr is not a terminal, or the work is short."""
+
+    def __init__(self, stage: str, stream: TextIO | None = None) -> None:
+        self._stage = stage
+        self._stream = sys.stderr if stream is None else stream
+        self._begin_s = self._drawn_s = time.monotonic()
+        self._drawn = 0
+        """Length of the line that is shown."""
+
+    def update(self, share: float) -> None:
+        """Show the share of the work that is done, 0 to 1."""
+        now_s = time.monotonic()
+        if now_s - self._begin_s < PATIENCE_S or now_s - self._drawn_s < REDRAW_S or not self._stream.isatty():
+            return
+        self._drawn_s = now_s
+        done = round(WIDTH * share)
+        left_s = (now_s - self._begin_s) * (1 - share) / share if share > 0 else None
+        left = "" if left_s is None else f", {left_s / 60:.0f} min left" if left_s > 90 else f", {left_s:.0f} s left"
+        line = f"[{'·' * done}{' ' * (WIDTH - done)}] {share:4.0%}{left}  {self._stage}"
+        self._stream.write("\r" + line.ljust(self._drawn))
+        self._stream.flush()
+        self._drawn = len(line)
+
+    def __enter__(self) -> "ProgressBar":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        if self._drawn:
+            self._stream.write("\r" + " " * self._drawn + "\r")
+            self._stream.flush()

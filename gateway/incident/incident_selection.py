@@ -1,0 +1,122 @@
+"""The choice of an incident in recordings, and of the time around it."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from gateway.alert_periods import AlertState
+from gateway.errors import InputError
+from gateway.incident.alert_incidents import AlertIncident, find_incidents
+from gateway.messages import Alert
+from gateway.recording.reading.interval import RecordingInterval, RecordingTime
+from gateway.recording.reading.recording_file import Selection, open_recording
+from gateway.recording.reading.timeline import ReportProgress, Timeline, TimelineSpan, ignore_progress
+
+ALERTS = frozenset({"/alert"})
+LONGEST_S = 4 * 3600.0
+"""Longest time of a report."""
+
+
+@dataclass(frozen=True, slots=True)
+class IncidentChoice:
+    """What the user asks for: one of the four, or nothing, which is the last incident."""
+
+    around: RecordingTime | None = None
+    number: int | None = None
+    is_last: bool = False
+    interval: RecordingInterval | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class IncidentWindow:
+    """The time of a report in gateway time, with its incident; None: no alert was raised in it."""
+
+    begin_ns: int
+    end_ns: int
+    origin_ns: int
+    """The raise of the incident, or the time that was asked for."""
+    incident: AlertIncident | None
+    others: tuple[AlertIncident, ...]
+    """Other incidents in the same time."""
+    is_shortened: bool = False
+
+
+def read_incidents(timeline: Timeline, report: ReportProgress = ignore_progress) -> list[AlertIncident]:
+    """Return the incidents of a timeline in order of time. Raises `RecordingError`."""
+    return find_incidents(_read_alerts(timeline, report))
+
+
+def choose_window(
+    timeline: Timeline, incidents: Sequence[AlertIncident], choice: IncidentChoice, margin_s: float
+) -> IncidentWindow:
+    """Return the time of the report, `margin_s` before and after the incident. Raises `InputError`."""
+    span = timeline.span()
+    if choice.interval is not None:
+        selection = timeline.select(choice.interval)
+        begin_ns = span.first_ns if selection.begin_ns is None else selection.begin_ns
+        end_ns = span.last_ns if selection.end_ns is None else selection.end_ns
+        return _window(span, incidents, _worst(_within(incidents, begin_ns, end_ns)), begin_ns, end_ns)
+    margin_ns = round(margin_s * 1e9)
+    if choice.around is not None:
+        around_ns = span.first_ns + round(choice.around.time_s(span.extent) * 1e9)
+        if not span.first_ns - margin_ns <= around_ns <= span.last_ns + margin_ns:
+            raise InputError(f"--around {choice.around.text}: is outside the recording, which is {span.extent}")
+        begin_ns, end_ns = around_ns - margin_ns, around_ns + margin_ns
+        found = _window(span, incidents, _worst(_within(incidents, begin_ns, end_ns)), begin_ns, end_ns)
+        return found if found.incident is not None else _window(span, incidents, None, begin_ns, end_ns, around_ns)
+    incident = _chosen(timeline, incidents, choice)
+    return _window(span, incidents, incident, incident.raised_ns - margin_ns, incident.last_ns + margin_ns)
+
+
+def _chosen(timeline: Timeline, incidents: Sequence[AlertIncident], choice: IncidentChoice) -> AlertIncident:
+    if not incidents:
+        raise InputError(f"{timeline.name}: no alert was raised in it; give --around TIME, or --from and --to")
+    if choice.number is None:
+        return incidents[-1]
+    if not 1 <= choice.number <= len(incidents):
+        raise InputError(f"--alert {choice.number}: {timeline.name} has {len(incidents)}, numbered from 1")
+    return incidents[choice.number - 1]
+
+
+def _window(
+    span: TimelineSpan,
+    incidents: Sequence[AlertIncident],
+    incident: AlertIncident | None,
+    begin_ns: int,
+    end_ns: int,
+    origin_ns: int | None = None,
+) -> IncidentWindow:
+    begin_ns, end_ns = max(begin_ns, span.first_ns), min(end_ns, span.last_ns)
+    latest_ns = begin_ns + round(LONGEST_S * 1e9)
+    others = tuple(each for each in _within(incidents, begin_ns, min(end_ns, latest_ns)) if each is not incident)
+    if origin_ns is None:
+        origin_ns = begin_ns if incident is None else incident.raised_ns
+    return IncidentWindow(begin_ns, min(end_ns, latest_ns), origin_ns, incident, others, end_ns > latest_ns)
+
+
+def _within(incidents: Sequence[AlertIncident], begin_ns: int, end_ns: int) -> list[AlertIncident]:
+    return [each for each in incidents if each.raised_ns <= end_ns and each.last_ns >= begin_ns]
+
+
+def _worst(incidents: Sequence[AlertIncident]) -> AlertIncident | None:
+    """Return the first incident of the highest level."""
+    trips = [each for each in incidents if each.level == "trip"]
+    return next(iter(trips or incidents), None)
+
+
+def _read_alerts(timeline: Timeline, report: ReportProgress) -> Iterator[tuple[int, Alert]]:
+    """Yield the messages of alerts; segments in which none stood and nothing changed, by their summaries, are left out."""
+    done, total = 0, max(timeline.size_bytes, 1)
+    for segment in timeline.segments:
+        summary = segment.index.summary
+        if summary is None or any(map(_is_eventful, summary.alerts)):
+            file = open_recording(segment.path)
+            for recorded in file.messages(Selection(topics=ALERTS)):
+                content = file.decode(recorded)
+                if isinstance(content, Alert):
+                    yield recorded.log_time_ns, content
+        done += segment.index.size_bytes
+        report(done / total)
+
+
+def _is_eventful(state: AlertState) -> bool:
+    return state.event != "standing" or any(active.level in ("warn", "trip") for active in state.active)

@@ -1,0 +1,55 @@
+"""The configuration that the files of a recording have in common, and the calibration that was in force in it."""
+
+from collections.abc import Sequence
+
+from devices.errors import RecordingError
+from devices.recording import Recording
+from gateway.configuration.model import Configuration
+from gateway.messages import Calibration
+from gateway.recording.reading.correction_in_force import recorded_configuration
+from gateway.recording.reading.samples import RecordedSamples, SampledFile
+
+
+def common_configuration(files: Sequence[SampledFile], *, same_rig: bool) -> Configuration | None:
+    """Return the configuration of the first file.
+
+    Raises `RecordingError` where another file has other axes, or, with `same_rig`, another rope, housing or gravity.
+    """
+    first, *others = (recorded_configuration(each.file) for each in files)
+    for file, other in zip(files[1:], others, strict=True):
+        settings = _settings(other, same_rig=same_rig)
+        for name, value in _settings(first, same_rig=same_rig).items():
+            if settings.get(name) != value:
+                raise RecordingError(
+                    f"{file.path}: was recorded with another {name} than {files[0].path}; measure them one by one"
+                )
+    return first
+
+
+def _settings(configuration: Configuration | None, *, same_rig: bool) -> dict[str, object]:
+    """Return the settings that all files of one recording must share."""
+    if configuration is None:
+        return {"configuration": None}
+    settings: dict[str, object] = {"configuration": "recorded", "device.axes_map": configuration.device.axes}
+    rig: dict[str, object] = {
+        "rope.length_m": configuration.rope.length_m,
+        "position of the housing": configuration.housing,
+        "gravity": configuration.site.local_gravity_m_s2,
+    }
+    return settings | rig if same_rig else settings
+
+
+def calibration_in_force(run: RecordedSamples, recording: Recording) -> tuple[Calibration | None, tuple[str, ...]]:
+    """Return the calibration in force at the first sample, and a remark if another one followed."""
+    if not run.calibrations or recording.origin_ns is None:
+        return None, ()
+    first_ns, last_ns = (recording.origin_ns + round(float(recording.time_s[end]) * 1e9) for end in (0, -1))
+    known = [calibration for calibration in run.calibrations if calibration.log_time_ns <= first_ns]
+    later = [calibration for calibration in run.calibrations if first_ns < calibration.log_time_ns <= last_ns]
+    in_force = known[-1] if known else run.calibrations[0]
+    changes = [calibration for calibration in later if calibration is not in_force]
+    if not changes:
+        return in_force.message, ()
+    change_s = (changes[0].log_time_ns - recording.origin_ns) / 1e9
+    remark = f"another calibration came into force at {change_s:.3f} s and is not used; measure that part with --from"
+    return in_force.message, (remark,)

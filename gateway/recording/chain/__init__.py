@@ -1,0 +1,1 @@
+"""The chain of signed segments: statements, keys and their verification."""

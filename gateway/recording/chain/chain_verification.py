@@ -1,0 +1,170 @@
+"""Offline verification of the segments of a gateway together: none removed, none exchanged, none with a clock set back."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from functools import reduce
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+from gateway.recording.chain.chain_state import STATE_NAME, ChainState, ChainStateError, read_state
+from gateway.recording.chain.file_verification import FileVerification
+from gateway.recording.chain.missing_segments import MissingSegments, describe_missing, list_missing
+from gateway.recording.chain.signing_key import fingerprint
+from gateway.recording.chain.statements import DeletionStatement, Statement, has_signature, hash_of, parse_deletions
+from gateway.recording.reading.interval import iso_utc
+
+LATEST_NS = 2_000_000_000
+"""Samples may be recorded so much later than messages about the gateway itself, so that neighbouring segments overlap."""
+
+
+@dataclass(frozen=True, slots=True)
+class ChainVerification:
+    """What was found in files of one gateway."""
+
+    files: tuple[FileVerification, ...]
+    """In the order of their numbers; those without one at the end."""
+    missing: tuple[MissingSegments, ...]
+    """Numbers without a file, in their order. Where files were named, those before and after them are not missed."""
+    problems: tuple[str, ...]
+    remarks: tuple[str, ...]
+    public_keys: tuple[str, ...]
+
+    @property
+    def is_genuine(self) -> bool:
+        """Whether nothing differs from what the gateway stated."""
+        return not self.problems and not any(file.problems for file in self.files)
+
+    @property
+    def segments(self) -> list[int]:
+        """The numbers of the files, in their order."""
+        return [file.segment for file in self.files if file.segment is not None]
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the content of `record verify --json`."""
+        return {
+            "genuine": self.is_genuine,
+            "problems": list(self.problems),
+            "remarks": list(self.remarks),
+            "public_keys": list(self.public_keys),
+            "first_segment": self.segments[0] if self.segments else None,
+            "last_segment": self.segments[-1] if self.segments else None,
+            "missing": [asdict(each) for each in self.missing],
+            "files": [_file_json(file) for file in self.files],
+        }
+
+
+def verify_chain(files: Sequence[FileVerification], folders: Sequence[Path] = ()) -> ChainVerification:
+    """Compare the statements of files with each other; `folders` are given as a whole, from the first to the newest segment."""
+    numbered = sorted((file for file in files if file.segment is not None), key=lambda file: file.segment or 0)
+    others = [file for file in files if file.segment is None]
+    stated = [(file, file.statement) for file in numbered if file.statement is not None]
+    problems: list[str] = []
+    remarks: list[str] = []
+    keys = tuple(dict.fromkeys(statement.public_key for _, statement in stated if statement.public_key))
+    if len(keys) > 1:
+        problems.append(f"WRONG KEY: {len(keys)} keys have signed: {', '.join(map(fingerprint, keys))}")
+    problems += _exchanged(numbered)
+    for (before, first), (after, second) in pairwise(stated):
+        problems += _between(before, first, after, second)
+    states = _read_states(numbered, folders, remarks)
+    deletions = _join_deletions([file for file, _ in stated], states, problems)
+    missing = _missing(numbered, states, deletions, is_whole=bool(folders))
+    removed, deleted = describe_missing(missing, deletions)
+    for number in sorted({statement.rebuilt_before for _, statement in stated} - {0}):
+        remarks.append(
+            f"before segment {number} the gateway had lost {STATE_NAME} and went on from its recordings: "
+            "whether later ones had been there, and what the quota had just deleted, cannot be proved"
+        )
+    return ChainVerification((*numbered, *others), missing, (*problems, *removed), (*deleted, *remarks), keys)
+
+
+def _read_states(numbered: Sequence[FileVerification], folders: Sequence[Path], remarks: list[str]) -> list[ChainState]:
+    """Return what the gateway has saved in the folders; where that is missing, add what it would prove."""
+    states = []
+    for folder in folders:
+        try:
+            state, reason = read_state(folder), f"{folder}: has no {STATE_NAME}"
+        except ChainStateError as error:
+            state, reason = None, str(error)
+        here = [file for file in numbered if file.path.parent == folder]
+        if state is not None:
+            states.append(state)
+        elif any(file.is_final for file in here):
+            remarks.append(f"{reason}: whether segments after {here[-1].segment} were removed cannot be proved")
+    return states
+
+
+def _join_deletions(
+    stated: Sequence[FileVerification], states: Sequence[ChainState], problems: list[str]
+) -> DeletionStatement:
+    """Return all that is stated about deletions; of files without such statements, the largest number that they state."""
+    statements = [file.statement for file in stated if file.statement is not None]
+    key = statements[-1].public_key if statements else ""
+    found = [found for file in stated if (found := parse_deletions(file.deletions)) is not None]
+    for state in states:
+        if state.deletions and statements:
+            if (statement := parse_deletions(state.deletions)) and has_signature(state.deletions, key):
+                found.append(statement)
+            else:
+                problems.append(
+                    f"FORGED: what {STATE_NAME} says of deletions is not signed with the key of the recordings"
+                )
+    if found:
+        return reduce(DeletionStatement.including, found)
+    largest = max((statement.deleted_up_to for statement in statements), default=0)
+    return DeletionStatement(gateway="", unstated_up_to=largest)
+
+
+def _missing(
+    numbered: Sequence[FileVerification], states: Sequence[ChainState], stated: DeletionStatement, *, is_whole: bool
+) -> tuple[MissingSegments, ...]:
+    found = sorted({file.segment for file in numbered if file.segment is not None})
+    if not found:
+        return ()
+    newest = max((state.final_segment for state in states), default=0)
+    return list_missing(found, 1 if is_whole else found[0], newest, stated)
+
+
+def _exchanged(numbered: Sequence[FileVerification]) -> list[str]:
+    """Return a problem for each pair of files with the same number, or whose names are not in the order of their numbers."""
+    problems = []
+    for before, after in pairwise(numbered):
+        if before.segment == after.segment:
+            problems.append(f"COPIED: {before.path.name} and {after.path.name} are both segment {after.segment}")
+        elif before.path.parent == after.path.parent and before.path.name > after.path.name:
+            problems.append(
+                f"EXCHANGED: {after.path.name} is segment {after.segment}, {before.path.name} segment {before.segment}"
+            )
+    return problems
+
+
+def _between(before: FileVerification, first: Statement, after: FileVerification, second: Statement) -> list[str]:
+    """Return what is wrong between two neighbours."""
+    problems = []
+    if second.gateway != first.gateway:
+        problems.append(f"{after.path.name}: is of {second.gateway}, {before.path.name} of {first.gateway}")
+    follows = second.previous_segment == first.segment and before.is_final
+    if follows and second.previous_sha256 not in (hash_of(before.statement_text), first.replaces_sha256):
+        problems.append(f"EXCHANGED: {after.path.name} does not follow this {before.path.name}, but another one")
+    if second.from_ns < first.to_ns - LATEST_NS and after.segment != before.segment:
+        back_s = (first.to_ns - second.from_ns) / 1e9
+        problems.append(
+            f"CLOCK SET BACK by {back_s:.3f} s: {after.path.name} begins at {iso_utc(second.from_ns)}, "
+            f"{before.path.name} ended at {iso_utc(first.to_ns)}"
+        )
+    return problems
+
+
+def _file_json(file: FileVerification) -> dict[str, Any]:
+    statement = file.statement
+    return {
+        "path": str(file.path),
+        "segment": file.segment,
+        "kind": None if statement is None else statement.kind,
+        "signed_bytes": 0 if statement is None else statement.bytes,
+        "size_bytes": file.size_bytes,
+        "signed_up_to_ns": None if statement is None else statement.to_ns,
+        "problems": file.problems,
+        "remarks": file.remarks,
+    }

@@ -1,0 +1,158 @@
+"""What a gateway states, in JSON and signed with its key, about a segment, and about the segments that it has deleted.
+
+A checkpoint in a segment that is being written states the bytes so far; the final statement of a compacted segment states all of
+it. Both are metadata records named `signature`. The newest statement of deletions stands in `chain.json`, and in each segment in
+a metadata record named `deletions`.
+"""
+
+import hashlib
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Literal
+
+from gateway.file_input import decode_json
+from gateway.recording.chain.chain_state import SegmentNumber
+from gateway.recording.chain.signing_key import is_valid
+
+SIGNATURE = "signature"
+StatementKind = Literal["checkpoint", "final"]
+DELETIONS = "deletions"
+DeletionReason = Literal["quota", "disk"]
+"""All recordings were larger than the quota; the disk had less room than the quota."""
+Run = tuple[SegmentNumber, SegmentNumber]
+"""First and last number of neighbouring segments."""
+MAX_RUNS = 1000
+"""Most runs in a statement. Basis: 12 kB in each segment; with eight events a day apart from each other, four months."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Statement:
+    """What the gateway states about a segment up to the signature; times are gateway times."""
+
+    format: int = 1
+    kind: StatementKind
+    gateway: str
+    name: str
+    """The file's name."""
+    segment: SegmentNumber
+    """Number of the segment, from 1 on."""
+    previous_segment: SegmentNumber
+    """Number of the last segment with a final statement; 0: none."""
+    previous_sha256: str
+    """Hash of that statement."""
+    deleted_up_to: SegmentNumber
+    """Largest number of a segment that the quota has deleted; which ones, a statement of their own says, see `deletions`."""
+    bytes: int
+    """Length of the file before the signature."""
+    sha256: str
+    """Hash of these bytes."""
+    from_ns: int
+    to_ns: int
+    """Gateway times of the first and the last message."""
+    repaired: bool = False
+    """The segment had ended in a kill or a power failure."""
+    replaces_sha256: str = ""
+    """Hash of the statement about the whole segment, where this file has the time around its events only."""
+    rebuilt_before: SegmentNumber = 0
+    """Number of the first segment after the gateway had lost what it remembers of its chain, and had taken it from its
+    recordings: what these do not tell is not stated. 0: never."""
+    public_key: str = ""
+    """Empty: not signed."""
+
+    def text(self) -> str:
+        """Return the bytes that are signed, as text."""
+        return json.dumps(asdict(self), separators=(",", ":"))
+
+
+def parse_statement(text: str) -> Statement | None:
+    """Return the statement of a signature; None where it is none."""
+    try:
+        return decode_json(text, Statement)
+    except ValueError:
+        return None
+
+
+def hash_of(text: str) -> str:
+    """Return the hash of a statement, for the next one."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+@dataclass(frozen=True, slots=True)
+class Deletion:
+    """Segments that were deleted for one reason."""
+
+    reason: str
+    """A `DeletionReason`, or one of a later version."""
+    quota_mb: float
+    """`recorder.quota_mb` at the time, so that the deletions of a changed quota stand apart."""
+    segments: tuple[Run, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeletionStatement:
+    """All segments that a gateway has deleted, and why."""
+
+    format: int = 1
+    kind: Literal["deletions"] = "deletions"
+    gateway: str
+    unstated_up_to: SegmentNumber = 0
+    """The gateway has deleted segments up to this number of which the statement does not tell: before it made such statements,
+    or more than `MAX_RUNS` runs ago. 0: none."""
+    deleted: tuple[Deletion, ...] = ()
+    public_key: str = ""
+    """Empty: not signed."""
+
+    def including(self, other: "DeletionStatement") -> "DeletionStatement":
+        """Return the statement with the deletions of another one."""
+        runs: dict[tuple[str, float], tuple[Run, ...]] = {}
+        for deletion in (*self.deleted, *other.deleted):
+            why = deletion.reason, deletion.quota_mb
+            runs[why] = _merge((*runs.get(why, ()), *deletion.segments))
+        deleted = tuple(Deletion(*why, segments) for why, segments in runs.items())
+        return replace(self, deleted=deleted, unstated_up_to=max(self.unstated_up_to, other.unstated_up_to))
+
+    def bounded(self) -> "DeletionStatement":
+        """Return the statement with the newest `MAX_RUNS` runs."""
+        ends = sorted(last for deletion in self.deleted for _, last in deletion.segments)
+        if len(ends) <= MAX_RUNS:
+            return self
+        forgotten = ends[-MAX_RUNS - 1]
+        kept = (
+            replace(each, segments=tuple(run for run in each.segments if run[1] > forgotten)) for each in self.deleted
+        )
+        deleted = tuple(each for each in kept if each.segments)
+        return replace(self, deleted=deleted, unstated_up_to=max(forgotten, self.unstated_up_to))
+
+    def text(self) -> str:
+        """Return the bytes that are signed, as text."""
+        return json.dumps(asdict(self), separators=(",", ":"))
+
+
+def parse_deletions(record: Mapping[str, str]) -> DeletionStatement | None:
+    """Return the statement of a metadata record; None where it is none. Its signature is not checked."""
+    try:
+        return decode_json(record.get("statement", ""), DeletionStatement)
+    except ValueError:
+        return None
+
+
+def has_signature(record: Mapping[str, str], key: str) -> bool:
+    """Return whether a metadata record is signed with a key; empty: whether it says that it is not signed.
+
+    Raises `KeyFileError` where signatures cannot be checked.
+    """
+    statement = parse_deletions(record)
+    if statement is None or statement.public_key != key:
+        return False
+    return not key or is_valid(key, record["statement"], record.get("signature", ""))
+
+
+def _merge(runs: Iterable[Run]) -> tuple[Run, ...]:
+    merged: list[Run] = []
+    for first, last in sorted(runs):
+        if merged and first <= merged[-1][1] + 1:
+            merged[-1] = merged[-1][0], max(last, merged[-1][1])
+        else:
+            merged.append((first, last))
+    return tuple(merged)

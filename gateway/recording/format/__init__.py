@@ -1,0 +1,1 @@
+"""The format of a recording: MCAP records, headers, schemas and numbers."""

@@ -1,0 +1,151 @@
+"""The records of an MCAP file and of its chunks as opcode and content, found again behind damage.
+
+The length of a record is not protected by a checksum. Where it is wrong, the next chunk is found by its signature: the name of
+its compression, at a fixed distance from its start.
+
+Chunks are bounded in memory and time whatever the file claims. Sensor data compress to a tenth, zeros to a thirty-thousandth:
+without limits a file of 131 kB became 4 GB.
+"""
+
+import struct
+import zlib
+from collections.abc import Iterator
+from io import BytesIO
+from typing import BinaryIO
+
+import lz4.frame
+import zstandard
+from mcap.opcode import Opcode
+from mcap.records import Chunk
+
+RECORD_HEAD = struct.Struct("<BQ")
+"""Opcode and length before the content of each record."""
+CHUNK_HEAD = struct.Struct("<QQQI8sQ")
+"""First and last time, size, checksum, compression with its length, and length of the records of a chunk."""
+SIGNATURE = b"\x04\x00\x00\x00zstd"
+SIGNATURE_PLACE = RECORD_HEAD.size + 28
+"""Distance of the signature from the start of a chunk record."""
+INDEX_HEAD = struct.Struct("<HI")
+"""Channel, and length of the entries, of a message index."""
+SEARCH_BYTES = 1024 * 1024
+
+Frame = tuple[bytes, int, bytes]
+"""Head, opcode and content of a record."""
+MAX_CHUNK_BYTES = 64_000_000
+"""Largest chunk, without compression. Basis: writers make chunks of 1 to 4 MB; one message may be as large as a photograph."""
+MAX_EXPANSION = 200
+"""Largest ratio of all chunks of a file to its size, beside one largest chunk. Basis: recordings of a crane at rest reach 12."""
+MAX_WINDOW_BYTES = 1 << 27
+IN_CHUNKS = (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE)
+
+
+def next_frame(file: BinaryIO, size: int) -> Frame | None:
+    """Return the next record; None, at an unchanged position, if it is incomplete or damaged."""
+    place = file.tell()
+    head = file.read(RECORD_HEAD.size)
+    if len(head) == RECORD_HEAD.size:
+        opcode, length = RECORD_HEAD.unpack(head)
+        if opcode != 0 and length <= size - file.tell():  # 0 is not an opcode: some file systems leave zeros
+            content = file.read(length)
+            if _is_plausible(opcode, content):
+                return head, opcode, content
+    file.seek(place)
+    return None
+
+
+def find_chunk(file: BinaryIO, size: int) -> bool:
+    """Go to the start of the next complete chunk behind this position; return whether there is one, else stay."""
+    begin = file.tell()
+    place = begin + 1
+    while place + SIGNATURE_PLACE < size:
+        file.seek(place)
+        window = file.read(SEARCH_BYTES + SIGNATURE_PLACE + len(SIGNATURE))
+        for start in _signatures(window):
+            file.seek(place + start)
+            if (frame := next_frame(file, size)) is not None and frame[1] == Opcode.CHUNK:
+                file.seek(place + start)
+                return True
+        place += SEARCH_BYTES
+    file.seek(begin)
+    return False
+
+
+def _signatures(window: bytes) -> Iterator[int]:
+    """Yield the starts of the records whose signatures are in a window."""
+    found = window.find(SIGNATURE, SIGNATURE_PLACE)
+    while found >= 0:
+        yield found - SIGNATURE_PLACE
+        found = window.find(SIGNATURE, found + 1)
+
+
+def _is_plausible(opcode: int, content: bytes) -> bool:
+    """Return whether the length of a record agrees with its content, so that it hides no record after it."""
+    if opcode == Opcode.CHUNK and content[28 : 28 + len(SIGNATURE)] == SIGNATURE:
+        return len(content) >= CHUNK_HEAD.size and len(content) == CHUNK_HEAD.size + CHUNK_HEAD.unpack_from(content)[-1]
+    if opcode == Opcode.MESSAGE_INDEX:
+        return len(content) >= INDEX_HEAD.size and len(content) == INDEX_HEAD.size + INDEX_HEAD.unpack_from(content)[-1]
+    return opcode in (Opcode.MESSAGE, Opcode.CHUNK_INDEX) or SIGNATURE not in content
+
+
+class ChunkError(ValueError):
+    """A chunk cannot be read: it is damaged, or larger than the limits."""
+
+
+class ChunkReader:
+    """Decompresses the chunks of one file, within limits for each and for all together."""
+
+    def __init__(self, file_bytes: int) -> None:
+        self._remaining_bytes = MAX_CHUNK_BYTES + MAX_EXPANSION * file_bytes
+
+    def frames(self, chunk: Chunk) -> Iterator[tuple[int, bytes]]:
+        """Return opcode and content of each schema, channel and message of a chunk, which is checked before the first one.
+
+        Raises `ChunkError`.
+        """
+        data = self._decompress(chunk)
+        if chunk.uncompressed_crc not in (0, zlib.crc32(data)):
+            raise ChunkError("the checksum is wrong")
+        _check_frames(data)
+        return _frames(data)
+
+    def _decompress(self, chunk: Chunk) -> bytes:
+        size = chunk.uncompressed_size
+        if size > min(MAX_CHUNK_BYTES, self._remaining_bytes):
+            raise ChunkError(f"a chunk of {size} bytes is larger than any that is read")
+        self._remaining_bytes -= size
+        match chunk.compression:
+            case "":
+                data = chunk.data
+            case "zstd":
+                reader = zstandard.ZstdDecompressor(max_window_size=MAX_WINDOW_BYTES)
+                with reader.stream_reader(BytesIO(chunk.data)) as stream:
+                    data = stream.read(size + 1)
+            case "lz4":
+                data = lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1)
+            case other:
+                raise ChunkError(f"compression {other!r} is not known")
+        if len(data) != size:
+            raise ChunkError(f"a chunk has not the {size} bytes that it claims")
+        return bytes(data)
+
+
+def _check_frames(data: bytes) -> None:
+    """Raise `ChunkError` where the lengths of the records do not add up, or something is no record."""
+    place = 0
+    while place < len(data):
+        if place + RECORD_HEAD.size > len(data):
+            raise ChunkError("the last record is incomplete")
+        opcode, length = RECORD_HEAD.unpack_from(data, place)
+        place += RECORD_HEAD.size + length
+        if opcode == 0 or place > len(data):
+            raise ChunkError("a record is none, or is longer than its chunk")
+
+
+def _frames(data: bytes) -> Iterator[tuple[int, bytes]]:
+    place = 0
+    while place < len(data):
+        opcode, length = RECORD_HEAD.unpack_from(data, place)
+        place += RECORD_HEAD.size
+        if opcode in IN_CHUNKS:
+            yield opcode, data[place : place + length]
+        place += length

@@ -1,0 +1,1 @@
+"""What is in recordings, for `record info`."""

@@ -1,0 +1,128 @@
+"""The samples of a timeline, and the gaps in it: inside segments and between them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+from gateway.recording.reading.timeline import TimelineSegment
+from gateway.recording.summary.sample_summary import SampleSummary, gap_between, is_gap
+from gateway.recording.summary.segment_summary import SegmentSummary
+
+SummarisedSegment = tuple[TimelineSegment, SegmentSummary]
+
+
+@dataclass(frozen=True, slots=True)
+class RecordingGap:
+    """An interval without samples."""
+
+    from_utc_ns: int
+    to_utc_ns: int
+    missing: int
+    """Number of samples that would have fitted in between."""
+    cause: str
+    """no samples arrived, gateway restarted, or not in these files"""
+
+    @property
+    def length_s(self) -> float:
+        """Seconds from the sample before to the sample after."""
+        return (self.to_utc_ns - self.from_utc_ns) / 1e9
+
+
+@dataclass(frozen=True, slots=True)
+class SampleInfo:
+    """The samples of all segments."""
+
+    count: int
+    rate_hz: float | None
+    lost: int
+    """Number of samples that the device or the link is known to have lost."""
+    invalid: int
+    gaps: int
+    gap_s: float
+    """Total length of all gaps."""
+    longest_gap_s: float | None
+    missing_blocks: int
+    """Number of blocks missing by their sequence numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """The samples of one segment."""
+
+    segment: TimelineSegment
+    samples: SampleSummary
+    wall_offset_ns: int
+
+
+def join_gaps(segments: Sequence[SummarisedSegment]) -> list[RecordingGap]:
+    """Return the gaps of consecutive segments in order of time."""
+    parts = _parts(segments)
+    inside = [
+        RecordingGap(
+            gap.from_ns + part.wall_offset_ns, gap.to_ns + part.wall_offset_ns, gap.missing, "no samples arrived"
+        )
+        for part in parts
+        for gap in part.samples.gaps
+    ]
+    return sorted([*inside, *_gaps_between(parts)], key=lambda gap: gap.from_utc_ns)
+
+
+def count_samples(segments: Sequence[SummarisedSegment]) -> SampleInfo:
+    """Return the numbers of the samples of consecutive segments."""
+    parts = _parts(segments)
+    between = _gaps_between(parts)
+    lengths_s = [gap.length_s for gap in between] + [gap.length_s for part in parts for gap in part.samples.gaps]
+    periods_ns = [part.samples.period_ns for part in parts if part.samples.period_ns]
+    return SampleInfo(
+        count=sum(part.samples.count for part in parts),
+        rate_hz=1e9 * len(periods_ns) / sum(periods_ns) if periods_ns else None,
+        lost=sum(part.samples.lost for part in parts),
+        invalid=sum(part.samples.invalid for part in parts),
+        gaps=len(between) + sum(part.samples.gap_count for part in parts),
+        gap_s=sum(gap.length_s for gap in between) + sum(part.samples.gap_s for part in parts),
+        longest_gap_s=max(lengths_s, default=None),
+        missing_blocks=sum(part.samples.missing_blocks for part in parts)
+        + sum(_missing_blocks(before, after) for before, after in pairwise(parts)),
+    )
+
+
+def describe_overlaps(segments: Sequence[SummarisedSegment]) -> list[str]:
+    """Return a remark on each segment whose samples begin before the end of those before it: they are counted twice."""
+    remarks = []
+    for before, after in pairwise(_parts(segments)):
+        overlap_ns = before.samples.last_ns + before.wall_offset_ns - after.samples.first_ns - after.wall_offset_ns
+        if overlap_ns >= 0:
+            names = f"{after.segment.path.name}: overlaps {before.segment.path.name} by {overlap_ns / 1e9:.3f} s"
+            remarks.append(f"{names}; its samples are counted twice, or the clock was set back between two starts")
+    return remarks
+
+
+def _parts(segments: Sequence[SummarisedSegment]) -> list[_Part]:
+    return [_Part(each, summary.samples, summary.wall_offset_ns) for each, summary in segments if summary.samples]
+
+
+def _gaps_between(parts: Sequence[_Part]) -> list[RecordingGap]:
+    """Return the gaps between neighbouring segments; in UTC, because a restart begins another gateway time."""
+    gaps = []
+    for before, after in pairwise(parts):
+        is_same_run = before.segment.boot_id == after.segment.boot_id
+        offset_ns = after.wall_offset_ns if is_same_run else before.wall_offset_ns
+        ends_ns = before.samples.last_ns + offset_ns
+        begins_ns = after.samples.first_ns + after.wall_offset_ns
+        if is_gap(ends_ns, begins_ns, before.samples.period_ns):
+            missing = gap_between(ends_ns, begins_ns, before.samples.period_ns).missing
+            gaps.append(RecordingGap(ends_ns, begins_ns, missing, _cause(before, after)))
+    return gaps
+
+
+def _cause(before: _Part, after: _Part) -> str:
+    if before.segment.boot_id != after.segment.boot_id:
+        return "gateway restarted"
+    return "not in these files" if _missing_blocks(before, after) else "no samples arrived"
+
+
+def _missing_blocks(before: _Part, after: _Part) -> int:
+    """Return the number of blocks that are missing between two segments of one run of the gateway."""
+    if before.segment.boot_id != after.segment.boot_id:
+        return 0
+    return max(after.samples.first_sequence - before.samples.last_sequence - 1, 0)

@@ -1,0 +1,1 @@
+"""The reading of recordings: files, timelines, intervals, samples."""

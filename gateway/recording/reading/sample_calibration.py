@@ -1,0 +1,157 @@
+"""The samples of a timeline as specific force in the housing frame, by the calibration in force at each time."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from devices.block import SampleBlock
+from gateway import messages
+from gateway.calibration.correction import Correction
+from gateway.pipeline.temperature_filter import TemperatureFilter
+from gateway.recording.format.salvage import SalvageReport, describe_losses, sum_losses
+from gateway.recording.reading.correction_in_force import recorded_correction
+from gateway.recording.reading.recording_file import RecordingFile, Selection
+from gateway.recording.reading.timeline import (
+    CALIBRATION,
+    LONGEST_BLOCK_NS,
+    SAMPLES,
+    ReportProgress,
+    Timeline,
+    TimelineMessage,
+    TimelineSegment,
+    ignore_progress,
+)
+
+NEEDED_TOPICS = frozenset({CALIBRATION, SAMPLES})
+
+
+@dataclass(frozen=True, slots=True)
+class CalibratedBlock:
+    """A block of samples."""
+
+    segment: TimelineSegment
+    block: SampleBlock
+    force_g: NDArray[np.float64]
+    """Specific force in the housing frame, shape (n, 3)."""
+    correction: Correction
+    wall_offset_ns: int
+    """UTC minus gateway time."""
+
+
+class CalibratedReader:
+    """Reads the samples of a selection; times that go back are left out and counted."""
+
+    def __init__(self, timeline: Timeline, selection: Selection) -> None:
+        self._timeline = timeline
+        self._selection = selection
+        end_ns = None if selection.end_ns is None else selection.end_ns + LONGEST_BLOCK_NS
+        self.wanted = Selection(selection.begin_ns, end_ns, NEEDED_TOPICS)
+        """The messages that `add` needs."""
+        self._segment: TimelineSegment | None = None
+        self._message: messages.Calibration | None = None
+        self._correction: Correction | None = None
+        self._thermometer = TemperatureFilter()
+        self._newest_ns = 0
+        self.not_ascending = 0
+        """Number of samples that were left out because their times do not ascend."""
+        self.losses: list[SalvageReport] = []
+        """What could not be read of each segment."""
+        self.corrections: list[str] = []
+        """The corrections that were applied, in order of time."""
+
+    def blocks(self, report: ReportProgress = ignore_progress) -> Iterator[CalibratedBlock]:
+        """Yield the blocks in order of time. Raises `RecordingError`, and `CalibrationError` for a damaged record."""
+        for message in self._timeline.messages(self.wanted, report):
+            if (block := self.add(message)) is not None:
+                yield block
+
+    def add(self, message: TimelineMessage) -> CalibratedBlock | None:
+        """Take the next message of `wanted`; return the selected samples of a block. Raises as `blocks`."""
+        if message.segment is not self._segment:
+            self._segment, self._correction = message.segment, None
+            self.losses.append(message.file.losses)
+            if self._message is None:
+                self._message = self._calibration_at_begin()
+        if message.recorded.topic == SAMPLES:
+            return self._calibrate(message)
+        content = message.decode()
+        if isinstance(content, messages.Calibration):
+            self._set_calibration(content)
+        return None
+
+    def _calibration_at_begin(self) -> messages.Calibration | None:
+        """Return the calibration in force at the begin: the last one before it, or the first one at all."""
+        found = None
+        for message in self._timeline.messages(self._before_begin()):
+            content = message.decode()
+            if not isinstance(content, messages.Calibration):
+                continue
+            begin_ns = self._selection.begin_ns
+            if found is not None and (begin_ns is None or message.recorded.log_time_ns > begin_ns):
+                break
+            found = content
+        return found
+
+    def _before_begin(self) -> Selection:
+        """Return the selection of the calibrations in the segment where the interval begins, and later."""
+        chosen = (each for each in self._timeline.segments if self._selection.may_contain(each.from_ns, each.to_ns))
+        first = next(chosen, None)
+        return Selection(first.from_ns if first else None, self._selection.end_ns, frozenset({CALIBRATION}))
+
+    def _set_calibration(self, message: messages.Calibration) -> None:
+        before, self._message = self._message, message
+        if before is None or (before.calibration_id, before.status) != (message.calibration_id, message.status):
+            self._correction = None
+
+    def _calibrate(self, message: TimelineMessage) -> CalibratedBlock | None:
+        read = message.samples()
+        if read is None:
+            return None
+        samples, block = read
+        correction = self._correction_of(message.file)
+        end_ns = int(block.time_ns[-1])
+        temperature_c = self._thermometer.update(end_ns, block.temperature_c)
+        ascending = block.time_ns > np.maximum.accumulate(np.concatenate([[self._newest_ns], block.time_ns[:-1]]))
+        self.not_ascending += int((~ascending).sum())
+        kept = ascending & self._is_selected(block.time_ns)
+        if not kept.any():
+            return None
+        if not kept.all():
+            block = block.select(kept)
+        self._newest_ns = int(block.time_ns[-1])
+        force_g = correction.apply(block.raw, temperature_c)
+        return CalibratedBlock(message.segment, block, force_g, correction, samples.time_ns - end_ns)
+
+    def _is_selected(self, time_ns: NDArray[np.int64]) -> NDArray[np.bool_]:
+        selected = np.ones(len(time_ns), dtype=np.bool_)
+        if self._selection.begin_ns is not None:
+            selected &= time_ns >= self._selection.begin_ns
+        if self._selection.end_ns is not None:
+            selected &= time_ns < self._selection.end_ns
+        return selected
+
+    def _correction_of(self, file: RecordingFile) -> Correction:
+        if self._correction is None:
+            self._correction = recorded_correction(file, self._message)
+            if self._correction.text not in self.corrections[-1:]:
+                self.corrections.append(self._correction.text)
+                self._thermometer = TemperatureFilter()  # as in the gateway, where a new record begins anew
+        return self._correction
+
+    def remarks(self) -> list[str]:
+        """Return what a user should know of the samples that were read."""
+        remarks = []
+        if len(self.corrections) > 1:
+            remarks.append(f"the calibration changes: {'; then '.join(self.corrections)}")
+        if self.not_ascending:
+            remarks.append(f"{self.not_ascending} samples left out, because their times do not ascend")
+        losses = sum_losses(self.losses)
+        return remarks + describe_losses(replace(losses, closed=True))
+
+    @property
+    def has_losses(self) -> bool:
+        """Something between the first and the last readable sample could not be read."""
+        losses = sum_losses(self.losses)
+        return bool(losses.altered or losses.damaged_records or losses.unreadable_messages)

@@ -1,0 +1,226 @@
+"""Recordings of a gateway as one timeline: files and folders of any size, joined segment by segment.
+
+Every command that reads recordings gets them from here. The segments are listed by their indexes; their messages are read one
+segment at a time, so that memory does not grow with the number of files.
+"""
+
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from math import inf
+from pathlib import Path
+from typing import Any
+
+from devices.block import SampleBlock
+from devices.errors import RecordingError
+from gateway.messages import Samples
+from gateway.packing import unpack
+from gateway.recording.format.header import ORIGIN
+from gateway.recording.format.salvage import SalvageReport
+from gateway.recording.format.schemas import REPEATED_TOPICS
+from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
+from gateway.recording.reading.recording_file import (
+    EVERYTHING,
+    RecordedMessage,
+    RecordingFile,
+    Selection,
+    open_recording,
+)
+from gateway.recording.reading.segment_index import SegmentIndex
+from gateway.recording.summary.sample_summary import SampleSummary
+from gateway.recording.summary.segment_summary import SegmentSummary
+from gateway.recording.summary.summary_builder import UNUSED_TOPICS, SummaryBuilder
+from gateway.topics import TOPICS
+
+SAMPLES, CALIBRATION, CLOCK = "/samples", "/calibration", "/clock"
+GATEWAY_KEYS = ("site", "crane", "sensor")
+REPEATED_PATHS = frozenset(TOPICS[name].path for name in REPEATED_TOPICS)
+SUMMARISED_TOPICS = frozenset(topic.path for topic in TOPICS.values() if topic.name not in UNUSED_TOPICS)
+LONGEST_BLOCK_NS = 10_000_000_000
+"""A block is recorded at the time of its newest sample, so that samples before an end may be in a message this much later."""
+MESSAGES_PER_REPORT = 20
+"""Progress is reported once in so many messages."""
+
+ReportProgress = Callable[[float], None]
+"""Takes the share of the work that is done, 0 to 1."""
+
+
+def ignore_progress(share: float) -> None:
+    """Report to nobody."""
+
+
+@dataclass(frozen=True, slots=True)
+class TimelineSegment:
+    """One file of a timeline."""
+
+    path: Path
+    index: SegmentIndex
+
+    @property
+    def from_ns(self) -> int:
+        """Gateway time of the first message."""
+        return self.index.from_ns or 0
+
+    @property
+    def to_ns(self) -> int:
+        """Gateway time of the last message."""
+        return self.index.to_ns or 0
+
+    @property
+    def origin(self) -> dict[str, str]:
+        """Software, site, crane, sensor and boot id of the gateway; empty where another program wrote the file."""
+        return self.index.metadata.get(ORIGIN, {})
+
+    @property
+    def gateway(self) -> str:
+        """Site, crane and sensor; the path where another program wrote the file."""
+        return "/".join(self.origin.get(key, "?") for key in GATEWAY_KEYS) if self.origin else str(self.path)
+
+    @property
+    def boot_id(self) -> str:
+        """Id of the run of the gateway."""
+        return self.origin.get("boot_id", "")
+
+
+@dataclass(frozen=True, slots=True)
+class TimelineMessage:
+    """A message with the segment and the open file that it is from."""
+
+    segment: TimelineSegment
+    file: RecordingFile
+    recorded: RecordedMessage
+
+    def decode(self) -> Any:
+        """Return the content of a message of the gateway; None for others, and for unreadable ones, which are counted."""
+        return self.file.decode(self.recorded)
+
+    def samples(self) -> tuple[Samples, SampleBlock] | None:
+        """Return the content of a message of samples, and its block; None where it cannot be read, which is counted."""
+        content = self.decode()
+        if not isinstance(content, Samples):
+            return None
+        try:
+            return content, unpack(content)
+        except ValueError:  # columns that do not match
+            self.file.losses.unreadable_messages += 1
+            return None
+
+
+@dataclass(frozen=True, slots=True)
+class TimelineSpan:
+    """The first and the last sample of a timeline, in gateway time."""
+
+    first_ns: int
+    last_ns: int
+    wall_offset_ns: int
+    """UTC of the wall clock minus gateway time, by the last message of the clock."""
+
+    @property
+    def extent(self) -> RecordingExtent:
+        """The same in seconds from the first sample, of which `--from` and `--to` count."""
+        return RecordingExtent(0.0, (self.last_ns - self.first_ns) / 1e9, self.first_ns + self.wall_offset_ns)
+
+
+@dataclass(frozen=True, slots=True)
+class ReadSegment:
+    """The summary of a segment that was read, and what of it could not be read."""
+
+    summary: SegmentSummary | None
+    losses: SalvageReport
+
+
+@dataclass(slots=True)
+class Timeline:
+    """The segments of one gateway in order of time."""
+
+    gateway: str
+    segments: tuple[TimelineSegment, ...]
+    remarks: tuple[str, ...] = ()
+    """Files that were left out, and why."""
+    _read: dict[Path, ReadSegment] = field(default_factory=dict)
+
+    @property
+    def name(self) -> str:
+        """The file, or the number of files with the first and the last."""
+        first, last = self.segments[0].path, self.segments[-1].path
+        return str(first) if len(self.segments) == 1 else f"{len(self.segments)} files, {first} to {last.name}"
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of all files."""
+        return sum(segment.index.size_bytes for segment in self.segments)
+
+    def messages(
+        self, selection: Selection = EVERYTHING, report: ReportProgress = ignore_progress
+    ) -> Iterator[TimelineMessage]:
+        """Yield the messages of a selection, segment by segment in the order of writing.
+
+        What a segment repeats of the one before is left out. Raises `RecordingError`.
+        """
+        seen: dict[tuple[str, str], int] = {}
+        chosen = [segment for segment in self.segments if selection.may_contain(segment.from_ns, segment.to_ns)]
+        total = sum(segment.index.size_bytes for segment in chosen)
+        done = 0
+        for segment in chosen:
+            file, before = open_recording(segment.path), dict(seen)
+            for number, recorded in enumerate(file.messages(selection)):
+                if recorded.topic in REPEATED_PATHS:
+                    key = segment.boot_id, recorded.topic
+                    if recorded.sequence <= before.get(key, -1):
+                        continue
+                    seen[key] = max(recorded.sequence, seen.get(key, -1))
+                if number % MESSAGES_PER_REPORT == 0:
+                    report((done + segment.index.size_bytes * _share(segment, recorded.log_time_ns)) / total)
+                yield TimelineMessage(segment, file, recorded)
+            done += segment.index.size_bytes
+        report(1.0)
+
+    def summary(self, segment: TimelineSegment) -> SegmentSummary | None:
+        """Return the summary of a segment, from its index, or else by reading it; None where it has no message."""
+        return segment.index.summary or self.read_summary(segment).summary
+
+    def read_summary(self, segment: TimelineSegment) -> ReadSegment:
+        """Read a segment, unless it was read before, and return its summary and its losses. Raises `RecordingError`."""
+        if segment.path not in self._read:
+            self._read[segment.path] = summarise_segment(segment)
+        return self._read[segment.path]
+
+    def span(self) -> TimelineSpan:
+        """Return the times of the first and the last sample. Raises `RecordingError` without samples."""
+        first = next(filter(None, map(self._samples_of, self.segments)), None)
+        last = next(filter(None, map(self._samples_of, reversed(self.segments))), None)
+        if first is None or last is None:
+            raise RecordingError(f"{self.name}: has no samples; choose another recording")
+        clocks = (summary.clock for segment in reversed(self.segments) if (summary := self.summary(segment)))
+        newest = next(filter(None, clocks), None)
+        return TimelineSpan(first.first_ns, last.last_ns, newest[-1].wall_offset_ns if newest else 0)
+
+    def select(self, interval: RecordingInterval, topics: Iterable[str] | None = None) -> Selection:
+        """Return the selection of an interval, and of topics; None: of all topics. Raises `InputError`, `RecordingError`."""
+        wanted = None if topics is None else frozenset(topics)
+        if interval == WHOLE_RECORDING:
+            return Selection(topics=wanted)
+        span = self.span()
+        begin_s, end_s = interval.limits_s(span.extent)
+        begin_ns = None if begin_s == -inf else span.first_ns + round(begin_s * 1e9)
+        end_ns = None if end_s == inf else span.first_ns + round(end_s * 1e9)
+        return Selection(begin_ns, end_ns, wanted)
+
+    def _samples_of(self, segment: TimelineSegment) -> SampleSummary | None:
+        summary = self.summary(segment)
+        return None if summary is None else summary.samples
+
+
+def summarise_segment(segment: TimelineSegment, selection: Selection = EVERYTHING) -> ReadSegment:
+    """Read a segment and return its summary. Raises `RecordingError`."""
+    file = open_recording(segment.path)
+    builder = SummaryBuilder()
+    for recorded in file.messages(selection):
+        builder.count(recorded.topic, recorded.log_time_ns, len(recorded.data))
+        if recorded.topic in SUMMARISED_TOPICS and (content := file.decode(recorded)) is not None:
+            builder.add(content, recorded.log_time_ns)
+    return ReadSegment(builder.summary(), file.losses)
+
+
+def _share(segment: TimelineSegment, time_ns: int) -> float:
+    """Return the share of a segment that is before a time."""
+    return min(max((time_ns - segment.from_ns) / max(segment.to_ns - segment.from_ns, 1), 0.0), 1.0)

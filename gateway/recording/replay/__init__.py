@@ -1,0 +1,1 @@
+"""The results of a recording, computed again and compared."""

@@ -1,0 +1,173 @@
+"""The comparison of recorded messages with those that were computed again: every byte, or every number within a tolerance."""
+
+import json
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from math import isclose
+from typing import Any
+
+from gateway.pipeline.outgoing_message import OutgoingMessage
+from gateway.recording.format.encoding import decimals_of, encode_recorded
+from gateway.recording.reading.recording_file import RecordedMessage
+from gateway.recording.segments.recorder import RECORDED_EVERY
+from gateway.topics import TOPICS
+
+PATIENCE_NS = 5_000_000_000
+"""A message whose counterpart has not come this much later has none."""
+PROSE = frozenset({"text", "reasons", "change"})
+"""Fields with numbers in words, which are not compared within a tolerance."""
+RELATIVE_TOLERANCE = 1e-6
+MISSING = "(none)"
+
+
+@dataclass(frozen=True, slots=True)
+class Tolerance:
+    """How far numbers may differ, and which are compared."""
+
+    description: str
+    steps: float = 0.0
+    """In units of the last recorded digit; 0: not at all, to the byte."""
+    ignored: frozenset[str] = PROSE
+    fields: Mapping[str, frozenset[str]] | None = None
+    """The fields that are compared, by topic; None: all."""
+
+    def selects(self, topic: str) -> bool:
+        """Return whether messages of a topic are compared."""
+        return self.fields is None or topic in self.fields
+
+    def selected(self, topic: str, content: dict[str, Any]) -> dict[str, Any]:
+        """Return the fields of a message that are compared."""
+        wanted = None if self.fields is None else self.fields[topic]
+        return {
+            name: value
+            for name, value in content.items()
+            if name not in self.ignored and (wanted is None or name in wanted)
+        }
+
+    def allows(self, name: str, recorded: float, recomputed: float) -> bool:
+        """Return whether two values of a field may differ so."""
+        decimals = decimals_of(name)
+        absolute = (
+            self.steps * 10.0**-decimals if decimals >= 0 else 0.5 * abs(recorded)
+        )  # two digits of an uncertainty
+        return isclose(recorded, recomputed, rel_tol=RELATIVE_TOLERANCE, abs_tol=absolute)
+
+
+EXACT = Tolerance("byte for byte", ignored=frozenset())
+OTHER_PLATFORM = Tolerance("within two units of the last recorded digit, without texts", steps=2.0)
+"""Another machine or NumPy rounds differently."""
+AFTER_START = Tolerance(
+    "acceleration within 0.00005 g and tilt within 0.005 deg; motion, swing, conditions and alerts, which depend on the "
+    "whole run, only in the table",
+    steps=5.0,
+    fields={
+        "/acceleration": frozenset({"x_g", "y_g", "z_g"}),
+        "/tilt": frozenset({"pitch_deg", "roll_deg", "axial_deg"}),
+    },
+)
+"""The start of the run is missing, and with it what the motion filter had learnt."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayDifference:
+    """One difference."""
+
+    topic: str
+    log_time_ns: int
+    utc_ns: int
+    field: str
+    recorded: Any
+    recomputed: Any
+
+
+@dataclass(slots=True)
+class ReplayComparison:
+    """Pairs the messages of one topic and time, and counts those that are equal."""
+
+    tolerance: Tolerance
+    compared: Counter[str] = field(default_factory=Counter)
+    differing: Counter[str] = field(default_factory=Counter)
+    first: ReplayDifference | None = None
+    _recorded: dict[tuple[str, int], list[RecordedMessage]] = field(default_factory=lambda: defaultdict(list))
+    _recomputed: dict[tuple[str, int], list[OutgoingMessage]] = field(default_factory=lambda: defaultdict(list))
+
+    def add_recorded(self, message: RecordedMessage) -> None:
+        """Take a recorded message."""
+        self._recorded[message.topic, message.log_time_ns].append(message)
+
+    def add_recomputed(self, message: OutgoingMessage) -> None:
+        """Take a message that was computed again."""
+        self._recomputed[TOPICS[message.topic].path, message.log_time_ns].append(message)
+
+    def compare_until(self, until_ns: int) -> None:
+        """Compare everything before a time."""
+        keys = sorted(key for key in {*self._recorded, *self._recomputed} if key[1] < until_ns)
+        for key in keys:
+            recorded, recomputed = self._recorded.pop(key, []), self._recomputed.pop(key, [])
+            for place in range(max(len(recorded), len(recomputed))):
+                self._compare(
+                    recorded[place] if place < len(recorded) else None,
+                    recomputed[place] if place < len(recomputed) else None,
+                )
+
+    def _compare(self, recorded: RecordedMessage | None, recomputed: OutgoingMessage | None) -> None:
+        topic = recorded.topic if recorded is not None else TOPICS[recomputed.topic].path if recomputed else ""
+        difference = None
+        if not self.tolerance.selects(topic):
+            return
+        if recorded is None and recomputed is not None and self._is_thinned_out(recomputed):
+            return
+        if recorded is None or recomputed is None:
+            difference = _one_is_missing(recorded, recomputed)
+        else:
+            content = encode_recorded(recomputed.message)
+            if content != recorded.data:
+                difference = self._first_difference(recorded, content)
+        self.compared[topic] += 1
+        if difference is not None:
+            self.differing[topic] += 1
+            if self.first is None or difference.log_time_ns < self.first.log_time_ns:
+                self.first = difference
+
+    def _is_thinned_out(self, recomputed: OutgoingMessage) -> bool:
+        """Return whether the recorder leaves a message out; without the start of the run its number is not known."""
+        every = RECORDED_EVERY.get(recomputed.topic, 1)
+        number = getattr(recomputed.message, "sequence", 0)
+        return every > 1 and (self.tolerance is AFTER_START or number % every != 0)
+
+    def _first_difference(self, recorded: RecordedMessage, recomputed: bytes) -> ReplayDifference | None:
+        contents = [json.loads(recorded.data), json.loads(recomputed)]
+        before, after = (self.tolerance.selected(recorded.topic, content) for content in contents)
+        for path, one, other in self._differences(before, after):
+            return _difference(recorded, path, one, other)
+        return None if self.tolerance.steps else _difference(recorded, "", recorded.data, recomputed)
+
+    def _differences(self, before: Any, after: Any, path: str = "") -> Iterator[tuple[str, Any, Any]]:
+        """Yield the place and the values of each difference between two parsed messages."""
+        if isinstance(before, dict) and isinstance(after, dict):
+            for name in [*before, *(name for name in after if name not in before)]:
+                if name not in self.tolerance.ignored:
+                    place = f"{path}.{name}" if path else name
+                    yield from self._differences(before.get(name), after.get(name), place)
+        elif isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
+            for number, (one, other) in enumerate(zip(before, after, strict=True)):
+                yield from self._differences(one, other, f"{path}[{number}]")
+        elif isinstance(before, float) and isinstance(after, int | float) and self.tolerance.steps:
+            if not self.tolerance.allows(path.rsplit(".", 1)[-1].split("[", maxsplit=1)[0], before, after):
+                yield path, before, after
+        elif before != after:
+            yield path, before, after
+
+
+def _difference(recorded: RecordedMessage, path: str, before: Any, after: Any) -> ReplayDifference:
+    return ReplayDifference(recorded.topic, recorded.log_time_ns, recorded.publish_time_ns, path, before, after)
+
+
+def _one_is_missing(recorded: RecordedMessage | None, recomputed: OutgoingMessage | None) -> ReplayDifference:
+    if recorded is not None:
+        return _difference(recorded, "message", "recorded", MISSING)
+    assert recomputed is not None
+    utc_ns = getattr(recomputed.message, "time_ns", recomputed.log_time_ns)
+    path = TOPICS[recomputed.topic].path
+    return ReplayDifference(path, recomputed.log_time_ns, utc_ns, "message", MISSING, "recomputed")

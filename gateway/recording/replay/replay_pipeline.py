@@ -1,0 +1,158 @@
+"""The pipeline again, on the samples of a recording: with its configuration and calibration, or with others."""
+
+from collections.abc import Iterator
+from typing import TypeVar
+
+from devices.block import DeviceInfo
+from devices.errors import RecordingError
+from gateway import messages
+from gateway.calibration.correction import correction_for
+from gateway.calibration.drift.rest_monitor import RestDriftMonitor
+from gateway.calibration.record import CalibrationRecord
+from gateway.configuration.model import Configuration
+from gateway.pipeline.calibration_state import PipelineCalibration
+from gateway.pipeline.clock_state import MessageTime
+from gateway.pipeline.drift_monitor import DriftMonitor
+from gateway.pipeline.header import HeaderMaker
+from gateway.pipeline.incidents import Acknowledgement, IncidentRegister
+from gateway.pipeline.outgoing_message import OutgoingMessage
+from gateway.pipeline.pipeline import Pipeline
+from gateway.recording.reading.correction_in_force import recorded_configuration, recorded_correction
+from gateway.recording.reading.recording_file import Selection
+from gateway.recording.reading.timeline import Timeline
+from gateway.recording.replay.replay_steps import ReplayStep, StepMessage
+from gateway.topics import TOPIC_OF
+
+First = TypeVar("First", messages.Calibration, messages.Alert)
+
+
+class ReplayPipeline:
+    """Computes what follows from each step, in the way of the gateway's processing thread.
+
+    What the gateway was told from outside is taken from the recording: the state of a recalibration, the change of a record, why
+    alerts were suspended, acknowledgements, the number of the first alert, the clock, and when it noted that no samples came.
+    """
+
+    def __init__(
+        self,
+        timeline: Timeline,
+        configuration: Configuration | None = None,
+        record: CalibrationRecord | None = None,
+    ) -> None:
+        """`configuration` and `record` take the place of the recorded ones."""
+        self._timeline = timeline
+        self._own_configuration = configuration
+        self._own_record = record
+        self._boot_id: str | None = None
+        self._device: DeviceInfo | None = None
+        self._suspension: str | None = None
+
+    def compute(self, step: ReplayStep) -> list[OutgoingMessage]:
+        """Return what follows from a step. Raises `RecordingError`, `CalibrationError` or `ConfigurationError`."""
+        if step.segment.boot_id != self._boot_id:
+            self._begin_run(step)
+        elif (device := step.file.device()) != self._device:
+            self._device = device
+            self._open(self._calibration, step)
+        return list(self._compute(step))
+
+    def _begin_run(self, step: ReplayStep) -> None:
+        self._boot_id = step.segment.boot_id
+        self._device = step.file.device()
+        configuration = self._own_configuration or recorded_configuration(step.file)
+        if configuration is None:
+            raise RecordingError(f"{step.segment.path}: has no configuration; give one with --config")
+        self._configuration = configuration
+        self._headers = HeaderMaker()
+        self._incidents = IncidentRegister(self._boot_id, self._last_number(step))
+        self._drift = DriftMonitor(None)
+        self._suspension = None
+        calibration = self._first(step, messages.Calibration)
+        self._session = messages.NO_SESSION if calibration is None else calibration.session
+        self._open(calibration, step)
+
+    def _open(self, calibration: messages.Calibration | None, step: ReplayStep) -> None:
+        """Make the pipeline of a calibration."""
+        self._calibration = calibration
+        device = step.file.device()
+        axes = self._configuration.device.axes
+        if self._own_record is not None:
+            correction = correction_for(device, axes, self._own_record)
+        else:
+            correction = recorded_correction(step.file, calibration, axes)
+        if self._drift.calibration_id != correction.calibration_id or correction.record is None:
+            self._drift = DriftMonitor(None if correction.record is None else RestDriftMonitor(correction))
+        self._pipeline = Pipeline(self._configuration, device, correction, self._headers, self._drift, self._incidents)
+
+    def _last_number(self, step: ReplayStep) -> int | None:
+        """Return the number of the last change before the run; None where the recording was made before changes had one."""
+        first = self._first(step, messages.Alert)
+        if first is None or first.alert_number is None:
+            return None
+        return first.alert_number if first.rule is None else first.alert_number - 1
+
+    def _first(self, step: ReplayStep, kind: type[First]) -> First | None:
+        """Return the first message of a kind in the run, or in the part of it that is replayed."""
+        wanted = Selection(step.segment.from_ns, topics=frozenset({TOPIC_OF[kind].path}))
+        for message in self._timeline.messages(wanted):
+            content = message.decode()
+            if message.segment.boot_id == self._boot_id and isinstance(content, kind):
+                return content
+        return None
+
+    def _compute(self, step: ReplayStep) -> Iterator[OutgoingMessage]:
+        own_calibrations = 0
+        # The first messages of a long block are recorded before it: at a start in a step without a block.
+        self._set_session(step)
+        if step.block is not None:
+            made = self._pipeline.process(step.block, step.clock).messages
+            own_calibrations = sum(message.topic == "calibration" for message in made)
+            yield from made
+        idle_ns = 0
+        for message in step.messages:
+            time_ns = message.recorded.log_time_ns
+            if isinstance(message.content, messages.Calibration):
+                own_calibrations -= 1
+                if own_calibrations < 0:
+                    yield self._announce(message, step)
+            elif step.is_idle(message) and time_ns > idle_ns:
+                idle_ns = time_ns
+                clock = next(
+                    (each.clock for each in step.messages if each.clock and each.recorded.log_time_ns == time_ns), None
+                )
+                yield from self._pipeline.idle(time_ns, clock or step.clock).messages
+            if isinstance(message.content, messages.Alert):
+                yield from self._acknowledge(message.content, MessageTime(time_ns, message.clock or step.clock))
+
+    def _acknowledge(self, alert: messages.Alert, now: MessageTime) -> list[OutgoingMessage]:
+        """Return what follows from an acknowledgement."""
+        if alert.event != "acknowledged" or alert.incident is None or alert.acknowledged_by is None:
+            return []
+        return self._pipeline.acknowledge(
+            Acknowledgement(alert.incident, alert.acknowledged_by, alert.reason or ""), now
+        )
+
+    def _announce(self, message: StepMessage, step: ReplayStep) -> OutgoingMessage:
+        """Take a calibration that the gateway was told, and return the message in which it announced it."""
+        content, before = message.content, self._calibration
+        assert isinstance(content, messages.Calibration)
+        self._session = content.session
+        if before is None or _calibration_state(before) != _calibration_state(content):
+            self._open(content, step)
+        self._set_session(step)
+        return self._pipeline.calibration_message(
+            MessageTime(message.recorded.log_time_ns, message.clock or step.clock)
+        )
+
+    def _set_session(self, step: ReplayStep) -> None:
+        """Set the state of the recalibration; the reason of a suspension is that of the recorded condition."""
+        for message in step.messages:
+            content = message.content
+            if isinstance(content, messages.Condition) and content.gates.get("on_rope") is False and content.reasons:
+                self._suspension = content.reasons[0]
+                break
+        self._pipeline.set_session(self._session, self._suspension if self._session.suspended else None)
+
+
+def _calibration_state(calibration: messages.Calibration) -> PipelineCalibration:
+    return PipelineCalibration(calibration.calibration_id, calibration.status, calibration.session.suspended)

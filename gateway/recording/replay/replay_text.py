@@ -1,0 +1,153 @@
+"""The result of a replay as text and as JSON."""
+
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from gateway import messages
+from gateway.recording.reading.interval import zoned
+from gateway.recording.replay.replay_comparison import AFTER_START
+from gateway.recording.replay.replay_run import ReplayResult
+from gateway.recording.summary.alert_join import RecordedAlert, join_alerts, unknown_s
+from gateway.recording.summary.segment_summary import RecordedPeak, SegmentSummary
+
+SAME_BEGIN_NS = 5_000_000_000
+"""Alerts of one rule that begin within this time of each other are the same one."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReplayRow:
+    """One line of the table of differences."""
+
+    quantity: str
+    recorded: str
+    recomputed: str
+
+    @property
+    def differs(self) -> bool:
+        """The two values are not the same."""
+        return self.recorded != self.recomputed
+
+
+def replay_rows(result: ReplayResult, *, is_local: bool = False) -> list[ReplayRow]:
+    """Return alerts, peaks and conditions as recorded and as computed again."""
+    return list(_rows(result.recorded, result.recomputed, is_local))
+
+
+def has_difference(result: ReplayResult) -> bool:
+    """Return whether anything differs: a message, or with other settings a line of the table."""
+    if result.mode == "same":
+        return not result.is_equal
+    return any(row.differs for row in replay_rows(result))
+
+
+def replay_text(result: ReplayResult, *, is_local: bool = False) -> str:
+    """Return the output of `plumbline record replay`."""
+    return "\n".join(_lines(result, is_local))
+
+
+def replay_json(result: ReplayResult) -> dict[str, Any]:
+    """Return the content of `record replay --json`."""
+    comparison = result.comparison
+    first = comparison.first
+    return {
+        "schema_version": messages.SCHEMA_VERSION,
+        "mode": result.mode,
+        "equal": not has_difference(result),
+        "notes": result.notes,
+        "compared": dict(comparison.compared),
+        "differing": dict(comparison.differing),
+        "first_difference": None if first is None else {**asdict(first), **_as_texts(first.recorded, first.recomputed)},
+        "table": [{**asdict(row), "differs": row.differs} for row in replay_rows(result)],
+    }
+
+
+def _as_texts(recorded: Any, recomputed: Any) -> dict[str, Any]:
+    values = {"recorded": recorded, "recomputed": recomputed}
+    return {
+        name: value.decode(errors="replace") if isinstance(value, bytes) else value for name, value in values.items()
+    }
+
+
+def _lines(result: ReplayResult, is_local: bool) -> Iterator[str]:
+    yield from result.notes
+    comparison = result.comparison
+    if result.mode == "same":
+        total, differing = sum(comparison.compared.values()), sum(comparison.differing.values())
+        topics = ", ".join(f"{topic} {count}" for topic, count in sorted(comparison.compared.items()))
+        yield f"{total} messages computed again, {differing} differ ({comparison.tolerance.description})"
+        yield f"  {topics}"
+    if comparison.first is not None:
+        first = comparison.first
+        yield f"first difference: {first.topic} at {_time(first.utc_ns, is_local)}, field {first.field or 'encoding'}"
+        yield f"  recorded    {_short(first.recorded)}"
+        yield f"  recomputed  {_short(first.recomputed)}"
+        yield "  differing: " + ", ".join(f"{topic} {count}" for topic, count in sorted(comparison.differing.items()))
+    if result.mode == "other" or comparison.first is not None or comparison.tolerance is AFTER_START:
+        yield ""
+        yield f"  {'':<16}{'recorded':<58}recomputed"
+        for row in replay_rows(result, is_local=is_local):
+            yield f"{'*' if row.differs else ' '} {row.quantity:<16}{row.recorded:<58}{row.recomputed}"
+
+
+def _short(value: Any) -> str:
+    text = str(value)
+    return text if len(text) <= 200 else f"{text[:200]}..."
+
+
+def _rows(recorded: SegmentSummary | None, recomputed: SegmentSummary | None, is_local: bool) -> Iterator[ReplayRow]:
+    before, after = (_alerts(summary) for summary in (recorded, recomputed))
+    for one, other in _paired(before, after):
+        known = one or other
+        name = f"{known.rule} alert" if known is not None else ""
+        yield ReplayRow(name, _alert_text(one, is_local), _alert_text(other, is_local))
+    unknown = [0.0 if summary is None else unknown_s([summary]) for summary in (recorded, recomputed)]
+    yield ReplayRow("swing unknown", *(f"{seconds:.1f} s" for seconds in unknown))
+    for name, field in (("largest angle", "largest_angle"), ("largest swing", "largest_swing")):
+        peaks = [getattr(summary, field, None) for summary in (recorded, recomputed)]
+        yield ReplayRow(name, *(_peak_text(peak, is_local) for peak in peaks))
+    verdicts = [{} if summary is None else summary.verdict_s for summary in (recorded, recomputed)]
+    for verdict in sorted({*verdicts[0], *verdicts[1]}):
+        yield ReplayRow(verdict, *(f"{seconds.get(verdict, 0.0):.1f} s" for seconds in verdicts))
+
+
+def _alerts(summary: SegmentSummary | None) -> list[RecordedAlert]:
+    return [] if summary is None else join_alerts([("", summary)])
+
+
+def _paired(
+    before: list[RecordedAlert], after: list[RecordedAlert]
+) -> Iterator[tuple[RecordedAlert | None, RecordedAlert | None]]:
+    """Yield the alerts in order of their begin, each with its counterpart."""
+    left = list(after)
+    pairs: list[tuple[RecordedAlert | None, RecordedAlert | None]] = []
+    for one in before:
+        same = [
+            other
+            for other in left
+            if other.rule == one.rule and abs(other.from_utc_ns - one.from_utc_ns) < SAME_BEGIN_NS
+        ]
+        pairs.append((one, same[0] if same else None))
+        if same:
+            left.remove(same[0])
+    pairs += [(None, other) for other in left]
+    yield from sorted(pairs, key=lambda pair: (pair[0] or pair[1] or before[0]).from_utc_ns)
+
+
+def _alert_text(alert: RecordedAlert | None, is_local: bool) -> str:
+    if alert is None:
+        return "none"
+    end = "standing" if alert.to_utc_ns is None else f"{(alert.to_utc_ns - alert.from_utc_ns) / 1e9:.1f} s"
+    upper = "" if alert.largest_upper_deg is None else f", up to {alert.largest_upper_deg:.2f} deg"
+    return f"{alert.level} at {_time(alert.from_utc_ns, is_local)}, {end}{upper}"
+
+
+def _peak_text(peak: RecordedPeak | None, is_local: bool) -> str:
+    if peak is None:
+        return "none"
+    u = "" if peak.u_deg is None else f" (u {peak.u_deg:.2g})"
+    return f"{peak.phi_max_deg:.3f} deg{u} at {_time(peak.time_ns, is_local)}"
+
+
+def _time(utc_ns: int, is_local: bool) -> str:
+    return zoned(utc_ns, is_local=is_local).strftime("%Y-%m-%d %H:%M:%S.%f")[:-3]

@@ -1,0 +1,1 @@
+"""The segments of a recorder: written, compacted, trimmed, deleted, recovered."""

@@ -1,0 +1,140 @@
+"""Compaction: the rewriting of an ended segment in long chunks, which take half the bytes of chunks that are synced each second.
+
+The messages, their order and everything else stay the same. The new file takes the place of the old one in one step, after it was
+read again and found to have the same content.
+"""
+
+import hashlib
+import json
+import os
+import struct
+from collections.abc import Iterable
+from dataclasses import asdict
+from pathlib import Path
+from typing import BinaryIO
+
+from mcap.records import Attachment, Channel, McapRecord, Message
+
+from devices.errors import RecordingError
+from gateway.atomic_io import partial_of, replace_file
+from gateway.recording.chain.segment_chain import SegmentChain
+from gateway.recording.chain.statements import DELETIONS, SIGNATURE
+from gateway.recording.format.header import ORIGIN, REPAIRED, segment_number
+from gateway.recording.format.mcap_writer import DENSE, McapWriter
+from gateway.recording.format.salvage import SalvageReport, open_mcap, read_records
+from gateway.recording.segments.copying import RecordCopier
+from gateway.recording.segments.events import uncompacted_marker
+
+TIMES = struct.Struct("<IQQ")
+
+
+class CompactionError(RecordingError):
+    """A segment stays as it is: a part of it is damaged, or its copy was not the same."""
+
+
+def compact(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
+    """Rewrite an ended segment; return what an interruption has cost of it. Raises `RecordingError` and `OSError`.
+
+    With a chain, the new file ends with its final signature. A damaged segment is not rewritten, since more of it might be
+    readable by other means.
+    """
+    losses = SalvageReport()
+    signature: dict[str, str] = {}
+    with replace_file(path) as descriptor:
+        with os.fdopen(descriptor, "wb", closefd=False) as file:
+            sink = HashingFile(file)
+            writer = McapWriter(sink, DENSE)
+            copier = RecordCopier(writer, losses)
+            before = ContentDigest()
+            with open_mcap(path) as source:
+                copier.copy(before.observe(read_records(source, losses)), with_summary=True)
+            if losses.damaged_records or losses.unreadable_messages or losses.altered or not copier.messages:
+                raise CompactionError(
+                    f"{path}: is damaged or empty, and stays as it is; `plumbline record recover` reads it"
+                )
+            if not losses.closed:
+                writer.add_metadata(REPAIRED, {name: json.dumps(value) for name, value in asdict(losses).items()})
+            segment = segment_number(copier.metadata.get(ORIGIN, {}))
+            if chain is not None and segment:
+                writer.add_metadata(DELETIONS, chain.deletions)
+                writer.flush()
+                signature = chain.final(
+                    segment=segment,
+                    name=path.name,
+                    n_bytes=sink.tell(),
+                    sha256=sink.sha256,
+                    from_ns=copier.from_ns,
+                    to_ns=copier.to_ns,
+                    repaired=not losses.closed,
+                )
+                writer.add_metadata(SIGNATURE, signature)
+            writer.finish()
+        if _digest(partial_of(path)) != before.value:
+            raise CompactionError(
+                f"{path}: stays as it is, because its copy was not the same; check the memory and the disk"
+            )
+    if chain is not None and signature:
+        chain.commit(segment, signature)
+    uncompacted_marker(path).unlink(missing_ok=True)
+    return losses
+
+
+class HashingFile:
+    """A file with the SHA-256 of what was written to it."""
+
+    def __init__(self, file: BinaryIO) -> None:
+        self._file = file
+        self._hash = hashlib.sha256()
+
+    @property
+    def sha256(self) -> str:
+        """Hash so far, in hexadecimal digits."""
+        return self._hash.hexdigest()
+
+    def write(self, data: bytes) -> int:
+        """Append data."""
+        self._hash.update(data)
+        return self._file.write(data)
+
+    def tell(self) -> int:
+        """Return the number of bytes so far."""
+        return self._file.tell()
+
+
+def _digest(path: Path) -> bytes:
+    digest, losses = ContentDigest(), SalvageReport()
+    with open_mcap(path) as file:
+        for _ in digest.observe(read_records(file, losses)):
+            pass
+    return digest.value if losses == SalvageReport(closed=True) else b""
+
+
+class ContentDigest:
+    """The hashes of the messages and of the attachments of a recording, each in their order, whatever its chunks are."""
+
+    def __init__(self) -> None:
+        self._messages = hashlib.sha256()
+        self._attachments = hashlib.sha256()
+        self._topics: dict[int, bytes] = {}
+
+    @property
+    def value(self) -> bytes:
+        """Both hashes so far."""
+        return self._messages.digest() + self._attachments.digest()
+
+    def observe(self, records: Iterable[McapRecord]) -> Iterable[McapRecord]:
+        """Yield the records, and add them to the hashes."""
+        for record in records:
+            match record:
+                case Message():
+                    self._messages.update(self._topics.get(record.channel_id, b""))
+                    self._messages.update(TIMES.pack(record.sequence, record.log_time, record.publish_time))
+                    self._messages.update(record.data)
+                case Channel():
+                    self._topics[record.id] = record.topic.encode()
+                case Attachment():
+                    self._attachments.update(record.name.encode())
+                    self._attachments.update(record.data)
+                case _:
+                    pass
+            yield record

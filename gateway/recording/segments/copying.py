@@ -1,0 +1,114 @@
+"""Copying of recordings record by record, whatever is readable of them, with a filter."""
+
+from collections.abc import Callable, Iterable
+
+from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
+
+from gateway.recording.chain.statements import DELETIONS, SIGNATURE
+from gateway.recording.format.mcap_writer import McapWriter
+from gateway.recording.format.salvage import SalvageReport
+from gateway.recording.reading.recording_file import RecordedMessage
+from gateway.recording.summary.segment_summary import SUMMARY
+
+LARGEST_NS = 2**63 - 1
+STATED = frozenset({SIGNATURE, DELETIONS})
+"""Metadata that are not copied: the gateway's statements are about the source's bytes."""
+
+KeepMessage = Callable[[str, int], bool]
+"""Takes the topic of a message, with its slash, and its gateway time; returns whether it is copied."""
+
+
+class RecordCopier:
+    """Writes records of recordings into another one, in their order; equal schemas and channels are written once."""
+
+    def __init__(
+        self, writer: McapWriter, losses: SalvageReport | None = None, keep: KeepMessage | None = None
+    ) -> None:
+        """`losses` counts the messages that cannot be copied; `keep` selects messages, without it all are copied."""
+        self._writer = writer
+        self._losses = SalvageReport() if losses is None else losses
+        self._keep = keep
+        self.metadata: dict[str, dict[str, str]] = {}
+        self._schema_ids: dict[tuple[str, str, bytes], int] = {}
+        self._channel_ids: dict[tuple[object, ...], int] = {}
+        self.messages = 0
+        self.from_ns, self.to_ns = LARGEST_NS, 0
+        """Gateway times of the first and the last message."""
+
+    def copy(self, records: Iterable[McapRecord], *, with_summary: bool = False) -> None:
+        """Copy the records of a file, the summary of all its messages only on request.
+
+        Messages without a channel are counted as unreadable.
+        """
+        schemas: dict[int, Schema] = {}
+        channels: dict[int, tuple[Channel, int]] = {}
+        started = False
+        for record in records:
+            match record:
+                case Schema():
+                    schemas.setdefault(record.id, record)
+                    continue
+                case Channel():
+                    if record.id not in channels:
+                        channels[record.id] = record, self._channel_id(record, schemas.get(record.schema_id))
+                    continue
+            if not started:
+                known = record if isinstance(record, Header) else Header("", "")
+                self._writer.start(known.profile, known.library)
+                started = True
+            match record:
+                case Message():
+                    self._copy_message(record, channels.get(record.channel_id))
+                case Metadata() if record.name not in STATED:
+                    self.add_metadata(record.name, record.metadata)
+                case Attachment() if with_summary or record.name != SUMMARY:
+                    self.add_attachment(record)
+                case _:
+                    pass
+
+    def add_message(self, message: RecordedMessage, schema: Schema | None) -> None:
+        """Copy a message of any file with its schema."""
+        channel_id = self._channel_id(message.channel, schema)
+        self._add(channel_id, message.sequence, message.log_time_ns, message.publish_time_ns, message.data)
+
+    def add_metadata(self, name: str, content: dict[str, str]) -> None:
+        """Copy a metadata record."""
+        self.metadata[name] = content
+        self._writer.add_metadata(name, content)
+
+    def add_attachment(self, attachment: Attachment) -> None:
+        """Copy an attachment."""
+        self._writer.add_attachment(
+            create_time=attachment.create_time,
+            log_time=attachment.log_time,
+            name=attachment.name,
+            media_type=attachment.media_type,
+            data=attachment.data,
+        )
+
+    def _copy_message(self, record: Message, channel: tuple[Channel, int] | None) -> None:
+        if channel is None:
+            self._losses.unreadable_messages += 1
+        elif self._keep is None or self._keep(channel[0].topic, record.log_time):
+            self._add(channel[1], record.sequence, record.log_time, record.publish_time, record.data)
+
+    def _add(self, channel_id: int, sequence: int, time_ns: int, publish_time_ns: int, data: bytes) -> None:
+        self._writer.add_message(channel_id, sequence, time_ns, publish_time_ns, data)
+        self.messages += 1
+        self.from_ns = min(self.from_ns, time_ns)
+        self.to_ns = max(self.to_ns, time_ns)
+
+    def _channel_id(self, channel: Channel, schema: Schema | None) -> int:
+        schema_id = 0 if schema is None else self._schema_id(schema)  # it may have been in a damaged chunk
+        key = channel.topic, channel.message_encoding, schema_id, *sorted(channel.metadata.items())
+        if key not in self._channel_ids:
+            self._channel_ids[key] = self._writer.register_channel(
+                channel.topic, channel.message_encoding, schema_id, channel.metadata
+            )
+        return self._channel_ids[key]
+
+    def _schema_id(self, schema: Schema) -> int:
+        key = schema.name, schema.encoding, schema.data
+        if key not in self._schema_ids:
+            self._schema_ids[key] = self._writer.register_schema(schema.name, schema.encoding, schema.data)
+        return self._schema_ids[key]
