@@ -13,12 +13,15 @@ from gateway.motion.hypotheses import (
     WINCH_LEVEL,
     WIND_LEVEL,
     WIND_LEVELS,
+    PivotLevel,
     starts_1_s,
 )
 from gateway.numerics.array import Array
 
 HOIST_JERK_SIGMA_M_S2, HOIST_JERK_RATE_1_S = 0.2, 0.5
 """Standard deviation and rate of a hoist's acceleration while its speed changes. Basis: 0.5 m/s reached in one to two seconds."""
+SMALLEST_RATE_1_S = 1e-3
+"""Rate of an acceleration that changes at once, over its standard deviation: it has none, but a variance must be positive."""
 HOIST_MEMORY_S = 20.0
 """Time after which a changing speed is forgotten that no reading confirms."""
 STILL_ACCELERATION_M_S2, STILL_RATE_1_S = 5e-4, 6.0
@@ -31,7 +34,8 @@ STILL_SPEED_WALK_M_S = 2e-3
 class DisturbanceStep:
     """The change within one step, for all hypotheses. Pairs of a value and its rate have 2 x 2 matrices.
 
-    The equations of motion have carried a pair by its own rate before; `pivot` and `hoist` replace that by the level's decay.
+    The equations of motion have carried a pair by its own rate before; `pivot`, `heave` and `hoist` replace that by the level's
+    decay.
     """
 
     pivot: Array
@@ -51,27 +55,24 @@ class DisturbanceStep:
     def of(cls, time_s: float) -> Self:
         """Return the change within a time."""
         carried_back = np.array([[1.0, -time_s], [0.0, 1.0]])
-        pivots = [_oscillator(level.rate_1_s, level.damping_ratio, time_s) for level in PIVOT_LEVELS]
-        spreads = [np.diag([level.sigma**2, (level.rate_1_s * level.sigma) ** 2]) for level in PIVOT_LEVELS]
-        noises = [spread - step @ spread @ step.T for step, spread in zip(pivots, spreads, strict=True)]
+        pivots = [_pivot(level, time_s) for level in PIVOT_LEVELS]
+        heaves = [_heave(level, time_s) for level in PIVOT_LEVELS]
         hoist, hoist_noise = _hoist(time_s)
         gust = np.exp([-level.rate_1_s * time_s for level in WIND_LEVELS])
-        heave = np.exp([-level.heave_rate_1_s * time_s for level in PIVOT_LEVELS])
         gust_noise = np.square([level.sigma for level in WIND_LEVELS]) * (1 - gust**2)
-        heave_noise = np.square([level.heave_sigma for level in PIVOT_LEVELS]) * (1 - heave**2)
         exchange = starts_1_s() * time_s
         leaving = exchange.sum(axis=1)
         exchange *= (-np.expm1(-leaving) / leaving)[:, None]
         exchange[np.diag_indices(N_HYPOTHESES)] = np.exp(-leaving)
         return cls(
-            pivot=(np.array(pivots) @ carried_back)[PIVOT_LEVEL],
-            pivot_noise=np.array(noises)[PIVOT_LEVEL],
+            pivot=(np.array([step for step, _ in pivots]) @ carried_back)[PIVOT_LEVEL],
+            pivot_noise=np.array([noise for _, noise in pivots])[PIVOT_LEVEL],
             hoist=(hoist @ carried_back)[WINCH_LEVEL],
             hoist_noise=hoist_noise[WINCH_LEVEL],
             gust=gust[WIND_LEVEL],
             gust_noise=gust_noise[WIND_LEVEL],
-            heave=heave[PIVOT_LEVEL],
-            heave_noise=heave_noise[PIVOT_LEVEL],
+            heave=(np.array([step for step, _ in heaves]) @ carried_back)[PIVOT_LEVEL],
+            heave_noise=np.array([noise for _, noise in heaves])[PIVOT_LEVEL],
             exchange=exchange,
         )
 
@@ -83,6 +84,28 @@ def _oscillator(rate_1_s: float, damping_ratio: float, time_s: float) -> Array:
     sine = time_s if bare_1_s == 0 else math.sin(bare_1_s * time_s) / bare_1_s
     cosine, drag = math.cos(bare_1_s * time_s), damping_ratio * rate_1_s * sine
     return decay * np.array([[cosine + drag, sine], [-(rate_1_s**2) * sine, cosine - drag]])
+
+
+def _stationary(step: Array, value_sigma: float, rate_sigma: float) -> tuple[Array, Array]:
+    """Return a transition and the noise that keeps these standard deviations of the value and of its rate."""
+    spread = np.diag([value_sigma**2, rate_sigma**2])
+    return step, spread - step @ spread @ step.T
+
+
+def _pivot(level: PivotLevel, time_s: float) -> tuple[Array, Array]:
+    """Return transition and noise of the pivot's acceleration with its rate, shapes (2, 2)."""
+    if level.is_abrupt:
+        decay = np.diag([math.exp(-level.rate_1_s * time_s), 0.0])
+        return _stationary(decay, level.sigma, SMALLEST_RATE_1_S * level.sigma)
+    return _stationary(
+        _oscillator(level.rate_1_s, level.damping_ratio, time_s), level.sigma, level.rate_1_s * level.sigma
+    )
+
+
+def _heave(level: PivotLevel, time_s: float) -> tuple[Array, Array]:
+    """Return transition and noise of the pivot's vertical acceleration with its rate, shapes (2, 2)."""
+    step = _oscillator(level.heave_rate_1_s, level.damping_ratio, time_s)
+    return _stationary(step, level.heave_sigma, level.heave_rate_1_s * level.heave_sigma)
 
 
 def _hoist(time_s: float) -> tuple[Array, Array]:

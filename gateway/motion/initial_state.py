@@ -24,6 +24,7 @@ from gateway.motion.state_vector import (
     GRAVITY,
     GUST,
     HEAVE,
+    HEAVE_RATE,
     HOIST_ACCELERATION,
     HOIST_SPEED,
     LEVER,
@@ -114,6 +115,7 @@ def initial_mixture(gravity_m_s2: float, constants: Constants, *, on_spreader: b
     for i in range(N_HYPOTHESES):
         pivot, wind = PIVOT_LEVELS[PIVOT_LEVEL[i]], WIND_LEVELS[WIND_LEVEL[i]]
         sigma[i, PIVOT], sigma[i, PIVOT_RATE] = pivot.sigma, pivot.rate_1_s * pivot.sigma
+        sigma[i, HEAVE_RATE] = pivot.heave_rate_1_s * pivot.heave_sigma
         sigma[i, HEAVE], sigma[i, GUST], sigma[i, SIDE_FORCE] = pivot.heave_sigma, wind.sigma, wind.side_sigma
     sigma[:, HOIST_SPEED] = np.where(IS_HOISTING, HOIST_SPEED_U_M_S, STILL_SPEED_U_M_S)
     sigma[:, HOIST_ACCELERATION] = np.where(WINCH_LEVEL == CHANGING, HOIST_JERK_SIGMA_M_S2, STILL_ACCELERATION_M_S2)

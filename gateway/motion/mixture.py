@@ -23,8 +23,11 @@ class Mixture:
         return mean, covariance + (self.weight[:, None] * deviation).T @ deviation
 
 
-def exchange(mixture: Mixture, transition: Array) -> Mixture:
-    """Return the mixture after the hypotheses have exchanged probability; `transition`: from row to column, shape (m, m)."""
+def exchange(mixture: Mixture, transition: Array) -> tuple[Mixture, Array]:
+    """Return the mixture after the hypotheses have exchanged probability, and what each (row) took from each, shape (m, m).
+
+    `transition`: probabilities from row to column, shape (m, m).
+    """
     joint = mixture.weight[:, None] * transition
     weight = joint.sum(axis=0)
     share = (joint / weight).T
@@ -32,4 +35,4 @@ def exchange(mixture: Mixture, transition: Array) -> Mixture:
     deviation = mixture.state - state[:, None]
     covariance = (share @ mixture.covariance.reshape(len(weight), -1)).reshape(mixture.covariance.shape)
     covariance += (deviation * share[:, :, None]).transpose(0, 2, 1) @ deviation
-    return Mixture(state, covariance, weight)
+    return Mixture(state, covariance, weight), share

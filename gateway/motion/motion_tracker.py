@@ -7,6 +7,7 @@ estimate holds both, and one that is excluded ends.
 
 import math
 from collections import deque
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from gateway.motion.candidate import MotionCandidate
 from gateway.motion.estimate import MotionEstimate, PeakEstimate
 from gateway.motion.fast_oscillation import FastOscillationDetector
 from gateway.motion.gyro_reading import GyroPrior
-from gateway.motion.initial_state import constants_of
+from gateway.motion.initial_state import Constants, constants_of
 from gateway.motion.motion_filter import MotionFilter
 from gateway.motion.rope_model import RopeModel
 from gateway.motion.state_estimate import Angle, Described, describe, swing_phase
@@ -41,6 +42,10 @@ LONGEST_AHEAD_S = 1.5
 """Longest time for which the motion is extrapolated beyond the newest bin. Basis: lasting clipping is unknown after a second."""
 SPREADER_REACH_M, SPREADER_REACH = 1.0, 0.08
 """Distance above the load, and its share of the rope's length, up to which the housing may be on a spreader."""
+CONVERGING_REACH, CONVERGING, CONVERGING_U = 0.15, 0.05, 0.03
+"""Distance above the load, as a share of the rope's length, up to which the housing may be on one of several ropes that converge;
+the share by which such a housing reads as if it were nearer to the load, and its standard deviation. Basis: 0.03 to 0.09 on
+simulated container cranes, because the other ropes hold the spreader too."""
 EXCLUDED_EVIDENCE = 20.0
 """Evidence by which a candidate falls behind the best one when it ends. Basis: odds of 5e8."""
 
@@ -145,12 +150,17 @@ class MotionTracker:
     def _new_candidates(self) -> list[MotionCandidate]:
         reach_m = max(SPREADER_REACH_M, SPREADER_REACH * self._rig.length_m)
         above_m = self._rig.above_load_m
-        structures = [("rope", False)]
+        candidates = [self._new_candidate("rope", self._constants)]
+        if above_m is not None and above_m <= CONVERGING_REACH * self._rig.length_m:
+            shift_m, u_m = CONVERGING * self._rig.length_m, CONVERGING_U * self._rig.length_m
+            place_u_m = math.hypot(self._constants.place_u_m, u_m)
+            converging = replace(self._constants, place_m=self._constants.place_m - shift_m, place_u_m=place_u_m)
+            candidates.append(self._new_candidate("converging ropes", converging))
         if above_m is not None and above_m <= reach_m:
-            structures.append(("spreader", True))
-        return [self._new_candidate(name, on_spreader=on_spreader) for name, on_spreader in structures]
+            candidates.append(self._new_candidate("spreader", self._constants, on_spreader=True))
+        return candidates
 
-    def _new_candidate(self, name: str, *, on_spreader: bool) -> MotionCandidate:
+    def _new_candidate(self, name: str, constants: Constants, *, on_spreader: bool = False) -> MotionCandidate:
         model = RopeModel(
             self._rig.gravity_m_s2,
             self._rig.length_m,
@@ -158,7 +168,7 @@ class MotionTracker:
             on_spreader=on_spreader,
             n_states=N_STATES + (0 if self._gyro is None else N_GYRO_STATES),
         )
-        motion_filter = MotionFilter(model, self._constants, self._gyro)
+        motion_filter = MotionFilter(model, constants, self._gyro)
         candidate = MotionCandidate(motion_filter, self.bin_s, self._rig.small_swing_period_s, self._gyro, name)
         candidate.history = StepHistory() if self._keeps_steps else None
         return candidate

@@ -23,6 +23,7 @@ from gateway.motion.state_vector import (
     GRAVITY,
     GUST,
     HEAVE,
+    HEAVE_RATE,
     HOIST_ACCELERATION,
     HOIST_SPEED,
     LEVER,
@@ -91,6 +92,7 @@ class RopeModel:
         linear[:, PIVOT_VELOCITY, PIVOT_VELOCITY] = -_IDENTITY / PIVOT_VELOCITY_TIME_S
         linear[:, SPIN, SPIN] = -1 / SPIN_TIME_S
         linear[:, HOIST_SPEED, HOIST_ACCELERATION] = 1.0
+        linear[:, HEAVE, HEAVE_RATE] = 1.0
         self._linear = linear
 
     def rate(self, x: Array) -> tuple[Array, Array]:

@@ -26,40 +26,42 @@ HOIST_SPEED = 16
 """L', lowering positive, m/s."""
 HOIST_ACCELERATION = 17
 """L'', m/s^2."""
-OFFSET = slice(18, 20)
+HEAVE = 18
+"""Vertical acceleration of the pivot, as of a yielding jib or a floating base."""
+HEAVE_RATE = 19
+"""Its time derivative, 1/s."""
+OFFSET = slice(20, 22)
 """Constant part of the transverse reading: zero-g offset plus MOUNT, g."""
-MOUNT = slice(20, 22)
+MOUNT = slice(22, 24)
 """Tilt of the housing's z axis against the rope, rad."""
-AXIAL_OFFSET = 22
+AXIAL_OFFSET = 24
 """Constant part of the axial reading: zero-g offset and scale error, g."""
-DAMPING = 23
+DAMPING = 25
 """Viscous damping rate c, 1/s."""
-PLACE = 24
+PLACE = 26
 """Distance of the housing from the end of the rope from which it is stated, m: load or pivot. On a spreader, which does not turn
 with the ropes: its tilt against theirs, per angle of the ropes."""
-LEVER = slice(25, 27)
+LEVER = slice(27, 29)
 """Place of the accelerometer beside the rope's axis, m. On a spreader: difference of its tilt in two
 directions, as of STIFFNESS."""
-STIFFNESS = slice(27, 29)
+STIFFNESS = slice(29, 31)
 """Relative difference of the stiffness in two directions, as components of a symmetric matrix without trace: along x against y,
 and along the diagonals. Ropes that converge, and falls that are fixed at both ends, hang stiffer in one plane."""
-HEAVE = 29
-"""Vertical acceleration of the pivot, as of a yielding jib or a floating base."""
-LINE = slice(30, 32)
+LINE = slice(31, 33)
 """Reading of a fast oscillation that is no swing: a string mode of the rope, a load under its hook, a vibration; g."""
-LINE_RATE = slice(32, 34)
+LINE_RATE = slice(33, 35)
 """Its time derivative, g/s."""
-N_STATES = 34
+N_STATES = 35
 """Definition: without a gyroscope."""
-GYRO_BIAS = slice(34, 37)
+GYRO_BIAS = slice(35, 38)
 """Reading of the gyroscope at rest, 1/s."""
-GYRO_SCALE = slice(37, 39)
+GYRO_SCALE = slice(38, 40)
 """Relative scale errors of the gyroscope about x and y."""
 N_GYRO_STATES = 5
 """Definition: behind the others where there is a gyroscope."""
 TURNING = slice(0, 14)
 """Pairs that keep their direction in the world while the housing turns."""
-N_MOVING = 18
+N_MOVING = 20
 """States that change by the equations of motion; of the others, the constants return slowly to what was stated."""
 
 

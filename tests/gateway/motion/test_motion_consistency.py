@@ -12,6 +12,7 @@ from gateway.motion.state_vector import (
     GRAVITY,
     GUST,
     HEAVE,
+    HEAVE_RATE,
     HOIST_ACCELERATION,
     HOIST_SPEED,
     N_MOVING,
@@ -80,7 +81,8 @@ def advance(model: RopeModel, x: Array, rng: np.random.Generator) -> Array:
     pair = [HOIST_SPEED, HOIST_ACCELERATION]
     x[:, pair] = x[:, pair] @ STEP.hoist[FREE].T + rng.multivariate_normal([0, 0], STEP.hoist_noise[FREE])
     x[:, GUST] = STEP.gust[FREE] * x[:, GUST] + np.sqrt(STEP.gust_noise[FREE]) * rng.normal(size=2)
-    x[:, HEAVE] = STEP.heave[FREE] * x[:, HEAVE] + np.sqrt(STEP.heave_noise[FREE]) * rng.normal()
+    pair = [HEAVE, HEAVE_RATE]
+    x[:, pair] = x[:, pair] @ STEP.heave[FREE].T + rng.multivariate_normal([0, 0], STEP.heave_noise[FREE])
     return x
 
 

@@ -5,11 +5,15 @@ from itertools import product
 import numpy as np
 import pytest
 
-from gateway.motion.disturbances import STILL_ACCELERATION_M_S2, DisturbanceStep
+from gateway.motion.disturbances import SMALLEST_RATE_1_S, STILL_ACCELERATION_M_S2, DisturbanceStep
 from gateway.motion.hypotheses import (
+    ABRUPT,
+    CALM,
     CHANGING,
     DRIVEN,
     FLOATING,
+    FLOATING_DRIVEN,
+    HELD,
     INITIAL_WEIGHTS,
     IS_DRIVEN,
     IS_FREE,
@@ -19,6 +23,8 @@ from gateway.motion.hypotheses import (
     PIVOT_LEVEL,
     PIVOT_LEVELS,
     RESTING,
+    STILL,
+    TURBULENT,
     WINCH_LEVEL,
     WIND_LEVEL,
     WIND_LEVELS,
@@ -39,10 +45,13 @@ def carried(step: Array, time_s: float) -> Array:
 
 @any_time
 def test_acceleration_of_the_pivot_keeps_its_size_on_every_level(time_s: float) -> None:
-    """Its standard deviation, and that of its derivative: the natural frequency times as large."""
+    """Its standard deviation, and that of its derivative: the natural frequency times as large; next to none of an abrupt one."""
     step = DisturbanceStep.of(time_s)
     pivot = carried(step.pivot, time_s)
-    size = np.array([np.diag([one.sigma**2, (one.rate_1_s * one.sigma) ** 2]) for one in PIVOTS])
+    rates_1_s = [SMALLEST_RATE_1_S if one.is_abrupt else one.rate_1_s for one in PIVOTS]
+    size = np.array(
+        [np.diag([one.sigma**2, (rate_1_s * one.sigma) ** 2]) for one, rate_1_s in zip(PIVOTS, rates_1_s, strict=True)]
+    )
 
     after = pivot @ size @ pivot.transpose(0, 2, 1) + step.pivot_noise
 
@@ -53,11 +62,15 @@ def test_acceleration_of_the_pivot_keeps_its_size_on_every_level(time_s: float) 
 @any_time
 def test_gust_heave_and_resting_winch_keep_their_sizes_on_every_level(time_s: float) -> None:
     step = DisturbanceStep.of(time_s)
-    gust, heave = np.array([one.sigma for one in WINDS]), np.array([one.heave_sigma for one in PIVOTS])
+    gust, heave = np.array([one.sigma for one in WINDS]), carried(step.heave, time_s)
+    heave_size = np.array(
+        [np.diag([one.heave_sigma**2, (one.heave_rate_1_s * one.heave_sigma) ** 2]) for one in PIVOTS]
+    )
     hoist = carried(step.hoist, time_s)[WINCH_LEVEL == RESTING]
 
     np.testing.assert_allclose(step.gust**2 * gust**2 + step.gust_noise, gust**2)
-    np.testing.assert_allclose(step.heave**2 * heave**2 + step.heave_noise, heave**2)
+    after = heave @ heave_size @ heave.transpose(0, 2, 1) + step.heave_noise
+    np.testing.assert_allclose(after, heave_size, rtol=1e-9, atol=1e-16)
     rests = hoist[:, 1, 1] ** 2 * STILL_ACCELERATION_M_S2**2 + step.hoist_noise[WINCH_LEVEL == RESTING, 1, 1]
     np.testing.assert_allclose(rests, STILL_ACCELERATION_M_S2**2)
 
@@ -65,7 +78,8 @@ def test_gust_heave_and_resting_winch_keep_their_sizes_on_every_level(time_s: fl
 @any_time
 def test_two_steps_of_a_time_are_one_of_twice_the_time(time_s: float) -> None:
     once, twice = DisturbanceStep.of(time_s), DisturbanceStep.of(2 * time_s)
-    pivot, hoist = carried(once.pivot, time_s), carried(once.hoist, time_s)[WINCH_LEVEL == CHANGING]
+    pivot, heave = carried(once.pivot, time_s), carried(once.heave, time_s)
+    hoist = carried(once.hoist, time_s)[WINCH_LEVEL == CHANGING]
 
     np.testing.assert_allclose(pivot @ pivot, carried(twice.pivot, 2 * time_s), atol=1e-12)
     np.testing.assert_allclose(
@@ -74,19 +88,31 @@ def test_two_steps_of_a_time_are_one_of_twice_the_time(time_s: float) -> None:
     np.testing.assert_allclose(hoist @ hoist, carried(twice.hoist, 2 * time_s)[WINCH_LEVEL == CHANGING], atol=1e-12)
     np.testing.assert_allclose(once.gust**2, twice.gust)
     np.testing.assert_allclose((1 + once.gust**2) * once.gust_noise, twice.gust_noise)
-    np.testing.assert_allclose(once.heave**2, twice.heave)
-    np.testing.assert_allclose((1 + once.heave**2) * once.heave_noise, twice.heave_noise)
+    np.testing.assert_allclose(heave @ heave, carried(twice.heave, 2 * time_s), atol=1e-12)
+    np.testing.assert_allclose(
+        heave @ once.heave_noise @ heave.transpose(0, 2, 1) + once.heave_noise, twice.heave_noise, atol=1e-15
+    )
 
 
 def test_pivot_follows_the_equation_of_its_oscillator() -> None:
-    """x'' = -2 z r x' - r^2 x, by differences of a short step."""
+    """x'' = -2 z r x' - r^2 x, by differences of a short step; an abrupt one follows x' = -r x."""
     time_s = 1e-6
-    pivot = carried(DisturbanceStep.of(time_s).pivot, time_s)
+    rate = (carried(DisturbanceStep.of(time_s).pivot, time_s) - np.eye(2)) / time_s
 
-    rate = (pivot - np.eye(2)) / time_s
+    for found, one in zip(rate, PIVOTS, strict=True):
+        if one.is_abrupt:
+            assert found[0, 0] == pytest.approx(-one.rate_1_s, abs=2e-4)
+        else:
+            expected = [[0.0, 1.0], [-(one.rate_1_s**2), -2 * one.damping_ratio * one.rate_1_s]]
+            np.testing.assert_allclose(found, expected, atol=2e-4)
 
-    expected = [[[0.0, 1.0], [-(one.rate_1_s**2), -2 * one.damping_ratio * one.rate_1_s]] for one in PIVOTS]
-    np.testing.assert_allclose(rate, expected, atol=2e-4)
+
+def test_an_abrupt_acceleration_changes_at_once_and_a_smooth_one_does_not() -> None:
+    """Within a bin of 0.3 s: a brake of 20 mg is within two standard deviations, and beyond six of a gentle ramp."""
+    noise = np.sqrt(DisturbanceStep.of(0.3).pivot_noise[:, 0, 0])
+
+    assert noise[PIVOT_LEVEL == ABRUPT].min() > 0.01
+    assert noise[PIVOT_LEVEL == DRIVEN].max() < 0.0033
 
 
 @any_time
@@ -112,15 +138,19 @@ def test_one_thing_changes_at_a_time_and_every_hypothesis_is_reached() -> None:
     levels = np.column_stack([PIVOT_LEVEL, WIND_LEVEL, WINCH_LEVEL])
     changes = (levels[:, None] != levels[None]).sum(axis=2)
 
-    np.testing.assert_array_equal(follows, changes == 1)
+    assert (changes[follows] == 1).all()
+    reached = np.linalg.matrix_power(follows.astype(float) + np.eye(N_HYPOTHESES), N_HYPOTHESES) > 0
+    assert reached.all()
 
 
-def test_hypotheses_are_all_combinations_of_the_levels() -> None:
+def test_hypotheses_are_the_combinations_of_levels_that_readings_can_tell_apart() -> None:
     found = set(zip(PIVOT_LEVEL.tolist(), WIND_LEVEL.tolist(), WINCH_LEVEL.tolist(), strict=True))
 
-    assert found == set(product(range(len(PIVOT_LEVELS)), range(len(WIND_LEVELS)), range(3)))
+    on_land = set(product(range(FLOATING), (CALM, TURBULENT), range(3)))
+    at_sea = set(product((FLOATING, FLOATING_DRIVEN), (CALM,), range(3)))
+    assert found == on_land | at_sea | {(STILL, HELD, RESTING), (STILL, HELD, CHANGING)}
     assert len(found) == N_HYPOTHESES
-    np.testing.assert_array_equal(IS_DRIVEN, np.isin(PIVOT_LEVEL, (DRIVEN, FLOATING)))
+    np.testing.assert_array_equal(IS_DRIVEN, np.isin(PIVOT_LEVEL, (DRIVEN, ABRUPT, FLOATING, FLOATING_DRIVEN)))
     np.testing.assert_array_equal(IS_FREE, ~(IS_DRIVEN | IS_GUST | IS_HOISTING))
     assert INITIAL_WEIGHTS.sum() == pytest.approx(1.0)
     assert (INITIAL_WEIGHTS > 0).all()

@@ -40,9 +40,10 @@ def test_exchange_keeps_overall_mean_and_covariance(seed: int) -> None:
     """Nothing has moved yet: only what each hypothesis takes for granted has changed."""
     mixture = random_mixture(np.random.default_rng(seed))
 
-    after = exchange(mixture, DisturbanceStep.of(0.5).exchange)
+    after, share = exchange(mixture, DisturbanceStep.of(0.5).exchange)
 
     assert after.weight.sum() == pytest.approx(1.0, abs=1e-12)
+    np.testing.assert_allclose(share.sum(axis=1), 1.0, atol=1e-12)
     for found, expected in zip(after.moments(), mixture.moments(), strict=True):
         np.testing.assert_allclose(found, expected, atol=1e-12)
 
@@ -55,18 +56,20 @@ def test_exchange_of_equal_states_changes_weights_alone() -> None:
     )
     transition = DisturbanceStep.of(2.0).exchange
 
-    after = exchange(mixture, transition)
+    after, share = exchange(mixture, transition)
 
     np.testing.assert_allclose(after.state, mixture.state, atol=1e-14)
     np.testing.assert_allclose(after.covariance, mixture.covariance, atol=1e-13)
     np.testing.assert_allclose(after.weight, mixture.weight @ transition)
+    np.testing.assert_allclose(share.T @ after.weight, mixture.weight)
 
 
 def test_without_an_exchange_everything_stays() -> None:
     mixture = random_mixture(np.random.default_rng(2))
 
-    after = exchange(mixture, np.eye(N_HYPOTHESES))
+    after, share = exchange(mixture, np.eye(N_HYPOTHESES))
 
     np.testing.assert_allclose(after.state, mixture.state, atol=1e-14)
     np.testing.assert_allclose(after.covariance, mixture.covariance, atol=1e-13)
     np.testing.assert_allclose(after.weight, mixture.weight)
+    np.testing.assert_allclose(share, np.eye(N_HYPOTHESES), atol=1e-14)
