@@ -21,6 +21,7 @@ from gateway.motion.state_vector import (
     PIVOT,
     RATE,
     SIDE_FORCE,
+    STIFFNESS,
 )
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
@@ -125,11 +126,17 @@ def describe(
         lean_rad=math.asin(min(abs(side), 1.0)),
         lean_u_rad=math.hypot(*sigma[SIDE_FORCE]) / math.sqrt(2),
         lean_azimuth_rad=cmath.phase(side),
-        period_s=2 * math.pi / phase.rate_1_s,
+        period_s=2 * math.pi / (phase.rate_1_s * math.sqrt(1 + _stiffness_along(mean[STIFFNESS], direction))),
         length_m=length_m,
         length_u_m=length_m * sigma[LN_LENGTH],
         fast_oscillation=_fast_oscillation(state, phase.rate_1_s),
     )
+
+
+def _stiffness_along(difference: list[float], azimuth_rad: float) -> float:
+    """Return the relative difference of the stiffness in a direction: what a planar swing cannot tell from a shorter rope."""
+    along, diagonal = difference
+    return along * math.cos(2 * azimuth_rad) + diagonal * math.sin(2 * azimuth_rad)
 
 
 def _fast_oscillation(state: Described, swing_rate_1_s: float) -> FastOscillationShare | None:

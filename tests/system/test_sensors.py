@@ -84,7 +84,7 @@ def test_adxl355_from_the_bus_to_the_swing(rate_error: float) -> None:
     assert low_deg < SWING_DEG < high_deg
     assert u_deg < 0.08 * SWING_DEG  # scale and cross-axis of a part that nobody has calibrated
     assert swings[-1].phi_max_deg == pytest.approx(SWING_DEG, abs=u_deg)
-    assert swings[-1].period_s == pytest.approx(2 * math.pi * math.sqrt(LENGTH_M / 9.80665), rel=0.01)  # 3 % would show
+    assert swings[-1].period_s == pytest.approx(2 * math.pi * math.sqrt(LENGTH_M / 9.80665), rel=0.005)
     assert conditions[-1].verdict == "swinging"
     assert conditions[-1].calibration == "uncalibrated"
 
