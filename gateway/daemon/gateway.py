@@ -21,19 +21,16 @@ from devices.errors import DeviceError
 from gateway.bus.session import gateway_settings
 from gateway.configuration.known_data_folders import remember_data_folder
 from gateway.configuration.model import Configuration
-from gateway.daemon.configuration_service import ConfigurationService
-from gateway.daemon.device_factory import make_device
-from gateway.daemon.faults import FaultRegister
-from gateway.daemon.instance import FolderError, InstanceLock
-from gateway.daemon.line_writer import LineWriter
-from gateway.daemon.logs import RecordingHandler
-from gateway.daemon.notify import ServiceNotifier
+from gateway.daemon.commands.configuration_service import ConfigurationService, TrialSupervisor
 from gateway.daemon.parts import compose
-from gateway.daemon.recording_parts import describe_key, load_key
-from gateway.daemon.shutdown import STOP_S, Shutdown
+from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.instance import FolderError, InstanceLock
+from gateway.daemon.runtime.logs import LineWriter, RecordingHandler
+from gateway.daemon.runtime.shutdown import STOP_S, Shutdown
+from gateway.daemon.runtime.watchdog import HUNG_S, SLOW_DISK_S, ServiceNotifier, Watchdog
+from gateway.daemon.sampling.device_factory import make_device
 from gateway.daemon.start_description import describe
-from gateway.daemon.trial_supervisor import TrialSupervisor
-from gateway.daemon.watchdog import HUNG_S, SLOW_DISK_S, Watchdog
+from gateway.daemon.storage.recording_worker import describe_key, load_key
 from gateway.messages import Log
 from gateway.pipeline.outgoing_message import encode_message
 from gateway.recording.chain.segment_chain import SegmentChain
@@ -148,7 +145,7 @@ class Gateway:
     def _supervise(self, stopping: threading.Event, end_s: float) -> str | None:
         """Keep the page running and feed the watchdog; return the name of a thread without which the gateway cannot go on."""
         parts = self._parts
-        trial = TrialSupervisor(self._changes, parts.health, stopping, time.monotonic())
+        trial = TrialSupervisor(self._changes, parts.health.find_problem, stopping, time.monotonic())
         parts.commands.judge_trial = trial.tick
         watchdog = Watchdog(
             {

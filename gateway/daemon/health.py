@@ -8,28 +8,28 @@ from typing import TYPE_CHECKING, Any, Literal
 from devices.block import DeviceInfo
 from devices.device import Device
 from gateway import __version__
-from gateway.daemon.acknowledgement_service import AcknowledgementService
-from gateway.daemon.alert_sender import AlertSender
-from gateway.daemon.command_worker import CommandWorker
-from gateway.daemon.counters import SampleCounters
-from gateway.daemon.drift_state_store import DriftStateStore
-from gateway.daemon.duplicate_watch import DuplicateWatch
-from gateway.daemon.faults import FaultRegister
-from gateway.daemon.line_writer import LineWriter
-from gateway.daemon.page_channel import PageChannel
-from gateway.daemon.publisher import Publisher
-from gateway.daemon.recording_worker import RecordingWorker
-from gateway.daemon.relay_worker import RelayWorker
-from gateway.daemon.resources import CpuMeter, resident_mb
-from gateway.daemon.rpc_server import RpcServer
-from gateway.daemon.sampler import Sampler
-from gateway.daemon.security_log import SecurityLog
-from gateway.daemon.worker import Worker
+from gateway.daemon.commands.acknowledgement_service import AcknowledgementService
+from gateway.daemon.commands.rpc_server import RpcServer
+from gateway.daemon.commands.security_log import SecurityLog
+from gateway.daemon.commands.worker import CommandWorker
+from gateway.daemon.outputs.alert_sender import AlertSender
+from gateway.daemon.outputs.duplicate_watch import DuplicateWatch
+from gateway.daemon.outputs.page_channel import PageChannel
+from gateway.daemon.outputs.publisher import Publisher
+from gateway.daemon.outputs.relay_worker import RelayWorker
+from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.logs import LineWriter
+from gateway.daemon.runtime.resources import CpuMeter, resident_mb
+from gateway.daemon.runtime.worker import Worker
+from gateway.daemon.sampling.counters import SampleCounters
+from gateway.daemon.sampling.sampler import Sampler
+from gateway.daemon.storage.drift_state_store import DriftStateStore
+from gateway.daemon.storage.recording_worker import RecordingWorker
 from gateway.messages import Health
 from gateway.pipeline.header import Header
 
 if TYPE_CHECKING:
-    from gateway.daemon.site_certificates import SiteCertificates  # its library is an extra
+    from gateway.daemon.commands.site_certificates import SiteCertificates  # its library is an extra
 
 RATE_WINDOW = 60
 """The rate is computed over this many messages, one per second."""

@@ -13,41 +13,38 @@ from devices.device import Device
 from gateway import __version__
 from gateway.bus.session import open_gateway_session
 from gateway.configuration.model import Configuration
-from gateway.daemon.acknowledgement_service import AcknowledgementService
-from gateway.daemon.alert_history import AlertHistory
-from gateway.daemon.alert_sender import AlertSender
-from gateway.daemon.bounded_queue import BoundedQueue
-from gateway.daemon.bus_connection import BusConnection
-from gateway.daemon.calibration_provider import CalibrationProvider
-from gateway.daemon.command_authorisation import make_authoriser, read_certificates, refuse_all
-from gateway.daemon.command_worker import CommandWorker
-from gateway.daemon.compaction_worker import CompactionWorker
-from gateway.daemon.configuration_service import ConfigurationService
-from gateway.daemon.counters import SampleCounters
-from gateway.daemon.device_factory import make_rigger
-from gateway.daemon.drift_state_store import DriftStateStore
-from gateway.daemon.duplicate_watch import DuplicateWatch
-from gateway.daemon.faults import FaultRegister
+from gateway.daemon.commands.acknowledgement_service import AcknowledgementService
+from gateway.daemon.commands.authorisation import make_authoriser, read_certificates, refuse_all
+from gateway.daemon.commands.configuration_service import ConfigurationService
+from gateway.daemon.commands.dispatcher import RequestDispatcher
+from gateway.daemon.commands.handlers import AlertHistory, MarkService, make_handlers
+from gateway.daemon.commands.page_requests import PageRequests
+from gateway.daemon.commands.recalibration_service import RecalibrationService
+from gateway.daemon.commands.rpc_server import RpcServer
+from gateway.daemon.commands.security_log import SECURITY_LOG_NAME, SecurityLog
+from gateway.daemon.commands.worker import CommandWorker
 from gateway.daemon.health import HealthReporter
-from gateway.daemon.line_writer import LineWriter
-from gateway.daemon.mark_service import MarkService
-from gateway.daemon.outbox_writer import OutboxWriter
-from gateway.daemon.page_channel import PageChannel
-from gateway.daemon.page_process import PageProcess
-from gateway.daemon.page_requests import PageRequests
+from gateway.daemon.outputs.alert_sender import AlertSender
+from gateway.daemon.outputs.bus_connection import BusConnection
+from gateway.daemon.outputs.duplicate_watch import DuplicateWatch
+from gateway.daemon.outputs.page_channel import PageChannel
+from gateway.daemon.outputs.page_process import PageProcess
+from gateway.daemon.outputs.publisher import Publisher
+from gateway.daemon.outputs.relay_worker import RelayWorker, make_relay
 from gateway.daemon.processor import Processor
-from gateway.daemon.publisher import Publisher
-from gateway.daemon.recalibration_service import RecalibrationService
-from gateway.daemon.recording_parts import make_recorder
-from gateway.daemon.recording_worker import RecordingWorker
-from gateway.daemon.relay_worker import RelayWorker, make_relay
-from gateway.daemon.request_dispatcher import RequestDispatcher
-from gateway.daemon.request_handlers import make_handlers
-from gateway.daemon.rpc_server import RpcServer
-from gateway.daemon.sampler import Sampler, SamplerItem
-from gateway.daemon.security_log import SECURITY_LOG_NAME, SecurityLog
-from gateway.daemon.wall_clock import WallClockMonitor
-from gateway.daemon.worker import Worker
+from gateway.daemon.runtime.bounded_queue import BoundedQueue
+from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.logs import LineWriter
+from gateway.daemon.runtime.wall_clock import WallClockMonitor
+from gateway.daemon.runtime.worker import Worker
+from gateway.daemon.sampling.counters import SampleCounters
+from gateway.daemon.sampling.sampler import Sampler, SamplerItem
+from gateway.daemon.sampling.simulated_rigger import make_rigger
+from gateway.daemon.storage.calibration_provider import CalibrationProvider
+from gateway.daemon.storage.compaction_worker import CompactionWorker
+from gateway.daemon.storage.drift_state_store import DriftStateStore
+from gateway.daemon.storage.outbox_writer import OutboxWriter
+from gateway.daemon.storage.recording_worker import RecordingWorker, make_recorder
 from gateway.outbox.outbox import FOLDER as OUTBOX_FOLDER
 from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recalibration.recalibration import Recalibration

@@ -7,25 +7,25 @@ from collections.abc import Iterable
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
-from gateway.daemon.acknowledgement_service import AcknowledgementService
-from gateway.daemon.alert_sender import AlertSender
-from gateway.daemon.bounded_queue import BoundedQueue
-from gateway.daemon.calibration_provider import CalibrationProvider
-from gateway.daemon.command_worker import CommandWorker
-from gateway.daemon.counters import SampleCounters
-from gateway.daemon.drift_state_store import DriftStateStore
+from gateway.daemon.commands.acknowledgement_service import AcknowledgementService
+from gateway.daemon.commands.recalibration_service import PipelineInstruction, ProcessedBlock, RecalibrationService
+from gateway.daemon.commands.worker import CommandWorker
 from gateway.daemon.health import HealthReporter
-from gateway.daemon.logs import RECORDED_ONLY
-from gateway.daemon.outbox_writer import OutboxWriter
-from gateway.daemon.page_channel import PageChannel
-from gateway.daemon.publisher import Publisher
-from gateway.daemon.recalibration_service import PipelineInstruction, ProcessedBlock, RecalibrationService
-from gateway.daemon.recording_worker import RecordingWorker
-from gateway.daemon.relay_worker import RelayWorker
-from gateway.daemon.sampler import SamplerItem
-from gateway.daemon.simulated_rigger import SimulatedRigger
-from gateway.daemon.wall_clock import WallClockMonitor
-from gateway.daemon.worker import Worker
+from gateway.daemon.outputs.alert_sender import AlertSender
+from gateway.daemon.outputs.page_channel import PageChannel
+from gateway.daemon.outputs.publisher import Publisher
+from gateway.daemon.outputs.relay_worker import RelayWorker
+from gateway.daemon.runtime.bounded_queue import BoundedQueue
+from gateway.daemon.runtime.logs import RECORDED_ONLY
+from gateway.daemon.runtime.wall_clock import WallClockMonitor
+from gateway.daemon.runtime.worker import Worker
+from gateway.daemon.sampling.counters import SampleCounters
+from gateway.daemon.sampling.sampler import SamplerItem
+from gateway.daemon.sampling.simulated_rigger import SimulatedRigger
+from gateway.daemon.storage.calibration_provider import CalibrationProvider
+from gateway.daemon.storage.drift_state_store import DriftStateStore
+from gateway.daemon.storage.outbox_writer import OutboxWriter
+from gateway.daemon.storage.recording_worker import RecordingWorker
 from gateway.messages import Alert, ClockOffset
 from gateway.pipeline.calibration_state import PipelineCalibration
 from gateway.pipeline.clock_state import MessageTime

@@ -6,7 +6,7 @@ from devices.block import DeviceInfo
 from gateway import __version__
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
-from gateway.daemon.faults import FaultRegister
+from gateway.daemon.runtime.faults import FaultRegister
 from gateway.page.pin import PIN_NAME
 
 

@@ -33,7 +33,7 @@ if __name__ == "__main__":
     bus = ChipBus(HostPacedClock(), Adxl355Chip(HostPacedClock(), lambda _: (0.02, -0.01, 1.0)))
     setattr(smbus2, "SMBus", bus)  # noqa: B010 a name of its type for mypy
     from gateway.cli.main import main
-    from gateway.daemon import device_search
+    from gateway.daemon.sampling import device_search
 
     device_search.DEV = Path(sys.argv[1])
     sys.exit(main(sys.argv[2:]))

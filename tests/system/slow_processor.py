@@ -9,7 +9,7 @@ import time
 from gateway.cli.main import main as plumbline
 from gateway.daemon import gateway
 from gateway.daemon.processor import Processor
-from gateway.daemon.sampler import SamplerItem
+from gateway.daemon.sampling.sampler import SamplerItem
 
 HANG_S = 60.0
 

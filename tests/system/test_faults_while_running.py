@@ -16,7 +16,7 @@ from devices.clock import HostClock
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.calibration.store import CalibrationStore
 from gateway.configuration.loading import validate
-from gateway.daemon.device_factory import make_device
+from gateway.daemon.sampling.device_factory import make_device
 from tests.ports import unused_port
 from tests.system.bus_query import query_signed
 from tests.system.conftest import BusPeer, JoinBus, RunningGateway, StartGateway

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.gateway.daemon.relay_script import ScriptedRelay
+from tests.gateway.daemon.outputs.relay_script import ScriptedRelay
 from tests.system.conftest import JoinBus, StartGateway
 from tests.waiting import wait_until
 

@@ -198,7 +198,7 @@ def show_deflection(
 ) -> int:
     """Show the deflection with each tilt until Ctrl-C, or `count` of them; wait while a link is lost."""
     from gateway.cli.terminal.status_line import StatusLine
-    from gateway.daemon.bounded_queue import BoundedQueue
+    from gateway.daemon.runtime.bounded_queue import BoundedQueue
     from gateway.measurement.girder.live_deflection import Side
     from gateway.topics import adapter
 

@@ -11,7 +11,7 @@ from gateway.cli.terminal.status_line import Style, paint
 
 if TYPE_CHECKING:
     from gateway.configuration.model import Configuration
-    from gateway.daemon.check_result import CheckResult
+    from gateway.daemon.doctor.check_result import CheckResult
 
 STYLES: dict[str, Style] = {"good": "good", "note": "note", "bad": "bad"}
 MARKS = {"good": "ok  ", "note": "note", "bad": "BAD "}
@@ -57,9 +57,9 @@ def run(arguments: argparse.Namespace) -> int:
     from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json
     from gateway.configuration.loading import load
     from gateway.configuration.service_configuration import SETTINGS, is_installed, load_installed
-    from gateway.daemon.check_result import CheckResult
-    from gateway.daemon.doctor import examine, examine_sensor
-    from gateway.daemon.security_check import examine_security
+    from gateway.daemon.doctor.check_result import CheckResult
+    from gateway.daemon.doctor.checks import examine, examine_sensor
+    from gateway.daemon.doctor.security_check import examine_security
 
     installed = is_installed() and arguments.config in (None, SETTINGS)
     configuration = _without_hooks(load_installed() if installed else load(arguments.config))
@@ -81,7 +81,7 @@ def run(arguments: argparse.Namespace) -> int:
         write_json(arguments.json, _record(results))
     if arguments.bundle is not None:
         from gateway.cli.terminal.output import write_bytes
-        from gateway.daemon.diagnostic_bundle import make_bundle
+        from gateway.daemon.doctor.diagnostic_bundle import make_bundle
 
         write_bytes(arguments.bundle, make_bundle(configuration, results))
         print(f"{arguments.bundle}: written, without passwords, keys, tokens and recordings", file=sys.stderr)

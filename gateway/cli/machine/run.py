@@ -15,9 +15,9 @@ from gateway.cli.options.table_options import add_table_options
 from gateway.errors import PlumblineError
 
 if TYPE_CHECKING:
-    from gateway.daemon.configuration_service import ConfigurationService
+    from gateway.daemon.commands.configuration_service import ConfigurationService
     from gateway.daemon.gateway import Gateway
-    from gateway.daemon.line_writer import LineWriter
+    from gateway.daemon.runtime.logs import LineWriter
 
 WITH_LOSSES, FAILED = 3, 1
 OUTPUT_S = 0.3
@@ -47,8 +47,7 @@ def add_to(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> N
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the gateway."""
-    from gateway.daemon.line_writer import LineWriter
-    from gateway.daemon.logs import start_logging
+    from gateway.daemon.runtime.logs import LineWriter, start_logging
 
     stopping = threading.Event()
     for name in (signal.SIGINT, signal.SIGTERM):
@@ -64,8 +63,8 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _run(arguments: argparse.Namespace, stopping: threading.Event, output: "LineWriter", errors: "LineWriter") -> int:
-    from gateway.daemon.configuration_service import ConfigurationService
-    from gateway.daemon.instance import InstanceError
+    from gateway.daemon.commands.configuration_service import ConfigurationService
+    from gateway.daemon.runtime.instance import InstanceError
 
     changes = ConfigurationService(arguments.config, service=arguments.service, environment=os.environ)
     changes.resume()

@@ -98,7 +98,7 @@ def _check(path: Path, configuration: "Configuration") -> int:
     from gateway.cli.machine.doctor import print_result
     from gateway.configuration.loading import load
     from gateway.configuration.service_configuration import SETTINGS, load_installed
-    from gateway.daemon.doctor import examine_sensor
+    from gateway.daemon.doctor.checks import examine_sensor
 
     configuration = load_installed() if path == SETTINGS else load(path)
     print("Trying the sensor; it must rest ...")

@@ -8,7 +8,7 @@ from devices.clock import HostClock
 from gateway.configuration.answers import Answers
 from gateway.configuration.device_sections import AnyDevice
 from gateway.configuration.loading import ConfigurationError
-from gateway.daemon.device_search import FoundSensor, SearchProblem, search_sensors
+from gateway.daemon.sampling.device_search import FoundSensor, SearchProblem, search_sensors
 from gateway.errors import InputError
 
 Ask = Callable[[str], str]

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from gateway.bus.alert_event import AlertEvent
     from gateway.bus.alert_receiver import AlertReceiver
-    from gateway.daemon.bounded_queue import BoundedQueue
+    from gateway.daemon.runtime.bounded_queue import BoundedQueue
 
 ALERT = "alert"
 INBOX = 10_000
@@ -55,7 +55,7 @@ def _watch(arguments: argparse.Namespace) -> int:
 
     from gateway.bus.alert_receiver import AlertReceiver
     from gateway.bus.client import open_client_session
-    from gateway.daemon.bounded_queue import BoundedQueue
+    from gateway.daemon.runtime.bounded_queue import BoundedQueue
     from gateway.errors import InputError
     from gateway.topics import TOPICS
 

@@ -12,7 +12,7 @@ from devices.clock import HostClock
 from devices.errors import DeviceError
 from gateway.configuration.loading import ConfigurationError, validate
 from gateway.configuration.render import to_toml
-from gateway.daemon.device_factory import make_device
+from gateway.daemon.sampling.device_factory import make_device
 
 PAGE = Path(__file__).parents[3] / "docs" / "how-to" / "add_a_device.md"
 Install = Callable[..., None]

@@ -15,13 +15,13 @@ from devices.clock import HostClock
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.store import CalibrationStore, find_record_in_force
 from gateway.configuration.loading import validate
-from gateway.daemon import calibration_provider
-from gateway.daemon.configuration_service import ConfigurationService
-from gateway.daemon.faults import FaultRegister
-from gateway.daemon.line_writer import LineWriter
+from gateway.daemon.commands.configuration_service import ConfigurationService
 from gateway.daemon.parts import Parts, compose
 from gateway.daemon.processor import HEALTH_PERIOD_S
-from gateway.daemon.sampler import DeviceReopened
+from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.runtime.logs import LineWriter
+from gateway.daemon.sampling.sampler import DeviceReopened
+from gateway.daemon.storage import calibration_provider
 from gateway.messages import Health
 from gateway.pki.issue import Holder
 from gateway.recording.chain.segment_chain import SegmentChain

@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from gateway.daemon.page_channel import PageChannel
-from gateway.daemon.page_requests import PageRequests
-from gateway.daemon.remote_request import RemoteRequest
+from gateway.daemon.commands.page_requests import PageRequests
+from gateway.daemon.commands.requests import RemoteRequest
+from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.messages import (
     NO_SESSION,
     ActiveAlert,

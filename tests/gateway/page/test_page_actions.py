@@ -11,7 +11,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 
-from gateway.daemon.page_channel import PageChannel
+from gateway.daemon.outputs.page_channel import PageChannel
 from tests.gateway.page.conftest import PIN, FakeGateway, PageUnderTest, Services
 from tests.values import present
 from tests.waiting import PATIENCE_S, wait_until

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from gateway.daemon.page_channel import MOST_WAITING, PageChannel
-from gateway.daemon.page_requests import PageRequests
-from gateway.daemon.remote_request import RemoteRequest
+from gateway.daemon.commands.page_requests import PageRequests
+from gateway.daemon.commands.requests import RemoteRequest
+from gateway.daemon.outputs.page_channel import MOST_WAITING, PageChannel
 from gateway.page.channel import (
     ANSWER,
     LARGEST_FRAME,

@@ -10,7 +10,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Browser, Page, expect
 
-from gateway.daemon.page_channel import PageChannel
+from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.messages import NO_SESSION, SessionPose
 from gateway.page.parameters import CraneDirections
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest, Scene

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from gateway.daemon.page_channel import PageChannel
+from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.page.admission import Admission
 from gateway.page.http_protocol import MOST_PER_ADDRESS, REQUEST_S
 from gateway.page.hub import MOST_PER_ADDRESS as MOST_STREAMS

@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from gateway.daemon.page_channel import PageChannel
+from gateway.daemon.outputs.page_channel import PageChannel
 from gateway.page.channel import PARAMETERS, Frame, encode_frame, open_pair
 from tests.gateway.page.conftest import FakeGateway, PageUnderTest
 from tests.waiting import PATIENCE_S, wait_until

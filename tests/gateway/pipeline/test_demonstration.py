@@ -8,7 +8,7 @@ import pytest
 from devices.simulated.device import SimulatedCrane
 from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
-from gateway.daemon.device_factory import make_device
+from gateway.daemon.sampling.device_factory import make_device
 from gateway.messages import Alert
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline

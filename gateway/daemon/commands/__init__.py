@@ -1,0 +1,1 @@
+"""What people ask for over bus and page: admitted, authorised, queued and carried out."""

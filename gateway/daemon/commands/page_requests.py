@@ -1,0 +1,68 @@
+"""The requests that people make on the page, and their answers."""
+
+import queue
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic_core import to_json
+
+from gateway.authorization.caller import Caller, NotAuthorised, Role, require_role
+from gateway.daemon.commands.requests import RemoteRequest, RequestHandler
+from gateway.recalibration.requests import RequestError, parse_payload
+from gateway.verbs import VERBS
+
+PATIENCE_S = 4.0
+"""Longest wait for an answer; the page waits longer."""
+
+
+class PageRequest(BaseModel):
+    """A request as the page sends it."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    number: int
+    """Number that the answer repeats."""
+    verb: str
+    payload: str
+
+
+class PageRequests:
+    """Passes requests of the page on to the same handlers as those of the bus. The page has checked the person's PIN."""
+
+    def __init__(self, handlers: Mapping[str, RequestHandler]) -> None:
+        self._handlers = handlers
+
+    def answer(self, packet: bytes) -> bytes:
+        """Carry out a request and return the answer as JSON. Called by the thread of the page's channel."""
+        try:
+            request = PageRequest.model_validate_json(packet)
+        except ValidationError:
+            return to_json({"number": None, "accepted": False, "text": "no request of the page"})
+        accepted, text = self._carry_out(request)
+        return to_json({"number": request.number, "accepted": accepted, "text": text})
+
+    def _carry_out(self, request: PageRequest) -> tuple[bool, str]:
+        handler = self._handlers.get(request.verb)
+        if handler is None:
+            return False, f"{request.verb} is not available"
+        answers: queue.SimpleQueue[tuple[bool, str]] = queue.SimpleQueue()
+        try:
+            handler(_admit(request, answers))
+            return answers.get(timeout=PATIENCE_S)
+        except (NotAuthorised, RequestError) as refusal:
+            return False, str(refusal)
+        except queue.Empty:
+            return False, f"no answer in {PATIENCE_S:.0f} s; it may have been done"
+
+
+def _admit(request: PageRequest, answers: "queue.SimpleQueue[tuple[bool, str]]") -> RemoteRequest:
+    """Return the request of an operator for its handler. Raises `NotAuthorised` or `RequestError`."""
+    verb, caller = VERBS[request.verb], Caller(None, Role.OPERATOR, "page_pin")
+    if verb.role is not None:
+        require_role(caller, verb.role)
+
+    def reply(accepted: bool, content: Mapping[str, Any]) -> None:
+        answers.put((accepted, str(content.get("text" if accepted else "reason", ""))))
+
+    return RemoteRequest(verb.name, parse_payload(verb.request, request.payload.encode()), caller, reply)

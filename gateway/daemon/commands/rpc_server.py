@@ -1,0 +1,148 @@
+"""The thread that serves remote calls: it takes requests from the bus, and sends the answers. It also takes the load signal."""
+
+import logging
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import zenoh
+from pydantic_core import to_json
+
+from gateway.authorization.authoriser import SignedRequest
+from gateway.bus.origin import describe_links
+from gateway.daemon.commands.dispatcher import RequestDispatcher
+from gateway.daemon.commands.recalibration_service import RecalibrationService
+from gateway.daemon.runtime.bounded_queue import BoundedQueue
+from gateway.daemon.runtime.worker import Worker
+from gateway.recalibration.requests import LoadSignal, RequestError, parse_payload
+
+log = logging.getLogger("plumbline.rpc")
+INBOX = 256
+RESERVED_FOR_ANSWERS = 64
+"""Places of the inbox that a flood of requests cannot take."""
+JSON = zenoh.Encoding.APPLICATION_JSON
+
+
+@dataclass(frozen=True, slots=True)
+class IncomingQuery:
+    """A query with the verb that it asks for."""
+
+    verb: str
+    query: zenoh.Query
+
+
+@dataclass(frozen=True, slots=True)
+class Answer:
+    """The answer to a query."""
+
+    query: IncomingQuery
+    accepted: bool
+    content: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class IncomingLoadSignal:
+    """A message of the crane's load signal."""
+
+    payload: bytes
+
+
+RpcItem = IncomingQuery | Answer | IncomingLoadSignal
+
+
+class RpcServer(Worker[RpcItem]):
+    """Answers queries on `<key>/rpc/<verb>`. It must end before the session is closed."""
+
+    def __init__(
+        self,
+        key: str,
+        dispatcher: RequestDispatcher,
+        recalibration: RecalibrationService,
+        *,
+        prepare: Callable[[], None],
+    ) -> None:
+        """`prepare` is called once, by the thread, before the first request; it may wait for the disk."""
+        super().__init__("rpc", BoundedQueue(INBOX))
+        self._session: zenoh.Session | None = None
+        self._key = key
+        self._dispatcher = dispatcher
+        self._recalibration = recalibration
+        self._prepare = prepare
+        self._queryables: list[zenoh.Queryable[None]] = []
+        self._load: zenoh.Subscriber[None] | None = None
+
+    def run(self) -> None:
+        """Prepare, then answer until the end."""
+        self._attempt(self._prepare)
+        super().run()
+
+    def attach(self, session: zenoh.Session) -> None:
+        """Answer the calls of a session from now on. Raises `zenoh.ZError`."""
+        self._session = session
+        # The session may not be used inside its callbacks: they only put what comes into the inbox.
+        self._queryables = [
+            session.declare_queryable(f"{self._key}/rpc/{verb}", partial(self._receive_query, verb))
+            for verb in self._dispatcher.verbs
+        ]
+        self._load = session.declare_subscriber(f"{self._key}/load", self._receive_load_signal)
+
+    def _receive_query(self, verb: str, query: zenoh.Query) -> None:
+        self.inbox.put(IncomingQuery(verb, query), RESERVED_FOR_ANSWERS)
+
+    def _receive_load_signal(self, sample: zenoh.Sample) -> None:
+        self.inbox.put(IncomingLoadSignal(sample.payload.to_bytes()), RESERVED_FOR_ANSWERS)
+
+    def handle(self, item: RpcItem) -> None:
+        """Take a query or a load signal, or send an answer."""
+        match item:
+            case IncomingQuery():
+                self._dispatch(item)
+            case Answer():
+                self._send(item)
+            case IncomingLoadSignal():
+                self._take_load_signal(item.payload)
+
+    def _dispatch(self, item: IncomingQuery) -> None:
+        payload, attachment = item.query.payload, item.query.attachment
+        request = SignedRequest(
+            key_expr=str(item.query.key_expr),
+            payload=b"" if payload is None else payload.to_bytes(),
+            attachment=None if attachment is None else attachment.to_bytes(),
+        )
+        self._dispatcher.receive(
+            item.verb,
+            request,
+            origin=self._describe_origin,
+            reply=lambda accepted, content: self.inbox.put(Answer(item, accepted, content)),
+        )
+
+    def _take_load_signal(self, payload: bytes) -> None:
+        try:
+            self._recalibration.set_load_signal(parse_payload(LoadSignal, payload))
+        except RequestError as error:
+            why = f'{error}; a load signal is JSON such as {{"loaded": true}}'
+            self._dispatcher.refuse_signal("load", why, self._describe_origin)
+
+    def _describe_origin(self) -> str:
+        return "" if self._session is None else describe_links(self._session)
+
+    def _send(self, answer: Answer) -> None:
+        query, payload = answer.query.query, to_json(answer.content)
+        try:
+            with query:
+                if answer.accepted:
+                    query.reply(f"{self._key}/rpc/{answer.query.verb}", payload, encoding=JSON)
+                else:
+                    query.reply_err(payload, encoding=JSON)
+        except zenoh.ZError as error:
+            log.error("rpc/%s could not be answered: %s", answer.query.verb, error)
+
+    def close(self) -> None:
+        """Take no more calls."""
+        with suppress(zenoh.ZError):
+            for queryable in self._queryables:
+                queryable.undeclare()
+            if self._load is not None:
+                self._load.undeclare()

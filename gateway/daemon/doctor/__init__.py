@@ -1,0 +1,1 @@
+"""The checks of `plumbline doctor`, and the diagnostic bundle."""

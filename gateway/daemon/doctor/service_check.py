@@ -1,0 +1,65 @@
+"""The checks of `plumbline doctor` beside a gateway that runs: the gateway itself is asked over its bus."""
+
+from collections.abc import Iterator
+from typing import Any
+
+from gateway.bus.client import open_client_session, query_status
+from gateway.configuration.model import Configuration
+from gateway.daemon.doctor.check_result import CheckResult
+from gateway.errors import PlumblineError
+from gateway.page.verdict import TRUSTED_CALIBRATIONS
+
+MOST_LOST_SHARE = 0.01
+
+
+def examine_running(configuration: Configuration) -> Iterator[CheckResult]:
+    """Report the state of the running gateway: sampling, recording, calibration, alerts."""
+    folder, key = configuration.gateway.data_dir, configuration.gateway.key
+    try:
+        topics = query_gateway(configuration)
+    except PlumblineError as error:
+        yield CheckResult("bad", "gateway", f"does not answer, and {folder} is in use: {error}")
+        return
+    if topics is None:
+        yield CheckResult(
+            "bad", "gateway", f"{key} does not answer, and {folder} is in use: has the gateway another configuration?"
+        )
+        return
+    yield from _report(topics)
+
+
+def query_gateway(configuration: Configuration) -> dict[str, Any] | None:
+    """Return the last message of every topic of the gateway of this machine; None: it does not answer. Raises `BusError`."""
+    key = configuration.gateway.key
+    for endpoint in configuration.bus.local_endpoints:
+        with open_client_session(endpoint) as session:
+            return query_status(session, key).get(key)
+    return None
+
+
+def _report(topics: dict[str, Any]) -> Iterator[CheckResult]:
+    health = topics.get("health") or {}
+    if health.get("state") != "running":
+        yield CheckResult("bad", "gateway", f"is {health.get('state', 'starting')}")
+    else:
+        uptime = f"{health['uptime_s'] / 3600:.1f} h" if health["uptime_s"] >= 3600 else f"{health['uptime_s']:.0f} s"
+        yield CheckResult("good", "gateway", f"has been running for {uptime}, version {health['software']}")
+    rate_hz, lost, samples = health.get("measured_rate_hz"), health.get("lost", 0), health.get("samples", 0)
+    rate = "rate not known yet" if rate_hz is None else f"{rate_hz:.1f} Hz"
+    few_lost = lost <= MOST_LOST_SHARE * samples
+    yield CheckResult(
+        "good" if few_lost else "bad", "device", f"{health.get('device_id')} at {rate}, {lost} of {samples} lost"
+    )
+    faults = {name: count for name, count in {**health.get("faults", {}), **health.get("dropped", {})}.items() if count}
+    if faults:
+        listed = ", ".join(f"{name} {count}" for name, count in faults.items())
+        yield CheckResult("note", "faults", f"since the start: {listed}")
+    error = health.get("recording_error")
+    yield CheckResult("bad" if error else "good", "recording", error or health.get("recording") or "off")
+    calibration = topics.get("calibration") or {}
+    trusted = calibration.get("status") in TRUSTED_CALIBRATIONS
+    yield CheckResult("good" if trusted else "note", "calibration", calibration.get("text") or "not known yet")
+    alert = topics.get("alert") or {}
+    yield CheckResult(
+        "good" if alert.get("level") == "normal" else "note", "alerts", alert.get("text") or "not known yet"
+    )

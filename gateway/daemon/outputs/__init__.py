@@ -1,0 +1,1 @@
+"""Where messages go: the bus, the page's process and the relay."""

@@ -1,0 +1,66 @@
+"""The connection to the bus, opened in a thread of its own, because that may take until a router answers."""
+
+import logging
+import threading
+from collections.abc import Callable, Sequence
+
+import zenoh
+
+from gateway.bus.session import BusError
+from gateway.daemon.runtime.faults import Backoff, FaultRegister
+
+log = logging.getLogger("plumbline.bus")
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 5.0
+PART = "bus"
+
+
+class BusConnection(threading.Thread):
+    """Opens the session, with growing pauses between the attempts, and closes it at the end."""
+
+    def __init__(
+        self,
+        open_session: Callable[[], zenoh.Session],
+        users: Sequence[Callable[[zenoh.Session], None]],
+        faults: FaultRegister,
+    ) -> None:
+        """`users` are called with the session once it is open; they may not be called before."""
+        super().__init__(name="bus", daemon=True)
+        self._open_session = open_session
+        self._users = users
+        self._faults = faults
+        self._stopping = threading.Event()
+        self.tried = threading.Event()
+        """Set after the first attempt."""
+
+    def stop(self) -> None:
+        """Ask the thread to close the session and end."""
+        self._stopping.set()
+
+    def run(self) -> None:
+        """Open the session, pass it on, and close it when told to stop."""
+        backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
+        while not self._stopping.is_set():
+            session = self._try_open()
+            self.tried.set()
+            if session is not None:
+                self._stopping.wait()
+                session.close()
+                return
+            self._stopping.wait(backoff.pause_s)
+            backoff.increase()
+
+    def _try_open(self) -> zenoh.Session | None:
+        try:
+            session = self._open_session()
+        except BusError as error:
+            self._faults.set(PART, f"{error}; it is tried again until it works, everything else goes on")
+            return None
+        try:
+            for use in self._users:
+                use(session)
+        except zenoh.ZError as error:
+            self._faults.set(PART, f"bus: {error}; it is tried again until it works, everything else goes on")
+            session.close()
+            return None
+        self._faults.clear(PART)
+        return session

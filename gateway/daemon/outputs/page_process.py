@@ -1,0 +1,123 @@
+"""The process of the operator's page: started on a socket that the gateway keeps, and started again when it ends."""
+
+import importlib.util
+import socket
+import subprocess
+import threading
+import time
+
+from gateway.configuration.model import Configuration
+from gateway.daemon.outputs.page_channel import PageChannel
+from gateway.daemon.runtime.faults import Backoff, FaultRegister
+from gateway.errors import PlumblineError
+from gateway.page import launch
+from gateway.page.parameters import CraneDirections, Parameters
+from gateway.page.pin import PIN_NAME, make_pin
+
+PAGE_MODULES = ("starlette", "uvicorn")
+FIRST_PAUSE_S = 1.0
+LONGEST_PAUSE_S = 60.0
+BIND_PAUSE_S = 2.0
+"""Pause between two attempts to take the address."""
+PART = "page"
+PIN = "page_pin"
+GOES_ON = "it is tried again until it works, everything else goes on"
+
+
+class PageError(PlumblineError):
+    """The page cannot be served at present; the text names the address and the remedy in one line."""
+
+
+class PageProcess:
+    """Takes the page's address as soon as it is free, and keeps a process on it."""
+
+    def __init__(self, configuration: Configuration, channel: PageChannel, faults: FaultRegister) -> None:
+        self._parameters = page_parameters(configuration)
+        self._channel = channel
+        self._address = configuration.page.address
+        self._faults = faults
+        self._socket: socket.socket | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+        self._backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
+        self._next_start_s = 0.0
+
+    def supervise(self) -> None:
+        """Start the process, or start it again after a pause if it has ended; call a few times a second."""
+        now_s = time.monotonic()
+        if now_s < self._next_start_s:
+            return
+        if self._process is not None and self._process.poll() is None:
+            self._faults.clear(PART)
+            return
+        if self._process is not None:
+            code, self._process = launch.stop(self._process), None
+            self._faults.set(PART, f"page: its process has ended with code {code} and is started again")
+            self._backoff.increase()
+        try:
+            self._process = self._start()
+        except PageError as error:
+            self._next_start_s = now_s + BIND_PAUSE_S
+            self._faults.set(PART, f"{error}; {GOES_ON}")
+        else:
+            self._next_start_s = now_s + self._backoff.pause_s
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        """Take the address where that is not done, and start the process. Raises `PageError`."""
+        if self._socket is None:
+            missing = [name for name in PAGE_MODULES if importlib.util.find_spec(name) is None]
+            if missing:
+                raise PageError(
+                    f"page: {', '.join(missing)} not installed; install plumbline-gateway[page], or set page.enabled = false"
+                )
+            self._socket = _bind(*self._address)
+        threading.Thread(target=self._make_pin, name="page-pin", daemon=True).start()  # the disk may not answer
+        try:
+            return launch.start(self._parameters, self._socket, self._channel.open)
+        except OSError as error:
+            raise PageError(f"page: its process cannot be started ({error.strerror})") from error
+
+    def _make_pin(self) -> None:
+        """Make the PIN where there is none. Without it the page shows everything, and nobody acknowledges on it."""
+        if self._parameters.pin_file is None:
+            return
+        try:
+            make_pin(self._parameters.pin_file)
+        except OSError as error:
+            self._faults.set(PIN, f"{self._parameters.pin_file}: {error.strerror}; nobody can acknowledge on the page")
+        else:
+            self._faults.clear(PIN)
+
+    def stop(self) -> None:
+        """End the process and release the address."""
+        if self._process is not None:
+            launch.stop(self._process)
+        self._channel.close()
+        if self._socket is not None:
+            self._socket.close()
+
+
+def page_parameters(configuration: Configuration) -> Parameters:
+    """Return the start parameters of the page of this gateway."""
+    gateway, alerts = configuration.gateway, configuration.alerts
+    return Parameters(
+        key=gateway.key,
+        warn_deg=alerts.warn_deg,
+        trip_deg=alerts.trip_deg,
+        lean_trip_deg=alerts.lean_trip_deg,
+        stale_s=alerts.stale_s,
+        pin_file=gateway.data_dir / PIN_NAME,
+        hosts=[configuration.page.address[0], *configuration.page.hosts],
+        names=configuration.page.names,
+        language=configuration.page.language,
+        directions=CraneDirections(**configuration.page.directions.model_dump()),
+        title=f"{gateway.site} / {gateway.crane} / {gateway.sensor}",
+    )
+
+
+def _bind(host: str, port: int) -> socket.socket:
+    try:
+        return socket.create_server((host, port), backlog=64)
+    except OSError as error:
+        raise PageError(
+            f"page: {host}:{port} cannot be used ({error.strerror}); stop the program that uses it, or choose another page.listen"
+        ) from error

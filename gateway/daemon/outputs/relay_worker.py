@@ -1,0 +1,179 @@
+"""The relay thread: passes the decision on each alert to the process that switches the relay, and keeps that process alive."""
+
+import logging
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+
+from gateway.configuration.relay_section import CommandRelay, GpioRelay, NoRelay
+from gateway.daemon.runtime.bounded_queue import BoundedQueue
+from gateway.daemon.runtime.faults import Backoff, FaultRegister
+from gateway.daemon.runtime.worker import Worker
+from gateway.messages import Alert
+from gateway.relay.decision import RelayDecision, RelayLogic
+from gateway.relay.protocol import ENERGISE, RELEASE, STATES, RelayParameters, RelayState
+
+log = logging.getLogger("plumbline.relay")
+PART = "relay"
+INBOX = 64
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.2, 10.0
+ANSWER_S = 2.0
+"""Longest usual time between a line and its answer, beside that of the output."""
+END_S = 1.0
+LONGEST_ANSWER = 65536
+SAFE_PATH = ["-P"] if sys.flags.safe_path else []
+
+
+class RelayWorker(Worker[Alert]):
+    """Owns the process that switches the relay. No other thread ever waits for it."""
+
+    def __init__(self, settings: CommandRelay | GpioRelay, faults: FaultRegister) -> None:
+        super().__init__(PART, BoundedQueue(INBOX))
+        self._register = faults
+        self._logic = RelayLogic(settings)
+        self._parameters = relay_parameters(settings)
+        self._patience_s = settings.watchdog_s + ANSWER_S + 2 * self._parameters.command_timeout_s
+        self._process: subprocess.Popen[bytes] | None = None
+        self._backoff = Backoff(FIRST_PAUSE_S, LONGEST_PAUSE_S)
+        self._started_s = 0.0
+        self._answered_s = 0.0
+        self._rest = b""
+        self._decision = RelayDecision(False, "no alert was judged yet")
+        self.state: RelayState = "released"
+        """As the process has last stated it; failed: not known."""
+        self._restarts, self._unanswered = 0, 0
+
+    @property
+    def faults(self) -> Mapping[str, int]:
+        """Faults since start, by name. Called by any thread."""
+        return {"relay_restarted": self._restarts, "relay_not_confirmed": self._unanswered}
+
+    @property
+    def reason(self) -> str | None:
+        """Why the relay is released; None while it is not. Called by any thread."""
+        return self._decision.reason or None
+
+    def handle(self, item: Alert) -> None:
+        """Judge an alert and pass the decision on."""
+        decision = self._logic.judge(item, time.monotonic())
+        if decision.energised != self._decision.energised:
+            log.warning("relay %s", "energised: all is well" if decision.energised else f"released: {decision.reason}")
+        self._decision = decision
+        self._supervise()
+        self._send(ENERGISE if decision.energised else RELEASE)
+
+    def idle(self) -> None:
+        """Read the answers, and start the process again where it has ended or hangs."""
+        self._supervise()
+
+    def close(self) -> None:
+        """Let the process release the relay and end."""
+        if self._process is None:
+            return
+        assert self._process.stdin is not None
+        with suppress(OSError):
+            self._process.stdin.close()
+        try:
+            self._process.wait(END_S + 2 * self._parameters.command_timeout_s)
+        except subprocess.TimeoutExpired:
+            log.error("the relay's process does not end; it is killed")
+            self._kill()
+        self._read_answers(time.monotonic())
+        self._close_pipes()
+
+    def _supervise(self) -> None:
+        now_s = time.monotonic()
+        if self._process is None or self._process.poll() is not None:
+            self._start_again(now_s)
+            return
+        self._read_answers(now_s)
+        if now_s - self._answered_s > self._patience_s:
+            self._unanswered += 1
+            self._register.set(PART, "relay: its process does not answer and is started again")
+            self._kill()
+
+    def _start_again(self, now_s: float) -> None:
+        """Start the process, or start it again after a pause."""
+        if self._process is not None:
+            self._read_answers(now_s)
+            if now_s - self._started_s < self._backoff.pause_s:
+                return
+            self._register.set(
+                PART, f"relay: its process has ended with code {self._process.returncode} and is started again"
+            )
+            self._restarts += 1
+            self._backoff.increase()
+            self._close_pipes()
+        self._started_s = self._answered_s = now_s
+        self._rest = b""
+        self._process = subprocess.Popen(
+            [sys.executable, *SAFE_PATH, "-m", "gateway.daemon.outputs.relay_watchdog"],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            process_group=0,  # Ctrl-C ends the gateway; the end of the pipe then ends this process
+        )
+        for pipe in (self._process.stdin, self._process.stdout):
+            assert pipe is not None
+            os.set_blocking(pipe.fileno(), False)
+        self._send(self._parameters.encode())
+
+    def _send(self, line: bytes) -> None:
+        """Write a line without waiting; what does not fit is a process that hangs, which the missing answer shows."""
+        if self._process is not None and self._process.stdin is not None:
+            with suppress(OSError):
+                os.write(self._process.stdin.fileno(), line)
+
+    def _read_answers(self, now_s: float) -> None:
+        assert self._process is not None
+        assert self._process.stdout is not None
+        try:
+            data = os.read(self._process.stdout.fileno(), LONGEST_ANSWER)
+        except OSError:  # nothing has come
+            return
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        for line in lines:
+            word, _, text = line.partition(b" ")
+            self._answered_s = now_s
+            self.state = STATES.get(word, "failed")
+            if self.state == "failed":
+                self._register.set(PART, f"relay: it cannot be switched: {text.decode(errors='replace')}")
+            else:
+                self._register.clear(PART)
+
+    def _kill(self) -> None:
+        assert self._process is not None
+        self._process.kill()
+        self._process.wait()
+
+    def _close_pipes(self) -> None:
+        assert self._process is not None
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                with suppress(OSError):
+                    pipe.close()
+
+
+def make_relay(settings: NoRelay | CommandRelay | GpioRelay, faults: FaultRegister) -> RelayWorker | None:
+    """Return the thread of the configured relay; None where there is none."""
+    return None if isinstance(settings, NoRelay) else RelayWorker(settings, faults)
+
+
+def relay_parameters(settings: CommandRelay | GpioRelay) -> RelayParameters:
+    """Return the settings of the process."""
+    if isinstance(settings, CommandRelay):
+        return RelayParameters(
+            watchdog_s=settings.watchdog_s,
+            command=list(settings.command),
+            command_timeout_s=settings.command_timeout_s,
+            repeat_s=settings.repeat_s,
+        )
+    return RelayParameters(
+        watchdog_s=settings.watchdog_s,
+        chip=str(settings.chip),
+        line=settings.line,
+        active_low=settings.active_low,
+        pulse_hz=settings.pulse_hz,
+    )

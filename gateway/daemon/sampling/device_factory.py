@@ -1,0 +1,240 @@
+"""The devices by their configuration. A module of `devices` is imported only when its kind is configured."""
+
+import logging
+import math
+import subprocess
+from functools import partial
+
+from devices.clock import Clock
+from devices.device import Device
+from devices.errors import DeviceError
+from gateway.configuration.device_plugins import PluginError, load_plugin
+from gateway.configuration.device_section import DeviceSection
+from gateway.configuration.device_sections import IioDevice, ReplayDevice, SimulatedDevice
+from gateway.configuration.i2c_devices import Ads1115Device, I2cDevice, I2cSection
+from gateway.configuration.model import Configuration
+from gateway.configuration.serial_devices import AsppDevice, NodeDevice, SerialSection, WitMotionDevice
+from gateway.configuration.single_axis_device import SingleAxisDevice
+
+log = logging.getLogger("plumbline.device")
+BLOCK_S = 0.1
+"""Length of a block where it is not configured."""
+LONGEST_BLOCK = 32
+HOOK_S = 5.0
+"""Longest time of a recovery command: shorter than the period of the watchdog."""
+
+
+def block_samples(device: DeviceSection) -> int:
+    """Return the samples per block: as configured, or those of a tenth of a second, at most 32."""
+    if device.block_samples is not None:
+        return device.block_samples
+    rate_hz = getattr(device, "odr_hz", None)
+    return LONGEST_BLOCK if rate_hz is None else max(1, min(LONGEST_BLOCK, math.ceil(rate_hz * BLOCK_S)))
+
+
+def make_device(configuration: Configuration, clock: Clock) -> Device:
+    """Return the configured device, not yet opened. Raises `DeviceError` where it cannot be made."""
+    device: DeviceSection = configuration.device
+    n = block_samples(device)
+    try:
+        match device:
+            case SimulatedDevice():
+                return _make_simulated(configuration, device, n, clock)
+            case I2cSection():
+                return _make_recovering(device, _make_i2c(device, n, clock), clock)
+            case IioDevice() | SingleAxisDevice():
+                return _make_without_hooks(device, n, clock)
+            case SerialSection():
+                return _make_serial(device, n, clock)
+            case ReplayDevice():
+                return _make_replay(device, n, clock)
+            case _:
+                return load_plugin(device.kind).make(device, n, clock)
+    except (ValueError, PluginError) as error:
+        raise DeviceError(f"device: {error}") from error
+
+
+def _make_simulated(configuration: Configuration, device: SimulatedDevice, block: int, clock: Clock) -> Device:
+    from devices.simulated.device import SimulatedCrane
+
+    position_m = configuration.housing_position_m
+    if position_m is None:
+        raise ValueError("the position of the simulated housing on the rope is not given")
+    return SimulatedCrane(
+        odr_hz=device.odr_hz,
+        range_g=device.range_g,
+        block_samples=block,
+        seed=device.seed,
+        length_m=configuration.rope.length_m,
+        position_m=position_m,
+        gravity_m_s2=configuration.site.local_gravity_m_s2,
+        clock=clock,
+    )
+
+
+def _make_i2c(device: I2cSection, block: int, clock: Clock) -> Device:
+    match device:
+        case I2cDevice():
+            return _make_chip(device, block, clock)
+        case Ads1115Device():
+            return _make_ads1115(device, block, clock)
+        case _:
+            raise ValueError(f"no device of kind {device.kind}")
+
+
+def _make_chip(device: I2cDevice, block: int, clock: Clock) -> Device:
+    from devices.chips import CHIPS
+    from devices.fifo_accelerometer import FifoAccelerometer
+
+    return FifoAccelerometer(
+        CHIPS[device.kind](device.odr_hz, device.range_g),
+        bus=device.bus,
+        address=device.address,
+        clock=clock,
+        block_samples=block,
+        serial=device.serial,
+    )
+
+
+def _make_recovering(section: I2cSection, device: Device, clock: Clock) -> Device:
+    from devices.recovery import Hook, RecoveringDevice
+
+    def hook(command: list[str]) -> Hook | None:
+        return partial(run_hook, command) if command else None
+
+    bus_clear, power_cycle = hook(section.bus_clear_command), hook(section.power_cycle_command)
+    return RecoveringDevice(device, clock, bus_clear=bus_clear, power_cycle=power_cycle)
+
+
+def _make_ads1115(device: Ads1115Device, block: int, clock: Clock) -> Device:
+    from devices.analogue_accelerometer import AnalogueAccelerometer
+    from devices.analogue_parts import ANALOGUE_PARTS
+
+    return AnalogueAccelerometer(
+        ANALOGUE_PARTS[device.sensor],
+        bus=device.bus,
+        address=device.address,
+        clock=clock,
+        odr_hz=device.odr_hz,
+        block_samples=block,
+        serial=device.serial,
+    )
+
+
+def _make_without_hooks(device: IioDevice | SingleAxisDevice, block: int, clock: Clock) -> Device:
+    if isinstance(device, IioDevice):
+        return _make_iio(device, block, clock)
+    from devices.chips import CHIPS
+    from devices.combined_axes import CombinedAxes, SensitiveAxis
+    from devices.fifo_accelerometer import FifoAccelerometer
+
+    axes = []
+    for sensor in device.sensors:
+        chip = CHIPS[sensor.part](device.odr_hz, sensor.range_g)
+        driver = FifoAccelerometer(chip, sensor.bus, sensor.address, clock=clock, block_samples=block)
+        axes.append(SensitiveAxis(driver, *sensor.axis))
+    return CombinedAxes(axes, odr_hz=device.odr_hz, serial=device.serial)
+
+
+def _make_iio(device: IioDevice, block: int, clock: Clock) -> Device:
+    if device.mode == "polled":
+        from devices.iio_polled import PolledIioAccelerometer
+
+        return PolledIioAccelerometer(
+            device.name,
+            clock=clock,
+            odr_hz=device.odr_hz,
+            range_g=device.range_g,
+            block_samples=block,
+            serial=device.serial,
+        )
+    from devices.iio_accelerometer import IioAccelerometer
+
+    return IioAccelerometer(
+        device.name,
+        clock=clock,
+        odr_hz=device.odr_hz,
+        range_g=device.range_g,
+        trigger=device.trigger,
+        block_samples=block,
+        serial=device.serial,
+    )
+
+
+def _make_serial(device: SerialSection, block: int, clock: Clock) -> Device:
+    match device:
+        case WitMotionDevice():
+            return _make_witmotion(device, block, clock)
+        case NodeDevice():
+            return _make_node(device, block, clock)
+        case AsppDevice():
+            return _make_aspp(device, block, clock)
+        case _:
+            raise ValueError(f"no device of kind {device.kind}")
+
+
+def _make_witmotion(device: WitMotionDevice, block: int, clock: Clock) -> Device:
+    from devices.witmotion import open_witmotion
+
+    return open_witmotion(
+        device.port,
+        device.baud,
+        clock=clock,
+        odr_hz=device.odr_hz,
+        frames=device.frames,
+        block_samples=block,
+        serial=device.serial,
+    )
+
+
+def _make_node(device: NodeDevice, block: int, clock: Clock) -> Device:
+    from devices.node import open_node
+
+    return open_node(
+        device.port,
+        device.baud,
+        node=device.node,
+        clock=clock,
+        odr_hz=device.odr_hz,
+        range_g=device.range_g,
+        block_samples=block,
+        serial=device.serial,
+    )
+
+
+def _make_aspp(device: AsppDevice, block: int, clock: Clock) -> Device:
+    from devices.aspp import open_aspp
+
+    return open_aspp(
+        device.port,
+        device.baud,
+        node=device.node,
+        clock=clock,
+        range_g=device.range_g,
+        odr_hz=device.odr_hz,
+        channels=device.channels,
+        units_per_g=device.units_per_g,
+        block_samples=block,
+        serial=device.serial,
+    )
+
+
+def _make_replay(device: ReplayDevice, block: int, clock: Clock) -> Device:
+    from gateway.daemon.sampling.replay_source import open_replay
+
+    return open_replay(device, block, clock)
+
+
+def run_hook(command: list[str]) -> bool:
+    """Run a command for at most five seconds; return whether it ended with exit code 0."""
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, timeout=HOOK_S, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        log.error("recovery command %s failed: %s; check the configuration of the device", command[0], error)
+        return False
+    if done.returncode:
+        output = (done.stderr or done.stdout).strip().splitlines()
+        log.error("recovery command %s: exit code %d, %s", command[0], done.returncode, output[-1] if output else "-")
+        return False
+    log.warning("recovery command %s was run", command[0])
+    return True

@@ -1,0 +1,54 @@
+"""What the bus brings while the thread of the remote calls is busy: bounded, and every drop is counted."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import zenoh
+
+from devices.clock import HostClock
+from gateway.daemon.commands.authorisation import refuse_all
+from gateway.daemon.commands.dispatcher import RequestDispatcher
+from gateway.daemon.commands.recalibration_service import RecalibrationService
+from gateway.daemon.commands.rpc_server import INBOX, RESERVED_FOR_ANSWERS, RpcServer
+from gateway.daemon.commands.security_log import SecurityLog
+from gateway.daemon.runtime.wall_clock import WallClockMonitor
+from gateway.daemon.storage.calibration_provider import CalibrationProvider
+from gateway.recalibration.recalibration import Recalibration
+from tests.waiting import wait_until
+
+KEY = "plumbline/v1/site/crane/hook"
+AXES = ((0, 1), (1, 1), (2, 1))
+
+
+@pytest.fixture
+def session() -> Iterator[zenoh.Session]:
+    config = zenoh.Config()
+    config.insert_json5("listen/endpoints", json.dumps([]))
+    config.insert_json5("scouting/multicast/enabled", "false")
+    with zenoh.open(config) as opened:
+        yield opened
+
+
+@pytest.fixture
+def server(session: zenoh.Session, tmp_path: Path) -> RpcServer:
+    """Takes calls, and its thread does not run yet."""
+    recalibration = Recalibration(tmp_path, AXES, software="test", log_line=print)
+    server = RpcServer(
+        KEY,
+        RequestDispatcher(KEY, refuse_all("boot"), {}, SecurityLog(tmp_path / "security.jsonl"), lambda: 0),
+        RecalibrationService(
+            recalibration, CalibrationProvider(tmp_path, AXES), WallClockMonitor(HostClock()), lambda _: True
+        ),
+        prepare=lambda: None,
+    )
+    server.attach(session)
+    return server
+
+
+def test_load_signals_that_find_the_inbox_full_are_counted(session: zenoh.Session, server: RpcServer) -> None:
+    for _ in range(INBOX):
+        session.put(f"{KEY}/load", b'{"loaded": true}')
+    wait_until(lambda: len(server.inbox) + server.inbox.dropped == INBOX, "the last signal")
+    assert server.inbox.dropped == RESERVED_FOR_ANSWERS

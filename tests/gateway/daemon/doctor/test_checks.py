@@ -1,0 +1,36 @@
+"""`plumbline doctor` says what keeps the relay from working, and switches nothing."""
+
+from pathlib import Path
+
+import pytest
+
+from gateway.configuration.model import Configuration
+from gateway.daemon.doctor.checks import check_relay
+from tests.gateway.daemon.outputs.relay_script import ScriptedRelay
+
+
+def check(**relay: object) -> list[tuple[str, str]]:
+    return [(result.grade, result.text) for result in check_relay(Configuration.model_validate({"relay": relay}))]
+
+
+def test_without_a_relay_there_is_nothing_to_check() -> None:
+    assert check(kind="none") == []
+
+
+def test_a_command_is_found_and_not_called(tmp_path: Path) -> None:
+    relay = ScriptedRelay(tmp_path)
+    ((grade, _),) = check(kind="command", command=[str(relay.path)])
+    assert (grade, relay.calls) == ("good", [])
+
+
+@pytest.mark.parametrize(
+    ("relay", "problem"),
+    [
+        ({"kind": "command", "command": ["/no/such/program"]}, "no such program"),
+        ({"kind": "gpio", "chip": "/dev/no-such-chip", "line": 1}, "no such GPIO chip"),
+    ],
+)
+def test_an_output_that_is_not_there_is_bad(relay: dict[str, object], problem: str) -> None:
+    ((grade, text),) = check(**relay)
+    assert grade == "bad"
+    assert problem in text

@@ -1,0 +1,270 @@
+"""The relay drops whatever dies or hangs: the gateway, its thread, the process that switches, the output."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from gateway.configuration.relay_section import CommandRelay, GpioRelay
+from gateway.daemon.outputs import relay_worker
+from gateway.daemon.outputs.relay_worker import RelayWorker
+from gateway.daemon.runtime.faults import FaultRegister
+from gateway.messages import ActiveAlert, Alert
+from gateway.relay.protocol import ENERGISE
+from tests.gateway.daemon.outputs.relay_script import FakeGpioChip, ScriptedRelay
+from tests.system.conftest import ROOT
+from tests.values import present
+from tests.waiting import PATIENCE_S, wait_until
+
+NORMAL = Alert(
+    time_ns=0,
+    clock="synchronised",
+    sequence=0,
+    level="normal",
+    validity="valid",
+    event="standing",
+    active=[],
+    text="normal",
+)
+TRIP = Alert(
+    time_ns=0,
+    clock="synchronised",
+    sequence=1,
+    level="trip",
+    event="raised",
+    active=[ActiveAlert(rule="swing", level="trip", since_ns=0, value_deg=7.0, text="swing trip")],
+    text="swing trip",
+)
+
+
+@pytest.fixture
+def relay(tmp_path: Path) -> ScriptedRelay:
+    return ScriptedRelay(tmp_path)
+
+
+Start = Callable[[CommandRelay | GpioRelay], RelayWorker]
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    workers: list[RelayWorker] = []
+
+    def begin(settings: CommandRelay | GpioRelay) -> RelayWorker:
+        worker = RelayWorker(settings, FaultRegister())
+        workers.append(worker)
+        worker.start()
+        return worker
+
+    yield begin
+    for worker in workers:
+        worker.finish()
+        worker.join(PATIENCE_S)
+
+
+def command(relay: ScriptedRelay, **changes: Any) -> CommandRelay:
+    return CommandRelay(kind="command", command=[str(relay.path)], **{"watchdog_s": 1.5, **changes})
+
+
+def hold(worker: RelayWorker, condition: Callable[[], object], what: str) -> None:
+    """Send an alert that is well every tenth of a second until a condition holds."""
+
+    def met() -> object:
+        worker.inbox.put(NORMAL)
+        time.sleep(0.1)
+        return condition()
+
+    wait_until(met, what)
+
+
+def test_the_relay_is_released_at_start_energised_while_well_and_dropped_by_a_trip(
+    relay: ScriptedRelay, start: Start
+) -> None:
+    worker = start(command(relay))
+    wait_until(lambda: relay.calls == ["release"], "the release at start")
+    hold(worker, lambda: worker.state == "energised", "the relay")
+    worker.inbox.put(TRIP)
+    wait_until(lambda: worker.state == "released", "the drop")
+    assert relay.calls == ["release", "energise", "release"]
+    assert worker.reason == "swing trip"
+    assert not any(worker.faults.values())
+
+
+def test_silence_of_the_alerts_drops_the_relay(relay: ScriptedRelay, start: Start) -> None:
+    worker = start(command(relay))
+    hold(worker, lambda: relay.state == "energise", "the relay")
+    wait_until(lambda: relay.state == "release", "the watchdog")
+    assert worker.state in ("released", "energised")
+    wait_until(lambda: worker.state == "released", "the report of the watchdog")
+
+
+def test_the_end_of_the_thread_drops_the_relay(relay: ScriptedRelay, start: Start) -> None:
+    worker = start(command(relay))
+    hold(worker, lambda: relay.state == "energise", "the relay")
+    worker.finish()
+    worker.join(PATIENCE_S)
+    assert relay.state == "release"
+
+
+def test_a_killed_process_is_replaced_by_one_that_releases_first(relay: ScriptedRelay, start: Start) -> None:
+    worker = start(command(relay))
+    hold(worker, lambda: relay.state == "energise", "the relay")
+    assert worker._process is not None
+    worker._process.kill()
+    wait_until(lambda: relay.state == "release", "the release by the next process")
+    hold(worker, lambda: relay.state == "energise", "the relay again")
+    assert worker.faults["relay_restarted"] >= 1
+
+
+def test_a_process_that_hangs_is_replaced(relay: ScriptedRelay, start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(relay_worker, "ANSWER_S", -0.5)
+    worker = start(command(relay, command_timeout_s=0.5))
+    hold(worker, lambda: relay.state == "energise", "the relay")
+    assert worker._process is not None
+    worker._process.send_signal(signal.SIGSTOP)
+    hold(worker, lambda: relay.calls.count("release") >= 2, "the release by the next process")
+    hold(worker, lambda: relay.state == "energise", "the relay again")
+    assert worker.faults["relay_not_confirmed"] >= 1
+
+
+@pytest.mark.parametrize("how", ["fail", "hang"])
+def test_a_command_that_fails_or_hangs_is_counted_and_never_blocks_the_thread(
+    relay: ScriptedRelay, start: Start, how: str
+) -> None:
+    worker = start(command(relay, command_timeout_s=0.3, repeat_s=1.0))
+    hold(worker, lambda: worker.state == "energised", "the relay")
+    relay.break_by(how)
+    longest_s = 0.0
+
+    def failed() -> bool:
+        nonlocal longest_s
+        worker.inbox.put(NORMAL)
+        before_s = time.monotonic()
+        wait_until(lambda: len(worker.inbox) == 0, "the thread")
+        longest_s = max(longest_s, time.monotonic() - before_s)
+        return worker.state == "failed"
+
+    wait_until(failed, "the failure")
+    assert worker._register.counts == {"relay_failures": 1}
+    assert "it cannot be switched" in worker._register.standing["relay"]
+    assert worker.inbox.dropped == 0
+    relay.mend(how)
+    hold(worker, lambda: worker.state == "energised", "the relay again")
+
+
+def test_a_command_that_does_not_exist_is_a_fault_and_no_end(tmp_path: Path, start: Start) -> None:
+    worker = start(CommandRelay(kind="command", command=[str(tmp_path / "nothing")]))
+    wait_until(lambda: worker.state == "failed", "the failure")
+    assert worker.is_alive()
+
+
+PARENT = """
+import sys, time
+from gateway.configuration.relay_section import CommandRelay
+from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.outputs.relay_worker import RelayWorker
+from tests.gateway.daemon.outputs.test_relay_worker import NORMAL
+worker = RelayWorker(CommandRelay(kind="command", command=[sys.argv[1]], watchdog_s=30.0), FaultRegister())
+worker.start()
+while True:
+    worker.inbox.put(NORMAL)
+    time.sleep(0.1)
+"""
+
+
+@pytest.mark.parametrize("name", [signal.SIGKILL, signal.SIGSEGV])
+def test_the_death_of_the_gateway_drops_the_relay_at_once(relay: ScriptedRelay, name: signal.Signals) -> None:
+    parent = subprocess.Popen([sys.executable, "-c", PARENT, str(relay.path)], cwd=ROOT)
+    wait_until(lambda: relay.state == "energise", "the relay")
+    parent.send_signal(name)
+    parent.wait(PATIENCE_S)
+    wait_until(lambda: relay.state == "release", "the drop", patience_s=10.0)  # by the pipe: the watchdog takes 30 s
+
+
+def test_a_frozen_gateway_drops_the_relay(relay: ScriptedRelay) -> None:
+    parent = subprocess.Popen([sys.executable, "-c", PARENT.replace("30.0", "1.5"), str(relay.path)], cwd=ROOT)
+    try:
+        wait_until(lambda: relay.state == "energise", "the relay")
+        parent.send_signal(signal.SIGSTOP)
+        wait_until(lambda: relay.state == "release", "the watchdog")
+    finally:
+        parent.kill()
+        parent.wait()
+
+
+def test_lines_that_never_end_do_not_postpone_the_release(relay: ScriptedRelay) -> None:
+    watched = subprocess.Popen(
+        [sys.executable, "-m", "gateway.daemon.outputs.relay_watchdog"], cwd=ROOT, stdin=subprocess.PIPE
+    )
+    pipe = present(watched.stdin).fileno()
+
+    def state_after(word: bytes) -> str | None:
+        os.write(pipe, word)
+        return relay.state
+
+    try:
+        os.write(pipe, relay_worker.relay_parameters(command(relay)).encode())
+        wait_until(lambda: state_after(ENERGISE) == "energise", "the relay")
+        time.sleep(0.5)  # for the last whole line
+        watched.send_signal(signal.SIGSTOP)  # so that a part of a line waits when the 1.5 s of the watchdog are over
+        os.write(pipe, b"e")
+        time.sleep(2.0)
+        watched.send_signal(signal.SIGCONT)
+        wait_until(lambda: state_after(b"e") == "release", "the release", patience_s=10.0)
+    finally:
+        watched.kill()
+        watched.communicate()
+
+
+def test_a_gpio_line_is_high_while_well_and_low_before_and_after(
+    tmp_path: Path, start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chip = FakeGpioChip(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", chip.path)
+    worker = start(GpioRelay(kind="gpio", line=17, watchdog_s=1.5))
+    hold(worker, lambda: chip.levels[-1:] == ["high"], "the line")
+    assert chip.levels[0] == "low"
+    worker.inbox.put(TRIP)
+    wait_until(lambda: chip.levels[-1] == "low", "the drop")
+    worker.finish()
+    worker.join(PATIENCE_S)
+    assert chip.levels[-2:] == ["low", "returned"]
+
+
+def test_an_active_low_line_is_inverted_and_a_pulse_is_a_square_wave(
+    tmp_path: Path, start: Start, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    chip = FakeGpioChip(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", chip.path)
+    worker = start(GpioRelay(kind="gpio", line=3, active_low=True, pulse_hz=20.0, watchdog_s=1.5))
+    hold(worker, lambda: len(chip.levels) > 20, "the pulse")
+    assert chip.levels[0] == "high"  # released
+    worker.inbox.put(TRIP)
+    wait_until(lambda: worker.state == "released", "the drop")
+    edges = chip.levels[chip.levels.index("low") :]
+    assert edges.count("low") > 5
+    assert [level for level in edges if level not in ("low", "high")] == []
+    count = chip.levels.count("low")
+    time.sleep(0.3)
+    assert (chip.levels.count("low"), chip.levels[-1]) == (count, "high")
+
+
+def test_a_line_that_fails_is_reported(tmp_path: Path, start: Start, monkeypatch: pytest.MonkeyPatch) -> None:
+    chip = FakeGpioChip(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", chip.path)
+    worker = start(GpioRelay(kind="gpio", line=17))
+    hold(worker, lambda: worker.state == "energised", "the line")
+    chip.break_line()
+    hold(worker, lambda: worker.state == "failed", "the failure")
+
+
+def test_a_chip_that_is_not_there_is_a_fault_and_no_end(start: Start) -> None:
+    worker = start(GpioRelay(kind="gpio", chip=Path("/dev/no-such-chip"), line=1))
+    wait_until(lambda: worker.faults["relay_restarted"] >= 1, "another attempt")
+    assert worker.state == "failed"
+    assert worker.is_alive()

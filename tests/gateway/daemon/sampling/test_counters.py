@@ -1,0 +1,58 @@
+"""What health says about a wireless sensor's battery and link."""
+
+import numpy as np
+import pytest
+
+from devices.block import RadioStatus, SampleBlock
+from gateway.daemon.sampling.counters import STALE_S, RadioMonitor, SampleCounters
+
+
+class SetTime:
+    def __init__(self) -> None:
+        self.now_s = 1000.0
+
+    def __call__(self) -> float:
+        return self.now_s
+
+
+def test_nothing_is_known_before_the_first_report() -> None:
+    assert RadioMonitor().status() == RadioStatus()
+
+
+def test_each_quantity_is_kept_until_it_is_stale() -> None:
+    now = SetTime()
+    monitor = RadioMonitor(now)
+    monitor.add(RadioStatus(battery_v=3.9, battery_percent=75.0, battery_low=False, signal_dbm=-60.0))
+    now.now_s += STALE_S - 1
+    monitor.add(RadioStatus(signal_dbm=-71.0))
+    assert monitor.status() == RadioStatus(3.9, 75.0, False, -71.0)
+    now.now_s += 2
+    assert monitor.status() == RadioStatus(signal_dbm=-71.0)
+    now.now_s += STALE_S
+    assert monitor.status() == RadioStatus()
+
+
+def test_a_low_battery_is_one_warning_an_hour(caplog: pytest.LogCaptureFixture) -> None:
+    now = SetTime()
+    monitor = RadioMonitor(now)
+    for low in (False, True, True, None, False, True):
+        monitor.add(RadioStatus(battery_v=3.2, battery_low=low))
+    said = ("WARNING", "the sensor's battery is low (3.20 V); charge or change it")
+    assert [(record.levelname, record.message) for record in caplog.records] == [said]
+    now.now_s += 3600
+    monitor.add(RadioStatus(battery_v=3.2, battery_low=True))
+    assert len(caplog.records) == 2
+
+
+def test_a_low_battery_without_a_voltage_is_a_warning(caplog: pytest.LogCaptureFixture) -> None:
+    RadioMonitor().add(RadioStatus(battery_low=True))
+    assert [record.message for record in caplog.records] == ["the sensor's battery is low; charge or change it"]
+
+
+def test_the_report_of_a_block_is_counted() -> None:
+    counters = SampleCounters()
+    time_ns = np.array([1], np.int64)
+    raw = np.zeros((1, 3), np.int32)
+    counters.add(SampleBlock(time_ns, raw, radio=RadioStatus(signal_dbm=-80.0)))
+    counters.add(SampleBlock(time_ns, raw))
+    assert counters.radio.status() == RadioStatus(signal_dbm=-80.0)

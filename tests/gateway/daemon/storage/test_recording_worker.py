@@ -1,0 +1,70 @@
+"""The queue before the recorder: a source that can wait loses nothing while the disk takes something, and losses are counted."""
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from gateway.daemon.runtime.faults import FaultRegister
+from gateway.daemon.storage.recording_worker import INBOX, STALLED_S, RecordingWorker
+from gateway.messages import Samples
+from gateway.pipeline.outgoing_message import EncodedMessage, encode_message
+from gateway.recording.format.header import RecordingHeader
+from gateway.recording.segments.recorder import Recorder
+
+
+@pytest.fixture
+def message(make_samples: Callable[..., Samples]) -> EncodedMessage:
+    return encode_message("samples", make_samples(), 1)
+
+
+@pytest.fixture
+def full(tmp_path: Path, message: EncodedMessage) -> RecordingWorker:
+    """A worker whose queue is full, and whose thread does not run."""
+    header = RecordingHeader(
+        software="0.1.0", site="yard", crane="crane-2", sensor="hook", boot_id="b00t", configuration_toml=""
+    )
+    recorder = Recorder(tmp_path, header, segment_s=600.0, fsync_s=1.0, quota_mb=100.0)
+    worker = RecordingWorker(
+        recorder,
+        now_ns=lambda: 0,
+        rewrite=print,
+        data_dir=tmp_path,
+        claim_folder=lambda: None,
+        faults=FaultRegister(),
+    )
+    for _ in range(INBOX):
+        worker.submit(message, can_wait=False)
+    assert worker.samples_lost == 0
+    return worker
+
+
+def n_samples(message: EncodedMessage) -> int:
+    assert isinstance(message.message, Samples)
+    return len(message.message.x)
+
+
+def test_a_live_source_never_waits_and_its_losses_are_counted(full: RecordingWorker, message: EncodedMessage) -> None:
+    begun_s = time.monotonic()
+    full.submit(message, can_wait=False)
+    full.submit(message, can_wait=False)
+    assert time.monotonic() - begun_s < 0.3
+    assert full.samples_lost == 2 * n_samples(message)
+
+
+def test_a_source_that_can_wait_waits_for_a_slow_disk(full: RecordingWorker, message: EncodedMessage) -> None:
+    threading.Timer(1.2, lambda: full.inbox.get(0.0)).start()
+    full.submit(message, can_wait=True)
+    assert full.samples_lost == 0
+    assert len(full.inbox) == INBOX
+
+
+def test_a_disk_that_hangs_is_not_waited_for(full: RecordingWorker, message: EncodedMessage) -> None:
+    full.progress_s -= STALLED_S
+    begun_s = time.monotonic()
+    for _ in range(10):
+        full.submit(message, can_wait=True)
+    assert time.monotonic() - begun_s < 1.0
+    assert full.samples_lost == 10 * n_samples(message)
