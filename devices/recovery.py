@@ -1,6 +1,6 @@
 """Recovery of a device in steps: initialise it again, clear its bus, cycle its power.
 
-A transfer that fails is repeated before that (`devices.i2c`); the caller pauses between the attempts.
+A transfer that fails is repeated before that (`devices.i2c.bus`); the caller pauses between the attempts.
 """
 
 from collections import Counter

@@ -7,6 +7,11 @@ GYRO_END_OF_RANGE = 32767
 """A count of an angular rate at or beyond it is no rate. Basis: gyroscopes of 16 bits."""
 
 
+def code_limits(bits: int) -> tuple[int, int]:
+    """Return the lowest and the highest number of two's complement."""
+    return -(1 << (bits - 1)), (1 << (bits - 1)) - 1
+
+
 def mark_saturated(raw: NDArray[np.int32] | NDArray[np.float64], lowest: float, highest: float) -> NDArray[np.bool_]:
     """Return the samples of readings (n, 3) with an axis at or beyond a limit, shape (n,)."""
     if not len(raw) or (raw.min() > lowest and raw.max() < highest):

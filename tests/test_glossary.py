@@ -55,7 +55,7 @@ COMMON_WORDS = words(
     service shape size source state status step store stretch style table text type unit vector view word worker
     writer zoom ADXL355 I2C WitMotion chip identity section ADXL345 ADS1115 LIS2DW12 LIS3DH MPU9250
     analogue part probe recovery self test expected watch column layout notation MATLAB parallel
-    exposition protocol latest setting runtime sampling storage
+    exposition protocol latest setting runtime sampling storage native
     completion analysis machine terminal
     """
 )

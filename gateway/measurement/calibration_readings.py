@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from devices.foreign_table import NOTHING_STATED, TableOptions
+from devices.tables.foreign import NOTHING_STATED, TableOptions
 from gateway.calibration.offline.readings_file import FileReadings, read_file
 from gateway.errors import InputError
 from gateway.recording.reading.catalogue import list_recordings

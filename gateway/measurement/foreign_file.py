@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.errors import RecordingError
-from devices.foreign_table import TableOptions, read_foreign_table
 from devices.recording import Recording
-from devices.table_columns import RECORD_GRAVITY
+from devices.tables.columns import RECORD_GRAVITY
+from devices.tables.foreign import TableOptions, read_foreign_table
 from gateway.errors import InputError
 from gateway.measurement.matlab import write_matlab_table
 from gateway.swing.data.input_checks import lacks_gravity

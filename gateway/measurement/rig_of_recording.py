@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from devices.foreign_table import NOTHING_STATED, TableOptions
+from devices.tables.foreign import NOTHING_STATED, TableOptions
 from gateway.errors import InputError
 from gateway.measurement.rig import Rig, read_rig, rig_without_length
 from gateway.measurement.source import Source, read_source

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from devices.axes_map import SAME_AXES, map_axes
-from devices.foreign_table import NOTHING_STATED, TableOptions, is_native
 from devices.recording import Recording
-from devices.table import read_table
+from devices.tables.foreign import NOTHING_STATED, TableOptions, is_native
+from devices.tables.native import read_table
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import ALIGNED_MOUNT_U_DEG
 from gateway.errors import InputError

@@ -15,7 +15,7 @@ from pathlib import Path
 import smbus2
 
 from tests.benchmarks.faulty_wire import RunningClock, swinging
-from tests.devices.adxl355_chip import Adxl355Chip
+from tests.devices.i2c.adxl355_chip import Adxl355Chip
 
 
 class SwitchedChip(Adxl355Chip):

@@ -15,8 +15,8 @@ from collections import deque
 
 import smbus2
 
-from tests.devices.adxl355_chip import Adxl355Chip
-from tests.devices.i2c_chip import START_NS, FakeClock
+from tests.devices.i2c.adxl355_chip import Adxl355Chip
+from tests.devices.i2c.i2c_chip import START_NS, FakeClock
 
 PERIOD_S = 6.95
 """Of a swing with a rope of 12 m."""

@@ -7,8 +7,8 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from devices.chips import CHIPS
-from tests.devices.part_rig import PARTS, Part, PartRig
+from devices.i2c.chips import CHIPS
+from tests.devices.i2c.part_rig import PARTS, Part, PartRig
 
 CHIP_S = 20.0
 BUS_HZ = (100_000, 400_000, 1_000_000)

@@ -5,18 +5,18 @@ from collections.abc import Callable
 
 import numpy as np
 
-from devices.aspp import AsppPart
-from devices.aspp_frames import AsppDecoder
-from devices.aspp_payloads import read_sweeps
-from devices.node import NodePart
-from devices.node_frames import NodeFrameDecoder
+from devices.serial.aspp import AsppPart
+from devices.serial.aspp_frames import AsppDecoder
+from devices.serial.aspp_payloads import read_sweeps
+from devices.serial.node import NodePart
+from devices.serial.node_frames import NodeFrameDecoder
+from devices.serial.witmotion import WitMotionPart
+from devices.serial.witmotion_frames import FrameDecoder
+from devices.serial.witmotion_radio_frames import RadioFrameDecoder
 from devices.serial_sensor import SerialPart
-from devices.witmotion import WitMotionPart
-from devices.witmotion_frames import FrameDecoder
-from devices.witmotion_radio_frames import RadioFrameDecoder
-from tests.devices.aspp_wire import AsppNode
-from tests.devices.node_wire import Node
-from tests.devices.witmotion_wire import radio_stream, stream
+from tests.devices.serial.aspp_wire import AsppNode
+from tests.devices.serial.node_wire import Node
+from tests.devices.serial.witmotion_wire import radio_stream, stream
 
 BAUD = 115200
 SAMPLES = 40_000

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.devices.adxl355_rig import Rig
-from tests.devices.serial_peer import Peer, SetClock
-from tests.devices.table_lines import WriteTable
+from tests.devices.i2c.adxl355_rig import Rig
+from tests.devices.serial.serial_peer import Peer, SetClock
+from tests.devices.tables.table_lines import WriteTable
 
 
 @pytest.fixture

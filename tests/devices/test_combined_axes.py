@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from devices.adxl345 import Adxl345
 from devices.block import SampleBlock
 from devices.combined_axes import CombinedAxes, SensitiveAxis
 from devices.errors import TransferError
-from devices.fifo_accelerometer import FifoAccelerometer
-from tests.devices.adxl345_chip import Adxl345Chip
-from tests.devices.i2c_chip import START_NS, FakeClock, Signal
+from devices.i2c.adxl345 import Adxl345
+from devices.i2c.fifo_accelerometer import FifoAccelerometer
+from tests.devices.i2c.adxl345_chip import Adxl345Chip
+from tests.devices.i2c.i2c_chip import START_NS, FakeClock, Signal
 from tests.values import present
 
 PLACES = ((0, 1), (2, -1), (1, 1))

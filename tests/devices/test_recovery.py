@@ -10,7 +10,7 @@ from devices.errors import DeviceError
 from devices.recovery import RecoveringDevice
 from gateway.daemon.runtime.faults import Backoff
 from gateway.daemon.sampling.sampler import FIRST_PAUSE_S, LONGEST_PAUSE_S
-from tests.devices.part_rig import PARTS, Part, PartRig
+from tests.devices.i2c.part_rig import PARTS, Part, PartRig
 
 each_part = pytest.mark.parametrize("part", PARTS, ids=str)
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from devices.errors import DeviceError
-from tests.devices.serial_peer import Peer, SetClock
+from tests.devices.serial.serial_peer import Peer, SetClock
 from tests.values import present
 
 PAGE = Path(__file__).parents[2] / "docs" / "how-to" / "add_a_serial_sensor.md"

@@ -12,14 +12,14 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from devices.aspp import AsppPart
-from devices.aspp_frames import LONGEST_PAYLOAD
 from devices.errors import DeviceError
-from devices.node import NodePart
-from devices.node_frames import LONGEST_ENCODED, NodeFrame, encode_frame
+from devices.serial.aspp import AsppPart
+from devices.serial.aspp_frames import LONGEST_PAYLOAD
+from devices.serial.node import NodePart
+from devices.serial.node_frames import LONGEST_ENCODED, NodeFrame, encode_frame
+from devices.serial.witmotion import WitMotionPart
 from devices.serial_sensor import SerialPart
-from devices.witmotion import WitMotionPart
-from tests.devices import aspp_wire, witmotion_wire
+from tests.devices.serial import aspp_wire, witmotion_wire
 
 START_NS = 1_700_000_000_000_000_000
 LONGEST_PIECE = 64

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from devices.errors import RecordingError
-from devices.table import MAX_BYTES, read_table
-from devices.table_notation import read_head
+from devices.tables.native import MAX_BYTES, read_table
+from devices.tables.notation import read_head
 from gateway.atomic_io import write_durably
 from gateway.calibration.offline.bench_table import read_columns
 from gateway.calibration.offline.parent_record import read_parent

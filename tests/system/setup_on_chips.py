@@ -6,9 +6,9 @@ from pathlib import Path
 
 import smbus2
 
-from tests.devices.adxl355_chip import Adxl355Chip
-from tests.devices.chip_bus import ChipBus
-from tests.devices.i2c_chip import START_NS, FakeClock
+from tests.devices.i2c.adxl355_chip import Adxl355Chip
+from tests.devices.i2c.chip_bus import ChipBus
+from tests.devices.i2c.i2c_chip import START_NS, FakeClock
 
 
 class HostPacedClock(FakeClock):

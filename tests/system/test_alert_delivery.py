@@ -20,7 +20,7 @@ from gateway.bus.alert_receiver import AlertReceiver
 from gateway.gateway_state import GatewayState
 from gateway.outbox.outbox import AlertOutbox
 from gateway.outbox.position import Position
-from tests.devices.witmotion_wire import frame
+from tests.devices.serial.witmotion_wire import frame
 from tests.system.bus_query import KEY
 from tests.system.bus_router import BusRouter
 from tests.system.conftest import ROOT, Plumbline, RunningGateway, StartGateway

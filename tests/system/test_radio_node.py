@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.devices.node_wire import Node
-from tests.devices.serial_peer import Peer
+from tests.devices.serial.node_wire import Node
+from tests.devices.serial.serial_peer import Peer
 from tests.system.conftest import JoinBus, Plumbline, StartGateway
 
 pytestmark = pytest.mark.slow

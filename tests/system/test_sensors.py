@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from devices.adxl355 import Adxl355
-from devices.chips import CHIPS
-from devices.fifo_accelerometer import FifoAccelerometer
+from devices.i2c.adxl355 import Adxl355
+from devices.i2c.chips import CHIPS
+from devices.i2c.fifo_accelerometer import FifoAccelerometer
 from devices.pendulum.pendulum import start_motion
 from devices.simulated.crane import Crane
 from gateway.calibration.correction import correction_for
@@ -23,9 +23,9 @@ from gateway.messages import Condition, Swing
 from gateway.pipeline.clock_state import ClockState
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.pipeline import Pipeline
-from tests.devices.adxl355_chip import Adxl355Chip
-from tests.devices.i2c_chip import FakeClock, Signal
-from tests.devices.part_rig import PARTS, Part
+from tests.devices.i2c.adxl355_chip import Adxl355Chip
+from tests.devices.i2c.i2c_chip import FakeClock, Signal
+from tests.devices.i2c.part_rig import PARTS, Part
 from tests.system.conftest import JoinBus, StartGateway
 from tests.values import present
 from tests.waiting import wait_until

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from devices.replay import table_info
-from devices.table import read_table
-from devices.table_layout import TableLayout
+from devices.tables.layout import TableLayout
+from devices.tables.native import read_table
+from devices.tables.replay import table_info
 from gateway.calibration.record_factory import add_content_hash
 from gateway.calibration.store import CalibrationStore
 from tests.benchmarks.turned_radio import NOISE_G

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from devices.foreign_table import TableOptions, UnitRange, read_foreign_table
+from devices.tables.foreign import TableOptions, UnitRange, read_foreign_table
 from gateway.numerics.array import Array
 
 AT_REST = (

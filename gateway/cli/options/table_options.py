@@ -7,7 +7,7 @@ from gateway.cli.options.argument_types import above_zero
 
 if TYPE_CHECKING:
     from devices.axes_map import AxesMap
-    from devices.foreign_table import TableOptions
+    from devices.tables.foreign import TableOptions
 
 EXAMPLE = "--columns accX,accY,accZ --unit m/s2 --time timestamp:ms --axes y,-x,z"
 
@@ -49,7 +49,7 @@ def add_table_options(command: argparse.ArgumentParser, *, planar: bool = False)
 def table_options(arguments: argparse.Namespace) -> "TableOptions":
     """Return the options of the tables."""
     from devices.axes_map import SAME_AXES
-    from devices.foreign_table import TableOptions
+    from devices.tables.foreign import TableOptions
 
     return TableOptions(
         unit=arguments.unit,

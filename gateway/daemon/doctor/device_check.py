@@ -11,13 +11,13 @@ from smbus2 import SMBus
 
 from devices.axes_map import AxesMap
 from devices.block import DeviceInfo, RadioStatus, SampleBlock
-from devices.chips import CHIPS
 from devices.clock import Clock
 from devices.device import Device
 from devices.errors import DeviceError, DeviceNotFoundError
-from devices.i2c import BusOpener
-from devices.i2c_probe import FoundPart, probe_bus
-from devices.self_test import SelfTestResult, run_self_test
+from devices.i2c.bus import BusOpener
+from devices.i2c.chips import CHIPS
+from devices.i2c.identity import FoundPart, probe_bus
+from devices.i2c.self_test import SelfTestResult, run_self_test
 from devices.usb_ports import SYSTEM_FOLDERS, PortFolders, find_usb_port, find_usb_ports
 from gateway.configuration.i2c_devices import I2cDevice, I2cSection
 from gateway.configuration.model import Configuration

@@ -83,8 +83,8 @@ def _make_i2c(device: I2cSection, block: int, clock: Clock) -> Device:
 
 
 def _make_chip(device: I2cDevice, block: int, clock: Clock) -> Device:
-    from devices.chips import CHIPS
-    from devices.fifo_accelerometer import FifoAccelerometer
+    from devices.i2c.chips import CHIPS
+    from devices.i2c.fifo_accelerometer import FifoAccelerometer
 
     return FifoAccelerometer(
         CHIPS[device.kind](device.odr_hz, device.range_g),
@@ -107,8 +107,7 @@ def _make_recovering(section: I2cSection, device: Device, clock: Clock) -> Devic
 
 
 def _make_ads1115(device: Ads1115Device, block: int, clock: Clock) -> Device:
-    from devices.analogue_accelerometer import AnalogueAccelerometer
-    from devices.analogue_parts import ANALOGUE_PARTS
+    from devices.i2c.analogue_accelerometer import ANALOGUE_PARTS, AnalogueAccelerometer
 
     return AnalogueAccelerometer(
         ANALOGUE_PARTS[device.sensor],
@@ -124,9 +123,9 @@ def _make_ads1115(device: Ads1115Device, block: int, clock: Clock) -> Device:
 def _make_without_hooks(device: IioDevice | SingleAxisDevice, block: int, clock: Clock) -> Device:
     if isinstance(device, IioDevice):
         return _make_iio(device, block, clock)
-    from devices.chips import CHIPS
     from devices.combined_axes import CombinedAxes, SensitiveAxis
-    from devices.fifo_accelerometer import FifoAccelerometer
+    from devices.i2c.chips import CHIPS
+    from devices.i2c.fifo_accelerometer import FifoAccelerometer
 
     axes = []
     for sensor in device.sensors:
@@ -138,7 +137,7 @@ def _make_without_hooks(device: IioDevice | SingleAxisDevice, block: int, clock:
 
 def _make_iio(device: IioDevice, block: int, clock: Clock) -> Device:
     if device.mode == "polled":
-        from devices.iio_polled import PolledIioAccelerometer
+        from devices.iio.polled import PolledIioAccelerometer
 
         return PolledIioAccelerometer(
             device.name,
@@ -148,7 +147,7 @@ def _make_iio(device: IioDevice, block: int, clock: Clock) -> Device:
             block_samples=block,
             serial=device.serial,
         )
-    from devices.iio_accelerometer import IioAccelerometer
+    from devices.iio.accelerometer import IioAccelerometer
 
     return IioAccelerometer(
         device.name,
@@ -174,7 +173,7 @@ def _make_serial(device: SerialSection, block: int, clock: Clock) -> Device:
 
 
 def _make_witmotion(device: WitMotionDevice, block: int, clock: Clock) -> Device:
-    from devices.witmotion import open_witmotion
+    from devices.serial.witmotion import open_witmotion
 
     return open_witmotion(
         device.port,
@@ -188,7 +187,7 @@ def _make_witmotion(device: WitMotionDevice, block: int, clock: Clock) -> Device
 
 
 def _make_node(device: NodeDevice, block: int, clock: Clock) -> Device:
-    from devices.node import open_node
+    from devices.serial.node import open_node
 
     return open_node(
         device.port,
@@ -203,7 +202,7 @@ def _make_node(device: NodeDevice, block: int, clock: Clock) -> Device:
 
 
 def _make_aspp(device: AsppDevice, block: int, clock: Clock) -> Device:
-    from devices.aspp import open_aspp
+    from devices.serial.aspp import open_aspp
 
     return open_aspp(
         device.port,

@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from devices.block import DeviceInfo
 from devices.clock import Clock
 from devices.errors import RecordingError
-from devices.foreign_table import NOTHING_STATED, TableOptions, is_native, read_foreign_table
 from devices.recording import Recording
-from devices.replay import Replay, table_info
-from devices.table import read_table
+from devices.tables.foreign import NOTHING_STATED, TableOptions, is_native, read_foreign_table
+from devices.tables.native import read_table
+from devices.tables.replay import Replay, table_info
 from gateway.configuration.device_sections import ReplayDevice
 from gateway.recording.reading.catalogue import open_timeline
 from gateway.recording.reading.samples import SampleReader

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from devices.table import read_table
-from devices.table_layout import TableLayout
+from devices.tables.layout import TableLayout
+from devices.tables.native import read_table
 from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.norm_fit import fit_norm
 from gateway.calibration.methods.six_position import fit_six_positions

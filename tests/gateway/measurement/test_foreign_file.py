@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.io import savemat
 
 from devices.errors import RecordingError
-from devices.foreign_table import NOTHING_STATED, TableOptions
+from devices.tables.foreign import NOTHING_STATED, TableOptions
 from gateway.cli.main import main
 from gateway.errors import InputError
 from gateway.measurement.foreign_file import read_foreign

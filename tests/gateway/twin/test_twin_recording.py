@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from devices.table import read_table
+from devices.tables.native import read_table
 from gateway.cli.main import main
 from gateway.measurement.source import read_source
 from gateway.recording.reading.samples import read_samples

@@ -7,20 +7,20 @@ import pytest
 from numpy.typing import NDArray
 
 from devices.axes_map import SAME_AXES
-from devices.chips import CHIPS
 from devices.clock import Clock
 from devices.device import Device
-from devices.fifo_accelerometer import FifoAccelerometer
+from devices.i2c.chips import CHIPS
+from devices.i2c.fifo_accelerometer import FifoAccelerometer
 from gateway.configuration.i2c_devices import I2cDevice
 from gateway.configuration.loading import validate
 from gateway.configuration.model import Configuration
 from gateway.daemon.doctor.check_result import CheckResult
 from gateway.daemon.doctor.device_check import check_self_test, examine_device, sketch_housing
-from tests.devices.adxl345_chip import Adxl345Chip
-from tests.devices.adxl355_chip import Adxl355Chip, Adxl357Chip
-from tests.devices.chip_bus import ChipBus
-from tests.devices.i2c_chip import FakeClock, I2cChip
-from tests.devices.lis3dh_chip import Lis3dhChip
+from tests.devices.i2c.adxl345_chip import Adxl345Chip
+from tests.devices.i2c.adxl355_chip import Adxl355Chip, Adxl357Chip
+from tests.devices.i2c.chip_bus import ChipBus
+from tests.devices.i2c.i2c_chip import FakeClock, I2cChip
+from tests.devices.i2c.lis3dh_chip import Lis3dhChip
 
 
 def results_of(device: dict[str, Any], *chips: I2cChip) -> list[CheckResult]:

@@ -1,0 +1,128 @@
+"""Analog Devices ADXL345: 13-bit triaxial MEMS accelerometer, its registers and decoding.
+
+Registers and tables by the data sheet Rev. G, sections "Register map", "Register definitions" and "FIFO", and Table 1.
+Registers and scale agree with Linux, adxl345_core.c, those of the FIFO with Adafruit's library. Not confirmed by a second source:
+the limits of the self-test (a warning only), noise, zero-g offset and temperature coefficients.
+"""
+
+import math
+
+from devices.clock import Clock
+from devices.i2c.accelerometer_chip import (
+    SAMPLE_BYTES,
+    ChipProperties,
+    FifoLevel,
+    ImplausibleStatusError,
+    SampleRun,
+    SelfTest,
+    Setting,
+    decode_samples,
+    known_range,
+    nearest_rate,
+)
+from devices.i2c.bus import I2cPart
+from devices.i2c.identity import IDENTITIES, Identity, identify
+from devices.saturation import code_limits
+
+OFSX = 0x1E
+BW_RATE, POWER_CTL, INT_SOURCE, DATA_FORMAT = 0x2C, 0x2D, 0x30, 0x31
+DATAX0, FIFO_CTL, FIFO_STATUS = 0x32, 0x38, 0x39
+STANDBY, MEASURE = 0x00, 0x08
+FULL_RES = 0x08
+"""256 LSB/g at every range; the range then limits the number of bits."""
+BYPASS, STREAM = 0x00, 0x80
+OVERRUN = 0x01
+ENTRIES, UNUSED = 0x3F, 0x40
+FIFO_SAMPLES = 32
+
+SELF_TEST_FORCE = 0x80
+SELF_TEST_LIMITS_G = ((0.2, 4.43), (-4.43, -0.2), (0.3, 5.75))
+"""Of DATA_FORMAT. At 2.5 V the limits are 0.2 to 2.1 g, and 0.3 to 3.4 g along z; at 3.6 V the upper ones are 2.11 times, along z
+1.69 times as large (Tables 1 and 14)."""
+
+RATE_CODES = {3200.0 / (1 << (15 - code)): code for code in range(0xD, 0x5, -1)}
+"""From 800 Hz, the fastest for an I2C bus of 400 kHz (section "I2C"), to 6.25 Hz."""
+RANGE_CODES = {2: 0, 4: 1, 8: 2, 16: 3}
+UNITS_PER_G = 256.0
+NOISE_LSB = 1.1
+"""At 100 Hz, of the z axis, the noisiest."""
+ZERO_G_OFFSET_G, ZERO_G_OFFSET_G_PER_K, SCALE_FACTOR_PER_K = 0.25, 1.2e-3, 1e-4
+"""Of the z axis, which has the wider limits."""
+
+
+class Adxl345:
+    """An ADXL345. It has neither a reset nor a temperature sensor, so every register that matters is written."""
+
+    def __init__(self, odr_hz: float = 100.0, range_g: float = 2) -> None:
+        """Raises `ValueError` for a rate or a range that the part does not have over I2C."""
+        rate_hz = nearest_rate("ADXL345", RATE_CODES, odr_hz)
+        full_scale_g = known_range("ADXL345", RANGE_CODES, range_g)
+        self.kind = "adxl345"
+        self.identities: tuple[Identity, ...] = (IDENTITIES["ADXL345"],)
+        self.properties = ChipProperties(
+            odr_hz=rate_hz,
+            units_per_g=UNITS_PER_G,
+            full_scale_g=float(full_scale_g),
+            noise_g=NOISE_LSB / UNITS_PER_G * math.sqrt(rate_hz / 100),
+            zero_g_offset_g=ZERO_G_OFFSET_G,
+            zero_g_offset_g_per_k=ZERO_G_OFFSET_G_PER_K,
+            scale_factor_per_k=SCALE_FACTOR_PER_K,
+            bandwidth_hz=None,  # half of the rate
+            saturation_counts=code_limits(10 + RANGE_CODES[full_scale_g]),
+            longest_block=FIFO_SAMPLES // 2,
+        )
+        self.self_test: SelfTest | None = SelfTest(
+            DATA_FORMAT,
+            SELF_TEST_FORCE,
+            lambda _: SELF_TEST_LIMITS_G,
+            odr_hz=100.0,
+            range_g=16,
+            confirmed=False,
+        )
+        self.configuration: tuple[Setting, ...] = (
+            Setting(POWER_CTL, "POWER_CTL", STANDBY),
+            *(Setting(OFSX + axis, f"OFS{'XYZ'[axis]}", 0) for axis in range(3)),
+            Setting(BW_RATE, "BW_RATE", RATE_CODES[rate_hz]),
+            Setting(DATA_FORMAT, "DATA_FORMAT", FULL_RES | RANGE_CODES[full_scale_g]),
+            Setting(FIFO_CTL, "FIFO_CTL", BYPASS),  # empties the FIFO
+            Setting(FIFO_CTL, "FIFO_CTL", STREAM),
+            Setting(POWER_CTL, "POWER_CTL", MEASURE),
+        )
+
+    def identify(self, part: I2cPart) -> str:
+        """Check the identity; the part has no revision. Raises `IdentityError`."""
+        identify(part, *self.identities)
+        return ""
+
+    def reset(self, part: I2cPart, clock: Clock) -> None:
+        """Do nothing: there is no reset command."""
+
+    def fifo_level(self, part: I2cPart, clock: Clock) -> FifoLevel:
+        """Return the number of samples. The overrun bit is cleared when samples are read.
+
+        An empty FIFO can be read, too. The smaller of two readings protects against one that is too high.
+        """
+        first, read_ns = part.read(FIFO_STATUS, 1)[0], clock.now_ns()
+        second = part.read(FIFO_STATUS, 1)[0]
+        overrun = part.read(INT_SOURCE, 1)[0] & OVERRUN
+        samples = min(first & ENTRIES, second & ENTRIES)
+        if (first | second) & UNUSED or samples > FIFO_SAMPLES:
+            raise ImplausibleStatusError
+        if overrun:
+            return FifoLevel(samples, samples, read_ns, lost_at_least=1)
+        # A full FIFO may overrun between this reading and the first sample; then the bit is cleared unseen.
+        return FifoLevel(samples, samples, read_ns, lost_at_least=0 if samples == FIFO_SAMPLES else None)
+
+    def read_fifo(self, part: I2cPart, size: int) -> list[SampleRun]:
+        """Read samples one by one: a longer burst does not advance the FIFO (section "FIFO", "Retrieving data").
+
+        They are separate transfers, because the I2C controller of a Pi allows one read in each.
+        """
+        return decode_samples(b"".join(part.read(DATAX0, SAMPLE_BYTES, consuming=True) for _ in range(size)))
+
+    def forget_partial(self) -> None:
+        """Do nothing: samples are read whole."""
+
+    def temperature_c(self, part: I2cPart) -> float | None:
+        """Return None: the part has no temperature sensor."""
+        return None

@@ -1,0 +1,168 @@
+"""Analog Devices ADXL355 and ADXL357: 20-bit triaxial MEMS accelerometers, their registers and decoding.
+
+Registers and tables by the data sheets ADXL354/ADXL355 Rev. D and ADXL356/ADXL357 Rev. C, sections "Register map" and "Register
+descriptions". Registers, rates, scale and temperature agree with Linux, adxl355_core.c (which rounds the scale), those of the
+ADXL357 with the driver in .NET IoT. Not confirmed by a second source: noise, zero-g offset and temperature coefficients, the
+limits of the ADXL357.
+"""
+
+import math
+from contextlib import suppress
+from dataclasses import dataclass
+
+from devices.clock import Clock
+from devices.errors import TransferError
+from devices.i2c.accelerometer_chip import (
+    ChipProperties,
+    FifoLevel,
+    ImplausibleStatusError,
+    SampleRun,
+    SelfTest,
+    Setting,
+    known_range,
+    nearest_rate,
+)
+from devices.i2c.adxl355_fifo import ENTRY_BYTES, FIFO_ENTRIES, decode_counts, split_entries
+from devices.i2c.bus import I2cPart
+from devices.i2c.identity import IDENTITIES, Identity, identify
+from devices.saturation import code_limits
+
+REVID, STATUS, TEMP2, FIFO_DATA = 0x03, 0x04, 0x06, 0x11
+FILTER, RANGE, POWER_CTL, SELF_TEST, RESET = 0x28, 0x2C, 0x2D, 0x2E, 0x2F
+RESET_CODE = 0x52
+STANDBY, MEASURE = 0x01, 0x00
+RANGE_HIGH_SPEED = 0x80
+"""The default of the other bits of the RANGE register: I2C high-speed mode allowed."""
+OVERRUN, NVM_BUSY, STATUS_UNUSED = 0x04, 0x10, 0xE0
+
+RATES_HZ = tuple(4000.0 / (1 << k) for k in range(11))
+"""Output data rates by their code in the FILTER register."""
+RATE_CODES = {rate_hz: code for code, rate_hz in enumerate(RATES_HZ)}
+LONGEST_BLOCK = 16
+ENTRIES_MARGIN = 3
+"""The FIFO level may exceed the FIFO's size by this many entries; a higher one is a transfer error."""
+RESET_NS, RESET_POLL_S = 200_000_000, 0.002
+TEMPERATURE_READS = 4
+SELF_TEST_MODE, SELF_TEST_FORCE = 0x01, 0x02
+SELF_TEST_LIMITS_G = ((0.1, 0.6), (0.1, 0.6), (0.5, 3.0))
+
+
+@dataclass(frozen=True, slots=True)
+class Variant:
+    """The figures in which the ADXL355 and the ADXL357 differ."""
+
+    units_per_g: dict[int, float]
+    """By range in g, in the order of the codes 1, 2, 3 of the RANGE register."""
+    noise_g_per_root_hz: float
+    zero_g_offset_g: float
+    zero_g_offset_g_per_k: float
+    temperature_25_c: int
+    """Reading at 25 °C."""
+    self_test: SelfTest | None
+
+
+SELF_TEST_355 = SelfTest(
+    SELF_TEST,
+    off_bits=SELF_TEST_MODE,
+    on_bits=SELF_TEST_MODE | SELF_TEST_FORCE,
+    limits_g=lambda _: SELF_TEST_LIMITS_G,
+    odr_hz=125.0,
+    range_g=8,
+    either_sign=True,
+)
+ADXL355 = Variant({2: 256000.0, 4: 128000.0, 8: 64000.0}, 22.5e-6, 0.075, 0.15e-3, 1885, SELF_TEST_355)
+ADXL357 = Variant({10: 51200.0, 20: 25600.0, 40: 12800.0}, 75e-6, 0.375, 0.75e-3, 1852, None)
+SCALE_FACTOR_PER_K = 1e-4
+
+
+def temperature_c(raw: int, at_25_c: int = ADXL355.temperature_25_c) -> float:
+    """Return degrees Celsius for a 12-bit reading: -9.05 per degree from the nominal reading at 25 °C."""
+    return 25.0 + (raw - at_25_c) / -9.05
+
+
+def noise_g(odr_hz: float, noise_g_per_root_hz: float = ADXL355.noise_g_per_root_hz) -> float:
+    """Return the typical noise per sample and axis, 1 sigma: noise density times the root of the noise bandwidth.
+
+    The part's filter has its -3 dB point at a quarter of the rate. Its noise bandwidth is between that (an ideal filter) and
+    pi/2 times that (a first-order filter); the upper value is used.
+    """
+    return noise_g_per_root_hz * math.sqrt(math.pi / 2 * odr_hz / 4)
+
+
+class Adxl355:
+    """An ADXL355; with `ADXL357` an ADXL357, which has the same registers and the same identity."""
+
+    def __init__(self, odr_hz: float = 125.0, range_g: float = 2, variant: Variant = ADXL355) -> None:
+        """Raises `ValueError` for a rate or a range that the part does not have."""
+        name = "ADXL355" if variant is ADXL355 else "ADXL357"
+        rate_hz = nearest_rate(name, RATE_CODES, odr_hz)
+        full_scale_g = known_range(name, variant.units_per_g, range_g)
+        range_code = list(variant.units_per_g).index(full_scale_g) + 1
+        self.kind = name.lower()
+        self.identities: tuple[Identity, ...] = (IDENTITIES["ADXL355"],)
+        self.properties = ChipProperties(
+            odr_hz=rate_hz,
+            units_per_g=variant.units_per_g[full_scale_g],
+            full_scale_g=float(full_scale_g),
+            noise_g=noise_g(rate_hz, variant.noise_g_per_root_hz),
+            zero_g_offset_g=variant.zero_g_offset_g,
+            zero_g_offset_g_per_k=variant.zero_g_offset_g_per_k,
+            scale_factor_per_k=SCALE_FACTOR_PER_K,
+            bandwidth_hz=rate_hz / 4,
+            saturation_counts=code_limits(20),
+            longest_block=LONGEST_BLOCK,
+        )
+        self.self_test = variant.self_test
+        self.configuration: tuple[Setting, ...] = (
+            Setting(POWER_CTL, "POWER_CTL", STANDBY),
+            Setting(RANGE, "RANGE", RANGE_HIGH_SPEED | range_code),
+            Setting(FILTER, "FILTER", RATE_CODES[rate_hz]),
+            Setting(SELF_TEST, "SELF_TEST", 0),
+            Setting(POWER_CTL, "POWER_CTL", MEASURE),
+        )
+        self._temperature_25_c = variant.temperature_25_c
+        self._tail = b""  # entries of an incomplete sample
+
+    def identify(self, part: I2cPart) -> str:
+        """Return the revision. Raises `IdentityError`."""
+        identify(part, *self.identities)
+        return f"{part.read(REVID, 1)[0]:02x}"
+
+    def reset(self, part: I2cPart, clock: Clock) -> None:
+        """Reset the part, and wait until its memory is loaded. Raises `TransferError`."""
+        part.write(RESET, RESET_CODE)
+        deadline_ns = clock.now_ns() + RESET_NS
+        while clock.now_ns() < deadline_ns:
+            clock.sleep_s(RESET_POLL_S)
+            with suppress(TransferError):  # it may not answer while it is busy
+                if not part.read(STATUS, 1)[0] & NVM_BUSY:
+                    return
+        raise TransferError(f"{part}: still busy {RESET_NS / 1e9:g} s after reset; power-cycle the sensor")
+
+    def fifo_level(self, part: I2cPart, clock: Clock) -> FifoLevel:
+        """Return the level of the FIFO in axis entries. Reading the status clears the overrun bit."""
+        status, entries = part.read(STATUS, 2)
+        read_ns = clock.now_ns()
+        if status & (NVM_BUSY | STATUS_UNUSED) or entries > FIFO_ENTRIES + ENTRIES_MARGIN:
+            raise ImplausibleStatusError
+        if status & OVERRUN:
+            return FifoLevel(entries // 3, entries, read_ns, lost_at_least=1)
+        return FifoLevel((len(self._tail) // ENTRY_BYTES + entries) // 3, entries, read_ns)
+
+    def read_fifo(self, part: I2cPart, size: int) -> list[SampleRun]:
+        """Read axis entries; an incomplete last sample is kept for the next call."""
+        burst = part.read(FIFO_DATA, ENTRY_BYTES * size, consuming=True)
+        runs, self._tail = split_entries(self._tail + burst)
+        return [SampleRun(decode_counts(run.entries), run.lost) for run in runs]
+
+    def forget_partial(self) -> None:
+        """Discard the entries of an incomplete sample."""
+        self._tail = b""
+
+    def temperature_c(self, part: I2cPart) -> float | None:
+        """Return the temperature; None if its bytes, which are not latched, change in every reading."""
+        for _ in range(TEMPERATURE_READS):
+            high, low = part.read(TEMP2, 2)
+            if part.read(TEMP2, 1)[0] == high:  # so the two bytes belong together
+                return temperature_c((high & 0x0F) << 8 | low, self._temperature_25_c)
+        return None

@@ -1,0 +1,91 @@
+"""The identity registers of known parts on an I2C bus, the addresses at which each can be, and which of them are there.
+
+Addresses collide: an ADXL345 and an ADXL355 share both of theirs. Only the identity tells parts apart.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from smbus2 import SMBus
+
+from devices.clock import Clock
+from devices.errors import IdentityError, TransferError
+from devices.i2c.bus import BusOpener, I2cPart
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What a part has in its identity registers."""
+
+    name: str
+    addresses: tuple[int, ...]
+    """The usual one first."""
+    register: int
+    value: bytes
+
+
+IDENTITIES = {
+    identity.name: identity
+    for identity in (
+        Identity("ADXL355", (0x1D, 0x53), 0x00, b"\xad\x1d\xed"),  # Rev. D, "Register map"; DEVID_AD, DEVID_MST, PARTID
+        Identity("ADXL359", (0x1D, 0x53), 0x00, b"\xad\x1d\xe9"),  # the same registers; Linux driver adxl355
+        Identity("ADXL345", (0x53, 0x1D), 0x00, b"\xe5"),  # Rev. G, register 0x00, DEVID; pin ALT ADDRESS
+        Identity("LIS3DH", (0x18, 0x19), 0x0F, b"\x33"),  # Rev. 2, section 8.6, WHO_AM_I; pin SA0
+        Identity("LIS2DW12", (0x18, 0x19), 0x0F, b"\x44"),  # Rev. 8, section 8.3, WHO_AM_I; pin SA0
+        Identity("MPU-9250", (0x68, 0x69), 0x75, b"\x71"),  # RM-MPU-9250A-00 Rev. 1.6, section 4.38, WHOAMI; pin AD0
+        Identity("MPU-9255", (0x68, 0x69), 0x75, b"\x73"),  # RM-MPU-9255 Rev. 1.0, WHOAMI
+        Identity("MPU-6050", (0x68, 0x69), 0x75, b"\x68"),  # RM-MPU-6000A-00 Rev. 4.2, section 4.32, WHO_AM_I
+        Identity("ADS1115", (0x48, 0x49, 0x4A, 0x4B), 0x03, b"\x7f\xff"),  # SBAS444D: it has none; default of Hi_thresh
+        Identity("MPU-6500", (0x68, 0x69), 0x75, b"\x70"),  # the accelerometer and gyroscope of the MPU-9250
+    )
+}
+"""By name. An ADXL357 has the identity of an ADXL355 (data sheet Rev. C, PARTID 0xED)."""
+ADDRESSES = sorted({address for identity in IDENTITIES.values() for address in identity.addresses})
+
+
+def identify(part: I2cPart, *expected: Identity) -> Identity:
+    """Return which of several identities with one register the part has.
+
+    Raises `IdentityError`, which names the part that is found, and `TransferError`.
+    """
+    found = part.read(expected[0].register, len(expected[0].value))
+    for identity in expected:
+        if found == identity.value:
+            return identity
+    other = find_identity(part)
+    names = " or ".join(f"{known.name} ({known.value.hex(' ').upper()})" for known in expected)
+    raise IdentityError(
+        f"{part}: identity reads {found.hex(' ').upper()}, expected is an {names};"
+        f" this is {'another part' if other is None else f'an {other.name}'}, name its kind or the right address"
+    )
+
+
+def find_identity(part: I2cPart) -> Identity | None:
+    """Return the identity of whatever part is there; None for an unknown one. Raises `TransferError`."""
+    possible = (identity for identity in IDENTITIES.values() if part.address in identity.addresses)
+    return next((known for known in possible if part.read(known.register, len(known.value)) == known.value), None)
+
+
+@dataclass(frozen=True, slots=True)
+class FoundPart:
+    """A part that acknowledges an address."""
+
+    address: int
+    identity: Identity | None
+    """None: not a known one."""
+    error: str | None = None
+    """Why its identity could not be read."""
+
+
+def probe_bus(bus: int, clock: Clock, open_bus: BusOpener = SMBus) -> Iterator[FoundPart]:
+    """Yield every part that answers; only identity registers are read. Raises `DeviceNotFoundError`, `DeviceAccessError`."""
+    for address in ADDRESSES:
+        part = I2cPart(bus, address, clock, open_bus)
+        part.open()
+        try:
+            yield FoundPart(address, find_identity(part))
+        except TransferError as error:
+            if set(part.faults) != {"i2c_no_acknowledge"}:
+                yield FoundPart(address, None, str(error))
+        finally:
+            part.close()

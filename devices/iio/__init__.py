@@ -1,0 +1,1 @@
+"""Sensors with a driver of the Linux kernel (Industrial I/O)."""

@@ -1,0 +1,1 @@
+"""Sensors and radio bases on a serial port, and their frames."""

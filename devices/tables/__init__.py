@@ -1,0 +1,1 @@
+"""Tables of readings, of any program, and their replay."""
