@@ -10,7 +10,7 @@ from gateway.calibration.methods.calibration_fit import CalibrationFit, WarningK
 from gateway.calibration.methods.face_outliers import find_changed_readings
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
 from gateway.calibration.record import CalibrationRecord
-from gateway.calibration.thermal.thermal_model import correction_at, holds_at_c
+from gateway.calibration.thermal_model import correction_at, holds_at_c
 from gateway.numerics.array import Array
 
 MIN_EIGENVALUE = -1e-6

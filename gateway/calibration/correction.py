@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from devices.axes_map import AxesMap
 from devices.block import DeviceInfo
-from gateway.calibration.frame import housing_rotation
 from gateway.calibration.record import CalibrationError, CalibrationRecord
-from gateway.calibration.thermal.thermal_model import ThermalModel, thermal_model
+from gateway.calibration.thermal_model import ThermalModel, thermal_model
 from gateway.calibration.uncertainty import reading_covariance
 from gateway.messages import CalibrationStatus
 from gateway.numerics.array import Array
@@ -30,6 +29,14 @@ RECORDED_NORM_ERROR_G = 0.01
 """Permissible error of |m|, g, of a recording in g that brings no calibration record."""
 K_UNCALIBRATED = 2.0
 """Coverage factor of the permissible error of |m| of an uncalibrated sensor."""
+
+
+def housing_rotation(axes: AxesMap) -> Array:
+    """Return the rotation from the sensor's to the housing's axes, shape (3, 3)."""
+    rotation = np.zeros((3, 3))
+    for housing_axis, (sensor_axis, sign) in enumerate(axes):
+        rotation[housing_axis, sensor_axis] = sign
+    return rotation
 
 
 @dataclass(frozen=True, slots=True)

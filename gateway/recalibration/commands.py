@@ -8,7 +8,7 @@ from pydantic import ValidationError
 from devices.axes_map import AxesMap
 from devices.block import DeviceInfo
 from gateway.calibration.acceptance import judge
-from gateway.calibration.frame import housing_rotation
+from gateway.calibration.correction import housing_rotation
 from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.zeroing import zero_in_place
 from gateway.calibration.record import CalibrationError, CalibrationRecord

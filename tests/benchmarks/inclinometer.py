@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.methods.single_parameter import (
+from gateway.bench.single_parameter import (
     DisplacementPairs,
     LaserSetup,
     correct_relative_angle,

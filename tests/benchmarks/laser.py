@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.calibration.laser.board import DotBoard
-from gateway.calibration.laser.displacement import Displacement, MeasuredPhotograph, displacement, measure_photograph
-from gateway.calibration.laser.photograph import LaserColour, Photograph
+from gateway.bench.laser.board import DotBoard
+from gateway.bench.laser.displacement import Displacement, MeasuredPhotograph, displacement, measure_photograph
+from gateway.bench.laser.photograph import LaserColour, Photograph
 from tests.benchmarks.rendered_photographs import Scene, moved, render
 
 BOARD = DotBoard(7, 7, 0.020, 0.010, u_pitch_m=1e-9)

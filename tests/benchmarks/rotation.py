@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from gateway.calibration.methods.rotation import fit_rotation
+from gateway.bench.rotation import fit_rotation
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
 from tests.benchmarks.rotation_turns import Rig, draw_sensor, turn

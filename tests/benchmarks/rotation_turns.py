@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.methods.rotation_turn import TurnReadings
+from gateway.bench.rotation_turn import TurnReadings
 from gateway.numerics.array import Array
 
 SINE_COSINE = {1: (0, 2), 0: (1, 2)}

@@ -11,9 +11,8 @@ from devices.errors import RecordingError
 from devices.tables.native import MAX_BYTES, read_table
 from devices.tables.notation import read_head
 from gateway.atomic_io import write_durably
-from gateway.calibration.offline.bench_table import read_columns
-from gateway.calibration.offline.parent_record import read_parent
-from gateway.calibration.offline.record_files import read_record
+from gateway.bench.input_tables import read_columns
+from gateway.calibration.offline.record_files import read_parent, read_record
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
 from gateway.cli.main import main

@@ -10,14 +10,11 @@ from typing import Literal
 
 import numpy as np
 
-from gateway.calibration.alignment.alignment_errors import (
-    HOUSING_DEVIATION_RAD,
-    alignment_precision_error_rad,
-    total_alignment_error_rad,
-)
 from gateway.calibration.alignment.screw_advice import TOLERANCE_RAD
 from gateway.calibration.alignment.turn import Turn
 
+HOUSING_DEVIATION_RAD = math.radians(0.01)
+"""Deviation of perpendicularity of a machined steel housing, DP (Łuczak et al. 2022, sec. 2.1)."""
 AXES = "xyz"
 SHARED_SCREWS: dict[str, tuple[str, ...]] = {"x": ("y", "z"), "y": ("x",), "z": ()}
 """Axes about which the one unit is turned to align an axis."""
@@ -29,6 +26,21 @@ K_SHOWN = 3.0
 """Standard uncertainties by which a tilt must exceed zero to be worth turning a screw."""
 K_ALIGNED = 2.0
 """Standard uncertainties that must stay within the tolerance as well."""
+
+
+def alignment_precision_error_rad(variation_g: float) -> float:
+    """Return APE, the angle that a remaining variation of plus or minus `variation_g` hides (eq. 1)."""
+    return math.asin(min(abs(variation_g), 1.0))
+
+
+def total_alignment_error_rad(precision_error_rad: float, housing_deviation_rad: float) -> float:
+    """Return TAE, the sum of APE and the housing's deviation of perpendicularity (eq. 2)."""
+    return precision_error_rad + housing_deviation_rad
+
+
+def calibration_error_rad(housing_deviation_rad: float) -> float:
+    """Return CE, the error of a six-position calibration by faces that are off by this angle (eq. 3)."""
+    return math.asin(1 - math.cos(housing_deviation_rad))
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from gateway.calibration.alignment.alignment_errors import HOUSING_DEVIATION_RAD
 from gateway.calibration.alignment.turn import Turn, fit_turn, shaft_axis, turning_angle_rad
-from gateway.calibration.alignment.turn_advice import AligningUnit, TurnAdvice, advise_after_turn
+from gateway.calibration.alignment.turn_advice import HOUSING_DEVIATION_RAD, AligningUnit, TurnAdvice, advise_after_turn
 from gateway.numerics.array import Array
 
 MAX_READINGS = 6000

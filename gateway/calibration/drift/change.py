@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from gateway.calibration.record import CalibrationError, CalibrationRecord
-from gateway.calibration.thermal.thermal_model import correction_at, holds_at_c
+from gateway.calibration.thermal_model import correction_at, holds_at_c
 from gateway.numerics.array import Array
 
 DIAGONAL = (0, 4, 8)

@@ -8,15 +8,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind
-from gateway.calibration.methods.misalignment import misalignment_deg
+from gateway.calibration.methods.calibration_fit import CalibrationFit, FitWarning, WarningKind, misalignment_deg
 from gateway.calibration.pose_method import ZEROING
 from gateway.calibration.poses.mean_uncertainty import correlation_factor
 from gateway.calibration.poses.pose import RawReadings
-from gateway.calibration.poses.stillness import StillnessGate
-from gateway.calibration.poses.windows import Window, WindowSplitter
+from gateway.calibration.poses.windows import StillnessGate, Window, WindowSplitter
 from gateway.calibration.record import CalibrationError, CalibrationRecord, NotDeterminedError
-from gateway.calibration.thermal.thermal_model import thermal_model
+from gateway.calibration.thermal_model import thermal_model
 from gateway.calibration.uncertainty import Contribution, prediction_interval_g, total_covariance, uncertainty_budget
 from gateway.numerics.array import Array
 

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from gateway.calibration.offline.readings_file import FileReadings
-from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
+from gateway.calibration.poses.pose import NominalSensitivity
 from gateway.calibration.poses.pose_finder import NORM_TOLERANCE
 from gateway.calibration.record import NotDeterminedError
 from gateway.numerics.array import Array

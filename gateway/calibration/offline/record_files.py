@@ -1,4 +1,4 @@
-"""Reads many calibration records, from files and folders that the user names."""
+"""Reads calibration records, one or many, from files and folders that the user names."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -6,6 +6,7 @@ from pathlib import Path
 from pydantic import ValidationError
 
 from gateway.calibration.record import CalibrationRecord
+from gateway.calibration.store import parse_record
 from gateway.errors import InputError, describe_problems
 from gateway.file_input import parse_json, read_bounded
 
@@ -43,3 +44,12 @@ def read_record(path: Path) -> CalibrationRecord:
         raise InputError(f"{path}: is no calibration record: {describe_problems(error)[0]}") from error
     except (OSError, ValueError) as error:
         raise InputError(f"{path}: cannot be read as a calibration record ({error}); name another file") from error
+
+
+def read_parent(path: Path, device_id: str) -> CalibrationRecord:
+    """Return the parent record. Raises `InputError` if the file contains no record, or one of another device."""
+    try:
+        content = parse_json(read_bounded(path))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: cannot be read as a calibration record ({error}); name another file") from error
+    return parse_record(content, device_id, str(path))

@@ -6,10 +6,8 @@ import numpy as np
 
 from gateway.calibration.poses.faces import find_face
 from gateway.calibration.poses.mean_uncertainty import correlation_factor
-from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
-from gateway.calibration.poses.pose import Pose, RawReadings
-from gateway.calibration.poses.stillness import STILL_RATIO, StillnessGate
-from gateway.calibration.poses.windows import Window, WindowSplitter
+from gateway.calibration.poses.pose import NominalSensitivity, Pose, RawReadings
+from gateway.calibration.poses.windows import STILL_RATIO, StillnessGate, Window, WindowSplitter
 from gateway.numerics.array import Array
 
 READINGS_PER_POSE = 300

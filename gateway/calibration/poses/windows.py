@@ -1,5 +1,6 @@
 """Windows of consecutive readings, cut by the times of the readings and not by the blocks in which they arrive."""
 
+from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,14 @@ MIN_WINDOW_READINGS = 8
 """Least number of readings in a window; at low sample rates a window lasts longer for it."""
 MAX_GAP_S = 1.0
 """Readings further apart, s, belong to different poses: the motion in between is not known."""
+MAX_KEPT_WINDOWS = 400
+"""Number of windows whose scatter is kept: 100 s."""
+QUIET_QUANTILE = 0.2
+"""Quantile of the windows' scatter that is taken for the sensor's noise: one window in five is at rest in every session."""
+STILL_RATIO = 3.0
+"""Largest scatter of a still window over the sensor's noise."""
+STILL_LIMIT_G = 0.025
+"""Largest scatter of a still window for any sensor, g: a hand or a running machine moves it by more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,3 +107,23 @@ class WindowSplitter:
 
     def _discard(self, count: int) -> None:
         self._time, self._raw, self._temperature = self._time[count:], self._raw[count:], self._temperature[count:]
+
+
+class StillnessGate:
+    """Decides whether a window is still, by the noise that the sensor has shown so far."""
+
+    def __init__(self, units_per_g: float) -> None:
+        self._units_per_g = units_per_g
+        self._window_sigmas_g: deque[float] = deque(maxlen=MAX_KEPT_WINDOWS)
+
+    @property
+    def noise_g(self) -> float:
+        """Standard deviation of one reading, g, from the quiet windows so far; 0 before the first window."""
+        return float(np.quantile(self._window_sigmas_g, QUIET_QUANTILE)) if self._window_sigmas_g else 0.0
+
+    def is_still(self, window: Window) -> bool:
+        """Include the window in the estimate of the noise, and return whether it is still."""
+        sigma_g = float(np.max(window.sigma)) / self._units_per_g
+        step_g = window.step / self._units_per_g
+        self._window_sigmas_g.append(sigma_g)
+        return sigma_g <= min(max(STILL_RATIO * self.noise_g, step_g), STILL_LIMIT_G)

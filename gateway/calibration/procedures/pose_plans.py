@@ -1,4 +1,4 @@
-"""Pose plans: the poses that a method requires, six faces in any order or directions all round."""
+"""Pose plans: the poses that a method requires, six faces in any order or directions all round, and its procedure."""
 
 from dataclasses import replace
 
@@ -6,14 +6,14 @@ import numpy as np
 
 from gateway.calibration.methods.calibration_fit import CalibrationFit
 from gateway.calibration.methods.experiment_design import MAX_CONDITION_NUMBER, condition_number, next_direction
-from gateway.calibration.methods.norm_fit import N_PARAMETERS, fit_norm
-from gateway.calibration.methods.six_position import fit_six_positions, missing_faces
+from gateway.calibration.methods.norm_fit import FRAME_U_DEG, N_PARAMETERS, fit_norm
+from gateway.calibration.methods.six_position import PLACEMENT_U_DEG, fit_six_positions, missing_faces
+from gateway.calibration.pose_method import PoseMethod
 from gateway.calibration.poses.face_angles import without_tilted_poses
 from gateway.calibration.poses.faces import FACE_DIRECTIONS, FACES, angle_to_face_deg, describe_direction, find_face
-from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
-from gateway.calibration.poses.pose import Pose
-from gateway.calibration.procedures.pose_procedure import Poses, RequestedPose
-from gateway.calibration.record import CalibrationRecord
+from gateway.calibration.poses.pose import NominalSensitivity, Pose
+from gateway.calibration.procedures.pose_procedure import PoseProcedure, Poses, RequestedPose
+from gateway.calibration.record import CalibrationError, CalibrationRecord
 
 MIN_DIFFERENCE_G = 0.25
 """Least difference between the readings of two poses of a norm fit, g: 15 degrees."""
@@ -81,3 +81,24 @@ class NormFitPlan:
     def fit(self, poses: Poses) -> CalibrationFit:
         """Return the fit of `fit_norm`."""
         return fit_norm(poses, self._nominal.units_per_g, self._frame_u_deg, self._parent)
+
+
+def make_procedure(
+    method: str,
+    nominal: NominalSensitivity,
+    *,
+    placement_u_deg: float = PLACEMENT_U_DEG,
+    frame_u_deg: float = FRAME_U_DEG,
+    parent: CalibrationRecord | None = None,
+) -> PoseProcedure:
+    """Return a new procedure; the standard uncertainties are those of `fit_six_positions` and `fit_norm`.
+
+    `parent` is the record in force, whose reference frame a norm fit keeps. Raises `CalibrationError` for an unknown method.
+    """
+    match method:
+        case PoseMethod.SIX_POSITION:
+            return PoseProcedure(SixPositionPlan(placement_u_deg), nominal)
+        case PoseMethod.NORM_FIT:
+            return PoseProcedure(NormFitPlan(nominal, frame_u_deg, parent), nominal)
+        case _:
+            raise CalibrationError(f"no method {method}; there are {', '.join(PoseMethod)}")

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from gateway.calibration.methods.calibration_fit import CalibrationFit
-from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
-from gateway.calibration.poses.pose import Face, Pose, RawReadings
+from gateway.calibration.poses.pose import Face, NominalSensitivity, Pose, RawReadings
 from gateway.calibration.poses.pose_finder import PoseFinder
 from gateway.numerics.array import Array
 

@@ -11,7 +11,7 @@ from gateway.cli.options.argument_types import above_zero
 from gateway.cli.options.table_options import add_table_options, table_options
 
 if TYPE_CHECKING:
-    from gateway.calibration.offline.align_recording import RecordedTurns
+    from gateway.bench.align_recording import RecordedTurns
 
 
 def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -45,9 +45,9 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gateway.calibration.offline.align_recording import read_turns
+    from gateway.bench.align_recording import read_turns
+    from gateway.bench.alignment_report import render_alignment_report
     from gateway.calibration.record import NotDeterminedError
-    from gateway.certificate.alignment_report import render_alignment_report
     from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json, write_text
     from gateway.measurement.calibration_readings import read_calibration_readings
 
@@ -72,7 +72,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _as_text(found: "RecordedTurns", deviation_rad: float) -> str:
-    from gateway.calibration.alignment.alignment_errors import calibration_error_rad
+    from gateway.calibration.alignment.turn_advice import calibration_error_rad
 
     lines = [
         f"axis {'xyz'[found.axis]} along the shaft, {found.units_per_g:.6g} raw units per g, LSB {1000 * found.step_g:.3g} mg"
@@ -91,7 +91,7 @@ def _as_text(found: "RecordedTurns", deviation_rad: float) -> str:
 
 
 def _as_json(found: "RecordedTurns", deviation_rad: float) -> dict[str, Any]:
-    from gateway.calibration.alignment.alignment_errors import calibration_error_rad
+    from gateway.calibration.alignment.turn_advice import calibration_error_rad
 
     return {
         "axis": "xyz"[found.axis],

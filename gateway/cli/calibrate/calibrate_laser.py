@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 from gateway.cli.options.argument_types import above_zero
 
 if TYPE_CHECKING:
-    from gateway.calibration.laser.board import DotBoard
-    from gateway.calibration.laser.report import Measured
+    from gateway.bench.laser.board import DotBoard
+    from gateway.bench.laser.output import Measured
 
 
 def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -73,9 +73,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _measure(arguments: argparse.Namespace) -> int:
-    from gateway.calibration.laser.displacement import displacement, measure_photograph
-    from gateway.calibration.laser.photograph import read_photograph
-    from gateway.calibration.laser.report import displacements_as_csv, displacements_as_json, format_displacements
+    from gateway.bench.laser.displacement import displacement, measure_photograph
+    from gateway.bench.laser.output import displacements_as_csv, displacements_as_json, format_displacements
+    from gateway.bench.laser.photograph import read_photograph
     from gateway.calibration.record import NotDeterminedError
     from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json, write_text
     from gateway.cli.terminal.progress import Progress
@@ -105,7 +105,7 @@ def _measure(arguments: argparse.Namespace) -> int:
 
 
 def _write_overlays(folder: Path, found: "Measured") -> None:
-    from gateway.calibration.laser.overlay import draw_overlay
+    from gateway.bench.laser.output import draw_overlay
     from gateway.cli.terminal.output import write_bytes
     from gateway.errors import InputError
 
@@ -119,14 +119,14 @@ def _write_overlays(folder: Path, found: "Measured") -> None:
 
 
 def _write_board(arguments: argparse.Namespace) -> None:
-    from gateway.calibration.laser.board_pdf import board_pdf
+    from gateway.bench.laser.board_pdf import board_pdf
     from gateway.cli.terminal.output import write_bytes
 
     write_bytes(arguments.board, board_pdf(_board(arguments)))
 
 
 def _board(arguments: argparse.Namespace) -> "DotBoard":
-    from gateway.calibration.laser.board import DotBoard
+    from gateway.bench.laser.board import DotBoard
 
     columns, rows = arguments.lattice
     return DotBoard(columns, rows, arguments.pitch_mm / 1000, arguments.dot_mm / 1000, arguments.u_pitch_mm / 1000)

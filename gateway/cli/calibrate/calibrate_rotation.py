@@ -31,10 +31,9 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gateway.calibration.methods.rotation import MOUNTING_U_DEG, fit_rotation
-    from gateway.calibration.offline.rotation_fields import rotation_fields
-    from gateway.calibration.offline.rotation_file import read_turn
-    from gateway.calibration.offline.rotation_report import format_rotation
+    from gateway.bench.input_tables import read_turn
+    from gateway.bench.rotation import MOUNTING_U_DEG, fit_rotation
+    from gateway.bench.rotation_output import format_rotation, rotation_fields
     from gateway.calibration.record import NotDeterminedError
     from gateway.errors import InputError
 

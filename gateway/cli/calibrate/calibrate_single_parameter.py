@@ -11,7 +11,7 @@ from gateway.cli.calibrate.calibrate_record import add_record_arguments, identit
 from gateway.cli.options.argument_types import above_zero
 
 if TYPE_CHECKING:
-    from gateway.calibration.methods.single_parameter import SingleParameterFit
+    from gateway.bench.single_parameter import SingleParameterFit
 
 
 def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -68,9 +68,9 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from gateway.calibration.methods.single_parameter import LaserSetup, fit_single_parameter
-    from gateway.calibration.offline.displacement_file import read_pairs
-    from gateway.calibration.offline.single_parameter_output import (
+    from gateway.bench.input_tables import read_pairs
+    from gateway.bench.single_parameter import LaserSetup, fit_single_parameter
+    from gateway.bench.single_parameter_output import (
         as_calibration,
         format_single_parameter,
         single_parameter_fields,
@@ -106,9 +106,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _correct(path: Path, fit: "SingleParameterFit") -> str:
     """Return the corrected angles of a file as CSV. Raises `InputError` for an angle beyond the range, with the file."""
-    from gateway.calibration.methods.single_parameter import correct_relative_angle, relative_angle_u_rad
-    from gateway.calibration.offline.displacement_file import read_raw_angles
-    from gateway.calibration.offline.single_parameter_output import format_corrected
+    from gateway.bench.input_tables import read_raw_angles
+    from gateway.bench.single_parameter import correct_relative_angle, relative_angle_u_rad
+    from gateway.bench.single_parameter_output import format_corrected
     from gateway.errors import InputError
 
     raw_rad = read_raw_angles(path)

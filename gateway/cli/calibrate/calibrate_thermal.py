@@ -17,9 +17,9 @@ from gateway.cli.options.table_options import add_table_options, table_options
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from gateway.bench.thermal.datasheet_limits import DatasheetLimits
     from gateway.calibration.offline.readings_file import FileReadings
     from gateway.calibration.record import CalibrationRecord
-    from gateway.calibration.thermal.datasheet_limits import DatasheetLimits
 
 
 def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -66,10 +66,9 @@ def add_to(methods: "argparse._SubParsersAction[argparse.ArgumentParser]") -> No
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from gateway.bench.thermal.output import format_thermal, thermal_figure
+    from gateway.bench.thermal.ramp_calibration import calibrate_ramps
     from gateway.calibration.record import NotDeterminedError
-    from gateway.calibration.thermal.ramp_calibration import calibrate_ramps
-    from gateway.calibration.thermal.report import format_thermal
-    from gateway.calibration.thermal.thermal_figure import thermal_figure
     from gateway.cli.terminal.progress import Progress
     from gateway.measurement.calibration_readings import read_calibration_readings
 
@@ -102,8 +101,8 @@ def _run(arguments: argparse.Namespace) -> int:
 def _learn_at_rest(
     arguments: argparse.Namespace, files: "Sequence[FileReadings]", parent: "CalibrationRecord | None"
 ) -> int:
+    from gateway.bench.thermal.rest_calibration import learn_at_rest
     from gateway.calibration.record import NotDeterminedError
-    from gateway.calibration.thermal.rest_calibration import learn_at_rest
     from gateway.errors import InputError
 
     if parent is None:
@@ -121,7 +120,7 @@ def _limits(arguments: argparse.Namespace) -> "DatasheetLimits | None":
     """Return the limits of `--part`, replaced by those given; None without any."""
     from dataclasses import replace
 
-    from gateway.calibration.thermal.datasheet_limits import PARTS, DatasheetLimits
+    from gateway.bench.thermal.datasheet_limits import PARTS, DatasheetLimits
     from gateway.errors import InputError
 
     if arguments.part is not None and arguments.part not in PARTS:

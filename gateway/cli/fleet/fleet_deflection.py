@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any, TextIO
 from gateway.cli.options.argument_types import above_zero, whole_number
 
 if TYPE_CHECKING:
+    from gateway.bench.girder.beam import Girder
+    from gateway.bench.girder.deflection import Deflection, InwardAxis
+    from gateway.bench.girder.deflection_history import DeflectionSeries
+    from gateway.bench.girder.live_deflection import LiveDeflection
     from gateway.bus.client import GatewayClient
-    from gateway.measurement.girder.beam import Girder
-    from gateway.measurement.girder.deflection import Deflection, InwardAxis
-    from gateway.measurement.girder.deflection_history import DeflectionSeries
-    from gateway.measurement.girder.live_deflection import LiveDeflection
 
 KEY = "plumbline/"
 """Beginning of a gateway's key on the bus; anything else is a recording."""
@@ -77,8 +77,8 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from gateway.bench.girder.beam import Girder
     from gateway.errors import InputError
-    from gateway.measurement.girder.beam import Girder
 
     if arguments.load_offset_m >= arguments.half_span_m:
         raise InputError("--load-offset-m must be below --half-span-m: the loads stand between the supports")
@@ -94,9 +94,9 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _evaluate(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[InwardAxis, InwardAxis]") -> int:
-    from gateway.certificate.deflection_report import render_deflection_report
+    from gateway.bench.girder.deflection_history import deflection_series
+    from gateway.bench.girder.deflection_report import render_deflection_report
     from gateway.cli.terminal.output import STANDARD_OUTPUT, print_json, write_json, write_text
-    from gateway.measurement.girder.deflection_history import deflection_series
     from gateway.measurement.source import read_source
 
     left, right = (read_source([Path(name)]) for name in (arguments.left, arguments.right))
@@ -167,8 +167,8 @@ def format_deflection(found: "Deflection") -> str:
 
 
 def _show_live(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[InwardAxis, InwardAxis]") -> int:
+    from gateway.bench.girder.live_deflection import LiveDeflection
     from gateway.bus.client import GatewayClient
-    from gateway.measurement.girder.live_deflection import LiveDeflection
 
     endpoints = arguments.connect or ["tcp/127.0.0.1:7447"]
     left = GatewayClient(endpoints[0], arguments.left)
@@ -186,8 +186,8 @@ def _show_live(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[Inw
 
 def _relative_u(client: "GatewayClient", inward: int) -> float:
     """Return the relative uncertainty of a gateway's relative angles, by the record that it has in force."""
+    from gateway.bench.girder.angle_uncertainty import relative_u_of_record
     from gateway.calibration.record import CalibrationRecord
-    from gateway.measurement.girder.angle_uncertainty import relative_u_of_record
 
     record = ((client.status() or {}).get("calibration") or {}).get("record") or None
     return relative_u_of_record(None if record is None else CalibrationRecord.model_validate(record), inward)
@@ -197,9 +197,9 @@ def show_deflection(
     clients: "tuple[GatewayClient, GatewayClient]", live: "LiveDeflection", out: TextIO, count: int | None = None
 ) -> int:
     """Show the deflection with each tilt until Ctrl-C, or `count` of them; wait while a link is lost."""
+    from gateway.bench.girder.live_deflection import Side
     from gateway.cli.terminal.status_line import StatusLine
     from gateway.daemon.runtime.bounded_queue import BoundedQueue
-    from gateway.measurement.girder.live_deflection import Side
     from gateway.topics import adapter
 
     sides: tuple[Side, Side] = ("left", "right")

@@ -9,11 +9,10 @@ import pytest
 
 from gateway.calibration.poses.faces import FACE_DIRECTIONS
 from gateway.calibration.poses.mean_uncertainty import correlation_factor, quantisation_u
-from gateway.calibration.poses.nominal_sensitivity import NominalSensitivity
-from gateway.calibration.poses.pose import Face, RawReadings
+from gateway.calibration.poses.pose import Face, NominalSensitivity, RawReadings
 from gateway.calibration.poses.pose_finder import READINGS_PER_POSE, PoseFinder
+from gateway.calibration.procedures.pose_plans import make_procedure
 from gateway.calibration.procedures.pose_procedure import PoseProcedure
-from gateway.calibration.procedures.procedure_factory import make_procedure
 from gateway.calibration.record import CalibrationError
 from gateway.numerics.array import Array
 from tests.benchmarks.calibration_sessions import (

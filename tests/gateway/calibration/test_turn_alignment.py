@@ -5,13 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from gateway.calibration.alignment.alignment_errors import (
+from gateway.calibration.alignment.turn import Turn, fit_turn, shaft_axis
+from gateway.calibration.alignment.turn_advice import (
+    OWN_SCREWS,
+    AligningUnit,
+    advise_after_turn,
     alignment_precision_error_rad,
     calibration_error_rad,
     total_alignment_error_rad,
 )
-from gateway.calibration.alignment.turn import Turn, fit_turn, shaft_axis
-from gateway.calibration.alignment.turn_advice import OWN_SCREWS, AligningUnit, advise_after_turn
 from gateway.calibration.alignment.turn_monitor import TurnMonitor, TurnView, sensor_force_g
 from gateway.numerics.array import Array
 from tests.values import present

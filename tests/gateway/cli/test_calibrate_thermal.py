@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from devices.block import DeviceInfo
+from gateway.bench.thermal.ramp_calibration import calibrate_ramps
 from gateway.calibration.offline.readings_file import FileReadings
 from gateway.calibration.record import CalibrationRecord
 from gateway.calibration.record_factory import make_record
-from gateway.calibration.thermal.ramp_calibration import calibrate_ramps
 from gateway.cli.main import main
 from gateway.measurement.source import read_source
-from tests.gateway.calibration.thermal_sensors import RATE_HZ, planted, ramps
+from tests.gateway.bench.thermal_sensors import RATE_HZ, planted, ramps
 from tests.recordings import write_mcap
 from tests.values import present
 

@@ -1,0 +1,84 @@
+"""Reads the turns of a sensor on a shaft from a recording."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gateway.calibration.alignment.turn import MIN_ACROSS_G, Turn
+from gateway.calibration.alignment.turn_advice import HOUSING_DEVIATION_RAD, AligningUnit, TurnAdvice
+from gateway.calibration.alignment.turn_monitor import TurnMonitor
+from gateway.calibration.offline.readings_file import FileReadings
+from gateway.calibration.poses.mean_uncertainty import quantisation_u
+from gateway.calibration.record import NotDeterminedError
+from gateway.numerics.array import Array
+from gateway.numerics.quantisation import smallest_steps
+
+AVERAGE_S = 0.1
+"""Duration of an average, s, as live."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedTurn:
+    """One turn of a recording."""
+
+    time_s: float
+    """Its end, from the start of the recording."""
+    turn: Turn
+    advice: TurnAdvice
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedTurns:
+    """The turns of a recording."""
+
+    axis: int
+    units_per_g: float
+    """Scale factor of the axes across the shaft, raw units per g."""
+    step_g: float
+    """Quantisation step of the axis along the shaft, LSB, g."""
+    turns: tuple[RecordedTurn, ...]
+
+
+def read_turns(
+    file: FileReadings,
+    unit: AligningUnit | None = None,
+    axis: int | None = None,
+    housing_deviation_rad: float = HOUSING_DEVIATION_RAD,
+) -> RecordedTurns:
+    """Return the turns about the axis along the shaft; None: the axis whose readings change least.
+
+    The scale factor is that of the axes across the shaft, which a turn takes from -1 g to +1 g. Raises `NotDeterminedError`
+    without a full turn.
+    """
+    time_s, raw, sigma = _average(file.time_s - file.time_s[0], file.raw)
+    half = np.ptp(raw, axis=0) / 2
+    axis = int(np.argmin(half)) if axis is None else axis
+    across = [other for other in range(3) if other != axis]
+    if half[across].min() <= 0 or half[axis] > MIN_ACROSS_G * half[across].min():
+        raise NotDeterminedError(
+            f"{file.path}: no axis stays level while the others turn; turn the sensor on its shaft"
+        )
+    scale = half.copy()
+    scale[axis] = half[across].mean()
+    zero = (raw.max(axis=0) + raw.min(axis=0)) / 2
+    step = float(smallest_steps(file.raw)[axis])
+    undithered_step_g = math.sqrt(12) * float(quantisation_u(step, sigma)[axis] / scale[axis])
+    monitor = TurnMonitor(unit, axis, step_g=undithered_step_g, housing_deviation_rad=housing_deviation_rad)
+    turns: list[RecordedTurn] = []
+    for moment, force_g in zip(time_s.tolist(), (raw - zero) / scale, strict=True):
+        view = monitor.add(moment, force_g)
+        if view.n_turns > len(turns) and view.turn is not None and view.advice is not None:
+            turns.append(RecordedTurn(moment, view.turn, view.advice))
+    if not turns:
+        raise NotDeterminedError(f"{file.path}: no full turn of the shaft; turn it slowly, once round or more")
+    return RecordedTurns(axis, float(scale[axis]), step / float(scale[axis]), tuple(turns))
+
+
+def _average(time_s: Array, raw: Array) -> tuple[Array, Array, Array]:
+    """Return times and means of the averages, (a,) and (a, 3), and the standard deviation of a reading within them, (3,)."""
+    _, place = np.unique(np.floor(time_s / AVERAGE_S), return_inverse=True)
+    count = np.bincount(place)
+    means = np.column_stack([np.bincount(place, axis) / count for axis in raw.T])
+    freedom = max(len(raw) - len(count), 1)
+    return np.bincount(place, time_s) / count, means, np.sqrt(((raw - means[place]) ** 2).sum(axis=0) / freedom)

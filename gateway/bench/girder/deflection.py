@@ -1,0 +1,103 @@
+"""Deflection at mid-span with its uncertainty, from the rotations of both ends."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from gateway.bench.girder.beam import Girder
+from gateway.numerics.array import Array
+
+LARGEST_ROTATION_RAD = math.radians(5.0)
+"""Largest rotation for which small-angle bending holds (Zhu et al. 2020, sec. 2.2)."""
+OFF_CENTRE_LIMIT = 0.1
+"""Distance of the load from mid-span over the span, beyond which eq. 25 errs by more than 2 %."""
+ASYMMETRY_PER_OFF_CENTRE = 2 / 3
+"""Difference over sum of both rotations, per distance of the load from mid-span over the span, for a single load."""
+K_SIGNIFICANT = 3.0
+
+InwardAxis = tuple[int, int]
+"""Index (0 to 2) and sign of the housing axis that points from a support to mid-span."""
+
+
+@dataclass(frozen=True, slots=True)
+class EndRotation:
+    """Rotation of one end against its zero; positive when the girder sags."""
+
+    rotation_rad: float
+    u_random_rad: float
+    """Standard uncertainty from noise and the zero."""
+    u_relative: float
+    """Relative standard uncertainty from scale factors and the zero-g offset of the vertical axis."""
+
+    @property
+    def u_rad(self) -> float:
+        """Combined standard uncertainty."""
+        return math.hypot(self.u_random_rad, self.u_relative * self.rotation_rad)
+
+
+@dataclass(frozen=True, slots=True)
+class Deflection:
+    """Deflection at mid-span, positive downwards."""
+
+    deflection_m: float
+    u_m: float
+    left_rad: float
+    right_rad: float
+    off_centre: float | None
+    """Distance of the load from mid-span over the span, towards the left end; None where the rotations do not show it."""
+    warnings: tuple[str, ...]
+
+
+def inward_tilt_rad(force_g: Array, axis: InwardAxis) -> Array:
+    """Return the tilt of the inward axis, positive upwards, of specific forces (..., 3) (Zhu et al. 2020, eq. 1 and 2)."""
+    index, sign = axis
+    across = np.sqrt(sum(force_g[..., other] ** 2 for other in range(3) if other != index))
+    return np.asarray(np.arctan2(sign * force_g[..., index], across))
+
+
+def girder_deflection(left: EndRotation, right: EndRotation, girder: Girder) -> Deflection:
+    """Return the deflection from the mean of both rotations (Zhu et al. 2020, eq. 25).
+
+    Unequal rotations show a load off mid-span. To second order in its distance e over the span, eq. 25 is then 2 e^2 too large,
+    relative; this is included in the uncertainty.
+    """
+    mean_rad = (left.rotation_rad + right.rotation_rad) / 2
+    u_mean_rad = math.hypot(left.u_rad, right.u_rad) / 2
+    off_centre, u_off_centre = _off_centre(left, right)
+    is_shown = abs(off_centre) > K_SIGNIFICANT * u_off_centre
+    deflection_m = girder.factor_m * mean_rad
+    model_m = 2 * off_centre**2 * deflection_m if is_shown else 0.0
+    return Deflection(
+        deflection_m=deflection_m,
+        u_m=math.hypot(girder.factor_m * u_mean_rad, girder.u_factor_m * mean_rad, model_m),
+        left_rad=left.rotation_rad,
+        right_rad=right.rotation_rad,
+        off_centre=off_centre if is_shown else None,
+        warnings=tuple(_warnings(left, right, off_centre if is_shown else 0.0)),
+    )
+
+
+def _off_centre(left: EndRotation, right: EndRotation) -> tuple[float, float]:
+    """Return the distance of the load from mid-span over the span, and its standard uncertainty; infinite without a load."""
+    total_rad = left.rotation_rad + right.rotation_rad
+    if total_rad == 0:
+        return 0.0, math.inf
+    asymmetry = (left.rotation_rad - right.rotation_rad) / total_rad
+    u_asymmetry = 2 * math.hypot(right.rotation_rad * left.u_rad, left.rotation_rad * right.u_rad) / total_rad**2
+    return asymmetry / ASYMMETRY_PER_OFF_CENTRE, u_asymmetry / ASYMMETRY_PER_OFF_CENTRE
+
+
+def _warnings(left: EndRotation, right: EndRotation, off_centre: float) -> list[str]:
+    texts = []
+    largest_rad = max(abs(left.rotation_rad), abs(right.rotation_rad))
+    if largest_rad > LARGEST_ROTATION_RAD:
+        texts.append(
+            f"an end turned by {math.degrees(largest_rad):.1f} deg: no small bending; check the axes and the zero"
+        )
+    if abs(off_centre) > OFF_CENTRE_LIMIT:
+        side = "left" if off_centre > 0 else "right"
+        texts.append(
+            f"the load stands off mid-span by {abs(off_centre) * 100:.0f} % of the span to the {side}, or an axis is turned round"
+        )
+    return texts

@@ -1,0 +1,120 @@
+"""Deflection over time, from two recordings of the ends of a girder."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.bench.girder.angle_uncertainty import relative_u_of_correction
+from gateway.bench.girder.beam import Girder
+from gateway.bench.girder.deflection import (
+    Deflection,
+    EndRotation,
+    InwardAxis,
+    girder_deflection,
+    inward_tilt_rad,
+)
+from gateway.errors import InputError
+from gateway.measurement.source import Source
+from gateway.numerics.array import Array
+from gateway.numerics.autocorrelation import correlation_sum
+
+AVERAGE_S = 1.0
+"""Duration of an average, s: several periods of a girder's own vibration."""
+MIN_ZERO_BINS = 5
+"""Least number of averages of the zero, so that their scatter is known."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeflectionSeries:
+    """Deflection in averages of a second, after the zero."""
+
+    time_s: Array
+    """Middle of each average, from the beginning of the zero, shape (n,)."""
+    deflections: tuple[Deflection, ...]
+    zero_s: float
+    """Duration of the zero."""
+
+    @property
+    def largest(self) -> Deflection:
+        """The average with the largest deflection, to either side."""
+        return max(self.deflections, key=lambda one: abs(one.deflection_m))
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """The averages of one end."""
+
+    bins: NDArray[np.int64]
+    """Number of each average on the common grid, shape (k,)."""
+    tilt_rad: Array
+    """Tilt of the inward axis, shape (k,)."""
+
+
+def deflection_series(
+    left: Source, right: Source, girder: Girder, axes: tuple[InwardAxis, InwardAxis], zero_s: float
+) -> DeflectionSeries:
+    """Return the deflection after a zero of `zero_s` at the beginning of the time that both recordings share.
+
+    Raises `InputError` where they share too little time, or one has a date and the other none.
+    """
+    begins_s = [_absolute_time_s(source) for source in (left, right)]
+    if (left.extent.origin_utc_ns is None) != (right.extent.origin_utc_ns is None):
+        raise InputError(
+            f"{right.name}: one recording has dates and the other none; give two .mcap, or two .csv of one clock"
+        )
+    start_s, end_s = max(times[0] for times in begins_s), min(times[-1] for times in begins_s)
+    if end_s - start_s < zero_s + AVERAGE_S:
+        raise InputError(
+            f"{left.name} and {right.name} share {max(end_s - start_s, 0):.1f} s; the zero of {zero_s:g} s and a load need more"
+        )
+    ends = [
+        _average(times - start_s, source, axis, end_s - start_s)
+        for times, source, axis in zip(begins_s, (left, right), axes, strict=True)
+    ]
+    n_zero = int(zero_s / AVERAGE_S)
+    common = np.intersect1d(ends[0].bins, ends[1].bins)
+    loaded = common[common >= n_zero].astype(np.int64)
+    if not len(loaded):
+        raise InputError(f"{left.name} and {right.name}: no second after the zero has samples of both")
+    left_end, right_end = (
+        _rotations(end, source, axis, n_zero, loaded)
+        for end, source, axis in zip(ends, (left, right), axes, strict=True)
+    )
+    return DeflectionSeries(
+        time_s=np.asarray((loaded + 0.5) * AVERAGE_S, dtype=np.float64),
+        deflections=tuple(girder_deflection(*pair, girder) for pair in zip(left_end, right_end, strict=True)),
+        zero_s=n_zero * AVERAGE_S,
+    )
+
+
+def _absolute_time_s(source: Source) -> Array:
+    origin_ns = source.extent.origin_utc_ns
+    return source.recording.time_s + (0.0 if origin_ns is None else origin_ns * 1e-9)
+
+
+def _average(time_s: Array, source: Source, axis: InwardAxis, duration_s: float) -> _End:
+    inside = (time_s >= 0) & (time_s < duration_s)
+    bins, place = np.unique(np.floor(time_s[inside] / AVERAGE_S).astype(np.int64), return_inverse=True)
+    count = np.bincount(place)
+    force_g = np.column_stack([np.bincount(place, values) / count for values in source.force_g[inside].T])
+    full = count >= 0.5 * AVERAGE_S * source.recording.rate_hz
+    return _End(bins[full], inward_tilt_rad(force_g[full], axis))
+
+
+def _rotations(
+    end: _End, source: Source, axis: InwardAxis, n_zero: int, loaded: NDArray[np.int64]
+) -> list[EndRotation]:
+    """Return the rotation in each average of `loaded` against the mean of the zero."""
+    zero_rad = end.tilt_rad[end.bins < n_zero]
+    if len(zero_rad) < MIN_ZERO_BINS:
+        raise InputError(
+            f"{source.name}: {len(zero_rad)} s of the zero have samples; it needs {MIN_ZERO_BINS} s or more"
+        )
+    scatter_rad = float(zero_rad.std(ddof=1))
+    u_zero_rad = scatter_rad * float(np.sqrt(max(1.0, correlation_sum(zero_rad)) / len(zero_rad)))
+    u_relative = relative_u_of_correction(source.correction, source.permissible_norm_error_g, axis[0])
+    u_random_rad = float(np.hypot(scatter_rad, u_zero_rad))
+    tilt_rad = end.tilt_rad[np.searchsorted(end.bins, loaded)]
+    zero = float(zero_rad.mean())
+    return [EndRotation(zero - float(tilt), u_random_rad, u_relative) for tilt in tilt_rad]

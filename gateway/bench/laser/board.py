@@ -1,0 +1,134 @@
+"""The board, a lattice of round dots of known pitch, and the map from a photograph to it.
+
+The map is perspective and radial distortion of the lens, fitted to the dots. It gives every place its local scale, where
+Zhu et al. 2020 (eq. 16 to 18) take that of the two nearest dots for a whole segment.
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.bench.laser.least_squares import fit_least_squares, jacobian
+from gateway.numerics.array import Array
+
+PARAMETERS = 10
+"""Eight of the perspective, two of the distortion."""
+OUTLIER = 5.0
+"""A dot with a residual of so many robust standard deviations is not used: dirt, or a hand, covers a part of it."""
+MIN_OUTLIER_PITCH = 0.002
+"""Least residual of an outlier, pitches."""
+INVERSE_ITERATIONS = 30
+
+
+@dataclass(frozen=True, slots=True)
+class DotBoard:
+    """Layout of a board, by default that of Zhu et al. 2020, table 6."""
+
+    columns: int = 7
+    rows: int = 7
+    pitch_m: float = 0.040
+    """Distance between the centres of neighbouring dots."""
+    dot_m: float = 0.020
+    """Diameter of a dot."""
+    u_pitch_m: float = 0.005e-3 / np.sqrt(3)
+    """Standard uncertainty of the pitch, common to the whole board."""
+
+    def node_m(self, index: Array) -> Array:
+        """Return positions of lattice nodes (column, row), shape (n, 2): x to the right, y down, origin in the middle."""
+        return np.asarray((index - (np.array([self.columns, self.rows]) - 1) / 2) * self.pitch_m)
+
+
+@dataclass(frozen=True, slots=True)
+class BoardMap:
+    """Map from pixels to lattice coordinates (column, row)."""
+
+    parameters: Array
+    """Perspective h11, h12, ... h32 of normalised coordinates, then the distortion k1, k2; shape (10,)."""
+    covariance: Array
+    centre_px: Array
+    half_diagonal_px: float
+    residual_rms: float
+    """Of the used dots, pitches."""
+    used: NDArray[np.bool_]
+    """Which of the dots the fit uses."""
+
+    def to_board(self, pixel: Array) -> Array:
+        """Return lattice coordinates of pixels, shape (n, 2)."""
+        return _apply(self.parameters, (pixel - self.centre_px) / self.half_diagonal_px)
+
+    def derivative(self, pixel: Array) -> Array:
+        """Return the derivatives of the lattice coordinates by the pixel's, shape (2, 2)."""
+        return jacobian(lambda place: self.to_board(place[None])[0], pixel, np.full(2, self.half_diagonal_px))
+
+    def to_pixel(self, board: Array) -> Array:
+        """Return the pixel of one place in lattice coordinates, shape (2,), by Newton's method from the image's centre."""
+        pixel = self.centre_px.copy()
+        for _ in range(INVERSE_ITERATIONS):
+            step = np.linalg.solve(self.derivative(pixel), board - self.to_board(pixel[None])[0])
+            pixel = pixel + step
+            if np.abs(step).max() < 1e-9 * self.half_diagonal_px:
+                break
+        return pixel
+
+    def map_covariance(self, pixel: Array) -> Array:
+        """Return the covariance of the lattice coordinates of a pixel that the fit of the map causes, shape (2, 2)."""
+        normalised = (pixel[None] - self.centre_px) / self.half_diagonal_px
+        slope = jacobian(lambda values: _apply(values, normalised)[0], self.parameters, _scale(self.parameters))
+        return np.asarray(slope @ self.covariance @ slope.T)
+
+
+def fit_board_map(pixel: Array, index: Array, shape: tuple[int, int]) -> BoardMap | None:
+    """Fit the map to centres of dots, shape (n, 2), with their lattice indices; None if they do not determine it.
+
+    `shape` is height and width of the photograph, whose centre is taken for that of the lens.
+    """
+    height, width = shape
+    centre = np.array([width - 1, height - 1]) / 2
+    half_diagonal = float(np.hypot(*centre))
+    normalised = (pixel - centre) / half_diagonal
+    used = np.ones(len(pixel), dtype=bool)
+    for _ in range(2):
+        fit = _fit(normalised[used], index[used])
+        if fit is None:
+            return None
+        parameters, covariance = fit
+        residual = np.hypot(*(_apply(parameters, normalised) - index).T)
+        limit = max(OUTLIER * 1.2 * float(np.median(residual[used])), MIN_OUTLIER_PITCH)
+        if np.array_equal(residual <= limit, used):
+            break
+        used = residual <= limit
+    rms = float(np.sqrt(np.mean(residual[used] ** 2)))
+    return BoardMap(parameters, covariance, centre, half_diagonal, rms, used)
+
+
+def find_perspective(start: Array, end: Array, method: int = 0, tolerance: float = 0.0) -> Array | None:
+    """Return the perspective from places to places, each (n, 2), with 1 as its last entry; None if there is none."""
+    found: object = cv2.findHomography(start, end, method, tolerance)[0]
+    if not isinstance(found, np.ndarray) or found[2, 2] == 0:
+        return None
+    return np.asarray(found / found[2, 2], dtype=np.float64)
+
+
+def _fit(normalised: Array, index: Array) -> tuple[Array, Array] | None:
+    if 2 * len(index) <= PARAMETERS:
+        return None
+    perspective = find_perspective(normalised, index)
+    if perspective is None:
+        return None
+    start = np.append(perspective.ravel()[:8], [0.0, 0.0])
+    fit = fit_least_squares(lambda values: (_apply(values, normalised) - index).ravel(), start, _scale(start))
+    return None if fit is None else (fit.parameters, fit.covariance)
+
+
+def _scale(parameters: Array) -> Array:
+    """Return the magnitudes of the parameters, for derivatives."""
+    return np.asarray(np.maximum(np.abs(parameters), [1, 1, 1, 1, 1, 1, 0.1, 0.1, 0.1, 0.1]))
+
+
+def _apply(parameters: Array, normalised: Array) -> Array:
+    r2 = (normalised**2).sum(axis=1, keepdims=True)
+    straight = normalised * (1 + parameters[8] * r2 + parameters[9] * r2**2)
+    top = straight @ np.reshape(parameters[:6], (2, 3))[:, :2].T + parameters[[2, 5]]
+    return np.asarray(top / (straight @ parameters[6:8, None] + 1))

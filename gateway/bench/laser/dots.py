@@ -1,0 +1,162 @@
+"""Round dark dots in a photograph: their centres to a fraction of a pixel, and their blurred edges."""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from gateway.bench.laser.board import BoardMap
+from gateway.numerics.array import Array
+
+WORKING_SIDE_PX = 1600
+"""Longer photographs are reduced to find the dots; their centres are measured in the full one."""
+WINDOW_SHARES = (8, 16, 4)
+"""Shares of the shorter side that are tried as the window of the adaptive threshold; it must exceed a dot."""
+CONTRAST = 12
+"""Least darkness of a dot against the mean of its window, values of 255."""
+MIN_AREA_PX = 40
+ROUNDNESS = 0.12
+"""Largest relative difference between a dot's area and that of the ellipse through its edge."""
+MIN_AXIS_RATIO = 0.4
+"""Least ratio of the ellipse's axes: a board that leans by 66 degrees."""
+SIZE_FACTOR = 1.7
+"""Ratio of diameters within which candidates are dots of one board."""
+RIM = 1.25
+"""Radius of the area whose darkness counts, and inner radius of the white ring around a dot, radii."""
+RING = 1.5
+"""Outer radius of the white ring, radii."""
+CORE = 0.6
+"""Radius of the area that gives a dot's black, radii."""
+SMOOTHING_PX = 1.0
+"""Smoothing before edges and spot are measured, standard deviation: it makes the blur Gaussian and the noise small."""
+SIGMAS_10_TO_90 = 2.563
+"""Width of a blurred edge between 10 and 90 %, standard deviations."""
+
+
+@dataclass(frozen=True, slots=True)
+class DotCandidates:
+    """Ellipses that may be dots."""
+
+    centre_px: Array
+    """Shape (n, 2)."""
+    diameter_px: Array
+    """Geometric mean of the axes, shape (n,)."""
+
+
+def find_candidates(board: NDArray[np.uint8]) -> list[DotCandidates]:
+    """Return the candidates for each window of the threshold; `board` is a channel of a photograph."""
+    factor = min(1.0, WORKING_SIDE_PX / max(board.shape))
+    small = board if factor == 1 else cv2.resize(board, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
+    small = cv2.GaussianBlur(np.asarray(small, dtype=np.uint8), (0, 0), 1.0)
+    found = []
+    for share in WINDOW_SHARES:
+        window = min(small.shape) // share | 1
+        dark = cv2.adaptiveThreshold(
+            small, 255, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY_INV, max(window, 3), CONTRAST
+        )
+        candidates = _ellipses(np.asarray(dark, dtype=np.uint8))
+        centre = (candidates[:, :2] + 0.5) / factor - 0.5
+        found.append(_of_one_size(DotCandidates(centre, candidates[:, 2] / factor)))
+    return found
+
+
+def _ellipses(dark: NDArray[np.uint8]) -> Array:
+    """Return centre and diameter of the round regions, shape (n, 3)."""
+    contours, _ = cv2.findContours(dark, cv2.RETR_LIST, cv2.CHAIN_APPROX_NONE)
+    rows = []
+    for contour in contours:
+        if len(contour) < 12 or cv2.contourArea(contour) < MIN_AREA_PX:
+            continue
+        (x, y), (first, second), _ = cv2.fitEllipse(contour)
+        area = np.pi / 4 * first * second
+        if min(first, second) < MIN_AXIS_RATIO * max(first, second):
+            continue
+        if abs(cv2.contourArea(contour) / area - 1) <= ROUNDNESS:
+            rows.append((x, y, float(np.sqrt(first * second))))
+    return np.array(rows, dtype=np.float64).reshape(-1, 3)
+
+
+def _of_one_size(candidates: DotCandidates) -> DotCandidates:
+    """Return the largest group of candidates of similar diameter."""
+    diameters = candidates.diameter_px
+    if len(diameters) == 0:
+        return candidates
+    ratio = diameters[:, None] / diameters
+    near = (ratio < SIZE_FACTOR) & (ratio > 1 / SIZE_FACTOR)
+    group = near[np.argmax(near.sum(axis=1))]
+    return DotCandidates(candidates.centre_px[group], diameters[group])
+
+
+def measure_centre(
+    light: NDArray[np.float32], centre_px: Array, diameter_px: float, board_map: BoardMap | None
+) -> Array | None:
+    """Return the centroid of a dot's darkness (Zhu et al. 2020, eq. 14 and 15), shape (2,); None near the photograph's edge.
+
+    Darkness is counted between the white ring around the dot, fitted by a plane because light is uneven, and the dot's own black.
+    With a map, the centroid is that on the board: in the photograph, perspective moves it away from the image of the centre.
+    """
+    radius = diameter_px / 2
+    reach = int(np.ceil(RING * radius)) + 1
+    column, row = (round(float(value)) for value in centre_px)
+    height, width = light.shape
+    if column < reach or row < reach or column + reach >= width or row + reach >= height:
+        return None
+    y, x = np.mgrid[row - reach : row + reach + 1, column - reach : column + reach + 1].astype(np.float64)
+    window = light[row - reach : row + reach + 1, column - reach : column + reach + 1].astype(np.float64)
+    dx, dy = x - centre_px[0], y - centre_px[1]
+    distance = np.hypot(dx, dy) / radius
+    ring = (distance > RIM) & (distance < RING)
+    plane = np.linalg.lstsq(np.column_stack([np.ones(ring.sum()), dx[ring], dy[ring]]), window[ring], rcond=None)[0]
+    white = plane[0] + plane[1] * dx + plane[2] * dy
+    black_share = float(np.median((window / white)[distance < CORE]))
+    inside = distance < RIM
+    darkness = ((1 - window / white) / (1 - black_share))[inside]
+    pixel = np.column_stack([x[inside], y[inside]])
+    if board_map is None:
+        return np.asarray(darkness @ pixel / darkness.sum())
+    return _board_centroid(pixel, darkness, board_map)
+
+
+def _board_centroid(pixel: Array, darkness: Array, board_map: BoardMap) -> Array:
+    """Return the pixel of the centroid on the board, each pixel weighted by the area of the board that it shows."""
+    place = board_map.to_board(pixel)
+    step = 0.5
+    across, down = step * np.eye(2)
+    by_x = (board_map.to_board(pixel + across) - board_map.to_board(pixel - across)) / (2 * step)
+    by_y = (board_map.to_board(pixel + down) - board_map.to_board(pixel - down)) / (2 * step)
+    weight = darkness * np.abs(by_x[:, 0] * by_y[:, 1] - by_x[:, 1] * by_y[:, 0])
+    on_board = weight @ place / weight.sum()
+    centroid = darkness @ pixel / darkness.sum()
+    step_px = np.linalg.solve(board_map.derivative(centroid), on_board - board_map.to_board(centroid[None])[0])
+    return np.asarray(centroid + step_px)
+
+
+@dataclass(frozen=True, slots=True)
+class DotEdges:
+    """The edges of the dots in a photograph."""
+
+    board_map: BoardMap
+    diameter_px: float
+    blur_px: float
+    """Standard deviation of the blur of the photograph together with a smoothing of `SMOOTHING_PX`."""
+
+    def distance_px(self, pixel: Array) -> Array:
+        """Return the distance of pixels, shape (n, 2), of one neighbourhood from the nearest edge; negative within a dot."""
+        board = self.board_map.to_board(pixel)
+        scale_px = 1 / np.sqrt(abs(np.linalg.det(self.board_map.derivative(pixel.mean(axis=0)))))
+        return np.asarray(np.hypot(*(board - np.rint(board)).T) * scale_px - self.diameter_px / 2)
+
+
+def find_edges(light: NDArray[np.float32], dots_px: Array, diameter_px: float, board_map: BoardMap) -> DotEdges:
+    """Measure the blur of the dots' edges: the area from 10 to 90 % of their darkness is the edge's width times its length."""
+    reach = int(diameter_px * 0.75)
+    smooth = cv2.GaussianBlur(light, (0, 0), SMOOTHING_PX)
+    widths = []
+    for x, y in np.rint(dots_px).astype(int).tolist():
+        window = smooth[max(0, y - reach) : y + reach + 1, max(0, x - reach) : x + reach + 1]
+        black, white = np.quantile(window, [0.05, 0.95])
+        darkness = (white - window) / (white - black)
+        widths.append(((darkness > 0.1) & (darkness < 0.9)).sum() / (np.pi * diameter_px))
+    sigma_px = float(np.median(widths)) / SIGMAS_10_TO_90
+    return DotEdges(board_map, diameter_px, sigma_px)

@@ -1,0 +1,136 @@
+"""The laser method on rendered photographs whose spots are known exactly, and what it refuses."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from gateway.bench.laser.board import DotBoard
+from gateway.bench.laser.displacement import displacement, measure_photograph
+from gateway.bench.laser.output import draw_overlay
+from gateway.bench.laser.photograph import Photograph
+from gateway.calibration.record import NotDeterminedError
+from tests.benchmarks.laser import (
+    BOARD,
+    END_MM,
+    PLAIN,
+    SCENES,
+    measure,
+    measured,
+    random_scene,
+    two_dot_displacement_mm,
+)
+from tests.benchmarks.rendered_photographs import Scene, moved, render
+
+
+def refuse(scene: Scene, said: str, board: DotBoard = BOARD) -> None:
+    with pytest.raises(NotDeterminedError, match=said) as error:
+        measure_photograph(Photograph(Path("tilted-3.jpg"), render(scene), "red"), board)
+    assert "tilted-3.jpg: " in str(error.value)
+
+
+QUICK = ("square on", "spot on the edge of a dot", "spot half outside the board")
+"""Scenes of the quick tests."""
+
+
+@pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in SCENES]
+)
+def test_a_displacement_is_measured_to_a_twentieth_of_a_millimetre_at_5_pixels_per_millimetre(name: str) -> None:
+    found, error_mm = measure(*SCENES[name])
+    assert abs(error_mm) < 0.05
+    assert abs(error_mm) < 2 * 1000 * found.u_d_m
+    assert 1000 * found.u_d_m < 0.1
+
+
+@pytest.mark.slow
+def test_random_scenes_lie_within_their_95_percent_intervals() -> None:
+    scores = []
+    for seed in range(6):
+        found, error_mm = measure(*random_scene(seed))
+        scores.append(error_mm / (1000 * found.u_d_m))
+    assert np.max(np.abs(scores)) < 1.96
+
+
+def test_a_spot_moving_up_is_positive_and_down_negative() -> None:
+    low, high = measured(moved(PLAIN, *END_MM)), measured(PLAIN)
+    assert displacement(low, high).d_m == pytest.approx(0.0851, abs=1e-4)
+    assert displacement(high, low).d_m == pytest.approx(-0.0851, abs=1e-4)
+    assert displacement(high, high).d_m == 0
+
+
+@pytest.mark.slow
+def test_the_segments_add_up_to_the_displacement_and_have_their_local_scale() -> None:
+    scene = replace(PLAIN, tilt_deg=(18.0, -12.0))
+    found, _ = measure(scene, END_MM)
+    assert sum(segment.length_m for segment in found.segments) == pytest.approx(abs(found.d_m))
+    scales_mm = [1000 * segment.scale_m for segment in found.segments]
+    assert scales_mm == sorted(scales_mm, reverse=True)
+    assert scales_mm[0] / scales_mm[-1] > 1.05
+
+
+@pytest.mark.slow
+def test_the_scale_of_the_two_nearest_dots_would_miss_the_goal_under_perspective() -> None:
+    """Zhu et al. 2020, eq. 17: half a pitch beside the line, the scale is another one."""
+    scene = replace(PLAIN, tilt_deg=(15.0, 15.0), spots=((8.0, -45.0),))
+    found, error_mm = measure(scene, (8.0, 45.0))
+    by_dots_mm = two_dot_displacement_mm(measured(scene), measured(moved(scene, 8.0, 45.0)), found)
+    assert abs(error_mm) < 0.05
+    assert by_dots_mm - 90 == pytest.approx(-0.29, abs=0.05)
+
+
+def test_hidden_dots_and_those_near_the_spot_are_left_out() -> None:
+    scene = replace(PLAIN, hidden=((0, 0), (3, 3)))
+    index = measured(scene).index.tolist()
+    assert len(index) == 46
+    assert [[0, 0] in index, [3, 3] in index, [3, 1] in index] == [False, False, False]
+
+
+@pytest.mark.slow
+def test_a_board_of_another_shape_is_read_upright_and_on_its_side() -> None:
+    board = DotBoard(7, 5, 0.020, 0.010)
+    for roll_deg, size in ((0.0, (7, 5)), (90.0, (5, 7))):
+        scene = replace(PLAIN, rows=5, roll_deg=roll_deg, spots=((3.0, -22.0),))
+        found = measure_photograph(Photograph(Path("p.png"), render(scene), "red"), board)
+        assert (found.board.columns, found.board.rows) == size
+        assert np.hypot(*found.spot_m) == pytest.approx(np.hypot(3, 22) / 1000, abs=5e-5)
+
+
+def test_a_photograph_without_a_spot_is_refused() -> None:
+    refuse(replace(PLAIN, laser=0.0), "no red laser spot on the board")
+
+
+def test_a_photograph_without_a_board_is_refused() -> None:
+    refuse(replace(PLAIN, dot_mm=0.01), "no lattice of dots, the board has 7 x 7; show the whole board")
+
+
+def test_a_board_that_is_cut_off_is_refused() -> None:
+    refuse(replace(PLAIN, centre_mm=(60.0, 0.0)), "a lattice of . x 7 dots, the board has 7 x 7")
+
+
+def test_two_spots_are_refused() -> None:
+    refuse(replace(PLAIN, spots=((3.0, -40.0), (3.0, 20.0))), "two laser spots, at pixels")
+
+
+def test_too_many_hidden_dots_are_refused() -> None:
+    hidden = tuple((column, row) for column in range(1, 6) for row in (2, 3, 4))
+    refuse(replace(PLAIN, hidden=hidden), "its dots uncovered")
+
+
+@pytest.mark.slow
+def test_a_quarter_turn_of_the_index_between_photographs_is_refused() -> None:
+    """Columns run to the right as nearly as they can: beyond 45 degrees, rows take their place."""
+    wide = replace(PLAIN, size_px=(1100, 1100))
+    with pytest.raises(NotDeterminedError, match="the board is turned by 80 deg"):
+        displacement(measured(replace(wide, roll_deg=40)), measured(replace(wide, roll_deg=50)))
+
+
+def test_the_overlay_marks_dots_and_spot() -> None:
+    zero, end = measured(PLAIN), measured(moved(PLAIN, *END_MM))
+    drawn = np.frombuffer(draw_overlay(end, zero, displacement(zero, end)), np.uint8)
+    changed = cv2.absdiff(np.asarray(cv2.imdecode(drawn, cv2.IMREAD_COLOR)), end.photograph.bgr).max(axis=2)
+    for x, y in np.rint([*end.dots_px, end.spot.centre_px]).astype(int).tolist():
+        assert changed[y - 4 : y + 5, x - 4 : x + 5].max() > 60
+    assert changed[:50, 500:].max() == 0
