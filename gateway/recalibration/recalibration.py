@@ -14,9 +14,9 @@ from devices.axes_map import AxesMap
 from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.acceptance import judge
 from gateway.calibration.methods.zeroing import MIN_REST_S
+from gateway.calibration.pose_plans import make_procedure
+from gateway.calibration.pose_procedure import PoseProcedure, PoseProgress
 from gateway.calibration.poses.pose import NominalSensitivity
-from gateway.calibration.procedures.pose_plans import make_procedure
-from gateway.calibration.procedures.pose_procedure import PoseProcedure, PoseProgress
 from gateway.calibration.record import CalibrationError
 from gateway.calibration.store import CalibrationStore
 from gateway.errors import PlumblineError

@@ -4,7 +4,7 @@ from dataclasses import asdict
 
 from pydantic import TypeAdapter
 
-from gateway.calibration.procedures.pose_procedure import PoseProgress
+from gateway.calibration.pose_procedure import PoseProgress
 from gateway.messages import NO_SESSION, CalibrationSession
 from gateway.recalibration.session import CONFIRM, Session
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from gateway.bench.girder.angle_uncertainty import relative_u_of_correction
 from gateway.bench.girder.beam import Girder
 from gateway.bench.girder.deflection import (
     Deflection,
@@ -13,6 +12,7 @@ from gateway.bench.girder.deflection import (
     InwardAxis,
     girder_deflection,
     inward_tilt_rad,
+    relative_u_of_correction,
 )
 from gateway.errors import InputError
 from gateway.measurement.source import Source

@@ -10,10 +10,10 @@ from gateway.calibration.methods.norm_fit import FRAME_U_DEG
 from gateway.calibration.methods.six_position import PLACEMENT_U_DEG
 from gateway.calibration.offline.estimate_sensitivity import estimate_sensitivity
 from gateway.calibration.offline.readings_file import FileReadings
+from gateway.calibration.pose_plans import make_procedure
+from gateway.calibration.pose_procedure import PoseProcedure
 from gateway.calibration.poses.pose import NominalSensitivity, RawReadings
 from gateway.calibration.poses.pose_finder import READINGS_PER_POSE
-from gateway.calibration.procedures.pose_plans import make_procedure
-from gateway.calibration.procedures.pose_procedure import PoseProcedure
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.errors import InputError
 

@@ -186,7 +186,7 @@ def _show_live(arguments: argparse.Namespace, girder: "Girder", axes: "tuple[Inw
 
 def _relative_u(client: "GatewayClient", inward: int) -> float:
     """Return the relative uncertainty of a gateway's relative angles, by the record that it has in force."""
-    from gateway.bench.girder.angle_uncertainty import relative_u_of_record
+    from gateway.bench.girder.deflection import relative_u_of_record
     from gateway.calibration.record import CalibrationRecord
 
     record = ((client.status() or {}).get("calibration") or {}).get("record") or None

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from gateway.calibration.pose_plans import make_procedure
+from gateway.calibration.pose_procedure import PoseProcedure
 from gateway.calibration.poses.faces import FACE_DIRECTIONS
 from gateway.calibration.poses.mean_uncertainty import correlation_factor, quantisation_u
 from gateway.calibration.poses.pose import Face, NominalSensitivity, RawReadings
 from gateway.calibration.poses.pose_finder import READINGS_PER_POSE, PoseFinder
-from gateway.calibration.procedures.pose_plans import make_procedure
-from gateway.calibration.procedures.pose_procedure import PoseProcedure
 from gateway.calibration.record import CalibrationError
 from gateway.numerics.array import Array
 from tests.benchmarks.calibration_sessions import (

@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from devices.block import DeviceInfo, SampleBlock
 from devices.simulated.accelerometer import Accelerometer, typical_errors
 from gateway.calibration.methods.calibration_fit import CalibrationFit
+from gateway.calibration.pose_plans import make_procedure
 from gateway.calibration.poses.pose import NominalSensitivity, RawReadings
-from gateway.calibration.procedures.pose_plans import make_procedure
 from gateway.calibration.record import CalibrationRecord
 from gateway.numerics.array import Array
 from gateway.recalibration.recalibration import Recalibration
