@@ -7,6 +7,7 @@ from typing import Self
 import numpy as np
 
 from gateway.motion.hypotheses import (
+    HEAVE_SIGMA,
     N_HYPOTHESES,
     PIVOT_LEVEL,
     PIVOT_LEVELS,
@@ -56,7 +57,7 @@ class DisturbanceStep:
         """Return the change within a time."""
         carried_back = np.array([[1.0, -time_s], [0.0, 1.0]])
         pivots = [_pivot(level, time_s) for level in PIVOT_LEVELS]
-        heaves = [_heave(level, time_s) for level in PIVOT_LEVELS]
+        heaves = [_heave(PIVOT_LEVELS[i], sigma, time_s) for i, sigma in zip(PIVOT_LEVEL, HEAVE_SIGMA, strict=True)]
         hoist, hoist_noise = _hoist(time_s)
         gust = np.exp([-level.rate_1_s * time_s for level in WIND_LEVELS])
         gust_noise = np.square([level.sigma for level in WIND_LEVELS]) * (1 - gust**2)
@@ -71,8 +72,8 @@ class DisturbanceStep:
             hoist_noise=hoist_noise[WINCH_LEVEL],
             gust=gust[WIND_LEVEL],
             gust_noise=gust_noise[WIND_LEVEL],
-            heave=(np.array([step for step, _ in heaves]) @ carried_back)[PIVOT_LEVEL],
-            heave_noise=np.array([noise for _, noise in heaves])[PIVOT_LEVEL],
+            heave=np.array([step for step, _ in heaves]) @ carried_back,
+            heave_noise=np.array([noise for _, noise in heaves]),
             exchange=exchange,
         )
 
@@ -102,10 +103,11 @@ def _pivot(level: PivotLevel, time_s: float) -> tuple[Array, Array]:
     )
 
 
-def _heave(level: PivotLevel, time_s: float) -> tuple[Array, Array]:
+def _heave(level: PivotLevel, sigma: float, time_s: float) -> tuple[Array, Array]:
     """Return transition and noise of the pivot's vertical acceleration with its rate, shapes (2, 2)."""
-    step = _oscillator(level.heave_rate_1_s, level.damping_ratio, time_s)
-    return _stationary(step, level.heave_sigma, level.heave_rate_1_s * level.heave_sigma)
+    return _stationary(
+        _oscillator(level.heave_rate_1_s, level.heave_damping, time_s), sigma, level.heave_rate_1_s * sigma
+    )
 
 
 def _hoist(time_s: float) -> tuple[Array, Array]:

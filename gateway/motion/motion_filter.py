@@ -11,7 +11,7 @@ import numpy as np
 
 from gateway.motion.disturbances import DisturbanceStep
 from gateway.motion.gyro_reading import BIAS_WALK_RAD_S, GyroPrior, expected_rate, rate_variance, with_gyro_states
-from gateway.motion.hypotheses import N_HYPOTHESES, WIND_LEVEL, WIND_LEVELS
+from gateway.motion.hypotheses import BOUNCE_RATE_1_S, IS_FLOATING, N_HYPOTHESES, WIND_LEVEL, WIND_LEVELS
 from gateway.motion.initial_state import Constants, initial_mixture
 from gateway.motion.mixture import Mixture, exchange
 from gateway.motion.rope_model import RopeModel, axial_curvature
@@ -47,6 +47,8 @@ SPIN_WALK_1_S = 0.003
 """Random walk of the housing's rate about the rope, 1/s/sqrt(s)."""
 PIVOT_VELOCITY_WALK_M_S = 0.05
 """Random walk of the pivot's velocity, m/s/sqrt(s): a drive too gentle to be seen."""
+BOUNCE_WALK = 0.5
+"""Relative change of a load's bounce in a second. Basis: its frequency is known to a fifth."""
 LINE_WALK, LINE_TIME_S = 0.5, 20.0
 """Relative change of a fast oscillation's amplitude in a second, and the time in which it dies away."""
 READING_FLOOR_G = 5e-5
@@ -166,6 +168,10 @@ class MotionFilter:
             covariance[:, pair[0] : pair[1] + 1 : 2, pair[0] : pair[1] + 1 : 2] += step.pivot_noise
         covariance[:, HOIST_SPEED : HOIST_ACCELERATION + 1, HOIST_SPEED : HOIST_ACCELERATION + 1] += step.hoist_noise
         covariance[:, HEAVE : HEAVE_RATE + 1, HEAVE : HEAVE_RATE + 1] += step.heave_noise
+        bounce_squared = x[:, HEAVE] ** 2 + (x[:, HEAVE_RATE] / BOUNCE_RATE_1_S) ** 2
+        walk = np.where(IS_FLOATING, 0.0, BOUNCE_WALK**2 * time_s * bounce_squared)
+        covariance[:, HEAVE, HEAVE] += walk
+        covariance[:, HEAVE_RATE, HEAVE_RATE] += walk * BOUNCE_RATE_1_S**2
 
     def _advance_line(self, x: Array, covariance: Array, omega: float, time_s: float) -> None:
         """Turn the fast oscillation exactly, because a step may be a large part of its period."""

@@ -13,6 +13,7 @@ from gateway.motion.hypotheses import (
     DRIVEN,
     FLOATING,
     FLOATING_DRIVEN,
+    HEAVE_SIGMA,
     HELD,
     INITIAL_WEIGHTS,
     IS_DRIVEN,
@@ -64,7 +65,7 @@ def test_gust_heave_and_resting_winch_keep_their_sizes_on_every_level(time_s: fl
     step = DisturbanceStep.of(time_s)
     gust, heave = np.array([one.sigma for one in WINDS]), carried(step.heave, time_s)
     heave_size = np.array(
-        [np.diag([one.heave_sigma**2, (one.heave_rate_1_s * one.heave_sigma) ** 2]) for one in PIVOTS]
+        [np.diag([sigma**2, (one.heave_rate_1_s * sigma) ** 2]) for one, sigma in zip(PIVOTS, HEAVE_SIGMA, strict=True)]
     )
     hoist = carried(step.hoist, time_s)[WINCH_LEVEL == RESTING]
 
