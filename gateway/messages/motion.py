@@ -125,9 +125,12 @@ class Swing(Message):
     lean_deg: Degrees | None = None
     lean_azimuth_deg: Degrees | None = None
     period_s: Seconds | None = None
-    predicted_phi_max_deg: Annotated[float | None, Field(description="predicted maximum of the current half swing")] = (
-        None
-    )
+    predicted_phi_max_deg: Annotated[
+        float | None,
+        Field(
+            description="expected next maximum: halfway between a pivot that keeps its acceleration and one that coasts"
+        ),
+    ] = None
     predicted_u_deg: Degrees | None = None
     time_to_peak_s: Seconds | None = None
     formulas_deg: Formulas

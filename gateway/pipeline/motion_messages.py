@@ -54,7 +54,7 @@ def motion_message(header: Header, estimate: MotionEstimate) -> Motion:
 
 def swing_message(header: Header, estimate: MotionEstimate, formulas: FormulaAngles | None) -> Swing:
     """Return the swing of the last period, with the published formulas over it; where it is not known, the reasons."""
-    swing, coming = estimate.last_peak, larger_peak(estimate)
+    swing, coming = estimate.last_peak, estimate.expected_peak
     return Swing(
         **header,
         swinging=is_swinging(estimate),
@@ -81,12 +81,6 @@ def is_swinging(estimate: MotionEstimate) -> bool | None:
     if estimate.state == "rest":
         return False
     return bool(estimate.amplitude_rad > max(REST_RAD, SIGNIFICANT * estimate.u_rad))
-
-
-def larger_peak(estimate: MotionEstimate) -> PeakEstimate | None:
-    """Return the larger of the two predictions of the next maximum."""
-    peaks = [peak for peak in (estimate.next_peak, estimate.next_peak_if_coasting) if peak is not None]
-    return max(peaks, key=lambda peak: peak.angle_rad, default=None)
 
 
 def _angle_deg(peak: PeakEstimate | None) -> float | None:

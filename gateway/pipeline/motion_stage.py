@@ -18,7 +18,7 @@ from gateway.pipeline.header import Header
 from gateway.pipeline.motion_context import motion_context
 from gateway.pipeline.motion_messages import motion_message, swing_message
 from gateway.pipeline.mounting import mounted_housing, with_sensor
-from gateway.stages.alerts import Reading, largest_reading
+from gateway.stages.alerts import Reading, larger_reading
 from gateway.stages.conditions.gates import MotionContext
 from gateway.swing.data.recent_extremes import RecentExtremes
 from gateway.swing.formulas import as_published
@@ -111,15 +111,12 @@ class MotionStage:
         return motion_context(self.estimate, self._rig, is_explained=is_explained)
 
     def swing_reading(self) -> Reading | None:
-        """Return the largest of the present angle and the coming peaks, as they are compared; None where they are not known.
-
-        The coming peaks are those with the pivot's present acceleration and with none from now on.
-        """
+        """Return the larger of the present angle and the expected peak, as they are compared; None where they are not known."""
         present = self.estimate
         if present.angle_rad is None or present.u_rad is None:
             return None
         now = Reading.of(present.angle_rad, present.u_rad)
-        return largest_reading(now, *map(_peak_reading, (present.next_peak, present.next_peak_if_coasting)))
+        return larger_reading(now, _peak_reading(present.expected_peak))
 
     def lean_reading(self) -> Reading | None:
         """Return the lean; None where it is not known."""

@@ -196,8 +196,8 @@ def _limits(trip_deg: float) -> Limits:
 def _value_rad(one: MotionEstimate, factor: float) -> float | None:
     if one.angle_rad is None or one.u_rad is None:
         return None
-    peaks = [peak.upper_rad(factor) for peak in (one.next_peak, one.next_peak_if_coasting) if peak is not None]
-    return max([one.angle_rad + factor * one.u_rad, *peaks])
+    peak, now_rad = one.expected_peak, one.angle_rad + factor * one.u_rad
+    return now_rad if peak is None else max(now_rad, peak.upper_rad(factor))
 
 
 def accuracy(all_followed: Sequence[Followed]) -> str:

@@ -9,7 +9,7 @@ import numpy as np
 from devices.pendulum import pendulum
 from devices.simulated.crane import Crane
 from devices.simulated.schedule import TrolleyMove
-from gateway.motion.estimate import MotionEstimate, PeakEstimate
+from gateway.motion.estimate import MotionEstimate
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.stats import NORMAL_975
 from tests.benchmarks.swing_cases import GRAVITY_M_S2, NOISES_G, RATE_HZ, maxima, rig
@@ -90,7 +90,7 @@ class PeakStory:
 
 def stories(run: Run) -> Iterator[PeakStory]:
     """Every prediction belongs to the true peak nearest to its time."""
-    said = [(e.time_s, e.time_s + p.in_s, p) for e in run.estimates if (p := _larger(e)) is not None]
+    said = [(e.time_s, e.time_s + p.in_s, p) for e in run.estimates if (p := e.expected_peak) is not None]
     for place, angle_deg in zip(*maxima(run.angle_deg), strict=True):
         at_s = float(run.time_s[place])
         early = [
@@ -100,11 +100,6 @@ def stories(run: Run) -> Iterator[PeakStory]:
         ]
         above = [lead_s for lead_s, upper_deg in early if upper_deg > LIMIT_DEG]
         yield PeakStory(float(angle_deg), run.recovering(at_s), bool(early), max(above, default=None))
-
-
-def _larger(estimate: MotionEstimate) -> PeakEstimate | None:
-    peaks = [p for p in (estimate.next_peak, estimate.next_peak_if_coasting) if p is not None]
-    return max(peaks, key=lambda p: p.angle_rad, default=None)
 
 
 def print_live() -> None:

@@ -8,7 +8,7 @@ from gateway.configuration.model import AlertsSection
 from gateway.messages import ActiveAlert
 from gateway.pipeline.alert_manager import AlertChange, AlertManager
 from gateway.pipeline.incidents import CHECK_S, Acknowledgement, IncidentRegister
-from gateway.stages.alerts import Reading, largest_reading
+from gateway.stages.alerts import Reading, larger_reading
 
 LIMITS = AlertsSection(warn_deg=4.0, trip_deg=6.0, clear_deg=3.0, hold_s=2.0, lean_trip_deg=3.0)
 STEP_S = 0.1
@@ -37,7 +37,7 @@ class Site:
         swing = None if swing_deg is None else Reading(math.radians(swing_deg), in_s)
         if swing is not None and now_deg is not None:
             present = Reading(math.radians(now_deg + 0.5), estimate_rad=math.radians(now_deg))
-            swing = largest_reading(present, swing)
+            swing = larger_reading(present, swing)
         lean = None if lean_deg is None else Reading(math.radians(lean_deg))
         for _ in range(round(seconds / STEP_S)):
             readings = {"swing": swing, "lean": lean}

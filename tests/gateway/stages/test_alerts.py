@@ -15,7 +15,7 @@ from gateway.stages.alerts import (
     event_between,
     judge,
     judge_alarm,
-    largest_reading,
+    larger_reading,
     overall_level,
 )
 
@@ -30,9 +30,9 @@ CASES: dict[str, tuple[Sequence[float | None], list[str]]] = {
     "the limit itself raises": ([4.0, 6.0], ["warn", "trip"]),
     "it is raised at once from normal to trip": ([1, 7], ["normal", "trip"]),
     "a warning stands between clear and warn": ([4.5] + [3.1] * 9, ["warn"] * 10),
-    "a trip stands near its limit": ([7] + [4.81] * 9, ["trip"] * 10),
-    "a trip steps down after the hold time": ([7] + [4.7] * 5, ["trip"] * 5 + ["warn"]),
-    "the hold of the step down begins again after a rise": ([7, 4, 4, 5, 4, 4, 4, 4, 4], ["trip"] * 8 + ["warn"]),
+    "a trip stands near its limit": ([7] + [5.41] * 9, ["trip"] * 10),
+    "a trip steps down after the hold time": ([7] + [5.3] * 5, ["trip"] * 5 + ["warn"]),
+    "the hold of the step down begins again after a rise": ([7, 4, 4, 5.5, 4, 4, 4, 4, 4], ["trip"] * 8 + ["warn"]),
     "after the step down it stands until it clears": (
         [7] + [3.5] * 8 + [2] * 5,
         ["trip"] * 5 + ["warn"] * 8 + ["normal"],
@@ -97,9 +97,9 @@ def test_without_a_hold_time_a_trip_clears_at_the_first_value_below() -> None:
 
 
 def test_a_clear_level_above_the_step_down_clears_the_whole_alert() -> None:
-    limits = Limits(trip_rad=6.0, clear_rad=5.5, hold_s=1.0, warn_rad=5.5)
-    assert STEP_DOWN_SHARE * limits.trip_rad < 5.0
-    assert levels([7, 5.0, 5.0, 5.0], limits) == ["trip"] * 3 + ["normal"]
+    limits = Limits(trip_rad=6.0, clear_rad=5.8, hold_s=1.0, warn_rad=5.8)
+    assert STEP_DOWN_SHARE * limits.trip_rad < 5.5
+    assert levels([7, 5.5, 5.5, 5.5], limits) == ["trip"] * 3 + ["normal"]
 
 
 def test_a_gap_between_values_starts_the_hold_anew() -> None:
@@ -147,15 +147,14 @@ def test_an_alarm_warns_while_it_is_active() -> None:
     assert judge_alarm(RuleState("unknown", 1.0), is_active=True, time_s=2.0).level == "warn"
 
 
-def test_the_largest_reading_is_the_present_angle_or_a_coming_peak() -> None:
+def test_the_larger_reading_is_the_present_angle_or_the_coming_peak() -> None:
     present, low, high = Reading(0.03), Reading(0.02, 1.5), Reading(0.05, 1.8)
-    assert largest_reading(present) == present
-    assert largest_reading(present, None) == present
-    assert largest_reading(present, low) == present
-    assert largest_reading(present, low, high) == replace(high, present=present)
-    assert largest_reading(present, Reading(0.03, 2.0)) == present
+    assert larger_reading(present, None) == present
+    assert larger_reading(present, low) == present
+    assert larger_reading(present, high) == replace(high, present=present)
+    assert larger_reading(present, Reading(0.03, 2.0)) == present
 
 
-def test_without_the_present_angle_there_is_no_largest_reading() -> None:
-    assert largest_reading(None, None) is None
-    assert largest_reading(None, Reading(0.02, 1.5)) is None
+def test_without_the_present_angle_there_is_no_larger_reading() -> None:
+    assert larger_reading(None, None) is None
+    assert larger_reading(None, Reading(0.02, 1.5)) is None
