@@ -7,6 +7,7 @@ import pytest
 from gateway.configuration.model import AlertsSection
 from gateway.messages import ActiveAlert
 from gateway.pipeline.alert_manager import AlertChange, AlertManager
+from gateway.pipeline.alert_rules import ALERT_RULES
 from gateway.pipeline.incidents import CHECK_S, Acknowledgement, IncidentRegister
 from gateway.stages.alerts import Reading, largest_reading
 
@@ -40,7 +41,7 @@ class Site:
             swing = largest_reading(present, swing)
         lean = None if lean_deg is None else Reading(math.radians(lean_deg))
         for _ in range(round(seconds / STEP_S)):
-            readings = {"swing": swing, "lean": lean}
+            readings = {rule.name: BELOW for rule in ALERT_RULES} | {"swing": swing, "lean": lean}
             self.changes += self.manager.judge(readings, why_unknown="no angle", time_s=self.now_s)
             self.now_s += STEP_S
         return self
