@@ -8,8 +8,10 @@ the limits of the self-test (a warning only), noise, zero-g offset and temperatu
 import math
 
 from devices.accelerometer_chip import (
+    ChipKind,
     ChipProperties,
     FifoLevel,
+    Identity,
     ImplausibleStatusError,
     SampleRun,
     SelfTest,
@@ -18,10 +20,12 @@ from devices.accelerometer_chip import (
     known_range,
     nearest_rate,
 )
-from devices.clock import Clock
+from devices.clock_protocol import Clock
 from devices.i2c import I2cPart
-from devices.identity import IDENTITIES, Identity, identify
 from devices.sample_words import SAMPLE_BYTES, decode_samples
+
+IDENTITY = Identity("ADXL345", (0x53, 0x1D), 0x00, b"\xe5")
+"""Rev. G, register 0x00, DEVID; pin ALT ADDRESS."""
 
 OFSX = 0x1E
 BW_RATE, POWER_CTL, INT_SOURCE, DATA_FORMAT = 0x2C, 0x2D, 0x30, 0x31
@@ -57,7 +61,7 @@ class Adxl345:
         rate_hz = nearest_rate("ADXL345", RATE_CODES, odr_hz)
         full_scale_g = known_range("ADXL345", RANGE_CODES, range_g)
         self.kind = "adxl345"
-        self.identities: tuple[Identity, ...] = (IDENTITIES["ADXL345"],)
+        self.identities: tuple[Identity, ...] = (IDENTITY,)
         self.properties = ChipProperties(
             odr_hz=rate_hz,
             units_per_g=UNITS_PER_G,
@@ -88,9 +92,8 @@ class Adxl345:
             Setting(POWER_CTL, "POWER_CTL", MEASURE),
         )
 
-    def identify(self, part: I2cPart) -> str:
-        """Check the identity; the part has no revision. Raises `IdentityError`."""
-        identify(part, *self.identities)
+    def revision(self, part: I2cPart, identity: Identity) -> str:
+        """Return an empty text: the part has no revision."""
         return ""
 
     def reset(self, part: I2cPart, clock: Clock) -> None:
@@ -125,3 +128,15 @@ class Adxl345:
     def temperature_c(self, part: I2cPart) -> float | None:
         """Return None: the part has no temperature sensor."""
         return None
+
+
+ADXL345_KIND = ChipKind(
+    part="ADXL345",
+    description="Analog Devices ADXL345 over I2C.",
+    make=Adxl345,
+    identities=(IDENTITY,),
+    address_text="0x53, or 0x1D with the ALT ADDRESS pin high",
+    rates_hz=tuple(RATE_CODES),
+    rates_text="800 Hz halved up to seven times",
+    ranges_g=tuple(RANGE_CODES),
+)

@@ -5,10 +5,11 @@ from dataclasses import dataclass
 
 from smbus2 import SMBus
 
+from devices.accelerometer_chip import Identity
 from devices.clock import Clock
 from devices.errors import TransferError
 from devices.i2c import BusOpener, I2cPart
-from devices.identity import IDENTITIES, Identity, find_identity
+from devices.identity import IDENTITIES, find_identity
 
 ADDRESSES = sorted({address for identity in IDENTITIES.values() for address in identity.addresses})
 

@@ -7,7 +7,6 @@ from pathlib import Path
 from smbus2 import SMBus
 
 from devices.block import DeviceInfo, SampleBlock
-from devices.chips import CHIPS
 from devices.clock import Clock
 from devices.device import Device
 from devices.errors import DeviceError
@@ -67,13 +66,12 @@ def _description(part: FoundPart) -> str:
 
 def check_self_test(section: I2cDevice, clock: Clock, open_bus: BusOpener) -> Iterator[CheckResult]:
     """Run the self-test of the configured part; yields one result."""
-    make_chip = CHIPS[section.kind]
-    test = make_chip(section.odr_hz, section.range_g).self_test
+    test = section.chip(section.odr_hz, section.range_g).self_test
     if test is None:
-        yield CheckResult("note", "self-test", f"no limits are known for the {section.part}")
+        yield CheckResult("note", "self-test", f"no limits are known for the {section.chip.part}")
         return
     try:
-        result = run_self_test(make_chip, test, section.bus, section.address, clock=clock, open_bus=open_bus)
+        result = run_self_test(section.chip, test, section.bus, section.address, clock=clock, open_bus=open_bus)
     except DeviceError as error:
         yield CheckResult("bad", "self-test", str(error))
         return
