@@ -10,6 +10,7 @@ from gateway.configuration.device_sections import DEVICE_SECTIONS
 from gateway.configuration.loading import ConfigurationError
 from gateway.daemon.device_search import FoundSensor, SearchProblem, search_sensors
 from gateway.errors import InputError
+from gateway.languages import LANGUAGES
 
 Ask = Callable[[str], str]
 
@@ -128,7 +129,7 @@ def _ask_limits(answers: Answers, ask: Ask) -> None:
 def _ask_page(answers: Answers, ask: Ask) -> None:
     print("\nThe operator's page: 127.0.0.1 is seen on this machine alone, 0.0.0.0 by the whole network.")
     _ask_key(answers, "page.listen", "Address and port", "127.0.0.1:8321", ask)
-    _ask_key(answers, "page.language", "Language, en or de", "en", ask)
+    _ask_key(answers, "page.language", f"Language, {' or '.join(LANGUAGES)}", "en", ask)
 
 
 def _ask_certificates(answers: Answers, ask: Ask) -> None:
