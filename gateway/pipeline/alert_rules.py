@@ -79,6 +79,9 @@ def _peak_reading(peak: PeakEstimate | None) -> Reading | None:
 
 
 SWING = AlertRule("swing", _swing_limits, lambda evaluation: swing_reading(evaluation.motion))
-ALERT_RULES = (SWING, AlertRule("lean", _lean_limits, lean_reading))
+ALERT_RULES = (
+    SWING,
+    AlertRule("lean", _lean_limits, lean_reading),
+)
 RULE_NAMES = (*(rule.name for rule in ALERT_RULES), CALIBRATION_RULE)
 """The rules of a gateway; one that is not active is normal."""
