@@ -1,12 +1,12 @@
 """The alert rules of a gateway with their states, incidents and changes."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from gateway.configuration.model import AlertsSection
 from gateway.messages import CALIBRATION_RULE, ActiveAlert, Level
-from gateway.pipeline.alert_rules import ALERT_RULES
+from gateway.pipeline.alert_rules import ALERT_RULES, AlertRule
 from gateway.pipeline.alert_text import acknowledged_text, change_text, limits_text, reading_text, refuted_text
 from gateway.pipeline.incidents import Acknowledgement, Incident, IncidentRegister
 from gateway.stages.alerts import Event, Reading, RuleState, event_between, judge, judge_alarm, overall_level
@@ -39,8 +39,10 @@ class AlertChange:
 class AlertManager:
     """Holds the states of the rules."""
 
-    def __init__(self, limits: AlertsSection, incidents: IncidentRegister) -> None:
-        self._limits = {rule.name: rule.limits(limits) for rule in ALERT_RULES}
+    def __init__(
+        self, limits: AlertsSection, incidents: IncidentRegister, rules: Sequence[AlertRule] = ALERT_RULES
+    ) -> None:
+        self._limits = {rule.name: rule.limits(limits) for rule in rules}
         self._incidents = incidents
         self._states: dict[str, RuleState] = {}
         self._readings: dict[str, Reading | None] = dict.fromkeys(self._limits)
