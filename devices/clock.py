@@ -5,19 +5,10 @@ does. Samples and messages are stamped and sorted by it; the `/clock` topic carr
 """
 
 import time
-from typing import Protocol
 
+from devices.clock_protocol import Clock
 
-class Clock(Protocol):
-    """The clock that a device uses; tests provide their own."""
-
-    def now_ns(self) -> int:
-        """Return the gateway time."""
-        ...
-
-    def sleep_s(self, seconds: float) -> None:
-        """Wait; return at once for zero or less."""
-        ...
+__all__ = ["Clock", "HostClock"]
 
 
 class HostClock:

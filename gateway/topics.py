@@ -1,5 +1,6 @@
 """The table of topics. Recordings, the bus, the page and the documentation follow from it."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -14,48 +15,77 @@ from gateway import messages
 
 @dataclass(frozen=True, slots=True)
 class Topic:
-    """One row: name, type of the messages, their rate, and their sinks."""
+    """One row: name, type of the messages, their rate, and what becomes of them."""
 
     name: str
     type: type[Any]
     rate: str
-    logged: bool
-    published: bool
-    schema_name: str
+    logged: bool = True
+    published: bool = True
+    recomputed: bool = False
+    """The pipeline computes it from the samples, and so does a replay; others are of the gateway and its host."""
+    sent_idle: bool = False
+    """Also sent while no samples come."""
+    repeated: bool = False
+    """Repeated at the start of each segment, so that a segment can be read without the one before."""
+    recorded_every: int = 1
+    """One message in so many is recorded: the low-pass of the tilt leaves nothing that is faster than 2 Hz."""
+    summarised: bool = True
+    """The summary of a segment depends on its messages, beyond their number."""
+    always_kept: bool = False
+    """Kept where the quota leaves only the time around events."""
+    is_state: bool = False
+    """The state of a gateway: the router keeps the last message for those who join late, and a fleet receives it. Tilt, motion
+    and samples would be nine tenths of the traffic."""
+    schema_owner: str = "plumbline"
 
     @property
     def path(self) -> str:
         """The topic's name in a recording."""
         return f"/{self.name}"
 
+    @property
+    def schema_name(self) -> str:
+        """The name of the messages' schema."""
+        return f"{self.schema_owner}.{self.name.capitalize()}"
+
 
 TOPICS: dict[str, Topic] = {
-    name: Topic(name, type_, rate, logged, published, schema_name)
-    for name, type_, rate, logged, published, schema_name in (
-        ("samples", messages.Samples, "each block", True, True, "plumbline.Samples"),
-        ("acceleration", messages.Acceleration, "5 Hz", True, False, "plumbline.Acceleration"),
-        ("tilt", messages.Tilt, "10 Hz", True, True, "plumbline.Tilt"),
-        ("motion", messages.Motion, "10 Hz", True, True, "plumbline.Motion"),
-        ("swing", messages.Swing, "three times a swing, or 1 Hz", True, True, "plumbline.Swing"),
-        ("condition", messages.Condition, "2 Hz and at each change", True, True, "plumbline.Condition"),
-        ("alert", messages.Alert, "1 Hz and at each change", True, True, "plumbline.Alert"),
-        ("health", messages.Health, "1 Hz", True, True, "plumbline.Health"),
-        (
+    topic.name: topic
+    for topic in (
+        Topic("samples", messages.Samples, "each block", recomputed=True),
+        Topic("acceleration", messages.Acceleration, "5 Hz", published=False, recomputed=True, summarised=False),
+        Topic("tilt", messages.Tilt, "10 Hz", recomputed=True, recorded_every=5, summarised=False),
+        Topic("motion", messages.Motion, "10 Hz", recomputed=True, sent_idle=True),
+        Topic("swing", messages.Swing, "three times a swing, or 1 Hz", recomputed=True, is_state=True),
+        Topic(
+            "condition", messages.Condition, "2 Hz and at each change", recomputed=True, sent_idle=True, is_state=True
+        ),
+        Topic("alert", messages.Alert, "1 Hz and at each change", recomputed=True, sent_idle=True, is_state=True),
+        Topic("health", messages.Health, "1 Hz", is_state=True),
+        Topic(
             "calibration",
             messages.Calibration,
             "0.1 Hz, 2 Hz in a session, at each change, first in each segment",
-            True,
-            True,
-            "plumbline.Calibration",
+            recomputed=True,
+            repeated=True,
+            always_kept=True,
+            is_state=True,
         ),
-        ("mark", messages.Mark, "as set", True, True, "plumbline.Mark"),
-        ("clock", messages.ClockOffset, "1 Hz", True, False, "plumbline.Clock"),
-        ("log", messages.Log, "as written", True, False, "foxglove.Log"),
+        Topic("mark", messages.Mark, "as set", always_kept=True),
+        Topic("clock", messages.ClockOffset, "1 Hz", published=False, repeated=True, always_kept=True),
+        Topic("log", messages.Log, "as written", published=False, schema_owner="foxglove"),
     )
 }
 """The topics by name, in the order of the table in `docs/architecture.md`, which a test compares with this one."""
 
+STATE_TOPICS = tuple(topic.name for topic in TOPICS.values() if topic.is_state)
 TOPIC_OF: dict[type[Any], Topic] = {topic.type: topic for topic in TOPICS.values()}
+
+
+def paths_with(flag: Callable[[Topic], object]) -> frozenset[str]:
+    """Return the names in a recording of the topics of which something holds."""
+    return frozenset(topic.path for topic in TOPICS.values() if flag(topic))
 
 
 @cache

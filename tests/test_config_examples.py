@@ -4,12 +4,12 @@ from pathlib import Path
 
 import pytest
 
+from gateway.configuration.device_sections import DEVICE_SECTIONS
 from gateway.configuration.loading import load
 from gateway.configuration.model import Configuration
 
 FOLDER = Path(__file__).parents[1] / "config"
-CHIPS = ("ads1115", "adxl345", "adxl355", "adxl357", "lis2dw12", "lis3dh", "mpu6050", "mpu9250")
-KINDS = {f"{kind}.toml": kind for kind in ("aspp", "iio", "node", "simulated", "single_axis", "witmotion", *CHIPS)}
+KINDS = {f"{kind}.toml": kind for kind in DEVICE_SECTIONS if kind != "replay"}
 
 
 def test_there_are_no_others() -> None:

@@ -13,12 +13,22 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from devices.clock import Clock
+from devices.clock_protocol import Clock
 from devices.i2c.bus import I2cPart
-from devices.i2c.identity import Identity
 
 MAX_LISTED_RATES = 16
 SAMPLE_BYTES = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What a part has in its identity registers."""
+
+    name: str
+    addresses: tuple[int, ...]
+    """The usual one first."""
+    register: int
+    value: bytes
 
 
 class Setting(NamedTuple):
@@ -126,8 +136,8 @@ class AccelerometerChip(Protocol):
     configuration: tuple[Setting, ...]
     """In the order of writing; the last one starts the chip. A register that occurs twice must keep its last value."""
 
-    def identify(self, part: I2cPart) -> str:
-        """Return the revision, or an empty text. Raises `IdentityError` for another part."""
+    def revision(self, part: I2cPart, identity: Identity) -> str:
+        """Return the revision of the part that was identified, or an empty text."""
         ...
 
     def reset(self, part: I2cPart, clock: Clock) -> None:
@@ -149,6 +159,33 @@ class AccelerometerChip(Protocol):
     def temperature_c(self, part: I2cPart) -> float | None:
         """Return the temperature; None where the chip has no sensor for it, or its reading changes all the time."""
         ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ChipKind:
+    """A kind of chip: its identities, and what a configuration may choose."""
+
+    part: str
+    """As its maker writes it."""
+    description: str
+    make: Callable[[float, float], AccelerometerChip]
+    identities: tuple[Identity, ...]
+    address_text: str
+    rates_hz: tuple[float, ...]
+    rates_text: str
+    usual_rate_hz: float = 100.0
+    ranges_g: tuple[int, ...]
+    """The usual one first."""
+    has_gyro: bool = False
+
+    @property
+    def kind(self) -> str:
+        """As a configuration names it."""
+        return self.part.lower().replace("-", "")
+
+    def __call__(self, odr_hz: float, range_g: float) -> AccelerometerChip:
+        """Return a chip at a rate and a range. Raises `ValueError` for one that it does not have."""
+        return self.make(odr_hz, range_g)
 
 
 def nearest_rate(name: str, rates_hz: Mapping[float, int], odr_hz: float) -> float:

@@ -7,11 +7,13 @@ the limits of the self-test (a warning only), noise, zero-g offset and temperatu
 
 import math
 
-from devices.clock import Clock
+from devices.clock_protocol import Clock
 from devices.i2c.accelerometer_chip import (
     SAMPLE_BYTES,
+    ChipKind,
     ChipProperties,
     FifoLevel,
+    Identity,
     ImplausibleStatusError,
     SampleRun,
     SelfTest,
@@ -21,8 +23,10 @@ from devices.i2c.accelerometer_chip import (
     nearest_rate,
 )
 from devices.i2c.bus import I2cPart
-from devices.i2c.identity import IDENTITIES, Identity, identify
 from devices.saturation import code_limits
+
+IDENTITY = Identity("ADXL345", (0x53, 0x1D), 0x00, b"\xe5")
+"""Rev. G, register 0x00, DEVID; pin ALT ADDRESS."""
 
 OFSX = 0x1E
 BW_RATE, POWER_CTL, INT_SOURCE, DATA_FORMAT = 0x2C, 0x2D, 0x30, 0x31
@@ -58,7 +62,7 @@ class Adxl345:
         rate_hz = nearest_rate("ADXL345", RATE_CODES, odr_hz)
         full_scale_g = known_range("ADXL345", RANGE_CODES, range_g)
         self.kind = "adxl345"
-        self.identities: tuple[Identity, ...] = (IDENTITIES["ADXL345"],)
+        self.identities: tuple[Identity, ...] = (IDENTITY,)
         self.properties = ChipProperties(
             odr_hz=rate_hz,
             units_per_g=UNITS_PER_G,
@@ -89,9 +93,8 @@ class Adxl345:
             Setting(POWER_CTL, "POWER_CTL", MEASURE),
         )
 
-    def identify(self, part: I2cPart) -> str:
-        """Check the identity; the part has no revision. Raises `IdentityError`."""
-        identify(part, *self.identities)
+    def revision(self, part: I2cPart, identity: Identity) -> str:
+        """Return an empty text: the part has no revision."""
         return ""
 
     def reset(self, part: I2cPart, clock: Clock) -> None:
@@ -126,3 +129,15 @@ class Adxl345:
     def temperature_c(self, part: I2cPart) -> float | None:
         """Return None: the part has no temperature sensor."""
         return None
+
+
+ADXL345_KIND = ChipKind(
+    part="ADXL345",
+    description="Analog Devices ADXL345 over I2C.",
+    make=Adxl345,
+    identities=(IDENTITY,),
+    address_text="0x53, or 0x1D with the ALT ADDRESS pin high",
+    rates_hz=tuple(RATE_CODES),
+    rates_text="800 Hz halved up to seven times",
+    ranges_g=tuple(RANGE_CODES),
+)

@@ -8,13 +8,15 @@ limits of the ADXL357.
 
 import math
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from devices.clock import Clock
+from devices.clock_protocol import Clock
 from devices.errors import TransferError
 from devices.i2c.accelerometer_chip import (
+    ChipKind,
     ChipProperties,
     FifoLevel,
+    Identity,
     ImplausibleStatusError,
     SampleRun,
     SelfTest,
@@ -24,8 +26,10 @@ from devices.i2c.accelerometer_chip import (
 )
 from devices.i2c.adxl355_fifo import ENTRY_BYTES, FIFO_ENTRIES, decode_counts, split_entries
 from devices.i2c.bus import I2cPart
-from devices.i2c.identity import IDENTITIES, Identity, identify
 from devices.saturation import code_limits
+
+IDENTITY = Identity("ADXL355", (0x1D, 0x53), 0x00, b"\xad\x1d\xed")
+"""Rev. D, "Register map": DEVID_AD, DEVID_MST, PARTID. Also that of an ADXL357 (Rev. C, PARTID 0xED)."""
 
 REVID, STATUS, TEMP2, FIFO_DATA = 0x03, 0x04, 0x06, 0x11
 FILTER, RANGE, POWER_CTL, SELF_TEST, RESET = 0x28, 0x2C, 0x2D, 0x2E, 0x2F
@@ -99,7 +103,7 @@ class Adxl355:
         full_scale_g = known_range(name, variant.units_per_g, range_g)
         range_code = list(variant.units_per_g).index(full_scale_g) + 1
         self.kind = name.lower()
-        self.identities: tuple[Identity, ...] = (IDENTITIES["ADXL355"],)
+        self.identities: tuple[Identity, ...] = (IDENTITY,)
         self.properties = ChipProperties(
             odr_hz=rate_hz,
             units_per_g=variant.units_per_g[full_scale_g],
@@ -123,9 +127,8 @@ class Adxl355:
         self._temperature_25_c = variant.temperature_25_c
         self._tail = b""  # entries of an incomplete sample
 
-    def identify(self, part: I2cPart) -> str:
-        """Return the revision. Raises `IdentityError`."""
-        identify(part, *self.identities)
+    def revision(self, part: I2cPart, identity: Identity) -> str:
+        """Return the revision."""
         return f"{part.read(REVID, 1)[0]:02x}"
 
     def reset(self, part: I2cPart, clock: Clock) -> None:
@@ -166,3 +169,23 @@ class Adxl355:
             if part.read(TEMP2, 1)[0] == high:  # so the two bytes belong together
                 return temperature_c((high & 0x0F) << 8 | low, self._temperature_25_c)
         return None
+
+
+ADXL355_KIND = ChipKind(
+    part="ADXL355",
+    description="Analog Devices ADXL355 over I2C.",
+    make=Adxl355,
+    identities=(IDENTITY,),
+    address_text="0x1D, or 0x53 with the ASEL pin high",
+    rates_hz=RATES_HZ,
+    rates_text="4000 Hz halved up to ten times",
+    usual_rate_hz=125.0,
+    ranges_g=tuple(ADXL355.units_per_g),
+)
+ADXL357_KIND = replace(
+    ADXL355_KIND,
+    part="ADXL357",
+    description="Analog Devices ADXL357 over I2C: the ADXL355 with larger ranges.",
+    make=lambda odr_hz, range_g: Adxl355(odr_hz, range_g, ADXL357),
+    ranges_g=tuple(ADXL357.units_per_g),
+)

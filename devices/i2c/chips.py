@@ -1,21 +1,22 @@
-"""The accelerometer chips by the kind that a configuration names."""
+"""The kinds of accelerometer chips, which their modules declare. Configuration, search and self-test follow from this table."""
 
-from collections.abc import Callable
+from devices.i2c.accelerometer_chip import ChipKind
+from devices.i2c.adxl345 import ADXL345_KIND
+from devices.i2c.adxl355 import ADXL355_KIND, ADXL357_KIND
+from devices.i2c.lis2dw12 import LIS2DW12_KIND
+from devices.i2c.lis3dh import LIS3DH_KIND
+from devices.i2c.mpu9250 import MPU6050_KIND, MPU9250_KIND
 
-from devices.i2c.accelerometer_chip import AccelerometerChip
-from devices.i2c.adxl345 import Adxl345
-from devices.i2c.adxl355 import ADXL357, Adxl355
-from devices.i2c.lis2dw12 import Lis2dw12
-from devices.i2c.lis3dh import Lis3dh
-from devices.i2c.mpu9250 import MPU6050, Mpu9250
-
-CHIPS: dict[str, Callable[[float, float], AccelerometerChip]] = {
-    "adxl345": Adxl345,
-    "adxl355": Adxl355,
-    "adxl357": lambda odr_hz, range_g: Adxl355(odr_hz, range_g, ADXL357),
-    "lis2dw12": Lis2dw12,
-    "lis3dh": Lis3dh,
-    "mpu6050": lambda odr_hz, range_g: Mpu9250(odr_hz, range_g, MPU6050),
-    "mpu9250": Mpu9250,
+CHIPS: dict[str, ChipKind] = {
+    chip.kind: chip
+    for chip in (
+        ADXL355_KIND,
+        ADXL357_KIND,
+        ADXL345_KIND,
+        LIS3DH_KIND,
+        LIS2DW12_KIND,
+        MPU9250_KIND,
+        MPU6050_KIND,
+    )
 }
-"""Each takes the output data rate in Hz and the range in g, and raises `ValueError` for one that the chip does not have."""
+"""By the kind that a configuration names."""

@@ -19,6 +19,7 @@ from devices.i2c.accelerometer_chip import (
     SampleRun,
 )
 from devices.i2c.bus import BusOpener, I2cPart
+from devices.i2c.identity import identify
 from devices.sample_clock import SampleClock
 from devices.saturation import mark_saturated
 
@@ -73,7 +74,7 @@ class FifoAccelerometer:
         """
         self._part.open()
         try:
-            revision = self._chip.identify(self._part)
+            revision = self._chip.revision(self._part, identify(self._part, *self._chip.identities))
             self._chip.reset(self._part, self._clock)
             for setting in self._chip.configuration:
                 self._part.write_checked(setting.register, setting.value, setting.name)

@@ -10,33 +10,16 @@ from smbus2 import SMBus
 
 from devices.clock import Clock
 from devices.errors import IdentityError, TransferError
+from devices.i2c.accelerometer_chip import Identity
 from devices.i2c.bus import BusOpener, I2cPart
-
-
-@dataclass(frozen=True, slots=True)
-class Identity:
-    """What a part has in its identity registers."""
-
-    name: str
-    addresses: tuple[int, ...]
-    """The usual one first."""
-    register: int
-    value: bytes
-
+from devices.i2c.chips import CHIPS
 
 IDENTITIES = {
     identity.name: identity
     for identity in (
-        Identity("ADXL355", (0x1D, 0x53), 0x00, b"\xad\x1d\xed"),  # Rev. D, "Register map"; DEVID_AD, DEVID_MST, PARTID
-        Identity("ADXL359", (0x1D, 0x53), 0x00, b"\xad\x1d\xe9"),  # the same registers; Linux driver adxl355
-        Identity("ADXL345", (0x53, 0x1D), 0x00, b"\xe5"),  # Rev. G, register 0x00, DEVID; pin ALT ADDRESS
-        Identity("LIS3DH", (0x18, 0x19), 0x0F, b"\x33"),  # Rev. 2, section 8.6, WHO_AM_I; pin SA0
-        Identity("LIS2DW12", (0x18, 0x19), 0x0F, b"\x44"),  # Rev. 8, section 8.3, WHO_AM_I; pin SA0
-        Identity("MPU-9250", (0x68, 0x69), 0x75, b"\x71"),  # RM-MPU-9250A-00 Rev. 1.6, section 4.38, WHOAMI; pin AD0
-        Identity("MPU-9255", (0x68, 0x69), 0x75, b"\x73"),  # RM-MPU-9255 Rev. 1.0, WHOAMI
-        Identity("MPU-6050", (0x68, 0x69), 0x75, b"\x68"),  # RM-MPU-6000A-00 Rev. 4.2, section 4.32, WHO_AM_I
+        *(identity for chip in CHIPS.values() for identity in chip.identities),
+        Identity("ADXL359", (0x1D, 0x53), 0x00, b"\xad\x1d\xe9"),  # the registers of an ADXL355; Linux driver adxl355
         Identity("ADS1115", (0x48, 0x49, 0x4A, 0x4B), 0x03, b"\x7f\xff"),  # SBAS444D: it has none; default of Hi_thresh
-        Identity("MPU-6500", (0x68, 0x69), 0x75, b"\x70"),  # the accelerometer and gyroscope of the MPU-9250
     )
 }
 """By name. An ADXL357 has the identity of an ADXL355 (data sheet Rev. C, PARTID 0xED)."""

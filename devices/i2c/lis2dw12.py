@@ -7,12 +7,14 @@ Not confirmed by a second source: noise, zero-g offset and temperature coefficie
 
 import math
 
-from devices.clock import Clock
+from devices.clock_protocol import Clock
 from devices.errors import TransferError
 from devices.i2c.accelerometer_chip import (
     SAMPLE_BYTES,
+    ChipKind,
     ChipProperties,
     FifoLevel,
+    Identity,
     ImplausibleStatusError,
     SampleRun,
     SelfTest,
@@ -22,8 +24,10 @@ from devices.i2c.accelerometer_chip import (
     nearest_rate,
 )
 from devices.i2c.bus import I2cPart
-from devices.i2c.identity import IDENTITIES, Identity, identify
 from devices.saturation import code_limits
+
+IDENTITY = Identity("LIS2DW12", (0x18, 0x19), 0x0F, b"\x44")
+"""Rev. 8, section 8.3, WHO_AM_I; pin SA0."""
 
 OUT_T_L, CTRL1, CTRL2, CTRL3, CTRL6 = 0x0D, 0x20, 0x21, 0x22, 0x25
 OUT_X_L, FIFO_CTRL, FIFO_SAMPLES = 0x28, 0x2E, 0x2F
@@ -59,7 +63,7 @@ class Lis2dw12:
         rate_hz = nearest_rate("LIS2DW12", RATE_CODES, odr_hz)
         full_scale_g = known_range("LIS2DW12", RANGE_CODES, range_g)
         self.kind = "lis2dw12"
-        self.identities: tuple[Identity, ...] = (IDENTITIES["LIS2DW12"],)
+        self.identities: tuple[Identity, ...] = (IDENTITY,)
         self.properties = ChipProperties(
             odr_hz=rate_hz,
             units_per_g=UNITS_PER_G[full_scale_g],
@@ -90,9 +94,8 @@ class Lis2dw12:
             Setting(CTRL1, "CTRL1", RATE_CODES[rate_hz] << 4 | HIGH_PERFORMANCE),
         )
 
-    def identify(self, part: I2cPart) -> str:
-        """Check the identity; the part has no revision. Raises `IdentityError`."""
-        identify(part, *self.identities)
+    def revision(self, part: I2cPart, identity: Identity) -> str:
+        """Return an empty text: the part has no revision."""
         return ""
 
     def reset(self, part: I2cPart, clock: Clock) -> None:
@@ -126,3 +129,15 @@ class Lis2dw12:
     def temperature_c(self, part: I2cPart) -> float | None:
         """Return the temperature."""
         return 25.0 + int.from_bytes(part.read(OUT_T_L, 2), "little", signed=True) / UNITS_PER_KELVIN
+
+
+LIS2DW12_KIND = ChipKind(
+    part="LIS2DW12",
+    description="STMicroelectronics LIS2DW12 over I2C.",
+    make=Lis2dw12,
+    identities=(IDENTITY,),
+    address_text="0x18, or 0x19 with the SA0 pin high",
+    rates_hz=tuple(RATE_CODES),
+    rates_text="1600 Hz halved up to seven times",
+    ranges_g=tuple(RANGE_CODES),
+)

@@ -8,11 +8,13 @@ second source: the rate of 1344 Hz, noise, zero-g offset and temperature coeffic
 
 import math
 
-from devices.clock import Clock
+from devices.clock_protocol import Clock
 from devices.i2c.accelerometer_chip import (
     SAMPLE_BYTES,
+    ChipKind,
     ChipProperties,
     FifoLevel,
+    Identity,
     ImplausibleStatusError,
     SampleRun,
     SelfTest,
@@ -22,8 +24,10 @@ from devices.i2c.accelerometer_chip import (
     nearest_rate,
 )
 from devices.i2c.bus import I2cPart
-from devices.i2c.identity import IDENTITIES, Identity, identify
 from devices.saturation import code_limits
+
+IDENTITY = Identity("LIS3DH", (0x18, 0x19), 0x0F, b"\x33")
+"""Rev. 2, section 8.6, WHO_AM_I; pin SA0."""
 
 AUTO_INCREMENT = 0x80
 CTRL_REG1, CTRL_REG2, CTRL_REG4, CTRL_REG5 = 0x20, 0x21, 0x23, 0x24
@@ -61,7 +65,7 @@ class Lis3dh:
         full_scale_g = known_range("LIS3DH", RANGE_CODES, range_g)
         bandwidth_hz = rate_hz / 9  # Table 12
         self.kind = "lis3dh"
-        self.identities: tuple[Identity, ...] = (IDENTITIES["LIS3DH"],)
+        self.identities: tuple[Identity, ...] = (IDENTITY,)
         self.properties = ChipProperties(
             odr_hz=rate_hz,
             units_per_g=UNITS_PER_G[full_scale_g],
@@ -87,9 +91,8 @@ class Lis3dh:
             Setting(CTRL_REG1, "CTRL_REG1", RATE_CODES[rate_hz] << 4 | AXES_ENABLED),
         )
 
-    def identify(self, part: I2cPart) -> str:
-        """Check the identity; the part has no revision. Raises `IdentityError`."""
-        identify(part, *self.identities)
+    def revision(self, part: I2cPart, identity: Identity) -> str:
+        """Return an empty text: the part has no revision."""
         return ""
 
     def reset(self, part: I2cPart, clock: Clock) -> None:
@@ -123,3 +126,15 @@ class Lis3dh:
     def temperature_c(self, part: I2cPart) -> float | None:
         """Return None: the temperature sensor has no absolute zero (section 3.7)."""
         return None
+
+
+LIS3DH_KIND = ChipKind(
+    part="LIS3DH",
+    description="STMicroelectronics LIS3DH over I2C.",
+    make=Lis3dh,
+    identities=(IDENTITY,),
+    address_text="0x18, or 0x19 with the SA0 pin high",
+    rates_hz=tuple(RATE_CODES),
+    rates_text="1, 10, 25, 50, 100, 200, 400 or 1344 Hz",
+    ranges_g=tuple(RANGE_CODES),
+)

@@ -7,16 +7,18 @@ temperature coefficients, and the size of the MPU-6500's FIFO.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from devices.clock import Clock
+from devices.clock_protocol import Clock
 from devices.i2c.accelerometer_chip import (
     AxisLimits,
+    ChipKind,
     ChipProperties,
     FifoLevel,
     GyroProperties,
+    Identity,
     ImplausibleStatusError,
     LostAlignmentError,
     SampleRun,
@@ -26,8 +28,15 @@ from devices.i2c.accelerometer_chip import (
     nearest_rate,
 )
 from devices.i2c.bus import I2cPart
-from devices.i2c.identity import IDENTITIES, identify
 from devices.saturation import code_limits
+
+IDENTITIES = (
+    Identity("MPU-9250", (0x68, 0x69), 0x75, b"\x71"),  # RM-MPU-9250A-00 Rev. 1.6, section 4.38, WHOAMI; pin AD0
+    Identity("MPU-9255", (0x68, 0x69), 0x75, b"\x73"),  # RM-MPU-9255 Rev. 1.0, WHOAMI
+    Identity("MPU-6500", (0x68, 0x69), 0x75, b"\x70"),  # the accelerometer and gyroscope of the MPU-9250
+)
+MPU6050_IDENTITY = Identity("MPU-6050", (0x68, 0x69), 0x75, b"\x68")
+"""RM-MPU-6000A-00 Rev. 4.2, section 4.32, WHO_AM_I."""
 
 SMPLRT_DIV, CONFIG, GYRO_CONFIG, ACCEL_CONFIG, ACCEL_CONFIG_2, FIFO_EN = 0x19, 0x1A, 0x1B, 0x1C, 0x1D, 0x23
 INT_ENABLE, INT_STATUS, TEMP_OUT_H = 0x38, 0x3A, 0x41
@@ -76,7 +85,7 @@ class MpuVariant:
     """The figures in which the generations differ."""
 
     name: str
-    identities: tuple[str, ...]
+    identities: tuple[Identity, ...]
     fifo_bytes: int
     has_accel_config_2: bool
     bandwidths_hz: tuple[float, ...]
@@ -95,7 +104,7 @@ class MpuVariant:
 
 MPU9250 = MpuVariant(
     name="MPU-9250",
-    identities=("MPU-9250", "MPU-9255", "MPU-6500"),
+    identities=IDENTITIES,
     fifo_bytes=512,
     has_accel_config_2=True,
     bandwidths_hz=(218.1, 99.0, 44.8, 21.2, 10.2, 5.05),
@@ -111,7 +120,7 @@ MPU9250 = MpuVariant(
 )
 MPU6050 = MpuVariant(
     name="MPU-6050",
-    identities=("MPU-6050",),
+    identities=(MPU6050_IDENTITY,),
     fifo_bytes=1024,
     has_accel_config_2=False,
     bandwidths_hz=(184.0, 94.0, 44.0, 21.0, 10.0, 5.0),
@@ -137,7 +146,7 @@ class Mpu9250:
         filter_code, bandwidth_hz = _lowpass(variant, rate_hz)
         gyro_bandwidth_hz = variant.gyro_bandwidths_hz[filter_code - 1]
         self.kind = variant.name.lower().replace("-", "")
-        self.identities = tuple(IDENTITIES[name] for name in variant.identities)
+        self.identities = variant.identities
         self.properties = ChipProperties(
             odr_hz=rate_hz,
             units_per_g=UNITS_PER_G_2 / (full_scale_g // 2),
@@ -178,9 +187,9 @@ class Mpu9250:
         self._out_of_step = False
         self._temperature: int | None = None
 
-    def identify(self, part: I2cPart) -> str:
-        """Return the identity, which differs between the members of the family. Raises `IdentityError`."""
-        return identify(part, *self.identities).value.hex()
+    def revision(self, part: I2cPart, identity: Identity) -> str:
+        """Return the identity, which differs between the members of the family."""
+        return identity.value.hex()
 
     def reset(self, part: I2cPart, clock: Clock) -> None:
         """Restore the defaults."""
@@ -230,3 +239,23 @@ def _lowpass(variant: MpuVariant, rate_hz: float) -> tuple[int, float]:
     """Return code and bandwidth of the widest low-pass filter below half of the rate, or of the narrowest one."""
     fitting = (pair for pair in enumerate(variant.bandwidths_hz, start=1) if pair[1] < rate_hz / 2)
     return next(fitting, (len(variant.bandwidths_hz), variant.bandwidths_hz[-1]))
+
+
+MPU9250_KIND = ChipKind(
+    part="MPU-9250",
+    description="InvenSense MPU-9250, MPU-9255 or MPU-6500 over I2C.",
+    make=Mpu9250,
+    identities=IDENTITIES,
+    address_text="0x68, or 0x69 with the AD0 pin high",
+    rates_hz=tuple(RATE_CODES),
+    rates_text="1000 Hz divided by 1 to 256",
+    ranges_g=tuple(RANGE_CODES),
+    has_gyro=True,
+)
+MPU6050_KIND = replace(
+    MPU9250_KIND,
+    part="MPU-6050",
+    description="InvenSense MPU-6050 over I2C.",
+    make=lambda odr_hz, range_g: Mpu9250(odr_hz, range_g, MPU6050),
+    identities=(MPU6050_IDENTITY,),
+)

@@ -9,9 +9,8 @@ from pydantic_core import from_json, to_json
 from gateway.bus.client import ANSWER_S, STATUS, open_client_session
 from gateway.bus.credentials import Credentials
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, FleetInbox
+from gateway.topics import STATE_TOPICS
 
-WATCHED = ("alert", "swing", "condition", "health", "calibration")
-"""Topics with the state of a gateway. Tilt, motion and samples would be nine tenths of the traffic."""
 ALIVE = "alive"
 LARGEST_STATUS = 1 << 20
 
@@ -24,7 +23,9 @@ class FleetClient:
         self.inbox = FleetInbox()
         self._pattern = pattern
         self._session = open_client_session(connect, credentials)
-        self._subscribers = [self._session.declare_subscriber(f"{pattern}/{topic}", self._receive) for topic in WATCHED]
+        self._subscribers = [
+            self._session.declare_subscriber(f"{pattern}/{topic}", self._receive) for topic in STATE_TOPICS
+        ]
         self._liveliness = self._session.liveliness().declare_subscriber(
             f"{pattern}/{ALIVE}", self._receive_alive, history=True
         )
@@ -33,7 +34,7 @@ class FleetClient:
         """Ask gateways and storages for their last messages, without waiting for the answers."""
         with suppress(zenoh.ZError):  # the link is down
             self._session.get(f"{self._pattern}/{STATUS}", self._receive_status, timeout=ANSWER_S)
-            for topic in WATCHED:
+            for topic in STATE_TOPICS:
                 self._session.get(f"{self._pattern}/{topic}", self._receive_stored, timeout=ANSWER_S)
 
     @property
@@ -75,6 +76,6 @@ class FleetClient:
             self.inbox.count_refused()
             return
         key = str(sample.key_expr).removesuffix(f"/{STATUS}")
-        for topic in WATCHED:
+        for topic in STATE_TOPICS:
             if topic in status:
                 self.inbox.put(f"{key}/{topic}", to_json(status[topic]), time.monotonic(), live=False)

@@ -6,8 +6,8 @@ from contextlib import suppress
 import zenoh
 
 from gateway.bus.fleet_inbox import LARGEST_PAYLOAD, MOST_GATEWAYS
-from gateway.bus.router_settings import STORED_TOPICS
 from gateway.bus.untrusted import GATEWAY_KEY
+from gateway.topics import STATE_TOPICS
 
 
 class LatestStates:
@@ -16,7 +16,7 @@ class LatestStates:
     def __init__(self, session: zenoh.Session) -> None:
         self._lock = threading.Lock()
         self._latest: dict[str, bytes] = {}
-        patterns = [f"plumbline/v1/*/*/*/{topic}" for topic in STORED_TOPICS]
+        patterns = [f"plumbline/v1/*/*/*/{topic}" for topic in STATE_TOPICS]
         self._subscribers = [session.declare_subscriber(pattern, self._keep) for pattern in patterns]
         # The session may not be used inside its callbacks: each queryable has a channel and a thread.
         self._queryables = [session.declare_queryable(pattern) for pattern in patterns]
@@ -47,7 +47,7 @@ class LatestStates:
             return
         with self._lock:
             known = key_expression in self._latest or (
-                len(self._latest) < MOST_GATEWAYS * len(STORED_TOPICS)
+                len(self._latest) < MOST_GATEWAYS * len(STATE_TOPICS)
                 and GATEWAY_KEY.fullmatch(key_expression.rpartition("/")[0]) is not None
             )
             if known:

@@ -5,9 +5,8 @@ from typing import Any
 
 from gateway.bus.access_control import EVERY_GATEWAY, READ, WRITE
 from gateway.bus.session import LARGEST_ANSWER, LEASE_MS, LONGEST_BLOCKED_US, TlsFiles
+from gateway.topics import STATE_TOPICS
 
-STORED_TOPICS = ("alert", "swing", "condition", "health", "calibration")
-"""Topics whose last message the router keeps for those who join late."""
 MOST_PENDING = 256
 """Links that may be opened at the same time, so that a whole fleet comes back quickly after a restart of the router."""
 CLEANING = {"period": 3600, "lifespan": 86400}
@@ -53,7 +52,7 @@ def with_storage(configuration: Mapping[str, Any]) -> dict[str, Any]:
     """Add zenohd's storage manager, which keeps the last messages in memory."""
     storages = {
         topic: {"key_expr": f"plumbline/v1/*/*/*/{topic}", "volume": "memory", "garbage_collection": CLEANING}
-        for topic in STORED_TOPICS
+        for topic in STATE_TOPICS
     }
     return {
         **configuration,

@@ -1,21 +1,14 @@
 """The section `[device]` of each kind of device."""
 
+from functools import reduce
+from operator import or_
 from pathlib import Path
-from typing import Annotated, Literal, get_args
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 from pydantic import Field
 
 from gateway.configuration.device_section import DeviceSection
-from gateway.configuration.i2c_devices import (
-    Ads1115Device,
-    Adxl345Device,
-    Adxl355Device,
-    Adxl357Device,
-    Lis2dw12Device,
-    Lis3dhDevice,
-    Mpu6050Device,
-    Mpu9250Device,
-)
+from gateway.configuration.i2c_devices import CHIP_SECTIONS, Ads1115Device
 from gateway.configuration.serial_devices import AsppDevice, NodeDevice, WitMotionDevice
 from gateway.configuration.single_axis_device import SingleAxisDevice
 
@@ -64,22 +57,21 @@ class IioDevice(DeviceSection):
     trigger: str | None = Field(None, description="trigger of the buffer, where the part has no interrupt of its own")
 
 
-AnyDevice = Annotated[
-    SimulatedDevice
-    | ReplayDevice
-    | Adxl355Device
-    | Adxl357Device
-    | Adxl345Device
-    | Lis3dhDevice
-    | Lis2dw12Device
-    | Mpu9250Device
-    | Mpu6050Device
-    | Ads1115Device
-    | IioDevice
-    | SingleAxisDevice
-    | WitMotionDevice
-    | NodeDevice
-    | AsppDevice,
-    Field(discriminator="kind", description="the source of the samples"),
-]
-DEVICE_KINDS = tuple(get_args(device.model_fields["kind"].annotation)[0] for device in get_args(get_args(AnyDevice)[0]))
+_SECTIONS: tuple[type[DeviceSection], ...] = (
+    SimulatedDevice,
+    ReplayDevice,
+    *CHIP_SECTIONS,
+    Ads1115Device,
+    IioDevice,
+    SingleAxisDevice,
+    WitMotionDevice,
+    NodeDevice,
+    AsppDevice,
+)
+DEVICE_SECTIONS = {get_args(section.model_fields["kind"].annotation)[0]: section for section in _SECTIONS}
+"""By kind."""
+if TYPE_CHECKING:
+    AnyDevice = DeviceSection
+else:
+    _Any = reduce(or_, _SECTIONS)
+    AnyDevice = Annotated[_Any, Field(discriminator="kind", description="the source of the samples")]

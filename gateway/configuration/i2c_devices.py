@@ -1,10 +1,13 @@
 """The section `[device]` of each accelerometer on an I2C bus."""
 
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, create_model, field_validator
 
+from devices.i2c.accelerometer_chip import ChipKind
+from devices.i2c.chips import CHIPS
 from gateway.configuration.device_section import DeviceSection
+from gateway.configuration.section import one_of
 
 
 class I2cSection(DeviceSection):
@@ -24,102 +27,36 @@ class I2cSection(DeviceSection):
 class I2cDevice(I2cSection):
     """The keys of every accelerometer chip on an I2C bus."""
 
-    part: ClassVar[str]
-    rates_hz: ClassVar[tuple[float, ...]]
+    chip: ClassVar[ChipKind]
 
     range_g: int
 
     @field_validator("odr_hz", check_fields=False)
     @classmethod
     def _check_rate(cls, odr_hz: float) -> float:
-        nearest = min(cls.rates_hz, key=lambda rate: abs(rate - odr_hz))
+        nearest = min(cls.chip.rates_hz, key=lambda rate: abs(rate - odr_hz))
         if abs(nearest - odr_hz) > 1e-3 * nearest:
-            raise ValueError(f"the {cls.part} has no rate of {odr_hz:g} Hz; nearest is {nearest:g}")
+            raise ValueError(f"the {cls.chip.part} has no rate of {odr_hz:g} Hz; nearest is {nearest:g}")
         return nearest
 
 
-class Adxl355Device(I2cDevice):
-    """Analog Devices ADXL355 over I2C."""
-
-    part: ClassVar[str] = "ADXL355"
-    rates_hz: ClassVar[tuple[float, ...]] = tuple(4000.0 / (1 << k) for k in range(11))
-
-    kind: Literal["adxl355"]
-    address: int = Field(0x1D, description="0x1D, or 0x53 with the ASEL pin high")
-    odr_hz: float = Field(125.0, description="output data rate: 4000 Hz halved up to ten times")
-    range_g: Literal[2, 4, 8] = Field(2, description="full scale")
-
-
-class Adxl357Device(I2cDevice):
-    """Analog Devices ADXL357 over I2C: the ADXL355 with larger ranges."""
-
-    part: ClassVar[str] = "ADXL357"
-    rates_hz: ClassVar[tuple[float, ...]] = Adxl355Device.rates_hz
-
-    kind: Literal["adxl357"]
-    address: int = Field(0x1D, description="0x1D, or 0x53 with the ASEL pin high")
-    odr_hz: float = Field(125.0, description="output data rate: 4000 Hz halved up to ten times")
-    range_g: Literal[10, 20, 40] = Field(10, description="full scale")
+def chip_section(chip: ChipKind) -> type[I2cDevice]:
+    """Return the section of a kind of chip."""
+    address, *_ = chip.identities[0].addresses
+    keys: dict[str, Any] = {
+        "kind": (one_of([chip.kind]), ...),
+        "address": (int, Field(address, description=chip.address_text)),
+        "odr_hz": (float, Field(chip.usual_rate_hz, description=f"output data rate: {chip.rates_text}")),
+        "range_g": (one_of(chip.ranges_g), Field(chip.ranges_g[0], description="full scale")),
+    }
+    section = create_model(
+        f"{chip.kind.capitalize()}Device", __base__=I2cDevice, __doc__=chip.description, __module__=__name__, **keys
+    )
+    section.chip = chip
+    return section
 
 
-class Adxl345Device(I2cDevice):
-    """Analog Devices ADXL345 over I2C."""
-
-    part: ClassVar[str] = "ADXL345"
-    rates_hz: ClassVar[tuple[float, ...]] = tuple(800.0 / (1 << k) for k in range(8))
-
-    kind: Literal["adxl345"]
-    address: int = Field(0x53, description="0x53, or 0x1D with the ALT ADDRESS pin high")
-    odr_hz: float = Field(100.0, description="output data rate: 800 Hz halved up to seven times")
-    range_g: Literal[2, 4, 8, 16] = Field(2, description="full scale")
-
-
-class Lis3dhDevice(I2cDevice):
-    """STMicroelectronics LIS3DH over I2C."""
-
-    part: ClassVar[str] = "LIS3DH"
-    rates_hz: ClassVar[tuple[float, ...]] = (1.0, 10.0, 25.0, 50.0, 100.0, 200.0, 400.0, 1344.0)
-
-    kind: Literal["lis3dh"]
-    address: int = Field(0x18, description="0x18, or 0x19 with the SA0 pin high")
-    odr_hz: float = Field(100.0, description="output data rate: 1, 10, 25, 50, 100, 200, 400 or 1344 Hz")
-    range_g: Literal[2, 4, 8, 16] = Field(2, description="full scale")
-
-
-class Lis2dw12Device(I2cDevice):
-    """STMicroelectronics LIS2DW12 over I2C."""
-
-    part: ClassVar[str] = "LIS2DW12"
-    rates_hz: ClassVar[tuple[float, ...]] = tuple(1600.0 / (1 << k) for k in range(8))
-
-    kind: Literal["lis2dw12"]
-    address: int = Field(0x18, description="0x18, or 0x19 with the SA0 pin high")
-    odr_hz: float = Field(100.0, description="output data rate: 1600 Hz halved up to seven times")
-    range_g: Literal[2, 4, 8, 16] = Field(2, description="full scale")
-
-
-class Mpu9250Device(I2cDevice):
-    """InvenSense MPU-9250, MPU-9255 or MPU-6500 over I2C."""
-
-    part: ClassVar[str] = "MPU-9250"
-    rates_hz: ClassVar[tuple[float, ...]] = tuple(1000.0 / (1 + divider) for divider in range(256))
-
-    kind: Literal["mpu9250"]
-    address: int = Field(0x68, description="0x68, or 0x69 with the AD0 pin high")
-    odr_hz: float = Field(100.0, description="output data rate: 1000 Hz divided by 1 to 256")
-    range_g: Literal[2, 4, 8, 16] = Field(2, description="full scale")
-
-
-class Mpu6050Device(I2cDevice):
-    """InvenSense MPU-6050 over I2C."""
-
-    part: ClassVar[str] = "MPU-6050"
-    rates_hz: ClassVar[tuple[float, ...]] = Mpu9250Device.rates_hz
-
-    kind: Literal["mpu6050"]
-    address: int = Field(0x68, description="0x68, or 0x69 with the AD0 pin high")
-    odr_hz: float = Field(100.0, description="output data rate: 1000 Hz divided by 1 to 256")
-    range_g: Literal[2, 4, 8, 16] = Field(2, description="full scale")
+CHIP_SECTIONS = tuple(map(chip_section, CHIPS.values()))
 
 
 class Ads1115Device(I2cSection):

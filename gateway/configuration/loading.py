@@ -4,12 +4,12 @@ import difflib
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from pydantic import BaseModel, ValidationError, create_model
 
 from gateway.configuration.device_plugins import PluginError, load_plugin, plugin_names
-from gateway.configuration.device_sections import DEVICE_KINDS, AnyDevice
+from gateway.configuration.device_sections import DEVICE_SECTIONS
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
 from gateway.file_input import MAX_TOML_BYTES, parse_toml, read_bounded
@@ -58,7 +58,7 @@ def validate(table: dict[str, Any], where: str) -> Configuration:
 
 def configuration_class(device_kind: object) -> type[Configuration]:
     """Return the configuration for a kind of device. A plug-in's kind brings its own keys. Raises `PluginError`."""
-    if not isinstance(device_kind, str) or device_kind in DEVICE_KINDS or device_kind not in plugin_names():
+    if not isinstance(device_kind, str) or device_kind in DEVICE_SECTIONS or device_kind not in plugin_names():
         return Configuration
     section = load_plugin(device_kind).section
     return create_model("Configuration", __base__=Configuration, device=(section, ...))
@@ -116,13 +116,13 @@ def _environment_value(text: str) -> Any:
 def _describe(problem: dict[str, Any], table: dict[str, Any], model: type[Configuration]) -> str:
     """Describe one problem: the place, what is wrong, and what would be right."""
     place = [str(part) for part in problem["loc"]]
-    if place[:1] == ["device"] and len(place) > 1 and place[1] in DEVICE_KINDS:
+    if place[:1] == ["device"] and len(place) > 1 and place[1] in DEVICE_SECTIONS:
         del place[1]
     name = ".".join(place)
     if problem["type"] == "extra_forbidden":
         return f"{name}: unknown key{_suggestion(place, table, model)}"
     if problem["type"] == "union_tag_invalid":
-        kinds = ", ".join([*DEVICE_KINDS, *plugin_names()])
+        kinds = ", ".join([*DEVICE_SECTIONS, *plugin_names()])
         return f"device.kind: {table['device']['kind']!r} is not supported; this version has {kinds}"
     if problem["type"] == "missing":
         return f"{name}: is missing and has no default"
@@ -153,9 +153,8 @@ def _nested(section: type[BaseModel], path: list[str]) -> type[BaseModel]:
 
 
 def _section_class(model: type[Configuration], section: str, device_kind: str | None) -> type[BaseModel]:
-    if section == "device" and device_kind in DEVICE_KINDS:
-        classes: tuple[type[BaseModel], ...] = get_args(get_args(AnyDevice)[0])
-        return classes[DEVICE_KINDS.index(device_kind)]
+    if section == "device" and device_kind in DEVICE_SECTIONS:
+        return DEVICE_SECTIONS[device_kind]
     annotation = model.model_fields[section].annotation
     if not (isinstance(annotation, type) and issubclass(annotation, BaseModel)):
         raise TypeError(f"{section} is not a section")

@@ -1,7 +1,7 @@
 """The sections of the configuration: keys, units, defaults and limits."""
 
 from pathlib import Path
-from typing import Annotated, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Self
 
 from pydantic import Field, field_validator, model_validator
 
@@ -9,7 +9,8 @@ from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2, normal_gravity_m_s2
 from gateway.configuration.bus_section import BusSection
 from gateway.configuration.device_sections import AnyDevice, SimulatedDevice
 from gateway.configuration.relay_section import AnyRelay, NoRelay
-from gateway.configuration.section import KEY_PATTERN, Section
+from gateway.configuration.section import KEY_PATTERN, Section, one_of
+from gateway.languages import LANGUAGES
 
 HIGHEST_CUTOFF = 0.4
 """Largest cut-off frequency of the low-pass, relative to the sample rate."""
@@ -166,12 +167,18 @@ class DirectionsSection(Section):
     minus_y: DirectionName = "−y"
 
 
+if TYPE_CHECKING:
+    Language = str
+else:
+    Language = one_of(LANGUAGES)
+
+
 class PageSection(Section):
     """The operator's page."""
 
     enabled: bool = True
     listen: str = Field("127.0.0.1:8321", pattern=r"^[^:\s]+:\d{1,5}$", description="address:port")
-    language: Literal["en", "de"] = "en"
+    language: Language = "en"
     directions: DirectionsSection = DirectionsSection()
     hosts: list[str] = Field(
         default_factory=list,

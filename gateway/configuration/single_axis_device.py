@@ -1,17 +1,23 @@
 """The section `[device]` of three sensors of which one axis each is used."""
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from pydantic import Field
 
+from devices.i2c.chips import CHIPS
 from gateway.configuration.device_section import DeviceSection
-from gateway.configuration.section import Section
+from gateway.configuration.section import Section, one_of
+
+if TYPE_CHECKING:
+    SingleAxisPart = str
+else:
+    SingleAxisPart = one_of(sorted(kind for kind, chip in CHIPS.items() if not chip.has_gyro))
 
 
 class SingleAxisSensor(Section):
     """One of the three sensors."""
 
-    part: Literal["adxl345", "adxl355", "adxl357", "lis2dw12", "lis3dh"] = Field(description="the accelerometer chip")
+    part: SingleAxisPart = Field(description="the accelerometer chip")
     bus: int = Field(1, ge=0, description="N of /dev/i2c-N")
     address: int = Field(ge=0x08, le=0x77, description="of the part on its bus")
     range_g: float = Field(2, gt=0, description="full scale")

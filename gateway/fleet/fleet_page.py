@@ -49,7 +49,7 @@ class FleetPage:
         self._language = language
         self._hub = EventStream()
         routes = [
-            *static_routes("fleet.html"),
+            *static_routes("fleet.html", language),
             Route("/healthz", self._healthz),
             Route("/api/fleet", self._fleet),
             Route("/api/events", self._events),

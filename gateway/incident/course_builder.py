@@ -28,12 +28,12 @@ from gateway.messages import (
     Motion,
 )
 from gateway.numerics.array import Array
+from gateway.pipeline.alert_rules import RULE_NAMES
 from gateway.recording.reading.sample_calibration import CalibratedBlock
 from gateway.recording.summary.sample_summary import GAP_PERIODS
 
 TOPICS = frozenset({"/motion", "/condition", "/alert", "/health", "/calibration", "/mark", "/clock", "/log"})
 """The topics of which a course is made, beside the samples."""
-LEVEL_RULES = ("swing", "lean", "calibration")
 MOTION_NUMBERS = ("angle_deg", "u_deg", "azimuth_deg", "hoist_m_s", "hoist_u_m_s", "length_m", "lean_deg", "lean_u_deg")
 TRUSTED = "trusted"
 
@@ -97,7 +97,7 @@ class CourseBuilder:
             samples=counts,
             condition=states.get("condition", nothing),
             trusted=states.get("trusted", nothing),
-            alert_levels={rule: states[rule] for rule in LEVEL_RULES if rule in states},
+            alert_levels={rule: states[rule] for rule in RULE_NAMES if rule in states},
             health=states.get("health", nothing),
             clock=states.get("clock", nothing),
             clock_steps_s=tuple(time_s for time_s, clock in self._clock if clock.stepped),
@@ -116,7 +116,7 @@ class CourseBuilder:
                 self._add_state("trusted", time_s, TRUSTED if content.trusted else "; ".join(content.reasons))
             case Alert():
                 levels = {active.rule: active.level for active in content.active}
-                for rule in LEVEL_RULES:
+                for rule in RULE_NAMES:
                     self._add_state(rule, time_s, levels.get(rule, "normal"))
             case Health():
                 self._add_faults(time_s, content)

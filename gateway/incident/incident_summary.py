@@ -7,6 +7,7 @@ from gateway.incident.alert_incidents import STANDING, AlertIncident
 from gateway.incident.course import Course
 from gateway.incident.facts import CraneMove, IncidentFacts, PeakAngle
 from gateway.incident.report_clock import ReportClock
+from gateway.pipeline.alert_rules import SWING
 
 MOST_MARKS = 3
 """Of the summary; the events have all of them."""
@@ -66,7 +67,7 @@ def _how_large(clock: ReportClock, incident: AlertIncident | None, facts: Incide
         yield "The angle was not known at any time of it."
         return
     yield f"The largest angle between rope and vertical was {angle_text(facts.peak)} at {clock.both(facts.peak.time_s)}."
-    if incident is None or incident.highest.limit_deg is None or incident.rule != "swing":
+    if incident is None or incident.highest.limit_deg is None or incident.rule != SWING.name:
         return
     limit_deg, (low_deg, high_deg) = incident.highest.limit_deg, facts.peak.interval_deg
     highest_s = (incident.highest.time_ns - clock.course.origin_ns) / 1e9

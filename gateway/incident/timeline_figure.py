@@ -17,6 +17,7 @@ from gateway.incident.report_clock import ReportClock
 from gateway.incident.time_axis import label_local_times, label_times
 from gateway.numerics.array import Array
 from gateway.numerics.stats import NORMAL_975
+from gateway.pipeline.alert_rules import SWING
 
 HEIGHT_IN = 8.4
 PANELS = (3.4, 1.5, 1.2, 1.2, 2.6)
@@ -81,7 +82,7 @@ def _draw_angle(axes: Axes, course: Course, incident: AlertIncident | None, fact
     axes.set_ylabel("angle, °")
     limit_deg = 0.0 if incident is None else incident.highest.limit_deg or 0.0
     axes.set_ylim(0, max(LEAST_ANGLE_DEG, 1.15 * max(limit_deg, _largest(motion.angle_deg))))
-    if incident is None or incident.rule != "swing":
+    if incident is None or incident.rule != SWING.name:
         return
     levels: dict[str, float | None] = {
         each.level: each.limit_deg for each in incident.changes if each.level != "normal"

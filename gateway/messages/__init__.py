@@ -5,7 +5,7 @@ out reads as null. The JSON Schemas in recordings and in the output of `plumblin
 classes. `docs/messages.md` states the rules for their versions.
 """
 
-from gateway.messages.alert import LEVEL_RANK, ActiveAlert, Alert, Level, Validity
+from gateway.messages.alert import CALIBRATION_RULE, LEVEL_RANK, ActiveAlert, Alert, Level, Validity
 from gateway.messages.calibration import NO_SESSION, Calibration, CalibrationSession, SessionPhase, SessionPose
 from gateway.messages.condition import Cause, Condition, Verdict
 from gateway.messages.header import (
@@ -25,6 +25,7 @@ from gateway.messages.motion import Formulas, HorizontalVector, Motion, MotionPr
 from gateway.messages.samples import Acceleration, ClockOffset, Readings, Samples
 
 __all__ = [
+    "CALIBRATION_RULE",
     "LEVEL_RANK",
     "NO_SESSION",
     "SCHEMA_VERSION",

@@ -8,6 +8,8 @@ from pydantic import Field
 from gateway.messages.header import Degrees, Message
 
 Level = Literal["normal", "warn", "trip", "unknown"]
+CALIBRATION_RULE = "calibration"
+"""The rule of the drift monitor, the only one without a measured value; it has its own hold time."""
 LEVEL_RANK: dict[Level, int] = {"normal": 0, "unknown": 1, "warn": 2, "trip": 3}
 """Unknown is worse than normal: nobody sees what happens."""
 Validity = Literal["valid", "no_samples", "suspended", "uncalibrated", "not_known"]

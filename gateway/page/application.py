@@ -48,7 +48,7 @@ def make_application(state: PageState, hub: EventStream, actions: Actions, hosts
     endpoints = {"/healthz": healthz, "/api/state": api_state, "/api/events": api_events, "/metrics": prometheus}
     reading = (Route(path, endpoint) for path, endpoint in endpoints.items())
     changing = actions.changing_routes()
-    routes = [*static_routes("index.html"), *reading, *actions.reading_routes(), *changing]
+    routes = [*static_routes("index.html", state.parameters.language), *reading, *actions.reading_routes(), *changing]
     return Guard(Starlette(routes=routes), hosts, {route.path for route in changing})
 
 

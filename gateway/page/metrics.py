@@ -21,9 +21,7 @@ from gateway.page.exposition import (
 )
 from gateway.page.health_metrics import health_families
 from gateway.page.verdict import STYLES, PageEvidence, is_fresh, verdict
-
-RULES = ("swing", "lean", "calibration")
-"""The alert rules of a gateway; one that is not active is normal."""
+from gateway.pipeline.alert_rules import RULE_NAMES
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +87,7 @@ def _alert_families(evidence: PageEvidence) -> Iterator[Family]:
     yield state_gauge("alert_level", "level", text, levels, "unknown" if present is None else present.level)
     active = {} if present is None else {each.rule: each for each in present.active}
     usual: Level = "unknown" if present is None else "normal"
-    for rule in dict.fromkeys((*RULES, *active)):
+    for rule in dict.fromkeys((*RULE_NAMES, *active)):
         level = active[rule].level if rule in active else usual
         states = state_gauge("alert_rule_level", "level", "1 at the present level of an alert rule.", levels, level)
         yield from with_labels([states], {"rule": rule})
@@ -97,7 +95,10 @@ def _alert_families(evidence: PageEvidence) -> Iterator[Family]:
         return
     open_rules = {rule: each for rule, each in active.items() if each.incident is not None}
     yield labelled_gauge(
-        "incident_open", "rule", "1 while an incident of a rule is open.", {rule: rule in open_rules for rule in RULES}
+        "incident_open",
+        "rule",
+        "1 while an incident of a rule is open.",
+        {rule: rule in open_rules for rule in RULE_NAMES},
     )
     yield labelled_gauge(
         "incident_acknowledged",

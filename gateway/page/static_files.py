@@ -1,11 +1,14 @@
 """The files of the pages, from memory."""
 
+import json
 from functools import partial
 from importlib import resources
 
 from starlette.requests import Request
 from starlette.responses import Response
 from starlette.routing import Route
+
+from gateway.languages import read_texts
 
 TYPES = {
     ".html": "text/html; charset=utf-8",
@@ -15,9 +18,10 @@ TYPES = {
 }
 
 
-def static_routes(page: str) -> list[Route]:
-    """Return the routes of all files; `page` is the one at `/`."""
-    routes = []
+def static_routes(page: str, language: str) -> list[Route]:
+    """Return the routes of all files, and of a module with the texts of a language; `page` is the one at `/`."""
+    texts = f"export const LANGUAGE = {json.dumps(language)}, TEXTS = {json.dumps(read_texts(language))};\n"
+    routes = [Route("/language.js", partial(_serve_file, texts.encode(), TYPES[".js"]))]
     for file in resources.files("gateway.page").joinpath("static").iterdir():
         media_type = TYPES["." + file.name.rpartition(".")[2]]
         is_page = file.name.endswith(".html")

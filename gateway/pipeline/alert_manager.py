@@ -1,20 +1,16 @@
 """The alert rules of a gateway with their states, incidents and changes."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from gateway.configuration.model import AlertsSection
-from gateway.messages import ActiveAlert, Level
+from gateway.messages import CALIBRATION_RULE, ActiveAlert, Level
+from gateway.pipeline.alert_rules import ALERT_RULES, AlertRule
 from gateway.pipeline.alert_text import acknowledged_text, change_text, limits_text, reading_text, refuted_text
 from gateway.pipeline.incidents import Acknowledgement, Incident, IncidentRegister
-from gateway.stages.alerts import Event, Limits, Reading, RuleState, event_between, judge, judge_alarm, overall_level
+from gateway.stages.alerts import Event, Reading, RuleState, event_between, judge, judge_alarm, overall_level
 from gateway.units import degrees
-
-LEAN_CLEAR_SHARE = 0.8
-"""The lean alert clears below this share of its limit."""
-CALIBRATION = "calibration"
-"""The rule of the drift monitor, which has its own hold time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,20 +39,10 @@ class AlertChange:
 class AlertManager:
     """Holds the states of the rules."""
 
-    def __init__(self, limits: AlertsSection, incidents: IncidentRegister) -> None:
-        self._limits = {
-            "swing": Limits(
-                trip_rad=math.radians(limits.trip_deg),
-                clear_rad=math.radians(limits.clear_deg),
-                hold_s=limits.hold_s,
-                warn_rad=math.radians(limits.warn_deg),
-            ),
-            "lean": Limits(
-                trip_rad=math.radians(limits.lean_trip_deg),
-                clear_rad=LEAN_CLEAR_SHARE * math.radians(limits.lean_trip_deg),
-                hold_s=limits.hold_s,
-            ),
-        }
+    def __init__(
+        self, limits: AlertsSection, incidents: IncidentRegister, rules: Sequence[AlertRule] = ALERT_RULES
+    ) -> None:
+        self._limits = {rule.name: rule.limits(limits) for rule in rules}
         self._incidents = incidents
         self._states: dict[str, RuleState] = {}
         self._readings: dict[str, Reading | None] = dict.fromkeys(self._limits)
@@ -73,20 +59,20 @@ class AlertManager:
     ) -> Iterator[AlertChange]:
         """Compare the reading of each rule with its limits; yield one change for each rule whose level has changed.
 
-        A known reading counts, whatever the crane does; None: the angle is not known, and `why_unknown` states why.
+        A known reading counts, whatever the crane does; None or missing: the angle is not known, and `why_unknown` states why.
         `drift_alarm` is the reason why the calibration can no longer be trusted; None: there is none. A first value that was only
         an upper bound is corrected by a change of its own.
         """
         self._why_unknown = why_unknown
         before = dict(self._states)
         for rule, limits in self._limits.items():
-            reading = self._readings[rule] = readings[rule]
+            reading = self._readings[rule] = readings.get(rule)
             # before the first value nothing is "normal"
             state = before.setdefault(rule, RuleState("unknown", time_s))
             self._states[rule] = judge(state, None if reading is None else reading.value_rad, limits, time_s)
         self._drift_alarm = drift_alarm
-        state = before.setdefault(CALIBRATION, RuleState("normal", time_s))
-        self._states[CALIBRATION] = judge_alarm(state, is_active=drift_alarm is not None, time_s=time_s)
+        state = before.setdefault(CALIBRATION_RULE, RuleState("normal", time_s))
+        self._states[CALIBRATION_RULE] = judge_alarm(state, is_active=drift_alarm is not None, time_s=time_s)
         yield from self._changes(before, time_s)
 
     def suspend(self, why: str, time_s: float) -> Iterator[AlertChange]:
@@ -99,8 +85,8 @@ class AlertManager:
             state = before.setdefault(rule, RuleState("normal", time_s))
             if state.level != "unknown":
                 self._states[rule] = RuleState("unknown", time_s)
-        if CALIBRATION in self._states and self._states[CALIBRATION].level == "warn":
-            self._states[CALIBRATION] = RuleState("unknown", time_s)
+        if CALIBRATION_RULE in self._states and self._states[CALIBRATION_RULE].level == "warn":
+            self._states[CALIBRATION_RULE] = RuleState("unknown", time_s)
         yield from self._changes(before, time_s)
 
     def acknowledge(self, acknowledgement: Acknowledgement, time_ns: int) -> AlertChange | None:
@@ -188,14 +174,14 @@ class AlertManager:
         level = self._states[rule].level
         if level == "unknown":
             return f"{rule} unknown: {self._reason(rule)}"
-        return f"{rule}: {self._reason(rule)}" if rule == CALIBRATION else f"{rule} {level}: {self._reason(rule)}"
+        return f"{rule}: {self._reason(rule)}" if rule == CALIBRATION_RULE else f"{rule} {level}: {self._reason(rule)}"
 
     def _reason(self, rule: str) -> str:
         """Return the reading of a rule with its limits, or why there is none."""
         level, reading = self._states[rule].level, self._readings.get(rule)
         if level == "unknown":
             return self._why_unknown
-        if rule == CALIBRATION:
+        if rule == CALIBRATION_RULE:
             return self._drift_alarm or ""
         incident = self._incidents.get(rule)
         limit_rad, clear_rad = self._levels_rad(rule)
@@ -206,7 +192,7 @@ class AlertManager:
 
     def _levels_rad(self, rule: str) -> tuple[float, float]:
         """Return the limit of a rule at its level, and its clear level; infinite for the calibration, which has none."""
-        if rule == CALIBRATION:
+        if rule == CALIBRATION_RULE:
             return math.inf, math.inf
         limits = self._limits[rule]
         if self._states[rule].level == "warn" and limits.warn_rad is not None:

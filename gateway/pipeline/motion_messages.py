@@ -1,6 +1,7 @@
 """Conversion of the rope's motion, in radians, to the messages of motion and swing, in degrees."""
 
-from dataclasses import asdict
+from dataclasses import asdict, fields
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +15,12 @@ from gateway.pipeline.header import Header
 from gateway.swing.estimate import FormulaAngles
 from gateway.units import degrees
 
+_ESTIMATED = {field.name for field in fields(MotionEstimate)} - {"probabilities", "reasons"}
+_STATED = [field.name for field in fields(Motion)]
+COPIED = [name for name in _STATED if name in _ESTIMATED]
+"""The fields of the message that are fields of the estimate."""
+ANGLES = {name: source for name in _STATED if (source := name.replace("_deg", "_rad")) in _ESTIMATED - {name}}
+"""Those in degrees, with the field of the estimate in radians."""
 NO_FORMULAS = Formulas(arccos_min_az=None, arcsin_max_axy=None, arctan_max_axy_min_az=None, arccos_max_az=None)
 
 
@@ -21,19 +28,13 @@ def motion_message(header: Header, estimate: MotionEstimate) -> Motion:
     """Return the motion at the time of the message."""
     driven, coasting, largest = estimate.next_peak, estimate.next_peak_if_coasting, estimate.last_peak
     pivot_m_s2, fast = estimate.pivot_acceleration_m_s2, estimate.fast_oscillation
+    known: dict[str, Any] = {name: getattr(estimate, name) for name in COPIED}
+    known |= {name: degrees(getattr(estimate, source)) for name, source in ANGLES.items()}
     return Motion(
         **header,
-        state=estimate.state,
-        angle_deg=degrees(estimate.angle_rad),
-        u_deg=degrees(estimate.u_rad),
-        azimuth_deg=degrees(estimate.azimuth_rad),
-        rate_deg_s=degrees(estimate.rate_rad_s),
+        **known,
         pivot_accel_m_s2=None if pivot_m_s2 is None else list(pivot_m_s2),
         pivot_accel_u_m_s2=estimate.pivot_acceleration_u_m_s2,
-        hoist_m_s=estimate.hoist_m_s,
-        hoist_u_m_s=estimate.hoist_u_m_s,
-        length_m=estimate.length_m,
-        length_u_m=estimate.length_u_m,
         phi_max_deg=_angle_deg(largest),
         phi_max_u_deg=_u_deg(largest),
         predicted_phi_max_deg=_angle_deg(driven),
@@ -42,8 +43,6 @@ def motion_message(header: Header, estimate: MotionEstimate) -> Motion:
         coasting_phi_max_deg=_angle_deg(coasting),
         coasting_u_deg=_u_deg(coasting),
         coasting_time_to_peak_s=None if coasting is None else coasting.in_s,
-        lean_deg=degrees(estimate.lean_rad),
-        lean_u_deg=degrees(estimate.lean_u_rad),
         probabilities=_probabilities(estimate.probabilities),
         fast_oscillation_hz=None if fast is None else fast.frequency_hz,
         fast_oscillation_deg=None if fast is None else degrees(fast.angle_rad),

@@ -10,7 +10,7 @@ from devices.pendulum.small_swing import small_swing_period_s
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.messages import Motion, Swing
-from gateway.motion.estimate import MotionEstimate, PeakEstimate
+from gateway.motion.estimate import MotionEstimate
 from gateway.motion.motion_monitor import MotionMonitor
 from gateway.numerics.array import Array
 from gateway.pipeline.angular_rate import device_gyro
@@ -18,7 +18,6 @@ from gateway.pipeline.header import Header
 from gateway.pipeline.motion_context import motion_context
 from gateway.pipeline.motion_messages import motion_message, swing_message
 from gateway.pipeline.mounting import mounted_housing, with_sensor
-from gateway.stages.alerts import Reading, larger_reading
 from gateway.stages.conditions.gates import MotionContext
 from gateway.swing.data.recent_extremes import RecentExtremes
 from gateway.swing.formulas import as_published
@@ -110,21 +109,6 @@ class MotionStage:
         is_explained = self._monitor is None or self._monitor.is_explained
         return motion_context(self.estimate, self._rig, is_explained=is_explained)
 
-    def swing_reading(self) -> Reading | None:
-        """Return the larger of the present angle and the expected peak, as they are compared; None where they are not known."""
-        present = self.estimate
-        if present.angle_rad is None or present.u_rad is None:
-            return None
-        now = Reading.of(present.angle_rad, present.u_rad)
-        return larger_reading(now, _peak_reading(present.expected_peak))
-
-    def lean_reading(self) -> Reading | None:
-        """Return the lean; None where it is not known."""
-        lean_rad, u_rad = self.estimate.lean_rad, self.estimate.lean_u_rad
-        if self.estimate.angle_rad is None or lean_rad is None or u_rad is None:
-            return None
-        return Reading.of(lean_rad, u_rad)
-
     def motion_message(self, header: Header) -> Motion:
         """Return the motion in degrees."""
         return motion_message(header, self.estimate)
@@ -170,10 +154,6 @@ class MotionStage:
         axial_u_g = math.hypot(offset_u_g, change_k * self._correction.u_scale_factor_per_k)
         change_u_g = np.array([offset_u_g, offset_u_g, axial_u_g])
         monitor.set_sensor(rig, change_u_g, self._correction.range_warnings(temperature_c))
-
-
-def _peak_reading(peak: PeakEstimate | None) -> Reading | None:
-    return None if peak is None else Reading.of(peak.angle_rad, peak.u_rad, peak.in_s)
 
 
 def _unknown(time_s: float, why: str) -> MotionEstimate:

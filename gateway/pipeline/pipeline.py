@@ -5,7 +5,8 @@ computed ten times a second, on a fixed grid of sample time, for all blocks sinc
 call. The same blocks give the same messages. No clock is read, so a live run and a replay are the same.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +15,11 @@ from devices.block import DeviceInfo, SampleBlock
 from gateway.calibration.correction import Correction
 from gateway.configuration.model import Configuration
 from gateway.errors import InputError
-from gateway.messages import NO_SESSION, CalibrationSession
+from gateway.messages import NO_SESSION, CalibrationSession, Message
 from gateway.packing import pack
 from gateway.pipeline import compose
 from gateway.pipeline.alert_manager import AlertChange, AlertManager
+from gateway.pipeline.alert_rules import ALERT_RULES, Evaluation, swing_reading
 from gateway.pipeline.alert_validity import ValidityMonitor
 from gateway.pipeline.angular_rate import housing_rates
 from gateway.pipeline.clock_state import ClockState, MessageTime
@@ -39,6 +41,8 @@ from gateway.stages.tilt import axial_tilt, axial_tilt_uncertainty
 UPDATE_PERIOD_S, CONDITION_PERIOD_S, HEARTBEAT_PERIOD_S, CALIBRATION_PERIOD_S = 0.1, 0.5, 1.0, 10.0
 """The period of the updates, with a tilt message each, divides the others."""
 ACCELERATION_PERIOD_S = 0.2
+AT_REST = ("static", "quasi_static")
+"""The verdicts at which the static tilt is that of the rope."""
 NOT_JUDGED = ConditionResult("unknown", None, False, ("no reading yet",), {}, None)
 
 
@@ -110,9 +114,11 @@ class Pipeline:
 
     def calibration_message(self, now: MessageTime) -> OutgoingMessage:
         """Return the calibration in force and the state of a recalibration."""
-        header = self._header("calibration", now)
-        message = compose.calibration_message(header, self._correction, self._info, self._session)
-        return OutgoingMessage("calibration", now.log_time_ns, message)
+        return self._message(
+            "calibration",
+            now,
+            lambda header: compose.calibration_message(header, self._correction, self._info, self._session),
+        )
 
     def _output(self, messages: Iterator[OutgoingMessage]) -> PipelineOutput:
         made = list(messages)
@@ -124,7 +130,7 @@ class Pipeline:
         for part in early:
             yield from self._add(part, MessageTime(int(part.time_ns[-1]), clock))
         now = MessageTime(int(block.time_ns[-1]), clock)
-        yield OutgoingMessage("samples", now.log_time_ns, pack(block, **self._header("samples", now)))
+        yield self._message("samples", now, lambda header: pack(block, **header))
         if self._calibration_limiter.is_due(now.log_time_ns):
             yield self.calibration_message(now)
         yield from self._add(last, now)
@@ -150,9 +156,9 @@ class Pipeline:
         swing_due = self._add_to_windows(batch)
         if tilt_due:
             yield self._tilt(now)
-            yield self._motion_message(now)
+            yield self._message("motion", now, self._motion.motion_message)
         if swing_due:
-            yield self._swing_message(now)
+            yield self._message("swing", now, self._motion.swing_message)
         yield from self._judge_condition(now)
         yield from self._judge_alerts(now)
 
@@ -179,9 +185,9 @@ class Pipeline:
         changed = self._set_unknown(why, {"fresh": False})
         self._motion.set_unknown(why)
         if self._condition_limiter.is_due(now.log_time_ns) or changed:
-            yield self._motion_message(now)
+            yield self._message("motion", now, self._motion.motion_message)
             yield self._condition_message(now)
-        yield from self._apply_limits({"swing": None, "lean": None}, why, now)
+        yield from self._apply_limits({}, why, now)
 
     def _without_load(self, why: str, tilt_due: bool, now: MessageTime) -> Iterator[OutgoingMessage]:
         """Return the messages while the housing is off the rope, when no reading describes the load."""
@@ -189,12 +195,12 @@ class Pipeline:
         self._motion.restart(why)
         if tilt_due:
             yield self._tilt(now)
-            yield self._motion_message(now)
+            yield self._message("motion", now, self._motion.motion_message)
         if self._condition_limiter.is_due(now.log_time_ns) or changed:
             yield self._condition_message(now)
         heartbeat = self._heartbeat_limiter.is_due(now.log_time_ns)
         if heartbeat or changed:
-            yield self._swing_message(now)
+            yield self._message("swing", now, self._motion.swing_message)
         changes = list(self._alerts.suspend(why, now.log_time_ns / 1e9))
         yield from self._alert_messages(changes, heartbeat, now)
 
@@ -211,28 +217,20 @@ class Pipeline:
             return
         force_g, self._recent_g = np.concatenate(self._recent_g), []
         u_force_g = self._correction.u_force_g(batch.lowpassed_g[-1], self._temperature_c)
-        message = compose.acceleration_message(self._header("acceleration", now), force_g, u_force_g)
-        yield OutgoingMessage("acceleration", now.log_time_ns, message)
+        yield self._message(
+            "acceleration", now, lambda header: compose.acceleration_message(header, force_g, u_force_g)
+        )
 
     def _tilt(self, now: MessageTime) -> OutgoingMessage:
-        trusted = self._condition.verdict in ("static", "quasi_static")
-        message = compose.tilt_message(
-            self._header("tilt", now),
-            self._lowpassed(),
-            self._correction.u_force_g(self._lowpassed(), self._temperature_c),
-            self._delay_s,
-            self._temperature_c,
-            trusted,
+        trusted = self._condition.verdict in AT_REST
+        lowpassed_g, u_force_g = self._lowpassed()
+        return self._message(
+            "tilt",
+            now,
+            lambda header: compose.tilt_message(
+                header, lowpassed_g, u_force_g, self._delay_s, self._temperature_c, trusted
+            ),
         )
-        return OutgoingMessage("tilt", now.log_time_ns, message)
-
-    def _motion_message(self, now: MessageTime) -> OutgoingMessage:
-        message = self._motion.motion_message(self._header("motion", now))
-        return OutgoingMessage("motion", now.log_time_ns, message)
-
-    def _swing_message(self, now: MessageTime) -> OutgoingMessage:
-        message = self._motion.swing_message(self._header("swing", now))
-        return OutgoingMessage("swing", now.log_time_ns, message)
 
     def _judge_condition(self, now: MessageTime) -> Iterator[OutgoingMessage]:
         """Judge the condition at its rate, or at once after stale readings; readings at rest also go to the drift monitor."""
@@ -244,33 +242,31 @@ class Pipeline:
             self._info.noise_g,
             self._correction.permissible_norm_error_g,
         )
-        self._drift.update(self._condition.gates, now.utc_ns, self._lowpassed(), self._temperature_c)
+        self._drift.update(self._condition.gates, now.utc_ns, self._lowpassed()[0], self._temperature_c)
         yield self._condition_message(now)
 
     def _condition_message(self, now: MessageTime) -> OutgoingMessage:
         text = condition_text(self._condition, self._motion.estimate)
-        message = compose.condition_message(self._header("condition", now), self._condition, self._correction, text)
-        return OutgoingMessage("condition", now.log_time_ns, message)
+        return self._message(
+            "condition",
+            now,
+            lambda header: compose.condition_message(header, self._condition, self._correction, text),
+        )
 
     def _judge_alerts(self, now: MessageTime) -> Iterator[OutgoingMessage]:
         """Compare the upper confidence limits with the alert limits."""
         why = "; ".join(self._motion.estimate.reasons or self._condition.reasons)
-        lean = self._lean_reading()
         if self._correction.status == "uncalibrated":
-            lean, why = None, f"{why}; the sensor is not calibrated"
-        yield from self._apply_limits({"swing": self._motion.swing_reading(), "lean": lean}, why, now)
-
-    def _lean_reading(self) -> Reading | None:
-        """Return the lean: the tilt of a load at rest, else the centre of its swing."""
-        if self._condition.verdict not in ("static", "quasi_static"):
-            return self._motion.lean_reading()
-        lowpassed_g = self._lowpassed()
-        u_rad = axial_tilt_uncertainty(lowpassed_g, self._correction.u_force_g(lowpassed_g, self._temperature_c))
-        tilt_rad = axial_tilt(lowpassed_g)
-        return Reading.of(tilt_rad, u_rad)
+            why = f"{why}; the sensor is not calibrated"
+        tilt = None
+        if self._condition.verdict in AT_REST:
+            lowpassed_g, u_force_g = self._lowpassed()
+            tilt = Reading.of(axial_tilt(lowpassed_g), axial_tilt_uncertainty(lowpassed_g, u_force_g))
+        evaluation = Evaluation(self._motion.estimate, tilt, self._correction.status != "uncalibrated")
+        yield from self._apply_limits({rule.name: rule.reading(evaluation) for rule in ALERT_RULES}, why, now)
 
     def _apply_limits(
-        self, readings: dict[str, Reading | None], why: str, now: MessageTime
+        self, readings: Mapping[str, Reading | None], why: str, now: MessageTime
     ) -> Iterator[OutgoingMessage]:
         changes = list(
             self._alerts.judge(
@@ -286,18 +282,23 @@ class Pipeline:
         self, changes: list[AlertChange], heartbeat: bool, now: MessageTime
     ) -> Iterator[OutgoingMessage]:
         """Return a message for each change, or the heartbeat when it is due and nothing has changed."""
-        urgent = self._validity.update(self._condition, self._correction.status, self._motion.swing_reading())
+        urgent = self._validity.update(self._condition, self._correction.status, swing_reading(self._motion.estimate))
         if (heartbeat or urgent) and not changes:
             changes = [self._alerts.heartbeat()]
         for change in changes:
             self._incidents.number_change(change.rule)
-            message = compose.alert_message(self._header("alert", now), change, self._incidents, self._validity.present)
-            yield OutgoingMessage("alert", now.log_time_ns, message)
+            make = partial(
+                compose.alert_message, change=change, incidents=self._incidents, validity=self._validity.present
+            )
+            yield self._message("alert", now, make)
 
-    def _lowpassed(self) -> NDArray[np.float64]:
+    def _lowpassed(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the newest low-passed reading and the uncertainty of its axes."""
         if self._lowpassed_g is None:
             raise ValueError("no block has been processed yet")
-        return self._lowpassed_g
+        return self._lowpassed_g, self._correction.u_force_g(self._lowpassed_g, self._temperature_c)
 
-    def _header(self, topic: str, now: MessageTime) -> Header:
-        return self._headers.make(topic, now, self._correction.calibration_id)
+    def _message(self, topic: str, now: MessageTime, make: Callable[[Header], Message]) -> OutgoingMessage:
+        """Return the message of a topic that is made of its header."""
+        header = self._headers.make(topic, now, self._correction.calibration_id)
+        return OutgoingMessage(topic, now.log_time_ns, make(header))

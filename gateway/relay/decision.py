@@ -5,11 +5,9 @@ from dataclasses import dataclass
 
 from gateway.configuration.relay_section import RelaySection
 from gateway.gateway_state import GatewayState, stated_state
-from gateway.messages import ActiveAlert, Alert, Level
+from gateway.messages import CALIBRATION_RULE, ActiveAlert, Alert, Level
 
 DROP_LEVELS: dict[str, tuple[Level, ...]] = {"warn": ("warn", "trip"), "trip": ("trip",)}
-RULES = ("swing", "lean")
-"""The rules with a measured value, which can be unknown."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +51,7 @@ def _is_unknown(alert: Alert) -> bool:
         stated_state(alert) is not GatewayState.FINE
         or alert.level == "unknown"
         or any(
-            active.level == "unknown" or (active.rule in RULES and active.value_deg is None) for active in alert.active
+            active.level == "unknown" or (active.rule != CALIBRATION_RULE and active.value_deg is None)
+            for active in alert.active
         )
     )

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 import zenoh
 
-from gateway.bus.router_settings import STORED_TOPICS, router_configuration, with_storage
+from gateway.bus.router_settings import router_configuration, with_storage
 from gateway.bus.session import TlsFiles, open_session
+from gateway.topics import STATE_TOPICS
 from tests.ports import unused_port
 from tests.system.conftest import ROOT, Plumbline
 from tests.waiting import PATIENCE_S, wait_until
@@ -53,13 +54,13 @@ def test_a_late_joiner_gets_the_last_message_of_each_topic_also_of_a_gateway_tha
     router = Router(f"tcp/127.0.0.1:{unused_port()}")
     gateway = open_session("client", [router.endpoint], [], None, CONNECT_MS)
     for text in (b"first", b"last"):
-        for topic in (*STORED_TOPICS, "samples"):
+        for topic in (*STATE_TOPICS, "samples"):
             gateway.put(f"{OWN}/{topic}", text)
     gateway.put(f"{OWN}/health", b"x" * 100_000)
     gateway.put("plumbline/v1/a b/c/d/health", b"a name that no configuration allows")
     gateway.close()
     late = open_session("client", [router.endpoint], [], None, CONNECT_MS)
-    for topic in STORED_TOPICS:
+    for topic in STATE_TOPICS:
         wait_until(partial(_is_last, late, topic), f"the last message of {topic}")
     assert stored(late, "plumbline/v1/*/*/*/samples") == []
     late.close()
@@ -80,7 +81,7 @@ def test_zenohd_is_told_the_same_and_to_store_the_latest_states(plumbline: Plumb
     zenoh.Config.from_json5(printed.stdout)  # zenohd's own parser
     storages = configuration["plugins"]["storage_manager"]["storages"]
     assert {storage["key_expr"] for storage in storages.values()} == {
-        f"plumbline/v1/*/*/*/{each}" for each in STORED_TOPICS
+        f"plumbline/v1/*/*/*/{each}" for each in STATE_TOPICS
     }
     assert configuration["access_control"]["default_permission"] == "deny"
     writers = {

@@ -11,7 +11,7 @@ import pytest
 
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
-from gateway.recording.segments.recorder import RECORDED_EVERY
+from gateway.topics import TOPICS
 from tests.gateway.recording.recorded_files import summarise
 from tests.system.conftest import Plumbline, StartGateway
 
@@ -48,7 +48,7 @@ def test_six_position_session_reads_its_labels(start_gateway: StartGateway) -> N
     assert summarise(path).samples.count == 300
     labels = [line.split(",")[0] for line in (REAL / "six_position_session.csv").read_text().splitlines()[1:]]
     tilts = messages(path, "tilt")
-    assert [tilt.sequence for tilt in tilts] == list(range(0, 300, RECORDED_EVERY["tilt"]))
+    assert [tilt.sequence for tilt in tilts] == list(range(0, 300, TOPICS["tilt"].recorded_every))
     expected = {"x_p": (90, None), "x_a": (-90, None), "y_p": (None, 90), "y_a": (None, -90)}
     for tilt in tilts:
         index, label = tilt.sequence, labels[tilt.sequence]

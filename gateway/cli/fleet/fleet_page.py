@@ -5,6 +5,7 @@ import argparse
 from gateway.cli.fleet.fleet_options import add_expect, add_listen, expected_gateways, fleet_client, open_listener
 from gateway.cli.options.bus_link import add_connect
 from gateway.cli.options.optional_dependencies import require_http
+from gateway.languages import LANGUAGES
 
 DEFAULT_LISTEN = "127.0.0.1:8322"
 
@@ -26,7 +27,9 @@ def add_to(verbs: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None
         metavar="NAME",
         help="name under which browsers may reach the page, beside its address; repeatable",
     )
-    verb.add_argument("--language", choices=("en", "de"), default="en", help="language (default %(default)s)")
+    verb.add_argument(
+        "--language", choices=LANGUAGES, default="en", metavar="CODE", help="language, such as de (default %(default)s)"
+    )
     add_expect(verb)
     add_connect(verb)
     verb.set_defaults(run=_run)

@@ -2,14 +2,15 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from devices.clock import HostClock
 from gateway.configuration.answers import Answers
-from gateway.configuration.device_sections import AnyDevice
+from gateway.configuration.device_sections import DEVICE_SECTIONS
 from gateway.configuration.loading import ConfigurationError
 from gateway.daemon.sampling.device_search import FoundSensor, SearchProblem, search_sensors
 from gateway.errors import InputError
+from gateway.languages import LANGUAGES
 
 Ask = Callable[[str], str]
 
@@ -73,16 +74,14 @@ def _ask_sensor(answers: Answers, ask: Ask) -> None:
 
 def _ask_kind(answers: Answers, settings: dict[str, Any], ask: Ask) -> None:
     """Ask for the kind of a sensor that does not identify itself, and for what it needs besides."""
-    sections = get_args(get_args(AnyDevice)[0])
-    kinds = {get_args(section.model_fields["kind"].annotation)[0]: section for section in sections}
     serial = "port" in settings
-    possible = [kind for kind, section in kinds.items() if ("port" in section.model_fields) or not serial]
+    possible = [kind for kind, section in DEVICE_SECTIONS.items() if ("port" in section.model_fields) or not serial]
     possible = [kind for kind in possible if kind not in ("simulated", "replay")]
 
     def take(kind: str) -> None:
         if kind not in possible:
             raise ConfigurationError(f"one of {', '.join(possible)}, not {kind}")
-        needed = {key: field for key, field in kinds[kind].model_fields.items() if field.is_required()}
+        needed = {key: field for key, field in DEVICE_SECTIONS[kind].model_fields.items() if field.is_required()}
         asked = {
             key: _plain_value(ask(f"{key}: {field.description}: ").strip())
             for key, field in needed.items()
@@ -130,7 +129,7 @@ def _ask_limits(answers: Answers, ask: Ask) -> None:
 def _ask_page(answers: Answers, ask: Ask) -> None:
     print("\nThe operator's page: 127.0.0.1 is seen on this machine alone, 0.0.0.0 by the whole network.")
     _ask_key(answers, "page.listen", "Address and port", "127.0.0.1:8321", ask)
-    _ask_key(answers, "page.language", "Language, en or de", "en", ask)
+    _ask_key(answers, "page.language", f"Language, {' or '.join(LANGUAGES)}", "en", ask)
 
 
 def _ask_certificates(answers: Answers, ask: Ask) -> None:

@@ -15,7 +15,6 @@ from devices.clock import Clock
 from devices.device import Device
 from devices.errors import DeviceError, DeviceNotFoundError
 from devices.i2c.bus import BusOpener
-from devices.i2c.chips import CHIPS
 from devices.i2c.identity import FoundPart, probe_bus
 from devices.i2c.self_test import SelfTestResult, run_self_test
 from devices.usb_ports import SYSTEM_FOLDERS, PortFolders, find_usb_port, find_usb_ports
@@ -73,13 +72,12 @@ def _description(part: FoundPart) -> str:
 
 def check_self_test(section: I2cDevice, clock: Clock, open_bus: BusOpener) -> Iterator[CheckResult]:
     """Run the self-test of the configured part; yields one result."""
-    make_chip = CHIPS[section.kind]
-    test = make_chip(section.odr_hz, section.range_g).self_test
+    test = section.chip(section.odr_hz, section.range_g).self_test
     if test is None:
-        yield CheckResult("note", "self-test", f"no limits are known for the {section.part}")
+        yield CheckResult("note", "self-test", f"no limits are known for the {section.chip.part}")
         return
     try:
-        result = run_self_test(make_chip, test, section.bus, section.address, clock=clock, open_bus=open_bus)
+        result = run_self_test(section.chip, test, section.bus, section.address, clock=clock, open_bus=open_bus)
     except DeviceError as error:
         yield CheckResult("bad", "self-test", str(error))
         return

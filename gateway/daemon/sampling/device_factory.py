@@ -83,11 +83,10 @@ def _make_i2c(device: I2cSection, block: int, clock: Clock) -> Device:
 
 
 def _make_chip(device: I2cDevice, block: int, clock: Clock) -> Device:
-    from devices.i2c.chips import CHIPS
     from devices.i2c.fifo_accelerometer import FifoAccelerometer
 
     return FifoAccelerometer(
-        CHIPS[device.kind](device.odr_hz, device.range_g),
+        device.chip(device.odr_hz, device.range_g),
         bus=device.bus,
         address=device.address,
         clock=clock,

@@ -10,21 +10,15 @@ from smbus2 import SMBus
 from devices.clock import Clock
 from devices.errors import DeviceError
 from devices.i2c.bus import BusOpener
+from devices.i2c.chips import CHIPS
 from devices.i2c.identity import probe_bus
 
 DEV = Path("/dev")
 KINDS = {
-    "ADXL355": "adxl355",
-    "ADXL345": "adxl345",
-    "LIS3DH": "lis3dh",
-    "LIS2DW12": "lis2dw12",
-    "MPU-9250": "mpu9250",
-    "MPU-9255": "mpu9250",
-    "MPU-6500": "mpu9250",
-    "MPU-6050": "mpu6050",
+    **{identity.name: kind for kind, chip in reversed(CHIPS.items()) for identity in chip.identities},
     "ADS1115": "ads1115",
 }
-"""`device.kind` of each identity on an I2C bus."""
+"""`device.kind` of each identity on an I2C bus; of two kinds with one identity the first."""
 SERIAL_PORTS = ("serial/by-id/*", "ttyUSB*", "ttyACM*", "ttyAMA*")
 
 

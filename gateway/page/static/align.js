@@ -1,7 +1,7 @@
 // The screen for the person who turns the two screws of the housing: which screw, in which direction, how far.
 
 import {setText} from "./facts.js";
-import {isKnown, NONE} from "./number.js";
+import {decimal, isKnown, NONE} from "./number.js";
 import {addShape} from "./svg.js";
 import {text} from "./texts.js";
 
@@ -27,7 +27,7 @@ export class AlignScreen {
     setText("align-roll", angle(gone ? null : view?.roll_deg));
     setText("align-text", advice.state === "turn" ? text("align_then") : advice.text);
     const u = view?.u_calibration_deg;
-    setText("align-known", isKnown(u) ? text("align_u", {angle: (2 * u).toFixed(2)}) : "");
+    setText("align-known", isKnown(u) ? text("align_u", {angle: decimal(2 * u, 2)}) : "");
     setText("align-shaft", gone || !turn ? "" : turn.turn ? `${turn.text}; ${turn.errors}` : turn.text);
     this.picture(advice);
   }
@@ -44,11 +44,11 @@ export class AlignScreen {
   }
 }
 
-const angle = (value) => (isKnown(value) ? `${value < 0 ? "−" : "+"}${Math.abs(value).toFixed(2)}°` : NONE);
+const angle = (value) => (isKnown(value) ? `${value < 0 ? "−" : "+"}${decimal(Math.abs(value), 2)}°` : NONE);
 
 function turns(count) {
   if (count < 0.095) return text("turn_degrees", {count: Math.max(1, Math.round(360 * count))});
-  return text(count === 1 ? "turns_one" : "turns_many", {count: count.toFixed(count < 1 ? 2 : 1)});
+  return text(count === 1 ? "turns_one" : "turns_many", {count: decimal(count, count < 1 ? 2 : 1)});
 }
 
 // Right-handed threads, heads towards the viewer: in is clockwise.

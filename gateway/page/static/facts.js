@@ -1,6 +1,6 @@
 // The state of the measurement for the service engineer, as texts, each marked when it is bad. All texts are set as text, never as markup.
 
-import {ago, count, fixed, isKnown, NONE} from "./number.js";
+import {ago, count, decimal, fixed, isKnown, NONE} from "./number.js";
 import {text} from "./texts.js";
 import {timeWithZone} from "./time.js";
 
@@ -36,8 +36,8 @@ export function showFacts(state, waitedS) {
 // Without readings at rest the drift is not known; it is never shown as good.
 function driftText(drift) {
   if (!drift || !isKnown(drift.norm_error_mg)) return text("never");
-  const error = `${drift.norm_error_mg < 0 ? "−" : "+"}${Math.abs(drift.norm_error_mg).toFixed(1)}`;
-  return drift.state === "alarm" ? `ALARM ${error} mg` : `${error} / ±${drift.limit_mg.toFixed(1)} mg`;
+  const error = `${drift.norm_error_mg < 0 ? "−" : "+"}${decimal(Math.abs(drift.norm_error_mg), 1)}`;
+  return drift.state === "alarm" ? `ALARM ${error} mg` : `${error} / ±${decimal(drift.limit_mg, 1)} mg`;
 }
 
 function showHealth(health) {
@@ -47,7 +47,7 @@ function showHealth(health) {
   const state = health.state === "running" ? "" : ` ${health.state}`;
   setFact("device", `${health.device_id ?? health.device_kind}${state}`, health.state !== "running");
   setFact("rate", isKnown(health.measured_rate_hz) ? fixed(health.measured_rate_hz, 1, "Hz") : NONE);
-  setFact("lost", `${count(health.lost)} (${lostShare.toFixed(lostShare < 10 ? 2 : 0)} %)`, lostShare > 1);
+  setFact("lost", `${count(health.lost)} (${decimal(lostShare, lostShare < 10 ? 2 : 0)} %)`, lostShare > 1);
   setFact("recording", recordingText(health), Boolean(health.recording_error) || !health.recording);
   setFact("faults", faults ? `${count(faults)}: ${Object.keys(health.faults).join(", ")}` : text("none"));
 }

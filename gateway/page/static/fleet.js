@@ -4,7 +4,7 @@ import {cardSentence} from "./card_sentence.js";
 import {Link} from "./link.js";
 import {ago, degrees, NONE, upwards} from "./number.js";
 import {addSymbols} from "./shapes.js";
-import {setLanguage, text} from "./texts.js";
+import {followLanguage, text} from "./texts.js";
 import {timeWithZone} from "./time.js";
 import {setText} from "./facts.js";
 
@@ -20,7 +20,7 @@ let announced = null;
 const link = new Link(() => {}, (pushed) => { state = pushed; show(); });
 
 function show() {
-  if (state !== null) setLanguage(state.page.language);
+  if (state !== null) followLanguage(state.page.language);
   const complaint = link.complaint();
   const notice = complaint !== null ? text(complaint.key, {seconds: complaint.seconds}) : state === null ? text("starting")
     : !state.connected ? text("fleet_no_router") : state.gateways.length === 0 ? text("fleet_none") : "";

@@ -5,9 +5,10 @@ import {text} from "./texts.js";
 export const NONE = "—";
 const known = (value) => typeof value === "number" && Number.isFinite(value);
 
-export const degrees = (value) => (known(value) ? `${value.toFixed(1)}°` : NONE);
-export const upwards = (value) => (known(value) ? `${(Math.ceil(value * 10 - 1e-6) / 10).toFixed(1)}°` : NONE);
-export const fixed = (value, digits, unit) => (known(value) ? `${value.toFixed(digits)} ${unit}` : NONE);
+export const decimal = (value, digits) => value.toFixed(digits).replace(".", text("decimal_mark"));
+export const degrees = (value) => (known(value) ? `${decimal(value, 1)}°` : NONE);
+export const upwards = (value) => degrees(known(value) ? Math.ceil(value * 10 - 1e-6) / 10 : value);
+export const fixed = (value, digits, unit) => (known(value) ? `${decimal(value, digits)} ${unit}` : NONE);
 export const count = (value) => (known(value) ? String(value).replace(/\B(?=(\d{3})+$)/g, "\u202f") : NONE);
 export const isKnown = known;
 

@@ -9,13 +9,13 @@ import {setText, showFacts} from "./facts.js";
 import {Gauge} from "./gauge.js";
 import {Link, nowS} from "./link.js";
 import {Mounting} from "./mounting.js";
-import {ago, degrees, fixed, isKnown, nearestDirection, NONE, upwards} from "./number.js";
+import {ago, decimal, degrees, fixed, isKnown, nearestDirection, NONE, upwards} from "./number.js";
 import {operatorNotice, serviceNotices} from "./notices.js";
 import {Person} from "./person.js";
 import {comingPeak, motionKey, sentence} from "./sentence.js";
 import {addSymbols} from "./shapes.js";
 import {Sound} from "./sound.js";
-import {setLanguage, text} from "./texts.js";
+import {followLanguage, text} from "./texts.js";
 import {timeWithZone} from "./time.js";
 import {Trend} from "./trend.js";
 
@@ -71,7 +71,7 @@ function verdictNow() {
 
 function show() {
   try {
-    if (state !== null) setLanguage(state.page.language);
+    if (state !== null) followLanguage(state.page.language);
     const verdict = verdictNow();
     showVerdict(verdict);
     if (state === null) return;
@@ -185,7 +185,7 @@ function intervalText(value, waitedS) {
 function showTiles(swing, motion, peak, waitedS) {
   const inS = peak === null ? -1 : peak.inS - (state.age_s.motion ?? 0) - waitedS;
   setText("coming", inS > 0 ? degrees(peak.angleDeg) : NONE);
-  setText("coming-when", inS > 0 ? text("in_seconds", {seconds: inS.toFixed(1)}) : "");
+  setText("coming-when", inS > 0 ? text("in_seconds", {seconds: decimal(inS, 1)}) : "");
   element("tile-peak").classList.toggle("bad", inS > 0 && peak.angleDeg >= state.page.trip_deg);
   const leanDeg = motion?.lean_deg ?? swing?.lean_deg;
   const isDirected = isKnown(leanDeg) && leanDeg >= LEAN_SHOWN_DEG && leanDeg > LEAN_SIGNIFICANT * (motion?.lean_u_deg ?? Infinity);

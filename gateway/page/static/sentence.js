@@ -1,7 +1,7 @@
 // The operator's sentence: what happens, and what to expect, in two lines at most. A pure function of the state.
 
 import {ago, degrees, isKnown, upwards} from "./number.js";
-import {text} from "./texts.js";
+import {hasText, text} from "./texts.js";
 
 const ALARMS = ["trip", "warn"];
 const SOON_S = 0.05; // a peak that comes sooner is the present angle
@@ -51,9 +51,10 @@ function alarmSentence(alarm, motion) {
   if (alarm === null) return "";
   const limit = degrees(alarm.limit_deg), angle = upwards(alarm.value_deg);
   const clears = isKnown(alarm.clear_deg) ? text("clears", {angle: degrees(alarm.clear_deg)}) : "";
-  if (alarm.rule === "calibration") return text("calibration_alarm");
+  const own = `${alarm.rule}_alarm`, isOwn = hasText(own);
+  if (isOwn && !isKnown(alarm.limit_deg) && !isKnown(alarm.value_deg)) return text(own); // the calibration has neither
   if (!isKnown(alarm.value_deg)) return `${text("alarm_unknown")} ${clears}`;
-  if (alarm.rule === "lean") return `${text("lean_alarm", {angle, limit})} ${clears}`;
+  if (isOwn) return `${text(own, {angle, limit})} ${clears}`;
   const peak = comingPeak(motion);
   const coming = peak !== null && peak.inS > SOON_S && peak.angleDeg > (motion.phi_max_deg ?? 0);
   const swing = coming ? text("alarm_coming", {angle: upwards(peak.angleDeg), limit}) : text("alarm_now", {angle, limit});

@@ -14,8 +14,6 @@ from gateway.topics import TOPICS, adapter
 
 Schema = dict[str, Any]
 NULL = {"type": "null"}
-REPEATED_TOPICS = ("calibration", "clock")
-"""Repeated at the start of each segment, so that a segment can be read without the one before."""
 
 
 @cache

@@ -16,7 +16,6 @@ from gateway.messages import Samples
 from gateway.packing import unpack
 from gateway.recording.format.header import ORIGIN
 from gateway.recording.format.salvage import SalvageReport
-from gateway.recording.format.schemas import REPEATED_TOPICS
 from gateway.recording.reading.interval import WHOLE_RECORDING, RecordingExtent, RecordingInterval
 from gateway.recording.reading.recording_file import (
     EVERYTHING,
@@ -28,13 +27,13 @@ from gateway.recording.reading.recording_file import (
 from gateway.recording.reading.segment_index import SegmentIndex
 from gateway.recording.summary.sample_summary import SampleSummary
 from gateway.recording.summary.segment_summary import SegmentSummary
-from gateway.recording.summary.summary_builder import UNUSED_TOPICS, SummaryBuilder
-from gateway.topics import TOPICS
+from gateway.recording.summary.summary_builder import SummaryBuilder
+from gateway.topics import paths_with
 
 SAMPLES, CALIBRATION, CLOCK = "/samples", "/calibration", "/clock"
 GATEWAY_KEYS = ("site", "crane", "sensor")
-REPEATED_PATHS = frozenset(TOPICS[name].path for name in REPEATED_TOPICS)
-SUMMARISED_TOPICS = frozenset(topic.path for topic in TOPICS.values() if topic.name not in UNUSED_TOPICS)
+REPEATED_PATHS = paths_with(lambda topic: topic.repeated)
+SUMMARISED_PATHS = paths_with(lambda topic: topic.summarised)
 LONGEST_BLOCK_NS = 10_000_000_000
 """A block is recorded at the time of its newest sample, so that samples before an end may be in a message this much later."""
 MESSAGES_PER_REPORT = 20
@@ -216,7 +215,7 @@ def summarise_segment(segment: TimelineSegment, selection: Selection = EVERYTHIN
     builder = SummaryBuilder()
     for recorded in file.messages(selection):
         builder.count(recorded.topic, recorded.log_time_ns, len(recorded.data))
-        if recorded.topic in SUMMARISED_TOPICS and (content := file.decode(recorded)) is not None:
+        if recorded.topic in SUMMARISED_PATHS and (content := file.decode(recorded)) is not None:
             builder.add(content, recorded.log_time_ns)
     return ReadSegment(builder.summary(), file.losses)
 

@@ -10,7 +10,6 @@ from typing import Any
 from gateway.pipeline.outgoing_message import OutgoingMessage
 from gateway.recording.format.encoding import decimals_of, encode_recorded
 from gateway.recording.reading.recording_file import RecordedMessage
-from gateway.recording.segments.recorder import RECORDED_EVERY
 from gateway.topics import TOPICS
 
 PATIENCE_NS = 5_000_000_000
@@ -132,7 +131,7 @@ class ReplayComparison:
 
     def _is_thinned_out(self, recomputed: OutgoingMessage) -> bool:
         """Return whether the recorder leaves a message out; without the start of the run its number is not known."""
-        every = RECORDED_EVERY.get(recomputed.topic, 1)
+        every = TOPICS[recomputed.topic].recorded_every
         number = getattr(recomputed.message, "sequence", 0)
         return every > 1 and (self.tolerance is AFTER_START or number % every != 0)
 

@@ -15,14 +15,11 @@ from gateway.recording.reading.timeline import (
     TimelineSegment,
     ignore_progress,
 )
-from gateway.topics import TOPICS
+from gateway.topics import paths_with
 
-RECOMPUTED = ("samples", "acceleration", "tilt", "motion", "swing", "condition", "alert", "calibration")
-"""Topics that the pipeline computes from the samples; health, clock and log are of the gateway and its host."""
-RECOMPUTED_PATHS = frozenset(TOPICS[name].path for name in RECOMPUTED)
-IDLE_PATHS = frozenset(TOPICS[name].path for name in ("motion", "condition", "alert"))
-"""Topics that are also sent while no samples come."""
-INPUT_PATHS = frozenset(TOPICS[name].path for name in ("condition", "calibration", "alert"))
+RECOMPUTED_PATHS = paths_with(lambda topic: topic.recomputed)
+IDLE_PATHS = paths_with(lambda topic: topic.sent_idle)
+INPUT_PATHS = paths_with(lambda topic: topic.type in (messages.Condition, messages.Calibration, messages.Alert))
 """Topics from which the replay learns what it cannot compute: the recalibration, why alerts were suspended, acknowledgements."""
 
 

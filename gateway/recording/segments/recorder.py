@@ -14,14 +14,13 @@ from gateway.pipeline.outgoing_message import EncodedMessage
 from gateway.recording.chain.segment_chain import SegmentChain
 from gateway.recording.chain.statements import DeletionReason
 from gateway.recording.format.header import RecordingHeader
-from gateway.recording.format.schemas import REPEATED_TOPICS, logged_topics, schema_bytes
+from gateway.recording.format.schemas import logged_topics, schema_bytes
 from gateway.recording.segments.calibration_files import AttachedFile, CalibrationFiles
 from gateway.recording.segments.events import EventDetector, EventIndex
 from gateway.recording.segments.retention import BYTES_PER_MB, Retention, SegmentNames
 from gateway.recording.segments.segment import Segment
+from gateway.topics import TOPICS
 
-RECORDED_EVERY = {"tilt": 5}
-"""Of these topics, one message in so many: the low-pass of the tilt leaves nothing that is faster than 2 Hz."""
 SEGMENTS_IN_QUOTA = 4
 """A segment ends before it exceeds this part of the quota, because the open segment is never deleted."""
 REMEDIES = {
@@ -167,13 +166,13 @@ class Recorder:
 
     def write(self, encoded: EncodedMessage) -> None:
         """Record a message. Raises `RecorderError` when it cannot, `ValueError` for a time that no recording can hold."""
-        topic, message, log_time_ns = encoded.topic, encoded.message, encoded.log_time_ns
+        topic, message, log_time_ns = TOPICS[encoded.topic], encoded.message, encoded.log_time_ns
         if not 0 <= log_time_ns <= LARGEST_TIME_NS or not 0 <= encoded.publish_time_ns <= LARGEST_TIME_NS:
-            raise ValueError(f"/{topic}: times {log_time_ns} and {encoded.publish_time_ns} ns are not after 1970")
-        if encoded.sequence % RECORDED_EVERY.get(topic, 1):
+            raise ValueError(f"{topic.path}: times {log_time_ns} and {encoded.publish_time_ns} ns are not after 1970")
+        if encoded.sequence % topic.recorded_every:
             return
-        if topic in REPEATED_TOPICS:
-            self._repeated[topic] = encoded
+        if topic.repeated:
+            self._repeated[topic.name] = encoded
         samples = len(message.x) if isinstance(message, Samples) else 0
         if self._segment is None:
             raise RecorderError("nothing is recorded until the recording is started again", 1, samples)
@@ -219,7 +218,7 @@ class Recorder:
         return self._stop(OSError(reason))
 
     def _new_segment(self, now_ns: int) -> Segment:
-        repeated = [self._repeated[topic] for topic in REPEATED_TOPICS if topic in self._repeated]
+        repeated = [self._repeated[topic] for topic in TOPICS if topic in self._repeated]
         path = self._names.unused_path(self._data_dir, now_ns)
         return Segment(path, self._header, self._device, now_ns, repeated, self._attached_files(), self._chain)
 

@@ -15,8 +15,9 @@ from gateway.recording.reading.segment_index import read_index
 from gateway.recording.segments.compaction import CompactionError, HashingFile
 from gateway.recording.segments.copying import RecordCopier
 from gateway.recording.segments.events import note_trimmed, read_event_intervals
+from gateway.topics import paths_with
 
-ALWAYS_KEPT = frozenset({"/calibration", "/clock", "/mark"})
+ALWAYS_KEPT = paths_with(lambda topic: topic.always_kept)
 BLOCK_NS = 1_000_000_000
 """A block of samples has the time of its newest one: whole blocks are kept where they may begin in the interval."""
 

@@ -19,8 +19,6 @@ from gateway.recording.summary.segment_summary import (
     calibration_key,
 )
 
-UNUSED_TOPICS = frozenset({"tilt", "acceleration"})
-"""Topics of which only the messages are counted."""
 MOST_ENTRIES = 1000
 """Most entries of the lists of faults and of lines, so that a fault that returns every second does not fill the disk."""
 WARNING = 3

@@ -6,6 +6,7 @@ In stream mode a sample leaves the FIFO when the data registers are read; a burs
 from typing import ClassVar
 
 from tests.devices.i2c.i2c_chip import I2cChip, to_counts
+from tests.devices.i2c.part import Part
 
 BYTES = 6
 
@@ -68,3 +69,19 @@ class Adxl345Chip(I2cChip):
 
 def _signed(value: int) -> int:
     return value - 256 if value & 0x80 else value
+
+
+PART = Part(
+    kind="adxl345",
+    chip=Adxl345Chip,
+    odr_hz=100.0,
+    range_g=2,
+    units_per_g=256,
+    configured=(0x2C, 0x31, 0x2D),
+    level_registers=(0x39,),
+    other_odr_hz=200.0,
+    other_range_g=4,
+    code_limits=(-512, 511),
+    registers={0x1E: 0, 0x1F: 0, 0x20: 0, 0x2C: 0x0A, 0x31: 0x08, 0x38: 0x80, 0x2D: 0x08},
+    temperature="none",
+)

@@ -1,8 +1,10 @@
 """An ADXL355 as its data sheet describes it (Rev. D, "Register map"), on the wires of `tests.devices.i2c.i2c_chip`."""
 
+from dataclasses import replace
 from typing import Any, ClassVar
 
 from tests.devices.i2c.i2c_chip import FakeClock, I2cChip, Signal, level, to_counts
+from tests.devices.i2c.part import Part
 
 EMPTY_LOCATION = bytes([0, 0, 0b10])
 POWER_ON = {
@@ -118,3 +120,24 @@ class Adxl357Chip(Adxl355Chip):
     """The same with larger ranges (ADXL356/ADXL357 Rev. C, Table 1)."""
 
     lsb_per_g: ClassVar = {1: 51200, 2: 25600, 3: 12800}
+
+
+REGISTERS = {0x28: 0x05, 0x2C: 0x81, 0x2E: 0x00, 0x2D: 0x00}
+ADXL355 = Part(
+    kind="adxl355",
+    chip=Adxl355Chip,
+    odr_hz=125.0,
+    range_g=2,
+    units_per_g=256000,
+    configured=(0x28, 0x2C, 0x2D),
+    level_registers=(0x04, 0x05),
+    other_odr_hz=125.0,
+    other_range_g=4,
+    code_limits=(-524288, 524287),
+    registers=REGISTERS,
+    commands=frozenset({0x2F}),
+    temperature="fixed",
+)
+ADXL357 = replace(
+    ADXL355, kind="adxl357", chip=Adxl357Chip, range_g=10, units_per_g=51200, other_range_g=20, has_self_test=False
+)

@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 from tests.devices.i2c.i2c_chip import I2cChip, to_counts
+from tests.devices.i2c.part import Part
 
 ODR_HZ = {1: 12.5, 2: 12.5, 3: 25, 4: 50, 5: 100, 6: 200, 7: 400, 8: 800, 9: 1600}
 
@@ -69,3 +70,18 @@ class Lis2dw12Chip(I2cChip):
     def overrun(self) -> None:
         super().overrun()
         self._overrun = True
+
+
+PART = Part(
+    kind="lis2dw12",
+    chip=Lis2dw12Chip,
+    odr_hz=100.0,
+    range_g=2,
+    units_per_g=4096,
+    configured=(0x25, 0x2E, 0x20),
+    level_registers=(0x2F,),
+    other_odr_hz=200.0,
+    other_range_g=4,
+    code_limits=(-8192, 8191),
+    registers={0x21: 0x0C, 0x22: 0x00, 0x25: 0x04, 0x2E: 0xC0, 0x20: 0x54},
+)

@@ -6,6 +6,7 @@ The most significant bit of a register address makes it count up in a burst; wit
 from typing import ClassVar
 
 from tests.devices.i2c.i2c_chip import I2cChip, to_counts
+from tests.devices.i2c.part import Part
 
 COUNT_UP = 0x80
 ODR_HZ = {1: 1, 2: 10, 3: 25, 4: 50, 5: 100, 6: 200, 7: 400, 9: 1344}
@@ -66,3 +67,19 @@ class Lis3dhChip(I2cChip):
         self._newest = b"".join(word.to_bytes(2, "little", signed=True) for word in words)
         on = self.registers.get(0x24, 0) & 0x40 and self.registers[0x2E] & 0xC0 == 0x80
         return [self._newest] if on else []
+
+
+PART = Part(
+    kind="lis3dh",
+    chip=Lis3dhChip,
+    odr_hz=100.0,
+    range_g=2,
+    units_per_g=1000,
+    configured=(0x23, 0x24, 0x20),
+    level_registers=(0x2F,),
+    other_odr_hz=200.0,
+    other_range_g=4,
+    code_limits=(-2048, 2047),
+    registers={0x21: 0x00, 0x23: 0x88, 0x24: 0x40, 0x2E: 0x80, 0x20: 0x57},
+    temperature="none",
+)

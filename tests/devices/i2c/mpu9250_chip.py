@@ -3,9 +3,11 @@
 The FIFO is a ring of bytes: a full one overwrites its oldest bytes, and then no longer begins with a sample.
 """
 
+from dataclasses import replace
 from typing import ClassVar
 
 from tests.devices.i2c.i2c_chip import I2cChip, to_counts
+from tests.devices.i2c.part import Part
 
 SAMPLE_BYTES = 14
 
@@ -91,3 +93,22 @@ class Mpu6050Chip(Mpu9250Chip):
     power_on: ClassVar = {**Mpu9250Chip.power_on, 0x75: 0x68, 0x6B: 0x40}
     fifo_places = 1024
     temperature_zero_c, temperature_lsb_per_k = 36.53, 340.0
+
+
+REGISTERS = {0x19: 9, 0x1A: 3, 0x1B: 0x00, 0x1C: 0x00, 0x23: 0xF8, 0x38: 0x10, 0x6A: 0x40, 0x6B: 0x01, 0x6C: 0x00}
+MPU9250 = Part(
+    kind="mpu9250",
+    chip=Mpu9250Chip,
+    odr_hz=100.0,
+    range_g=2,
+    units_per_g=16384,
+    configured=(0x19, 0x1C, 0x6A),
+    level_registers=(0x72, 0x73),
+    other_odr_hz=200.0,
+    other_range_g=4,
+    code_limits=(-32768, 32767),
+    registers={**REGISTERS, 0x1D: 3},
+    has_gyro=True,
+    resets_fifo=True,
+)
+MPU6050 = replace(MPU9250, kind="mpu6050", chip=Mpu6050Chip, registers=REGISTERS, has_self_test=False)

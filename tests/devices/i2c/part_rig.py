@@ -1,6 +1,5 @@
-"""A chip at the bus with its driver: one row for each part, and what the tests of all parts share."""
+"""A chip at the bus with its driver: the rows of all parts, and what the tests of all parts share."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,46 +8,21 @@ from numpy.typing import NDArray
 from devices.block import SampleBlock
 from devices.i2c.chips import CHIPS
 from devices.i2c.fifo_accelerometer import FifoAccelerometer
-from tests.devices.i2c.adxl345_chip import Adxl345Chip
-from tests.devices.i2c.adxl355_chip import Adxl355Chip, Adxl357Chip
+from tests.devices.i2c import adxl345_chip, adxl355_chip, lis2dw12_chip, lis3dh_chip, mpu9250_chip
 from tests.devices.i2c.fifo_rig import FifoRig
 from tests.devices.i2c.i2c_chip import START_NS, FakeClock, I2cChip, Signal
-from tests.devices.i2c.lis2dw12_chip import Lis2dw12Chip
-from tests.devices.i2c.lis3dh_chip import Lis3dhChip
-from tests.devices.i2c.mpu9250_chip import Mpu6050Chip, Mpu9250Chip
+from tests.devices.i2c.part import Part
 
-
-@dataclass(frozen=True)
-class Part:
-    """A kind of device at a usual rate, the model of its chip, and what its data sheet says of them."""
-
-    kind: str
-    chip: type[I2cChip]
-    odr_hz: float
-    range_g: int
-    units_per_g: float
-    configured: tuple[int, ...]
-    """Registers whose loss is to be noticed: of the rate, of the range, of the start."""
-    level_registers: tuple[int, ...]
-    """Registers whose reading gives the level of the FIFO, the one that is addressed first."""
-    other_odr_hz: float
-    other_range_g: int
-    """Neither the rate nor the range that the chip has after power-on."""
-    resets_fifo: bool = False
-    """Whether an interrupted burst costs the whole FIFO, because it may no longer begin with a sample."""
-
-    def __str__(self) -> str:
-        return self.kind
-
+__all__ = ["PARTS", "Part", "PartRig", "numbered"]
 
 PARTS = (
-    Part("adxl355", Adxl355Chip, 125.0, 2, 256000, (0x28, 0x2C, 0x2D), (0x04, 0x05), 125.0, 4),
-    Part("adxl357", Adxl357Chip, 125.0, 10, 51200, (0x28, 0x2C, 0x2D), (0x04, 0x05), 125.0, 20),
-    Part("adxl345", Adxl345Chip, 100.0, 2, 256, (0x2C, 0x31, 0x2D), (0x39,), 200.0, 4),
-    Part("lis3dh", Lis3dhChip, 100.0, 2, 1000, (0x23, 0x24, 0x20), (0x2F,), 200.0, 4),
-    Part("lis2dw12", Lis2dw12Chip, 100.0, 2, 4096, (0x25, 0x2E, 0x20), (0x2F,), 200.0, 4),
-    Part("mpu9250", Mpu9250Chip, 100.0, 2, 16384, (0x19, 0x1C, 0x6A), (0x72, 0x73), 200.0, 4, resets_fifo=True),
-    Part("mpu6050", Mpu6050Chip, 100.0, 2, 16384, (0x19, 0x1C, 0x6A), (0x72, 0x73), 200.0, 4, resets_fifo=True),
+    adxl355_chip.ADXL355,
+    adxl355_chip.ADXL357,
+    adxl345_chip.PART,
+    lis3dh_chip.PART,
+    lis2dw12_chip.PART,
+    mpu9250_chip.MPU9250,
+    mpu9250_chip.MPU6050,
 )
 
 

@@ -10,7 +10,7 @@ from tests.values import present
 KINDS = {part.kind: part for part in PARTS}
 
 
-@pytest.mark.parametrize("kind", ["mpu9250", "mpu6050"])
+@pytest.mark.parametrize("kind", [part.kind for part in PARTS if part.has_gyro])
 def test_blocks_of_a_part_with_a_gyroscope_contain_its_rates(kind: str) -> None:
     rig = PartRig(KINDS[kind])
     rig.chip.rates_deg_s = (10.0, -20.0, 200.0)
@@ -22,7 +22,7 @@ def test_blocks_of_a_part_with_a_gyroscope_contain_its_rates(kind: str) -> None:
     assert np.degrees(rates_rad_s) == pytest.approx(np.tile([10.0, -20.0, 200.0], (len(rates_rad_s), 1)), abs=0.005)
 
 
-@pytest.mark.parametrize("kind", ["adxl345", "adxl355", "lis2dw12", "lis3dh"])
+@pytest.mark.parametrize("kind", [part.kind for part in PARTS if not part.has_gyro])
 def test_blocks_of_a_part_without_a_gyroscope_contain_no_rates(kind: str) -> None:
     rig = PartRig(KINDS[kind])
     rig.open()
@@ -30,7 +30,7 @@ def test_blocks_of_a_part_without_a_gyroscope_contain_no_rates(kind: str) -> Non
     assert {block.gyro_counts is None for block in rig.blocks} == {True}
 
 
-@pytest.mark.parametrize("kind", ["lis2dw12", "mpu9250", "mpu6050"])
+@pytest.mark.parametrize("kind", [part.kind for part in PARTS if part.temperature == "follows"])
 @pytest.mark.parametrize("temperature_c", [-20.0, 25.0, 60.0])
 def test_blocks_contain_the_temperature(kind: str, temperature_c: float) -> None:
     rig = PartRig(KINDS[kind])
@@ -40,7 +40,7 @@ def test_blocks_contain_the_temperature(kind: str, temperature_c: float) -> None
     assert [block.temperature_c for block in rig.blocks] == pytest.approx([temperature_c] * len(rig.blocks), abs=0.04)
 
 
-@pytest.mark.parametrize("kind", ["adxl345", "lis3dh"])
+@pytest.mark.parametrize("kind", [part.kind for part in PARTS if part.temperature == "none"])
 def test_a_part_without_a_temperature_delivers_none(kind: str) -> None:
     rig = PartRig(KINDS[kind])
     rig.open()

@@ -5,33 +5,8 @@ import pytest
 
 from devices.errors import ConfigurationReadBackError, IdentityError, TransferError
 from devices.i2c.chips import CHIPS
-from gateway.configuration.device_sections import AnyDevice
-from gateway.configuration.i2c_devices import I2cDevice
 from tests.devices.i2c.part_rig import PARTS, Part, PartRig, numbered
 from tests.values import present
-
-LIMITS = {
-    "adxl345": (-512, 511),
-    "adxl355": (-524288, 524287),
-    "adxl357": (-524288, 524287),
-    "lis2dw12": (-8192, 8191),
-    "lis3dh": (-2048, 2047),
-    "mpu6050": (-32768, 32767),
-    "mpu9250": (-32768, 32767),
-}
-"""The largest numbers of the data formats, at the ranges of `PARTS`."""
-
-MPU = {0x19: 9, 0x1A: 3, 0x1B: 0x00, 0x1C: 0x00, 0x23: 0xF8, 0x38: 0x10, 0x6A: 0x40, 0x6B: 0x01, 0x6C: 0x00}
-REGISTERS = {
-    "adxl345": {0x1E: 0, 0x1F: 0, 0x20: 0, 0x2C: 0x0A, 0x31: 0x08, 0x38: 0x80, 0x2D: 0x08},
-    "adxl355": {0x28: 0x05, 0x2C: 0x81, 0x2E: 0x00, 0x2D: 0x00},
-    "adxl357": {0x28: 0x05, 0x2C: 0x81, 0x2E: 0x00, 0x2D: 0x00},
-    "lis2dw12": {0x21: 0x0C, 0x22: 0x00, 0x25: 0x04, 0x2E: 0xC0, 0x20: 0x54},
-    "lis3dh": {0x21: 0x00, 0x23: 0x88, 0x24: 0x40, 0x2E: 0x80, 0x20: 0x57},
-    "mpu6050": MPU,
-    "mpu9250": {**MPU, 0x1D: 3},
-}
-"""From the data sheets that the chip models name, for the rate and range of `PARTS`."""
 
 each_part = pytest.mark.parametrize("part", PARTS, ids=str)
 
@@ -45,9 +20,8 @@ def test_the_registers_after_opening_are_those_of_the_data_sheet(part: Part) -> 
     rig = PartRig(part)
     rig.open()
     written = {register for kind, register, _ in rig.chip.log if kind == "write"}
-    commands = {0x2F} if part.kind in {"adxl355", "adxl357"} else set()
-    assert written == set(REGISTERS[part.kind]) | commands
-    assert {register: rig.chip.registers.get(register) for register in REGISTERS[part.kind]} == REGISTERS[part.kind]
+    assert written == set(part.registers) | part.commands
+    assert {register: rig.chip.registers.get(register) for register in part.registers} == part.registers
 
 
 @each_part
@@ -89,7 +63,7 @@ def test_a_reading_beyond_the_range_is_at_full_scale(part: Part) -> None:
 
 @each_part
 def test_exactly_the_samples_beyond_the_range_are_marked_as_saturated(part: Part) -> None:
-    lowest, highest = LIMITS[part.kind]
+    lowest, highest = part.code_limits
     below, beyond = (highest - 2) / part.units_per_g, (highest + 50) / part.units_per_g
     for axis in range(3):
 
@@ -110,8 +84,8 @@ def test_exactly_the_samples_beyond_the_range_are_marked_as_saturated(part: Part
 
 
 @each_part
-def test_every_range_keeps_one_g(part: Part, device_sections: dict[str, type[I2cDevice]]) -> None:
-    for range_g in device_sections[part.kind].model_fields["range_g"].annotation.__args__:  # type: ignore[union-attr]
+def test_every_range_keeps_one_g(part: Part) -> None:
+    for range_g in CHIPS[part.kind].ranges_g:
         rig = PartRig(part, range_g=range_g)
         info = rig.open()
         rig.read_s(0.5)
@@ -120,10 +94,8 @@ def test_every_range_keeps_one_g(part: Part, device_sections: dict[str, type[I2c
 
 
 @each_part
-def test_every_configurable_rate_is_the_rate_of_the_chip(
-    part: Part, device_sections: dict[str, type[I2cDevice]]
-) -> None:
-    for rate_hz in device_sections[part.kind].rates_hz:
+def test_every_configurable_rate_is_the_rate_of_the_chip(part: Part) -> None:
+    for rate_hz in CHIPS[part.kind].rates_hz:
         rig = PartRig(part, odr_hz=rate_hz)
         assert rig.open().odr_hz == pytest.approx(rate_hz)
         assert rig.chip.odr_hz == pytest.approx(rate_hz)
@@ -190,13 +162,3 @@ def test_a_register_that_ignores_its_write_is_named(part: Part) -> None:
         rig.chip.deaf.add(register)
         with pytest.raises(ConfigurationReadBackError, match=rf"\({register:#04x}\)"):
             rig.open()
-
-
-@pytest.fixture
-def device_sections() -> dict[str, type[I2cDevice]]:
-    sections = AnyDevice.__args__[0].__args__
-    return {
-        section.model_fields["kind"].annotation.__args__[0]: section
-        for section in sections
-        if issubclass(section, I2cDevice)
-    }

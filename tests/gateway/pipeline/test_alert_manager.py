@@ -7,10 +7,12 @@ import pytest
 from gateway.configuration.model import AlertsSection
 from gateway.messages import ActiveAlert
 from gateway.pipeline.alert_manager import AlertChange, AlertManager
+from gateway.pipeline.alert_rules import ALERT_RULES
 from gateway.pipeline.incidents import CHECK_S, Acknowledgement, IncidentRegister
 from gateway.stages.alerts import Reading, larger_reading
 
 LIMITS = AlertsSection(warn_deg=4.0, trip_deg=6.0, clear_deg=3.0, hold_s=2.0, lean_trip_deg=3.0)
+RULES = [rule for rule in ALERT_RULES if rule.name in ("swing", "lean")]
 STEP_S = 0.1
 BELOW = Reading(math.radians(1.0))
 
@@ -20,7 +22,7 @@ class Site:
 
     def __init__(self) -> None:
         self.register = IncidentRegister("b00t")
-        self.manager = AlertManager(LIMITS, self.register)
+        self.manager = AlertManager(LIMITS, self.register, RULES)
         self.changes: list[AlertChange] = []
         self.now_s = 100.0
 
@@ -183,7 +185,7 @@ def test_a_change_states_the_limit_and_the_clear_level_of_its_rule() -> None:
 
 def test_an_incident_survives_the_pipeline_that_a_recalibration_replaces() -> None:
     site = Site().feed(7.0)
-    site.manager = AlertManager(LIMITS, site.register)
+    site.manager = AlertManager(LIMITS, site.register, RULES)
     site.feed(1.0)
     assert (site.changes[-2].event, site.changes[-2].incident) == ("cleared", "b00t-1")
 
@@ -289,7 +291,7 @@ def test_an_incident_that_has_ended_can_still_be_acknowledged() -> None:
 
 def test_an_incident_of_an_earlier_pipeline_can_be_acknowledged() -> None:
     site = Site().feed(1.0).feed(7.0)
-    site.manager = AlertManager(LIMITS, site.register)
+    site.manager = AlertManager(LIMITS, site.register, RULES)
     change = acknowledge(site)
     assert change is not None
     assert (change.rule, change.clear_deg) == ("swing", 3.0)

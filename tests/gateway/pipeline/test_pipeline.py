@@ -18,6 +18,7 @@ from gateway.calibration.correction import correction_for
 from gateway.configuration.loading import validate
 from gateway.messages import NO_SESSION
 from gateway.packing import unpack
+from gateway.pipeline.alert_rules import ALERT_RULES
 from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.outgoing_message import OutgoingMessage
@@ -255,7 +256,7 @@ def test_the_load_is_unknown_during_a_recalibration() -> None:
     }  # the first tells of one rule, then of the other
     assert later["alert"][0].event == "changed"
     assert WHY in later["alert"][-1].text
-    assert {alert.rule for alert in later["alert"][-1].active} == {"swing", "lean"}
+    assert {alert.rule for alert in later["alert"][-1].active} == {rule.name for rule in ALERT_RULES}
     assert {(condition.verdict, condition.trusted) for condition in later["condition"]} == {("unknown", False)}
     assert later["condition"][0].reasons == [WHY]
     assert {(swing.swinging, swing.phi_max_deg, swing.coverage95_deg) for swing in later["swing"]} == {(None,) * 3}

@@ -11,6 +11,7 @@ from devices.simulated.crane import Crane
 from gateway.calibration.correction import Correction
 from gateway.configuration.loading import validate
 from gateway.messages import Swing, Tilt
+from gateway.pipeline.alert_rules import Evaluation, lean_reading
 from gateway.pipeline.clock_state import ClockState, MessageTime
 from gateway.pipeline.header import HeaderMaker
 from gateway.pipeline.motion_stage import MotionStage
@@ -54,7 +55,9 @@ def last_word(crane: tuple[NDArray[np.float64], NDArray[np.float64]], temperatur
         part = slice(begin, begin + 10)
         stage.update(time_s[part], planted_g[part], planted_g[part], temperature_c=temperature_c)
     header = HeaderMaker().make("swing", MessageTime(0, ClockState("synchronised", 0)), "r1")
-    return stage.swing_message(header), present(stage.lean_reading()).upper_rad
+    return stage.swing_message(header), present(
+        lean_reading(Evaluation(stage.estimate, None, is_calibrated=True))
+    ).upper_rad
 
 
 def test_uncertainty_covers_swing_and_lean_outside_the_calibrated_temperature_range(

@@ -22,7 +22,7 @@ from gateway.pipeline.pipeline import Pipeline
 from gateway.recording.reading.recording_file import open_recording
 from gateway.recording.reading.samples import read_samples
 from gateway.recording.replay import replay_run as replay_result
-from gateway.recording.replay.replay_steps import RECOMPUTED
+from gateway.recording.replay.replay_steps import RECOMPUTED_PATHS
 from tests.gateway.recording.recorded_crane import CLOCK, START_NS, RecordedCrane
 
 SUSPENSION = "SUSPENDED: the sensor is being recalibrated (six_position, by ann)"
@@ -47,7 +47,7 @@ def replay(folder: Path, capsys: pytest.CaptureFixture[str], *arguments: str | P
 def test_results_are_the_same_to_the_byte(crane: RecordedCrane, capsys: pytest.CaptureFixture[str]) -> None:
     code, result = replay(crane.folder, capsys)
     assert (code, result["equal"], result["notes"], result["differing"]) == (0, True, [], {})
-    assert set(result["compared"]) == {f"/{name}" for name in RECOMPUTED}
+    assert set(result["compared"]) == RECOMPUTED_PATHS
     assert result["compared"]["/motion"] == result["compared"]["/samples"] == 320
     assert main(["record", "replay", str(crane.folder)]) == 0
     assert "0 differ (byte for byte)" in capsys.readouterr().out

@@ -1,0 +1,16 @@
+"""The languages of the pages: a file for each, with every text and the decimal mark."""
+
+import json
+from importlib import resources
+
+_FILES = {
+    file.name.removesuffix(".json"): file for file in resources.files(__name__).iterdir() if file.name.endswith(".json")
+}
+LANGUAGES = tuple(sorted(_FILES, key=lambda code: (code != "en", code)))
+"""Their codes, English first."""
+
+
+def read_texts(language: str) -> dict[str, str]:
+    """Return the texts of a language by key; `{name}` in a text is a place for a value."""
+    texts: dict[str, str] = json.loads(_FILES[language].read_text(encoding="utf-8"))
+    return texts
