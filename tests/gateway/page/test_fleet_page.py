@@ -198,12 +198,14 @@ def test_cards_say_why_in_the_language_of_the_page(
 
 def test_every_word_gate_and_part_has_a_text() -> None:
     parts = {
-        name for path in DAEMON.glob("*.py") for name in re.findall(r'(?m)^\w*(?:PART|PIN) = "(\w+)"', path.read_text())
+        name
+        for path in DAEMON.rglob("*.py")
+        for name in re.findall(r'(?m)^\w*(?:PART|PIN) = "(\w+)"', path.read_text())
     }
     assert {"device", "recording", "page_pin", "clock"} <= parts
     threads = {
         name
-        for path in DAEMON.glob("*.py")
+        for path in DAEMON.rglob("*.py")
         for name in re.findall(r'super\(\).__init__\((?:name=)?"([\w-]+)"', path.read_text())
     }
     assert {"sampler", "recorder", "commands"} <= threads
