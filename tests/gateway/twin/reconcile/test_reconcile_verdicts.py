@@ -77,13 +77,3 @@ def test_without_a_second_recording_the_last_third_is_held_out(
     assert found.held_out_is_last_third
     assert len(present(found.held_out).time_s) == 400
     assert [effect.name for effect in found.effects] == ["steady_wind"]
-
-
-@pytest.mark.slow
-def test_the_same_input_gives_the_same_answer(model: Model, loaded: Callable[..., CheckedRecording]) -> None:
-    hidden = {"axis_offset": {"offset_g": (0.01, -0.02, 0.015)}}
-    first, second = (reconcile(model, loaded(hidden), loaded(hidden, "held_out"), seed=4) for _ in range(2))
-
-    assert first.verdict == second.verdict
-    assert first.gap == second.gap
-    assert first.effects == second.effects
