@@ -19,11 +19,11 @@ Completed = subprocess.CompletedProcess[str]
 
 @pytest.fixture
 def analyze() -> Callable[..., Completed]:
-    """`systemd-analyze`, which CI has."""
     program = shutil.which("systemd-analyze")
     if program is None:
-        assert "CI" not in os.environ, "CI installs systemd-analyze"
-        pytest.skip("systemd-analyze is not on this machine")
+        pytest.fail(
+            "systemd-analyze is missing: the service file cannot be tested; mend: apt install systemd", pytrace=False
+        )
 
     def run(*arguments: str | Path) -> Completed:
         return subprocess.run([program, *map(str, arguments)], capture_output=True, text=True, check=False)

@@ -90,17 +90,7 @@ def test_without_a_rig_the_swing_is_unknown_with_a_reason(plumbline: Plumbline, 
     assert "unknown (where the housing is on the rope is not known: give --rig)" in done.stdout
 
 
-def test_the_gateways_recording_needs_no_rig(start_gateway: StartGateway, plumbline: Plumbline, tmp_path: Path) -> None:
-    gateway = start_gateway(arguments=("--duration", "9"))
-    assert gateway.wait()[0] == 0
-    done = plumbline("measure", *gateway.recordings, "--json", tmp_path / "out.json")
-    assert done.returncode == 0
-    found = json.loads((tmp_path / "out.json").read_text())
-    assert found["swing"]["phi_max_deg"] == pytest.approx(1.8, abs=0.1)
-    assert found["calibration"].startswith("factory")
-
-
-def test_files_of_a_gateway_are_one_recording(
+def test_files_of_a_gateway_are_one_recording_that_needs_no_rig(
     start_gateway: StartGateway, plumbline: Plumbline, tmp_path: Path
 ) -> None:
     gateway = start_gateway("[recorder]\nsegment_s = 3\n", arguments=("--duration", "10"))
@@ -113,6 +103,7 @@ def test_files_of_a_gateway_are_one_recording(
     assert whole["files"] == [str(path) for path in gateway.recordings]
     assert whole["samples"]["lost"] == 0
     assert whole["samples"]["duration_s"] > 8
+    assert whole["calibration"].startswith("factory")
     assert [remark.split(":")[0] for remark in whole["remarks"]] == [last.name]
     assert whole["swing"]["phi_max_deg"] == pytest.approx(1.8, abs=0.1)
     part = plumbline("measure", *gateway.recordings, "--from", "1", "--to", "0:08", "--json", tmp_path / "part.json")

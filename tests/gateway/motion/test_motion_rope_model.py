@@ -1,18 +1,12 @@
-"""The filter's equations of motion against their derivatives, the swing fit's equations and the world-frame pendulum."""
-
-from collections.abc import Callable
+"""The filter's equations of motion against the swing fit's equations and the world-frame pendulum."""
 
 import numpy as np
 import pytest
 
 from devices.pendulum import equations, pendulum
-from devices.pendulum.gravity import STANDARD_GRAVITY_M_S2
 from gateway.motion.hypotheses import N_HYPOTHESES
-from gateway.motion.initial_state import Constants
-from gateway.motion.motion_filter import MotionFilter
-from gateway.motion.rope_model import LONGEST_SHARE, RopeModel
+from gateway.motion.rope_model import RopeModel
 from gateway.motion.state_vector import (
-    AXIAL_OFFSET,
     DAMPING,
     GRAVITY,
     GUST,
@@ -23,12 +17,9 @@ from gateway.motion.state_vector import (
     LINE,
     LN_LENGTH,
     MOUNT,
-    N_MOVING,
     N_STATES,
     OFFSET,
     PIVOT,
-    PIVOT_RATE,
-    PIVOT_VELOCITY,
     PLACE,
     RATE,
     SIDE_FORCE,
@@ -44,145 +35,25 @@ from gateway.swing.model.spherical_pendulum import (
     integrate,
     specific_force_g,
 )
-
-GRAVITY_M_S2 = STANDARD_GRAVITY_M_S2
-LENGTH_M = 12.0
-SEEDS = range(20)
-TURNING = (GRAVITY, RATE, PIVOT, PIVOT_RATE, GUST, SIDE_FORCE, PIVOT_VELOCITY)
-SENSOR = (OFFSET, MOUNT, AXIAL_OFFSET, LINE)
-
-both_mountings = pytest.mark.parametrize("is_clamped", [True, False], ids=["clamped", "fixed"])
-all_models = pytest.mark.parametrize(
-    "model",
-    [
-        RopeModel(GRAVITY_M_S2, LENGTH_M, is_clamped=True),
-        RopeModel(GRAVITY_M_S2, LENGTH_M, is_clamped=False),
-        RopeModel(GRAVITY_M_S2, LENGTH_M, is_clamped=True, on_spreader=True),
-    ],
-    ids=["clamped", "fixed", "spreader"],
+from tests.gateway.motion.rope_states import (
+    GRAVITY_M_S2,
+    LENGTH_M,
+    SEEDS,
+    SENSOR,
+    TURNING,
+    all_models,
+    both_mountings,
+    clamped,
+    integrate_states,
+    plain_state,
+    random_states,
+    without,
 )
-
-
-def clamped() -> RopeModel:
-    return RopeModel(GRAVITY_M_S2, LENGTH_M, is_clamped=True)
-
-
-def on_spreader() -> RopeModel:
-    return RopeModel(GRAVITY_M_S2, LENGTH_M, is_clamped=True, on_spreader=True)
-
-
-def random_states(rng: np.random.Generator, model: RopeModel) -> Array:
-    """A state for each hypothesis in which nothing is zero."""
-    x = np.zeros((N_HYPOTHESES, N_STATES))
-    for place, size in (
-        (GRAVITY, 0.2),
-        (RATE, 0.2),
-        (PIVOT, 0.03),
-        (PIVOT_RATE, 0.02),
-        (GUST, 0.02),
-        (SIDE_FORCE, 0.01),
-        (OFFSET, 0.01),
-        (MOUNT, 0.02),
-        (AXIAL_OFFSET, 0.01),
-        (HOIST_SPEED, 0.5),
-        (HOIST_ACCELERATION, 0.2),
-        (PIVOT_VELOCITY, 1.0),
-        (LEVER, 0.05),
-        (STIFFNESS, 0.05),
-        (HEAVE, 0.01),
-        (LINE, 0.02),
-        (SPIN, 0.1),
-    ):
-        x[:, place] = size * rng.normal(size=x[:, place].shape)
-    length_m = rng.uniform(3, 40, N_HYPOTHESES)
-    tilt, distance_m = rng.uniform(0.05, 0.3, N_HYPOTHESES), rng.uniform(0.05, 0.95, N_HYPOTHESES) * length_m
-    x[:, LN_LENGTH], x[:, PLACE] = np.log(length_m), tilt if model.on_spreader else distance_m
-    x[:, DAMPING] = rng.uniform(0, 0.1, N_HYPOTHESES)
-    return x
-
-
-def without(x: Array, *states: slice | int) -> Array:
-    """Return states with zero for some of them."""
-    found = x.copy()
-    for each in states:
-        found[:, each] = 0.0
-    return found
-
-
-def central_differences(function: Callable[[Array], Array], x: Array) -> Array:
-    """The derivative of rows by the states of the same row, shape (m, values, N_STATES)."""
-    columns = []
-    for state in range(N_STATES):
-        step = np.zeros(N_STATES)
-        step[state] = 1e-5
-        columns.append((function(x + step) - function(x - step)) / 2e-5)
-    return np.stack(columns, axis=-1)
-
-
-def plain_state(u: complex, w: complex, length_m: float, place_m: float, damping_1_s: float = 0.0) -> Array:
-    """The same motion under each hypothesis, without anything that acts."""
-    x = np.zeros((N_HYPOTHESES, N_STATES))
-    x[:, GRAVITY], x[:, RATE] = (u.real, u.imag), (w.real, w.imag)
-    x[:, LN_LENGTH], x[:, PLACE], x[:, DAMPING] = np.log(length_m), place_m, damping_1_s
-    return x
-
-
-def integrate_states(model: RopeModel, x: Array, step_s: float, steps: int) -> Array:
-    """States by classical Runge-Kutta steps, shape (steps + 1, m, N_STATES)."""
-
-    def rate(_time_s: float, moved: Array) -> Array:
-        found = np.zeros_like(moved)
-        found[:, :N_MOVING] = model.rate(moved)[0]
-        return found
-
-    states = [x]
-    for step in range(steps):
-        states.append(pendulum.runge_kutta_step(rate, step * step_s, states[-1], step_s))
-    return np.array(states)
 
 
 def direction(u: complex) -> complex:
     """The direction of gravity as the swing's fit describes it."""
     return u * 2 / (1 + float(np.sqrt(1 - abs(u) ** 2)))
-
-
-@all_models
-@pytest.mark.parametrize("seed", SEEDS)
-def test_derivative_of_the_rate_is_that_of_central_differences(seed: int, model: RopeModel) -> None:
-    x = random_states(np.random.default_rng(seed), model)
-
-    _, jacobian = model.rate(x)
-
-    expected = central_differences(lambda moved: model.rate(moved)[0], x)
-    np.testing.assert_allclose(jacobian, expected, atol=1e-7, rtol=1e-6)
-
-
-@all_models
-@pytest.mark.parametrize("seed", SEEDS)
-def test_derivative_of_the_reading_is_that_of_central_differences(seed: int, model: RopeModel) -> None:
-    x = random_states(np.random.default_rng(seed), model)
-    if not model.on_spreader:
-        x[:, LEVER] = 0.0  # what a lever of centimetres adds to the derivative by constants is left out
-
-    _, jacobian, _ = model.reading(x)
-
-    expected = central_differences(lambda moved: model.reading(moved)[0], x)
-    np.testing.assert_allclose(jacobian, expected, atol=1e-7, rtol=1e-6)
-
-
-@both_mountings
-@pytest.mark.parametrize("seed", SEEDS)
-def test_derivative_of_the_reading_beside_the_rope_by_the_motion_is_that_of_central_differences(
-    seed: int, is_clamped: bool
-) -> None:
-    model = RopeModel(GRAVITY_M_S2, LENGTH_M, is_clamped=is_clamped)
-    x = random_states(np.random.default_rng(seed), model)
-
-    _, jacobian, _ = model.reading(x)
-
-    expected = central_differences(lambda moved: model.reading(moved)[0], x)
-    for states in (GRAVITY, RATE, PIVOT, GUST, SIDE_FORCE, HEAVE, HOIST_ACCELERATION, PLACE, LEVER, MOUNT):
-        np.testing.assert_allclose(jacobian[:, :, states], expected[:, :, states], atol=1e-7, rtol=1e-6)
 
 
 @both_mountings
@@ -330,46 +201,6 @@ def test_pivot_that_moves_up_and_down_adds_its_acceleration_to_the_axial_reading
     np.testing.assert_allclose(reading[:, :2], 0.0, atol=1e-15)
 
 
-@pytest.mark.parametrize("seed", SEEDS)
-def test_reading_on_a_spreader_has_the_direction_of_the_ropes_whatever_moves_the_pivot(seed: int) -> None:
-    """Without a wind the ropes' force alone acts on the spreader; it tilts against them in a fixed ratio to their angle."""
-    model = on_spreader()
-    x = without(random_states(np.random.default_rng(seed), model), *SENSOR, GUST, SIDE_FORCE)
-    moved = x.copy()
-    moved[:, PIVOT], moved[:, HEAVE], moved[:, HOIST_ACCELERATION] = -2 * x[:, PIVOT], 0.02, 0.4
-
-    reading, after = model.reading(x)[0], model.reading(moved)[0]
-
-    assert np.abs(after[:, 2] - reading[:, 2]).max() > 0.01
-    np.testing.assert_allclose(after[:, :2] / after[:, 2:], reading[:, :2] / reading[:, 2:], atol=1e-12)
-
-
-@pytest.mark.parametrize("seed", SEEDS)
-def test_reading_on_a_level_spreader_is_the_force_in_the_world_frame(seed: int) -> None:
-    """A spreader that stays level reads the acceleration of the load plus gravity, to second order in the angle."""
-    rng = np.random.default_rng(seed)
-    motion = pendulum.start_motion(*rng.normal(0, 0.02, 4))
-    pivot_m_s2, wind_m_s2 = np.array([*rng.normal(0, 0.3, 2), 0.0]), np.array([*rng.normal(0, 0.1, 2), 0.0])
-    length_m, speed_m_s, acceleration_m_s2 = rng.uniform(6, 30), rng.normal(0, 0.5), rng.normal(0, 0.2)
-    drive_m_s2 = np.array([0.0, 0.0, -GRAVITY_M_S2]) - pivot_m_s2 + wind_m_s2
-    n, n_rate = motion[:2]
-    n_acceleration = pendulum.acceleration_of_direction(n, n_rate, drive_m_s2, length_m, speed_m_s)
-    load_m_s2 = pivot_m_s2 + length_m * n_acceleration + 2 * speed_m_s * n_rate + acceleration_m_s2 * n
-    axes = pendulum.housing_axes(motion)
-    down, rate = axes @ [0.0, 0.0, -1.0], axes @ n_rate
-    x = plain_state(complex(*down[:2]), complex(*rate[:2]), length_m, 0.0)
-    x[:, PIVOT], x[:, GUST] = (axes @ pivot_m_s2)[:2] / GRAVITY_M_S2, (axes @ wind_m_s2)[:2] / GRAVITY_M_S2
-    x[:, HOIST_SPEED], x[:, HOIST_ACCELERATION] = speed_m_s, acceleration_m_s2
-
-    reading, _, _ = on_spreader().reading(x)
-
-    largest = float(np.hypot(*down[:2]))
-    acting = float(np.linalg.norm(pivot_m_s2) + np.linalg.norm(wind_m_s2)) / GRAVITY_M_S2
-    expected = load_m_s2 / GRAVITY_M_S2 + [0.0, 0.0, 1.0]
-    np.testing.assert_allclose(reading[0, :2], expected[:2], atol=2 * largest**2 * (largest + acting))
-    np.testing.assert_allclose(reading[0, 2], expected[2], atol=2 * largest * acting + largest**4)
-
-
 def test_undamped_free_swing_keeps_its_energy() -> None:
     length_m = 12.0
     x = plain_state(0.4 + 0.1j, -0.1 + 0.2j, length_m, 4.0)
@@ -429,32 +260,3 @@ def test_constants_of_a_gyroscope_change_no_force(model: RopeModel) -> None:
         np.testing.assert_array_equal(found[0], expected[0])
         np.testing.assert_array_equal(found[1][..., :N_STATES], expected[1])
         assert not found[1][..., N_STATES:].any()
-
-
-def test_prediction_of_the_filter_follows_the_equations_from_bin_to_bin() -> None:
-    """Prediction alone, without a reading."""
-    length_m, bin_s = 9.0, 0.1
-    model = clamped()
-    motion_filter = MotionFilter(model, Constants(length_m, 0.05, 4.0, 0.05, (3e-4, 3e-4, 3e-4), 1e-3))
-    mixture = motion_filter.mixture
-    x = plain_state(0.15 + 0.02j, 0.03 - 0.05j, length_m, 4.0, mixture.state[0, DAMPING])
-    exact = integrate_states(model, x, bin_s / 10, 10)[-1, 0]
-    mixture.state[:] = x
-
-    motion_filter.predict(bin_s)
-
-    np.testing.assert_allclose(motion_filter.mixture.state[0, :4], exact[:4], atol=2e-6)
-
-
-def test_states_beyond_the_domain_are_limited_to_it() -> None:
-    x = plain_state(1.5 + 0.5j, 0j, 9.0, 4.0)
-    x[0, LN_LENGTH], x[1, LN_LENGTH] = 50.0, -50.0
-    model = clamped()
-
-    model.keep_in_domain(x)
-
-    assert (np.hypot(x[:, 0], x[:, 1]) < 1).all()
-    assert np.isfinite(model.rate(x)[0]).all()
-    assert np.isfinite(model.reading(x)[0]).all()
-    np.testing.assert_allclose(x[:, 1] / x[:, 0], 1 / 3)
-    np.testing.assert_allclose(np.exp(x[:3, LN_LENGTH]), [LONGEST_SHARE * LENGTH_M, LENGTH_M / LONGEST_SHARE, 9.0])

@@ -85,13 +85,23 @@ def test_a_sound_file_is_believed(folder: Path) -> None:
     assert stated(chain) == (4, 3, hash_of(text), 0)
 
 
-@pytest.mark.slow
-def test_every_flipped_bit_is_noticed_and_the_state_rebuilt(folder: Path) -> None:
-    content, sound = (folder / "chain.json").read_bytes(), stated(restored(folder))
+def test_every_flipped_bit_is_noticed(folder: Path) -> None:
+    path = folder / "chain.json"
+    content = path.read_bytes()
     for place, bit in itertools.product(range(len(content)), range(8)):
         flipped = bytearray(content)
         flipped[place] ^= 1 << bit
-        assert is_noticed_and_rebuilt(folder, bytes(flipped), sound), (place, bit)
+        path.write_bytes(flipped)
+        with pytest.raises(ChainStateError, match="is damaged"):
+            read_state(folder)
+
+
+def test_a_flipped_bit_of_any_byte_has_the_state_rebuilt(folder: Path) -> None:
+    content, sound = (folder / "chain.json").read_bytes(), stated(restored(folder))
+    for place in range(len(content)):
+        flipped = bytearray(content)
+        flipped[place] ^= 1 << place % 8
+        assert is_noticed_and_rebuilt(folder, bytes(flipped), sound), place
 
 
 def test_a_file_that_is_cut_anywhere_is_noticed_and_the_state_rebuilt(folder: Path) -> None:

@@ -48,7 +48,8 @@ def swing(amplitude_rad: Array, sideways: Array, damping: Array, periods: float)
         q, v, x = state
         pull = down - (q @ down)[:, None] * q
         acceleration = pull - (v**2).sum(axis=1, keepdims=True) * q - 2 * damping[:, None] * v
-        return np.stack([v, acceleration, np.cross(np.cross(q, v), x)])
+        turn = (q * x).sum(axis=1, keepdims=True) * v - (v * x).sum(axis=1, keepdims=True) * q  # (q x v) x x
+        return np.stack([v, acceleration, turn])
 
     for k in range(count):
         first = rate(state)

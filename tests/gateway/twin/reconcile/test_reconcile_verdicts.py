@@ -51,9 +51,11 @@ def test_what_the_data_cannot_separate_is_one_of_a_group_with_what_would_split_i
 def test_an_effect_that_nothing_explains_is_unmodelled(model: Model, loaded: Callable[..., CheckedRecording]) -> None:
     def driven(name: str) -> CheckedRecording:
         made = loaded({}, name)
-        o = present(made.observations)
-        shaken = o.force_g + 0.01 * np.sin(2 * np.pi * 0.9 * o.time_s + 4 * np.sin(0.3 * o.time_s))[:, None] * [1, 0, 0]
-        return CheckedRecording(type(o)(o.time_s, shaken, None, o.noise_g, o.used), None, made.counts, made.time_s)
+        o, kept = present(made.observations), slice(len(made.time_s) // 2)
+        time_s = o.time_s[kept]
+        shaken = o.force_g[kept].copy()
+        shaken[:, 0] += 0.01 * np.sin(2 * np.pi * 0.9 * time_s + 4 * np.sin(0.3 * time_s))
+        return CheckedRecording(type(o)(time_s, shaken, None, o.noise_g, o.used[kept]), None, made.counts, time_s)
 
     found = reconcile(model, driven("log"), driven("held_out"))
 
@@ -77,13 +79,3 @@ def test_without_a_second_recording_the_last_third_is_held_out(
     assert found.held_out_is_last_third
     assert len(present(found.held_out).time_s) == 400
     assert [effect.name for effect in found.effects] == ["steady_wind"]
-
-
-@pytest.mark.slow
-def test_the_same_input_gives_the_same_answer(model: Model, loaded: Callable[..., CheckedRecording]) -> None:
-    hidden = {"axis_offset": {"offset_g": (0.01, -0.02, 0.015)}}
-    first, second = (reconcile(model, loaded(hidden), loaded(hidden, "held_out"), seed=4) for _ in range(2))
-
-    assert first.verdict == second.verdict
-    assert first.gap == second.gap
-    assert first.effects == second.effects
