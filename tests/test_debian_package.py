@@ -8,8 +8,10 @@ from pathlib import Path
 
 import pytest
 
+from gateway import __version__
+
 ROOT = Path(__file__).parents[1]
-OLD, NEW = "0.1.0-1", "0.1.0-2"
+OLD, NEW = f"{__version__}-1", f"{__version__}-2"
 SETTINGS = '[gateway]\nsite = "yard"\ndemonstration = true\n'
 
 Completed = subprocess.CompletedProcess[str]

@@ -10,6 +10,7 @@ import pytest
 
 from devices.block import SampleBlock
 from devices.simulated.accelerometer import LARGEST_COUNT
+from gateway import __version__
 from gateway.calibration.correction import Correction, correction_for
 from gateway.calibration.record import CalibrationRecord, content_hash
 from gateway.cli.main import main
@@ -307,7 +308,8 @@ def test_recording_of_another_version_is_compared_within_a_tolerance(
     code, result = replay(crane.folder, capsys)
     assert code == 0
     assert result["notes"] == [
-        "recorded with software 0.1.0, here 9.9.9: compared within two units of the last recorded digit, without texts"
+        f"recorded with software {__version__}, here 9.9.9: "
+        "compared within two units of the last recorded digit, without texts"
     ]
 
 
