@@ -21,7 +21,11 @@ def main(arguments: Sequence[str] | None = None) -> None:
     chosen = parser.parse_args(arguments)
     for kind in [chosen.kind] if chosen.kind else sorted(KINDS):
         for index in range(chosen.count):
-            recording = make(kind, chosen.seed, index, chosen.duration, chosen.rate)
+            try:
+                recording = make(kind, chosen.seed, index, chosen.duration, chosen.rate)
+            except RuntimeError as error:
+                print(f"left out: {error}")
+                continue
             write_recording(recording, chosen.out / f"work_{kind}{index:02d}")
 
 

@@ -19,6 +19,8 @@ TAIL_STEPS = 4
 RATES_HZ = (50.0, 62.5, 100.0, 125.0)
 ANGLES_DEG = (2.5, 13.0)
 """A case whose largest angle is outside is drawn again, first with other speeds."""
+MEAN_G = (0.9, 1.1)
+"""Mean of what the housing feels: outside, a rope has whipped itself up by rounding, and the case is none."""
 ATTEMPTS = 6
 AIM_DEG = (4.0, 10.0)
 LENGTH_U, PLACE_U, PLACE_U_M = 0.04, 0.02, 0.01
@@ -63,6 +65,11 @@ def make(kind: str, seed: int, index: int, duration_s: float = 180.0, rate_hz: f
     rng = np.random.default_rng([case_seed, 3])
     heading = heading_rad(rig, trace)
     motion = housing_motion(trace, rig.place, rig.disturbances, heading, time_s[::2][:steps])
+    mean_g = float(np.linalg.norm(motion.force_g[rows], axis=1).mean())
+    if not MEAN_G[0] < mean_g < MEAN_G[1]:
+        raise RuntimeError(
+            f"the engine lost the motion of kind {kind}, seed {seed}, number {index}: {mean_g:.2f} g on average"
+        )
     truth["slope_deg"] = np.degrees(np.arctan2(np.hypot(motion.up[rows, 0], motion.up[rows, 1]), motion.up[rows, 2]))
     errors = draw_errors(rng)
     given = rig.disturbances
