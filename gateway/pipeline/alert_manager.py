@@ -12,7 +12,8 @@ from gateway.stages.alerts import Event, Limits, Reading, RuleState, event_betwe
 from gateway.units import degrees
 
 LEAN_CLEAR_SHARE = 0.8
-"""The lean alert clears below this share of its limit."""
+"""The lean alert clears below this share of its limit. Basis: a choice; a lean at its limit does not clear by noise, and one that
+is mended does."""
 CALIBRATION = "calibration"
 """The rule of the drift monitor, which has its own hold time."""
 

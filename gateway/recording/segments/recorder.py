@@ -16,14 +16,16 @@ from gateway.recording.chain.statements import DeletionReason
 from gateway.recording.format.header import RecordingHeader
 from gateway.recording.format.schemas import REPEATED_TOPICS, logged_topics, schema_bytes
 from gateway.recording.segments.calibration_files import AttachedFile, CalibrationFiles
+from gateway.recording.segments.copying import LARGEST_NS
 from gateway.recording.segments.events import EventDetector, EventIndex
 from gateway.recording.segments.retention import BYTES_PER_MB, Retention, SegmentNames
 from gateway.recording.segments.segment import Segment
 
 RECORDED_EVERY = {"tilt": 5}
-"""Of these topics, one message in so many: the low-pass of the tilt leaves nothing that is faster than 2 Hz."""
+"""Of these topics, one message in so many. Basis: the low-pass of the tilt leaves nothing that is faster than 2 Hz."""
 SEGMENTS_IN_QUOTA = 4
-"""A segment ends before it exceeds this part of the quota, because the open segment is never deleted."""
+"""A segment ends before it exceeds this part of the quota, because the open segment is never deleted. Basis: a choice; three
+quarters of the quota are left at worst, and more parts make short segments."""
 REMEDIES = {
     errno.ENOSPC: "free space on the disk, or lower recorder.quota_mb so that old recordings make room",
     errno.EDQUOT: "the user's disk quota is used up; raise it, or lower recorder.quota_mb",
@@ -34,7 +36,6 @@ REMEDIES = {
     errno.EEXIST: "gateway.data_dir is not a folder; choose another",
     errno.EIO: "the disk does not take or keep data; replace it",
 }
-LARGEST_TIME_NS = 2**63 - 1
 
 
 class RecorderError(PlumblineError):
@@ -168,7 +169,7 @@ class Recorder:
     def write(self, encoded: EncodedMessage) -> None:
         """Record a message. Raises `RecorderError` when it cannot, `ValueError` for a time that no recording can hold."""
         topic, message, log_time_ns = encoded.topic, encoded.message, encoded.log_time_ns
-        if not 0 <= log_time_ns <= LARGEST_TIME_NS or not 0 <= encoded.publish_time_ns <= LARGEST_TIME_NS:
+        if not 0 <= log_time_ns <= LARGEST_NS or not 0 <= encoded.publish_time_ns <= LARGEST_NS:
             raise ValueError(f"/{topic}: times {log_time_ns} and {encoded.publish_time_ns} ns are not after 1970")
         if encoded.sequence % RECORDED_EVERY.get(topic, 1):
             return

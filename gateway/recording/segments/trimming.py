@@ -18,7 +18,8 @@ from gateway.recording.segments.events import note_trimmed, read_event_intervals
 
 ALWAYS_KEPT = frozenset({"/calibration", "/clock", "/mark"})
 BLOCK_NS = 1_000_000_000
-"""A block of samples has the time of its newest one: whole blocks are kept where they may begin in the interval."""
+"""A block of samples has the time of its newest one: whole blocks are kept where they may begin in the interval. Basis: a choice;
+blocks are shorter than a second at all usual rates."""
 
 
 def trim(path: Path, chain: SegmentChain | None = None) -> SalvageReport:
