@@ -14,6 +14,7 @@ WATCHED = ("alert", "swing", "condition", "health", "calibration")
 """Topics with the state of a gateway. Tilt, motion and samples would be nine tenths of the traffic."""
 ALIVE = "alive"
 LARGEST_STATUS = 1 << 20
+"""Largest status of a gateway, bytes. Basis: as for any message, `untrusted.LARGEST_PAYLOAD`."""
 
 
 class FleetClient:

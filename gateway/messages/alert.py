@@ -9,7 +9,7 @@ from gateway.messages.header import Degrees, Message
 
 Level = Literal["normal", "warn", "trip", "unknown"]
 LEVEL_RANK: dict[Level, int] = {"normal": 0, "unknown": 1, "warn": 2, "trip": 3}
-"""Unknown is worse than normal: nobody sees what happens."""
+"""Unknown is worse than normal: nobody sees what happens. Definition: the order of the levels."""
 Validity = Literal["valid", "no_samples", "suspended", "uncalibrated", "not_known"]
 
 

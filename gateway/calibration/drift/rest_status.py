@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from gateway.calibration.drift.forecast import FORECAST_STEPS, HORIZON_DAYS
 from gateway.calibration.drift.rest_mean import RestMean, combine_means
 from gateway.calibration.drift.rest_monitor import HOURS_PER_DAY, RestDriftMonitor, RestReading
 from gateway.calibration.drift.trend import Trend, fit_means
@@ -13,10 +14,6 @@ MIN_TREND_DAYS = 8
 """Least number of days with rest for a trend."""
 MAX_TREND_POINTS = 32
 """Largest number of points of a trend; neighbouring days are combined, so that a fit takes milliseconds."""
-HORIZON_DAYS = 3650.0
-"""Longest forecast, days."""
-FORECAST_STEPS = 200
-"""Number of steps of a forecast, in geometric progression from one day."""
 MIN_TEMPERATURE_RANGE_C = 2.0
 """Least range of the days' temperatures, °C, at which the temperature is fitted together with time."""
 

@@ -20,7 +20,7 @@ from gateway.calibration.poses.pose import Pose
 from gateway.calibration.record import CalibrationRecord, NotDeterminedError
 from gateway.calibration.uncertainty import Contribution
 from gateway.numerics.array import Array
-from gateway.numerics.stats import chi_square_quantile
+from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile
 
 FRAME_U_DEG = 0.58
 """Standard uncertainty of the frame's attitude in the housing about each axis, degrees.
@@ -35,8 +35,6 @@ MIN_U_G = 1e-9
 """Least uncertainty of a magnitude, g, so that readings without noise have a finite weight."""
 SINGULAR_SPHERE = 1e-6
 """Relative singular value below which the poses do not determine a sphere."""
-CHANCE_LEVEL = 0.99
-"""Probability with which noise alone keeps chi-square below the limit of the scatter."""
 SYMMETRIC_ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 """Rows and columns of the six free entries of the matrix."""
 

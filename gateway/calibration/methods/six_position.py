@@ -22,7 +22,7 @@ from gateway.calibration.poses.pose import Face, Pose
 from gateway.calibration.record import NotDeterminedError
 from gateway.calibration.uncertainty import Contribution, total_covariance
 from gateway.numerics.array import Array
-from gateway.numerics.stats import chi_square_quantile
+from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile
 
 PLACEMENT_U_DEG = 0.1
 """Standard uncertainty of the placement of a face, per direction, degrees: a workshop's spirit level, a housing with dirt on its
@@ -32,8 +32,6 @@ WEIGHT_ACROSS = 1e-6
 """Weight of a reading across the vertical relative to one along it: the limit in which placement errs far more than noise."""
 MIN_CHECKED_SHARE = 1e-3
 """Least uncertainty of a residual, relative to the largest, that checks the fit; the fit passes through the other readings."""
-CHANCE_LEVEL = 0.99
-"""Probability with which the stated placement keeps chi-square below the limit."""
 
 
 @dataclass(frozen=True, slots=True)
