@@ -15,8 +15,8 @@ MIN_STATIC_S = MIN_REST_S + 2.0
 """Least time, s, for which a load must have been static before its rope is used as a plumb line. Basis: the rest that zeroing
 reads, and one window of the conditions."""
 LOAD_SIGNAL_VALID_S = 10.0
-"""Time for which a message of the load signal is valid, s. Basis: a choice; senders repeat it each second or two, and a load is
-hooked in more."""
+"""Time for which a message of the load signal is valid, s. Basis: a choice; a sender may miss some messages, and a load is not
+hooked in and lifted sooner."""
 STILL_VERDICTS: tuple[Verdict, ...] = ("static", "quasi_static")
 MOVING_VERDICTS: tuple[Verdict, ...] = ("swinging", "driven", "disturbed")
 

@@ -11,11 +11,12 @@ from gateway.calibration.drift.rest_monitor import HOURS_PER_DAY, RestDriftMonit
 from gateway.calibration.drift.trend import Trend, fit_means
 
 MIN_TREND_DAYS = 8
-"""Least number of days with rest for a trend."""
+"""Least number of days with rest for a trend. Basis: a choice; a slope and a scatter with six degrees of freedom."""
 MAX_TREND_POINTS = 32
-"""Largest number of points of a trend; neighbouring days are combined, so that a fit takes milliseconds."""
+"""Largest number of points of a trend. Basis: neighbouring days are combined, so that a fit takes milliseconds."""
 MIN_TEMPERATURE_RANGE_C = 2.0
-"""Least range of the days' temperatures, °C, at which the temperature is fitted together with time."""
+"""Least range of the days' temperatures, °C, at which the temperature is fitted together with time. Basis: a choice; several
+steps of a thermometer, and less than a day outside has."""
 
 
 @dataclass(frozen=True, slots=True)

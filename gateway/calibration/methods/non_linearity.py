@@ -19,7 +19,7 @@ from gateway.numerics.stats import CHANCE_LEVEL, chi_square_quantile
 PRIOR_U_G = 0.010
 """Standard deviation of q and c before the poses, g: data sheets limit non-linearity to 0.1 to 0.5 % of 2 to 4 g."""
 K_NAMED = 2.0
-"""Standard uncertainties beyond which the non-linearity of an axis is named."""
+"""Standard uncertainties beyond which the non-linearity of an axis is named. Definition: about 95 % (GUM 6.3)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,9 +29,11 @@ PLACEMENT_U_DEG = 0.1
 faces. The machined cube on a levelled plate of Łuczak et al. 2022 is ten times better.
 """
 WEIGHT_ACROSS = 1e-6
-"""Weight of a reading across the vertical relative to one along it: the limit in which placement errs far more than noise."""
+"""Weight of a reading across the vertical relative to one along it. Basis: the limit in which placement errs far more than
+noise."""
 MIN_CHECKED_SHARE = 1e-3
-"""Least uncertainty of a residual, relative to the largest, that checks the fit; the fit passes through the other readings."""
+"""Least uncertainty of a residual, relative to the largest, that checks the fit; the fit passes through the other readings.
+Basis: a choice; above rounding; residuals that check the fit have a share of some tenths."""
 
 
 @dataclass(frozen=True, slots=True)
