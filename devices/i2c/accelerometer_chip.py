@@ -18,7 +18,9 @@ from devices.i2c.bus import I2cPart
 from devices.i2c.identity import Identity
 
 MAX_LISTED_RATES = 16
+"""Rates that an error lists one by one. Basis: a choice; one line of a terminal."""
 SAMPLE_BYTES = 6
+"""Definition: three axes of 16 bits."""
 
 
 class Setting(NamedTuple):
